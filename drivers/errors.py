@@ -1,0 +1,51 @@
+"""What can go wrong with a cell and its devices.
+
+DriverError
+├── CellFileError       the cell file is wrong, with its place
+└── DeviceError         a device refused or failed; carries the device's name
+    ├── MotionRefused   nothing has moved
+    ├── DeviceLost      no answer, or the stream went stale
+    ├── DeviceFault     the device reports a fault of its own
+    └── Latched         a safe stop is latched; nothing moves until it is acknowledged
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+
+class DriverError(Exception):
+    """Root of everything that drivers raise on purpose."""
+
+
+class CellFileError(DriverError):
+    """A cell file that cannot be used."""
+
+    def __init__(self, path: Path, line: int, column: int, message: str, hint: str = "") -> None:
+        self.path, self.line, self.column, self.message, self.hint = path, line, column, message, hint
+        place = f"{path}:{line}:{column}" if line else str(path)
+        super().__init__(f"{place}: error[cell]: {message}" + (f"\n  {hint}" if hint else ""))
+
+
+class DeviceError(DriverError):
+    """A device refused a call or failed."""
+
+    def __init__(self, device: str, message: str) -> None:
+        self.device, self.message = device, message
+        super().__init__(f"{device}: {message}")
+
+
+class MotionRefused(DeviceError):
+    """A motion that was not started."""
+
+
+class DeviceLost(DeviceError):
+    """A device that does not answer in time, or whose stream went stale."""
+
+
+class DeviceFault(DeviceError):
+    """A fault that the device itself reports."""
+
+
+class Latched(DeviceError):
+    """The cell stands in its safe state; nothing moves until somebody acknowledges it."""

@@ -1,0 +1,304 @@
+"""What a cell's devices can do, as Protocols, and the data that they exchange.
+
+Everything is in SI units. Every stamp is read from the cell's one clock. No call of a Protocol blocks for longer than a
+few milliseconds: motions are started and then watched. A call that cannot be done raises a `drivers.errors.DeviceError`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+from pathlib import Path
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
+
+Float64 = NDArray[np.float64]
+
+
+# ---------------------------------------------------------------------------------------------------- camera
+
+
+@dataclass(frozen=True, slots=True)
+class Intrinsics:
+    """A pinhole camera after rectification; pixel centres lie at integer coordinates: u = fx x / z + cx."""
+
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    width: int
+    height: int
+
+    @property
+    def K(self) -> Float64:  # noqa: N802  (the field's name for this matrix)
+        """The 3 x 3 camera matrix."""
+        return np.array([[self.fx, 0.0, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Frame:
+    """One look: colour and depth registered to it, and where the camera was when it looked.
+
+    Attributes:
+        stamp: time of exposure on the cell's clock [s].
+        sequence: number of the frame, counted by the camera from 0.
+        colour: RGB, shape (h, w, 3), uint8.
+        depth: z-depth, shape (h, w), float32 [m]; 0 where the sensor saw nothing. None for a colour-only camera.
+        intrinsics: of both images.
+        q: joints of the arm at the exposure, shape (dof,) [rad], for a camera that rides on the arm; else None.
+        T_mount_camera: pose of the camera in its mount: in tool0 when `q` is given (hand-eye), else in the base frame.
+        label: where the frame comes from, for people: a file's name, or the camera's.
+    """
+
+    stamp: float
+    sequence: int
+    colour: NDArray[np.uint8]
+    depth: NDArray[np.float32] | None
+    intrinsics: Intrinsics
+    q: Float64 | None
+    T_mount_camera: Float64
+    label: str = ""
+
+
+@runtime_checkable
+class Camera(Protocol):
+    """An RGB-D camera that keeps the newest frame at hand."""
+
+    def latest(self) -> Frame | None:
+        """The newest frame, or None before the first. Never waits; the caller judges the stamp's age."""
+        ...
+
+
+# ------------------------------------------------------------------------------------------------------- arm
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Trajectory:
+    """Joint positions over time. The first sample is where the arm must stand when it is started, at time 0.
+
+    Attributes:
+        t: times, shape (n,), strictly increasing from 0 [s].
+        q: joint positions, shape (n, dof) [rad].
+        qd: joint velocities, shape (n, dof) [rad/s]; zero at both ends.
+        qdd: joint accelerations, shape (n, dof) [rad/s²].
+    """
+
+    t: Float64
+    q: Float64
+    qd: Float64
+    qdd: Float64
+
+    @property
+    def duration(self) -> float:
+        """Seconds from the first sample to the last."""
+        return float(self.t[-1])
+
+
+class MotionState(Enum):
+    """How a started motion stands."""
+
+    RUNNING = "running"
+    PAUSED = "paused"
+    DONE = "done"
+    STOPPED = "stopped"
+    FAILED = "failed"
+
+
+@runtime_checkable
+class Motion(Protocol):
+    """A motion that was started: watch it until it is no longer RUNNING."""
+
+    @property
+    def state(self) -> MotionState: ...
+
+    @property
+    def progress(self) -> float:
+        """Share of the motion that is done, 0 to 1."""
+        ...
+
+    @property
+    def settled(self) -> bool:
+        """True once nothing moves any more: DONE, or STOPPED or FAILED and at rest."""
+        ...
+
+    @property
+    def problem(self) -> str:
+        """Why the motion FAILED, as a sentence; empty otherwise."""
+        ...
+
+    def stop(self) -> None:
+        """Decelerate on the path within the device's limits and stay there. Harmless when the motion has ended."""
+        ...
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ArmLimits:
+    """Joint limits, each of shape (dof,): positions [rad], velocity [rad/s], acceleration [rad/s²], jerk [rad/s³]."""
+
+    lower: Float64
+    upper: Float64
+    velocity: Float64
+    acceleration: Float64
+    jerk: Float64
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ArmState:
+    """Measured joints at `stamp`: positions [rad] and velocities [rad/s], shape (dof,)."""
+
+    stamp: float
+    q: Float64
+    qd: Float64
+    moving: bool
+
+
+@runtime_checkable
+class Arm(Protocol):
+    """A serial arm that follows joint trajectories, one at a time."""
+
+    @property
+    def description(self) -> Path:
+        """The MJCF or URDF file of arm and gripper: the robot's only description."""
+        ...
+
+    @property
+    def limits(self) -> ArmLimits: ...
+
+    def state(self) -> ArmState: ...
+
+    def follow(self, trajectory: Trajectory) -> Motion:
+        """Start a trajectory.
+
+        Raises:
+            MotionRefused: it does not start where the arm stands, violates a limit, or the arm is moving or latched.
+        """
+        ...
+
+
+# --------------------------------------------------------------------------------------------------- gripper
+
+
+@dataclass(frozen=True, slots=True)
+class GripperLimits:
+    """Opening between the pads' faces [m], speed of the opening [m/s], force of one finger [N]."""
+
+    width_min: float
+    width_max: float
+    speed_max: float
+    force_max: float
+
+
+@dataclass(frozen=True, slots=True)
+class GripperState:
+    """Opening between the pads' faces [m] and its rate [m/s, negative closes] at `stamp`."""
+
+    stamp: float
+    width: float
+    speed: float
+    moving: bool
+
+
+@runtime_checkable
+class Gripper(Protocol):
+    """A parallel gripper; both fingers move alike."""
+
+    @property
+    def limits(self) -> GripperLimits: ...
+
+    def state(self) -> GripperState: ...
+
+    def move(self, width: float, speed: float) -> Motion:
+        """Start moving to an opening [m] with a speed [m/s]; ends an earlier move or speed.
+
+        Raises:
+            MotionRefused: outside the limits, or the gripper is latched.
+        """
+        ...
+
+    def set_speed(self, speed: float) -> None:
+        """Stream a rate of the opening [m/s]; negative closes. Ends an earlier move.
+
+        Without a new value within the watchdog's time (100 ms) the driver commands zero.
+        """
+        ...
+
+
+# -------------------------------------------------------------------------------------------- force/tactile
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class WrenchSample:
+    """What both fingers feel.
+
+    Attributes:
+        stamp: time of the measurement [s].
+        sequence: number of the sample, counted by the sensor; a gap means lost samples.
+        wrenches: shape (2, 6): per finger force [N] and torque [N·m] that the fruit exerts on the pad, in the pad's frame:
+            origin in the centre of the pad's face, z out of the face into the fruit (so pressing gives a negative force z),
+            x along the tool's approach axis, y = z x x. Torque about the origin.
+        saturated: per finger, whether any channel is at the end of its range.
+    """
+
+    stamp: float
+    sequence: int
+    wrenches: Float64
+    saturated: tuple[bool, bool] = (False, False)
+
+
+class Subscription(Protocol):
+    """An open subscription to a stream."""
+
+    def close(self) -> None:
+        """No further call of the listener after this returns. Harmless when closed already."""
+        ...
+
+
+@runtime_checkable
+class ForceSensor(Protocol):
+    """Two force/tactile fingers that stream wrenches at a fixed rate."""
+
+    @property
+    def rate(self) -> float:
+        """Samples per second."""
+        ...
+
+    def latest(self) -> WrenchSample | None:
+        """The newest sample, or None before the first."""
+        ...
+
+    def subscribe(self, listener: Callable[[WrenchSample], None]) -> Subscription:
+        """Call `listener` with every sample, in order, from the sensor's own loop; it must return within a millisecond."""
+        ...
+
+
+# ------------------------------------------------------------------------------------------------- workspace
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Box:
+    """A fixed obstacle: a box with its half-extents [m], posed in the base frame."""
+
+    name: str
+    T_base_box: Float64
+    half_extents: tuple[float, float, float]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Workspace:
+    """What the cell file knows about the surroundings of the arm, in the base frame.
+
+    Attributes:
+        table_z: height of the support plane [m], or None where there is none.
+        lower, upper: corners of the volume that is mapped and moved in, shape (3,) [m].
+        obstacles: fixed geometry that no camera needs to see.
+        poses: named joint configurations, shape (dof,) [rad] each: home, observe, observe_2, place …
+    """
+
+    table_z: float | None
+    lower: Float64
+    upper: Float64
+    obstacles: tuple[Box, ...] = ()
+    poses: Mapping[str, Float64] = field(default_factory=dict)

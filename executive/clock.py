@@ -1,0 +1,51 @@
+"""One clock for everything in a run: the system's monotonic time, or a simulated cell's time."""
+
+from __future__ import annotations
+
+import time
+from typing import Protocol
+
+
+class Clock(Protocol):
+    """The only source of time in a run; every stamp, deadline and duration is read from it."""
+
+    @property
+    def simulated(self) -> bool:
+        """True when time is a simulated world's: it stands still unless somebody advances it."""
+        ...
+
+    def now(self) -> float:
+        """Seconds since an arbitrary start; never goes back."""
+        ...
+
+    def advance(self, duration: float) -> None:
+        """Let `duration` seconds pass: sleep on the system's clock, step the world on a simulated one."""
+        ...
+
+
+class SystemClock:
+    """The system's monotonic clock."""
+
+    simulated = False
+
+    def now(self) -> float:
+        return time.monotonic()
+
+    def advance(self, duration: float) -> None:
+        if duration > 0.0:
+            time.sleep(duration)
+
+
+class ManualClock:
+    """A simulated clock with nothing behind it: for unit tests, dry runs and recorded frames."""
+
+    simulated = True
+
+    def __init__(self, start: float = 0.0) -> None:
+        self._now = start
+
+    def now(self) -> float:
+        return self._now
+
+    def advance(self, duration: float) -> None:
+        self._now += max(duration, 0.0)

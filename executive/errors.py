@@ -1,0 +1,25 @@
+"""What can go wrong in the executive.
+
+PomonaError
+├── UsageError          unusable input: a message for the person, exit status 2
+│   └── TreeFileError   findings in a tree file, each with line and column
+└── SkillError          a skill broke its own contract: a bug in the skill, ends the run in the safe state
+"""
+
+from __future__ import annotations
+
+
+class PomonaError(Exception):
+    """Root of everything that the executive raises on purpose."""
+
+
+class UsageError(PomonaError):
+    """Input that cannot be used; nothing has moved."""
+
+
+class SkillError(PomonaError):
+    """A skill broke its contract, for instance an undeclared failure code or an output of the wrong type."""
+
+    def __init__(self, skill: str, message: str) -> None:
+        self.skill, self.message = skill, message
+        super().__init__(f"{skill}: {message}")

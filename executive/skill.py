@@ -1,0 +1,236 @@
+"""What a skill is: typed ports, a body that is polled, and failure with a reason.
+
+A skill is a py_trees behaviour whose body is one generator, `run`. Each `yield` hands the tick back (RUNNING, with an
+optional line of feedback); `return {...}` is success with outputs; `raise self.failure(CODE, sentence, **data)` is failure.
+When the tree interrupts it, `Interrupted` is raised at the `yield`: the body stops what it started, may yield on while that
+takes time, and lets the exception pass. Work that takes longer than a moment goes through `self.compute`.
+
+    class Refine(Skill):
+        inputs = Ports(detection=Detection)
+        outputs = Ports(measured=MeasuredFruit)
+        failures = ("NO_DEPTH", "TOO_FEW_INLIERS")
+
+        def run(self, detection: Detection) -> Work:
+            fit = yield from self.compute(refine, detection.frame.depth, ...)
+            return {"measured": fit}
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator, Mapping
+from dataclasses import dataclass, field
+from typing import Any, ClassVar, Protocol, TypeVar
+
+import numpy as np
+import py_trees
+from py_trees.common import Status
+
+from executive.clock import Clock
+from executive.errors import SkillError
+from executive.ports import Ports
+
+T = TypeVar("T")
+Work = Generator["str | None", None, Mapping[str, object] | None]
+
+
+@dataclass(frozen=True, slots=True)
+class Failure:
+    """Why a skill failed: a code from its closed set, a sentence for a person, and data (JSON-like values)."""
+
+    code: str
+    message: str
+    data: Mapping[str, object] = field(default_factory=dict)
+
+
+class SkillFailure(Exception):
+    """Raised by a skill's body to fail with a reason; made by `Skill.failure`."""
+
+    def __init__(self, failure: Failure) -> None:
+        self.failure = failure
+        super().__init__(f"{failure.code}: {failure.message}")
+
+
+class Interrupted(BaseException):
+    """Raised into a skill's body when the tree interrupts it. Never swallow it."""
+
+
+class Computation(Protocol):
+    """Work that goes on beside the tick."""
+
+    def done(self) -> bool: ...
+
+    def result(self) -> Any:
+        """The function's result, or the exception that it raised."""
+        ...
+
+    def cancel(self) -> None:
+        """Give up at once; an isolated computation's process is killed."""
+        ...
+
+
+class SkillContext(Protocol):
+    """What a run offers to its skills."""
+
+    @property
+    def clock(self) -> Clock: ...
+
+    def device(self, interface: type[T]) -> T:
+        """The cell's device with this interface; it exists, since the check before the run looked."""
+        ...
+
+    def seed(self, node: str) -> int:
+        """A seed for one start of a node: the same in every run with the run's seed, different from start to start."""
+        ...
+
+    def compute(self, function: Callable[..., Any], *arguments: Any, isolated: bool) -> Computation: ...
+
+    def publish(self, node: str, topic: str, value: object) -> None:
+        """Show a value to everyone who watches the run, and record it."""
+        ...
+
+    def letting_go(self, devices: tuple[type, ...]) -> str | None:
+        """Name of an interrupted node that still brings one of these devices to rest, or None."""
+        ...
+
+    def halt(self, skill: Skill, work: Work) -> None:
+        """Drive an interrupted body until it has ended."""
+        ...
+
+
+class Skill(py_trees.behaviour.Behaviour):
+    """A leaf of the tree. Subclasses declare their ports, devices and failure codes, and write `run`."""
+
+    inputs: ClassVar[Ports] = Ports()
+    outputs: ClassVar[Ports] = Ports()
+    devices: ClassVar[tuple[type, ...]] = ()
+    failures: ClassVar[tuple[str, ...]] = ()
+
+    def __init__(self, name: str = "") -> None:
+        super().__init__(name or type(self).__name__)
+        self.reason: Failure | None = None
+        self.path = self.name
+        self.starts = 0
+        self._work: Work | None = None
+        self._context: SkillContext | None = None
+        self._read: Callable[[], Mapping[str, object]] = dict
+        self._write: Callable[[str, object], None] = lambda _name, _value: None
+
+    # ------------------------------------------------------------------------------------- for subclasses
+
+    def prepare(self) -> None:
+        """Load and warm what the first start needs (weights, compiled code); called before the run's clock starts."""
+
+    def run(self, **inputs: Any) -> Work:
+        """The skill's body: a generator, or for instant work a function that returns the outputs."""
+        raise SkillError(type(self).__name__, "defines no run()")
+
+    def failure(self, code: str, message: str, **data: object) -> SkillFailure:
+        """A failure to raise; `code` must be one of the class's `failures`."""
+        if code not in self.failures:
+            raise SkillError(type(self).__name__, f"failure code {code} is not declared in its `failures`")
+        return SkillFailure(Failure(code, message, data))
+
+    @property
+    def context(self) -> SkillContext:
+        if self._context is None:
+            raise SkillError(type(self).__name__, "is not bound to a run")
+        return self._context
+
+    @property
+    def clock(self) -> Clock:
+        return self.context.clock
+
+    def device(self, interface: type[T]) -> T:
+        """The cell's device; the interface must be one of the class's `devices`."""
+        if interface not in self.devices:
+            raise SkillError(type(self).__name__, f"uses {interface.__name__}, which is not in its `devices`")
+        return self.context.device(interface)
+
+    def rng(self) -> np.random.Generator:
+        """A random generator for this start of this node: reproducible from the run's seed."""
+        return np.random.default_rng(self.context.seed(f"{self.path}#{self.starts}"))
+
+    def publish(self, topic: str, value: object) -> None:
+        """Show a value (an image, a path, a number) to the operator, and record it."""
+        self.context.publish(self.path, topic, value)
+
+    def compute(
+        self, function: Callable[..., T], *arguments: Any, isolated: bool = False
+    ) -> Generator[str | None, None, T]:
+        """Run a function beside the tick: in a thread, or `isolated` in a process that can be killed at once.
+
+        An isolated function and its arguments must be picklable. Use it for work that holds the interpreter's lock.
+        """
+        computation = self.context.compute(function, *arguments, isolated=isolated)
+        try:
+            while not computation.done():
+                yield None
+        except BaseException:
+            computation.cancel()
+            raise
+        result: T = computation.result()
+        return result
+
+    def wait(self, duration: float) -> Generator[str | None, None, None]:
+        """Let `duration` seconds of the run's clock pass."""
+        end = self.clock.now() + duration
+        while self.clock.now() < end - 1e-9:
+            yield None
+
+    # --------------------------------------------------------------------------------- for the tree builder
+
+    def bind(
+        self,
+        context: SkillContext,
+        path: str,
+        read: Callable[[], Mapping[str, object]],
+        write: Callable[[str, object], None],
+    ) -> None:
+        """Wire the skill into a run: `read` gives all inputs by port name, `write` takes one output."""
+        self._context, self.path, self._read, self._write = context, path, read, write
+
+    # ------------------------------------------------------------------------------------------- py_trees
+
+    def initialise(self) -> None:
+        self.reason = None
+        self._work = None
+        self.feedback_message = ""
+        self.starts += 1
+
+    def update(self) -> Status:
+        try:
+            if self._work is None:
+                holder = self.context.letting_go(self.devices)
+                if holder is not None:
+                    self.feedback_message = f"waiting until {holder} has stopped"
+                    return Status.RUNNING
+                started: Any = self.run(**self._read())
+                if not isinstance(started, Generator):
+                    return self._succeed(started)
+                self._work = started
+            feedback = next(self._work)
+        except StopIteration as stop:
+            return self._succeed(stop.value)
+        except SkillFailure as failed:
+            self.reason = failed.failure
+            self.feedback_message = str(failed)
+            return Status.FAILURE
+        if feedback is not None:
+            self.feedback_message = feedback
+        return Status.RUNNING
+
+    def terminate(self, new_status: Status) -> None:
+        if new_status is Status.INVALID and self.status is Status.RUNNING and self._work is not None:
+            work, self._work = self._work, None
+            self.context.halt(self, work)
+
+    def _succeed(self, outputs: Mapping[str, object] | None) -> Status:
+        given = dict(outputs or {})
+        if given.keys() != self.outputs.keys():
+            expected, got = sorted(self.outputs), sorted(given)
+            raise SkillError(type(self).__name__, f"must return the outputs {expected}, returned {got}")
+        for name, value in given.items():
+            if not self.outputs[name].accepts(value):
+                raise SkillError(type(self).__name__, f"output {name} is a {type(value).__name__}")
+            self._write(name, value)
+        return Status.SUCCESS

@@ -1,0 +1,45 @@
+"""What Refine says about a fruit: where it truly is and how large it truly is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.interfaces import Frame
+from skills.fruit import FruitModel
+
+Float64 = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MeasuredFruit:
+    """A fruit's refined pose and size.
+
+    Attributes:
+        fruit: the CAD model; its vertices scaled by `dimensions / fruit.dimensions` are the refined shape.
+        T_base_fruit: pose of the refined shape's cuboid in the base frame (object axes: x right, y down, z forward).
+        T_base_camera: pose of the camera at the look.
+        dimensions: (d_x, d_y, d_z) [m], shape (3,); d_y is the height.
+        mu, sigma: the paper's scale factor and displacement [m] of the uniform fit.
+        covariance: of (position in the base frame [m], dimensions [m]), shape (6, 6).
+        inlier_ratio: share of the model's pixels whose depth agrees.
+        residual: root mean square of the inliers' depth residuals [m].
+        contour: outline of the refined shape in the image, shape (n, 2) [px].
+        frame: the look that was measured.
+        method: which formulation gave the result: paper, uniform, shape, shape+plane …
+    """
+
+    fruit: FruitModel
+    T_base_fruit: Float64
+    T_base_camera: Float64
+    dimensions: Float64
+    mu: float
+    sigma: float
+    covariance: Float64
+    inlier_ratio: float
+    residual: float
+    contour: Float64
+    frame: Frame
+    method: str
