@@ -138,7 +138,8 @@ def _outline(shape: AppleShape, count: int) -> tuple[NDArray[np.float64], NDArra
 
 def _fit(vertices: NDArray[np.float64], dimensions: tuple[float, float, float]) -> NDArray[np.float64]:
     low, high = vertices.min(axis=0), vertices.max(axis=0)
-    return (vertices - 0.5 * (low + high)) * (np.asarray(dimensions) / (high - low))
+    fitted: NDArray[np.float64] = (vertices - 0.5 * (low + high)) * (np.asarray(dimensions) / (high - low))
+    return fitted
 
 
 def _revolution_faces(around: int, rings: int) -> NDArray[np.int32]:
