@@ -1,0 +1,86 @@
+"""What the executive needs of a cell; `drivers.cell` has one, found by the entry point `pomona.cells`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Protocol, TypeVar
+
+from executive.clock import Clock
+
+T = TypeVar("T")
+
+
+class Cell(Protocol):
+    """Named, connected drivers with one clock and one safe stop."""
+
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def kind(self) -> str:
+        """simulated, emulated, real, frames or mock: shown wherever the run is shown."""
+        ...
+
+    @property
+    def clock(self) -> Clock: ...
+
+    @property
+    def latched(self) -> str | None:
+        """The reason of a safe stop that nobody has acknowledged yet; nothing moves while there is one."""
+        ...
+
+    def interfaces(self) -> tuple[type, ...]:
+        """The device interfaces that this cell has."""
+        ...
+
+    def device(self, interface: type[T]) -> T:
+        """The device with this interface.
+
+        Raises:
+            KeyError: the cell has none.
+        """
+        ...
+
+    def links(self) -> Mapping[str, str]:
+        """State of each device's link, by the device's name: 'ok', or what is wrong."""
+        ...
+
+    def check(self) -> None:
+        """Look after every device; called each tick.
+
+        Raises:
+            Exception: a device is lost, stale or in fault; the run ends in the safe state.
+        """
+        ...
+
+    def safe_stop(self, reason: str) -> None:
+        """Arm decelerates and holds, gripper keeps its grip; latched. Never raises, may be called from any thread."""
+        ...
+
+    def acknowledge(self) -> None:
+        """Release the latch; nothing resumes by itself."""
+        ...
+
+    def pause(self) -> None:
+        """Stop motions on their paths; force control goes on."""
+        ...
+
+    def resume(self) -> None:
+        """Go on with paused motions.
+
+        Raises:
+            Exception: the world is not as it was when it was paused (the arm was moved, the fruit is gone).
+        """
+        ...
+
+    def settled(self) -> bool:
+        """True when no device moves."""
+        ...
+
+    def truth(self) -> Mapping[str, object] | None:
+        """The simulated world's own score of the run, for the report only; None on any other cell."""
+        ...
+
+    def close(self) -> None:
+        """Bring everything to rest and let go of the devices."""
+        ...
