@@ -82,7 +82,7 @@ class SkillContext(Protocol):
         """A seed for one start of a node: the same in every run with the run's seed, different from start to start."""
         ...
 
-    def compute(self, function: Callable[..., Any], *arguments: Any, isolated: bool) -> Computation: ...
+    def compute(self, node: str, function: Callable[..., Any], *arguments: Any, isolated: bool) -> Computation: ...
 
     def publish(self, node: str, topic: str, value: object) -> None:
         """Show a value to everyone who watches the run, and record it."""
@@ -161,7 +161,7 @@ class Skill(py_trees.behaviour.Behaviour):
 
         An isolated function and its arguments must be picklable. Use it for work that holds the interpreter's lock.
         """
-        computation = self.context.compute(function, *arguments, isolated=isolated)
+        computation = self.context.compute(self.path, function, *arguments, isolated=isolated)
         try:
             while not computation.done():
                 yield None

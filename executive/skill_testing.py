@@ -54,7 +54,7 @@ class BenchContext:
     def seed(self, node: str) -> int:
         return zlib.crc32(f"{self.run_seed}/{node}".encode())
 
-    def compute(self, function: Callable[..., Any], *arguments: Any, isolated: bool) -> Computation:
+    def compute(self, node: str, function: Callable[..., Any], *arguments: Any, isolated: bool) -> Computation:
         try:
             return _Finished(function(*arguments))
         except Exception as error:

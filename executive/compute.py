@@ -1,0 +1,195 @@
+"""Work beside the tick: a thread for code that lets go of the interpreter's lock, a process for code that does not.
+
+An isolated computation runs in one spawned worker process that stays warm between calls; cancelling it kills the worker,
+so a planner that is late is gone at once. On a simulated clock the runner waits for computations before time moves on,
+which makes a run independent of how fast the machine is.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import signal
+import threading
+import time
+import traceback
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
+from multiprocessing.connection import Connection
+from typing import Any
+
+from executive.errors import PomonaError
+
+
+class WorkerDied(PomonaError):
+    """The process of an isolated computation ended without an answer."""
+
+    def __init__(self, function: str, exit_code: int | None) -> None:
+        self.function, self.exit_code = function, exit_code
+        super().__init__(f"the process computing {function} died (exit code {exit_code})")
+
+
+class _Threaded:
+    """A computation in a thread. Python cannot stop a thread: cancelling abandons its result."""
+
+    def __init__(self, future: Future[Any]) -> None:
+        self._future = future
+
+    def done(self) -> bool:
+        return self._future.done()
+
+    def result(self) -> Any:
+        return self._future.result()
+
+    def cancel(self) -> None:
+        self._future.cancel()
+
+
+def _serve(connection: Connection) -> None:
+    """The worker's loop: receive (function, arguments), send (True, result) or (False, exception)."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C in the terminal is the parent's to handle
+    while True:
+        try:
+            function, arguments = connection.recv()
+        except EOFError:
+            return
+        try:
+            answer = (True, function(*arguments))
+        except Exception as error:
+            error.add_note("in the worker process:\n" + traceback.format_exc())
+            answer = (False, error)
+        try:
+            connection.send(answer)
+        except Exception as error:  # an answer that cannot be pickled
+            connection.send((False, RuntimeError(f"the result cannot be sent back: {error}")))
+
+
+class Worker:
+    """One spawned process that computes one thing at a time."""
+
+    def __init__(self) -> None:
+        spawn = multiprocessing.get_context("spawn")
+        self.connection, there = spawn.Pipe()
+        self.process = spawn.Process(target=_serve, args=(there,), daemon=True, name="pomona-worker")
+        self.process.start()
+        there.close()
+
+    def kill(self) -> None:
+        self.process.kill()
+        self.process.join()
+        self.connection.close()
+
+
+class _Isolated:
+    """A computation in a worker process."""
+
+    def __init__(self, worker: Worker, function: str, release: Callable[[Worker | None], None]) -> None:
+        self._worker, self._function, self._release = worker, function, release
+        self._answer: tuple[bool, Any] | None = None
+
+    def done(self) -> bool:
+        if self._answer is None and self._worker.connection.poll():
+            try:
+                self._answer = self._worker.connection.recv()
+                self._release(self._worker)
+            except (EOFError, OSError):
+                self._worker.process.join(1.0)
+                self._answer = (False, WorkerDied(self._function, self._worker.process.exitcode))
+                self._release(None)
+        return self._answer is not None
+
+    def result(self) -> Any:
+        while not self.done():
+            self._worker.connection.poll(0.1)
+        assert self._answer is not None
+        succeeded, value = self._answer
+        if not succeeded:
+            raise value
+        return value
+
+    def cancel(self) -> None:
+        if self._answer is None:
+            self._worker.kill()
+            self._answer = (False, WorkerDied(self._function, None))
+            self._release(None)
+
+
+class Computations:
+    """All work of a run that goes on beside its tick."""
+
+    def __init__(self, on_done: Callable[[str, str, float], None] = lambda _node, _function, _wall: None) -> None:
+        self._threads = ThreadPoolExecutor(max_workers=2, thread_name_prefix="pomona-compute")
+        self._idle: list[Worker] = []
+        self._pending: list[tuple[str, str, float, _Threaded | _Isolated]] = []
+        self._on_done = on_done
+        self._lock = threading.Lock()
+
+    def warm(self, function: Callable[..., Any] | None = None, *arguments: Any) -> None:
+        """Start the worker now, and let it import and compile what the first call needs."""
+        worker = self._take()
+        if function is None:
+            self._give_back(worker)
+            return
+        worker.connection.send((function, arguments))
+        _Isolated(worker, function.__qualname__, self._give_back).result()
+
+    def submit(self, node: str, function: Callable[..., Any], arguments: tuple[Any, ...], isolated: bool) -> Any:
+        """Start a computation.
+
+        Returns:
+            an `executive.skill.Computation`.
+        """
+        name = f"{function.__module__}.{function.__qualname__}"
+        computation: _Threaded | _Isolated
+        if isolated:
+            worker = self._take()
+            worker.connection.send((function, arguments))
+            computation = _Isolated(worker, name, self._give_back)
+        else:
+            computation = _Threaded(self._threads.submit(function, *arguments))
+        self._pending.append((node, name, time.perf_counter(), computation))
+        return computation
+
+    def pending(self) -> bool:
+        """Whether anything still runs; reports what has ended since the last call."""
+        still = []
+        for entry in self._pending:
+            node, name, started, computation = entry
+            if computation.done():
+                self._on_done(node, name, time.perf_counter() - started)
+            else:
+                still.append(entry)
+        self._pending = still
+        return bool(still)
+
+    def wait(self, timeout: float) -> bool:
+        """Wait for all that runs; False when the time was not enough."""
+        end = time.perf_counter() + timeout
+        while self.pending():
+            left = end - time.perf_counter()
+            if left <= 0.0:
+                return False
+            time.sleep(min(0.0005, left))
+        return True
+
+    def close(self) -> None:
+        for _node, _name, _started, computation in self._pending:
+            computation.cancel()
+        self._pending.clear()
+        self._threads.shutdown(wait=False, cancel_futures=True)
+        with self._lock:
+            for worker in self._idle:
+                worker.kill()
+            self._idle.clear()
+
+    def _take(self) -> Worker:
+        with self._lock:
+            while self._idle:
+                worker = self._idle.pop()
+                if worker.process.is_alive():
+                    return worker
+        return Worker()
+
+    def _give_back(self, worker: Worker | None) -> None:
+        if worker is not None:
+            with self._lock:
+                self._idle.append(worker)

@@ -1,0 +1,163 @@
+"""What can happen in a run, as frozen dataclasses: the one stream that summary, recording and dashboard read.
+
+Every event carries `t`, seconds of the run's clock since the run started, and `tick`. Live and replayed runs give the same
+events, so a view never knows the difference.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from executive.reasons import Reason
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """Root of all events."""
+
+    t: float
+    tick: int
+
+
+@dataclass(frozen=True, slots=True)
+class RunStarted(Event):
+    """A run begins. `nodes` describes the tree: one mapping per node, in drawing order, with `path` and `parent`."""
+
+    run: str
+    tree: str
+    tree_path: str
+    tree_text: str
+    tree_hash: str
+    cell: str
+    cell_kind: str
+    cell_path: str
+    cell_text: str
+    seed: int
+    parameters: Mapping[str, Any]
+    nodes: tuple[Mapping[str, Any], ...]
+    versions: Mapping[str, str]
+    wall_time: float
+    period: float
+    settings: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class StateChanged(Event):
+    """The runner's state machine moved on."""
+
+    state: str
+    because: str
+
+
+@dataclass(frozen=True, slots=True)
+class NodeChanged(Event):
+    """A node's status or feedback changed in this tick. `starts` counts its starts; `reason` is there on failure."""
+
+    path: str
+    status: str
+    feedback: str
+    starts: int
+    reason: Reason | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class AttemptEnded(Event):
+    """One attempt of a retry ended."""
+
+    path: str
+    number: int
+    of: int
+    succeeded: bool
+    started: float
+    reason: Reason | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class PortWritten(Event):
+    """A node wrote a value."""
+
+    key: str
+    value: Any
+    writer: str
+
+
+@dataclass(frozen=True, slots=True)
+class Published(Event):
+    """A skill shows something: usually a `executive.views.View`."""
+
+    node: str
+    topic: str
+    value: Any
+
+
+@dataclass(frozen=True, slots=True)
+class Computed(Event):
+    """A computation beside the tick ended. `wall` is the time that it really took [s]."""
+
+    node: str
+    function: str
+    wall: float
+
+
+@dataclass(frozen=True, slots=True)
+class TickOverran(Event):
+    """The tick took longer than its period; `node` took most of it."""
+
+    node: str
+    duration: float
+
+
+@dataclass(frozen=True, slots=True)
+class LinkChanged(Event):
+    """The state of a device's link changed: 'ok', or what is wrong."""
+
+    device: str
+    state: str
+
+
+@dataclass(frozen=True, slots=True)
+class OperatorActed(Event):
+    """Somebody acted on the run."""
+
+    who: str
+    action: str
+    detail: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class SafeStopped(Event):
+    """The cell was brought into its safe state; latched."""
+
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class RunEnded(Event):
+    """The run is over. `outcome` is success, failure, stopped or error; `truth` is the simulated world's score."""
+
+    outcome: str
+    reason: Reason | None
+    ticks: int
+    time: float
+    wall: float
+    truth: Mapping[str, Any] | None
+
+
+Listener = Callable[[Event], None]
+
+
+class EventStream:
+    """Hands every event to every listener, in order, in the thread that emits it."""
+
+    def __init__(self) -> None:
+        self._listeners: list[Listener] = []
+
+    def subscribe(self, listener: Listener) -> None:
+        """Listeners must return at once; slow ones keep a queue of their own."""
+        self._listeners.append(listener)
+
+    def emit(self, event: Event) -> None:
+        for listener in self._listeners:
+            listener(event)
