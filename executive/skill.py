@@ -88,8 +88,12 @@ class SkillContext(Protocol):
         """Show a value to everyone who watches the run, and record it."""
         ...
 
-    def letting_go(self, devices: tuple[type, ...]) -> str | None:
-        """Name of an interrupted node that still brings one of these devices to rest, or None."""
+    def elapsed(self) -> float:
+        """Seconds that the run has been running; stands still while it is paused. Deadlines of the tree use this."""
+        ...
+
+    def not_yet(self, skill: Skill) -> str | None:
+        """Why a skill may not start yet (another one still lets go of its device, a breakpoint), or None."""
         ...
 
     def halt(self, skill: Skill, work: Work) -> None:
@@ -172,9 +176,9 @@ class Skill(py_trees.behaviour.Behaviour):
         return result
 
     def wait(self, duration: float) -> Generator[str | None, None, None]:
-        """Let `duration` seconds of the run's clock pass."""
-        end = self.clock.now() + duration
-        while self.clock.now() < end - 1e-9:
+        """Let `duration` seconds of the run pass."""
+        end = self.context.elapsed() + duration
+        while self.context.elapsed() < end - 1e-9:
             yield None
 
     # --------------------------------------------------------------------------------- for the tree builder
@@ -200,9 +204,9 @@ class Skill(py_trees.behaviour.Behaviour):
     def update(self) -> Status:
         try:
             if self._work is None:
-                holder = self.context.letting_go(self.devices)
-                if holder is not None:
-                    self.feedback_message = f"waiting until {holder} has stopped"
+                obstacle = self.context.not_yet(self)
+                if obstacle is not None:
+                    self.feedback_message = obstacle
                     return Status.RUNNING
                 started: Any = self.run(**self._read())
                 if not isinstance(started, Generator):

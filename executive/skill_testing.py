@@ -63,7 +63,10 @@ class BenchContext:
     def publish(self, node: str, topic: str, value: object) -> None:
         self.published.append((topic, value))
 
-    def letting_go(self, devices: tuple[type, ...]) -> str | None:
+    def elapsed(self) -> float:
+        return self.clock.now()
+
+    def not_yet(self, skill: Skill) -> str | None:
         return None
 
     def halt(self, skill: Skill, work: Work) -> None:
