@@ -1,8 +1,8 @@
 """Work beside the tick: a thread for code that lets go of the interpreter's lock, a process for code that does not.
 
-An isolated computation runs in one spawned worker process that stays warm between calls; cancelling it kills the worker,
-so a planner that is late is gone at once. On a simulated clock the runner waits for computations before time moves on,
-which makes a run independent of how fast the machine is.
+An isolated computation runs in one spawned worker process that stays warm between calls; cancelling it kills the
+worker, so a planner that is late is gone at once. On a simulated clock the runner waits for computations before time
+moves on, which makes a run independent of how fast the machine is.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """What can happen in a run, as frozen dataclasses: the one stream that summary, recording and dashboard read.
 
-Every event carries `t`, seconds of the run's clock since the run started, and `tick`. Live and replayed runs give the same
-events, so a view never knows the difference.
+Every event carries `t`, seconds of the run's clock since the run started, and `tick`. Live and replayed runs give the
+same events, so a view never knows the difference.
 """
 
 from __future__ import annotations
@@ -76,11 +76,12 @@ class AttemptEnded(Event):
 
 @dataclass(frozen=True, slots=True)
 class PortWritten(Event):
-    """A node wrote a value."""
+    """A node wrote a value. `sentence` is what the value says of itself to people, or empty."""
 
     key: str
     value: Any
     writer: str
+    sentence: str = ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,7 +1,7 @@
 """Typed ports: what a skill reads and writes, known without running it.
 
-A port's type is a Python class (a dataclass that skills exchange, or bool, int, float, str, an Enum), or a `Quantity`: a
-float with a dimension, written in tree files with a unit (`120 mm`) and handed to the skill in SI.
+A port's type is a Python class (a dataclass that skills exchange, or bool, int, float, str, an Enum), or a `Quantity`:
+a float with a dimension, written in tree files with a unit (`120 mm`) and handed to the skill in SI.
 """
 
 from __future__ import annotations
@@ -81,7 +81,7 @@ PortType = type[Any] | Quantity
 
 
 def type_name(port_type: PortType) -> str:
-    """The type's name in tree files: the quantity's, or the class's in snake case (`MeasuredFruit` -> measured_fruit)."""
+    """The type's name in tree files: the quantity's, or the class's in snake case (MeasuredFruit -> measured_fruit)."""
     if isinstance(port_type, Quantity):
         return port_type.name
     builtin = {str: "text", bool: "bool", int: "int", float: "number"}

@@ -1,9 +1,9 @@
 """What a skill is: typed ports, a body that is polled, and failure with a reason.
 
 A skill is a py_trees behaviour whose body is one generator, `run`. Each `yield` hands the tick back (RUNNING, with an
-optional line of feedback); `return {...}` is success with outputs; `raise self.failure(CODE, sentence, **data)` is failure.
-When the tree interrupts it, `Interrupted` is raised at the `yield`: the body stops what it started, may yield on while that
-takes time, and lets the exception pass. Work that takes longer than a moment goes through `self.compute`.
+optional line of feedback); `return {...}` is success with outputs; `raise self.failure(CODE, sentence, **data)` is
+failure. When the tree interrupts it, `Interrupted` is raised at the `yield`: the body stops what it started, may yield
+on while that takes time, and lets the exception pass. Work that takes longer than a moment goes through `self.compute`.
 
     class Refine(Skill):
         inputs = Ports(detection=Detection)
@@ -17,6 +17,7 @@ takes time, and lets the exception pass. Work that takes longer than a moment go
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Generator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, Protocol, TypeVar
@@ -114,6 +115,7 @@ class Skill(py_trees.behaviour.Behaviour):
         self.reason: Failure | None = None
         self.path = self.name
         self.starts = 0
+        self.blocked = 0.0  # seconds that the last poll kept the tick waiting
         self._work: Work | None = None
         self._context: SkillContext | None = None
         self._read: Callable[[], Mapping[str, object]] = dict
@@ -202,6 +204,13 @@ class Skill(py_trees.behaviour.Behaviour):
         self.starts += 1
 
     def update(self) -> Status:
+        began = time.perf_counter()
+        try:
+            return self._poll()
+        finally:
+            self.blocked = time.perf_counter() - began
+
+    def _poll(self) -> Status:
         try:
             if self._work is None:
                 obstacle = self.context.not_yet(self)

@@ -1,7 +1,7 @@
 """What a skill can show to people: a few plain pictures that every viewer knows how to draw.
 
-A skill publishes a view under a topic (`self.publish("detection", ImageView(...))`); the run's picture, the recording and
-the dashboard draw it without knowing the skill.
+A skill publishes a view under a topic (`self.publish("detection", ImageView(...))`); the run's picture, the recording
+and the dashboard draw it without knowing the skill.
 """
 
 from __future__ import annotations

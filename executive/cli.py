@@ -1,0 +1,56 @@
+"""`pomona`: the command line.
+
+Exit status: 0 the task succeeded, 1 the tree failed, 2 unusable input, 3 stopped in the safe state, 130 interrupted.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from importlib.metadata import entry_points, version
+
+from rich.console import Console
+
+from executive.errors import UsageError
+
+COMMANDS = "pomona.commands"
+"""Entry point group of subcommands: functions that add one parser to argparse's subparsers and set its `main`."""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one subcommand.
+
+    Returns:
+        the exit status.
+    """
+    options = _parser().parse_args(arguments)
+    try:
+        status: int = options.main(options)
+    except UsageError as error:
+        Console(stderr=True).print(str(error), style="red", markup=False, highlight=False, soft_wrap=True)
+        return 2
+    except KeyboardInterrupt:
+        return 130
+    except BrokenPipeError:  # `pomona … | head`
+        sys.stderr.close()
+        return 1
+    return status
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="pomona",
+        description="Run fruit-picking tasks that are written as behaviour trees in YAML.",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        epilog=__doc__.split("\n", 2)[2] if __doc__ else None,
+    )
+    parser.add_argument("--version", action="version", version=f"pomona {version('pomona')}")
+    subparsers = parser.add_subparsers(metavar="COMMAND", required=True)
+    for entry in sorted(entry_points(group=COMMANDS), key=lambda entry: entry.name):
+        entry.load()(subparsers)
+    return parser
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,1 @@
+"""Events to a record, and a record back to events."""

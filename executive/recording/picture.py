@@ -1,0 +1,123 @@
+"""The picture that every run leaves: what the camera saw, the path in the scene, forces over time, attempts."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from executive.events import Event, Published
+from executive.views import ImageView, SceneView, SeriesView
+
+COLOURS = {
+    "found": "#f5a623",
+    "refined": "#18b26b",
+    "muted": "#8a8f98",
+    "planned": "#2f6fed",
+    "executed": "#111827",
+    "approach": "#d6336c",
+    "occupied": "#7a7f87",
+    "free": "#9ad0f5",
+    "chosen": "#18b26b",
+    "ruled_out": "#e03131",
+    "tried": "#f5a623",
+    "fruit": "#c0392b",
+}
+
+
+class Picture:
+    """Gathers the views of a run; `save` draws the newest of each."""
+
+    def __init__(self) -> None:
+        self._images: dict[str, ImageView] = {}
+        self._scenes: dict[str, SceneView] = {}
+        self._series: dict[str, list[SeriesView]] = defaultdict(list)
+
+    def hear(self, event: Event) -> None:
+        """Keep a published view."""
+        if not isinstance(event, Published):
+            return
+        if isinstance(event.value, ImageView):
+            self._images[event.topic] = event.value
+        elif isinstance(event.value, SceneView):
+            self._scenes[event.topic] = event.value
+        elif isinstance(event.value, SeriesView) and event.value.t.size:
+            self._series[event.topic].append(event.value)
+
+    @property
+    def empty(self) -> bool:
+        return not (self._images or self._scenes or self._series)
+
+    def save(self, path: Path, title: str) -> None:
+        """Draw everything into one PNG."""
+        figure = Figure(figsize=(14, 8.4), dpi=100, layout="constrained")
+        FigureCanvasAgg(figure)
+        figure.suptitle(title, fontsize=13, x=0.01, ha="left")
+        rows = 2 if self._series else 1
+        grid = figure.add_gridspec(rows, 2, height_ratios=[2.2, 1.2][:rows])
+        self._draw_images(figure.add_subplot(grid[0, 0]))
+        self._draw_scene(figure.add_subplot(grid[0, 1], projection="3d"))
+        if self._series:
+            self._draw_series(figure.add_subplot(grid[1, :]))
+        figure.savefig(path)
+
+    def _draw_images(self, axes: Any) -> None:
+        axes.set_axis_off()
+        with_image = [view for view in self._images.values() if view.image is not None]
+        if not with_image:
+            axes.text(0.5, 0.5, "no image", ha="center", va="center", color=COLOURS["muted"])
+            return
+        axes.imshow(with_image[-1].image)
+        height, width = with_image[-1].image.shape[:2]  # type: ignore[union-attr]
+        for view in self._images.values():
+            for line in view.lines:
+                points = np.vstack([line.points, line.points[:1]]) if line.closed else line.points
+                axes.plot(points[:, 0], points[:, 1], color=COLOURS.get(line.style, "w"), lw=1.6, label=line.label)
+            if view.points.size:
+                axes.plot(view.points[:, 0], view.points[:, 1], "o", ms=3.5, color=COLOURS["found"])
+        axes.set_xlim(0, width)
+        axes.set_ylim(height, 0)
+        axes.set_title("  ".join(v.caption for v in self._images.values() if v.caption), fontsize=10, loc="left")
+        _legend(axes)
+
+    def _draw_scene(self, axes: Any) -> None:
+        for view in self._scenes.values():
+            for points in view.points:
+                axes.scatter(*points.points.T, s=6, color=COLOURS.get(points.style, "k"), label=points.label, alpha=0.5)
+            for mesh in view.meshes:
+                axes.plot_trisurf(
+                    *mesh.vertices.T, triangles=mesh.faces, color=COLOURS.get(mesh.style, "r"), lw=0, alpha=0.9
+                )
+            for line in view.lines:
+                axes.plot(*line.points.T, color=COLOURS.get(line.style, "k"), lw=2, label=line.label)
+        axes.set_xlabel("x [m]")
+        axes.set_ylabel("y [m]")
+        axes.set_zlabel("z [m]")
+        axes.set_aspect("equal")
+        captions = [view.caption for view in self._scenes.values() if view.caption]
+        axes.set_title("  ".join(captions), fontsize=10, loc="left")
+        _legend(axes)
+
+    def _draw_series(self, axes: Any) -> None:
+        for views in self._series.values():
+            t = np.concatenate([view.t for view in views])
+            for index, name in enumerate(views[-1].values):
+                values = np.concatenate([view.values[name] for view in views if name in view.values])
+                if values.shape == t.shape:
+                    axes.plot(t, values, lw=1.3, label=name, color=f"C{index}")
+            for name, value in views[-1].thresholds.items():
+                axes.axhline(value, lw=0.9, ls="--", color=COLOURS["muted"], label=name)
+        axes.set_xlabel("time [s]")
+        axes.grid(alpha=0.25)
+        _legend(axes)
+
+
+def _legend(axes: Any) -> None:
+    handles, labels = axes.get_legend_handles_labels()
+    named = {label: handle for handle, label in zip(handles, labels, strict=True) if label and label[0] != "_"}
+    if named:
+        axes.legend(named.values(), named.keys(), fontsize=8, loc="upper right")

@@ -1,0 +1,374 @@
+"""One run of a tree on a cell: tick, pause, step, stop, safe stop. The only owner of the tick.
+
+    idle → running ⇄ pausing → paused
+           running → succeeded | failed          the tree ended
+           running → stopping → stopped          somebody stopped it: every skill lets go first
+           any     → faulted                     an exception, a lost device, a safe stop: latched
+
+`Runner.run()` blocks in the caller's thread, which is the tick thread: the only one that touches tree, board, skills.
+The other methods may be called from any thread; they are carried out between two ticks. `safe_stop` alone acts at once.
+"""
+
+from __future__ import annotations
+
+import logging
+import queue
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from enum import Enum
+from typing import Any
+
+from py_trees.common import Status
+
+from executive.cell import Cell
+from executive.compute import Computations
+from executive.context import RunContext
+from executive.errors import PomonaError
+from executive.events import (
+    Computed,
+    Event,
+    EventStream,
+    LinkChanged,
+    OperatorActed,
+    Published,
+    RunEnded,
+    SafeStopped,
+    StateChanged,
+    TickOverran,
+)
+from executive.observer import TreeObserver
+from executive.reasons import Reason
+from executive.tree_file import BuiltTree
+
+logger = logging.getLogger(__name__)
+
+STOP_LIMIT = 10.0
+"""Seconds of the cell's clock that a stop may take before it becomes a safe stop."""
+
+
+class RunState(Enum):
+    """Where a run stands."""
+
+    IDLE = "idle"
+    RUNNING = "running"
+    PAUSING = "pausing"
+    PAUSED = "paused"
+    STOPPING = "stopping"
+    STOPPED = "stopped"
+    SUCCEEDED = "succeeded"
+    FAILED = "failed"
+    FAULTED = "faulted"
+
+    @property
+    def ended(self) -> bool:
+        return self in (RunState.STOPPED, RunState.SUCCEEDED, RunState.FAILED, RunState.FAULTED)
+
+
+@dataclass(frozen=True, slots=True)
+class RunResult:
+    """How a run ended.
+
+    Attributes:
+        outcome: success, failure, stopped or error.
+        reason: why it did not succeed.
+        ticks: number of ticks.
+        time, wall: seconds on the run's clock (pauses left out) and really.
+        truth: the simulated world's score.
+        interrupted: it was ended by Ctrl-C.
+    """
+
+    outcome: str
+    reason: Reason | None
+    ticks: int
+    time: float
+    wall: float
+    truth: Mapping[str, Any] | None
+    interrupted: bool = False
+
+
+class _SafeStopRequestedError(PomonaError):
+    """Carries a safe stop from the command queue into the loop."""
+
+
+Build = Callable[[RunContext], BuiltTree]
+"""Makes a tree that is bound to a run."""
+
+
+class Runner:
+    """Runs one tree once."""
+
+    def __init__(
+        self,
+        build: Build,
+        cell: Cell,
+        events: EventStream,
+        *,
+        seed: int = 0,
+        period: float = 0.02,
+        real_time: bool = False,
+    ) -> None:
+        """
+        Args:
+            build: makes the tree, bound to the context that it is given.
+            cell: connected; the caller closes it.
+            events: everything that happens is emitted here, from the tick thread.
+            seed: every random choice of the skills comes from it.
+            period: of a tick [s].
+            real_time: pace a simulated cell to the wall's clock; otherwise it runs as fast as the machine allows.
+        """
+        self._cell, self._events, self._seed = cell, events, seed
+        self._period, self._real_time = period, real_time
+        self._commands: queue.SimpleQueue[tuple[str, str, str]] = queue.SimpleQueue()
+        self._computations = Computations(self._computed)
+        self.context = RunContext(cell, self._computations, seed, self._published)
+        self.tree = build(self.context)
+        self._observer = TreeObserver(self.tree, self._emit, self._stamp)
+        self._state = RunState.IDLE
+        self._ticks = 0
+        self._step = False
+        self._reason: Reason | None = None
+        self._interrupted = False
+        self._links: dict[str, str] = {}
+
+    # ------------------------------------------------------------------------------------ from any thread
+
+    @property
+    def state(self) -> RunState:
+        return self._state
+
+    def pause(self, who: str = "operator") -> None:
+        """Stop motions on their paths and hold; force control goes on."""
+        self._commands.put(("pause", who, ""))
+
+    def resume(self, who: str = "operator") -> None:
+        """Go on in place, after checking that the world is as it was."""
+        self._commands.put(("resume", who, ""))
+
+    def step(self, who: str = "operator") -> None:
+        """Run one tick, then pause again."""
+        self._commands.put(("step", who, ""))
+
+    def stop(self, who: str = "operator") -> None:
+        """Halt every running skill, wait until each has let go, end the run."""
+        self._commands.put(("stop", who, ""))
+
+    def safe_stop(self, reason: str, who: str = "operator") -> None:
+        """Bring the cell into its safe state now, whatever the tick is doing, and end the run."""
+        self._cell.safe_stop(reason)
+        self._commands.put(("safe_stop", who, reason))
+
+    def break_at(self, path: str, on: bool = True, who: str = "operator") -> None:
+        """Pause before the skill at this path starts."""
+        self._commands.put(("break" if on else "unbreak", who, path))
+
+    # -------------------------------------------------------------------------------------- the tick thread
+
+    def prepare(self) -> None:
+        """Load and warm what the skills need, before the run's clock starts. Progress goes to the log."""
+        for node in self.tree.skills():
+            logger.info("preparing %s", node.name)
+            node.prepare()
+
+    def run(self) -> RunResult:
+        """Run the tree to its end. Never raises for what goes wrong in the run: that is an outcome."""
+        started = time.perf_counter()
+        self.context.start_clock()
+        try:
+            self._set_state(RunState.RUNNING, "started")
+            self._loop(started)
+        except KeyboardInterrupt:
+            self._interrupted = True
+            self._fault("INTERRUPTED", "interrupted from the keyboard", None)
+        except _SafeStopRequestedError as request:
+            self._fault("SAFE_STOP", str(request), None)
+        except Exception as error:
+            self._fault(type(error).__name__, str(error) or type(error).__name__, error)
+        finally:
+            self._computations.close()
+        result = self._result(time.perf_counter() - started)
+        self._emit(
+            RunEnded(
+                *self._stamp(), result.outcome, result.reason, result.ticks, result.time, result.wall, result.truth
+            )
+        )
+        return result
+
+    def _loop(self, started: float) -> None:
+        next_tick = self._cell.clock.now()
+        while not self._state.ended:
+            self._take_commands()
+            if self._state.ended:
+                break
+            self._look_after_cell()
+            ticking = self._state is RunState.RUNNING
+            if ticking:
+                self._tick()
+            self.context.drive_halting()
+            self._move_on()
+            if self._state.ended:
+                break
+            if ticking and self._wait_for_computations():
+                continue  # computing took no simulated time: tick again at the same instant
+            next_tick = self._let_time_pass(next_tick, started)
+
+    def _tick(self) -> None:
+        self._ticks += 1
+        began = time.perf_counter()
+        self.tree.root.tick_once()
+        took = time.perf_counter() - began
+        slowest = self._observer.after_tick()
+        if took > self._period and not self._cell.clock.simulated:
+            self._emit(TickOverran(*self._stamp(), slowest, took))
+        status = self.tree.root.status
+        if status is Status.SUCCESS:
+            self._set_state(RunState.SUCCEEDED, "the tree succeeded")
+        elif status is Status.FAILURE:
+            self._reason = self._observer.root_reason()
+            self._set_state(RunState.FAILED, "the tree failed")
+        elif self.context.broke_at is not None and not self._step:
+            self._pause("breakpoint", self.context.broke_at)
+        if self._step and not self._state.ended:
+            self._step = False
+            self._pause("step", "")
+
+    def _take_commands(self) -> None:
+        while True:
+            try:
+                action, who, detail = self._commands.get_nowait()
+            except queue.Empty:
+                return
+            self._emit(OperatorActed(*self._stamp(), who, action, detail))
+            if action == "safe_stop":
+                raise _SafeStopRequestedError(detail)
+            if action == "stop":
+                self._stop(f"stopped by {who}")
+            elif action == "pause" and self._state is RunState.RUNNING:
+                self._pause(who, detail)
+            elif action in ("resume", "step") and self._state is RunState.PAUSED:
+                self._resume(stepping=action == "step")
+            elif action == "break":
+                self.context.breakpoints.add(detail)
+            elif action == "unbreak":
+                self.context.breakpoints.discard(detail)
+
+    def _pause(self, who: str, detail: str) -> None:
+        self.context.freeze()
+        self._cell.pause()
+        self._set_state(RunState.PAUSING, f"{who} {detail}".strip())
+
+    def _resume(self, stepping: bool) -> None:
+        self._cell.resume()  # raises when the world is not as it was: that is a fault
+        self.context.thaw()
+        self.context.pass_breakpoint()
+        self._step = stepping
+        self._set_state(RunState.RUNNING, "step" if stepping else "resumed")
+
+    def _stop(self, because: str) -> None:
+        self._reason = Reason("", "STOPPED", because)
+        self.context.thaw()
+        if self._state in (RunState.PAUSING, RunState.PAUSED):
+            self._state = RunState.RUNNING
+        self.tree.root.stop(Status.INVALID)
+        self._observer.after_tick()
+        self._stop_deadline = self._cell.clock.now() + STOP_LIMIT
+        self._set_state(RunState.STOPPING, because)
+
+    def _move_on(self) -> None:
+        """The transitions that wait for the cell."""
+        if self._state is RunState.PAUSING and self._cell.settled():
+            self._set_state(RunState.PAUSED, "at rest")
+        elif self._state is RunState.STOPPING:
+            if not self.context.halting and self._cell.settled():
+                self._safe_stop("stopped")
+                self._set_state(RunState.STOPPED, "every skill has let go")
+            elif self._cell.clock.now() > self._stop_deadline:
+                still = ", ".join(self.context.halting) or "the cell"
+                raise PomonaError(f"{still} has not come to rest within {STOP_LIMIT:.0f} s of a stop")
+
+    def _look_after_cell(self) -> None:
+        self._cell.check()
+        if self._cell.latched is not None:
+            raise _SafeStopRequestedError(self._cell.latched)
+        for device, state in self._cell.links().items():
+            if self._links.get(device) != state:
+                self._links[device] = state
+                self._emit(LinkChanged(*self._stamp(), device, state))
+
+    def _wait_for_computations(self) -> bool:
+        """On a simulated clock, wait for what was started in this tick; True when there was something."""
+        if not self._computations.pending():
+            return False
+        if not self._cell.clock.simulated:
+            return False
+        while not self._computations.wait(0.05):
+            if not self._commands.empty() or self._cell.latched is not None:
+                return True
+        return True
+
+    def _let_time_pass(self, next_tick: float, started: float) -> float:
+        clock = self._cell.clock
+        if clock.simulated:
+            clock.advance(self._period)
+            if self._real_time or self._state is RunState.PAUSED:
+                ahead = self.context.elapsed() - (time.perf_counter() - started)
+                time.sleep(min(max(ahead, 0.0), self._period) if self._real_time else self._period)
+            return clock.now()
+        next_tick = max(next_tick + self._period, clock.now())
+        clock.advance(next_tick - clock.now())
+        return next_tick
+
+    def _fault(self, code: str, message: str, error: BaseException | None) -> None:
+        """The one way into the safe state: latch the cell, halt the tree, drive the halting as long as it takes."""
+        if error is not None:
+            logger.debug("fault", exc_info=error)
+        self._safe_stop(message)
+        node = self._observer.running_leaf()
+        data = {"exception": type(error).__name__} if error is not None else {}
+        self._reason = Reason(node, code, message, data)
+        self.context.thaw()
+        try:
+            self.tree.root.stop(Status.INVALID)
+            deadline = self._cell.clock.now() + STOP_LIMIT
+            while (self.context.halting or not self._cell.settled()) and self._cell.clock.now() < deadline:
+                self.context.drive_halting()
+                self._cell.clock.advance(self._period)
+        except Exception as second:  # the safe state stands already: what fails now is only told
+            logger.error("while halting after a fault: %s", second)
+        self._observer.after_tick()
+        self._set_state(RunState.FAULTED, message)
+
+    def _safe_stop(self, reason: str) -> None:
+        self._cell.safe_stop(reason)
+        self._emit(SafeStopped(*self._stamp(), reason))
+
+    def _result(self, wall: float) -> RunResult:
+        outcome = {
+            RunState.SUCCEEDED: "success",
+            RunState.FAILED: "failure",
+            RunState.STOPPED: "stopped",
+        }.get(self._state, "error")
+        if self._reason is not None and self._reason.code in ("SAFE_STOP", "INTERRUPTED"):
+            outcome = "stopped"
+        truth = self._cell.truth()
+        return RunResult(
+            outcome, self._reason, self._ticks, self.context.elapsed(), wall, truth, self._interrupted
+        )  # fmt: skip
+
+    # ------------------------------------------------------------------------------------------- events
+
+    def _set_state(self, state: RunState, because: str) -> None:
+        self._state = state
+        self._emit(StateChanged(*self._stamp(), state.value, because))
+
+    def _stamp(self) -> tuple[float, int]:
+        return self.context.elapsed(), self._ticks
+
+    def _emit(self, event: Event) -> None:
+        self._events.emit(event)
+
+    def _computed(self, node: str, function: str, wall: float) -> None:
+        self._emit(Computed(*self._stamp(), node, function, wall))
+
+    def _published(self, node: str, topic: str, value: object) -> None:
+        self._emit(Published(*self._stamp(), node, topic, value))

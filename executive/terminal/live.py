@@ -1,0 +1,92 @@
+"""The tree with the state of each node, while it runs."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from typing import Any
+
+from rich.console import Console
+from rich.live import Live
+from rich.text import Text
+
+from executive.events import AttemptEnded, Event, NodeChanged, RunEnded, RunStarted, SafeStopped, StateChanged
+from executive.terminal.words import ICONS, STYLES, say
+
+REFRESH = 0.08
+"""Seconds between two drawings."""
+
+
+class LiveTree:
+    """Draws on a terminal; on anything else it prints a line for every leaf that ends."""
+
+    def __init__(self, console: Console) -> None:
+        self._console = console
+        self._nodes: tuple[Mapping[str, Any], ...] = ()
+        self._now: dict[str, NodeChanged] = {}
+        self._attempts: dict[str, AttemptEnded] = {}
+        self._header = ""
+        self._t = 0.0
+        self._drawn = 0.0
+        self._live = Live(console=console, auto_refresh=False, transient=True) if console.is_terminal else None
+        self._leaves: set[str] = set()
+
+    def hear(self, event: Event) -> None:
+        """Follow the run."""
+        self._t = event.t
+        if isinstance(event, RunStarted):
+            self._nodes = event.nodes
+            parents = {node["parent"] for node in event.nodes}
+            self._leaves = {node["path"] for node in event.nodes} - parents
+            self._header = f"{event.tree} on {event.cell} ({event.cell_kind}), seed {event.seed}"
+            if self._live is not None:
+                self._live.start()
+        elif isinstance(event, NodeChanged):
+            self._now[event.path] = event
+            if self._live is None and event.path in self._leaves and event.status in ("SUCCESS", "FAILURE"):
+                name = self._name(event.path)
+                detail = say(event.reason) if event.reason else event.feedback
+                self._console.print(f"{event.t:7.2f} s  {ICONS[event.status]} {name}  {detail}", highlight=False)
+        elif isinstance(event, AttemptEnded):
+            self._attempts[event.path] = event
+        elif isinstance(event, SafeStopped):
+            self._console.print(f"[bold red]■ safe stop:[/] {event.reason}", highlight=False)
+        elif isinstance(event, StateChanged) and event.state in ("paused", "running") and self._live is None:
+            self._console.print(f"{event.t:7.2f} s  {event.state}: {event.because}", highlight=False)
+        elif isinstance(event, RunEnded):
+            self.close()
+            return
+        self._draw()
+
+    def close(self) -> None:
+        """Leave the terminal as it was. Harmless when closed already."""
+        if self._live is not None and self._live.is_started:
+            self._live.stop()
+
+    def _name(self, path: str) -> str:
+        return next((str(node["name"]) for node in self._nodes if node["path"] == path), path)
+
+    def _draw(self) -> None:
+        if self._live is None or not self._live.is_started or time.monotonic() - self._drawn < REFRESH:
+            return
+        self._drawn = time.monotonic()
+        self._live.update(self._text(), refresh=True)
+
+    def _text(self) -> Text:
+        text = Text(f"{self._header}   {self._t:.1f} s\n", style="bold")
+        depth: dict[str | None, int] = {}
+        for node in self._nodes:
+            path = node["path"]
+            level = depth.get(node["parent"], -1) + 1
+            depth[path] = level
+            change = self._now.get(path)
+            status = change.status if change else "INVALID"
+            text.append("  " * level)
+            text.append(f"{ICONS[status]} {node['name']}", style=STYLES[status])
+            if path in self._attempts:
+                attempt = self._attempts[path]
+                text.append(f"  attempt {min(attempt.number + 1, attempt.of)} of {attempt.of}", style="yellow")
+            if change and change.feedback and path in self._leaves:
+                text.append(f"  {change.feedback}", style="dim")
+            text.append("\n")
+        return text

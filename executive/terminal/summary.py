@@ -1,0 +1,181 @@
+"""What happened, at the end of a run: the same words for a live run and a recorded one."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+from executive.encode import plain
+from executive.events import AttemptEnded, Computed, Event, NodeChanged, PortWritten, Published, RunEnded, RunStarted
+from executive.reasons import Reason
+from executive.terminal.words import leaves, say, seconds
+from executive.views import TableView
+
+
+class Summary:
+    """Gathers from the events what a person wants to know afterwards."""
+
+    def __init__(self) -> None:
+        self.started: RunStarted | None = None
+        self.ended: RunEnded | None = None
+        self.attempts: list[AttemptEnded] = []
+        self.tables: dict[str, TableView] = {}
+        self.notes: dict[str, str] = {}
+        self.robot_time: dict[str, float] = defaultdict(float)
+        self.compute_time: dict[str, float] = defaultdict(float)
+        self._running_since: dict[str, float] = {}
+        self._names: dict[str, str] = {}
+
+    def hear(self, event: Event) -> None:
+        """Follow the run."""
+        if isinstance(event, RunStarted):
+            self.started = event
+            parents = {node["parent"] for node in event.nodes}
+            self._names = {node["path"]: str(node["name"]) for node in event.nodes if node["path"] not in parents}
+        elif isinstance(event, NodeChanged) and event.path in self._names:
+            self._account(event)
+        elif isinstance(event, AttemptEnded):
+            self.attempts.append(event)
+        elif isinstance(event, Computed):
+            self.compute_time[self._names.get(event.node, event.node)] += event.wall
+        elif isinstance(event, Published) and isinstance(event.value, TableView):
+            self.tables[event.topic] = event.value
+        elif isinstance(event, PortWritten):
+            if event.sentence:
+                self.notes[event.key.rsplit("/", 1)[-1]] = event.sentence
+        elif isinstance(event, RunEnded):
+            self.ended = event
+
+    def _account(self, event: NodeChanged) -> None:
+        if event.status == "RUNNING":
+            self._running_since.setdefault(event.path, event.t)
+        elif event.path in self._running_since:
+            self.robot_time[self._names[event.path]] += event.t - self._running_since.pop(event.path)
+
+    # ------------------------------------------------------------------------------------------- as JSON
+
+    def as_json(self, record: Path | None) -> dict[str, Any]:
+        """The last line of `pomona run --json`."""
+        assert self.started is not None
+        assert self.ended is not None
+        return {
+            "outcome": self.ended.outcome,
+            "reason": _reason_json(self.ended.reason),
+            "run": self.started.run,
+            "record": str(record) if record else None,
+            "tree": self.started.tree,
+            "cell": self.started.cell,
+            "seed": self.started.seed,
+            "ticks": self.ended.ticks,
+            "time_s": round(self.ended.time, 6),
+            "wall_s": round(self.ended.wall, 3),
+            "attempts": [
+                {
+                    "node": attempt.path,
+                    "number": attempt.number,
+                    "of": attempt.of,
+                    "succeeded": attempt.succeeded,
+                    "reason": _reason_json(attempt.reason),
+                }
+                for attempt in self.attempts
+            ],
+            "robot_time_s": {name: round(value, 3) for name, value in self.robot_time.items()},
+            "compute_s": {name: round(value, 3) for name, value in self.compute_time.items()},
+            "truth": plain(self.ended.truth),
+        }
+
+    # ------------------------------------------------------------------------------------------ for people
+
+    def print(self, console: Console, record: Path | None) -> None:
+        """The summary in the terminal."""
+        assert self.started is not None
+        assert self.ended is not None
+        sign, style = {"success": ("✓", "bold green"), "failure": ("✗", "bold red")}.get(
+            self.ended.outcome, ("■", "bold red")
+        )
+        clock = "simulated" if self.started.cell_kind == "simulated" else "on the cell's clock"
+        console.print(
+            f"[{style}]{sign} {self.started.tree}[/]  {self._headline()}   "
+            f"[dim]{seconds(self.ended.time)} {clock}, {seconds(self.ended.wall)} here, seed {self.started.seed}[/]",
+            highlight=False,
+        )
+        for name, sentence in self.notes.items():
+            _row(console, name, sentence)
+        for attempt in self.attempts:
+            mark = "[green]✓[/]" if attempt.succeeded else "[red]✗[/]"
+            label = self._label(attempt.path)
+            _row(console, f"{label} {attempt.number}", f"{mark} {_escape(say(attempt.reason))}")
+        for table in self.tables.values():
+            console.print(_table(table))
+        if self.ended.truth:
+            _row(console, "truth", _truth(self.ended.truth))
+        if self.robot_time:
+            shares = sorted(self.robot_time.items(), key=lambda item: -item[1])
+            _row(console, "time", "  ".join(f"{n} {seconds(v)}" for n, v in shares if v >= 0.01))
+        if self.compute_time:
+            total = sum(self.compute_time.values())
+            parts = "  ".join(f"{n} {seconds(v)}" for n, v in sorted(self.compute_time.items(), key=lambda i: -i[1]))
+            _row(console, "computing", f"{seconds(total)} in all: {parts}")
+        if record is not None:
+            _row(console, "record", f"{record}   [dim](picture: {record / 'picture.png'})[/]")
+
+    def _headline(self) -> str:
+        assert self.ended is not None
+        if self.ended.outcome == "success":
+            tries = [attempt for attempt in self.attempts if attempt.succeeded]
+            return f"succeeded on attempt {tries[-1].number} of {tries[-1].of}" if tries else "succeeded"
+        word = {"failure": "failed", "stopped": "stopped", "error": "ended in the safe state"}[self.ended.outcome]
+        return f"{word}: {_escape(say(self.ended.reason))}"
+
+    def _label(self, path: str) -> str:
+        assert self.started is not None
+        name = next((str(node["name"]) for node in self.started.nodes if node["path"] == path), path)
+        return name.lower().removeprefix("retry ").strip() or "attempt"
+
+
+def _reason_json(reason: Reason | None) -> dict[str, Any] | None:
+    if reason is None:
+        return None
+    last = leaves(reason)[-1]
+    return {
+        "node": last.node,
+        "code": last.code,
+        "message": last.message,
+        "data": plain(last.data),
+        "chain": plain(reason),
+    }
+
+
+def _truth(truth: Mapping[str, Any]) -> str:
+    return "  ".join(f"{name} {_number(value)}" for name, value in truth.items() if not isinstance(value, Mapping))
+
+
+def _number(value: Any) -> str:
+    value = plain(value)
+    if isinstance(value, float):
+        return f"{value:.4g}"
+    if isinstance(value, list):
+        return "(" + ", ".join(_number(item) for item in value) + ")"
+    return str(value)
+
+
+def _row(console: Console, label: str, text: str) -> None:
+    console.print(f"  [bold]{label:<11}[/] {text}", highlight=False, soft_wrap=True)
+
+
+def _escape(text: str) -> str:
+    return text.replace("[", r"\[")
+
+
+def _table(view: TableView) -> Table:
+    table = Table(title=view.caption or None, title_justify="left", box=None, padding=(0, 2, 0, 0))
+    for column in view.columns:
+        table.add_column(column, justify="right")
+    for row in view.rows:
+        table.add_row(*row)
+    return table

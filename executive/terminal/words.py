@@ -1,0 +1,34 @@
+"""The few signs and formats that every text view shares."""
+
+from __future__ import annotations
+
+from executive.reasons import Reason
+
+ICONS = {"SUCCESS": "✓", "FAILURE": "✗", "RUNNING": "▶", "INVALID": "·"}
+STYLES = {"SUCCESS": "green", "FAILURE": "red", "RUNNING": "bold cyan", "INVALID": "dim"}
+
+
+def seconds(value: float) -> str:
+    """0.0123 -> '12 ms', 4.26 -> '4.3 s', 91 -> '1 min 31 s'."""
+    if value < 0.0995:
+        return f"{value * 1e3:.0f} ms"
+    if value < 60.0:
+        return f"{value:.1f} s"
+    minutes, rest = divmod(round(value), 60)
+    return f"{minutes} min {rest} s"
+
+
+def leaves(reason: Reason) -> tuple[Reason, ...]:
+    """The reasons at the end of the chain: what actually went wrong."""
+    if not reason.causes:
+        return (reason,)
+    return tuple(leaf for cause in reason.causes for leaf in leaves(cause))
+
+
+def say(reason: Reason | None) -> str:
+    """One line for a reason: the leaf that caused it, with its node."""
+    if reason is None:
+        return ""
+    last = leaves(reason)[-1]
+    node = last.node.rsplit("/", 1)[-1]
+    return f"{node} {last.code}: {last.message}".strip()
