@@ -1,0 +1,67 @@
+"""Why a node failed: a chain of reasons from the root's failure down to the leaves that caused it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+
+from py_trees.behaviour import Behaviour
+from py_trees.common import Status
+
+
+@dataclass(frozen=True, slots=True)
+class Reason:
+    """Why one node failed.
+
+    Attributes:
+        node_path: path id of the node.
+        code: a skill's failure code, or one of the tree's own (TIMEOUT, CONDITION_FALSE …). A composite takes the code of
+            its latest cause, so that `failure.code` means the same around a leaf and around a subtree.
+        message: a sentence for a person.
+        data: JSON-like values.
+        causes: reasons of the children that led here, in the order in which they failed.
+    """
+
+    node_path: str
+    code: str
+    message: str
+    data: Mapping[str, object] = field(default_factory=dict)
+    causes: tuple[Reason, ...] = ()
+
+    def leaves(self) -> Iterator[Reason]:
+        """The reasons without further causes, in the order in which they happened."""
+        if not self.causes:
+            yield self
+        for cause in self.causes:
+            yield from cause.leaves()
+
+    def codes(self) -> frozenset[str]:
+        """Every code in the chain."""
+        return frozenset({self.code}).union(*(cause.codes() for cause in self.causes))
+
+
+def path_of(node: Behaviour) -> str:
+    """The node's path id; its name when it was not built from a tree file."""
+    path = getattr(node, "path", "")
+    return path if isinstance(path, str) and path else node.name
+
+
+def reason_of(node: Behaviour) -> Reason:
+    """Why `node` failed. Ask in the tick in which it failed: its children start afresh with the next one."""
+    explain = getattr(node, "explain", None)
+    if explain is not None:
+        told = explain()
+        assert isinstance(told, Reason)
+        return told
+    failure = getattr(node, "reason", None)
+    if failure is not None:
+        return Reason(path_of(node), failure.code, failure.message, failure.data)
+    causes = tuple(reason_of(child) for child in node.children if child.status is Status.FAILURE)
+    return from_causes(node, causes)
+
+
+def from_causes(node: Behaviour, causes: tuple[Reason, ...]) -> Reason:
+    """The reason of a node that failed because its children did."""
+    if not causes:
+        return Reason(path_of(node), "FAILED", node.feedback_message or f"{node.name} failed without saying why")
+    return Reason(path_of(node), causes[-1].code, causes[-1].message, causes=causes)

@@ -1,0 +1,102 @@
+"""The skills that are installed, found by entry point (group `pomona.skills`: name → Skill class)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from importlib.metadata import entry_points
+
+from executive.ports import QUANTITIES, PortType, type_name
+from executive.skill import Skill
+
+GROUP = "pomona.skills"
+BUILTIN_TYPES: Mapping[str, PortType] = {"bool": bool, "int": int, "number": float, "text": str, **QUANTITIES}
+
+
+@dataclass(frozen=True, slots=True)
+class SkillListing:
+    """One skill for people and editors: `pomona skills` prints these."""
+
+    name: str
+    summary: str
+    inputs: tuple[Mapping[str, object], ...]
+    outputs: tuple[Mapping[str, object], ...]
+    devices: tuple[str, ...]
+    failures: tuple[str, ...]
+    module: str
+
+
+class Registry(Mapping[str, type[Skill]]):
+    """Skills by name, and the names of all types that their ports carry."""
+
+    def __init__(self, skills: Mapping[str, type[Skill]], problems: Mapping[str, str] | None = None) -> None:
+        self._skills = dict(skills)
+        self.problems: Mapping[str, str] = dict(problems or {})
+        """Skills that are installed and cannot be used, with the reason."""
+        self.types: dict[str, PortType] = dict(BUILTIN_TYPES)
+        for skill in self._skills.values():
+            for port in (*skill.inputs.values(), *skill.outputs.values()):
+                self.types.setdefault(type_name(port.type), port.type)
+
+    @classmethod
+    def installed(cls) -> Registry:
+        """Every skill that an installed package offers. A skill that cannot be imported is reported, not raised."""
+        skills: dict[str, type[Skill]] = {}
+        problems: dict[str, str] = {}
+        for point in entry_points(group=GROUP):
+            try:
+                skill = point.load()
+            except Exception as error:  # a third party's module may raise anything
+                problems[point.name] = f"{point.value} cannot be imported: {type(error).__name__}: {error}"
+                continue
+            if isinstance(skill, type) and issubclass(skill, Skill):
+                skills[point.name] = skill
+            else:
+                problems[point.name] = f"{point.value} is not a Skill"
+        return cls(skills, problems)
+
+    def __getitem__(self, name: str) -> type[Skill]:
+        return self._skills[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._skills)
+
+    def __len__(self) -> int:
+        return len(self._skills)
+
+    def listing(self) -> tuple[SkillListing, ...]:
+        """All skills, by name."""
+        return tuple(_list_skill(name, self._skills[name]) for name in sorted(self._skills))
+
+
+def _list_skill(name: str, skill: type[Skill]) -> SkillListing:
+    def ports(declared: Mapping[str, object]) -> tuple[Mapping[str, object], ...]:
+        return tuple(port_facts(port_name, port) for port_name, port in declared.items())
+
+    summary = (skill.__doc__ or "").strip().split("\n")[0]
+    devices = tuple(interface.__name__ for interface in skill.devices)
+    return SkillListing(
+        name, summary, ports(skill.inputs), ports(skill.outputs), devices, skill.failures, skill.__module__
+    )  # fmt: skip
+
+
+def port_facts(name: str, port: object) -> dict[str, object]:
+    """A port as plain values, leaving out what it does not say."""
+    from executive.ports import Port, Quantity
+
+    assert isinstance(port, Port)
+    facts: dict[str, object] = {"name": name, "type": type_name(port.type)}
+    if isinstance(port.type, Quantity):
+        facts["units"] = list(port.type.units)
+    facts["required"] = port.required
+    if not port.required and port.default is not None:
+        facts["default"] = port.default if isinstance(port.default, (bool, int, float, str)) else str(port.default)
+    if port.min is not None:
+        facts["min"] = port.min
+    if port.max is not None:
+        facts["max"] = port.max
+    if port.choices:
+        facts["choices"] = list(port.choices)
+    if port.help:
+        facts["help"] = port.help
+    return facts

@@ -1,0 +1,1 @@
+"""Tree files: YAML text → document → findings → py_trees tree."""

@@ -1,0 +1,131 @@
+"""What is wrong in a tree file, said so that the person can mend it: where, what, and what to write instead."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from difflib import get_close_matches
+from typing import Literal, Protocol
+
+from executive.errors import UsageError
+
+Severity = Literal["error", "warning"]
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One thing that is wrong. Lines and columns count from 1; `length` characters of the excerpt are meant."""
+
+    path: str
+    line: int
+    column: int
+    severity: Severity
+    code: str
+    message: str
+    hint: str = ""
+    excerpt: str = ""
+    length: int = 1
+
+
+class TreeFileError(UsageError):
+    """A tree file that cannot be run, with everything that was found in it."""
+
+    def __init__(self, findings: Sequence[Finding]) -> None:
+        self.findings = tuple(findings)
+        super().__init__(format_findings(self.findings))
+
+
+class Located(Protocol):
+    """Anything that knows where it is written."""
+
+    @property
+    def source(self) -> Source: ...
+    @property
+    def line(self) -> int: ...
+    @property
+    def column(self) -> int: ...
+    @property
+    def length(self) -> int: ...
+
+
+class Source:
+    """One file's text, for excerpts; `comments` maps a line to its comment, `comment_lines` hold nothing else."""
+
+    def __init__(self, path: str, text: str) -> None:
+        self.path, self.text = path, text
+        self.lines = text.splitlines()
+        self.comments: dict[int, str] = {}
+        self.comment_lines: set[int] = set()
+
+    def excerpt(self, line: int) -> str:
+        return self.lines[line - 1] if 0 < line <= len(self.lines) else ""
+
+
+class Findings:
+    """Collects findings; says each only once."""
+
+    def __init__(self) -> None:
+        self._found: dict[tuple[str, int, int, str, str], Finding] = {}
+
+    def error(self, where: Located, code: str, message: str, hint: str = "") -> None:
+        self._add(where, "error", code, message, hint)
+
+    def warning(self, where: Located, code: str, message: str, hint: str = "") -> None:
+        self._add(where, "warning", code, message, hint)
+
+    def add(self, finding: Finding) -> None:
+        key = (finding.path, finding.line, finding.column, finding.code, finding.message)
+        self._found.setdefault(key, finding)
+
+    def extend(self, findings: Iterable[Finding]) -> None:
+        for finding in findings:
+            self.add(finding)
+
+    def _add(self, where: Located, severity: Severity, code: str, message: str, hint: str) -> None:
+        source = where.source
+        excerpt = source.excerpt(where.line)
+        self.add(
+            Finding(source.path, where.line, where.column, severity, code, message, hint, excerpt, max(where.length, 1))
+        )
+
+    def sorted(self) -> list[Finding]:
+        """In reading order; findings without a line (a file that cannot be opened, `--set`) come first."""
+        return sorted(self._found.values(), key=lambda f: (f.path, f.line, f.column, f.severity, f.code))
+
+    def __len__(self) -> int:
+        return len(self._found)
+
+
+def did_you_mean(word: str, known: Iterable[str]) -> str:
+    """`did you mean 'Refine'?`, or an empty text when nothing is close."""
+    candidates = sorted(set(known))
+    close = get_close_matches(word, candidates, n=1, cutoff=0.6)
+    if not close:
+        lower = {candidate.lower(): candidate for candidate in candidates}
+        close = [lower[match] for match in get_close_matches(word.lower(), list(lower), n=1, cutoff=0.6)]
+    return f"did you mean '{close[0]}'?" if close else ""
+
+
+MAX_EXCERPT = 160
+
+
+def format_finding(finding: Finding) -> str:
+    """The finding as a compiler would print it, with its line and a marker under the place."""
+    where = f"{finding.path}:{finding.line}:{finding.column}" if finding.line else finding.path
+    lines = [f"{where}: {finding.severity}[{finding.code}]: {finding.message}"]
+    if finding.excerpt.strip() and len(finding.excerpt) <= MAX_EXCERPT:
+        shown = "".join(c if c.isprintable() else "·" for c in finding.excerpt.replace("\t", " "))
+        marker = "^" * max(1, min(finding.length, len(shown) - finding.column + 1))
+        lines.append(f"{finding.line:>5} | {shown}")
+        lines.append(f"      | {' ' * (finding.column - 1)}{marker} {finding.hint}".rstrip())
+    elif finding.hint:
+        lines.append(f"      {finding.hint}")
+    return "\n".join(lines)
+
+
+def format_findings(findings: Sequence[Finding]) -> str:
+    """All findings and their count."""
+    errors = sum(f.severity == "error" for f in findings)
+    warnings = len(findings) - errors
+    counts = [f"{n} {word}{'s' if n > 1 else ''}" for n, word in ((errors, "error"), (warnings, "warning")) if n]
+    return "\n".join([*map(format_finding, findings), " and ".join(counts) + "."] if findings else [])
