@@ -1,0 +1,106 @@
+"""What a driver is beyond its interface: it can be watched, stopped, paused and let go by its cell.
+
+A driver is a class that derives from `Device`, names in `interfaces` what it offers (`drivers.interfaces.Camera`, …),
+and is found by its name in a cell file through the entry point group `pomona.drivers`. The entry point is a function
+
+    def connect(settings: Settings, bench: Bench) -> Device
+
+that reads its settings (every mistake becomes an error with line and column), opens the device and returns it. The
+defaults below suit a device that cannot move.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, ClassVar, Protocol, TypeVar, runtime_checkable
+
+from executive.clock import Clock
+
+if TYPE_CHECKING:
+    from drivers.cell_file import Settings
+
+T = TypeVar("T")
+
+
+class Device:
+    """A named device of a cell. Methods are called from the tick's thread; `safe_stop` from any thread."""
+
+    interfaces: ClassVar[tuple[type, ...]] = ()
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+
+    def link(self) -> str:
+        """State of the link: 'ok', or what is wrong with it."""
+        return "ok"
+
+    def check(self) -> None:
+        """Look after the device; called each tick and must not block.
+
+        Raises:
+            DeviceLost: no answer within the device's deadline, or its stream is stale.
+            DeviceFault: the device reports a fault.
+        """
+
+    def safe_stop(self, reason: str) -> None:
+        """Bring the device to rest within its limits, hold, keep the grip; latch. Must not raise."""
+
+    def acknowledge(self) -> None:
+        """Release the latch; nothing resumes by itself."""
+
+    def pause(self) -> None:
+        """Stop motions on their paths so that they can go on; force control goes on."""
+
+    def resume(self) -> None:
+        """Go on with the paused motion."""
+
+    def settled(self) -> bool:
+        """True when nothing of the device moves."""
+        return True
+
+    def close(self) -> None:
+        """Bring the device to rest and let go of it."""
+
+
+@runtime_checkable
+class World(Protocol):
+    """A simulated world: a device that gives the cell its clock and its truth."""
+
+    @property
+    def clock(self) -> Clock: ...
+
+    def truth(self) -> Mapping[str, object]: ...
+
+
+@dataclass(slots=True)
+class Bench:
+    """What is there when a device is connected: the clock, the seed, and the devices connected before it.
+
+    Attributes:
+        cell: the cell file; relative paths in it are meant from its folder.
+        clock: of the whole cell.
+        seed: of everything random.
+        devices: connected so far, by name; a cell file lists what others build on first.
+    """
+
+    cell: Path
+    clock: Clock
+    seed: int
+    devices: dict[str, Device] = field(default_factory=dict)
+
+    def find(self, interface: type[T]) -> T | None:
+        """The device connected before with this interface or of this class, or None."""
+        for device in self.devices.values():
+            if interface in device.interfaces or isinstance(device, _class_only(interface)):
+                return device  # type: ignore[return-value]  # its class promises the interface
+        return None
+
+
+def _class_only(interface: type) -> type | tuple[()]:
+    """The class itself for isinstance, nothing for a Protocol: those match by method names, which is too little."""
+    return () if getattr(interface, "_is_protocol", False) else interface
+
+
+Connect = Callable[["Settings", Bench], Device]

@@ -1,0 +1,53 @@
+"""What must still be true when a paused cell goes on: the arm where it stopped, the fruit still between the fingers."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from drivers.errors import DeviceFault
+from drivers.interfaces import Arm, Float64, ForceSensor
+
+MOVED = 0.01
+"""A joint that changed by more than this while paused was moved by somebody [rad]."""
+HELD, GONE = 0.5, 0.2
+"""Grasp force of one finger [N]: above the first at the pause something is held, below the second it is gone."""
+
+
+class HoldWatch:
+    """Notes arm and grip once they are at rest, and compares before motion goes on."""
+
+    def __init__(self, arm: Arm | None, fingers: ForceSensor | None) -> None:
+        self._arm, self._fingers = arm, fingers
+        self._q: Float64 | None = None
+        self._force: float | None = None
+
+    def forget(self) -> None:
+        self._q = self._force = None
+
+    def note(self) -> None:
+        """Keep the state at rest; later calls change nothing until `forget`."""
+        if self._q is None and self._arm is not None:
+            self._q = self._arm.state().q.copy()
+        if self._force is None:
+            self._force = self._least_force()
+
+    def compare(self) -> None:
+        """Compare with what was noted.
+
+        Raises:
+            DeviceFault: the arm was moved, or the fruit is gone.
+        """
+        if self._q is not None and self._arm is not None:
+            moved = float(np.abs(self._arm.state().q - self._q).max())
+            if moved > MOVED:
+                raise DeviceFault("arm", f"was moved by {np.degrees(moved):.1f}° while the run was paused")
+        force = self._least_force()
+        if self._force is not None and force is not None and self._force > HELD and force < GONE:
+            raise DeviceFault(
+                "fingers", f"the fruit that was held with {self._force:.1f} N is gone (now {force:.1f} N)"
+            )
+
+    def _least_force(self) -> float | None:
+        """The smaller of the two fingers' normal forces [N]."""
+        sample = self._fingers.latest() if self._fingers is not None else None
+        return None if sample is None else float((-sample.wrenches[:, 2]).min())
