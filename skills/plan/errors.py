@@ -1,0 +1,29 @@
+"""What can go wrong with planning.
+
+PlanningError
+├── PlanningFailed    there is no path to give; carries a code of the skill Plan, a sentence and data
+└── BadTrajectory     a trajectory that must not be executed: NaN, or beyond a limit
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+
+class PlanningError(Exception):
+    """Root of this package's errors."""
+
+
+class PlanningFailed(PlanningError):
+    """No path; `code` is one of the failure codes of the skill Plan."""
+
+    def __init__(self, code: str, message: str, data: Mapping[str, object] | None = None) -> None:
+        self.code, self.message, self.data = code, message, dict(data or {})
+        super().__init__(code, message, self.data)  # all arguments: it travels between processes by pickle
+
+    def __str__(self) -> str:
+        return f"{self.code}: {self.message}"
+
+
+class BadTrajectory(PlanningError):
+    """A trajectory that is not executed."""
