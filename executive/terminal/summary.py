@@ -13,7 +13,7 @@ from rich.table import Table
 from executive.encode import plain
 from executive.events import AttemptEnded, Computed, Event, NodeChanged, PortWritten, Published, RunEnded, RunStarted
 from executive.reasons import Reason
-from executive.terminal.words import leaves, say, seconds
+from executive.terminal.words import say, seconds
 from executive.views import TableView
 
 
@@ -141,9 +141,9 @@ class Summary:
 def _reason_json(reason: Reason | None) -> dict[str, Any] | None:
     if reason is None:
         return None
-    last = leaves(reason)[-1]
+    last = list(reason.leaves())[-1]
     return {
-        "node": last.node,
+        "node": last.node_path,
         "code": last.code,
         "message": last.message,
         "data": plain(last.data),

@@ -18,17 +18,10 @@ def seconds(value: float) -> str:
     return f"{minutes} min {rest} s"
 
 
-def leaves(reason: Reason) -> tuple[Reason, ...]:
-    """The reasons at the end of the chain: what actually went wrong."""
-    if not reason.causes:
-        return (reason,)
-    return tuple(leaf for cause in reason.causes for leaf in leaves(cause))
-
-
 def say(reason: Reason | None) -> str:
     """One line for a reason: the leaf that caused it, with its node."""
     if reason is None:
         return ""
-    last = leaves(reason)[-1]
-    node = last.node.rsplit("/", 1)[-1]
+    last = list(reason.leaves())[-1]
+    node = last.node_path.rsplit("/", 1)[-1]
     return f"{node} {last.code}: {last.message}".strip()

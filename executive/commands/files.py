@@ -1,0 +1,59 @@
+"""Trees and cells by path, or by name from those installed with the package."""
+
+from __future__ import annotations
+
+import difflib
+from importlib.resources import files
+from pathlib import Path
+
+from executive.errors import UsageError
+
+
+def installed_trees() -> Path:
+    """The folder of the trees that come with the package."""
+    return Path(str(files("trees")))
+
+
+def find_tree(name: str) -> Path:
+    """A tree file by path or name.
+
+    Raises:
+        UsageError: there is none; says what there is.
+    """
+    return _find(name, "tree", installed_trees())
+
+
+def find_cell(name: str) -> Path:
+    """A cell file by path or name.
+
+    Raises:
+        UsageError: there is none; says what there is.
+    """
+    return _find(name, "cell", installed_trees() / "cells")
+
+
+def read_text(path: Path) -> str:
+    """A text file.
+
+    Raises:
+        UsageError: it cannot be read, or is not UTF-8.
+    """
+    try:
+        return path.read_text(encoding="utf-8")
+    except UnicodeDecodeError as error:
+        raise UsageError(f"{path}: not a text file (byte {error.start} is not UTF-8)") from error
+    except OSError as error:
+        raise UsageError(f"{path}: {error.strerror}") from error
+
+
+def _find(name: str, kind: str, folder: Path) -> Path:
+    given = Path(name)
+    if given.is_file():
+        return given
+    installed = folder / f"{name.removesuffix('.yaml')}.yaml"
+    if given.name == name and installed.is_file():
+        return installed
+    known = sorted(path.stem for path in folder.glob("*.yaml"))
+    close = difflib.get_close_matches(given.stem, known, n=1)
+    hint = f" Did you mean '{close[0]}'?" if close and given.name == name else ""
+    raise UsageError(f"no {kind} file '{name}'.{hint} Installed: {', '.join(known) or 'none'}.")
