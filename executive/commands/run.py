@@ -41,12 +41,21 @@ def add(subparsers: Any) -> None:
     parser.add_argument("--cell", default="sim", help="a cell file, or the name of an installed cell (default: sim)")
     parser.add_argument("--seed", type=int, default=0, help="every random choice comes from it (default: 0)")
     parser.add_argument(
-        "--set", action="append", default=[], metavar="KEY=VALUE", help="a parameter of the tree, or an option of the cell"
+        "--set",
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        help="a parameter of the tree, or an option of the cell",
     )
     parser.add_argument(
-        "--pace", choices=("fast", "real"), default="fast", help="speed of a simulated cell: as fast as possible, or real"
+        "--pace",
+        choices=("fast", "real"),
+        default="fast",
+        help="speed of a simulated cell: as fast as possible, or real",
     )
-    parser.add_argument("--record", type=Path, default=Path("runs"), metavar="DIR", help="where records go (default: runs)")
+    parser.add_argument(
+        "--record", type=Path, default=Path("runs"), metavar="DIR", help="where records go (default: runs)"
+    )
     parser.add_argument("--no-record", action="store_true", help="leave no record")
     parser.add_argument("--json", action="store_true", help="print one JSON object as the last line")
     parser.add_argument("--quiet", action="store_true", help="print nothing but errors")

@@ -1,0 +1,53 @@
+"""`pomona replay`: a recorded run, shown again in the terminal."""
+
+from __future__ import annotations
+
+import argparse
+import time
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+
+from executive.recording.read import find_record, read_events
+from executive.terminal.live import LiveTree
+from executive.terminal.summary import Summary
+
+
+def add(subparsers: Any) -> None:
+    """Register the subcommand."""
+    parser = subparsers.add_parser("replay", help="show a recorded run again")
+    parser.add_argument("run", help="a record's folder, its name below --record, or 'last'")
+    parser.add_argument(
+        "--record", type=Path, default=Path("runs"), metavar="DIR", help="where records are (default: runs)"
+    )
+    parser.add_argument(
+        "--speed", type=float, default=0.0, help="1 is real time; 0 (default) as fast as it can be shown"
+    )
+    parser.set_defaults(main=main)
+
+
+def main(options: argparse.Namespace) -> int:
+    """Replay it.
+
+    Returns:
+        the exit status.
+    """
+    folder = find_record(options.run, options.record)
+    console = Console()
+    live, summary = LiveTree(console), Summary()
+    shown = 0.0
+    try:
+        for event in read_events(folder):
+            if options.speed > 0.0 and event.t > shown:
+                time.sleep((event.t - shown) / options.speed)
+                shown = event.t
+            live.hear(event)
+            summary.hear(event)
+    finally:
+        live.close()
+    if summary.started is None or summary.ended is None:
+        console.print(f"{folder}: the record was cut off; what is left is shown above")
+        return 0
+    summary.print(console, folder)
+    return 0
