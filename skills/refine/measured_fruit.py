@@ -24,7 +24,7 @@ class MeasuredFruit:
         dimensions: (d_x, d_y, d_z) [m], shape (3,); d_y is the height.
         mu, sigma: the paper's scale factor and displacement [m] of the uniform fit.
         covariance: of (position in the base frame [m], dimensions [m]), shape (6, 6).
-        inlier_ratio: share of the model's pixels whose depth agrees.
+        inlier_ratio: share of the model's measured pixels whose depth agrees; 0 for an unrefined detection.
         residual: root mean square of the inliers' depth residuals [m].
         contour: outline of the refined shape in the image, shape (n, 2) [px].
         frame: the look that was measured.

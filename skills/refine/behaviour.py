@@ -1,0 +1,71 @@
+"""The Refine skill."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from executive.ports import LENGTH, RATIO, Port, Ports
+from executive.skill import Skill, Work
+from executive.views import ImageView, Line2
+from skills.detect.detection import Detection
+from skills.refine.errors import RefineError
+from skills.refine.measure import measure, outline
+from skills.refine.measured_fruit import MeasuredFruit
+from skills.refine.refinement import Limits, Method
+from skills.refine.render import RendererName, render_depth
+
+
+class Refine(Skill):
+    """Correct a detection's position and size from the depth image."""
+
+    inputs = Ports(
+        detection=Port(Detection, help="the fruit as the detector saw it, posed as if it had the CAD model's size"),
+        method=Port(
+            str,
+            default="uniform",
+            choices=("uniform", "paper", "none"),
+            help="uniform: one scale in closed form; paper: the same by repeated rendering; none: as detected",
+        ),
+        inlier_band=Port(LENGTH, default="4 mm", min="0.5 mm", max="50 mm", help="depth within this agrees"),
+        min_inliers=Port(RATIO, default=0.25, min=0.0, max=1.0, help="least share of the depth that must agree"),
+        smallest=Port(RATIO, default=0.4, min=0.01, max=1.0, help="least accepted size relative to the CAD model"),
+        largest=Port(RATIO, default=1.6, min=1.0, max=10.0, help="greatest accepted size relative to the CAD model"),
+        renderer=Port(str, default="pyrender", choices=("pyrender", "zbuffer"), help="what renders virtual depth"),
+    )
+    outputs = Ports(measured=MeasuredFruit)
+    failures = ("NO_DEPTH", "TOO_FEW_INLIERS", "SIZE_OUT_OF_RANGE", "AT_BOUND", "RENDER_FAILED")
+
+    def run(  # type: ignore[override]
+        self,
+        detection: Detection,
+        method: Method,
+        inlier_band: float,
+        min_inliers: float,
+        smallest: float,
+        largest: float,
+        renderer: RendererName,
+    ) -> Work:
+        limits = Limits(inlier_band, min_inliers, (smallest, largest))
+        try:
+            measured = yield from self.compute(measure, detection, method, limits, renderer)
+        except RefineError as problem:
+            raise self.failure(problem.code, str(problem), **vars(problem)) from problem
+        self.publish("refine", _picture(detection, measured, renderer))
+        return {"measured": measured}
+
+
+def _picture(detection: Detection, measured: MeasuredFruit, using: RendererName) -> ImageView:
+    """The camera's image with the outlines of the model as detected and of the fruit as measured."""
+    detected = outline(
+        *render_depth(detection.fruit, detection.T_camera_object, detection.frame.intrinsics, using=using)
+    )
+    size = " x ".join(f"{1e3 * d:.1f}" for d in measured.dimensions)
+    deviation = 1e3 * float(np.sqrt(np.max(np.diag(measured.covariance)[3:])))
+    return ImageView(
+        image=detection.frame.colour,
+        lines=(
+            Line2(detected, "detected", "muted", closed=True),
+            Line2(measured.contour, "measured", "refined", closed=True),
+        ),
+        caption=f"{measured.method}: {size} mm (+- {deviation:.1f}), {measured.inlier_ratio:.0%} of the depth agrees",
+    )

@@ -1,0 +1,101 @@
+"""From a detection to a measured fruit in the base frame."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from skills.detect.detection import Detection
+from skills.refine.errors import NoDepth
+from skills.refine.measured_fruit import MeasuredFruit
+from skills.refine.refinement import Limits, Method, RefineResult, refine
+from skills.refine.render import DepthImage, ImageBox, RendererName, render_depth
+
+Float64 = NDArray[np.float64]
+
+
+def measure(
+    detection: Detection,
+    method: Method | Literal["none"] = "uniform",
+    limits: Limits | None = None,
+    using: RendererName = "pyrender",
+) -> MeasuredFruit:
+    """Refine a detection and express it in the base frame.
+
+    With method `none` the detector's pose and the CAD model's size are handed on as they are: the paper's arm without
+    refinement.
+
+    Raises:
+        RefineError: see `refinement.refine`; `NoDepth` also when the frame has no depth image.
+    """
+    frame = detection.frame
+    if method == "none":
+        return _unrefined(detection, using)
+    if frame.depth is None:
+        raise NoDepth(0, 0)
+    result = refine(
+        frame.depth,
+        frame.intrinsics,
+        detection.T_camera_object,
+        detection.fruit,
+        method=method,
+        limits=limits,
+        using=using,
+    )
+    return _in_base(detection, result)
+
+
+def outline(virtual_depth: DepthImage, box: ImageBox) -> Float64:
+    """The longest outline of the pixels that hold depth, in the whole image, shape (n, 2) [px]; empty without any."""
+    seen = (virtual_depth > 0.0).astype(np.uint8)
+    contours, _ = cv2.findContours(seen, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    if not contours:
+        return np.empty((0, 2))
+    longest = max(contours, key=len).reshape(-1, 2).astype(np.float64)
+    shifted: Float64 = longest + np.array([box.left, box.top], dtype=np.float64)
+    return shifted
+
+
+def _in_base(detection: Detection, result: RefineResult) -> MeasuredFruit:
+    turn = np.eye(6)
+    turn[:3, :3] = detection.T_base_camera[:3, :3]
+    return MeasuredFruit(
+        fruit=detection.fruit,
+        T_base_fruit=detection.T_base_camera @ result.T_camera_object,
+        T_base_camera=detection.T_base_camera,
+        dimensions=result.dimensions,
+        mu=result.mu,
+        sigma=result.sigma,
+        covariance=turn @ result.covariance @ turn.T,
+        inlier_ratio=result.inlier_ratio,
+        residual=result.residual,
+        contour=outline(result.virtual_depth, result.box),
+        frame=detection.frame,
+        method=result.method,
+    )
+
+
+def _unrefined(detection: Detection, using: RendererName) -> MeasuredFruit:
+    virtual_depth, box = render_depth(
+        detection.fruit, detection.T_camera_object, detection.frame.intrinsics, using=using
+    )
+    R = detection.T_base_camera[:3, :3]
+    covariance = np.zeros((6, 6))
+    covariance[:3, :3] = R @ detection.covariance[3:, 3:] @ R.T
+    return MeasuredFruit(
+        fruit=detection.fruit,
+        T_base_fruit=detection.T_base_camera @ detection.T_camera_object,
+        T_base_camera=detection.T_base_camera,
+        dimensions=detection.fruit.dimensions.copy(),
+        mu=1.0,
+        sigma=0.0,
+        covariance=covariance,
+        inlier_ratio=0.0,
+        residual=0.0,
+        contour=outline(virtual_depth, box),
+        frame=detection.frame,
+        method="none",
+    )

@@ -1,0 +1,116 @@
+"""Scale of a fruit from depth: the closed form of the paper's eq. (f_obj).
+
+Moving the model along the ray through its centre by sigma and scaling it with the distance (the paper's eqs.
+sigma-translation and sigma scaling) is together a scaling about the camera's origin. The model's pixels stay the same
+and D'(sigma) = mu(sigma) * D'(0): one virtual depth image serves every sigma, and eq. (f_obj) is a quadratic in mu.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skills.refine.errors import BadDepth, DepthNotInMetres, NoDepth
+
+DepthImage = NDArray[np.float32]
+
+MIN_PIXELS = 30
+"""Fewer valid pixels than this are no measurement."""
+
+MIN_VALID = 0.05
+"""A smaller share of the model's pixels than this is no measurement."""
+
+_HYPOTHESES = 512
+_REFITS = 20
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ScaleFit:
+    """mu in depth = mu * virtual_depth.
+
+    Attributes:
+        mu: the scale factor.
+        variance: of mu, from the scatter of the inliers, as if their errors were independent.
+        inliers: pixels that support it, bool, of the images' shape.
+        model_pixels: how many pixels the model covers.
+        valid_pixels: how many of these hold a measurement.
+        residual: root mean square of the inliers' depth - mu * virtual_depth [m].
+    """
+
+    mu: float
+    variance: float
+    inliers: NDArray[np.bool_]
+    model_pixels: int
+    valid_pixels: int
+    residual: float
+
+    @property
+    def inlier_ratio(self) -> float:
+        """Share of the model's measured pixels that support the scale."""
+        return float(np.count_nonzero(self.inliers)) / self.valid_pixels
+
+
+def fit_scale(depth: DepthImage, virtual_depth: DepthImage, inlier_band: float = 4e-3) -> ScaleFit:
+    """Fit mu in depth = mu * virtual_depth, robust to occluders, background and holes.
+
+    Starts at the scale with the largest consensus: of the measured ratios, the one with the most others within the band
+    (RANSAC's criterion, but every hypothesis is tried, so the result does not depend on chance). Then least squares on
+    the inliers, mu = sum(d d_hat) / sum(d_hat^2), until the inliers no longer change.
+
+    Args:
+        depth: measured z-depth, shape (h, w) [m]; 0 or not finite where the sensor saw nothing.
+        virtual_depth: rendered z-depth at sigma = 0, same shape [m]; 0 outside the model.
+        inlier_band: half-width of the consensus band around mu * virtual_depth [m].
+
+    Raises:
+        NoDepth: fewer than `MIN_PIXELS` of the model's pixels, or less than `MIN_VALID` of them, hold a measurement.
+        DepthNotInMetres: the measurements are about a thousand times the virtual depth.
+        BadDepth: the shapes differ.
+    """
+    if depth.shape != virtual_depth.shape:
+        raise BadDepth(f"the depth's shape {depth.shape} is not that of the virtual depth, {virtual_depth.shape}")
+    covered = np.flatnonzero(virtual_depth)
+    measured = depth.ravel()[covered]
+    valid = np.isfinite(measured) & (measured > 0.0)
+    pixels = covered[valid]
+    d = measured[valid].astype(np.float64)
+    d_hat = virtual_depth.ravel()[pixels].astype(np.float64)
+    if len(pixels) < max(MIN_PIXELS, MIN_VALID * len(covered)):
+        raise NoDepth(len(pixels), len(covered))
+
+    ratio = d / d_hat
+    mu = _largest_consensus(ratio, inlier_band / float(d_hat.mean()))
+    if mu > 100.0:
+        raise DepthNotInMetres(float(np.median(d)), float(np.median(d_hat)))
+
+    inlier = np.abs(d - mu * d_hat) <= inlier_band
+    for _ in range(_REFITS):
+        chosen = d_hat[inlier]
+        mu = float(d[inlier] @ chosen / (chosen @ chosen))
+        residuals = d - mu * d_hat
+        before, inlier = inlier, np.abs(residuals) <= inlier_band
+        if np.array_equal(before, inlier):
+            break
+    chosen, scatter = d_hat[inlier], residuals[inlier]
+    mean_square = float(scatter @ scatter) / len(scatter)
+    inliers = np.zeros(depth.shape, dtype=np.bool_)
+    inliers.ravel()[pixels[inlier]] = True
+    return ScaleFit(
+        mu, mean_square / float(chosen @ chosen), inliers, len(covered), len(pixels), float(np.sqrt(mean_square))
+    )
+
+
+def _largest_consensus(ratio: NDArray[np.float64], half_width: float) -> float:
+    """The mean of the densest interval of width 2 `half_width`, over evenly chosen ratios.
+
+    Of equally dense intervals the one nearest to the median wins.
+    """
+    ordered = np.sort(ratio[:: max(1, len(ratio) // _HYPOTHESES)])
+    first = np.arange(len(ordered))
+    beyond = np.searchsorted(ordered, ordered + 2.0 * half_width, side="right")
+    support = beyond - first
+    densest = np.flatnonzero(support == support.max())
+    start = int(densest[np.argmin(np.abs(densest + 0.5 * support.max() - 0.5 * len(ordered)))])
+    return float(ordered[start : beyond[start]].mean())

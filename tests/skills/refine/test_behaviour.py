@@ -1,0 +1,151 @@
+"""The Refine skill with mock devices: outputs, and one test per failure code."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from py_trees.common import Status
+
+from drivers.interfaces import Frame
+from executive.skill_testing import drive
+from executive.views import ImageView
+from skills.detect.detection import Detection
+from skills.geometry import inverse, rot_x, rot_y, transform
+from skills.refine.behaviour import Refine
+from skills.refine.errors import RenderFailed
+from skills.refine.paper import moved_and_scaled
+from skills.refine.render import ImageBox, render_depth
+
+T_BASE_CAMERA = transform(rot_x(2.8), (-0.04, -0.25, 0.60))
+SCALE = 0.85
+
+
+@pytest.fixture
+def detection(apple, camera) -> Detection:
+    """An apple of 0.85 of the model's size, detected with the model's size at the place where it looks the same."""
+    T_camera_object = transform(rot_x(-0.9) @ rot_y(0.4), (0.02, 0.01, 0.68))
+    whole = ImageBox(0, 0, camera.width, camera.height)
+    sigma = (1.0 - SCALE) * float(np.linalg.norm(T_camera_object[:3, 3]))
+    depth, _ = render_depth(apple, moved_and_scaled(T_camera_object, sigma), camera, whole, using="zbuffer")
+    depth = np.where(depth > 0.0, depth, np.float32(0.75))
+    colour = np.zeros((camera.height, camera.width, 3), np.uint8)
+    frame = Frame(1.0, 0, colour, depth, camera, None, T_BASE_CAMERA, "test")
+    return Detection(apple, frame, T_BASE_CAMERA, T_camera_object, np.full((9, 2), np.nan), 0.9, 1e-4 * np.eye(6), 0, 1)
+
+
+def with_depth(detection: Detection, depth: np.ndarray | None) -> Detection:
+    return replace(detection, frame=replace(detection.frame, depth=depth))
+
+
+@pytest.mark.parametrize("renderer", ["pyrender", "zbuffer"])
+@pytest.mark.parametrize("method", ["uniform", "paper"])
+def test_measures_size_and_place_in_the_base_frame(detection, method, renderer):
+    outcome = drive(Refine(), {"detection": detection, "method": method, "renderer": renderer})
+    assert outcome.status is Status.SUCCESS
+    measured = outcome.outputs["measured"]
+    np.testing.assert_allclose(measured.dimensions, SCALE * detection.fruit.dimensions, atol=2e-6)
+    T_camera_fruit = inverse(T_BASE_CAMERA) @ measured.T_base_fruit
+    np.testing.assert_allclose(T_camera_fruit[:3, 3], SCALE * detection.T_camera_object[:3, 3], atol=2e-5)
+    np.testing.assert_allclose(T_camera_fruit[:3, :3], detection.T_camera_object[:3, :3], atol=1e-12)
+    assert measured.mu == pytest.approx(SCALE, abs=2e-5)
+    assert measured.sigma == pytest.approx(0.15 * np.linalg.norm(detection.T_camera_object[:3, 3]), abs=2e-5)
+    assert measured.inlier_ratio > 0.99
+    assert measured.method == method
+    assert np.linalg.eigvalsh(measured.covariance).min() > -1e-15
+
+
+def test_none_hands_the_detection_on(detection):
+    outcome = drive(Refine(), {"detection": detection, "method": "none"})
+    measured = outcome.outputs["measured"]
+    np.testing.assert_allclose(measured.T_base_fruit, T_BASE_CAMERA @ detection.T_camera_object)
+    np.testing.assert_allclose(measured.dimensions, detection.fruit.dimensions)
+    assert (measured.mu, measured.sigma, measured.method) == (1.0, 0.0, "none")
+
+
+def test_shows_the_outline_in_the_image(detection):
+    outcome = drive(Refine(), {"detection": detection})
+    ((topic, view),) = outcome.published
+    assert topic == "refine"
+    assert isinstance(view, ImageView)
+    measured = outcome.outputs["measured"]
+    u, v = measured.contour.T
+    seen = np.argwhere(detection.frame.depth < 0.74)
+    assert [v.min(), u.min()] == seen.min(axis=0).tolist()
+    assert [v.max(), u.max()] == seen.max(axis=0).tolist()
+
+
+def reason_of(detection: Detection, **inputs: object):
+    outcome = drive(Refine(), {"detection": detection, **inputs})
+    assert outcome.status is Status.FAILURE
+    assert "measured" not in outcome.outputs
+    return outcome.reason
+
+
+@pytest.mark.parametrize("nothing", [0.0, np.nan])
+def test_no_depth(detection, nothing):
+    reason = reason_of(with_depth(detection, np.full_like(detection.frame.depth, nothing)))
+    assert reason.code == "NO_DEPTH"
+    assert reason.data["valid_pixels"] == 0
+
+
+def test_no_depth_from_a_colour_camera(detection):
+    assert reason_of(with_depth(detection, None)).code == "NO_DEPTH"
+
+
+def test_no_depth_in_metres(detection):
+    reason = reason_of(with_depth(detection, 1000.0 * detection.frame.depth))
+    assert reason.code == "NO_DEPTH"
+    assert "millimetres" in reason.message
+
+
+def test_no_depth_of_this_camera(detection):
+    reason = reason_of(with_depth(detection, detection.frame.depth[::2, ::2]))
+    assert reason.code == "NO_DEPTH"
+    assert "shape" in reason.message
+
+
+def test_too_few_inliers(detection):
+    rng = np.random.default_rng(0)
+    scattered = rng.uniform(0.3, 0.9, detection.frame.depth.shape).astype(np.float32)
+    reason = reason_of(with_depth(detection, scattered))
+    assert reason.code == "TOO_FEW_INLIERS"
+    assert reason.data["inlier_ratio"] < 0.25
+
+
+def test_size_out_of_range(detection):
+    reason = reason_of(with_depth(detection, 0.4 * detection.frame.depth))
+    assert reason.code == "SIZE_OUT_OF_RANGE"
+    assert reason.data["ratio"] == pytest.approx(0.4 * SCALE, abs=1e-3)
+
+
+def test_at_bound(detection):
+    reason = reason_of(with_depth(detection, 2.4 * detection.frame.depth), largest=10.0)
+    assert reason.code == "AT_BOUND"
+    assert reason.data["bound"] == pytest.approx(0.8 * 0.68)
+
+
+@pytest.mark.parametrize("z", [-0.68, 0.02])
+def test_render_failed_behind_the_camera(detection, z):
+    T = detection.T_camera_object.copy()
+    T[2, 3] = z
+    reason = reason_of(replace(detection, T_camera_object=T))
+    assert reason.code == "RENDER_FAILED"
+    assert "behind the camera" in reason.message
+
+
+def test_render_failed_without_opengl(detection, monkeypatch):
+    def broken(*_: object) -> None:
+        raise RenderFailed("pyrender cannot use EGL")
+
+    monkeypatch.setattr("skills.refine.gl._render", broken)
+    assert reason_of(detection).code == "RENDER_FAILED"
+    assert drive(Refine(), {"detection": detection, "renderer": "zbuffer"}).status is Status.SUCCESS
+
+
+def test_render_failed_for_an_open_mesh(detection):
+    fruit = replace(detection.fruit, faces=detection.fruit.faces[:-1])
+    reason = reason_of(replace(detection, fruit=fruit))
+    assert reason.code == "RENDER_FAILED"
+    assert "watertight" in reason.message
