@@ -72,6 +72,29 @@ class Camera(Protocol):
         ...
 
 
+@runtime_checkable
+class FrameSequence(Protocol):
+    """A camera that shows recorded frames one after the other; `Camera.latest` gives the one that is shown."""
+
+    @property
+    def count(self) -> int:
+        """How many frames there are."""
+        ...
+
+    @property
+    def position(self) -> int:
+        """Which frame is shown, from 0."""
+        ...
+
+    def advance(self) -> bool:
+        """Turn to the next frame; False at the last one, which stays."""
+        ...
+
+    def rewind(self) -> None:
+        """Turn to the first frame."""
+        ...
+
+
 # ------------------------------------------------------------------------------------------------------- arm
 
 

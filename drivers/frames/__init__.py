@@ -1,0 +1,1 @@
+"""A folder of recorded colour and depth images as a camera."""

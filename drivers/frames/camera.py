@@ -1,0 +1,130 @@
+"""Recorded frames as a camera: the perception half of a tree runs on real images without a camera."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from drivers.cell_file import Settings
+from drivers.device import Bench, Device
+from drivers.errors import DeviceFault
+from drivers.frames.folder import (
+    INTRINSICS_FILE,
+    RecordedFrame,
+    UnusableFrames,
+    folder_intrinsics,
+    list_frames,
+    read_images,
+    read_intrinsics,
+)
+from drivers.interfaces import Camera, Float64, Frame, FrameSequence, Intrinsics
+from executive.clock import Clock
+
+LEVEL = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, -1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
+"""T_base_camera of a camera that looks level along the base's y: image x is base x, image down is base down."""
+
+
+class FramesCamera(Device):
+    """Shows one recorded frame until `advance` turns to the next."""
+
+    interfaces = (Camera, FrameSequence)
+
+    def __init__(
+        self,
+        frames: tuple[RecordedFrame, ...],
+        intrinsics: Intrinsics,
+        clock: Clock,
+        T_base_camera: Float64 = LEVEL,
+        name: str = "camera",
+    ) -> None:
+        super().__init__(name)
+        self.intrinsics = intrinsics
+        self._frames, self._clock, self._T_base_camera = frames, clock, T_base_camera
+        self._position = 0
+        self._read: tuple[int, Frame] | None = None
+
+    @property
+    def count(self) -> int:
+        """How many frames there are."""
+        return len(self._frames)
+
+    @property
+    def position(self) -> int:
+        """Which frame is shown, from 0."""
+        return self._position
+
+    def advance(self) -> bool:
+        """Turn to the next frame; False at the last one, which stays."""
+        if self._position + 1 >= len(self._frames):
+            return False
+        self._position += 1
+        return True
+
+    def rewind(self) -> None:
+        """Turn to the first frame."""
+        self._position = 0
+
+    def latest(self) -> Frame:
+        """The frame that is shown, stamped with the present time: a recording is as new as the look at it.
+
+        Raises:
+            DeviceFault: one of its images cannot be used.
+        """
+        position = self._position
+        if self._read is None or self._read[0] != position:
+            self._read = position, self._load(position)
+        frame = self._read[1]
+        return Frame(
+            stamp=self._clock.now(),
+            sequence=position,
+            colour=frame.colour,
+            depth=frame.depth,
+            intrinsics=frame.intrinsics,
+            q=None,
+            T_mount_camera=self._T_base_camera,
+            label=frame.label,
+        )
+
+    def _load(self, position: int) -> Frame:
+        recorded = self._frames[position]
+        try:
+            colour, depth = read_images(recorded, self.intrinsics)
+        except UnusableFrames as error:
+            raise DeviceFault(self.name, str(error)) from error
+        colour.setflags(write=False)
+        depth.setflags(write=False)
+        return Frame(0.0, position, colour, depth, self.intrinsics, None, self._T_base_camera, recorded.label)
+
+
+def connect(settings: Settings, bench: Bench) -> FramesCamera:
+    """The driver `frames` of a cell file.
+
+    camera:
+      driver: frames
+      folder: "{folder}"                # from the working folder, else from the cell file's
+      intrinsics: {fx: 917.12, fy: 916.97, cx: 957.72, cy: 550.79, width: 1920, height: 1080}
+
+    Intrinsics that lie in the folder (`intrinsics.yaml`) come before those of the cell file.
+    """
+    if not settings.has("folder"):
+        raise settings.error("needs the folder with the recorded frames", "folder", "--set folder=PATH")
+    folder = _resolve(Path(settings.text("folder")).expanduser(), bench.cell.parent)
+    try:
+        frames = list_frames(folder)
+        intrinsics = folder_intrinsics(folder)
+        if settings.has("intrinsics"):
+            from_cell = read_intrinsics(settings.section("intrinsics"))
+            intrinsics = intrinsics or from_cell
+        if intrinsics is None:
+            hint = f"write 'intrinsics:' here, or put {INTRINSICS_FILE} into {folder}"
+            raise settings.error("nothing says the camera's intrinsics", None, hint)
+        read_images(frames[0], intrinsics)
+    except UnusableFrames as error:
+        hint = f"put the right {INTRINSICS_FILE} into the folder" if "intrinsics" in str(error) else ""
+        raise settings.error(str(error), "folder", hint) from error
+    return FramesCamera(frames, intrinsics, bench.clock)
+
+
+def _resolve(folder: Path, cell_folder: Path) -> Path:
+    return folder if folder.is_absolute() or folder.exists() else cell_folder / folder

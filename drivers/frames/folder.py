@@ -1,0 +1,119 @@
+"""A folder of recorded RGB-D frames: which files belong together, and reading one of them.
+
+121804_color.jpg        colour image, 8 bit
+121804_depth_mm.png     depth registered to it, uint16 [mm], 0 = no measurement
+intrinsics.yaml         fx, fy, cx, cy [px], width, height (optional: the cell file may hold them instead)
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.cell_file import Settings, read_cell_file
+from drivers.errors import DriverError
+from drivers.interfaces import Intrinsics
+
+COLOUR_SUFFIXES = ("_color.jpg", "_color.jpeg", "_color.png")
+DEPTH_SUFFIX = "_depth_mm.png"
+INTRINSICS_FILE = "intrinsics.yaml"
+
+
+class UnusableFrames(DriverError):
+    """A folder or an image that is no recorded frame; the text says which file and why."""
+
+    def __init__(self, path: Path, message: str) -> None:
+        self.path = path
+        super().__init__(f"{path}: {message}")
+
+
+@dataclass(frozen=True, slots=True)
+class RecordedFrame:
+    """Two files that were taken together."""
+
+    label: str
+    colour: Path
+    depth: Path
+
+
+def list_frames(folder: Path) -> tuple[RecordedFrame, ...]:
+    """The frames of a folder in the order of their names.
+
+    Raises:
+        UnusableFrames: there is no such folder, it holds no frame, or a colour image has no depth beside it.
+    """
+    if not folder.is_dir():
+        raise UnusableFrames(folder, "is not a folder" if folder.exists() else "there is no such folder")
+    frames = []
+    for colour in sorted(folder.iterdir()):
+        suffix = next((suffix for suffix in COLOUR_SUFFIXES if colour.name.endswith(suffix)), None)
+        if suffix is None:
+            continue
+        label = colour.name.removesuffix(suffix)
+        depth = folder / f"{label}{DEPTH_SUFFIX}"
+        if not depth.is_file():
+            raise UnusableFrames(colour, f"has no depth image beside it ({depth.name} is missing)")
+        frames.append(RecordedFrame(label, colour, depth))
+    if not frames:
+        raise UnusableFrames(folder, f"holds no frame: no file ends with {', '.join(COLOUR_SUFFIXES)}")
+    return tuple(frames)
+
+
+def read_images(frame: RecordedFrame, intrinsics: Intrinsics) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
+    """Both images of a frame: colour RGB (h, w, 3) and depth (h, w) [m], 0 where nothing was measured.
+
+    Raises:
+        UnusableFrames: a file cannot be read, or its size or type is not what the intrinsics and the format say.
+    """
+    colour = _read(frame.colour, cv2.IMREAD_COLOR, intrinsics)
+    depth = _read(frame.depth, cv2.IMREAD_UNCHANGED, intrinsics)
+    if depth.dtype != np.uint16 or depth.ndim != 2:
+        channels = 1 if depth.ndim == 2 else depth.shape[2]
+        raise UnusableFrames(frame.depth, f"holds {channels} x {depth.dtype}, depth in mm is one channel of uint16")
+    return np.ascontiguousarray(colour[..., ::-1]), depth.astype(np.float32) * np.float32(1e-3)
+
+
+def _read(path: Path, flags: int, intrinsics: Intrinsics) -> NDArray[Any]:
+    image = cv2.imread(str(path), flags)
+    if image is None:
+        raise UnusableFrames(path, "is not an image that can be read")
+    height, width = image.shape[:2]
+    if (width, height) != (intrinsics.width, intrinsics.height):
+        expected = f"{intrinsics.width} x {intrinsics.height}"
+        raise UnusableFrames(path, f"is {width} x {height} pixels, the intrinsics are for {expected}")
+    return image
+
+
+def read_intrinsics(settings: Settings) -> Intrinsics:
+    """Intrinsics [px] from a section of a cell file or from the folder's own file.
+
+    Raises:
+        CellFileError: a value is missing or impossible.
+    """
+    width = settings.integer("width", low=1, high=100_000)
+    height = settings.integer("height", low=1, high=100_000)
+    intrinsics = Intrinsics(
+        fx=settings.number("fx", low=1.0),
+        fy=settings.number("fy", low=1.0),
+        cx=settings.number("cx", low=0.0, high=float(width)),
+        cy=settings.number("cy", low=0.0, high=float(height)),
+        width=width,
+        height=height,
+    )
+    settings.finish()
+    return intrinsics
+
+
+def folder_intrinsics(folder: Path) -> Intrinsics | None:
+    """Intrinsics that lie in the folder itself, or None.
+
+    Raises:
+        CellFileError: the file is there and cannot be used.
+    """
+    path = folder / INTRINSICS_FILE
+    return read_intrinsics(read_cell_file(path)) if path.is_file() else None
