@@ -1,8 +1,8 @@
 """OMPL's planners on joint space, seeded and ended by counting.
 
 OMPL holds the interpreter's lock for a whole solve, so this runs in a process of its own. A planner ends when it has a
-solution (the plain ones) or has used its iterations (the optimising ones): counting, not the wall clock, decides, so that
-a seed gives the same path on a loaded machine. The wall clock is only the last resort.
+solution (the plain ones) or has used its iterations (the optimising ones): counting, not the wall clock, decides, so
+that a seed gives the same path on a loaded machine. The wall clock is only the last resort.
 """
 
 from __future__ import annotations
@@ -33,6 +33,10 @@ class Space(Protocol):
 
     def free_between(self, q_a: Float64, q_b: Float64) -> bool:
         """Whether the straight joint segment is free of collision."""
+        ...
+
+    def explain(self, q: Float64) -> tuple[str, dict[str, object]]:
+        """Why a configuration is not free: half a sentence for people, and data (link, obstacle, distance)."""
         ...
 
 
@@ -77,7 +81,7 @@ class _Validity(base.MotionValidator):  # type: ignore[misc]
         super().__init__(information)
         self._space, self._dof = space, len(space.lower)
 
-    def checkMotion(self, a: Any, b: Any, last_valid: Any = None) -> bool:  # noqa: N802 (OMPL's name)
+    def checkMotion(self, a: Any, b: Any, last_valid: Any = None) -> bool:
         return bool(self._space.free_between(_read(a, self._dof), _read(b, self._dof)))
 
 

@@ -24,7 +24,7 @@ def check_trajectory(trajectory: Trajectory, limits: ArmLimits) -> None:
         raise BadTrajectory(f"the trajectory's arrays do not hold two or more samples of {dof} joints")
     for name, part in (("time", t), ("position", q), ("velocity", qd), ("acceleration", qdd)):
         if not np.isfinite(part).all():
-            sample = int(np.argwhere(~np.isfinite(part))[0, 0])
+            sample = int(np.argwhere(~np.isfinite(part))[0][0])
             raise BadTrajectory(f"the {name} of sample {sample} is not a finite number")
     if t[0] != 0.0 or (np.diff(t) <= 0.0).any():
         raise BadTrajectory("the trajectory's time does not increase from 0")
@@ -33,10 +33,10 @@ def check_trajectory(trajectory: Trajectory, limits: ArmLimits) -> None:
     slack = TOLERANCE * (limits.upper - limits.lower)
     outside = np.maximum(limits.lower - slack - q, q - limits.upper - slack)
     if outside.max() > 0.0:
-        sample, joint = np.unravel_index(int(outside.argmax()), q.shape)
+        sample, joint = divmod(int(outside.argmax()), dof)
         raise BadTrajectory(
-            f"joint {joint + 1} would be at {np.degrees(q[sample, joint]):.1f}° after {t[sample]:.2f} s, its limits are "
-            f"{np.degrees(limits.lower[joint]):.1f}° and {np.degrees(limits.upper[joint]):.1f}°"
+            f"joint {joint + 1} would be at {np.degrees(q[sample, joint]):.1f}° after {t[sample]:.2f} s, "
+            f"its limits are {np.degrees(limits.lower[joint]):.1f}° and {np.degrees(limits.upper[joint]):.1f}°"
         )
     jerk = np.diff(qdd, axis=0) / np.diff(t)[:, None]
     for name, part, limit, unit in (
@@ -46,7 +46,7 @@ def check_trajectory(trajectory: Trajectory, limits: ArmLimits) -> None:
     ):
         share = np.abs(part) / limit
         if share.max() > 1.0 + TOLERANCE:
-            sample, joint = np.unravel_index(int(share.argmax()), share.shape)
+            sample, joint = divmod(int(share.argmax()), dof)
             raise BadTrajectory(
                 f"the {name} of joint {joint + 1} would be {abs(part[sample, joint]):.2f} {unit} after "
                 f"{t[sample]:.2f} s, its limit is {limit[joint]:.2f} {unit}"

@@ -29,7 +29,7 @@ Q_TILDE: Float64 = rot_z(-np.pi / 2.0) @ rot_x(np.pi)
 
 
 def pre_grasp_position(p_fruit: Float64, r_o: float, theta: float, alpha: float) -> Float64:
-    """Eq. (pre-grasp position attempt): a point on the sphere of radius r_o [m] around the fruit's centre, base frame."""
+    """Eq. (pre-grasp position attempt): a point on the sphere with radius r_o [m] around the fruit, base frame."""
     direction = np.array([np.sin(theta) * np.sin(alpha), np.sin(theta) * np.cos(alpha), np.cos(theta)])
     return p_fruit + r_o * direction
 

@@ -1,0 +1,1 @@
+"""Follow: let the arm carry out a planned path."""

@@ -1,0 +1,82 @@
+"""The skill Lift."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from drivers.interfaces import Arm, ForceSensor, Gripper
+from executive.ports import ACCELERATION, LENGTH, SPEED, Port, Ports, optional
+from executive.skill import Work
+from skills.approach.straight_line import straight_line
+from skills.motion import MOTION_FAILURES, MovingSkill
+from skills.plan.timing import time_curve
+from skills.robot import RobotModel
+from skills.slip_avoid_grasp.grip_view import show_grip
+from skills.slip_avoid_grasp.hold import Hold
+from skills.touch import pressing_forces, something_between
+
+JERK_TIME = 0.1
+"""Seconds in which the acceleration is reached."""
+
+
+class Lift(MovingSkill):
+    """Lift straight up with a smooth profile while the grip is controlled, and verify that the fruit came along.
+
+    With a `hold` its controller says whether the fruit is still there; without one the fingers' force and opening do.
+    Interrupted, the arm stops on its line and the grip goes on holding.
+    """
+
+    inputs = Ports(
+        height=Port(LENGTH, default="150 mm", min="1 mm", help="how far up"),
+        hold=optional(Hold, "the grip that goes on while lifting"),
+        speed=Port(SPEED, default="0.25 m/s", min="1 mm/s", max="1 m/s"),
+        acceleration=Port(ACCELERATION, default="1 m/s²", min="0.01 m/s²", max="3 m/s²"),
+    )
+    devices = (Arm, Gripper, ForceSensor)
+    failures = (*MOTION_FAILURES, "NOT_HELD", "LOST", "NO_WAY_UP")
+
+    def run(self, height: float, hold: Hold | None, speed: float, acceleration: float) -> Work:
+        arm = self.device(Arm)
+        if not self._held(hold):
+            raise self._not_held("NOT_HELD", "there is nothing between the fingers to lift", hold)
+        robot = RobotModel.load(arm.description)
+        T_base_goal = robot.tcp(arm.state().q)
+        T_base_goal[2, 3] += height
+        line = straight_line(robot, arm.state().q, T_base_goal)
+        if not line.complete:
+            raise self.failure(
+                "NO_WAY_UP",
+                f"{line.reason} after {1e3 * line.reached * height:.0f} of {1e3 * height:.0f} mm",
+                reached_m=line.reached * height,
+            )
+        trajectory = time_curve(line.q, height, arm.limits, speed, acceleration, acceleration / JERK_TIME)
+
+        def watch() -> None:
+            if hold is not None:
+                show_grip(self, hold)
+            if not self._held(hold):
+                risen = robot.tcp(arm.state().q)[2, 3] - T_base_goal[2, 3] + height
+                raise self._not_held("LOST", f"the fruit was lost {1e3 * risen:.0f} mm up", hold)
+
+        yield from self.travel(trajectory, watch)
+        watch()
+        if hold is not None:
+            show_grip(self, hold, everything=True)
+        return {}
+
+    def _held(self, hold: Hold | None) -> bool:
+        if hold is not None and not hold.ended:
+            return hold.holds
+        return something_between(self.device(Gripper), self.device(ForceSensor))
+
+    def _not_held(self, code: str, message: str, hold: Hold | None) -> Exception:
+        problem = hold.problem if hold is not None else None
+        left, right = pressing_forces(self.device(ForceSensor))
+        return self.failure(
+            code,
+            f"{message}: {problem.message}" if problem is not None else message,
+            width_m=float(np.round(self.device(Gripper).state().width, 5)),
+            left_force_n=round(left, 3),
+            right_force_n=round(right, 3),
+            grip=problem.code if problem is not None else "",
+        )

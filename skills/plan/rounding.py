@@ -1,0 +1,46 @@
+"""A timed motion along a free polyline whose rounded corners are free too."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.interfaces import ArmLimits, Trajectory
+from skills.plan.errors import PlanningFailed
+from skills.plan.ompl_planners import Space
+from skills.plan.timing import time_polyline
+
+Float64 = NDArray[np.float64]
+
+_SHARPER = {0.0: 0.35, 0.35: 0.7, 0.7: 1.0}
+
+
+def time_free_path(space: Space, waypoints: Float64, limits: ArmLimits) -> Trajectory:
+    """Time a polyline and check what will be executed; corners that touch something are driven more sharply.
+
+    A corner at which the motion rests follows the polyline exactly, so this ends with a free motion.
+
+    Args:
+        space: collision checks.
+        waypoints: free polyline, shape (n, dof) [rad].
+        limits: of the arm.
+
+    Raises:
+        PlanningFailed: NO_PATH: the polyline itself is not free.
+    """
+    dwells = np.zeros(len(waypoints))
+    while True:
+        trajectory = time_polyline(waypoints, limits, dwells)
+        blocked = first_blocked(space, trajectory.q)
+        if blocked is None:
+            return trajectory
+        corners = [k for k in range(1, len(waypoints) - 1) if dwells[k] < 1.0]
+        if not corners:
+            raise PlanningFailed("NO_PATH", "the path touches an obstacle between its waypoints")
+        near = min(corners, key=lambda k: float(np.linalg.norm(waypoints[k] - trajectory.q[blocked])))
+        dwells[near] = _SHARPER[float(dwells[near])]
+
+
+def first_blocked(space: Space, q: Float64) -> int | None:
+    """Index of the first sample whose step to the next one is not free, or None."""
+    return next((k for k in range(len(q) - 1) if not space.free_between(q[k], q[k + 1])), None)

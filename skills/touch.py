@@ -1,0 +1,79 @@
+"""What the fingers feel while the arm moves: unexpected contact, weight that comes or goes, a fruit between them."""
+
+from __future__ import annotations
+
+from collections import deque
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.interfaces import ForceSensor, Gripper, WrenchSample
+
+Float64 = NDArray[np.float64]
+
+STALE_AFTER = 0.1
+"""A newest sample older than this means that the fingers feel nothing any more [s]."""
+
+SPIKE = 3
+"""A change of force counts when so many samples in a row show it: one sample may be a spike."""
+
+HELD_FORCE = 0.25
+"""Pressing force of each finger above which something is between them [N]; the noise is 0.2 N at worst."""
+
+HELD_WIDTH = 2e-3
+"""Opening above the closed gripper's at which something is between the fingers [m]."""
+
+
+class Touch:
+    """Listens to both fingers and remembers how much their force has changed since the beginning.
+
+    The first sample is the reference: an offset of the sensors, or the weight of a held fruit, does not count.
+    Use it as a context manager; the subscription ends with it.
+    """
+
+    def __init__(self, sensor: ForceSensor) -> None:
+        self._sensor = sensor
+        first = sensor.latest()
+        self._reference = None if first is None else first.wrenches[:, :3].copy()
+        self._recent: deque[Float64] = deque(maxlen=SPIKE)
+        self.change = 0.0
+        self.finger = ""
+        self._subscription = sensor.subscribe(self._on_sample)
+
+    def __enter__(self) -> Touch:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._subscription.close()
+
+    def stale_for(self, now: float) -> float:
+        """Seconds since the newest sample, beyond `STALE_AFTER`; 0 while the stream flows."""
+        newest = self._sensor.latest()
+        age = np.inf if newest is None else now - newest.stamp
+        return float(age) if age > STALE_AFTER else 0.0
+
+    def _on_sample(self, sample: WrenchSample) -> None:
+        forces = sample.wrenches[:, :3]
+        if not np.isfinite(forces).all():
+            return
+        if self._reference is None:
+            self._reference = forces.copy()
+        self._recent.append(np.linalg.norm(forces - self._reference, axis=1))
+        if len(self._recent) == SPIKE:
+            lasting = np.min(self._recent, axis=0)
+            if lasting.max() > self.change:
+                self.change, self.finger = float(lasting.max()), ("left", "right")[int(lasting.argmax())]
+
+
+def pressing_forces(sensor: ForceSensor) -> tuple[float, float]:
+    """Pressing force of the left and the right finger now [N]; 0 before the first sample."""
+    sample = sensor.latest()
+    if sample is None:
+        return 0.0, 0.0
+    return float(-sample.wrenches[0, 2]), float(-sample.wrenches[1, 2])
+
+
+def something_between(gripper: Gripper, sensor: ForceSensor) -> bool:
+    """Whether force and opening both say that the fingers hold something."""
+    open_enough = gripper.state().width > gripper.limits.width_min + HELD_WIDTH
+    return open_enough and min(pressing_forces(sensor)) > HELD_FORCE
