@@ -1,0 +1,7 @@
+"""The robot model: what a description file says about kinematics, limits and collision geometry."""
+
+from skills.robot.description import Body, Geom
+from skills.robot.errors import BadJoints, BadPose, BadRobotFile, RobotError
+from skills.robot.model import RobotModel
+
+__all__ = ["BadJoints", "BadPose", "BadRobotFile", "Body", "Geom", "RobotError", "RobotModel"]

@@ -1,0 +1,42 @@
+"""What can go wrong with a robot's description and with joints that are handed to it.
+
+RobotError
+├── BadRobotFile      an MJCF or URDF that cannot be compiled, or lacks a joint, site or limit that is needed
+├── BadJoints         joints with a wrong number of values, or values that are not finite
+└── BadPose           a pose that is no finite rigid transform
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+
+class RobotError(Exception):
+    """Root of this package's errors."""
+
+
+class BadRobotFile(RobotError):
+    """A robot description that cannot be used."""
+
+    def __init__(self, path: Path, problem: str) -> None:
+        self.path, self.problem = path, problem
+        super().__init__(f"{path}: {problem}")
+
+
+class BadJoints(RobotError):
+    """Joint values that no robot can take."""
+
+    def __init__(self, names: tuple[str, ...], q: ArrayLike, problem: str) -> None:
+        self.names, self.q, self.problem = names, np.array(q, dtype=object), problem
+        super().__init__(f"bad joints for an arm of {len(names)} ({', '.join(names)}): {problem}")
+
+
+class BadPose(RobotError):
+    """A 4 x 4 matrix that is no pose."""
+
+    def __init__(self, T: ArrayLike) -> None:
+        self.T = np.array(T, dtype=object)
+        super().__init__(f"not a finite rigid transform of shape (4, 4): {np.asarray(T).tolist()}")
