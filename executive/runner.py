@@ -21,6 +21,7 @@ from typing import Any
 
 from py_trees.common import Status
 
+from executive.board import Board, Entry
 from executive.cell import Cell
 from executive.compute import Computations
 from executive.context import RunContext
@@ -31,6 +32,7 @@ from executive.events import (
     EventStream,
     LinkChanged,
     OperatorActed,
+    PortWritten,
     Published,
     RunEnded,
     SafeStopped,
@@ -91,7 +93,7 @@ class _SafeStopRequestedError(PomonaError):
     """Carries a safe stop from the command queue into the loop."""
 
 
-Build = Callable[[RunContext], BuiltTree]
+Build = Callable[[RunContext, Board], BuiltTree]
 """Makes a tree that is bound to a run."""
 
 
@@ -122,7 +124,9 @@ class Runner:
         self._commands: queue.SimpleQueue[tuple[str, str, str]] = queue.SimpleQueue()
         self._computations = Computations(self._computed)
         self.context = RunContext(cell, self._computations, seed, self._published)
-        self.tree = build(self.context)
+        self.board = Board(cell.clock)
+        self.board.subscribe(self._written)
+        self.tree = build(self.context, self.board)
         self._observer = TreeObserver(self.tree, self._emit, self._stamp)
         self._state = RunState.IDLE
         self._ticks = 0
@@ -173,6 +177,7 @@ class Runner:
     def run(self) -> RunResult:
         """Run the tree to its end. Never raises for what goes wrong in the run: that is an outcome."""
         started = time.perf_counter()
+        self.board.adopt()
         self.context.start_clock()
         try:
             self._set_state(RunState.RUNNING, "started")
@@ -185,7 +190,7 @@ class Runner:
         except Exception as error:
             self._fault(type(error).__name__, str(error) or type(error).__name__, error)
         finally:
-            self._computations.close()
+            self.close()
         result = self._result(time.perf_counter() - started)
         self._emit(
             RunEnded(
@@ -193,6 +198,10 @@ class Runner:
             )
         )
         return result
+
+    def close(self) -> None:
+        """Let go of threads and processes. Harmless when closed already."""
+        self._computations.close()
 
     def _loop(self, started: float) -> None:
         next_tick = self._cell.clock.now()
@@ -214,6 +223,7 @@ class Runner:
 
     def _tick(self) -> None:
         self._ticks += 1
+        self.board.tick = self._ticks
         began = time.perf_counter()
         self.tree.root.tick_once()
         took = time.perf_counter() - began
@@ -369,6 +379,11 @@ class Runner:
 
     def _computed(self, node: str, function: str, wall: float) -> None:
         self._emit(Computed(*self._stamp(), node, function, wall))
+
+    def _written(self, key: str, entry: Entry) -> None:
+        sentence = getattr(entry.value, "sentence", "")
+        told = sentence if isinstance(sentence, str) else ""
+        self._emit(PortWritten(*self._stamp(), key, entry.value, entry.writer, told))
 
     def _published(self, node: str, topic: str, value: object) -> None:
         self._emit(Published(*self._stamp(), node, topic, value))

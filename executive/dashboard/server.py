@@ -1,0 +1,259 @@
+"""The dashboard's HTTP and WebSocket server."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import threading
+from collections.abc import AsyncIterator, Callable
+from pathlib import Path
+from typing import Any
+
+import uvicorn
+from starlette.applications import Starlette
+from starlette.middleware import Middleware
+from starlette.requests import Request
+from starlette.responses import FileResponse, HTMLResponse, JSONResponse, Response, StreamingResponse
+from starlette.routing import Mount, Route, WebSocketRoute
+from starlette.staticfiles import StaticFiles
+from starlette.websockets import WebSocket, WebSocketDisconnect
+
+from executive.dashboard.desk import Desk, RefusedError
+from executive.dashboard.hub import Hub
+from executive.dashboard.messages import encode
+from executive.dashboard.security import Access, Guard
+from executive.errors import PomonaError, UsageError
+from executive.recording.read import read_events
+from executive.recording.recorder import EVENTS_FILE
+
+STATIC = Path(__file__).parent / "static"
+MOST_VIEWERS = 200
+MOST_BODY = 16_384
+
+StartRun = Callable[[dict[str, Any]], str]
+"""Starts a run from the page's form and returns its name."""
+
+
+class Dashboard:
+    """Serves the page, the live stream, the records and the desk."""
+
+    def __init__(self, access: Access, records: Path, start_run: StartRun | None = None) -> None:
+        self.access, self.records = access, records
+        self.hub = Hub()
+        self.desk = Desk()
+        self._start_run = start_run
+        self._server: uvicorn.Server | None = None
+        self._thread: threading.Thread | None = None
+        self.app = Starlette(
+            routes=[
+                Route("/", self._page),
+                Route("/api/runs", self._runs),
+                Route("/api/runs/{name}/messages", self._messages),
+                Route("/api/runs/{name}/record", self._download),
+                Route("/api/runs/{name}/picture", self._picture),
+                Route("/api/act", self._act, methods=["POST"]),
+                Route("/api/start", self._start, methods=["POST"]),
+                WebSocketRoute("/live", self._live),
+                Mount("/static", StaticFiles(directory=STATIC)),
+            ],
+            middleware=[Middleware(Guard, access=access)],
+            lifespan=self._lifespan,
+        )
+
+    @property
+    def link(self) -> str:
+        """The page's address, with the token that lets it act."""
+        return f"http://{self.access.host}:{self.access.port}/#token={self.access.token}"
+
+    # ------------------------------------------------------------------------------------- its own thread
+
+    def start(self) -> None:
+        """Serve in a thread of its own.
+
+        Raises:
+            UsageError: the port is taken.
+        """
+        config = uvicorn.Config(
+            self.app, host=self.access.host, port=self.access.port, log_level="error", ws="websockets-sansio",
+            ws_max_size=MOST_BODY, lifespan="on", limit_concurrency=MOST_VIEWERS + 50,
+        )  # fmt: skip
+        self._server = uvicorn.Server(config)
+        self._server.install_signal_handlers = lambda: None  # type: ignore[attr-defined]
+        started = threading.Event()
+
+        def serve() -> None:
+            assert self._server is not None
+            with contextlib.suppress(SystemExit):
+                self._server.run()
+            started.set()
+
+        self._thread = threading.Thread(target=serve, name="pomona-dashboard", daemon=True)
+        self._thread.start()
+        while not self._server.started:
+            if started.wait(0.02):
+                raise UsageError(
+                    f"the dashboard cannot listen on {self.access.host}:{self.access.port}: the port is taken. "
+                    "Choose another with --port."
+                )
+
+    def close(self) -> None:
+        """Stop serving. Harmless when it was not started."""
+        self.hub.close()
+        if self._server is not None and self._thread is not None:
+            self._server.should_exit = True
+            self._server.force_exit = True
+            self._thread.join(5.0)
+
+    @contextlib.asynccontextmanager
+    async def _lifespan(self, _app: Starlette) -> AsyncIterator[None]:
+        self.hub.attach(asyncio.get_running_loop())
+        yield
+
+    # --------------------------------------------------------------------------------------------- reading
+
+    async def _page(self, _request: Request) -> Response:
+        return HTMLResponse((STATIC / "index.html").read_text(encoding="utf-8"))
+
+    async def _runs(self, _request: Request) -> Response:
+        return JSONResponse(await asyncio.to_thread(list_runs, self.records))
+
+    async def _messages(self, request: Request) -> Response:
+        folder = self._folder(request)
+        if folder is None:
+            return JSONResponse({"error": "no such record"}, 404)
+
+        def lines() -> Any:
+            try:
+                for seq, event in enumerate(read_events(folder), start=1):
+                    yield encode(event, seq) + "\n"
+            except PomonaError as error:
+                yield json.dumps({"v": 1, "event": "Unreadable", "message": str(error)}) + "\n"
+
+        return StreamingResponse(lines(), media_type="application/x-ndjson")
+
+    async def _download(self, request: Request) -> Response:
+        folder = self._folder(request)
+        if folder is None:
+            return JSONResponse({"error": "no such record"}, 404)
+        return FileResponse(folder / EVENTS_FILE, filename=f"{folder.name}.mcap")
+
+    async def _picture(self, request: Request) -> Response:
+        folder = self._folder(request)
+        if folder is None or not (folder / "picture.png").is_file():
+            return JSONResponse({"error": "no such picture"}, 404)
+        return FileResponse(folder / "picture.png")
+
+    def _folder(self, request: Request) -> Path | None:
+        """The record's folder; a name that is not exactly that of a folder of records is none."""
+        name = request.path_params["name"]
+        known = {path.parent.name: path.parent for path in self.records.glob(f"*/{EVENTS_FILE}")}
+        return known.get(name)
+
+    async def _live(self, socket: WebSocket) -> None:
+        if self.hub.viewers >= MOST_VIEWERS:
+            await socket.close(4429)
+            return
+        await socket.accept()
+        try:
+            since = max(int(socket.query_params.get("since", "0")), 0)
+        except ValueError:
+            since = 0
+        viewer = self.hub.join(since)
+        gone = asyncio.ensure_future(_until_gone(socket))
+        try:
+            while not gone.done():
+                upcoming = asyncio.ensure_future(viewer.next())
+                await asyncio.wait({upcoming, gone}, return_when=asyncio.FIRST_COMPLETED)
+                if not upcoming.done():
+                    upcoming.cancel()
+                    break
+                await socket.send_text(upcoming.result())
+                if viewer.lagged and not viewer.waiting:
+                    await socket.close(4408)  # the page connects again and gets the whole state
+                    break
+        except (WebSocketDisconnect, RuntimeError):
+            pass
+        finally:
+            gone.cancel()
+            self.hub.leave(viewer)
+
+    # ---------------------------------------------------------------------------------------------- acting
+
+    async def _act(self, request: Request) -> Response:
+        body = await self._authorised_body(request)
+        if isinstance(body, Response):
+            return body
+        action, viewer = _text(body, "action"), _text(body, "viewer")
+        who, detail = _text(body, "who")[:60] or "operator", _text(body, "detail")
+        try:
+            if action == "safe_stop":
+                self.desk.safe_stop(who)
+            elif action == "take":
+                self.desk.take(viewer, who)
+            elif action == "release":
+                self.desk.release(viewer)
+            else:
+                self.desk.act(viewer, action, detail)
+        except RefusedError as refused:
+            return JSONResponse({"error": str(refused)}, 409)
+        return JSONResponse({"held_by": self.desk.holder.who, "viewer": self.desk.holder.viewer})
+
+    async def _start(self, request: Request) -> Response:
+        body = await self._authorised_body(request)
+        if isinstance(body, Response):
+            return body
+        if self._start_run is None:
+            return JSONResponse({"error": "this dashboard belongs to one run and starts no other"}, 409)
+        try:
+            run = await asyncio.to_thread(self._start_run, body)
+        except PomonaError as error:
+            return JSONResponse({"error": str(error)}, 409)
+        return JSONResponse({"run": run})
+
+    async def _authorised_body(self, request: Request) -> dict[str, Any] | Response:
+        if not self.access.authorised(request.headers):
+            return JSONResponse({"error": "this page may watch but not act: open the link that was printed"}, 403)
+        if request.headers.get("content-type", "").partition(";")[0].strip() != "application/json":
+            return JSONResponse({"error": "send application/json"}, 415)
+        body = b""
+        async for chunk in request.stream():
+            body += chunk
+            if len(body) > MOST_BODY:
+                return JSONResponse({"error": "too long"}, 413)
+        try:
+            content = json.loads(body)
+        except ValueError:
+            return JSONResponse({"error": "not JSON"}, 400)
+        return content if isinstance(content, dict) else JSONResponse({"error": "not an object"}, 400)
+
+
+def list_runs(records: Path) -> list[dict[str, Any]]:
+    """What the page lists, newest first."""
+    runs = []
+    for path in sorted(records.glob(f"*/{EVENTS_FILE}"), reverse=True)[:2000]:
+        entry: dict[str, Any] = {"run": path.parent.name, "bytes": path.stat().st_size}
+        with contextlib.suppress(OSError, ValueError):
+            ended = json.loads((path.parent / "summary.json").read_text(encoding="utf-8"))
+            reason = ended.get("reason") or {}
+            entry |= {
+                "outcome": ended.get("outcome"),
+                "time": ended.get("time"),
+                "code": reason.get("code"),
+                "message": reason.get("message"),
+                "truth": ended.get("truth"),
+            }
+        runs.append(entry)
+    return runs
+
+
+async def _until_gone(socket: WebSocket) -> None:
+    """Viewers have nothing to say; what they send is read and dropped until they leave."""
+    with contextlib.suppress(WebSocketDisconnect, RuntimeError):
+        while True:
+            await socket.receive_text()
+
+
+def _text(body: dict[str, Any], key: str) -> str:
+    value = body.get(key, "")
+    return value if isinstance(value, str) else ""

@@ -1,0 +1,209 @@
+"""One order to run a tree: read, check, connect, run, record. Command line, campaigns and dashboard all call this."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import platform
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from importlib.metadata import PackageNotFoundError, entry_points, version
+from pathlib import Path
+
+from executive.cell import Cell
+from executive.errors import UsageError
+from executive.events import EventStream, Listener, RunStarted
+from executive.files import read_text
+from executive.recording.picture import Picture
+from executive.recording.recorder import Recorder, new_record_folder
+from executive.registry import Registry
+from executive.runner import Runner, RunResult
+from executive.terminal.summary import Summary
+from executive.tree_file import Document, build, check, format_finding, read
+
+PERIOD = 0.02
+"""Seconds of a tick."""
+
+
+@dataclass(frozen=True, slots=True)
+class RunOrder:
+    """What to run.
+
+    Attributes:
+        tree, cell: files.
+        seed: every random choice comes from it.
+        settings: parameters of the tree, and options of the cell for what the tree does not declare.
+        real_time: pace a simulated cell to the wall's clock.
+        record: folder of records, or None for no record.
+    """
+
+    tree: Path
+    cell: Path
+    seed: int = 0
+    settings: Mapping[str, str] = field(default_factory=dict)
+    real_time: bool = False
+    record: Path | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Executed:
+    """How an order went. `problem` says what is wrong with the record, if anything."""
+
+    result: RunResult
+    summary: Summary
+    record: Path | None
+    problem: str
+
+
+def execute(
+    order: RunOrder,
+    listeners: Sequence[Listener] = (),
+    *,
+    on_ready: Callable[[Runner], None] = lambda _runner: None,
+) -> Executed:
+    """Run an order to its end, in this thread.
+
+    Args:
+        order: what to run.
+        listeners: hear every event.
+        on_ready: gets the runner before it starts: to pause, stop or step it from another thread.
+
+    Raises:
+        UsageError: the tree, a setting or the cell cannot be used; nothing has moved.
+    """
+    registry = Registry.installed()
+    document = read_document(order.tree)
+    declared = set(document.parameter_names)
+    tree_settings = {key: value for key, value in order.settings.items() if key in declared}
+    cell_settings = {key: value for key, value in order.settings.items() if key not in declared}
+    refuse_errors(document, registry, tree_settings, None)
+    cell = load_cell(order.cell, order.seed, cell_settings, declared)
+    with contextlib.closing(cell):
+        refuse_errors(document, registry, tree_settings, cell.interfaces())
+        return _run(order, listeners, on_ready, registry, document, tree_settings, cell)
+
+
+def _run(
+    order: RunOrder,
+    listeners: Sequence[Listener],
+    on_ready: Callable[[Runner], None],
+    registry: Registry,
+    document: Document,
+    tree_settings: Mapping[str, str],
+    cell: Cell,
+) -> Executed:
+    events, summary, picture = EventStream(), Summary(), Picture()
+    runner = Runner(
+        lambda context, board: build(document, registry, overrides=tree_settings, context=context, board=board),
+        cell,
+        events,
+        seed=order.seed,
+        period=PERIOD,
+        real_time=order.real_time,
+    )
+    folder = None if order.record is None else new_record_folder(order.record, document.name)
+    recorder = None if folder is None else Recorder(folder)
+    for listener in (*([recorder.hear] if recorder else []), summary.hear, picture.hear, *listeners):
+        events.subscribe(listener)
+    try:
+        runner.prepare()
+        events.emit(_started(order, runner, document, cell, folder))
+        on_ready(runner)
+        with _terminate_safely(runner):
+            result = runner.run()
+        if folder is not None and not picture.empty:
+            picture.save(folder / "picture.png", f"{document.name}: {result.outcome}, seed {order.seed}")
+    finally:
+        runner.close()
+        if recorder is not None:
+            recorder.close()
+    return Executed(result, summary, folder, recorder.problem if recorder else "")
+
+
+def read_document(path: Path) -> Document:
+    """Read a tree file.
+
+    Raises:
+        UsageError: it cannot be read at all.
+    """
+    return read(read_text(path), path)
+
+
+def refuse_errors(
+    document: Document, registry: Registry, settings: Mapping[str, str], interfaces: tuple[type, ...] | None
+) -> None:
+    """Check a document.
+
+    Raises:
+        UsageError: with every finding, when one of them is an error.
+    """
+    findings = check(document, registry, overrides=settings, interfaces=interfaces)
+    errors = [finding for finding in findings if finding.severity == "error"]
+    if errors:
+        count = f"{len(errors)} error{'s' if len(errors) > 1 else ''}"
+        raise UsageError("\n".join(map(format_finding, findings)) + f"\n{count}. Nothing was run.")
+
+
+def load_cell(path: Path, seed: int, settings: Mapping[str, str], tree_parameters: set[str] | None = None) -> Cell:
+    """Connect a cell.
+
+    Raises:
+        UsageError: the cell file or a setting is wrong, or a device cannot be reached.
+    """
+    loader = next(iter(entry_points(group="pomona.cells", name="file"))).load()
+    try:
+        cell: Cell = loader(path, seed=seed, overrides=settings)
+    except Exception as error:  # whatever a driver raises while it connects, nothing has moved
+        text = str(error) or type(error).__name__
+        if tree_parameters and settings:
+            text += f"\n  (parameters of the tree: {', '.join(sorted(tree_parameters))})"
+        raise UsageError(text) from error
+    return cell
+
+
+def _started(order: RunOrder, runner: Runner, document: Document, cell: Cell, folder: Path | None) -> RunStarted:
+    """The first event of a run: everything that is needed to repeat it."""
+    return RunStarted(
+        0.0,
+        0,
+        run=folder.name if folder is not None else f"{document.name}-{order.seed}",
+        tree=document.name,
+        tree_path=str(order.tree),
+        tree_text=document.text,
+        tree_hash=hashlib.sha256(document.text.encode()).hexdigest()[:16],
+        cell=cell.name,
+        cell_kind=cell.kind,
+        cell_path=str(order.cell),
+        cell_text=read_text(order.cell),
+        seed=order.seed,
+        parameters=runner.tree.parameters,
+        nodes=tuple(node.as_mapping() for node in runner.tree.nodes),
+        versions=_versions(),
+        wall_time=time.time(),
+        period=PERIOD,
+        settings=dict(order.settings),
+    )
+
+
+def _versions() -> dict[str, str]:
+    found = {"python": platform.python_version(), "platform": platform.platform(terse=True)}
+    for package in ("pomona", "py-trees", "numpy", "torch", "ompl", "mujoco-core"):
+        with contextlib.suppress(PackageNotFoundError):
+            found[package] = version(package)
+    return found
+
+
+@contextlib.contextmanager
+def _terminate_safely(runner: Runner) -> Iterator[None]:
+    """SIGTERM ends a run in the safe state, with its record closed. Signals reach the main thread only."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGTERM, lambda _signal, _frame: runner.safe_stop("the process was terminated"))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
