@@ -2,6 +2,17 @@
 
 from skills.robot.description import Body, Geom
 from skills.robot.errors import BadJoints, BadPose, BadRobotFile, RobotError
+from skills.robot.inverse_kinematics import inverse_kinematics, nearest_solution
 from skills.robot.model import RobotModel
 
-__all__ = ["BadJoints", "BadPose", "BadRobotFile", "Body", "Geom", "RobotError", "RobotModel"]
+__all__ = [
+    "BadJoints",
+    "BadPose",
+    "BadRobotFile",
+    "Body",
+    "Geom",
+    "RobotError",
+    "RobotModel",
+    "inverse_kinematics",
+    "nearest_solution",
+]
