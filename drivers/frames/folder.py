@@ -79,7 +79,7 @@ def read_images(frame: RecordedFrame, intrinsics: Intrinsics) -> tuple[NDArray[n
 
 
 def _read(path: Path, flags: int, intrinsics: Intrinsics) -> NDArray[Any]:
-    image = cv2.imread(str(path), flags)
+    image: NDArray[Any] | None = cv2.imread(str(path), flags)
     if image is None:
         raise UnusableFrames(path, "is not an image that can be read")
     height, width = image.shape[:2]

@@ -1,0 +1,94 @@
+"""What drivers of devices on a wire share: links that move bytes, the loop that serves one, typed complaints."""
+
+from __future__ import annotations
+
+import contextlib
+import select
+import socket
+import threading
+from collections.abc import Callable
+from typing import Protocol
+
+from drivers.errors import DeviceFault, DriverError
+
+
+class Malformed(DriverError):
+    """Bytes that are no message of the protocol."""
+
+    def __init__(self, received: bytes, message: str) -> None:
+        self.received = received
+        shown = received[:32].hex(" ") + (" …" if len(received) > 32 else "")
+        super().__init__(f"{message}: {shown or 'no byte'}")
+
+
+class Nonsense(DeviceFault):
+    """A device that answers with bytes that its protocol does not know."""
+
+    def __init__(self, device: str, malformed: Malformed) -> None:
+        self.received = malformed.received
+        super().__init__(device, f"answered nonsense: {malformed}")
+
+
+class Link(Protocol):
+    """Moves bytes. Everything that goes wrong with the wire is an OSError."""
+
+    def send(self, chunk: bytes) -> None: ...
+
+    def receive(self, timeout: float) -> bytes:
+        """What has arrived, waiting up to `timeout` [s] for the first byte; empty when nothing came."""
+        ...
+
+    def close(self) -> None: ...
+
+
+class TcpLink:
+    """A TCP connection to a device."""
+
+    def __init__(self, host: str, port: int, deadline: float = 2.0) -> None:
+        """Connect within `deadline` [s].
+
+        Raises:
+            OSError: nobody answers there.
+        """
+        self._socket = socket.create_connection((host, port), deadline)
+        self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self._socket.settimeout(0.05)  # of a send: a full buffer means that nobody reads any more
+
+    def send(self, chunk: bytes) -> None:
+        self._socket.sendall(chunk)
+
+    def receive(self, timeout: float) -> bytes:
+        ready, _, _ = select.select([self._socket], [], [], max(timeout, 0.0))
+        if not ready:
+            return b""
+        chunk = self._socket.recv(65536)
+        if not chunk:
+            raise ConnectionResetError("the device closed the connection")
+        return chunk
+
+    def close(self) -> None:
+        with contextlib.suppress(OSError):
+            self._socket.shutdown(socket.SHUT_RDWR)
+        self._socket.close()
+
+
+class ServiceLoop:
+    """A daemon thread that calls `step` again and again until it is closed; `step` must return within a moment."""
+
+    def __init__(self, name: str, step: Callable[[], None]) -> None:
+        self._step = step
+        self._closed = threading.Event()
+        self._thread = threading.Thread(target=self._run, name=name, daemon=True)
+
+    def start(self) -> None:
+        self._thread.start()
+
+    def close(self, deadline: float = 2.0) -> None:
+        """Let the present step end, then the thread."""
+        self._closed.set()
+        if self._thread.is_alive() and self._thread is not threading.current_thread():
+            self._thread.join(deadline)
+
+    def _run(self) -> None:
+        while not self._closed.is_set():
+            self._step()

@@ -1,0 +1,1 @@
+"""Weiss Robotics WSG grippers: binary command set over CAN or TCP."""
