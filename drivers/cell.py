@@ -103,7 +103,8 @@ class Cell:
     def safe_stop(self, reason: str) -> None:
         """Arm decelerates and holds, gripper keeps its grip; latched until `acknowledge`.
 
-        May be called from any thread and never raises. This is no replacement of the hardware emergency stop. The first reason is kept.
+        May be called from any thread and never raises. The first reason is kept. This is no replacement of the hardware
+        emergency stop.
         """
         with self._lock:
             if self._latched is None:
@@ -180,7 +181,7 @@ def load_cell(path: str | Path, *, seed: int = 0, overrides: Mapping[str, str] |
     name = settings.text("name", Path(path).stem)
     kind = settings.choice("kind", KINDS)
     workspace = read_workspace(settings.section("workspace")) if settings.has("workspace") else None
-    bench = Bench(Path(path), _clock(settings), seed)
+    bench = Bench(Path(path), _clock(settings), seed, workspace)
     try:
         world: World | None = None
         if settings.has("world"):

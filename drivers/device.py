@@ -16,6 +16,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, Protocol, TypeVar, runtime_checkable
 
+from drivers.interfaces import Workspace
 from executive.clock import Clock
 
 if TYPE_CHECKING:
@@ -82,12 +83,14 @@ class Bench:
         cell: the cell file; relative paths in it are meant from its folder.
         clock: of the whole cell.
         seed: of everything random.
+        workspace: what the cell file says about the surroundings, or None.
         devices: connected so far, by name; a cell file lists what others build on first.
     """
 
     cell: Path
     clock: Clock
     seed: int
+    workspace: Workspace | None = None
     devices: dict[str, Device] = field(default_factory=dict)
 
     def find(self, interface: type[T]) -> T | None:

@@ -1,0 +1,131 @@
+"""The simulated RGB-D camera on the gripper: pictures are rendered when somebody looks."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.errors import DeviceLost
+from drivers.interfaces import Camera, Float64, Frame, Intrinsics
+from drivers.sim.faults import FaultyDevice
+from drivers.sim.gl import in_gl_thread, load_mujoco
+from drivers.sim.stereo_depth import Stereo, measure_depth
+from drivers.sim.world import SimWorld
+
+STALE = 1.0
+"""A picture that did not change for this long although time went on is lost [s]."""
+
+
+class SimCamera(FaultyDevice):
+    """Renders the present state of the world, at most once per frame period. Depth is registered to colour.
+
+    Faults: `freeze` (the newest frame stays the same), `lost` (no frame).
+    """
+
+    interfaces = (Camera,)
+    known_faults = ("freeze", "lost")
+
+    def __init__(self, world: SimWorld, intrinsics: Intrinsics, stereo: Stereo, rate: float) -> None:
+        super().__init__("camera")
+        self._world, self._intrinsics, self._stereo, self._rate = world, intrinsics, stereo, rate
+        model = world.model
+        model.cam_resolution[model.cam("camera").id] = (intrinsics.width, intrinsics.height)
+        _set_projection(model, model.cam("camera").id, intrinsics)
+        self._joints = model.jnt_qposadr[world.arm_joints]
+        self.T_mount_camera = _pose_in_flange(model)
+        self._renderer: Any = None
+        self._frame: Frame | None = None
+        self._fault_since = 0.0
+
+    def latest(self) -> Frame | None:
+        """The view of this moment. Two calls within one frame period get the same frame."""
+        if self.fault == "lost":
+            return None
+        now = self._world.clock.now()
+        sequence = int(now * self._rate + 1e-6)
+        if self.fault == "freeze" or (self._frame is not None and self._frame.sequence == sequence):
+            return self._frame
+        self._frame = self._expose(now, sequence)
+        return self._frame
+
+    def check(self) -> None:
+        if self.fault is not None and self._world.clock.now() - self._fault_since > STALE:
+            raise DeviceLost(self.name, f"no new frame for {self._world.clock.now() - self._fault_since:.1f} s")
+
+    def inject_fault(self, kind: str) -> None:
+        super().inject_fault(kind)
+        self._fault_since = self._world.clock.now()
+
+    def close(self) -> None:
+        if self._renderer is not None:
+            in_gl_thread(self._renderer.close)
+            self._renderer = None
+
+    def _expose(self, now: float, sequence: int) -> Frame:
+        self._world.looked()
+        colour, depth = in_gl_thread(self._render)
+        rng = np.random.default_rng([self._world.seed, 4, sequence])
+        return Frame(
+            stamp=now,
+            sequence=sequence,
+            colour=_photograph(colour, rng),
+            depth=measure_depth(depth, self._stereo, rng),
+            intrinsics=self._intrinsics,
+            q=self._world.state.qpos[self._joints].copy(),
+            T_mount_camera=self.T_mount_camera,
+            label=self.name,
+        )
+
+    def _render(self) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
+        """Ideal colour and z-depth [m]; the far plane counts as nothing seen."""
+        renderer = self._open_renderer()
+        renderer.disable_depth_rendering()
+        renderer.update_scene(self._world.state, camera="camera")
+        colour = renderer.render().copy()
+        renderer.enable_depth_rendering()
+        depth = renderer.render().copy()
+        depth[depth > 5.0] = 0.0
+        return colour, depth
+
+    def _open_renderer(self) -> Any:
+        if self._renderer is None:
+            mujoco = load_mujoco()
+            self._renderer = mujoco.Renderer(self._world.model, self._intrinsics.height, self._intrinsics.width)
+        return self._renderer
+
+
+def _photograph(ideal: NDArray[np.uint8], rng: np.random.Generator) -> NDArray[np.uint8]:
+    """Lens blur, exposure, white balance, and noise that grows with brightness."""
+    colour = cv2.GaussianBlur(ideal, (0, 0), 0.6).astype(np.float32)
+    colour *= np.float32(rng.uniform(0.93, 1.07)) * rng.normal(1.0, 0.012, 3).astype(np.float32)
+    noise = rng.standard_normal(colour.shape, dtype=np.float32)
+    colour += noise * (np.float32(1.2) + np.float32(0.12) * np.sqrt(np.maximum(colour, 0.0)))
+    taken: NDArray[np.uint8] = np.clip(colour + 0.5, 0.0, 255.0).astype(np.uint8)
+    return taken
+
+
+def _set_projection(model: Any, camera: int, intrinsics: Intrinsics) -> None:
+    """The engine's frustum for our pinhole: it measures from the image's edge, we from the first pixel's centre."""
+    size = np.array([intrinsics.width, intrinsics.height])
+    pixel = model.cam_sensorsize[camera] / size
+    model.cam_intrinsic[camera] = [
+        intrinsics.fx * pixel[0],
+        intrinsics.fy * pixel[1],
+        ((size[0] - 1) / 2.0 - intrinsics.cx) * pixel[0],
+        ((size[1] - 1) / 2.0 - intrinsics.cy) * pixel[1],
+    ]
+
+
+def _pose_in_flange(model: Any) -> Float64:
+    """T_tool0_camera, from the robot's sites."""
+    mujoco = load_mujoco()
+    site = model.site("camera")
+    rotation = np.zeros(9)
+    mujoco.mju_quat2Mat(rotation, site.quat)
+    T = np.eye(4)
+    T[:3, :3] = rotation.reshape(3, 3)
+    T[:3, 3] = site.pos
+    return T

@@ -1,0 +1,129 @@
+"""The simulated force/tactile fingers: the pads' contact wrenches at the physics' rate, with a real sensor's errors."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numba
+import numpy as np
+
+from drivers.errors import DeviceLost
+from drivers.interfaces import Float64, ForceSensor, Subscription, WrenchSample
+from drivers.sim.faults import FaultyDevice
+from drivers.sim.scene import PADS, TIMESTEP
+from drivers.sim.world import SimWorld
+
+STALE = 0.05
+"""A stream without a sample for this long is lost [s]."""
+LEVER = 0.01
+"""Torque errors are the force errors at this lever [m]."""
+_NOISE_ROWS = 8192
+
+
+@numba.njit(cache=True)  # type: ignore[untyped-decorator]
+def pad_wrench(contact: Float64, site_position: Float64, site_rotation: Float64, wrench: Float64) -> None:
+    """What the fruit exerts on a pad, in the pad's frame, from the engine's net contact.
+
+    Args:
+        contact: net force [N], torque [N·m] and their point [m] that the pad exerts, shape (9,), in the base frame.
+        site_position: pad frame's origin, shape (3,) [m].
+        site_rotation: its axes as columns, row-major, shape (9,).
+        wrench: result, shape (6,).
+    """
+    fx, fy, fz = -contact[0], -contact[1], -contact[2]
+    px, py, pz = contact[6] - site_position[0], contact[7] - site_position[1], contact[8] - site_position[2]
+    tx = -contact[3] + py * fz - pz * fy
+    ty = -contact[4] + pz * fx - px * fz
+    tz = -contact[5] + px * fy - py * fx
+    for k in range(3):
+        a, b, c = site_rotation[k], site_rotation[3 + k], site_rotation[6 + k]
+        wrench[k] = a * fx + b * fy + c * fz
+        wrench[3 + k] = a * tx + b * ty + c * tz
+
+
+class _Listener:
+    def __init__(self, listener: Callable[[WrenchSample], None], listeners: list[_Listener]) -> None:
+        self.call = listener
+        self._listeners = listeners
+
+    def close(self) -> None:
+        if self in self._listeners:
+            self._listeners.remove(self)
+
+
+class SimFingers(FaultyDevice):
+    """Two pads. Errors: a constant bias per channel, white noise, and the range's end.
+
+    Faults: `lost` (no more samples), `dead_left` (the left finger reads zero), `bias_jump` (1 N more on the left).
+    """
+
+    interfaces = (ForceSensor,)
+    known_faults = ("lost", "dead_left", "bias_jump")
+    rate = 1.0 / TIMESTEP
+
+    def __init__(self, world: SimWorld, noise: float, bias: float, force_range: float) -> None:
+        super().__init__("fingers")
+        self._world, self._range = world, force_range
+        rng = np.random.default_rng([world.seed, 3])
+        scale = np.array([1.0, 1.0, 1.0, LEVER, LEVER, LEVER])
+        offset = rng.uniform(-bias, bias, (2, 6)) * scale
+        # A long ring of noise, indexed by the sample's number: the same whoever listens, and no generator in the loop.
+        self._errors = offset + rng.normal(0.0, noise, (_NOISE_ROWS, 2, 6)) * scale
+        self._contacts = [world.sensor(f"wrench_{pad}") for pad in PADS]
+        sites = [world.model.site(pad).id for pad in PADS]
+        self._positions = [world.state.site_xpos[site] for site in sites]
+        self._rotations = [world.state.site_xmat[site] for site in sites]
+        self._listeners: list[_Listener] = []
+        self._lost: WrenchSample | None = None
+        self._newest: WrenchSample | None = None
+        world.after_step.append(self._stream)
+
+    def latest(self) -> WrenchSample | None:
+        if self.fault == "lost":
+            return self._lost
+        return self._measure()
+
+    def subscribe(self, listener: Callable[[WrenchSample], None]) -> Subscription:
+        entry = _Listener(listener, self._listeners)
+        self._listeners.append(entry)
+        return entry
+
+    def check(self) -> None:
+        if self._lost is not None and self._world.clock.now() - self._lost.stamp > STALE:
+            raise DeviceLost(self.name, f"no sample for {1e3 * (self._world.clock.now() - self._lost.stamp):.0f} ms")
+
+    def inject_fault(self, kind: str) -> None:
+        newest = self._measure()
+        super().inject_fault(kind)
+        self._lost = newest if kind == "lost" else None
+
+    def clear_fault(self) -> None:
+        super().clear_fault()
+        self._lost = None
+
+    def _stream(self) -> None:
+        if self._listeners and self.fault != "lost":
+            sample = self._measure()
+            for entry in tuple(self._listeners):
+                entry.call(sample)
+
+    def _measure(self) -> WrenchSample:
+        sequence = self._world.clock.steps
+        if self._newest is not None and self._newest.sequence == sequence and self.fault is None:
+            return self._newest
+        wrenches = np.empty((2, 6))
+        for i in range(2):
+            pad_wrench(self._contacts[i], self._positions[i], self._rotations[i], wrenches[i])
+        wrenches += self._errors[sequence % _NOISE_ROWS]
+        if self.fault == "dead_left":
+            wrenches[0] = 0.0
+        elif self.fault == "bias_jump":
+            wrenches[0, 2] -= 1.0
+        forces = wrenches[:, :3]
+        beyond = np.abs(forces) >= self._range
+        saturated = (False, False)
+        if beyond.any():
+            np.clip(forces, -self._range, self._range, out=forces)
+            saturated = (bool(beyond[0].any()), bool(beyond[1].any()))
+        self._newest = WrenchSample(sequence * TIMESTEP, sequence, wrenches, saturated)
+        return self._newest

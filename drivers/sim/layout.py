@@ -1,0 +1,144 @@
+"""What stands where in the simulated cell, as the cell file says and the seed draws."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from drivers.cell_file import Settings
+from drivers.interfaces import Float64
+from drivers.sim.fruit_shape import SKINS
+
+FRICTION = (0.7, 0.9)
+"""Sliding friction between pads and skin, drawn for each run."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FruitOnTable:
+    """One fruit: kind, size (d_x, d_y, d_z) [m], mass [kg], place on the table (x, y) [m], yaw and tilt of its stem."""
+
+    name: str
+    model: Path
+    dimensions: Float64
+    mass: float
+    place: int
+    xy: Float64
+    yaw: float
+    tilt: float
+    tilt_azimuth: float
+    skin: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Distractor:
+    """An object that is no fruit: shape box, ball or cylinder, half sizes [m], place (x, y) [m], colour RGB."""
+
+    shape: str
+    size: tuple[float, float, float]
+    xy: Float64
+    yaw: float
+    colour: tuple[float, float, float]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Layout:
+    """The whole table. The first fruit is the target.
+
+    Attributes:
+        robot: MJCF of the robot.
+        table_z: height of the table's surface in the base frame [m].
+        fruits, distractors: what stands on it.
+        friction: sliding friction of the pads.
+        torsion: torsional friction of the pads [m].
+    """
+
+    robot: Path
+    table_z: float
+    fruits: tuple[FruitOnTable, ...]
+    distractors: tuple[Distractor, ...]
+    friction: float
+    torsion: float
+
+
+def read_layout(settings: Settings, seed: int) -> Layout:
+    """Read the `world:` section of a cell file and draw what it leaves to chance.
+
+    Raises:
+        CellFileError: a value is missing or wrong.
+    """
+    rng = np.random.default_rng([seed, 1])
+    kinds = settings.section("fruits")
+    places = settings.section("places")
+    spots = [places.vector(name, 2, "length") for name in places.names()]
+    target = settings.choice("fruit", kinds.names())
+    place = places.names().index(settings.choice("place", places.names()))
+    others = settings.integer("others", 0, 0, len(spots) - 1)
+    free = [i for i in rng.permutation(len(spots)) if i != place][:others]
+    names = [name for name in kinds.names() if name != target] or [target]
+    picked = [target] + [names[i % len(names)] for i in rng.permutation(max(others, len(names)))[:others]]
+    skin = settings.choice("skin", ("any", *SKINS), "any")
+    automatic = settings.text("friction", "auto") == "auto"
+    friction = FRICTION if automatic else settings.span("friction")
+    mass = settings.number("mass", "mass", 0.0, 0.0, 5.0)
+    tilt = settings.number("tilt", "angle", 0.1, 0.0, np.pi)
+    jitter = settings.number("jitter", "length", 0.0, 0.0, 0.05)
+    fruits = []
+    for i, (name, spot) in enumerate(zip(picked, [place, *free], strict=True)):
+        kind = kinds.section(name)
+        drawn_mass = kind.number("mass", "mass", low=1e-3) * rng.uniform(0.95, 1.10)
+        drawn_skin = str(rng.choice(list(SKINS)))
+        model = kind.file("model")
+        if not (model / "fruit.yaml").is_file():
+            raise kind.error(f"{model} holds no fruit.yaml", "model")
+        dimensions = kind.vector("dimensions", 3, "length")
+        kind.finish()
+        fruits.append(
+            FruitOnTable(
+                name=name,
+                model=model,
+                dimensions=dimensions,
+                mass=mass if i == 0 and mass > 0.0 else drawn_mass,
+                place=int(spot) + 1,
+                xy=spots[spot] + rng.uniform(-jitter, jitter, 2),
+                yaw=rng.uniform(-np.pi, np.pi),
+                tilt=rng.uniform(0.0, tilt),
+                tilt_azimuth=rng.uniform(-np.pi, np.pi),
+                skin=skin if i == 0 and skin != "any" else drawn_skin,
+            )
+        )
+    count = settings.integer("distractors", 0, 0, 20)
+    return Layout(
+        robot=settings.file("robot"),
+        table_z=settings.number("table_z", "length"),
+        fruits=tuple(fruits),
+        distractors=_scatter(count, [fruit.xy for fruit in fruits], rng),
+        friction=float(rng.uniform(*friction)),
+        torsion=settings.number("torsion", "length", 0.003, 0.0, 0.1),
+    )
+
+
+def _scatter(count: int, taken: list[Float64], rng: np.random.Generator) -> tuple[Distractor, ...]:
+    """Objects of fruitlike and unfruitlike colours, 150 mm and more away from fruit, the base, and each other."""
+    taken = [*taken, np.zeros(2)]
+    placed: list[Distractor] = []
+    while len(placed) < count:
+        xy = rng.uniform((-0.42, -0.68), (0.42, -0.15))
+        clear = 0.15
+        if all(np.hypot(*(xy - other)) > clear for other in taken):
+            shape = str(rng.choice(["box", "ball", "cylinder"]))
+            half = rng.uniform(0.012, 0.035, 3)
+            fruitlike = rng.random() < 0.5
+            colour = rng.uniform((0.5, 0.05, 0.05), (0.9, 0.6, 0.2)) if fruitlike else rng.uniform(0.05, 0.9, 3)
+            placed.append(
+                Distractor(
+                    shape,
+                    (float(half[0]), float(half[1]), float(half[2])),
+                    xy,
+                    rng.uniform(-np.pi, np.pi),
+                    (float(colour[0]), float(colour[1]), float(colour[2])),
+                )
+            )
+        taken = [*taken, xy] if placed and placed[-1].xy is xy else taken
+    return tuple(placed)

@@ -1,0 +1,101 @@
+"""Following a timed path, with the right to slow down: path time runs at a rate from 0 to 1.
+
+Stopping and pausing bend time, not the path: the rate falls as fast as the joints' acceleration limits allow (the
+path's own accelerations included), eased in and out so that jerk stays bounded.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from drivers.interfaces import ArmLimits, Float64, Trajectory
+
+
+class PathFollower:
+    """The set-point on a trajectory, stepped at a fixed period."""
+
+    def __init__(self, trajectory: Trajectory, limits: ArmLimits, period: float) -> None:
+        self._period, self._limits = period, limits
+        self._duration = trajectory.duration
+        self._q, self._qd, self._qdd = _resample(trajectory, period)
+        self.path_time = 0.0
+        self.rate = 1.0
+        self._rate_change = 0.0
+        self._wanted = 1.0
+
+    @property
+    def progress(self) -> float:
+        return min(self.path_time / self._duration, 1.0)
+
+    @property
+    def finished(self) -> bool:
+        return self.path_time >= self._duration - 1e-9
+
+    @property
+    def at_rest(self) -> bool:
+        return self.finished or self.rate == 0.0
+
+    def slow_down(self) -> None:
+        """Come to rest on the path."""
+        self._wanted = 0.0
+
+    def go_on(self) -> None:
+        """Run the path at its own pace again."""
+        self._wanted = 1.0
+
+    def step(self) -> tuple[Float64, Float64]:
+        """Advance one period; joint positions [rad] and velocities [rad/s] of the set-point."""
+        if self.rate != self._wanted or self._rate_change != 0.0:
+            self._change_rate()
+        self.path_time = min(self.path_time + self.rate * self._period, self._duration)
+        q, qd, _ = self._sample()
+        return q, qd * (0.0 if self.finished else self.rate)
+
+    def _change_rate(self) -> None:
+        _, qd, qdd = self._sample()
+        speed = np.abs(qd)
+        share = speed / self._limits.velocity
+        if float(share.max()) < 1e-3:
+            self.rate, self._rate_change = self._wanted, 0.0
+            return
+        towards = math.copysign(1.0, self._wanted - self.rate)
+        moving = share > 1e-3
+        # qdd rate² + qd change within ± acceleration, joint by joint
+        own = qdd[moving] * self.rate**2 * np.sign(qd[moving]) * towards
+        room = np.maximum(self._limits.acceleration[moving] - own, 0.0) / speed[moving]
+        ease = 0.5 * float((self._limits.jerk[moving] / speed[moving]).min())
+        left = abs(self._wanted - self.rate)
+        change = min(float(room.min()), math.sqrt(2.0 * ease * left), abs(self._rate_change) + ease * self._period)
+        change = max(change, 1e-3)
+        if change * self._period >= left:
+            self.rate, self._rate_change = self._wanted, 0.0
+        else:
+            self._rate_change = towards * change
+            self.rate += self._rate_change * self._period
+
+    def _sample(self) -> tuple[Float64, Float64, Float64]:
+        place = self.path_time / self._period
+        i = min(int(place), len(self._q) - 2)
+        share = place - i
+        return (
+            self._q[i] + share * (self._q[i + 1] - self._q[i]),
+            self._qd[i] + share * (self._qd[i + 1] - self._qd[i]),
+            self._qdd[i] + share * (self._qdd[i + 1] - self._qdd[i]),
+        )
+
+
+def _resample(trajectory: Trajectory, period: float) -> tuple[Float64, Float64, Float64]:
+    """The trajectory at multiples of the period (and once beyond its end), by cubic Hermite interpolation."""
+    t = np.arange(math.ceil(trajectory.duration / period - 1e-9) + 2) * period
+    t = np.minimum(t, trajectory.duration)
+    i = np.clip(np.searchsorted(trajectory.t, t, side="right") - 1, 0, len(trajectory.t) - 2)
+    h = (trajectory.t[i + 1] - trajectory.t[i])[:, None]
+    s = ((t - trajectory.t[i])[:, None]) / h
+    q0, q1, v0, v1 = trajectory.q[i], trajectory.q[i + 1], trajectory.qd[i] * h, trajectory.qd[i + 1] * h
+    a, b = 2.0 * (q0 - q1) + v0 + v1, 3.0 * (q1 - q0) - 2.0 * v0 - v1
+    q = q0 + s * (v0 + s * (b + s * a))
+    qd = (v0 + s * (2.0 * b + s * 3.0 * a)) / h
+    qdd = trajectory.qdd[i] + s * (trajectory.qdd[i + 1] - trajectory.qdd[i])
+    return q, qd, qdd

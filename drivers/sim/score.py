@@ -1,0 +1,240 @@
+"""The world's own account of a run, for reports only: what was lifted, how it slipped, how hard it was pressed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from drivers.interfaces import Float64
+from drivers.sim.scene import PADS, Scene
+
+LIFTED = 0.03
+"""A fruit counts as lifted this far above where it stood [m]."""
+TOUCH = 0.05
+"""A pad holds a fruit when it is pressed by more than this [N]."""
+REST = 3e-3
+"""The tool is at rest below this speed [m/s]."""
+
+
+@dataclass(slots=True)
+class Grip:
+    """One fruit between the pads, from the first touch of both to the loss of one.
+
+    Attributes:
+        T_tool_fruit: pose when the tool began to move; slip is measured against it.
+        point: the fruit's material point between the pads at that time, in its own frame [m].
+        slip: largest motion of that point along the pads [m]; turn: largest rotation against the tool [rad].
+        peak: largest force, summed over both fingers [N].
+        least: largest value of the least force that the contact model needs for the load while the fruit hung free [N].
+        hung: whether the fruit was clear of the table.
+    """
+
+    T_tool_fruit: Float64
+    point: Float64
+    slip: float = 0.0
+    turn: float = 0.0
+    peak: float = 0.0
+    least: float = 0.0
+    hung: bool = False
+
+
+@dataclass(slots=True)
+class FruitRecord:
+    """What happened to one fruit."""
+
+    rest: Float64
+    looked: Float64
+    grip: Grip | None = None
+    last_grip: Grip | None = None
+    drops: int = 0
+    touches: int = 0
+    touching: bool = False
+
+
+@dataclass(slots=True)
+class _Sensors:
+    """Live views of the engine's contact sensors for one fruit."""
+
+    support: Float64
+    robot: Float64
+    pads: tuple[Float64, ...]
+
+
+@dataclass(slots=True)
+class Score:
+    """Watches the state at 100 Hz. Reads the simulator's truth and changes nothing."""
+
+    scene: Scene
+    state: Any
+    _fruits: list[FruitRecord] = field(init=False)
+    _sensors: list[_Sensors] = field(init=False)
+    _hits: dict[str, int] = field(init=False, default_factory=dict)
+    _touching: dict[str, bool] = field(init=False, default_factory=dict)
+    _forbidden: dict[str, Float64] = field(init=False)
+    _wrenches: list[Float64] = field(init=False)
+
+    def __post_init__(self) -> None:
+        count = len(self.scene.fruits)
+        self._fruits = [FruitRecord(self._pose(i), self._pose(i)) for i in range(count)]
+        self._sensors = [
+            _Sensors(
+                self._view(f"support_{i}"),
+                self._view(f"robot_fruit_{i}"),
+                tuple(self._view(f"{pad}_fruit_{i}") for pad in PADS),
+            )
+            for i in range(count)
+        ]
+        names = [self.scene.model.sensor(i).name for i in range(self.scene.model.nsensor)]
+        watched = [n for n in names if n in ("robot_table", "robot_robot") or n.startswith("robot_distractor")]
+        self._forbidden = {name.removeprefix("robot_"): self._view(name) for name in watched}
+        self._wrenches = [self._view(f"wrench_{pad}") for pad in PADS]
+
+    # ------------------------------------------------------------------------------------------- watching
+
+    def watch(self) -> None:
+        """Look at the contacts of this moment."""
+        for name, sensor in self._forbidden.items():
+            touching = sensor[0] > 0.0
+            if touching and not self._touching.get(name, False):
+                self._hits[name] = self._hits.get(name, 0) + 1
+            self._touching[name] = touching
+        for i, (record, sensors) in enumerate(zip(self._fruits, self._sensors, strict=True)):
+            touching = bool(sensors.robot[0] > 0.0)
+            record.touches += touching and not record.touching
+            record.touching = touching
+            if touching or record.grip is not None:
+                self._watch_grip(i, record, sensors)
+
+    def note_look(self) -> None:
+        """A camera looks now."""
+        for i, record in enumerate(self._fruits):
+            record.looked = self._pose(i)
+
+    def _watch_grip(self, i: int, record: FruitRecord, sensors: _Sensors) -> None:
+        forces = [float(np.linalg.norm(pad[1:4])) for pad in sensors.pads]
+        held = min(forces) > TOUCH
+        if not held:
+            if record.grip is not None:
+                record.last_grip, record.grip = record.grip, None
+                record.drops += bool(record.last_grip.hung and sensors.support[0] == 0.0)
+            return
+        T_base_tool, T_base_fruit = self._tool(), self._pose(i)
+        supported = bool(sensors.support[0] > 0.0)
+        if record.grip is None:
+            record.grip = self._take_hold(T_base_tool, T_base_fruit)
+        grip = record.grip
+        grip.peak = max(grip.peak, sum(forces))
+        if supported and not grip.hung and self._tool_speed() < REST:
+            fresh = self._take_hold(T_base_tool, T_base_fruit)
+            grip.T_tool_fruit, grip.point = fresh.T_tool_fruit, fresh.point
+            return
+        self._measure_slip(grip, np.linalg.inv(T_base_tool) @ T_base_fruit)
+        if not supported:
+            grip.hung = True
+            grip.least = max(grip.least, self._least_force())
+
+    def _take_hold(self, T_base_tool: Float64, T_base_fruit: Float64) -> Grip:
+        T_tool_fruit = np.linalg.inv(T_base_tool) @ T_base_fruit
+        tcp = self.scene.model.site("tcp").pos
+        return Grip(T_tool_fruit, T_tool_fruit[:3, :3].T @ (tcp - T_tool_fruit[:3, 3]))
+
+    def _measure_slip(self, grip: Grip, T_tool_fruit: Float64) -> None:
+        """Motion of the held point in the pads' plane (x and z of the tool); across it the soft pads only give."""
+        before = grip.T_tool_fruit[:3, :3] @ grip.point + grip.T_tool_fruit[:3, 3]
+        now = T_tool_fruit[:3, :3] @ grip.point + T_tool_fruit[:3, 3]
+        grip.slip = max(grip.slip, float(np.hypot(now[0] - before[0], now[2] - before[2])))
+        cosine = (np.trace(T_tool_fruit[:3, :3].T @ grip.T_tool_fruit[:3, :3]) - 1.0) / 2.0
+        grip.turn = max(grip.turn, float(np.arccos(np.clip(cosine, -1.0, 1.0))))
+
+    def _least_force(self) -> float:
+        """Force of both fingers at which the ellipsoidal limit surface of the contact model just holds this load [N].
+
+        The load is what both pads carry along their faces: it is shared evenly, as it would be at the limit.
+        """
+        shear, twist = np.zeros(3), 0.0
+        for pad, wrench in zip(PADS, self._wrenches, strict=True):
+            rotation = self.state.site(pad).xmat.reshape(3, 3)
+            normal = rotation[:, 2]
+            force = wrench[:3]
+            shear += force - normal * (normal @ force)
+            lever = wrench[6:9] - self.state.site(pad).xpos
+            twist += abs(float(normal @ (wrench[3:6] + np.cross(lever, force))))
+        friction, torsion = self.scene.friction, self.scene.torsion
+        return float(np.hypot(np.linalg.norm(shear) / friction, twist / torsion))
+
+    # ------------------------------------------------------------------------------------------ reporting
+
+    def report(self) -> dict[str, object]:
+        """The score as plain values; of the fruit that was lifted or gripped last, else of the target."""
+        index = self._judged()
+        fruit, record = self.scene.fruits[index], self._fruits[index]
+        pose = self._pose(index)
+        grip = record.grip or record.last_grip
+        risen = float(pose[2, 3] - record.rest[2, 3])
+        others = {
+            f"{self.scene.fruits[i].name}": other.touches
+            for i, other in enumerate(self._fruits)
+            if i != index and other.touches
+        }
+        hits = self._hits | others
+        return {
+            "lifted": bool(risen > LIFTED and record.grip is not None),
+            "fruit": fruit.name,
+            "place": fruit.place,
+            "target": self.scene.fruits[0].name,
+            "height_gained_m": risen,
+            "slip_mm": 1e3 * grip.slip if grip else None,
+            "rotation_deg": float(np.degrees(grip.turn)) if grip else None,
+            "peak_force_n": grip.peak if grip else None,
+            "least_force_n": grip.least if grip and grip.hung else None,
+            "drops": sum(each.drops for each in self._fruits),
+            "collisions": sum(hits.values()),
+            "collided_with": sorted(hits),
+            "dimensions_m": [float(d) for d in fruit.dimensions],
+            "mass_kg": fruit.mass,
+            "friction": self.scene.friction,
+            "torsion_m": self.scene.torsion,
+            "T_base_fruit": pose.tolist(),
+            "T_base_fruit_at_look": record.looked.tolist(),
+            "fruits": [
+                {
+                    "name": each.name,
+                    "place": each.place,
+                    "dimensions_m": [float(d) for d in each.dimensions],
+                    "T_base_fruit_at_look": self._fruits[i].looked.tolist(),
+                }
+                for i, each in enumerate(self.scene.fruits)
+            ],
+        }
+
+    def _judged(self) -> int:
+        for i, record in enumerate(self._fruits):
+            if record.grip is not None:
+                return i
+        gripped = [i for i, record in enumerate(self._fruits) if record.last_grip is not None]
+        return gripped[0] if gripped else 0
+
+    def _pose(self, i: int) -> Float64:
+        body = self.state.body(f"fruit_{i}")
+        return _pose(body.xpos, body.xmat)
+
+    def _tool(self) -> Float64:
+        body = self.state.body("tool0")
+        return _pose(body.xpos, body.xmat)
+
+    def _tool_speed(self) -> float:
+        return float(np.linalg.norm(self.state.body("tool0").cvel[3:]))
+
+    def _view(self, name: str) -> Float64:
+        sensor = self.scene.model.sensor(name)
+        view: Float64 = self.state.sensordata[sensor.adr[0] : sensor.adr[0] + sensor.dim[0]]
+        return view
+
+
+def _pose(position: Float64, rotation: Float64) -> Float64:
+    T = np.eye(4)
+    T[:3, :3] = rotation.reshape(3, 3)
+    T[:3, 3] = position
+    return T

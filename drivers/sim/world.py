@@ -1,0 +1,104 @@
+"""The simulated world: physics stepped by its clock, with hooks for the devices that live in it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from drivers.device import Device
+from drivers.interfaces import Float64
+from drivers.sim.gl import load_mujoco
+from drivers.sim.scene import TIMESTEP, Scene
+from drivers.sim.score import Score
+
+SETTLING = 1.0
+"""Time for what was put on the table to come to rest before the run starts [s]."""
+
+
+class SimClock:
+    """The world's time: it stands still unless it is advanced."""
+
+    simulated = True
+
+    def __init__(self, step: Callable[[], None]) -> None:
+        self._step = step
+        self._owed = 0.0
+        self.steps = 0
+
+    def now(self) -> float:
+        return self.steps * TIMESTEP
+
+    def advance(self, duration: float) -> None:
+        """Step the world; what is shorter than a step is kept for the next call."""
+        self._owed += max(duration, 0.0)
+        count = int(self._owed / TIMESTEP + 1e-6)
+        self._owed -= count * TIMESTEP
+        for _ in range(count):
+            self._step()
+
+
+class SimWorld(Device):
+    """MuJoCo's model and state, the clock that steps them, and the score that only reports read.
+
+    Attributes:
+        description: the robot's file.
+        before_step, after_step: hooks of the devices, called in order around every physics step.
+        looked: called by cameras at every exposure.
+    """
+
+    def __init__(self, scene: Scene, description: Path, q_start: Float64, seed: int) -> None:
+        super().__init__("world")
+        self._mujoco = load_mujoco()
+        self.scene, self.description, self.seed = scene, description, seed
+        self.model: Any = scene.model
+        self.state: Any = self._mujoco.MjData(self.model)
+        self.before_step: list[Callable[[], None]] = []
+        self.after_step: list[Callable[[], None]] = []
+        self.arm_actuators = np.array([i for i in range(self.model.nu) if self.model.actuator(i).name != "gripper"])
+        self.arm_joints = self.model.actuator_trnid[self.arm_actuators, 0]
+        self._place_robot(q_start)
+        self._settle()
+        self.clock = SimClock(self._advance_one_step)
+        self.score = Score(scene, self.state)
+
+    def truth(self) -> Mapping[str, object]:
+        """The world's own score; see `score.Score.report`."""
+        return self.score.report()
+
+    def looked(self) -> None:
+        """A camera looks now: remember where the fruit truly is."""
+        self.score.note_look()
+
+    def sensor(self, name: str) -> Float64:
+        """A live view of a sensor's numbers."""
+        sensor = self.model.sensor(name)
+        view: Float64 = self.state.sensordata[sensor.adr[0] : sensor.adr[0] + sensor.dim[0]]
+        return view
+
+    def _place_robot(self, q_start: Float64) -> None:
+        """Arm at its start, fingers three quarters open."""
+        addresses = self.model.jnt_qposadr[self.arm_joints]
+        self.state.qpos[addresses] = q_start
+        self.state.ctrl[self.arm_actuators] = q_start
+        opening = 0.75 * self.model.joint("finger_left").range[1]
+        for finger in ("finger_left", "finger_right"):
+            self.state.joint(finger).qpos[0] = opening
+        self.state.act[:] = opening
+
+    def _settle(self) -> None:
+        for _ in range(round(SETTLING / TIMESTEP)):
+            self._mujoco.mj_step(self.model, self.state)
+        self.state.time = 0.0
+
+    def _advance_one_step(self) -> None:
+        for hook in self.before_step:
+            hook()
+        self._mujoco.mj_step(self.model, self.state)
+        self.clock.steps += 1
+        for hook in self.after_step:
+            hook()
+        if self.clock.steps % 5 == 0:
+            self.score.watch()
