@@ -64,12 +64,12 @@ def _serve(connection: Connection) -> None:
 
 
 class Worker:
-    """One spawned process that computes one thing at a time."""
+    """One spawned process that computes one thing at a time. A daemon may not have processes of its own."""
 
-    def __init__(self) -> None:
+    def __init__(self, daemon: bool = True) -> None:
         spawn = multiprocessing.get_context("spawn")
         self.connection, there = spawn.Pipe()
-        self.process = spawn.Process(target=_serve, args=(there,), daemon=True, name="pomona-worker")
+        self.process = spawn.Process(target=_serve, args=(there,), daemon=daemon, name="pomona-worker")
         self.process.start()
         there.close()
 

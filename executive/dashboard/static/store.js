@@ -1,0 +1,117 @@
+// The state of a run as its messages tell it. Live and recorded runs feed the same function, so a page can show any moment.
+
+export const STATUS = {
+  SUCCESS: { icon: "✓", word: "success", rank: "good" },
+  FAILURE: { icon: "✗", word: "failure", rank: "bad" },
+  RUNNING: { icon: "▶", word: "running", rank: "busy" },
+  INVALID: { icon: "·", word: "idle", rank: "idle" },
+};
+
+export function emptyState() {
+  return {
+    t: 0, tick: 0, seq: 0, run: null, nodes: [], byPath: new Map(), state: "idle", because: "",
+    node: new Map(), attempts: new Map(), ports: new Map(), images: new Map(), scenes: new Map(),
+    series: new Map(), tables: new Map(), spans: [], marks: [], links: new Map(), failures: [], acts: [], ended: null,
+    safeStop: null,
+  };
+}
+
+export function apply(s, m) {
+  if (m.seq) s.seq = Math.max(s.seq, m.seq);
+  if (typeof m.t === "number") s.t = Math.max(s.t, m.t);
+  if (typeof m.tick === "number") s.tick = m.tick;
+  const handler = HANDLERS[m.event];
+  if (handler) handler(s, m);
+  return s;
+}
+
+const HANDLERS = {
+  RunStarted(s, m) {
+    Object.assign(s, emptyState(), { run: m, seq: m.seq });
+    s.nodes = m.nodes;
+    const parents = new Set(m.nodes.map((n) => n.parent));
+    for (const n of m.nodes) s.byPath.set(n.path, { ...n, leaf: !parents.has(n.path) });
+  },
+  StateChanged(s, m) {
+    s.state = m.state;
+    s.because = m.because;
+    s.marks.push({ t: m.t, kind: "state", text: `${m.state}: ${m.because}` });
+  },
+  NodeChanged(s, m) {
+    const before = s.node.get(m.path) ?? { status: "INVALID", history: [], since: m.t };
+    const changed = before.status !== m.status || before.starts !== m.starts;
+    const node = { ...before, status: m.status, feedback: m.feedback, starts: m.starts, tick: m.tick, reason: m.reason };
+    const leaf = s.byPath.get(m.path)?.leaf;
+    if (changed) {
+      node.since = m.t;
+      node.history = [...before.history.slice(-19), { t: m.t, status: m.status, reason: m.reason }];
+      if (m.status === "RUNNING" || (before.status !== "RUNNING" && m.status !== "INVALID")) {
+        if (leaf) s.spans.push({ path: m.path, start: m.t, end: null, status: "RUNNING" });
+      }
+      if (m.status !== "RUNNING") {
+        for (let i = s.spans.length - 1; i >= 0; i--) {
+          if (s.spans[i].path === m.path && s.spans[i].end === null) {
+            s.spans[i].end = m.t;
+            s.spans[i].status = m.status;
+            break;
+          }
+        }
+      }
+      if (m.status === "FAILURE" && m.reason && leaf) {
+        s.failures.push({ t: m.t, path: m.path, reason: m.reason, next: null });
+        s.marks.push({ t: m.t, kind: "failure", text: `${m.reason.code}: ${m.reason.message}` });
+      } else if (m.status === "RUNNING" && leaf) {
+        const last = s.failures[s.failures.length - 1];
+        if (last && !last.next && m.path !== last.path) last.next = m.path;
+      }
+    }
+    s.node.set(m.path, node);
+  },
+  AttemptEnded(s, m) {
+    const list = s.attempts.get(m.path) ?? [];
+    s.attempts.set(m.path, [...(m.number === 1 ? [] : list), m]);
+    s.marks.push({ t: m.t, kind: m.succeeded ? "good" : "bad", text: `attempt ${m.number} of ${m.of}` });
+  },
+  PortWritten(s, m) {
+    s.ports.set(m.key, { value: m.value, writer: m.writer, t: m.t, sentence: m.sentence });
+  },
+  Published(s, m) {
+    const type = m.value?.type;
+    if (type === "ImageView") s.images.set(m.topic, { ...m.value, t: m.t });
+    else if (type === "SceneView") s.scenes.set(m.topic, { ...m.value, t: m.t });
+    else if (type === "TableView") s.tables.set(m.topic, m.value);
+    else if (type === "SeriesView") {
+      const have = s.series.get(m.topic) ?? { t: [], values: {}, thresholds: {}, last: 0 };
+      const n = have.t.length;
+      have.t.push(...m.value.t);
+      for (const [name, values] of Object.entries(m.value.values)) {
+        have.values[name] ??= new Array(n).fill(null);
+        have.values[name].push(...values);
+      }
+      for (const values of Object.values(have.values)) while (values.length < have.t.length) values.push(null);
+      have.thresholds = m.value.thresholds;
+      have.last = m.t;
+      s.series.set(m.topic, have);
+    }
+  },
+  LinkChanged(s, m) {
+    s.links.set(m.device, m.state);
+    if (m.state !== "ok") s.marks.push({ t: m.t, kind: "bad", text: `${m.device}: ${m.state}` });
+  },
+  OperatorActed(s, m) {
+    s.acts.push(m);
+    s.marks.push({ t: m.t, kind: "act", text: `${m.who}: ${m.action} ${m.detail}` });
+  },
+  SafeStopped(s, m) {
+    s.safeStop = m.reason;
+    s.marks.push({ t: m.t, kind: "bad", text: `safe stop: ${m.reason}` });
+  },
+  RunEnded(s, m) {
+    s.ended = m;
+    for (const span of s.spans) if (span.end === null) span.end = m.t;
+  },
+};
+
+export function leavesOf(reason) {
+  return reason.causes?.length ? reason.causes.flatMap(leavesOf) : [reason];
+}

@@ -1,0 +1,129 @@
+// The behaviour tree as rows: one row a node, updated in place so that a thousand nodes stay smooth.
+import { $, h, seconds } from "./dom.js";
+import { STATUS } from "./store.js";
+
+export class TreeView {
+  constructor(onSelect, onBreak) {
+    this.root = $("tree");
+    this.rows = new Map();
+    this.closed = new Set();
+    this.selected = null;
+    this.onSelect = onSelect;
+    this.onBreak = onBreak;
+    this.breaks = new Set();
+    this.shown = null;
+    this.lastRunning = null;
+    $("search").addEventListener("input", () => this.filter());
+    $("expand").addEventListener("click", () => { this.closed.clear(); this.filter(); });
+    $("collapse").addEventListener("click", () => this.collapseDone());
+    this.root.addEventListener("keydown", (event) => this.key(event));
+  }
+
+  build(state) {
+    this.rows.clear();
+    this.closed.clear();
+    this.state = state;
+    this.shown = state.run;
+    const depth = new Map();
+    const children = state.nodes.map((node) => {
+      const level = node.parent === null || node.parent === undefined ? 0 : (depth.get(node.parent) ?? 0) + 1;
+      depth.set(node.path, level);
+      const inner = state.nodes.some((other) => other.parent === node.path);
+      const icon = h("span", { class: "icon" });
+      const detail = h("span", { class: "detail" });
+      const attempt = h("span", { class: "attempt" });
+      const time = h("span", { class: "time" });
+      const fold = h("button", { class: "fold", tabindex: "-1", "aria-label": "fold", onclick: (e) => { e.stopPropagation(); this.toggle(node.path); } }, inner ? "▾" : "");
+      const row = h("div", { class: "row", role: "treeitem", "data-path": node.path, "aria-level": level + 1, title: node.description || node.comment || node.kind, onclick: () => this.select(node.path) },
+        fold, icon, h("span", { class: "name" }, node.name), h("span", { class: "type" }, node.kind === node.name ? "" : node.kind), attempt, detail, time);
+      row.style.setProperty("--level", level);
+      this.rows.set(node.path, { node, row, icon, detail, attempt, time, fold, text: node.name.toLowerCase(), last: "" });
+      return row;
+    });
+    this.root.replaceChildren(...children);
+    this.filter();
+  }
+
+  update(state) {
+    if (this.shown !== state.run) { if (state.run) this.build(state); else return; }
+    this.state = state;
+    let running = null;
+    for (const [path, row] of this.rows) {
+      const node = state.node.get(path);
+      const status = node?.status ?? "INVALID";
+      const { icon, word, rank } = STATUS[status];
+      const fresh = node && node.tick === state.tick && status !== "INVALID";
+      if (status === "RUNNING" && state.byPath.get(path).leaf) running = path;
+      const attempts = state.attempts.get(path);
+      const n = attempts?.length ? `${attempts.at(-1).number} of ${attempts.at(-1).of}` : "";
+      const age = node && status === "RUNNING" ? seconds(Math.max(0, state.t - node.since)) : duration(node);
+      const signature = `${status}|${fresh}|${node?.feedback}|${n}|${age}|${this.breaks.has(path)}`;
+      if (signature === row.last) continue;
+      row.last = signature;
+      row.row.className = `row ${rank}${fresh ? " fresh" : ""}${path === this.selected ? " selected" : ""}${this.breaks.has(path) ? " breakpoint" : ""}${row.hidden ? " hidden" : ""}`;
+      row.icon.textContent = icon;
+      row.icon.setAttribute("aria-label", word);
+      row.detail.textContent = node?.feedback ?? "";
+      row.attempt.textContent = n ? `attempt ${n}` : "";
+      row.time.textContent = age;
+    }
+    if (running && running !== this.lastRunning && $("follow").checked) {
+      this.rows.get(running).row.scrollIntoView({ block: "nearest" });
+    }
+    this.lastRunning = running;
+  }
+
+  select(path) {
+    if (this.selected && this.rows.has(this.selected)) this.rows.get(this.selected).row.classList.remove("selected");
+    this.selected = path;
+    const row = this.rows.get(path);
+    if (row) { row.row.classList.add("selected"); row.last = ""; row.row.scrollIntoView({ block: "nearest" }); }
+    this.onSelect(path);
+  }
+
+  toggle(path) {
+    if (this.closed.has(path)) this.closed.delete(path); else this.closed.add(path);
+    this.filter();
+  }
+
+  collapseDone() {
+    for (const [path, row] of this.rows) {
+      const status = this.state?.node.get(path)?.status;
+      if (row.fold.textContent && status === "SUCCESS") this.closed.add(path);
+    }
+    this.filter();
+  }
+
+  filter() {
+    const wanted = $("search").value.trim().toLowerCase();
+    const hiddenBelow = new Set();
+    for (const [path, row] of this.rows) {
+      const parent = row.node.parent;
+      const folded = parent !== null && parent !== undefined && (hiddenBelow.has(parent) || this.closed.has(parent));
+      if (folded) hiddenBelow.add(path);
+      row.hidden = wanted ? !row.text.includes(wanted) : folded;
+      row.row.classList.toggle("hidden", row.hidden);
+      row.fold.textContent = row.fold.textContent && (this.closed.has(path) ? "▸" : "▾");
+    }
+  }
+
+  key(event) {
+    const visible = [...this.rows.entries()].filter(([, row]) => !row.hidden).map(([path]) => path);
+    const index = visible.indexOf(this.selected);
+    if (event.key === "ArrowDown") this.select(visible[Math.min(index + 1, visible.length - 1)]);
+    else if (event.key === "ArrowUp") this.select(visible[Math.max(index - 1, 0)]);
+    else if (event.key === "ArrowLeft" && this.selected) { this.closed.add(this.selected); this.filter(); }
+    else if (event.key === "ArrowRight" && this.selected) { this.closed.delete(this.selected); this.filter(); }
+    else if (event.key === "b" && this.selected) this.onBreak(this.selected);
+    else return;
+    event.preventDefault();
+  }
+}
+
+function duration(node) {
+  const history = node?.history ?? [];
+  for (let i = history.length - 1; i > 0; i--) {
+    if (history[i].status !== "RUNNING" && history[i - 1].status === "RUNNING") return seconds(history[i].t - history[i - 1].t);
+  }
+  return "";
+}
