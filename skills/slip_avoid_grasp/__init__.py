@@ -1,0 +1,1 @@
+"""SlipAvoidGrasp: the least force that holds, with no knowledge of the weight."""

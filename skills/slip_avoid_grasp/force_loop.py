@@ -1,0 +1,76 @@
+"""Force loop: the speed of the fingers that brings the measured grasp force to its reference.
+
+    v = -(c (φ⁻¹(f_ref) - φ⁻¹(f)) + d/dt φ⁻¹(f_ref)),   φ⁻¹(f) = f / s1   or   sqrt(f / s2)
+
+φ⁻¹(f) is how far the opening has closed on the pads under the grasp force f. The fingers' position integrates the
+speed, so a constant reference is reached without droop; the reference's own rate is fed forward, so a rising one is
+tracked without lag.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+
+@dataclass(frozen=True, slots=True)
+class PadStiffness:
+    """How the grasp force (both fingers) rises as the opening closes on the fruit.
+
+    Attributes:
+        linear: s1 [N/m]; of the opening, so two pads in series count.
+        quadratic: s2 [N/m²] for pads that stiffen, f = s2 x²; 0 for linear ones.
+    """
+
+    linear: float = 2000.0
+    quadratic: float = 0.0
+
+    def pressed(self, f_n: float) -> float:
+        """φ⁻¹: how far the opening has closed under a grasp force [m]."""
+        return math.sqrt(max(f_n, 0.0) / self.quadratic) if self.quadratic else f_n / self.linear
+
+    def slope(self, f_n: float) -> float:
+        """Grasp force per metre of closing at a grasp force [N/m]."""
+        return 2.0 * math.sqrt(self.quadratic * max(f_n, 0.1)) if self.quadratic else self.linear
+
+
+@dataclass(frozen=True, slots=True)
+class ForceLoopSettings:
+    """Gain and limits of the force loop.
+
+    Attributes:
+        gain: c [1/s].
+        stiffness: of the pads.
+        max_force: largest grasp force [N].
+        closing_speed, opening_speed: bounds of the opening's rate, both positive [m/s].
+    """
+
+    gain: float = 20.0
+    stiffness: PadStiffness = field(default_factory=PadStiffness)
+    max_force: float = 16.0
+    closing_speed: float = 0.08
+    opening_speed: float = 0.004
+
+
+def finger_speed(f_ref: float, f_ref_rate: float, f_n: float, settings: ForceLoopSettings) -> float:
+    """Rate of the opening to command [m/s]; negative closes.
+
+    Args:
+        f_ref, f_ref_rate: reference of the grasp force [N] and its rate [N/s].
+        f_n: measured grasp force [N].
+        settings: gain and limits.
+
+    Returns:
+        0.0 for anything that is not finite, and when the force is beyond twice the limit and would be raised further.
+    """
+    if not (math.isfinite(f_ref) and math.isfinite(f_ref_rate) and math.isfinite(f_n)):
+        return 0.0
+    f_n = abs(f_n)
+    if f_n > settings.max_force or f_ref > settings.max_force:
+        f_ref, f_ref_rate = min(f_ref, settings.max_force), min(f_ref_rate, 0.0)
+    if f_n > 2.0 * settings.max_force and f_ref > f_n:
+        return 0.0
+    pads = settings.stiffness
+    error = pads.pressed(f_ref) - pads.pressed(f_n)
+    closing = settings.gain * error + f_ref_rate / pads.slope(f_n)
+    return min(max(-closing, -settings.closing_speed), settings.opening_speed)

@@ -1,0 +1,88 @@
+"""The words of a grip: phase, reading, problem, and the samples that people look at."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+
+import numpy as np
+from numpy.typing import NDArray
+
+Float64 = NDArray[np.float64]
+
+
+class GripPhase(Enum):
+    """Where a grip stands. Values are for people."""
+
+    BIAS = "taking the bias"
+    CLOSING = "closing"
+    RAMP = "raising the force"
+    HOLDING = "holding"
+    PIVOTING = "pivoting"
+    FAILED = "failed"
+    ENDED = "ended"
+
+
+@dataclass(frozen=True, slots=True)
+class GripProblem:
+    """What is wrong with a grip.
+
+    Attributes:
+        code: NO_CONTACT, ONE_FINGER, OUT_OF_STROKE, FORCE_LIMIT, SENSOR_STALE, SENSOR_SATURATED, SLIPPED or LOST.
+        message: a sentence for a person.
+        stamp: when it was seen, on the cell's clock [s].
+        data: numbers behind the sentence.
+    """
+
+    code: str
+    message: str
+    stamp: float
+    data: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class GripReading:
+    """The grip after the newest sample.
+
+    Attributes:
+        stamp: of the sample [s].
+        phase: where the grip stands.
+        f_n: measured grasp force, 2 * min over the fingers [N].
+        finger_forces: pressing force of each finger [N].
+        f_ref: grasp force that the force loop tracks [N].
+        f_least: least grasp force that holds the measured load, without margin [N].
+        f_t, tau_n: tangential load [N] and torsional load [N·m] of both fingers together.
+        slip_speed: estimated speed of the fruit along the pads [m/s].
+        slip: estimated slip since the grip holds [m].
+        width: opening between the pads' faces [m].
+        speed: commanded rate of the opening [m/s]; negative closes.
+        saturated: a channel of a finger is at the end of its range.
+    """
+
+    stamp: float
+    phase: GripPhase
+    f_n: float
+    finger_forces: tuple[float, float]
+    f_ref: float
+    f_least: float
+    f_t: float
+    tau_n: float
+    slip_speed: float
+    slip: float
+    width: float
+    speed: float
+    saturated: bool
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class GripSamples:
+    """Samples of a grip over time, each of shape (n,); units as in `GripReading`."""
+
+    t: Float64
+    f_n: Float64
+    f_ref: Float64
+    f_least: Float64
+    f_t: Float64
+    slip_speed: Float64
+    width: Float64

@@ -1,0 +1,184 @@
+"""What the fingers say about the grasp: loads, the least force that holds them, and the estimated slip.
+
+Bias, filters, limit surface, observer and dynamic term in one compiled step per sample.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from skills.slip_avoid_grasp.dynamic_term import DynamicSettings, answer_slip
+from skills.slip_avoid_grasp.grip import Float64
+from skills.slip_avoid_grasp.limit_surface import SoftContact, least_force_of_finger, surface_table
+from skills.slip_avoid_grasp.observer import STEP, ObserverSettings, observe
+from skills.slip_avoid_grasp.pads import loads_of_finger, smooth
+
+FAST, SLOW = 0.004, 0.025
+"""Time constants of the filters [s]."""
+
+NOISE_SHARE = 3.5
+"""The fast filter counts where it differs from the slow one by so many of its standard deviations."""
+
+FARTHEST_CENTRE = 0.02
+"""The centre of rotation is taken to be at most so far away [m]; a fruit that only translates has it at infinity."""
+
+CENTRE_LAG = 0.1
+"""Time constant with which the estimated centre of rotation moves [s]."""
+
+JUMP = 0.4
+"""A force that changes on one finger alone by so much more than noise within a few milliseconds is no load [N]."""
+
+_MEMORY = 6  # omega, z, integral of C_d, omega before, centre, warm
+_SENSED = 13
+
+
+@njit(cache=True)
+def _sense(  # type: ignore[no-untyped-def]
+    raw, periods, bias, noise, fast, slow, smoothed, fast_share, slow_share, centre_share, contact, f, tau, load,
+    observer, dynamic, memory, sensed,
+):  # fmt: skip
+    mu, torsion, gamma, delta, ellipsoid = contact
+    sigma0, beta, inertia, mass, offset, gain = observer
+    kp, ki, kdc, bound = dynamic
+    for _ in range(periods):
+        smooth(raw, bias, noise, fast, slow, smoothed, fast_share, slow_share)
+    least = 0.0
+    coulomb = 0.0
+    centre = 0.0
+    g_torque = 0.0
+    g_force = 0.0
+    y_torque = 0.0
+    y_force = 0.0
+    across_x = 0.0
+    across_y = 0.0
+    for i in range(2):
+        f_n, f_x, f_y, tau_n = loads_of_finger(smoothed[i], i == 1)
+        f_t = math.hypot(f_x, f_y)
+        needed, s = least_force_of_finger(f_t, tau_n, mu, torsion, gamma, f, tau, load)
+        least += needed
+        coulomb += f_t / mu
+        pressing = max(f_n, 0.05)
+        u = s * (f.size - 1)
+        j = min(int(u), f.size - 2)
+        f_tilde = f[j] + (u - j) * (f[j + 1] - f[j])
+        tau_tilde = tau[j] + (u - j) * (tau[j + 1] - tau[j])
+        if s >= 1.0:
+            c = FARTHEST_CENTRE
+        elif ellipsoid > 0.0:
+            c = torsion * pressing**gamma / mu * math.tan(0.5 * math.pi * s)
+        else:
+            c = delta * pressing**gamma * s / (1.0 - s)
+        centre += 0.5 * min(c, FARTHEST_CENTRE)
+        g_torque += torsion * pressing ** (gamma + 1.0) * tau_tilde
+        g_force += mu * pressing * f_tilde
+        y_torque += abs(tau_n)
+        y_force += f_t
+        across_x += f_x
+        across_y += f_y
+        sensed[i] = f_n
+        sensed[2 + i] = tau_n
+    omega, z, integral, before, c, warm = memory[0], memory[1], memory[2], memory[3], memory[4], memory[5]
+    if warm == 0.0:
+        c = centre
+    else:
+        c += min(periods * centre_share, 1.0) * (centre - c)
+    y = y_torque + c * y_force
+    g = g_torque + c * g_force
+    if warm == 0.0:
+        omega, z, integral, before = 0.0, y / sigma0, 0.0, 0.0
+    J = inertia + mass * (c + offset) ** 2
+    f_nd = 0.0
+    for _ in range(periods * 4):
+        omega, z = observe(omega, z, y, g, J, sigma0, beta, gain)
+        integral, f_nd = answer_slip(integral, before, omega, kp, ki, kdc, bound)
+        before = omega
+    memory[0], memory[1], memory[2], memory[3], memory[4], memory[5] = omega, z, integral, before, c, 1.0
+    sensed[4] = least
+    sensed[5] = coulomb
+    sensed[6] = f_nd
+    sensed[7] = omega
+    sensed[8] = c
+    sensed[9] = math.hypot(across_x, across_y)
+    sensed[10] = y
+    sensed[11] = g
+    sensed[12] = 0.0
+    for j in range(3):
+        sign = 1.0 if j != 1 else -1.0
+        apart = (fast[0, j] - slow[0, j]) - sign * (fast[1, j] - slow[1, j])
+        sensed[12] = max(sensed[12], abs(apart) - noise[0, j] - noise[1, j])
+
+
+class SlipSense:
+    """Senses loads and slip, sample by sample. Usable alone: `settle` the bias, then `advance` with raw wrenches.
+
+    After `advance`: `fingers` (pressing forces, shape (2,) [N]), `f_n` (grasp force [N]), `least` (least grasp force by
+    the limit surface, without margin [N]), `coulomb` (the same by Coulomb's law), `f_nd` (dynamic term [N]), `omega`
+    (estimated slip velocity [rad/s]), `centre` (its distance from the contact [m]), `f_t` [N] and `tau_n` [N·m] of both
+    fingers together.
+    """
+
+    def __init__(
+        self, contact: SoftContact, observer: ObserverSettings, dynamic: DynamicSettings, rate: float = 500.0
+    ) -> None:
+        if round(1.0 / (rate * STEP)) != 4:
+            raise ValueError(f"the observer's step fits a sensor of 500 Hz, not one of {rate:g} Hz")
+        table = surface_table(contact)
+        self._table = (table.f, table.tau, table.load)
+        self._contact = (contact.mu, contact.torsion, contact.gamma, contact.delta, float(contact.ellipsoid))
+        self._observer = (
+            observer.sigma0, observer.beta, observer.inertia, observer.mass, observer.offset, observer.gain
+        )  # fmt: skip
+        self._dynamic = (dynamic.kp, dynamic.ki, dynamic.kdc, dynamic.bound)
+        self._shares = tuple(1.0 - math.exp(-1.0 / (rate * lag)) for lag in (FAST, SLOW, CENTRE_LAG))
+        self._bias, self._noise = np.zeros((2, 6)), np.zeros((2, 6))
+        self._fast, self._slow, self._smoothed = np.zeros((2, 6)), np.zeros((2, 6)), np.zeros((2, 6))
+        self._memory, self._sensed = np.zeros(_MEMORY), np.zeros(_SENSED)
+        self._disagreement = 0.0
+        self.f_n = self.least = self.coulomb = self.f_nd = self.omega = self.centre = self.f_t = self.tau_n = 0.0
+
+    @property
+    def fingers(self) -> tuple[float, float]:
+        return float(self._sensed[0]), float(self._sensed[1])
+
+    @property
+    def one_sided_jump(self) -> bool:
+        """Whether one finger's force has just jumped and the other's has not: no fruit does that."""
+        return bool(self._sensed[12] > JUMP)
+
+    @property
+    def noise(self) -> Float64:
+        """Jumps below this are taken for noise, shape (2, 6) [N, N·m]."""
+        return self._noise
+
+    def settle(self, samples: Float64) -> None:
+        """Take the bias, and how noisy the fingers are, from samples with nothing touching, shape (n, 2, 6)."""
+        self._bias[:] = samples.mean(axis=0)
+        fast_share = self._shares[0]
+        self._noise[:] = NOISE_SHARE * samples.std(axis=0) * math.sqrt(fast_share / (2.0 - fast_share))
+        self._disagreement = float(np.hypot(self._noise[0, 2], self._noise[1, 2]))
+        for state in (self._fast, self._slow, self._smoothed, self._memory):
+            state[:] = 0.0
+
+    def start_observer(self) -> None:
+        """Start the observer at rest under the load that the next sample shows."""
+        self._memory[5] = 0.0
+
+    def advance(self, raw: Float64, periods: int = 1) -> None:
+        """Take one raw sample, shape (2, 6), that stands for so many periods.
+
+        The grasp force is twice the smaller finger's force; where the fingers differ by no more than noise explains it
+        is their sum, which noise does not bias.
+        """
+        fast_share, slow_share, centre_share = self._shares
+        _sense(
+            raw, periods, self._bias, self._noise, self._fast, self._slow, self._smoothed, fast_share, slow_share,
+            centre_share, self._contact, *self._table, self._observer, self._dynamic, self._memory, self._sensed,
+        )  # fmt: skip
+        first, second, tau_0, tau_1, self.least, self.coulomb, self.f_nd, self.omega, self.centre, self.f_t = (
+            self._sensed[:10].tolist()
+        )
+        self.f_n = max(first + second - max(abs(first - second) - self._disagreement, 0.0), 0.0)
+        self.tau_n = tau_0 + tau_1
