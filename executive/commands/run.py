@@ -12,6 +12,8 @@ from typing import Any
 
 from rich.console import Console
 
+from executive.commands.dashboard import add_address, make_access
+from executive.dashboard.server import Dashboard
 from executive.execute import RunOrder, execute
 from executive.files import find_cell, find_tree
 from executive.settings import parse_settings
@@ -42,6 +44,8 @@ def add(subparsers: Any) -> None:
     parser.add_argument("--no-record", action="store_true", help="leave no record")
     parser.add_argument("--json", action="store_true", help="print one JSON object as the last line")
     parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
+    parser.add_argument("--dashboard", action="store_true", help="show the run in the browser, too")
+    add_address(parser)
     parser.set_defaults(main=main)
 
 
@@ -62,8 +66,16 @@ def main(options: argparse.Namespace) -> int:
         record=None if options.no_record else options.record,
     )
     live = LiveTree(console)
-    with contextlib.closing(live):
-        executed = execute(order, [live.hear])
+    with contextlib.ExitStack() as stack:
+        stack.callback(live.close)
+        if not options.dashboard:
+            executed = execute(order, [live.hear])
+        else:
+            dashboard = Dashboard(make_access(options), options.record)
+            dashboard.start()
+            stack.callback(dashboard.close)
+            console.print(f"dashboard: {dashboard.link}", highlight=False, soft_wrap=True)
+            executed = execute(order, [live.hear, dashboard.hub.hear], on_ready=dashboard.desk.serve)
     executed.summary.print(console, executed.record)
     if executed.problem:
         console.print(executed.problem, style="red", markup=False)

@@ -38,11 +38,11 @@ StartRun = Callable[[dict[str, Any]], str]
 class Dashboard:
     """Serves the page, the live stream, the records and the desk."""
 
-    def __init__(self, access: Access, records: Path, start_run: StartRun | None = None) -> None:
+    def __init__(self, access: Access, records: Path) -> None:
         self.access, self.records = access, records
         self.hub = Hub()
         self.desk = Desk()
-        self._start_run = start_run
+        self._start_run: StartRun | None = None
         self._server: uvicorn.Server | None = None
         self._thread: threading.Thread | None = None
         self.app = Starlette(
@@ -60,6 +60,10 @@ class Dashboard:
             middleware=[Middleware(Guard, access=access)],
             lifespan=self._lifespan,
         )
+
+    def allow_starts(self, start_run: StartRun) -> None:
+        """Let the page start runs."""
+        self._start_run = start_run
 
     @property
     def link(self) -> str:

@@ -1,0 +1,86 @@
+"""From the tick to the viewers: order, late joiners, resuming, and viewers that stop reading."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+
+from executive.dashboard.hub import BACKLOG, Hub, Viewer
+from executive.events import NodeChanged, Published, RunStarted, StateChanged
+from executive.views import ImageView
+
+
+def started() -> RunStarted:
+    return RunStarted(
+        0.0, 0, "run", "tree", "tree.yaml", "", "", "sim", "simulated", "sim.yaml", "", 0, {}, (), {}, 0.0, 0.02
+    )  # fmt: skip
+
+
+def waiting(viewer: Viewer) -> list[dict[str, Any]]:
+    return [json.loads(text) for text in viewer.waiting]
+
+
+@pytest.fixture
+def hub() -> Iterator[Hub]:
+    hub = Hub()
+    yield hub
+    hub.close()
+
+
+def test_a_late_viewer_gets_the_run_from_its_start_in_order(hub: Hub) -> None:
+    hub.hear(started())
+    for tick in range(5):
+        hub.hear(StateChanged(tick * 0.02, tick, "running", ""))
+    hub.close()
+    messages = waiting(hub.join())
+    assert [message["event"] for message in messages] == ["RunStarted"] + ["StateChanged"] * 5
+    assert [message["seq"] for message in messages] == [1, 2, 3, 4, 5, 6]
+
+
+def test_a_viewer_that_comes_back_gets_only_what_it_missed(hub: Hub) -> None:
+    hub.hear(started())
+    for tick in range(5):
+        hub.hear(StateChanged(0.0, tick, "running", ""))
+    hub.close()
+    assert [message["seq"] for message in waiting(hub.join(since=4))] == [5, 6]
+
+
+def test_only_the_newest_picture_of_a_topic_is_kept(hub: Hub) -> None:
+    hub.hear(started())
+    for tick in range(4):
+        image = np.full((8, 8, 3), tick, np.uint8)
+        hub.hear(Published(0.0, tick, "n", "camera", ImageView(image)))
+    hub.close()
+    pictures = [message for message in waiting(hub.join()) if message["event"] == "Published"]
+    assert [picture["tick"] for picture in pictures] == [3]
+    assert pictures[0]["value"]["image"].startswith("data:image/jpeg;base64,")
+
+
+def test_a_new_run_replaces_the_old_one(hub: Hub) -> None:
+    hub.hear(started())
+    hub.hear(NodeChanged(0.0, 0, "old", "RUNNING", "", 1))
+    hub.hear(started())
+    hub.close()
+    assert [message["event"] for message in waiting(hub.join())] == ["RunStarted"]
+
+
+def test_a_viewer_that_stops_reading_is_told_so_and_costs_no_memory() -> None:
+    async def watch() -> tuple[Viewer, list[dict[str, Any]]]:
+        hub = Hub()
+        hub.attach(asyncio.get_running_loop())
+        viewer = hub.join()
+        for tick in range(BACKLOG + 500):
+            hub.hear(StateChanged(0.0, tick, "running", ""))
+        await asyncio.to_thread(hub.close)
+        for _ in range(3):
+            await asyncio.sleep(0)
+        return viewer, waiting(viewer)
+
+    viewer, messages = asyncio.run(watch())
+    assert viewer.lagged
+    assert messages == [{"v": 1, "event": "Lagged"}]
