@@ -1,4 +1,4 @@
-"""What the nodes of one run tell each other: a board of stamped values, one per run, touched by the tick thread only."""
+"""What the nodes of one run tell each other: stamped values, one board per run, touched by the tick thread only."""
 
 from __future__ import annotations
 

@@ -8,6 +8,12 @@ from dataclasses import dataclass, field
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
+from executive.errors import PomonaError
+
+
+class NoValue(PomonaError):
+    """A value that a node needs now and that is not there: a port that nobody has written, a division by zero."""
+
 
 @dataclass(frozen=True, slots=True)
 class Reason:
@@ -15,8 +21,8 @@ class Reason:
 
     Attributes:
         node_path: path id of the node.
-        code: a skill's failure code, or one of the tree's own (TIMEOUT, CONDITION_FALSE …). A composite takes the code of
-            its latest cause, so that `failure.code` means the same around a leaf and around a subtree.
+        code: a skill's failure code, or one of the tree's own (TIMEOUT, CONDITION_FALSE …). A composite takes the
+            code of its latest cause, so that `failure.code` means the same around a leaf and around a subtree.
         message: a sentence for a person.
         data: JSON-like values.
         causes: reasons of the children that led here, in the order in which they failed.

@@ -48,6 +48,16 @@ class Located(Protocol):
     def length(self) -> int: ...
 
 
+@dataclass(frozen=True, slots=True)
+class Spot:
+    """A place in a file."""
+
+    source: Source
+    line: int
+    column: int
+    length: int = 1
+
+
 class Source:
     """One file's text, for excerpts; `comments` maps a line to its comment, `comment_lines` hold nothing else."""
 

@@ -1,7 +1,7 @@
 """YAML text → nodes that know their place. Plain YAML only: no tags, no aliases, limited in size and depth.
 
-Scalars stay text; what they mean is decided by the type of the port that they are given to, so `no` is a fruit's name and
-not a boolean, and `1:30` is not 90.
+Scalars stay text; what they mean is decided by the type of the port that they are given to, so `no` is a fruit's name
+and not a boolean, and `1:30` is not 90.
 """
 
 from __future__ import annotations

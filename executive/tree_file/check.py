@@ -1,0 +1,290 @@
+"""Document → findings: everything that is wrong, found before anything moves, in one pass."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from executive.registry import Registry
+from executive.tree_file.check_node import NodeChecker
+from executive.tree_file.failures import Failures
+from executive.tree_file.findings import Finding, Findings, Source, did_you_mean
+from executive.tree_file.flow import Flow, Names
+from executive.tree_file.interface import InterfaceReader, PortDeclared
+from executive.tree_file.literals import LiteralError, literal
+from executive.tree_file.model import Declared, Definition, Document, TreeNode
+from executive.tree_file.scope import Named, Read, Resolved, Scope
+from executive.tree_file.value_types import can_flow, describe
+from executive.tree_file.yaml_nodes import YamlNode, YamlScalar, read_yaml
+
+MAX_BUILT_NODES = 10_000
+MAX_BUILT_DEPTH = 150
+_OVERRIDE_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
+
+
+@dataclass(slots=True, eq=False)
+class Analysis:
+    """What the check knows about a document: its findings, and every name looked up.
+
+    Attributes:
+        findings: in reading order.
+        resolved: by id of the node.
+        scopes: by id of the definition.
+        interfaces: ports of each definition, by id.
+        parameters: values of the main tree's parameters, overrides applied.
+    """
+
+    document: Document
+    findings: list[Finding] = field(default_factory=list)
+    resolved: dict[int, Resolved] = field(default_factory=dict)
+    scopes: dict[int, Scope] = field(default_factory=dict)
+    interfaces: dict[int, PortDeclared] = field(default_factory=dict)
+    parameters: dict[str, Any] = field(default_factory=dict)
+    codes: Failures | None = None
+
+    @property
+    def errors(self) -> list[Finding]:
+        return [finding for finding in self.findings if finding.severity == "error"]
+
+
+def check(
+    document: Document,
+    skills: Registry,
+    *,
+    overrides: Mapping[str, str] | Sequence[str] = (),
+    interfaces: tuple[type, ...] | None = None,
+) -> list[Finding]:
+    """Everything that is wrong with a document, errors and warnings, in reading order.
+
+    Args:
+        document: from `read`.
+        skills: the skills that it may use.
+        overrides: values for parameters, as a mapping or as texts `name=value`.
+        interfaces: the device interfaces of the cell that it will run on; None when that is not known.
+    """
+    return analyse(document, skills, overrides=overrides, interfaces=interfaces).findings
+
+
+def analyse(
+    document: Document,
+    skills: Registry,
+    *,
+    overrides: Mapping[str, str] | Sequence[str] = (),
+    interfaces: tuple[type, ...] | None = None,
+) -> Analysis:
+    """Like `check`, with all that was learned on the way; `build` works from it."""
+    return _Checker(document, skills, interfaces).run(overrides)
+
+
+class _Checker:
+    def __init__(self, document: Document, skills: Registry, devices: tuple[type, ...] | None) -> None:
+        self.document, self.skills, self.devices = document, skills, devices
+        self.findings = Findings()
+        self.findings.extend(document.findings)
+        self.analysis = Analysis(document)
+        self.called: dict[int, Definition] = {}
+        self.failures = self.analysis.codes = Failures(skills, self.called)
+        self.readers: dict[int, InterfaceReader] = {}
+
+    def run(self, overrides: Mapping[str, str] | Sequence[str]) -> Analysis:
+        definitions = list(self.document.definitions())
+        for definition in definitions:
+            reader = self.readers.setdefault(id(definition.file), InterfaceReader(self.findings, self.skills))
+            self.analysis.interfaces[id(definition)] = reader.interface(definition)
+            for node in definition.root.walk() if definition.root is not None else ():
+                if node.kind == "subtree" and node.key.text in definition.file.subtrees:
+                    self.called[id(node)] = definition.file.subtrees[node.key.text]
+        self.parameters(overrides)
+        if self.recursion(definitions):
+            for definition in definitions:
+                self.definition(definition)
+            self.size()
+        self.analysis.findings = self.findings.sorted()
+        return self.analysis
+
+    # ------------------------------------------------------------------------------------------- parameters
+
+    def parameters(self, overrides: Mapping[str, str] | Sequence[str]) -> None:
+        main = self.document.main
+        declared = main.parameters
+        reader = self.readers.setdefault(id(main), InterfaceReader(self.findings, self.skills))
+        given = self.overrides(overrides, declared)
+        for name, parameter in declared.items():
+            port = reader.port(parameter, "parameter")
+            if port is None:
+                continue
+            if name in given:
+                self.analysis.parameters[name] = self.override(name, given[name], port, reader)
+            elif parameter.default is not None:
+                self.analysis.parameters[name] = reader.defaults.get(id(parameter))
+            else:
+                message = f"parameter '{name}' has no default and was not given"
+                self.findings.error(parameter.key, "no-value", message, f"add a default, or run with --set {name}=…")
+                self.analysis.parameters[name] = None
+
+    def overrides(
+        self, overrides: Mapping[str, str] | Sequence[str], declared: Mapping[str, Declared]
+    ) -> dict[str, str]:
+        texts = [f"{k}={v}" for k, v in overrides.items()] if isinstance(overrides, Mapping) else list(overrides)
+        given: dict[str, str] = {}
+        for text in texts:
+            name, equals, value = text.partition("=")
+            name = name.strip()
+            if not equals or not _OVERRIDE_NAME.fullmatch(name):
+                self.set_error(text, "write --set name=value")
+            elif name not in declared:
+                hint = did_you_mean(name, declared) or "parameters: " + (", ".join(declared) or "none")
+                self.set_error(text, f"the tree has no parameter '{name}'", hint)
+            else:
+                given[name] = value.strip()
+        return given
+
+    def override(self, name: str, text: str, port: Any, reader: InterfaceReader) -> Any:
+        scratch = Findings()
+        source = Source(f"--set {name}={text}", text)
+        node: YamlNode | None = YamlScalar(source, 1, 1, 1, len(text) + 1, text, True)
+        if text[:1] in ("[", "{"):
+            node = read_yaml(source, scratch)
+        try:
+            if node is None:
+                raise ValueError("not YAML")
+            value = literal(node, port.type, port.choices)
+        except LiteralError as error:
+            self.set_error(f"{name}={text}", error.message, error.hint)
+            return None
+        except ValueError as error:
+            self.set_error(f"{name}={text}", str(error))
+            return None
+        problem = reader.range_problem(value, port)
+        if problem:
+            self.set_error(f"{name}={text}", f"{name} {problem}")
+        return value
+
+    def set_error(self, text: str, message: str, hint: str = "") -> None:
+        self.findings.add(Finding(f"--set {text}", 0, 0, "error", "set", message, hint))
+
+    # ------------------------------------------------------------------------------------------- definitions
+
+    def definition(self, definition: Definition) -> None:
+        scope = self.analysis.scopes[id(definition)] = Scope(definition)
+        self.declared_names(definition, scope)
+        checker = NodeChecker(
+            self.findings, self.skills, scope, self.called, self.failures, self.analysis.interfaces,
+            self.analysis.resolved, self.devices,
+        )  # fmt: skip
+        if definition.root is None:
+            return
+        checker.definition(definition.root)
+        self.follow(definition, scope)
+        for name, named in scope.written():
+            if not named.read and name not in definition.outputs:
+                message = f"nobody reads '{name}', which {named.by} writes"
+                self.findings.warning(named.where, "unread", message)
+
+    def declared_names(self, definition: Definition, scope: Scope) -> None:
+        file = definition.file
+        reader = self.readers[id(file)]
+        for name, constant in file.constants.items():
+            value, value_type = reader.constant(constant)
+            scope.names[name] = Named(value_type, "constant", constant.key, "a constant", value)
+        interface = self.analysis.interfaces[id(definition)]
+        for name, port in interface.inputs.items():
+            declared = interface.declared[name]
+            run_here = file is self.document.main and name in file.parameters
+            origin: Any = "parameter" if run_here else "input"
+            named = Named(port.type, origin, declared.key, f"{origin} '{name}'")
+            named.value = self.analysis.parameters.get(name) if run_here else None
+            named.may_be_none = not port.required and port.default is None and not run_here
+            scope.names[name] = named
+
+    def follow(self, definition: Definition, scope: Scope) -> None:
+        assert definition.root is not None
+        known = frozenset(name for name, named in scope.names.items() if named.origin != "written")
+
+        def unset(node: TreeNode, read: Read) -> None:
+            named = scope.names[read.name]
+            line = named.where.line
+            message = (
+                f"{node.label} reads '{read.name}', which may not be written yet ({named.by} writes it, line {line})"
+            )
+            self.findings.error(read.where, "unset", message, "it must be written on every path that leads here")
+
+        ends = Flow(self.analysis.resolved, self.failures, unset).node(definition.root, Names(known))
+        interface = self.analysis.interfaces[id(definition)]
+        for name, declared in definition.outputs.items():
+            written = scope.names.get(name)
+            port = interface.outputs.get(name)
+            if written is None or written.origin != "written":
+                hint = did_you_mean(name, [n for n, _ in scope.written()])
+                message = f"nothing in '{definition.name}' writes the output '{name}'"
+                self.findings.error(declared.key, "unwritten", message, hint)
+                continue
+            if port is not None and not can_flow(written.type, port.type):
+                said, found = describe(port.type), describe(written.type)
+                message = f"output '{name}' is declared as {said}, {written.by} writes {found}"
+                self.findings.error(declared.key, "port-type", f"{message} (line {written.where.line})")
+            if name not in ends.success:
+                message = f"'{definition.name}' may succeed without having written its output '{name}'"
+                self.findings.error(
+                    declared.key, "unset", message, f"{written.by} writes it in line {written.where.line}"
+                )
+
+    # ------------------------------------------------------------------------------------------- whole document
+
+    def calls(self, definition: Definition) -> list[tuple[TreeNode, Definition]]:
+        if definition.root is None:
+            return []
+        return [(n, self.called[id(n)]) for n in definition.root.walk() if id(n) in self.called]
+
+    def recursion(self, definitions: Sequence[Definition]) -> bool:
+        """Report subtrees that call themselves; True when there are none."""
+        done: set[int] = set()
+        clean = True
+        for start in definitions:
+            stack: list[tuple[Definition, list[tuple[TreeNode, Definition]]]] = []
+            if id(start) not in done:
+                stack.append((start, self.calls(start)))
+            while stack:
+                definition, open_calls = stack[-1]
+                if not open_calls:
+                    done.add(id(definition))
+                    stack.pop()
+                    continue
+                node, called = open_calls.pop(0)
+                names = [d.name for d, _ in stack]
+                if any(called is d for d, _ in stack):
+                    first = next(i for i, (d, _) in enumerate(stack) if d is called)
+                    cycle = " → ".join([*names[first:], called.name])
+                    self.findings.error(node.key, "recursion", f"a subtree that calls itself never ends: {cycle}")
+                    clean = False
+                elif id(called) not in done:
+                    stack.append((called, self.calls(called)))
+        return clean
+
+    def size(self) -> None:
+        main = self.document.main.main
+        if main is None:
+            return
+        sizes: dict[int, tuple[int, int]] = {}
+
+        def measure(definition: Definition) -> tuple[int, int]:
+            if id(definition) not in sizes:
+                sizes[id(definition)] = measure_node(definition.root) if definition.root is not None else (0, 0)
+            return sizes[id(definition)]
+
+        def measure_node(node: TreeNode) -> tuple[int, int]:
+            own = 1 + len(node.decorators)
+            below = [measure_node(child) for child in (*node.children, *([node.on_failure] if node.on_failure else []))]
+            if id(node) in self.called:
+                below.append(measure(self.called[id(node)]))
+            return own + sum(n for n, _ in below), own + max((d for _, d in below), default=0)
+
+        count, depth = measure(main)
+        if count > MAX_BUILT_NODES:
+            message = f"the tree has {count} nodes with its subtrees written out; at most {MAX_BUILT_NODES} can run"
+            self.findings.error(main.at, "too-large", message)
+        elif depth > MAX_BUILT_DEPTH:
+            message = f"the tree is {depth} nodes deep with its subtrees written out; at most {MAX_BUILT_DEPTH} can run"
+            self.findings.error(main.at, "too-deep", message)
