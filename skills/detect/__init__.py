@@ -1,0 +1,1 @@
+"""Detect: fruit in a picture, as nine keypoints and a pose."""

@@ -1,0 +1,205 @@
+"""The Detect skill."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.interfaces import Arm, Camera, Frame
+from executive.ports import RATIO, TIME, Port, Ports
+from executive.skill import Skill, Work
+from executive.views import ImageView, Line2
+from skills.detect.compact_detector import CompactDetector, DetectorOptions
+from skills.detect.detection import Detection
+from skills.detect.errors import BadFrame
+from skills.detect.instances import POLICIES, Instance, find_instances, rank
+from skills.fruit import FruitModel, load_fruit
+from skills.fruit.errors import FruitError
+from skills.robot.model import RobotModel
+
+F64 = NDArray[np.float64]
+
+SAME_FRUIT = 0.04
+"""Two detections whose lines of sight pass this close at the fruit are the same fruit [m]."""
+
+_EDGES = np.array([0, 1, 2, 3, 0, 4, 5, 1, 5, 6, 2, 6, 7, 3, 7, 4])
+
+
+class Detect(Skill):
+    """Find the fruit in the camera's newest frame and choose one as the target.
+
+    A fruit that this node chose before is chosen again only when `again` allows it: that the tree comes back here means
+    that it did not work out.
+    """
+
+    inputs = Ports(
+        fruit=Port(str, help="which fruit to look for: a name in the catalogue, or a path"),
+        target=Port(str, default="nearest", choices=POLICIES, help="which one, when there are several"),
+        index=Port(int, default=0, min=0, max=99, help="place by falling score, for target: index"),
+        again=Port(
+            str,
+            default="last",
+            choices=("freely", "last", "never"),
+            help="fruit chosen before: like any other, only when nothing else is left, or not at all",
+        ),
+        score=Port(RATIO, default=0.6, min=0.0, max=1.0, help="least belief that it is this fruit"),
+        max_age=Port(TIME, default="500 ms", min="1 ms", max="60 s", help="older frames are refused"),
+        working_width=Port(
+            int, default=320, min=64, max=4096, help="width at which the whole picture is searched [px]"
+        ),
+    )
+    outputs = Ports(detection=Detection)
+    devices = (Camera,)
+    failures = ("NO_FRAME", "STALE_FRAME", "NOTHING_FOUND", "LOW_CONFIDENCE", "POSE_UNSOLVED", "NO_WEIGHTS")
+
+    def __init__(self, name: str = "") -> None:
+        super().__init__(name)
+        self._chosen: list[F64] = []
+
+    def prepare(self) -> None:
+        """Load and warm the apple's detector; another fruit's is loaded at its first use."""
+        fruit = load_fruit("apple")
+        if fruit.weights is not None:
+            _detector(fruit.weights, DetectorOptions().working_width)
+
+    def run(  # type: ignore[override]
+        self, fruit: str, target: str, index: int, again: str, score: float, max_age: float, working_width: int
+    ) -> Work:
+        model = self._model(fruit)
+        frame = self._frame(max_age)
+        T_base_camera = self._camera_pose(frame)
+        try:
+            instances = yield from self.compute(_find, frame, model, working_width)
+        except BadFrame as error:
+            raise self.failure("NO_FRAME", f"the camera's frame cannot be used: {error}") from error
+        chosen = self._choose(instances, frame, T_base_camera, target, index, again, score)
+        self.publish("detection", _picture(frame, instances, chosen, score))
+        if isinstance(chosen, str):
+            code, sentence = chosen.split(": ", 1)
+            raise self.failure(
+                code, sentence, found=len(instances), best=max((i.score for i in instances), default=0.0)
+            )
+        instance = instances[chosen]
+        assert instance.T_camera_object is not None
+        assert instance.covariance is not None
+        self._chosen.append(_place(instance, frame, T_base_camera))
+        detection = Detection(
+            fruit=model,
+            frame=frame,
+            T_base_camera=T_base_camera,
+            T_camera_object=instance.T_camera_object,
+            keypoints=instance.keypoints,
+            score=instance.score,
+            covariance=instance.covariance,
+            index=chosen,
+            found=sum(i.score >= score for i in instances),
+        )
+        return {"detection": detection}
+
+    def _model(self, fruit: str) -> FruitModel:
+        try:
+            model = load_fruit(fruit)
+        except FruitError as error:
+            raise self.failure("NO_WEIGHTS", str(error), fruit=fruit) from error
+        if model.weights is None:
+            raise self.failure("NO_WEIGHTS", f"there are no detector weights for {model.name}: train them", fruit=fruit)
+        return model
+
+    def _frame(self, max_age: float) -> Frame:
+        frame = self.device(Camera).latest()
+        if frame is None:
+            raise self.failure("NO_FRAME", "the camera has not delivered a frame yet")
+        age = self.clock.now() - frame.stamp
+        if age > max_age:
+            raise self.failure(
+                "STALE_FRAME", f"the newest frame is {age:.2f} s old, {max_age:.2f} s are allowed", age_s=age
+            )
+        return frame
+
+    def _camera_pose(self, frame: Frame) -> F64:
+        if frame.q is None:
+            return frame.T_mount_camera
+        # Asked for only when the camera rides on an arm, so that cells without one can detect too.
+        robot = RobotModel.load(self.context.device(Arm).description)
+        T_base_camera: F64 = robot.fk(frame.q) @ frame.T_mount_camera
+        return T_base_camera
+
+    def _choose(
+        self,
+        instances: list[Instance],
+        frame: Frame,
+        T_base_camera: F64,
+        target: str,
+        index: int,
+        again: str,
+        score: float,
+    ) -> int | str:
+        """The target's index, or a failure as "CODE: sentence"."""
+        if not instances:
+            return "NOTHING_FOUND: no fruit in the frame"
+        sure = [k for k, instance in enumerate(instances) if instance.score >= score]
+        if not sure:
+            best = max(instance.score for instance in instances)
+            return f"LOW_CONFIDENCE: the surest of {len(instances)} candidates scores {best:.2f}, not {score:.2f}"
+        posed = [k for k in sure if instances[k].T_camera_object is not None]
+        if not posed:
+            return f"POSE_UNSOLVED: {instances[sure[0]].problem}"
+        order = [posed[k] for k in rank([instances[k] for k in posed], target, index)]
+        if not order:
+            return f"NOTHING_FOUND: there are {len(posed)} fruit in the frame, number {index} was asked for"
+        if again == "freely" or target == "index":
+            return order[0]
+        fresh = [k for k in order if not self._was_chosen(instances[k], frame, T_base_camera)]
+        if fresh:
+            return fresh[0]
+        if again == "never":
+            return f"NOTHING_FOUND: all {len(order)} fruit in the frame were chosen before"
+        return order[0]
+
+    def _was_chosen(self, instance: Instance, frame: Frame, T_base_camera: F64) -> bool:
+        place = _place(instance, frame, T_base_camera)
+        eye = T_base_camera[:3, 3]
+        ray = (place - eye) / np.linalg.norm(place - eye)
+        # The pose's distance is that of a CAD-sized fruit: compare across the line of sight.
+        return any(np.linalg.norm(np.cross(ray, before - eye)) < SAME_FRUIT for before in self._chosen)
+
+
+def _place(instance: Instance, frame: Frame, T_base_camera: F64) -> F64:
+    """Where the fruit is in the base frame, with the measured depth at its centroid where there is one, (3,) [m]."""
+    assert instance.T_camera_object is not None
+    p_camera = instance.T_camera_object[:3, 3]
+    if frame.depth is not None:
+        u, v = np.round(instance.keypoints[8]).astype(int)
+        patch = frame.depth[max(0, v - 2) : v + 3, max(0, u - 2) : u + 3] if u >= 0 and v >= 0 else frame.depth[:0]
+        measured = patch[np.isfinite(patch) & (patch > 0.0)]
+        if measured.size:
+            p_camera = p_camera * (float(np.median(measured)) / p_camera[2])
+    place: F64 = T_base_camera[:3, :3] @ p_camera + T_base_camera[:3, 3]
+    return place
+
+
+@lru_cache(maxsize=4)
+def _detector(weights: Path, working_width: int) -> CompactDetector:
+    detector = CompactDetector.load(weights, DetectorOptions(working_width=working_width))
+    detector.warm_up()
+    return detector
+
+
+def _find(frame: Frame, fruit: FruitModel, working_width: int) -> list[Instance]:
+    assert fruit.weights is not None
+    return find_instances(_detector(fruit.weights, working_width), frame.colour, frame.intrinsics.K, fruit)
+
+
+def _picture(frame: Frame, instances: list[Instance], chosen: int | str, score: float) -> ImageView:
+    lines = []
+    for k, instance in enumerate(instances):
+        if instance.score < score:
+            continue
+        style = "found" if k == chosen else "muted"
+        lines.append(Line2(instance.keypoints[_EDGES], f"{k}: {instance.score:.2f}", style))
+    centres = np.array([i.keypoints[8] for i in instances if i.score >= score]).reshape(-1, 2)
+    target = f"target {chosen}" if isinstance(chosen, int) else chosen
+    return ImageView(frame.colour, tuple(lines), centres, f"{len(lines)} found, {target}")

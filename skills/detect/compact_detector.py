@@ -1,0 +1,178 @@
+"""The compact detector end to end: find fruit in the whole picture, look closely at each, solve for poses."""
+
+from __future__ import annotations
+
+import copy
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor, nn
+
+from skills.detect.close_look import MARGIN, crop_matrix, keypoint_size
+from skills.detect.compact_network import CLOSE_LOOK_SIZE, CloseLookNetwork, FinderNetwork, to_input
+from skills.detect.frame_check import check_picture
+from skills.detect.peaks import decode_offsets
+from skills.detect.processor import has_bfloat16
+from skills.detect.weights import load_compact
+
+U8 = NDArray[np.uint8]
+F64 = NDArray[np.float64]
+
+WORKING_WIDTH = 320
+"""Width to which pictures are shrunk for the finder [px]."""
+
+MULTIPLE = 16
+"""The finder's input sides are multiples of this [px]."""
+
+
+@dataclass(frozen=True, slots=True)
+class DetectorOptions:
+    """How the compact detector looks.
+
+    Attributes:
+        finder_threshold: least belief for which a place gets a second look.
+        looks: how often each fruit is looked at closely; every further look is centred by the one before.
+        most_fruit: places that get a second look, strongest first.
+        apart: two fruit are at least this part of the larger one's keypoint size apart.
+        working_width: width to which pictures are shrunk for the finder [px].
+    """
+
+    finder_threshold: float = 0.25
+    looks: int = 1
+    most_fruit: int = 16
+    apart: float = 0.35
+    working_width: int = WORKING_WIDTH
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FoundFruit:
+    """One fruit in a picture.
+
+    Attributes:
+        keypoints: corners 0..7 and centroid of the CAD model's cuboid, (9, 2) [px].
+        spreads: deviation of each keypoint as the network expects it, (9,) [px].
+        score: belief that this is fruit, 0..1.
+        visibility: part of its silhouette that is seen, 0..1, as the network estimates it.
+    """
+
+    keypoints: F64
+    spreads: F64
+    score: float
+    visibility: float
+
+
+class CompactDetector:
+    """Both networks, ready to run on the CPU. Calls release the interpreter's lock while the networks run."""
+
+    def __init__(
+        self, finder: FinderNetwork, close_look: CloseLookNetwork, options: DetectorOptions | None = None
+    ) -> None:
+        self.options = options or DetectorOptions()
+        self._type = torch.bfloat16 if has_bfloat16() else torch.float32
+        height = 3 * self.options.working_width // 4
+        self._finder = _ready(finder, torch.zeros(1, 3, height, self.options.working_width), self._type)
+        self._close_look = _ready(close_look, torch.zeros(2, 3, CLOSE_LOOK_SIZE, CLOSE_LOOK_SIZE), self._type)
+
+    @classmethod
+    def load(cls, path: Path | str, options: DetectorOptions | None = None) -> CompactDetector:
+        """Load from a weights file.
+
+        Raises:
+            BadWeights: unreadable or not fitting.
+        """
+        finder, close_look, _ = load_compact(path)
+        return cls(finder, close_look, options)
+
+    def warm_up(self, width: int = 640, height: int = 480) -> None:
+        """Run once for every size of batch, so that the first picture is not slower than the rest."""
+        blank = np.zeros((height, width, 3), np.uint8)
+        self.belief_maps(blank)
+        for count in range(1, 9):
+            self._look(blank, [(np.array([0.5 * width, 0.5 * height]), 40.0)] * count)
+
+    def find(self, colour: U8) -> list[FoundFruit]:
+        """All fruit in a picture, by falling score.
+
+        Args:
+            colour: (h, w, 3) uint8 RGB.
+
+        Raises:
+            BadFrame: another shape or type.
+        """
+        belief, offsets, factor = self.belief_maps(colour)
+        options = self.options
+        places = decode_offsets(belief, offsets, options.finder_threshold)[: options.most_fruit]
+        if not places:
+            return []
+        centres = [((points[8] + 0.5) / factor - 0.5, keypoint_size(points) / factor) for points, _ in places]
+        seen: list[FoundFruit] = []
+        for _ in range(options.looks):
+            seen = self._look(colour, centres)
+            centres = [(fruit.keypoints[8], keypoint_size(fruit.keypoints)) for fruit in seen]
+        seen.sort(key=lambda fruit: -fruit.score)
+        kept: list[FoundFruit] = []
+        for fruit in seen:
+            size = keypoint_size(fruit.keypoints)
+            if all(
+                np.linalg.norm(fruit.keypoints[8] - other.keypoints[8])
+                > options.apart * max(size, keypoint_size(other.keypoints))
+                for other in kept
+            ):
+                kept.append(fruit)
+        return kept
+
+    def belief_maps(self, colour: U8) -> tuple[NDArray[np.float32], NDArray[np.float32], float]:
+        """The finder's belief (9, h, w) and offsets (16, h, w), and the factor by which the picture was shrunk.
+
+        Raises:
+            BadFrame: another shape or type.
+        """
+        check_picture(colour)
+        height, width = colour.shape[:2]
+        factor = self.options.working_width / width
+        small = (self.options.working_width, max(1, round(height * factor)))
+        flag = cv2.INTER_AREA if factor < 1.0 else cv2.INTER_LINEAR
+        shrunk = np.asarray(cv2.resize(np.ascontiguousarray(colour), small, interpolation=flag), np.uint8)
+        below, right = -small[1] % MULTIPLE, -small[0] % MULTIPLE
+        if below or right:
+            shrunk = cv2.copyMakeBorder(shrunk, 0, below, 0, right, cv2.BORDER_CONSTANT, value=(114, 114, 114))
+        with torch.inference_mode():
+            belief, offsets = self._finder(to_input(torch.from_numpy(shrunk[None])).to(self._type))
+        return belief[0].float().numpy(), offsets[0].float().numpy(), factor
+
+    def _look(self, colour: U8, places: list[tuple[F64, float]]) -> list[FoundFruit]:
+        side = CLOSE_LOOK_SIZE
+        matrices = [crop_matrix(centre, size) for centre, size in places]
+        crops = np.stack([cv2.warpAffine(colour, m, (side, side), flags=cv2.INTER_LINEAR) for m in matrices])
+        with torch.inference_mode():
+            output = (
+                self._close_look(to_input(torch.from_numpy(crops)).to(self._type)).float().numpy().astype(np.float64)
+            )
+        found = []
+        for row, (centre, size) in zip(output, places, strict=True):
+            half = MARGIN * max(size, 2.0)
+            spread = np.sqrt(2.0) * np.exp(np.clip(row[18:27], -6.0, 2.0)) * half
+            chances = 1.0 / (1.0 + np.exp(-row[27:29]))
+            found.append(
+                FoundFruit(centre + row[:18].reshape(9, 2) * half, spread, float(chances[0]), float(chances[1]))
+            )
+        return found
+
+
+def _ready(network: nn.Module, example: Tensor, number: torch.dtype) -> Callable[[Tensor], Any]:
+    """The network as a frozen graph with folded normalisation and prepacked weights."""
+    twin = copy.deepcopy(network).eval().to(memory_format=torch.channels_last).to(number)  # type: ignore[call-overload]
+    sample = example.to(number).to(memory_format=torch.channels_last)
+    with torch.inference_mode(), warnings.catch_warnings():
+        # TorchScript is announced to go; on a CPU nothing else folds and prepacks without compiling at run time.
+        warnings.simplefilter("ignore", DeprecationWarning)
+        traced: Any = torch.jit.trace(twin, sample, check_trace=False)  # type: ignore[no-untyped-call]
+        frozen: Callable[[Tensor], Any] = torch.jit.optimize_for_inference(traced)
+        return frozen

@@ -1,0 +1,109 @@
+"""The compact detector: a small belief-map network for the whole picture, and a second look at each fruit.
+
+`FinderNetwork` is of DOPE's family: nine belief maps (eight corners and the centroid), with centroid-to-corner offsets
+in place of DOPE's affinity fields. `CloseLookNetwork` sees one fruit at a time at full resolution.
+"""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional
+
+FINDER_STRIDE = 4
+"""Input pixels per cell of the belief maps."""
+
+OFFSET_UNIT = 8.0
+"""Offsets are learnt in units of this many cells."""
+
+CLOSE_LOOK_SIZE = 96
+"""Side of the square picture of one fruit [px]."""
+
+
+def _convolve(inputs: int, outputs: int, kernel: int = 3, stride: int = 1) -> nn.Sequential:
+    return nn.Sequential(
+        nn.Conv2d(inputs, outputs, kernel, stride, kernel // 2, bias=False),
+        nn.BatchNorm2d(outputs),
+        nn.ReLU(inplace=True),
+    )
+
+
+class _Residual(nn.Module):
+    def __init__(self, channels: int) -> None:
+        super().__init__()
+        self.first = _convolve(channels, channels)
+        self.second = nn.Conv2d(channels, channels, 3, 1, 1, bias=False)
+        self.norm = nn.BatchNorm2d(channels)
+
+    def forward(self, x: Tensor) -> Tensor:
+        return functional.relu(x + self.norm(self.second(self.first(x))))
+
+
+class FinderNetwork(nn.Module):
+    """Belief maps and corner offsets of all fruit in a picture.
+
+    Input (n, 3, h, w) in 0..1 minus 0.5, h and w multiples of 16. Output: belief logits-free maps (n, 9, h/4, w/4) and
+    offsets (n, 16, h/4, w/4): (du, dv) from the centroid to corners 0..7 in units of `OFFSET_UNIT` cells.
+    """
+
+    def __init__(self, widths: tuple[int, int, int, int] = (24, 48, 96, 160)) -> None:
+        super().__init__()
+        a, b, c, d = widths
+        self.widths = widths
+        self.stem = nn.Sequential(_convolve(3, a, 5, 2), _convolve(a, b, 3, 2))
+        self.at_4 = _Residual(b)
+        self.at_8 = nn.Sequential(_convolve(b, c, 3, 2), _Residual(c), _Residual(c))
+        self.at_16 = nn.Sequential(_convolve(c, d, 3, 2), _Residual(d), _Residual(d))
+        self.to_8 = nn.Conv2d(d, c, 1)
+        self.up_8 = _Residual(c)
+        self.to_4 = nn.Conv2d(c, b, 1)
+        self.up_4 = _Residual(b)
+        last = nn.Conv2d(b, 25, 1)
+        nn.init.normal_(last.weight, std=0.01)
+        self.head = nn.Sequential(_convolve(b, b), last)
+
+    def forward(self, x: Tensor) -> tuple[Tensor, Tensor]:
+        fine = self.at_4(self.stem(x))
+        middle = self.at_8(fine)
+        coarse = self.to_8(self.at_16(middle))
+        middle = self.up_8(middle + functional.interpolate(coarse, scale_factor=2.0, mode="nearest"))
+        fine = self.up_4(fine + functional.interpolate(self.to_4(middle), scale_factor=2.0, mode="nearest"))
+        maps = self.head(fine)
+        return maps[:, :9], maps[:, 9:]
+
+
+class CloseLookNetwork(nn.Module):
+    """Keypoints of the one fruit in the middle of a square picture.
+
+    Input (n, 3, 96, 96) in 0..1 minus 0.5. Output (n, 29): 18 keypoint coordinates relative to the centre in half
+    sides, 9 log spreads of a Laplace distribution (same unit), the logit of being fruit, the logit of visibility.
+    """
+
+    def __init__(self, widths: tuple[int, int, int, int] = (24, 48, 96, 160), hidden: int = 256) -> None:
+        super().__init__()
+        a, b, c, d = widths
+        self.widths, self.hidden = widths, hidden
+        self.trunk = nn.Sequential(
+            _convolve(3, a, 5, 2),
+            _convolve(a, b, 3, 2),
+            _Residual(b),
+            _convolve(b, c, 3, 2),
+            _Residual(c),
+            _Residual(c),
+            _convolve(c, d, 3, 2),
+            _Residual(d),
+            _Residual(d),
+            _convolve(d, 64, 1),
+        )
+        cells = CLOSE_LOOK_SIZE // 16
+        self.head = nn.Sequential(
+            nn.Flatten(), nn.Linear(64 * cells * cells, hidden), nn.ReLU(inplace=True), nn.Linear(hidden, 29)
+        )
+
+    def forward(self, x: Tensor) -> Tensor:
+        return self.head(self.trunk(x))  # type: ignore[no-any-return]
+
+
+def to_input(pictures: Tensor) -> Tensor:
+    """uint8 pictures (n, h, w, 3) to a network's input (n, 3, h, w), channels last in memory."""
+    return pictures.permute(0, 3, 1, 2).to(torch.float32).mul_(1.0 / 255.0).sub_(0.5)

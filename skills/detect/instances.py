@@ -1,0 +1,91 @@
+"""All fruit of a frame with their poses, and which of them is the target."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skills.detect.close_look import keypoint_size
+from skills.detect.compact_detector import CompactDetector
+from skills.detect.errors import PoseUnsolved
+from skills.detect.pose import solve_pose
+from skills.fruit import FruitModel
+
+F64 = NDArray[np.float64]
+
+POLICIES = ("nearest", "largest", "most_visible", "index")
+"""How a target is chosen among the instances of a frame."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Instance:
+    """One fruit of a frame.
+
+    Attributes:
+        keypoints: (9, 2) [px].
+        score: belief that it is fruit, 0..1.
+        visibility: part of its silhouette that is seen, 0..1, as estimated.
+        T_camera_object: pose of the CAD-sized model; None when the keypoints gave none.
+        covariance: of (rotation vector, translation) in the camera frame, (6, 6); None without a pose.
+        problem: why there is no pose; empty otherwise.
+    """
+
+    keypoints: F64
+    score: float
+    visibility: float
+    T_camera_object: F64 | None
+    covariance: F64 | None
+    problem: str = ""
+
+    @property
+    def size(self) -> float:
+        """Apparent size: mean distance of the corners from the centroid [px]."""
+        return keypoint_size(self.keypoints)
+
+
+def find_instances(detector: CompactDetector, colour: NDArray[np.uint8], K: F64, fruit: FruitModel) -> list[Instance]:
+    """Detect all fruit in a picture and solve for their poses, by falling score.
+
+    Args:
+        detector: ready to run.
+        colour: (h, w, 3) uint8 RGB.
+        K: camera matrix (3, 3) [px].
+        fruit: the model whose cuboid the keypoints are.
+
+    Raises:
+        BadFrame: the picture has another shape or type.
+    """
+    instances = []
+    for found in detector.find(colour):
+        try:
+            solved = solve_pose(found.keypoints, fruit.dimensions, K, spreads=found.spreads)
+            T, covariance, problem = solved.T_camera_object, solved.covariance, ""
+        except PoseUnsolved as error:
+            T, covariance, problem = None, None, str(error)
+        instances.append(Instance(found.keypoints, found.score, found.visibility, T, covariance, problem))
+    return instances
+
+
+def rank(instances: list[Instance], policy: str, index: int = 0) -> list[int]:
+    """Indices of the instances in the order in which the policy wants them as target.
+
+    Args:
+        instances: with poses.
+        policy: nearest (to the camera), largest (in the picture), most_visible, or index (by falling score).
+        index: which one for the policy "index"; the list is empty when there are not so many.
+    """
+    order = range(len(instances))
+    if policy == "index":
+        return [index] if 0 <= index < len(instances) else []
+    if policy == "nearest":
+        return sorted(order, key=lambda i: (_distance(instances[i]), i))
+    if policy == "largest":
+        return sorted(order, key=lambda i: (-instances[i].size, i))
+    # Estimates of visibility within a few percent are equal; then the surer one is better.
+    return sorted(order, key=lambda i: (-round(instances[i].visibility, 1), -instances[i].score, i))
+
+
+def _distance(instance: Instance) -> float:
+    return float("inf") if instance.T_camera_object is None else float(np.linalg.norm(instance.T_camera_object[:3, 3]))

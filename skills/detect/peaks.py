@@ -1,0 +1,60 @@
+"""Peaks of the finder's centroid map and the corners that its offsets point to."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from skills.detect.close_look import keypoint_size
+from skills.detect.compact_network import FINDER_STRIDE, OFFSET_UNIT
+from skills.detect.errors import BadMaps
+
+F32 = NDArray[np.float32]
+F64 = NDArray[np.float64]
+
+MOST_PEAKS = 60
+"""Peaks kept, strongest first: adversarial maps must not cost unbounded time."""
+
+
+def decode_offsets(belief: F32, offsets: F32, threshold: float, apart: float = 0.45) -> list[tuple[F64, float]]:
+    """Fruit in the finder's maps, strongest first.
+
+    Args:
+        belief: (9, h, w); only the centroid's map, the last, is read.
+        offsets: (16, h, w), centroid to corners in units of `OFFSET_UNIT` cells.
+        threshold: least belief of a centroid.
+        apart: two fruit are at least this part of the larger one's keypoint size apart.
+
+    Returns:
+        Keypoints (9, 2) [px of the finder's input] and belief of the centroid. Cells that are not finite count as zero.
+
+    Raises:
+        BadMaps: another number of maps, or sizes that differ.
+    """
+    if belief.ndim != 3 or offsets.ndim != 3 or belief.shape[0] != 9 or offsets.shape != (16, *belief.shape[1:]):
+        raise BadMaps("belief (9, h, w) and offsets (16, h, w)", f"{belief.shape} and {offsets.shape}")
+    centroid = np.nan_to_num(np.asarray(belief[8], np.float32), nan=0.0, posinf=0.0, neginf=0.0)
+    highest = cv2.dilate(centroid, np.ones((5, 5), np.uint8))
+    v, u = np.nonzero((centroid >= highest) & (centroid > threshold))
+    order = np.argsort(-centroid[v, u], kind="stable")[:MOST_PEAKS]
+    found: list[tuple[F64, float]] = []
+    for y, x in zip(v[order].tolist(), u[order].tolist(), strict=True):
+        arms = np.nan_to_num(offsets[:, y, x].astype(np.float64)).reshape(8, 2) * OFFSET_UNIT
+        centre = np.array([x + _sub_cell(centroid, y, x, 0, 1), y + _sub_cell(centroid, y, x, 1, 0)])
+        cells = np.vstack([arms + np.array([x, y]), centre])
+        points = (cells + 0.5) * FINDER_STRIDE - 0.5
+        size = keypoint_size(points)
+        if all(np.linalg.norm(points[8] - p[8]) > apart * max(size, keypoint_size(p)) for p, _ in found):
+            found.append((points, float(centroid[y, x])))
+    return found
+
+
+def _sub_cell(belief: F32, y: int, x: int, dy: int, dx: int) -> float:
+    """Offset of the peak along one direction, from a parabola through the logarithms of three cells (a Gaussian)."""
+    h, w = belief.shape
+    if not (dy <= y < h - dy and dx <= x < w - dx):
+        return 0.0
+    before, here, after = (float(np.log(max(float(belief[y + k * dy, x + k * dx]), 1e-4))) for k in (-1, 0, 1))
+    bend = before - 2.0 * here + after
+    return 0.0 if bend > -1e-6 else float(np.clip(0.5 * (before - after) / bend, -0.5, 0.5))

@@ -1,0 +1,250 @@
+"""A small software renderer: z-buffer, shadow map and shading compiled with numba.
+
+It needs no OpenGL, gives the same picture on every machine and releases the GIL.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+F32 = NDArray[np.float32]
+I32 = NDArray[np.int32]
+
+NEAR = 0.03
+"""Faces closer to the camera than this are dropped [m]."""
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def rasterise(
+    points: F32,
+    faces: I32,
+    face_object: I32,
+    two_sided: NDArray[np.bool_],
+    camera: F32,
+    depth: F32,
+    face_index: I32,
+    weights: F32,
+) -> None:
+    """Draw triangles into `depth` (h, w), `face_index` (h, w; -1 where empty) and barycentric `weights` (h, w, 2).
+
+    `points` are (n, 3) in the camera frame [m]; `camera` is (fx, fy, cx, cy); `depth` holds z, 0 where empty.
+    """
+    height, width = depth.shape
+    fx, fy, cx, cy = camera[0], camera[1], camera[2], camera[3]
+    for f in range(faces.shape[0]):
+        a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+        za, zb, zc = points[a, 2], points[b, 2], points[c, 2]
+        if za < NEAR or zb < NEAR or zc < NEAR:
+            continue
+        ia, ib, ic = 1.0 / za, 1.0 / zb, 1.0 / zc
+        ua, va = fx * points[a, 0] * ia + cx, fy * points[a, 1] * ia + cy
+        ub, vb = fx * points[b, 0] * ib + cx, fy * points[b, 1] * ib + cy
+        uc, vc = fx * points[c, 0] * ic + cx, fy * points[c, 1] * ic + cy
+        area = (ub - ua) * (vc - va) - (uc - ua) * (vb - va)
+        if area == 0.0 or (area > 0.0 and not two_sided[face_object[f]]):
+            continue  # with v downwards, faces that look at the camera turn the other way
+        u0 = max(0, int(np.ceil(min(ua, ub, uc))))
+        u1 = min(width - 1, int(np.floor(max(ua, ub, uc))))
+        v0 = max(0, int(np.ceil(min(va, vb, vc))))
+        v1 = min(height - 1, int(np.floor(max(va, vb, vc))))
+        inverse = 1.0 / area
+        for v in range(v0, v1 + 1):
+            for u in range(u0, u1 + 1):
+                wb = ((u - ua) * (vc - va) - (uc - ua) * (v - va)) * inverse
+                wc = ((ub - ua) * (v - va) - (u - ua) * (vb - va)) * inverse
+                wa = 1.0 - wb - wc
+                if wa < 0.0 or wb < 0.0 or wc < 0.0:
+                    continue
+                z = 1.0 / (wa * ia + wb * ib + wc * ic)
+                if depth[v, u] == 0.0 or z < depth[v, u]:
+                    depth[v, u] = z
+                    face_index[v, u] = f
+                    weights[v, u, 0] = wa * ia * z
+                    weights[v, u, 1] = wb * ib * z
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def draw_shadow_map(points: F32, faces: I32, shadow: F32) -> None:
+    """Fill an orthographic depth map (s, s) with the nearest depth towards the light.
+
+    `points` are (n, 3): columns 0 and 1 in map cells, column 2 the distance along the light [m].
+    """
+    size = shadow.shape[0]
+    for f in range(faces.shape[0]):
+        a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+        ua, va, ub, vb, uc, vc = points[a, 0], points[a, 1], points[b, 0], points[b, 1], points[c, 0], points[c, 1]
+        area = (ub - ua) * (vc - va) - (uc - ua) * (vb - va)
+        if area == 0.0:
+            continue
+        inverse = 1.0 / area
+        for v in range(max(0, int(np.ceil(min(va, vb, vc)))), min(size - 1, int(np.floor(max(va, vb, vc)))) + 1):
+            for u in range(max(0, int(np.ceil(min(ua, ub, uc)))), min(size - 1, int(np.floor(max(ua, ub, uc)))) + 1):
+                wb = ((u - ua) * (vc - va) - (uc - ua) * (v - va)) * inverse
+                wc = ((ub - ua) * (v - va) - (u - ua) * (vb - va)) * inverse
+                if wb < 0.0 or wc < 0.0 or wb + wc > 1.0:
+                    continue
+                z = (1.0 - wb - wc) * points[a, 2] + wb * points[b, 2] + wc * points[c, 2]
+                if z < shadow[v, u]:
+                    shadow[v, u] = z
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def _lit(x: float, y: float, z: float, light: F32, shadow: F32, bias: float) -> float:
+    """How much of the key light reaches a point: four neighbouring cells of the shadow map, averaged."""
+    size = shadow.shape[0]
+    u = light[0, 0] * x + light[0, 1] * y + light[0, 2] * z + light[0, 3]
+    v = light[1, 0] * x + light[1, 1] * y + light[1, 2] * z + light[1, 3]
+    d = light[2, 0] * x + light[2, 1] * y + light[2, 2] * z + light[2, 3] - bias
+    iu, iv = int(np.floor(u)), int(np.floor(v))
+    if iu < 0 or iv < 0 or iu >= size - 1 or iv >= size - 1:
+        return 1.0
+    du, dv = u - iu, v - iv
+    s00 = 1.0 if shadow[iv, iu] > d else 0.0
+    s01 = 1.0 if shadow[iv, iu + 1] > d else 0.0
+    s10 = 1.0 if shadow[iv + 1, iu] > d else 0.0
+    s11 = 1.0 if shadow[iv + 1, iu + 1] > d else 0.0
+    return float((s00 * (1.0 - du) + s01 * du) * (1.0 - dv) + (s10 * (1.0 - du) + s11 * du) * dv)
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def shade(
+    points: F32,
+    normals: F32,
+    albedo: F32,
+    grain: F32,
+    openness: F32,
+    faces: I32,
+    face_object: I32,
+    material: F32,
+    camera: F32,
+    depth: F32,
+    face_index: I32,
+    weights: F32,
+    plane: F32,
+    plane_axes: F32,
+    plane_look: F32,
+    spheres: F32,
+    lights: F32,
+    up: F32,
+    ambient: F32,
+    light_map: F32,
+    shadow: F32,
+    shadow_strength: float,
+    texture: F32,
+    noise: F32,
+    picture: F32,
+    owner: I32,
+) -> None:
+    """Colour every pixel that a face or the table covers; other pixels keep what `picture` holds.
+
+    Per vertex: `points`, `normals` (camera frame), `albedo` (linear RGB), `grain` (coordinates into `noise`),
+    `openness` (ambient light let in, 0..1). Per object: `material` = specular strength, shininess, grain contrast.
+    `plane` is (normal, offset) of the table in the camera frame, offset 0 for none; `plane_axes` (2, 3) its texture
+    axes; `plane_look` = texture scale [texels/m], specular strength, shininess, radius beyond which the table ends.
+    `spheres` (k, 4) darken the table below them. `lights` (l, 6): direction to the light and colour; the first casts
+    shadows through `light_map` (3, 4) and `shadow`. `owner` (h, w) becomes the object's index, -1 where none.
+    """
+    height, width = depth.shape
+    fx, fy, cx, cy = camera[0], camera[1], camera[2], camera[3]
+    texture_h, texture_w = texture.shape[0], texture.shape[1]
+    noise_mask = noise.shape[0] - 1
+    for v in range(height):
+        for u in range(width):
+            rx, ry = (u - cx) / fx, (v - cy) / fy
+            face = face_index[v, u]
+            owner[v, u] = -1
+            z = depth[v, u]
+            along = plane[0] * rx + plane[1] * ry + plane[2]
+            on_plane = False
+            if plane[3] != 0.0 and along != 0.0:
+                zp = plane[3] / along
+                if zp > NEAR and (face < 0 or zp < z):
+                    z, on_plane = zp, True
+            if face < 0 and not on_plane:
+                continue
+            x, y = rx * z, ry * z
+            if on_plane:
+                s = plane_axes[0, 0] * x + plane_axes[0, 1] * y + plane_axes[0, 2] * z
+                t = plane_axes[1, 0] * x + plane_axes[1, 1] * y + plane_axes[1, 2] * z
+                s0, t0 = s - plane_axes[0, 3], t - plane_axes[1, 3]
+                if s0 * s0 + t0 * t0 > plane_look[3] * plane_look[3]:
+                    if face < 0:
+                        continue
+                    on_plane = False
+                    z = depth[v, u]
+                    x, y = rx * z, ry * z
+            if on_plane:
+                nx, ny, nz = plane[0], plane[1], plane[2]
+                if along > 0.0:
+                    nx, ny, nz = -nx, -ny, -nz
+                ti = int(np.floor(t * plane_look[0])) % texture_h
+                si = int(np.floor(s * plane_look[0])) % texture_w
+                cr, cg, cb = texture[ti, si, 0], texture[ti, si, 1], texture[ti, si, 2]
+                specular, shininess = plane_look[1], plane_look[2]
+                openness_here = 1.0
+                for k in range(spheres.shape[0]):
+                    dx, dy, dz = spheres[k, 0] - x, spheres[k, 1] - y, spheres[k, 2] - z
+                    d2 = dx * dx + dy * dy + dz * dz
+                    r2 = spheres[k, 3] * spheres[k, 3]
+                    if d2 < 9.0 * r2:
+                        cosine = (dx * nx + dy * ny + dz * nz) / np.sqrt(d2)
+                        if cosine > 0.0:
+                            openness_here *= 1.0 - min(0.85, cosine * r2 / d2)
+                object_id = -1
+            else:
+                a, b, c = faces[face, 0], faces[face, 1], faces[face, 2]
+                wa, wb = weights[v, u, 0], weights[v, u, 1]
+                wc = 1.0 - wa - wb
+                object_id = face_object[face]
+                owner[v, u] = object_id
+                nx = wa * normals[a, 0] + wb * normals[b, 0] + wc * normals[c, 0]
+                ny = wa * normals[a, 1] + wb * normals[b, 1] + wc * normals[c, 1]
+                nz = wa * normals[a, 2] + wb * normals[b, 2] + wc * normals[c, 2]
+                length = 1.0 / (np.sqrt(nx * nx + ny * ny + nz * nz) + 1e-9)
+                nx, ny, nz = nx * length, ny * length, nz * length
+                if nx * rx + ny * ry + nz > 0.15:
+                    nx, ny, nz = -nx, -ny, -nz
+                cr = wa * albedo[a, 0] + wb * albedo[b, 0] + wc * albedo[c, 0]
+                cg = wa * albedo[a, 1] + wb * albedo[b, 1] + wc * albedo[c, 1]
+                cb = wa * albedo[a, 2] + wb * albedo[b, 2] + wc * albedo[c, 2]
+                openness_here = wa * openness[a] + wb * openness[b] + wc * openness[c]
+                contrast = material[object_id, 2]
+                if contrast > 0.0:
+                    gx = wa * grain[a, 0] + wb * grain[b, 0] + wc * grain[c, 0]
+                    gy = wa * grain[a, 1] + wb * grain[b, 1] + wc * grain[c, 1]
+                    gz = wa * grain[a, 2] + wb * grain[b, 2] + wc * grain[c, 2]
+                    ix, iy, iz = int(np.floor(gx)), int(np.floor(gy)), int(np.floor(gz))
+                    spot = noise[ix & noise_mask, iy & noise_mask] * noise[iy & noise_mask, iz & noise_mask]
+                    factor = 1.0 + contrast * spot
+                    cr, cg, cb = cr * factor, cg * factor, cb * factor
+                specular, shininess = material[object_id, 0], material[object_id, 1]
+            sky = 0.5 + 0.5 * (nx * up[0] + ny * up[1] + nz * up[2])
+            open_sky = openness_here * (0.35 + 0.65 * sky)
+            lr, lg, lb = ambient[0] * open_sky, ambient[1] * open_sky, ambient[2] * open_sky
+            hr, hg, hb = 0.0, 0.0, 0.0
+            view = 1.0 / np.sqrt(rx * rx + ry * ry + 1.0)
+            for k in range(lights.shape[0]):
+                lx, ly, lz = lights[k, 0], lights[k, 1], lights[k, 2]
+                cosine = nx * lx + ny * ly + nz * lz
+                if cosine <= 0.0:
+                    continue
+                reach = 1.0
+                if k == 0 and shadow_strength > 0.0:
+                    reach = 1.0 - shadow_strength * (1.0 - _lit(x, y, z, light_map, shadow, 0.004))
+                reach *= 0.5 + 0.5 * openness_here
+                lr += reach * cosine * lights[k, 3]
+                lg += reach * cosine * lights[k, 4]
+                lb += reach * cosine * lights[k, 5]
+                if specular > 0.0:
+                    hx, hy, hz = lx - rx * view, ly - ry * view, lz - view
+                    half = (nx * hx + ny * hy + nz * hz) / (np.sqrt(hx * hx + hy * hy + hz * hz) + 1e-9)
+                    if half > 0.0:
+                        gloss = specular * reach * half**shininess
+                        hr += gloss * lights[k, 3]
+                        hg += gloss * lights[k, 4]
+                        hb += gloss * lights[k, 5]
+            picture[v, u, 0] = cr * lr + hr
+            picture[v, u, 1] = cg * lg + hg
+            picture[v, u, 2] = cb * lb + hb

@@ -1,0 +1,45 @@
+"""Augmentation of pictures; geometry is left to the caller, who moves the labels along."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+U8 = NDArray[np.uint8]
+
+
+def change_look(picture: U8, rng: np.random.Generator) -> U8:
+    """Brightness, contrast, colour cast, saturation, blur, noise and covering rectangles, (h, w, 3) uint8."""
+    # Per-channel curves as one look-up: cast, gain, gamma.
+    levels = np.linspace(0.0, 1.0, 256)[:, None]
+    cast = np.exp(rng.normal(0.0, 0.06, 3)) * np.exp(rng.normal(0.0, 0.18))
+    curve = np.clip(levels * cast, 0.0, 1.0) ** np.exp(rng.normal(0.0, 0.22)) + rng.normal(0.0, 0.03)
+    curve8 = (np.clip(curve, 0.0, 1.0) * 255.0).astype(np.uint8)[None].transpose(1, 0, 2)
+    picture = cv2.LUT(picture, np.ascontiguousarray(curve8.reshape(1, 256, 3)))
+    if rng.random() < 0.3:
+        mix = np.eye(3) + rng.normal(0.0, 0.10, (3, 3))
+        mix /= mix.sum(axis=1, keepdims=True)
+        picture = cv2.transform(picture, mix)
+    if rng.random() < 0.04:
+        picture = cv2.cvtColor(cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY), cv2.COLOR_GRAY2RGB)
+    if rng.random() < 0.2:
+        picture = cv2.GaussianBlur(picture, (0, 0), rng.uniform(0.4, 1.3))
+    if rng.random() < 0.3:
+        h, w = picture.shape[:2]
+        noise = rng.integers(-128, 128, size=(h, w, 1), dtype=np.int16) // int(rng.integers(6, 40))
+        picture = np.clip(picture + noise, 0, 255).astype(np.uint8)
+    return picture
+
+
+def cover(picture: U8, rng: np.random.Generator, chance: float, size: tuple[float, float]) -> U8:
+    """Put rectangles of one colour over the picture, sized as parts of its height."""
+    picture = np.ascontiguousarray(picture)
+    h, w = picture.shape[:2]
+    while rng.random() < chance:
+        extent = rng.uniform(*size, 2) * h
+        u, v = rng.uniform(-0.1, 1.0) * w, rng.uniform(-0.1, 1.0) * h
+        colour = rng.integers(0, 256, 3).tolist()
+        cv2.rectangle(picture, (int(u), int(v)), (int(u + extent[0]), int(v + extent[1])), colour, -1)
+        chance *= 0.7
+    return picture

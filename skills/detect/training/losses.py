@@ -1,0 +1,59 @@
+"""Losses of the networks."""
+
+from __future__ import annotations
+
+import math
+
+import torch
+from torch import Tensor
+from torch.nn import functional
+
+from skills.detect.compact_network import OFFSET_UNIT
+
+PEAK_WEIGHT = 20.0
+"""How much more a cell on a peak counts than an empty one: plain squared error collapses to zero on small budgets."""
+
+
+def finder_loss(
+    belief: Tensor, offsets: Tensor, target: Tensor, weight: Tensor, target_offsets: Tensor, offset_weight: Tensor
+) -> Tensor:
+    """Weighted squared error of the belief maps plus smooth L1 of the offsets near centroids."""
+    count = belief.shape[0]
+    error = (belief.float() - target) ** 2 * (1.0 + PEAK_WEIGHT * target) * weight
+    placed = functional.smooth_l1_loss(offsets.float(), target_offsets, beta=0.5 / OFFSET_UNIT, reduction="none")
+    cells = offset_weight.sum().clamp(min=1.0)
+    return error.sum() / (count * 600.0) + 8.0 * (placed * offset_weight).sum() / (cells * 16.0)
+
+
+def close_look_loss(output: Tensor, keypoints: Tensor, kind: Tensor, visibility: Tensor) -> Tensor:
+    """Absolute error of the keypoints of fruit, likelihood of their spreads, cross entropy of kind and visibility.
+
+    The spreads learn from residuals that they cannot change: in a joint likelihood the sure centroid drowns the
+    unsure corners, and the orientation is hardly learnt.
+    """
+    output = output.float()
+    fruit = kind > 0.5
+    # Hidden fruit teaches less about where corners are.
+    share = fruit * (0.3 + 0.7 * visibility)
+    total = share.sum().clamp(min=1.0)
+    residual = (output[:, :18].reshape(-1, 9, 2) - keypoints).abs().sum(dim=2)
+    placed = residual[:, :8].mean(dim=1) + residual[:, 8]
+    spread = output[:, 18:27].clamp(-6.0, 2.0)
+    likelihood = (residual.detach() * torch.exp(-spread) + 2.0 * spread + 2.0 * math.log(2.0)).mean(dim=1)
+    is_fruit = functional.binary_cross_entropy_with_logits(output[:, 27], kind)
+    seen = functional.binary_cross_entropy_with_logits(output[:, 28], visibility, reduction="none")
+    return (
+        5.0 * (placed * share).sum() / total
+        + 0.2 * (likelihood * share).sum() / total
+        + is_fruit
+        + 0.3 * (seen * fruit).sum() / fruit.sum().clamp(min=1.0)
+    )
+
+
+def dope_loss(stages: list[tuple[Tensor, Tensor]], belief: Tensor, affinity: Tensor) -> Tensor:
+    """The published loss: mean squared error of belief and affinity, summed over the stages."""
+    total = belief.new_zeros(())
+    for stage_belief, stage_affinity in stages:
+        total = total + functional.mse_loss(stage_belief.float(), belief)
+        total = total + functional.mse_loss(stage_affinity.float(), affinity)
+    return total

@@ -1,0 +1,206 @@
+"""Training batches from a folder of annotated frames; batch k is a function of (seed, k) alone."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+from torch.utils.data import Dataset
+
+from skills.detect.annotations import Annotation, read_annotation
+from skills.detect.close_look import crop_matrix, keypoint_size
+from skills.detect.compact_network import CLOSE_LOOK_SIZE, FINDER_STRIDE
+from skills.detect.cuboid import MIRRORED
+from skills.detect.errors import BadTraining
+from skills.detect.training.augmentation import change_look, cover
+from skills.detect.training.targets import finder_targets
+
+U8 = NDArray[np.uint8]
+F64 = NDArray[np.float64]
+
+FINDER_INPUT = (240, 320)
+"""Height and width of the finder's input [px]."""
+
+
+class FrameFolder:
+    """Pictures and annotations of one or more data folders, found once."""
+
+    def __init__(self, folders: list[Path]) -> None:
+        self.pictures = [
+            picture
+            for folder in folders
+            for annotation in sorted(folder.glob("*.json"))
+            if (picture := _picture_of(annotation)) is not None
+        ]
+        if not self.pictures:
+            raise BadTraining(f"no annotated frames in {', '.join(map(str, folders))}")
+
+    def __len__(self) -> int:
+        return len(self.pictures)
+
+    def annotation(self, index: int) -> Annotation:
+        return read_annotation(self.pictures[index].with_suffix(".json"))
+
+    def picture(self, index: int, halved: bool) -> U8:
+        """RGB picture, at half size where `halved`."""
+        flag = cv2.IMREAD_REDUCED_COLOR_2 if halved else cv2.IMREAD_COLOR
+        return _read(self.pictures[index], flag)
+
+
+class FinderBatches(Dataset[tuple[Tensor, ...]]):
+    """Batches for the finder: pictures (n, h, w, 3) uint8, belief, its weight, offsets, their weight."""
+
+    def __init__(self, frames: FrameFolder, batch: int, seed: int, steps: int, augment: bool = True) -> None:
+        self.frames, self.batch, self.seed, self.steps, self.augment = frames, batch, seed, steps, augment
+
+    def __len__(self) -> int:
+        return self.steps
+
+    def __getitem__(self, step: int) -> tuple[Tensor, ...]:
+        cv2.setNumThreads(1)
+        rng = np.random.default_rng((self.seed, step))
+        samples = [self._sample(int(i), rng) for i in _indices(self, rng, step)]
+        return tuple(torch.from_numpy(np.stack(part)) for part in zip(*samples, strict=True))
+
+    def _sample(self, index: int, rng: np.random.Generator) -> tuple[NDArray[np.generic], ...]:
+        annotation = self.frames.annotation(index)
+        picture = self.frames.picture(index, halved=True)
+        height, width = FINDER_INPUT
+        scale = width / annotation.width
+        # Pixel centres are at integers: half a pixel of shift on halving.
+        keypoints = (
+            np.array([item.keypoints for item in annotation.objects]).reshape(-1, 9, 2) * scale + (scale - 1) / 2
+        )
+        visibility = np.array([item.visibility for item in annotation.objects])
+        if picture.shape[:2] != FINDER_INPUT:
+            picture = cv2.resize(picture, (width, height), interpolation=cv2.INTER_AREA)
+        if self.augment:
+            picture, keypoints, visibility = _move(picture, keypoints, visibility, rng)
+            picture = cover(change_look(picture, rng), rng, 0.2, (0.03, 0.18))
+        stride = FINDER_STRIDE
+        cells = (keypoints + 0.5) / stride - 0.5
+        return (picture, *finder_targets(cells, visibility, height // stride, width // stride))
+
+
+def _move(picture: U8, keypoints: F64, visibility: F64, rng: np.random.Generator) -> tuple[U8, F64, F64]:
+    """Mirror, scale, shift; borders are filled with one colour, since reflected ones would show unlabelled fruit."""
+    h, w = picture.shape[:2]
+    if rng.random() < 0.5:
+        picture = np.ascontiguousarray(picture[:, ::-1])
+        keypoints = keypoints[:, MIRRORED, :] * (-1.0, 1.0) + (w - 1.0, 0.0)
+    if rng.random() < 0.6:
+        size = np.exp(rng.uniform(np.log(0.6), np.log(1.35)))
+        shift = np.array([w, h]) * (0.5 * (1.0 - size) + rng.uniform(-0.5, 0.5, 2) * abs(1.0 - size))
+        matrix = np.array([[size, 0.0, shift[0]], [0.0, size, shift[1]]])
+        colour = [int(c) for c in rng.integers(0, 256, 3)]
+        flag = cv2.INTER_AREA if size < 1.0 else cv2.INTER_LINEAR
+        picture = cv2.warpAffine(picture, matrix, (w, h), flags=flag, borderValue=colour)
+        keypoints = keypoints * size + shift
+        outside = (keypoints[:, 8] < 0.0).any(axis=1) | (keypoints[:, 8] > (w - 1.0, h - 1.0)).any(axis=1)
+        visibility = np.where(outside, 0.5 * visibility, visibility)
+    return picture, keypoints, visibility
+
+
+class CloseLookBatches(Dataset[tuple[Tensor, ...]]):
+    """Batches for the second look.
+
+    Each holds pictures (n, 96, 96, 3) uint8, keypoints (n, 9, 2) in half sides, kind (n,) with 1 fruit and 0 not
+    fruit, and visibility (n,).
+    """
+
+    def __init__(self, frames: FrameFolder, batch: int, seed: int, steps: int, augment: bool = True) -> None:
+        self.frames, self.batch, self.seed, self.steps, self.augment = frames, batch, seed, steps, augment
+        self.per_frame = 10
+
+    def __len__(self) -> int:
+        return self.steps
+
+    def __getitem__(self, step: int) -> tuple[Tensor, ...]:
+        cv2.setNumThreads(1)
+        rng = np.random.default_rng((self.seed, step, 1))
+        samples: list[tuple[NDArray[np.generic], ...]] = []
+        while len(samples) < self.batch:
+            samples += self._samples(int(rng.integers(len(self.frames))), rng)
+        chosen = samples[: self.batch]
+        return tuple(torch.from_numpy(np.stack(part)) for part in zip(*chosen, strict=True))
+
+    def _samples(self, index: int, rng: np.random.Generator) -> list[tuple[NDArray[np.generic], ...]]:
+        annotation = self.frames.annotation(index)
+        picture = self.frames.picture(index, halved=False)
+        if self.augment:
+            picture = change_look(picture, rng)
+        seen = [item for item in annotation.objects if item.visibility >= 0.12]
+        samples = []
+        for item in seen:
+            if item.visibility < 0.25 or max(item.box or (0, 0, 1, 1)) < 1:
+                continue
+            size = keypoint_size(item.keypoints)
+            centre = item.keypoints[8] + rng.normal(0.0, 0.05, 2) * size
+            samples.append(
+                self._look(picture, centre, size * np.exp(rng.normal(0.0, 0.09)), item.keypoints, item.visibility, rng)
+            )
+        wrong = [(np.array([u, v]), max(r, 8.0) * rng.uniform(0.9, 1.6)) for u, v, r in annotation.decoys]
+        for _ in range(1):
+            place = rng.uniform((0.0, 0.0), (annotation.width, annotation.height))
+            wrong.append((place, np.exp(rng.uniform(np.log(18.0), np.log(110.0)))))
+        for item in seen[:1]:  # beside a fruit is not on it
+            size = keypoint_size(item.keypoints)
+            angle = rng.uniform(0.0, 2.0 * np.pi)
+            away = rng.uniform(0.55, 1.3) * size
+            wrong.append(
+                (
+                    item.keypoints[8] + away * np.array([np.cos(angle), np.sin(angle)]),
+                    size * np.exp(rng.normal(0.0, 0.4)),
+                )
+            )
+        for place, size in wrong:
+            inside = (place > -0.3 * size).all() and (
+                place < np.array([annotation.width, annotation.height]) + 0.3 * size
+            ).all()
+            if inside and all(not _on_fruit(place, size, item.keypoints) for item in annotation.objects):
+                samples.append(self._look(picture, place, size, None, 0.0, rng))
+        return samples
+
+    def _look(
+        self, picture: U8, centre: F64, size: float, keypoints: F64 | None, visibility: float, rng: np.random.Generator
+    ) -> tuple[NDArray[np.generic], ...]:
+        matrix = crop_matrix(centre, size)
+        side = CLOSE_LOOK_SIZE
+        colour = [int(c) for c in rng.integers(0, 256, 3)] if rng.random() < 0.5 else [0, 0, 0]
+        look = cv2.warpAffine(picture, matrix, (side, side), flags=cv2.INTER_LINEAR, borderValue=colour)
+        points = np.zeros((9, 2)) if keypoints is None else keypoints @ matrix[:, :2].T + matrix[:, 2]
+        if self.augment and rng.random() < 0.5:
+            look = np.ascontiguousarray(look[:, ::-1])
+            points = points[MIRRORED, :] * (-1.0, 1.0) + (side - 1.0, 0.0)
+        if self.augment:
+            look = cover(look, rng, 0.10, (0.08, 0.35))
+        relative = (points - 0.5 * (side - 1)) / (0.5 * side)
+        kind = np.float32(keypoints is not None)
+        return look, relative.astype(np.float32), np.asarray(kind), np.asarray(np.float32(visibility))
+
+
+def _on_fruit(place: F64, size: float, keypoints: F64) -> bool:
+    """Whether a place and size are so near a fruit that calling it wrong would be unfair."""
+    own = keypoint_size(keypoints)
+    return bool(np.linalg.norm(place - keypoints[8]) < 0.5 * max(own, 0.6 * size)) and own < 2.5 * size
+
+
+def _indices(batches: FinderBatches, rng: np.random.Generator, step: int) -> NDArray[np.int64]:
+    if not batches.augment:
+        return (np.arange(batches.batch) + step * batches.batch) % len(batches.frames)
+    return rng.integers(0, len(batches.frames), batches.batch)
+
+
+def _picture_of(annotation: Path) -> Path | None:
+    return next((p for s in (".jpg", ".png") if (p := annotation.with_suffix(s)).is_file()), None)
+
+
+def _read(path: Path, flag: int) -> U8:
+    picture = cv2.imread(str(path), flag)
+    if picture is None:
+        raise BadTraining(f"{path} cannot be read as a picture")
+    return np.ascontiguousarray(picture[..., ::-1], np.uint8)

@@ -1,0 +1,123 @@
+"""Train the compact detector (or the full network) from a folder of frames."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import torch
+from torch import Tensor, nn
+
+from skills.detect.compact_network import CloseLookNetwork, FinderNetwork, to_input
+from skills.detect.training.loop import Progress, Schedule, train_network
+from skills.detect.training.losses import close_look_loss, finder_loss
+from skills.detect.training.samples import CloseLookBatches, FinderBatches, FrameFolder
+
+Part = Literal["finder", "close_look"]
+
+
+@dataclass(frozen=True, slots=True)
+class TrainingRun:
+    """What to train, from what, and where it is kept.
+
+    Attributes:
+        part: which network.
+        data: folders of annotated frames.
+        held_out: folder of validation frames, None for none.
+        out: folder of checkpoints.
+        batch: samples a step.
+        schedule: length and rates.
+        seed: of batches and first weights.
+        start_from: weights to begin with, None for random ones.
+        device: "cpu" or "cuda".
+        workers: processes that prepare batches.
+    """
+
+    part: Part
+    data: tuple[Path, ...]
+    held_out: Path | None
+    out: Path
+    batch: int
+    schedule: Schedule
+    seed: int = 0
+    start_from: dict[str, Tensor] | None = None
+    device: str = "cpu"
+    workers: int = 1
+
+
+def train_part(run: TrainingRun, report: Callable[[Progress], None] | None = None) -> nn.Module:
+    """Train one network of the compact detector; resumes from `out`. Returns it with averaged weights, in eval mode."""
+    torch.manual_seed(run.seed)
+    frames = FrameFolder(list(run.data))
+    network: nn.Module
+    if run.part == "finder":
+        network = FinderNetwork()
+        batches: FinderBatches | CloseLookBatches = FinderBatches(frames, run.batch, run.seed, run.schedule.steps)
+        loss: Callable[[nn.Module, tuple[Tensor, ...]], Tensor] = _finder_step
+    else:
+        network = CloseLookNetwork()
+        batches = CloseLookBatches(frames, run.batch, run.seed, run.schedule.steps)
+        loss = _close_look_step
+    if run.start_from is not None:
+        network.load_state_dict(run.start_from)
+    validate = _validation(run) if run.held_out is not None else None
+    checkpoint = run.out / f"{run.part}.checkpoint.pt"
+    return train_network(network, batches, loss, run.schedule, checkpoint, validate, run.device, run.workers, report)
+
+
+def _finder_step(network: nn.Module, batch: tuple[Tensor, ...]) -> Tensor:
+    pictures, belief, weight, offsets, offset_weight = batch
+    found_belief, found_offsets = network(to_input(pictures))
+    return finder_loss(found_belief, found_offsets, belief, weight, offsets, offset_weight)
+
+
+def _close_look_step(network: nn.Module, batch: tuple[Tensor, ...]) -> Tensor:
+    pictures, keypoints, kind, visibility = batch
+    return close_look_loss(network(to_input(pictures)), keypoints, kind, visibility)
+
+
+def _validation(run: TrainingRun) -> Callable[[nn.Module], dict[str, float]]:
+    """Validation on fixed held-out batches."""
+    assert run.held_out is not None
+    frames = FrameFolder([run.held_out])
+    if run.part == "finder":
+        finder_batches = FinderBatches(frames, 20, 0, 5, augment=False)
+
+        def finder_figures(network: nn.Module) -> dict[str, float]:
+            total = 0.0
+            with torch.no_grad():
+                for k in range(len(finder_batches)):
+                    total += float(_finder_step(network, _on(run.device, finder_batches[k])))
+            return {"held-out loss": total / len(finder_batches)}
+
+        return finder_figures
+    look_batches = CloseLookBatches(frames, 200, 0, 4, augment=False)
+    fixed = [look_batches[k] for k in range(len(look_batches))]
+
+    def look_figures(network: nn.Module) -> dict[str, float]:
+        loss, errors, wrong, count = 0.0, [], 0.0, 0
+        with torch.no_grad():
+            for batch in fixed:
+                pictures, keypoints, kind, visibility = _on(run.device, batch)
+                output = network(to_input(pictures)).float()
+                loss += float(close_look_loss(output, keypoints, kind, visibility)) / len(fixed)
+                error = (output[:, :18].reshape(-1, 9, 2) - keypoints).norm(dim=2)
+                errors.append(error[(kind > 0.5) & (visibility > 0.6)])
+                wrong += float(((output[:, 27] > 0.0) != (kind > 0.5)).sum())
+                count += len(kind)
+        all_errors = torch.cat(errors)
+        return {
+            "held-out loss": loss,
+            "corner median %": 100.0 * float(all_errors[:, :8].median()),
+            "corner p90 %": 100.0 * float(all_errors[:, :8].flatten().quantile(0.9)),
+            "centroid median %": 100.0 * float(all_errors[:, 8].median()),
+            "wrong kind %": 100.0 * wrong / count,
+        }
+
+    return look_figures
+
+
+def _on(device: str, batch: tuple[Tensor, ...]) -> tuple[Tensor, ...]:
+    return tuple(part.to(device) for part in batch)
