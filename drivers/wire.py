@@ -9,6 +9,7 @@ import threading
 from collections.abc import Callable
 from typing import Protocol
 
+from drivers.cell_file import Settings
 from drivers.errors import DeviceFault, DriverError
 
 
@@ -92,3 +93,15 @@ class ServiceLoop:
     def _run(self) -> None:
         while not self._closed.is_set():
             self._step()
+
+
+def read_address(settings: Settings, key: str, default_port: int) -> tuple[str, int]:
+    """A setting HOST or HOST:PORT.
+
+    Raises:
+        CellFileError: it is none.
+    """
+    host, _, port = settings.text(key).rpartition(":") if ":" in settings.text(key) else (settings.text(key), "", "")
+    if not host or (port and not (port.isdigit() and 0 < int(port) < 65536)):
+        raise settings.error(f"'{settings.text(key)}' is not an address: write HOST or HOST:PORT", key)
+    return host, int(port) if port else default_port

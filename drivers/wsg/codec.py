@@ -261,7 +261,8 @@ def decode_request(frame: Frame) -> Request:
         flags, width, speed = _unpack(frame, "<Bff", payload, (1, _MM, _MM))
         return Move(width, speed, bool(int(flags) & 1), bool(int(flags) & 2))
     if command in (Command.GRASP, Command.RELEASE) and len(payload) == 8:
-        return Grasp(*_unpack(frame, "<ff", payload, (_MM, _MM)), command=command)
+        width, speed = _unpack(frame, "<ff", payload, (_MM, _MM))
+        return Grasp(width, speed, command)
     if command in _VALUE_SCALE and len(payload) == 4:
         return SetValue(command, *_unpack(frame, "<f", payload, (_VALUE_SCALE[command],)))
     if command is Command.SET_SOFT_LIMITS and len(payload) == 8:

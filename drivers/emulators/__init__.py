@@ -1,0 +1,1 @@
+"""Emulators of the real devices, byte for byte, on TCP ports, pseudo terminals and CAN buses, alone or on a world."""

@@ -1,0 +1,320 @@
+"""The gripper's driver against the emulated gripper, byte for byte, on a clock that the test moves."""
+
+from __future__ import annotations
+
+import pytest
+
+from drivers.emulators.free_gripper import FreeGripper
+from drivers.emulators.wsg import WsgEmulator
+from drivers.errors import DeviceFault, DeviceLost, MotionRefused
+from drivers.interfaces import MotionState
+from drivers.wire import Nonsense
+from drivers.wsg.codec import Command, Plain, encode
+from drivers.wsg.driver import RECONNECT, WsgGripper
+from drivers.wsg.handshake import WsgOptions
+from executive.clock import ManualClock
+
+OFFSET = 0.035
+
+
+class Wire:
+    """Both ends of a wire, and time that passes only while somebody listens."""
+
+    def __init__(self) -> None:
+        self.clock = ManualClock(100.0)
+        self.fingers = FreeGripper(self.clock.now)
+        self.device = WsgEmulator(self.fingers)
+        self.cut = False
+        self.opened = 0
+        self.sent: list[bytes] = []
+        self.noise = b""
+        self._arrived = bytearray()
+
+    def open(self) -> Wire:
+        if self.cut:
+            raise ConnectionRefusedError("nobody answers")
+        self.opened += 1
+        self._arrived.clear()
+        self.device.connected(self._Peer(self))
+        return self
+
+    class _Peer:
+        def __init__(self, wire: Wire) -> None:
+            self.wire = wire
+
+        def send(self, chunk: bytes) -> None:
+            self.wire._arrived += chunk
+
+    def send(self, chunk: bytes) -> None:
+        if self.cut:
+            raise BrokenPipeError("cut")
+        self.sent.append(chunk)
+        self.device.received(self.device._peer, chunk)  # type: ignore[arg-type]
+
+    def receive(self, timeout: float) -> bytes:
+        end = self.clock.now() + timeout
+        while True:
+            self.device.advance(self.clock.now())
+            if self._arrived or self.noise:
+                chunk, self.noise = self.noise + bytes(self._arrived), b""
+                self._arrived.clear()
+                return b"" if self.cut else chunk
+            if self.clock.now() >= end:
+                return b""
+            self.clock.advance(0.001)
+
+    def close(self) -> None:
+        self.device._peer = None
+
+
+@pytest.fixture
+def wire() -> Wire:
+    return Wire()
+
+
+def connected(wire: Wire, **options: object) -> WsgGripper:
+    gripper = WsgGripper(wire.open, wire.clock, WsgOptions(finger_offset=OFFSET, **options))  # type: ignore[arg-type]
+    gripper.connect()
+    return gripper
+
+
+def serve(gripper: WsgGripper, wire: Wire, seconds: float, renew: float | None = None) -> None:
+    end = wire.clock.now() + seconds
+    while wire.clock.now() < end:
+        if renew is not None:
+            gripper.set_speed(renew)
+        before = wire.clock.now()
+        gripper.step()
+        if wire.clock.now() == before:
+            wire.clock.advance(0.001)
+
+
+def test_the_handshake_sets_and_reads_back_what_the_options_say(wire: Wire) -> None:
+    gripper = connected(wire, acceleration=1.5, force_limit=20.0, soft_limits=(0.040, 0.100), speed_max=0.2)
+    assert gripper.identity is not None
+    assert (gripper.identity.acceleration, gripper.identity.force_limit) == (1.5, 20.0)
+    assert gripper.identity.firmware == 0x2710
+    assert (gripper.limits.width_min, gripper.limits.width_max, gripper.limits.speed_max) == (0.040, 0.100, 0.2)
+    assert gripper.link() == "ok"
+    assert gripper.state().width == pytest.approx(0.065)
+
+
+def test_a_move_arrives_and_the_width_is_the_opening_between_the_pads(wire: Wire) -> None:
+    gripper = connected(wire)
+    motion = gripper.move(0.080, 0.1)
+    serve(gripper, wire, 0.05)
+    assert motion.state is MotionState.RUNNING
+    assert 0.0 < motion.progress < 1.0
+    assert not gripper.settled()
+    serve(gripper, wire, 0.3)
+    assert (motion.state, motion.settled, motion.progress) == (MotionState.DONE, True, 1.0)
+    assert gripper.state().width == pytest.approx(0.080, abs=1e-6)
+    assert wire.fingers.state().width == pytest.approx(0.045, abs=1e-6)
+
+
+def test_a_stopped_move_stands_where_it_was_stopped(wire: Wire) -> None:
+    gripper = connected(wire)
+    motion = gripper.move(0.100, 0.05)
+    serve(gripper, wire, 0.1)
+    motion.stop()
+    serve(gripper, wire, 0.1)
+    assert (motion.state, motion.settled) == (MotionState.STOPPED, True)
+    assert 0.068 < gripper.state().width < 0.072
+
+
+def test_a_second_move_ends_the_first(wire: Wire) -> None:
+    gripper = connected(wire)
+    first = gripper.move(0.100, 0.05)
+    serve(gripper, wire, 0.1)
+    second = gripper.move(0.040, 0.2)
+    serve(gripper, wire, 0.5)
+    assert (first.state, second.state) == (MotionState.STOPPED, MotionState.DONE)
+    assert gripper.state().width == pytest.approx(0.040, abs=1e-6)
+
+
+def test_a_blocked_move_fails_and_says_where(wire: Wire) -> None:
+    gripper = connected(wire)
+    wire.fingers.obstacle = 0.020
+    motion = gripper.move(0.040, 0.1)
+    serve(gripper, wire, 0.3)
+    assert motion.state is MotionState.FAILED
+    assert motion.problem in {f"the fingers are blocked at {width}.0 mm" for width in (55, 56)}  # one update old
+
+
+@pytest.mark.parametrize(("width", "speed"), [(0.02, 0.1), (0.2, 0.1), (0.05, 0.0), (0.05, 0.5), (float("nan"), 0.1)])
+def test_a_move_outside_the_limits_is_refused_and_nothing_is_sent(wire: Wire, width: float, speed: float) -> None:
+    gripper = connected(wire)
+    before = len(wire.sent)
+    with pytest.raises(MotionRefused, match="lies outside"):
+        gripper.move(width, speed)
+    assert len(wire.sent) == before
+
+
+def test_a_streamed_speed_moves_the_fingers_while_it_is_renewed(wire: Wire) -> None:
+    gripper = connected(wire)
+    serve(gripper, wire, 0.5, renew=-0.010)
+    assert gripper.state().width == pytest.approx(0.060, abs=3e-4)
+    assert gripper.state().speed == pytest.approx(-0.010)
+    assert gripper.settled()  # force control is no motion
+
+
+def test_set_points_are_not_sent_faster_than_the_finger_script_takes_them(wire: Wire) -> None:
+    gripper = connected(wire)
+    wire.sent.clear()
+    serve(gripper, wire, 1.0, renew=-0.001)
+    assert 40 <= len(wire.sent) <= 56
+
+
+def test_a_speed_that_is_not_renewed_becomes_zero_after_the_watchdog(wire: Wire) -> None:
+    gripper = connected(wire)
+    gripper.set_speed(-0.010)
+    serve(gripper, wire, 0.5)
+    assert wire.fingers.state().speed == 0.0
+    assert 0.0639 - 3e-4 < gripper.state().width < 0.0641 + 3e-4
+
+
+def test_a_speed_ends_a_move(wire: Wire) -> None:
+    gripper = connected(wire)
+    motion = gripper.move(0.100, 0.05)
+    serve(gripper, wire, 0.1)
+    gripper.set_speed(-0.01)
+    serve(gripper, wire, 0.05, renew=-0.01)
+    assert motion.state is MotionState.STOPPED
+    assert wire.fingers.state().speed == pytest.approx(-0.01)
+
+
+def test_without_the_finger_script_streaming_is_refused_in_words(wire: Wire) -> None:
+    wire.device.has_script = False
+    gripper = connected(wire)
+    with pytest.raises(DeviceFault, match=r"load drivers/wsg/velocity\.lua"):
+        gripper.set_speed(-0.01)
+
+
+def test_without_a_reference_moves_are_refused_until_homing_was_allowed(wire: Wire) -> None:
+    wire.device.referenced = False
+    with pytest.raises(MotionRefused, match="no reference"):
+        connected(wire).move(0.05, 0.1)
+    homed = connected(wire, home=True)
+    motion = homed.move(0.05, 0.2)
+    serve(homed, wire, 1.0)
+    assert motion.state is MotionState.DONE
+
+
+def test_a_pulled_cable_is_seen_within_50_ms_and_the_move_fails(wire: Wire) -> None:
+    gripper = connected(wire)
+    motion = gripper.move(0.100, 0.05)
+    serve(gripper, wire, 0.1)
+    wire.device.silent = True
+    pulled = wire.clock.now()
+    while gripper.link() == "ok":
+        gripper.step()
+    assert wire.clock.now() - pulled <= 0.050
+    assert motion.state is MotionState.FAILED
+    assert "no answer for" in motion.problem
+    for call in (gripper.state, gripper.check, lambda: gripper.set_speed(0.0), gripper.acknowledge):
+        with pytest.raises(DeviceLost):
+            call()
+    with pytest.raises(MotionRefused, match="not ready"):
+        gripper.move(0.05, 0.1)
+
+
+def test_a_reconnection_repeats_the_handshake_and_resumes_nothing(wire: Wire) -> None:
+    gripper = connected(wire, acceleration=1.5)
+    first_handshake = list(wire.sent)
+    motion = gripper.move(0.100, 0.05)
+    serve(gripper, wire, 0.1)
+    wire.cut = True
+    serve(gripper, wire, 0.2)
+    wire.device.disconnected(wire.device._peer)  # type: ignore[arg-type]  # without a goodbye: the gripper makes a fast stop
+    stood = wire.fingers.state().width
+    wire.cut, wire.sent = False, []
+    serve(gripper, wire, RECONNECT + 0.3)
+    assert wire.opened == 2
+    assert wire.sent == first_handshake
+    assert motion.state is MotionState.FAILED
+    assert wire.fingers.state().width == pytest.approx(stood)
+    with pytest.raises(DeviceLost):
+        gripper.check()  # stays latched …
+    with pytest.raises(MotionRefused):
+        gripper.move(0.05, 0.1)
+    gripper.acknowledge()  # … until somebody acknowledges
+    serve(gripper, wire, 0.1)
+    gripper.check()
+    again = gripper.move(0.05, 0.1)
+    serve(gripper, wire, 0.5)
+    assert again.state is MotionState.DONE
+
+
+def test_a_fast_stop_is_latched_until_it_is_acknowledged(wire: Wire) -> None:
+    gripper = connected(wire)
+    motion = gripper.move(0.100, 0.05)
+    serve(gripper, wire, 0.1)
+    wire.device.fast_stop()
+    serve(gripper, wire, 0.03)
+    assert motion.state is MotionState.FAILED
+    with pytest.raises(DeviceFault, match="fast stop"):
+        gripper.check()
+    with pytest.raises(MotionRefused):
+        gripper.move(0.05, 0.1)
+    gripper.acknowledge()
+    assert encode(Plain(Command.ACKNOWLEDGE)) in wire.sent
+    serve(gripper, wire, 0.5)
+    gripper.check()
+
+
+def test_a_safe_stop_keeps_the_grip_refuses_opening_and_allows_closing(wire: Wire) -> None:
+    gripper = connected(wire)
+    serve(gripper, wire, 0.1, renew=0.02)
+    gripper.safe_stop("test")
+    serve(gripper, wire, 0.1, renew=0.02)
+    assert wire.fingers.state().speed == 0.0
+    serve(gripper, wire, 0.1, renew=-0.01)
+    assert wire.fingers.state().speed == pytest.approx(-0.01)
+    with pytest.raises(MotionRefused, match="latched in the safe state"):
+        gripper.move(0.05, 0.1)
+    gripper.acknowledge()
+    gripper.move(0.05, 0.1)
+
+
+def test_a_paused_move_goes_on_to_the_same_width(wire: Wire) -> None:
+    gripper = connected(wire)
+    motion = gripper.move(0.100, 0.05)
+    serve(gripper, wire, 0.1)
+    gripper.pause()
+    serve(gripper, wire, 0.2)
+    stood = wire.fingers.state().width
+    assert motion.state is MotionState.PAUSED
+    assert gripper.settled()
+    serve(gripper, wire, 0.2)
+    assert wire.fingers.state().width == stood
+    gripper.resume()
+    serve(gripper, wire, 1.0)
+    assert motion.state is MotionState.DONE
+    assert gripper.state().width == pytest.approx(0.100, abs=1e-6)
+
+
+def test_noise_on_the_wire_is_survived(wire: Wire) -> None:
+    gripper = connected(wire)
+    motion = gripper.move(0.080, 0.1)
+    for _ in range(30):
+        wire.noise = b"\xaa\xaa\xaa\x21\x30\x00noise"
+        serve(gripper, wire, 0.01)
+    assert motion.state is MotionState.DONE
+    gripper.check()
+
+
+def test_a_frame_that_the_protocol_does_not_know_is_nonsense_with_its_bytes(wire: Wire) -> None:
+    from drivers.wsg.frame import Frame, encode_frame
+
+    gripper = connected(wire)
+    wire.noise = encode_frame(Frame(0x99, b"\x00\x00"))
+    serve(gripper, wire, 0.005)
+    with pytest.raises(Nonsense, match="0x99") as caught:
+        gripper.check()
+    assert caught.value.received == encode_frame(Frame(0x99, b"\x00\x00"))
+
+
+def test_closing_says_goodbye_so_that_the_gripper_makes_no_fast_stop(wire: Wire) -> None:
+    gripper = connected(wire)
+    gripper.close()
+    assert wire.sent[-1] == encode(Plain(Command.DISCONNECT))
