@@ -70,7 +70,6 @@ class AttemptEnded(Event):
     number: int
     of: int
     succeeded: bool
-    started: float
     reason: Reason | None = None
 
 

@@ -16,13 +16,13 @@ from pathlib import Path
 from executive.cell import Cell
 from executive.errors import UsageError
 from executive.events import EventStream, Listener, RunStarted
-from executive.files import read_text
+from executive.files import installed_trees, read_text
 from executive.recording.picture import Picture
 from executive.recording.recorder import Recorder, new_record_folder
 from executive.registry import Registry
 from executive.runner import Runner, RunResult
 from executive.terminal.summary import Summary
-from executive.tree_file import Document, build, check, format_finding, read
+from executive.tree_file import Document, build, check, format_findings, read
 
 PERIOD = 0.02
 """Seconds of a tick."""
@@ -76,7 +76,7 @@ def execute(
     """
     registry = Registry.installed()
     document = read_document(order.tree)
-    declared = set(document.parameter_names)
+    declared = set(document.main.parameters)
     tree_settings = {key: value for key, value in order.settings.items() if key in declared}
     cell_settings = {key: value for key, value in order.settings.items() if key not in declared}
     refuse_errors(document, registry, tree_settings, None)
@@ -104,7 +104,7 @@ def _run(
         period=PERIOD,
         real_time=order.real_time,
     )
-    folder = None if order.record is None else new_record_folder(order.record, document.name)
+    folder = None if order.record is None else new_record_folder(order.record, runner.tree.name)
     recorder = None if folder is None else Recorder(folder)
     for listener in (*([recorder.hear] if recorder else []), summary.hear, picture.hear, *listeners):
         events.subscribe(listener)
@@ -115,7 +115,7 @@ def _run(
         with _terminate_safely(runner):
             result = runner.run()
         if folder is not None and not picture.empty:
-            picture.save(folder / "picture.png", f"{document.name}: {result.outcome}, seed {order.seed}")
+            picture.save(folder / "picture.png", f"{runner.tree.name}: {result.outcome}, seed {order.seed}")
     finally:
         runner.close()
         if recorder is not None:
@@ -129,7 +129,7 @@ def read_document(path: Path) -> Document:
     Raises:
         UsageError: it cannot be read at all.
     """
-    return read(read_text(path), path)
+    return read(read_text(path), path, tree_folders=[installed_trees()])
 
 
 def refuse_errors(
@@ -141,10 +141,8 @@ def refuse_errors(
         UsageError: with every finding, when one of them is an error.
     """
     findings = check(document, registry, overrides=settings, interfaces=interfaces)
-    errors = [finding for finding in findings if finding.severity == "error"]
-    if errors:
-        count = f"{len(errors)} error{'s' if len(errors) > 1 else ''}"
-        raise UsageError("\n".join(map(format_finding, findings)) + f"\n{count}. Nothing was run.")
+    if any(finding.severity == "error" for finding in findings):
+        raise UsageError(f"{format_findings(findings)} Nothing was run.")
 
 
 def load_cell(path: Path, seed: int, settings: Mapping[str, str], tree_parameters: set[str] | None = None) -> Cell:
@@ -169,8 +167,8 @@ def _started(order: RunOrder, runner: Runner, document: Document, cell: Cell, fo
     return RunStarted(
         0.0,
         0,
-        run=folder.name if folder is not None else f"{document.name}-{order.seed}",
-        tree=document.name,
+        run=folder.name if folder is not None else f"{runner.tree.name}-{order.seed}",
+        tree=runner.tree.name,
         tree_path=str(order.tree),
         tree_text=document.text,
         tree_hash=hashlib.sha256(document.text.encode()).hexdigest()[:16],
@@ -180,7 +178,7 @@ def _started(order: RunOrder, runner: Runner, document: Document, cell: Cell, fo
         cell_text=read_text(order.cell),
         seed=order.seed,
         parameters=runner.tree.parameters,
-        nodes=tuple(node.as_mapping() for node in runner.tree.nodes),
+        nodes=tuple(node.facts() for node in runner.tree.nodes),
         versions=_versions(),
         wall_time=time.time(),
         period=PERIOD,

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from executive.events import AttemptEnded, Event, NodeChanged
+from executive.nodes import Attempt
 from executive.reasons import Reason, reason_of
 from executive.skill import Skill
 from executive.tree_file import BuiltTree
@@ -17,57 +19,40 @@ class TreeObserver:
 
     def __init__(self, tree: BuiltTree, emit: Callable[[Event], None], stamp: Callable[[], tuple[float, int]]) -> None:
         self._tree, self._emit, self._stamp = tree, emit, stamp
-        self._known: dict[str, tuple[Status, str, int]] = {}
-        self._attempts: dict[str, int] = {}
+        self._known: dict[str, tuple[Status, str, int]] = {path: (Status.INVALID, "", 0) for path in tree.behaviours}
+        self._nodes = tuple((path, behaviour) for path, behaviour in tree.behaviours.items())
+        tree.on_attempt(self._attempt)
 
-    def after_tick(self) -> str:
-        """Emit what has changed.
-
-        Returns:
-            the path of the skill that kept the tick waiting longest.
-        """
-        slowest, longest = "", -1.0
-        for node in self._tree.nodes:
-            behaviour = node.behaviour
-            starts = getattr(behaviour, "starts", 0)
+    def after_tick(self) -> None:
+        """Emit what has changed."""
+        for path, behaviour in self._nodes:
+            starts = behaviour.starts if isinstance(behaviour, Skill) else 0
+            before = self._known[path]
+            if behaviour.status is before[0] and behaviour.feedback_message == before[1] and starts == before[2]:
+                continue
             now = (behaviour.status, behaviour.feedback_message, starts)
-            if isinstance(behaviour, Skill) and behaviour.status is not Status.INVALID and behaviour.blocked > longest:
-                slowest, longest = node.path, behaviour.blocked
-            if self._known.get(node.path) == now:
-                continue
-            before = self._known.get(node.path)
-            self._known[node.path] = now
-            if before is None and now[0] is Status.INVALID:
-                continue
-            failed = behaviour.status is Status.FAILURE
-            self._emit(
-                NodeChanged(
-                    *self._stamp(), node.path, behaviour.status.value, now[1], starts,
-                    reason_of(behaviour) if failed else None,
-                )
-            )  # fmt: skip
-        for node in self._tree.nodes:
-            attempts = getattr(node.behaviour, "attempts", ())
-            seen = self._attempts.get(node.path, 0)
-            if len(attempts) < seen:  # the retry was started afresh
-                seen = 0
-            for attempt in attempts[seen:]:
-                self._emit(
-                    AttemptEnded(
-                        *self._stamp(), node.path, attempt.number, attempt.of, attempt.succeeded,
-                        attempt.started, attempt.reason,
-                    )
-                )  # fmt: skip
-            self._attempts[node.path] = len(attempts)
-        return slowest
+            self._known[path] = now
+            reason = reason_of(behaviour) if now[0] is Status.FAILURE else None
+            self._emit(NodeChanged(*self._stamp(), path, now[0].value, now[1], starts, reason))
+
+    def slowest(self) -> str:
+        """Path of the skill that kept the newest tick waiting longest."""
+        skills = [skill for skill in self._tree.skills if skill.status is not Status.INVALID]
+        return max(skills, key=lambda skill: skill.blocked).path if skills else ""
 
     def root_reason(self) -> Reason | None:
         """Why the tree failed, from the root down."""
         return reason_of(self._tree.root)
 
     def running_leaf(self) -> str:
-        """Path of the deepest running node: where a fault happened, as far as the tree can tell."""
-        running = [
-            n.path for n in self._tree.nodes if n.behaviour.status is Status.RUNNING and not n.behaviour.children
-        ]
+        """Path of the last running leaf: where a fault happened, as far as the tree can tell."""
+        running = [path for path, behaviour in self._nodes if _is_running_leaf(behaviour)]
         return running[-1] if running else ""
+
+    def _attempt(self, path: str, attempt: Attempt, of: int) -> None:
+        succeeded = attempt.status is Status.SUCCESS
+        self._emit(AttemptEnded(*self._stamp(), path, attempt.number, of, succeeded, attempt.reason))
+
+
+def _is_running_leaf(behaviour: Behaviour) -> bool:
+    return behaviour.status is Status.RUNNING and not behaviour.children

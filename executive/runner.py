@@ -170,9 +170,7 @@ class Runner:
 
     def prepare(self) -> None:
         """Load and warm what the skills need, before the run's clock starts. Progress goes to the log."""
-        for node in self.tree.skills():
-            logger.info("preparing %s", node.name)
-            node.prepare()
+        self.tree.prepare()
 
     def run(self) -> RunResult:
         """Run the tree to its end. Never raises for what goes wrong in the run: that is an outcome."""
@@ -227,9 +225,9 @@ class Runner:
         began = time.perf_counter()
         self.tree.root.tick_once()
         took = time.perf_counter() - began
-        slowest = self._observer.after_tick()
+        self._observer.after_tick()
         if took > self._period and not self._cell.clock.simulated:
-            self._emit(TickOverran(*self._stamp(), slowest, took))
+            self._emit(TickOverran(*self._stamp(), self._observer.slowest(), took))
         status = self.tree.root.status
         if status is Status.SUCCESS:
             self._set_state(RunState.SUCCEEDED, "the tree succeeded")

@@ -1,0 +1,81 @@
+"""A cell with one device that moves, on a manual clock: enough to see what the runner does to a cell."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, TypeVar, cast
+
+from executive.clock import ManualClock
+
+T = TypeVar("T")
+
+
+class Wheel:
+    """Turns from `start` until `stop`, and takes `coasting` checks of the cell to come to rest."""
+
+    def __init__(self) -> None:
+        self.turning = False
+        self.coasting = 0
+        self.log: list[str] = []
+
+    def start(self) -> None:
+        self.turning = True
+        self.log.append("start")
+
+    def stop(self) -> None:
+        if self.turning:
+            self.turning, self.coasting = False, 3
+            self.log.append("stop")
+
+
+class FakeCell:
+    """What `executive.cell.Cell` asks for."""
+
+    name, kind = "fake", "mock"
+
+    def __init__(self) -> None:
+        self.clock = ManualClock()
+        self.wheel = Wheel()
+        self.latched: str | None = None
+        self.paused = False
+        self.fault: Exception | None = None
+        self.changed = False
+        self.closed = False
+
+    def interfaces(self) -> tuple[type, ...]:
+        return (Wheel,)
+
+    def device(self, interface: type[T]) -> T:
+        return cast(T, {Wheel: self.wheel}[interface])
+
+    def links(self) -> Mapping[str, str]:
+        return {"wheel": "ok"}
+
+    def check(self) -> None:
+        self.wheel.coasting = max(0, self.wheel.coasting - 1)
+        if self.fault is not None:
+            raise self.fault
+
+    def safe_stop(self, reason: str) -> None:
+        self.latched = self.latched or reason
+        self.wheel.stop()
+
+    def acknowledge(self) -> None:
+        self.latched = None
+
+    def pause(self) -> None:
+        self.paused = True
+
+    def resume(self) -> None:
+        if self.changed:
+            raise RuntimeError("the wheel was turned by hand")
+        self.paused = False
+
+    def settled(self) -> bool:
+        return self.wheel.coasting == 0 and (not self.wheel.turning or self.paused)
+
+    def truth(self) -> Mapping[str, Any] | None:
+        return None
+
+    def close(self) -> None:
+        self.closed = True
