@@ -36,6 +36,7 @@ BUILT_IN = {
     "sim-gripper": "drivers.sim.connect:connect_gripper",
     "sim-fingers": "drivers.sim.connect:connect_fingers",
     "sim-camera": "drivers.sim.connect:connect_camera",
+    "mock": "drivers.mock.connect:connect_world",
     "mock-arm": "drivers.mock.connect:connect_arm",
     "mock-gripper": "drivers.mock.connect:connect_gripper",
     "mock-fingers": "drivers.mock.connect:connect_fingers",

@@ -57,6 +57,7 @@ class Settings:
 
     def has(self, key: str) -> bool:
         """Whether the key is there with a value other than null."""
+        self._seen.add(key)
         return key in self._values and self._scalar(key) not in ("", "~", "null")
 
     def finish(self) -> None:

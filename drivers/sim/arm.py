@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from drivers.errors import DeviceFault, DeviceLost, MotionRefused
-from drivers.interfaces import Arm, ArmLimits, ArmState, Float64, Motion, MotionState, Trajectory
+from drivers.interfaces import Arm, ArmLimits, ArmState, Float64, Motion, Trajectory
+from drivers.path_motion import PathMotion
 from drivers.sim.faults import FaultyDevice
-from drivers.sim.path_follower import PathFollower
 from drivers.sim.scene import TIMESTEP
 from drivers.sim.world import SimWorld
 from drivers.trajectory_check import problem_with
@@ -18,56 +18,6 @@ ARRIVED = 2e-3
 """A motion is done when every joint is this near to its end [rad] …"""
 AT_REST = 5e-3
 """… and no joint moves faster than this [rad/s]."""
-
-
-class ArmMotion:
-    """A trajectory that the arm follows."""
-
-    def __init__(self, follower: PathFollower) -> None:
-        self._follower = follower
-        self.state = MotionState.RUNNING
-        self.settled = False
-        self.problem = ""
-        self._stopping = False
-
-    @property
-    def progress(self) -> float:
-        return self._follower.progress
-
-    def stop(self) -> None:
-        if self.state in (MotionState.RUNNING, MotionState.PAUSED):
-            self._stopping = True
-            self._follower.slow_down()
-
-    def fail(self, problem: str) -> None:
-        self.stop()
-        self.problem = self.problem or problem
-
-    def pause(self) -> None:
-        if self.state is MotionState.RUNNING and not self._stopping:
-            self.state = MotionState.PAUSED
-            self._follower.slow_down()
-
-    def resume(self) -> None:
-        if self.state is MotionState.PAUSED and not self._stopping:
-            self.state = MotionState.RUNNING
-            self._follower.go_on()
-
-    def step(self) -> tuple[Float64, Float64]:
-        return self._follower.step()
-
-    def look(self, arrived: bool) -> None:
-        """Update the state; `arrived` tells whether the measured joints are at rest at the set-point."""
-        if self._stopping:
-            if self._follower.at_rest:
-                self.state = MotionState.FAILED if self.problem else MotionState.STOPPED
-                self.settled = arrived
-        elif self._follower.finished and arrived:
-            self.state, self.settled = MotionState.DONE, True
-
-    @property
-    def at_rest(self) -> bool:
-        return self.settled or (self.state is MotionState.PAUSED and self._follower.at_rest)
 
 
 class SimArm(FaultyDevice):
@@ -96,7 +46,7 @@ class SimArm(FaultyDevice):
             *(model.numeric(f"arm_{name}").data.copy() for name in ("velocity", "acceleration", "jerk")),
         )
         self._set_point: Float64 = world.state.ctrl[self._actuators].copy()
-        self._motion: ArmMotion | None = None
+        self._motion: PathMotion | None = None
         self._latched: str | None = None
         world.before_step.append(self._command)
         world.after_step.append(self._watch)
@@ -117,7 +67,7 @@ class SimArm(FaultyDevice):
         problem = problem_with(trajectory, self.limits, self._set_point)
         if problem:
             raise MotionRefused(self.name, problem)
-        self._motion = ArmMotion(PathFollower(trajectory, self.limits, TIMESTEP))
+        self._motion = PathMotion(trajectory, self.limits, TIMESTEP)
         return self._motion
 
     def check(self) -> None:
@@ -159,7 +109,7 @@ class SimArm(FaultyDevice):
 
     def _watch(self) -> None:
         motion = self._motion
-        if motion is not None and not motion.settled and motion._follower.at_rest:
+        if motion is not None and not motion.settled and motion.set_point_rests:
             state = self._world.state
             near = np.abs(state.qpos[self._qpos] - self._set_point).max() < ARRIVED
             slow = np.abs(state.qvel[self._qvel]).max() < AT_REST

@@ -68,7 +68,9 @@ def read_layout(settings: Settings, seed: int) -> Layout:
     Raises:
         CellFileError: a value is missing or wrong.
     """
-    rng = np.random.default_rng([seed, 1])
+    # One generator per matter, so that changing one option leaves what was drawn for the others.
+    drawn = {matter: np.random.default_rng([seed, 1, i]) for i, matter in enumerate(("places", "scatter", "friction"))}
+    rng = drawn["places"]
     kinds = settings.section("fruits")
     places = settings.section("places")
     spots = [places.vector(name, 2, "length") for name in places.names()]
@@ -87,6 +89,7 @@ def read_layout(settings: Settings, seed: int) -> Layout:
     fruits = []
     for i, (name, spot) in enumerate(zip(picked, [place, *free], strict=True)):
         kind = kinds.section(name)
+        rng = np.random.default_rng([seed, 2, i])
         drawn_mass = kind.number("mass", "mass", low=1e-3) * rng.uniform(0.95, 1.10)
         drawn_skin = str(rng.choice(list(SKINS)))
         model = kind.file("model")
@@ -113,8 +116,8 @@ def read_layout(settings: Settings, seed: int) -> Layout:
         robot=settings.file("robot"),
         table_z=settings.number("table_z", "length"),
         fruits=tuple(fruits),
-        distractors=_scatter(count, [fruit.xy for fruit in fruits], rng),
-        friction=float(rng.uniform(*friction)),
+        distractors=_scatter(count, [fruit.xy for fruit in fruits], drawn["scatter"]),
+        friction=float(drawn["friction"].uniform(*friction)),
         torsion=settings.number("torsion", "length", 0.003, 0.0, 0.1),
     )
 
@@ -127,6 +130,7 @@ def _scatter(count: int, taken: list[Float64], rng: np.random.Generator) -> tupl
         xy = rng.uniform((-0.42, -0.68), (0.42, -0.15))
         clear = 0.15
         if all(np.hypot(*(xy - other)) > clear for other in taken):
+            taken.append(xy)
             shape = str(rng.choice(["box", "ball", "cylinder"]))
             half = rng.uniform(0.012, 0.035, 3)
             fruitlike = rng.random() < 0.5
@@ -140,5 +144,4 @@ def _scatter(count: int, taken: list[Float64], rng: np.random.Generator) -> tupl
                     (float(colour[0]), float(colour[1]), float(colour[2])),
                 )
             )
-        taken = [*taken, xy] if placed and placed[-1].xy is xy else taken
     return tuple(placed)

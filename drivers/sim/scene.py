@@ -45,7 +45,7 @@ def build_scene(layout: Layout, seed: int) -> Scene:
         spec.geom(pad).friction = [layout.friction, layout.torsion, 0.0001]
     shapes = []
     for i, fruit in enumerate(layout.fruits):
-        shapes.append(make_fruit(fruit.model, fruit.dimensions, fruit.skin, rng))
+        shapes.append(make_fruit(fruit.model, fruit.dimensions, fruit.skin, np.random.default_rng([seed, 5, i])))
         _add_fruit(mujoco, spec, f"fruit_{i}", fruit, shapes[-1], layout.table_z)
     for i, distractor in enumerate(layout.distractors):
         _add_distractor(mujoco, spec, f"distractor_{i}", distractor, layout.table_z)
@@ -189,7 +189,7 @@ def _add_material(mujoco: Any, spec: Any, name: str, picture: Float64, repeat: t
 
 
 def _add_contact_sensors(mujoco: Any, spec: Any, fruits: int, distractors: int) -> None:
-    """Net contact wrenches, summed by the engine: of each pad, of each fruit with the table, of the robot with others."""
+    """Net contact wrenches, summed by the engine: pads with all, fruit with the table, the robot with others."""
     geom, body, subtree = mujoco.mjtObj.mjOBJ_GEOM, mujoco.mjtObj.mjOBJ_BODY, mujoco.mjtObj.mjOBJ_XBODY
     force, torque, found, pos = 2, 4, 1, 16
     net = 3  # reduce: one wrench for all contacts, in the global frame

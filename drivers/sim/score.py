@@ -14,6 +14,8 @@ LIFTED = 0.03
 """A fruit counts as lifted this far above where it stood [m]."""
 TOUCH = 0.05
 """A pad holds a fruit when it is pressed by more than this [N]."""
+REGAINED = 0.5
+"""A fruit that both pads touch again within this time is still in the same grip [s]."""
 REST = 3e-3
 """The tool is at rest below this speed [m/s]."""
 
@@ -48,6 +50,7 @@ class FruitRecord:
     looked: Float64
     grip: Grip | None = None
     last_grip: Grip | None = None
+    lost_at: float = -1.0
     drops: int = 0
     touches: int = 0
     touching: bool = False
@@ -118,13 +121,16 @@ class Score:
         if not held:
             if record.grip is not None:
                 record.last_grip, record.grip = record.grip, None
+                record.lost_at = float(self.state.time)
                 record.drops += bool(record.last_grip.hung and sensors.support[0] == 0.0)
             return
         T_base_tool, T_base_fruit = self._tool(), self._pose(i)
         supported = bool(sensors.support[0] > 0.0)
         if record.grip is None:
-            record.grip = self._take_hold(T_base_tool, T_base_fruit)
+            again = record.last_grip is not None and self.state.time - record.lost_at < REGAINED
+            record.grip = record.last_grip if again else self._take_hold(T_base_tool, T_base_fruit)
         grip = record.grip
+        assert grip is not None
         grip.peak = max(grip.peak, sum(forces))
         if supported and not grip.hung and self._tool_speed() < REST:
             fresh = self._take_hold(T_base_tool, T_base_fruit)

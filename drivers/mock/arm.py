@@ -1,0 +1,125 @@
+"""An arm that follows trajectories exactly, and fails when it is told to."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from drivers.device import Device
+from drivers.errors import DeviceError, MotionRefused
+from drivers.interfaces import Arm, ArmLimits, ArmState, Float64, Motion, Trajectory
+from drivers.mock.clock import PERIOD, MockClock
+from drivers.path_motion import PathMotion
+from drivers.trajectory_check import problem_with
+
+ROBOT = Path(__file__).resolve().parents[2] / "trees" / "robots" / "sia5f_wsg32.xml"
+
+SIA5F_LIMITS = ArmLimits(
+    lower=np.radians([-180.0, -110.0, -170.0, -90.0, -180.0, -110.0, -180.0]),
+    upper=np.radians([180.0, 110.0, 170.0, 115.0, 180.0, 110.0, 180.0]),
+    velocity=np.radians([200.0, 200.0, 200.0, 200.0, 200.0, 230.0, 350.0]),
+    acceleration=np.array([8.0, 8.0, 10.0, 10.0, 12.0, 14.0, 20.0]),
+    jerk=np.array([80.0, 80.0, 100.0, 100.0, 150.0, 180.0, 250.0]),
+)
+
+
+class MockArm(Device):
+    """A kinematic arm.
+
+    Args:
+        clock: that moves it.
+        q: where it stands, shape (dof,) [rad]; zeros by default.
+        limits, description: of the robot; the shipped one by default.
+
+    Attributes:
+        followed: every trajectory that was started.
+        q: where it stands now; write it to move the arm by hand.
+    """
+
+    interfaces = (Arm,)
+
+    def __init__(
+        self, clock: MockClock, q: Float64 | None = None, limits: ArmLimits = SIA5F_LIMITS, description: Path = ROBOT
+    ) -> None:
+        super().__init__("arm")
+        self._clock = clock
+        self.description, self.limits = description, limits
+        self.q: Float64 = np.zeros(limits.lower.size) if q is None else np.array(q, np.float64)
+        self._qd = np.zeros_like(self.q)
+        self.followed: list[Trajectory] = []
+        self._motion: PathMotion | None = None
+        self._latched: str | None = None
+        self._refusal: str | None = None
+        self._failure: tuple[float, str] | None = None
+        self._error: DeviceError | None = None
+        clock.each_step.append(self._step)
+
+    # ---------------------------------------------------------------------------------------------- script
+
+    def refuse_next(self, why: str) -> None:
+        """Refuse the next trajectory."""
+        self._refusal = why
+
+    def fail_at(self, progress: float, problem: str) -> None:
+        """Let the running or next motion fail once it has come this far (0 to 1)."""
+        self._failure = (progress, problem)
+
+    def fail_check(self, error: DeviceError | None) -> None:
+        """Raise this from every `check` from now on; None ends it."""
+        self._error = error
+
+    # ----------------------------------------------------------------------------------------------- device
+
+    def state(self) -> ArmState:
+        return ArmState(self._clock.now(), self.q.copy(), self._qd.copy(), not self.settled())
+
+    def follow(self, trajectory: Trajectory) -> Motion:
+        refusal, self._refusal = self._refusal, None
+        if self._latched is not None:
+            refusal = f"latched in the safe state ({self._latched})"
+        elif self._motion is not None and not self._motion.settled:
+            refusal = "still moves; stop the motion and wait until it has settled"
+        refusal = refusal or problem_with(trajectory, self.limits, self.q)
+        if refusal:
+            raise MotionRefused(self.name, refusal)
+        self.followed.append(trajectory)
+        self._motion = PathMotion(trajectory, self.limits, PERIOD)
+        return self._motion
+
+    def check(self) -> None:
+        if self._error is not None:
+            raise self._error
+
+    def link(self) -> str:
+        return "ok" if self._error is None else self._error.message
+
+    def safe_stop(self, reason: str) -> None:
+        self._latched = reason
+        if self._motion is not None:
+            self._motion.stop()
+
+    def acknowledge(self) -> None:
+        self._latched = None
+
+    def pause(self) -> None:
+        if self._motion is not None:
+            self._motion.pause()
+
+    def resume(self) -> None:
+        if self._motion is not None:
+            self._motion.resume()
+
+    def settled(self) -> bool:
+        return self._motion is None or self._motion.at_rest
+
+    def _step(self) -> None:
+        motion = self._motion
+        if motion is None or motion.settled:
+            return
+        if self._failure is not None and motion.progress >= self._failure[0]:
+            motion.fail(self._failure[1])
+            self._failure = None
+        if not motion.at_rest:
+            self.q, self._qd = motion.step()
+        motion.look(arrived=True)
