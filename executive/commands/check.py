@@ -1,0 +1,52 @@
+"""`pomona check`: everything that is wrong with tree files, before anything runs."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import dataclasses
+import json
+import sys
+from typing import Any
+
+from rich.console import Console
+
+from executive.execute import load_cell, read_document
+from executive.files import find_cell, find_tree
+from executive.registry import Registry
+from executive.settings import parse_settings
+from executive.tree_file import Finding, check, format_findings
+
+
+def add(subparsers: Any) -> None:
+    """Register the subcommand."""
+    parser = subparsers.add_parser("check", help="find everything that is wrong with tree files")
+    parser.add_argument("trees", nargs="+", metavar="TREE", help="a tree file, or the name of an installed tree")
+    parser.add_argument("--cell", help="also check that this cell has the devices")
+    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="a parameter of the tree")
+    parser.add_argument("--json", action="store_true", help="print the findings as JSON, for editors")
+    parser.set_defaults(main=main)
+
+
+def main(options: argparse.Namespace) -> int:
+    """Check them.
+
+    Returns:
+        2 when there are errors, else 0.
+    """
+    registry = Registry.installed()
+    interfaces = None
+    if options.cell:
+        with contextlib.closing(load_cell(find_cell(options.cell), 0, {})) as cell:
+            interfaces = cell.interfaces()
+    findings: list[Finding] = []
+    for name in options.trees:
+        document = read_document(find_tree(name))
+        findings += check(document, registry, overrides=parse_settings(options.set), interfaces=interfaces)
+    if options.json:
+        sys.stdout.write(json.dumps([dataclasses.asdict(finding) for finding in findings], ensure_ascii=False) + "\n")
+    elif findings:
+        sys.stdout.write(format_findings(findings) + "\n")
+    else:
+        Console().print(f"{len(options.trees)} file{'s' if len(options.trees) > 1 else ''}: nothing is wrong")
+    return 2 if any(finding.severity == "error" for finding in findings) else 0
