@@ -414,7 +414,8 @@ class _Builder:
         assert called is not None
         assert called.root is not None
         interface = self.analysis.interfaces[id(called)]
-        names: dict[str, Getter] = {}
+        shared = called.file.parameters if called.file is scope.definition.file else {}
+        names: dict[str, Getter] = {name: scope.names[name] for name in shared}
         for name, port in interface.inputs.items():
             value = found.inputs.get(name)
             names[name] = self.getter(value, scope) if value is not None else _constant(port.default_value)

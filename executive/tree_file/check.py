@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from executive.ports import Port
 from executive.registry import Registry
 from executive.tree_file.check_node import NodeChecker
 from executive.tree_file.failures import Failures
@@ -15,7 +16,7 @@ from executive.tree_file.flow import Flow, Names
 from executive.tree_file.interface import InterfaceReader, PortDeclared
 from executive.tree_file.literals import LiteralError, literal
 from executive.tree_file.model import Declared, Definition, Document, TreeNode
-from executive.tree_file.scope import Named, Read, Resolved, Scope
+from executive.tree_file.scope import Named, Origin, Read, Resolved, Scope
 from executive.tree_file.value_types import can_flow, describe
 from executive.tree_file.yaml_nodes import YamlNode, YamlScalar, read_yaml
 
@@ -189,14 +190,16 @@ class _Checker:
         for name, constant in file.constants.items():
             value, value_type = reader.constant(constant)
             scope.names[name] = Named(value_type, "constant", constant.key, "a constant", value)
-        interface = self.analysis.interfaces[id(definition)]
-        for name, port in interface.inputs.items():
-            declared = interface.declared[name]
-            run_here = file is self.document.main and name in file.parameters
-            origin: Any = "parameter" if run_here else "input"
-            named = Named(port.type, origin, declared.key, f"{origin} '{name}'")
-            named.value = self.analysis.parameters.get(name) if run_here else None
-            named.may_be_none = not port.required and port.default is None and not run_here
+        run_here = file is self.document.main
+        for name, parameter in file.parameters.items():
+            port = reader.port(parameter, "parameter") or Port(object)
+            value = self.analysis.parameters.get(name) if run_here else None
+            origin: Origin = "parameter" if run_here else "input"
+            scope.names[name] = Named(port.type, origin, parameter.key, f"parameter '{name}'", value)
+        for name, declared in definition.inputs.items():
+            port = reader.port(declared, "input") or Port(object)
+            optional = not port.required and port.default is None
+            named = Named(port.type, "input", declared.key, f"input '{name}'", may_be_none=optional)
             scope.names[name] = named
 
     def follow(self, definition: Definition, scope: Scope) -> None:

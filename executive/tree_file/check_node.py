@@ -46,6 +46,8 @@ class NodeChecker:
             self.lookup(node)
         for node in nodes:
             self.later_writers(node)
+        for node in nodes:
+            self.perhaps_writes(node)
         self.visit(root, Around(), "")
 
     # --------------------------------------------------------------------------------------- who writes what
@@ -144,6 +146,18 @@ class NodeChecker:
                 found.outputs[key.text] = key.text
                 self.writes(key, value_type, node.label, "set")
 
+    def perhaps_writes(self, node: TreeNode) -> None:
+        """A skill that cannot be looked up may write whatever is wired to it: one mistake, one finding."""
+        found = self.resolved[id(node)]
+        if node.kind not in ("skill", "subtree") or found.skill is not None or found.subtree is not None:
+            return
+        for name, (_, value) in node.ports.items():
+            match = _WIRE.fullmatch(value.text) if isinstance(value, YamlScalar) else None
+            if match is not None:
+                found.outputs[name] = match[1]
+                named = self.scope.names.setdefault(match[1], Named(ANY, "written", value, node.label))
+                named.read = True
+
     def item_name(self, node: TreeNode) -> YamlScalar | None:
         if "as" not in node.modifiers:
             key = node.modifiers["for_each"][0]
@@ -167,7 +181,7 @@ class NodeChecker:
                 before = node.children[index - 1]
                 codes = self.failures.of(before, "")
                 sight = codes | (sight or frozenset()) if "when" in before.modifiers else codes
-                if not self.failures.of(before, node.kind) and child is node.children[index]:
+                if not self.failures.of(before, node.kind):
                     message = f"{child.label} is never reached: {before.label} cannot fail"
                     self.findings.warning(child.key, "unreachable", message)
             if node.kind == "recovery":
@@ -286,6 +300,11 @@ class NodeChecker:
     def parallel(self, node: TreeNode, found: Resolved) -> None:
         if "success_on" not in node.modifiers:
             return
+        for child in node.children:
+            if "when" in child.modifiers:
+                message = "a child that is skipped counts as succeeded, which would end this parallel at once"
+                hint = "put it into a sequence behind a 'check', or let the parallel succeed on all"
+                self.findings.warning(child.modifiers["when"][0], "skipped-success", message, hint)
         written = node.modifiers["success_on"][1]
         labels = [child.label for child in node.children]
         if isinstance(written, YamlScalar) and written.text in ("all", "one"):

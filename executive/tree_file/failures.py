@@ -10,8 +10,8 @@ from executive.tree_file.yaml_nodes import YamlScalar
 
 Codes = frozenset[str]
 NONE: Codes = frozenset()
-UNKNOWN = "FAILED"
-"""Code of a `fail` that names none, and of a skill that cannot be looked up."""
+UNKNOWN = "?"
+"""Stands for the codes of a skill or subtree that cannot be looked up: it may fail with any."""
 
 
 class Failures:
@@ -90,7 +90,7 @@ class Failures:
                 return frozenset({"CONDITION_FALSE"})
             case "fail":
                 code = node.ports.get("code")
-                return frozenset({code[1].text if code and isinstance(code[1], YamlScalar) else UNKNOWN})
+                return frozenset({code[1].text if code and isinstance(code[1], YamlScalar) else "FAILED"})
             case "skill":
                 skill = self.skills.get(node.key.text)
                 return frozenset({UNKNOWN} if skill is None else skill.failures)

@@ -16,6 +16,7 @@ from executive.tree_file.expression import (
     parse_expression,
 )
 from executive.tree_file.expression_types import check_condition, type_of
+from executive.tree_file.failures import UNKNOWN
 from executive.tree_file.findings import Findings, Located, Spot, did_you_mean
 from executive.tree_file.literals import LiteralError, literal
 from executive.tree_file.scope import Computed, Given, Named, Read, Resolved, Scope, Value
@@ -58,7 +59,8 @@ class _Stand:
         self.reader.findings.error(self.spot(at), code, message, hint)
 
     def failure_codes(self) -> Iterable[str] | None:
-        return None if self.around.failure is None else self.around.failure | ALWAYS_POSSIBLE
+        codes = self.around.failure
+        return None if codes is None or UNKNOWN in codes else codes | ALWAYS_POSSIBLE
 
     def type_of(self, reference: Reference) -> ValueType:
         name = reference.name

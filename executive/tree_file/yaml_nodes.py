@@ -91,7 +91,8 @@ def read_yaml(source: Source, findings: Findings) -> YamlNode | None:
         line, column = (mark.line + 1, mark.column + 1) if mark is not None else (1, 1)
         context = f"{error.context}, " if error.context else ""
         where = YamlScalar(source, line, column, line, column + 1, "", True)
-        findings.error(where, "yaml", f"not YAML: {context}{error.problem or 'cannot be read'}")
+        hint = 'values with braces, colons or # stand in quotes: "{name}"' if "{" in source.excerpt(line) else ""
+        findings.error(where, "yaml", f"not YAML: {context}{error.problem or 'cannot be read'}", hint)
     except (yaml.YAMLError, UnicodeError, ValueError) as error:
         findings.error(start, "yaml", f"not YAML: {str(error).splitlines()[0] if str(error) else 'cannot be read'}")
     finally:
