@@ -1,0 +1,123 @@
+"""Training: resumes exactly, refuses what does not belong together, and learns."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from skills.detect.cuboid import MIRRORED
+from skills.detect.errors import BadTraining
+from skills.detect.synthetic.dataset import render_dataset
+from skills.detect.synthetic.scene import SceneOptions
+from skills.detect.training.loop import Progress, Schedule
+from skills.detect.training.losses import close_look_loss, dope_loss, finder_loss
+from skills.detect.training.samples import CloseLookBatches, FinderBatches, FrameFolder
+from skills.detect.training.train import Part, TrainingRun, train_part
+
+
+@pytest.fixture(scope="module")
+def frames(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("frames")
+    render_dataset(folder, 4, seed=77, options=SceneOptions(kinds=(1, 0, 0)), workers=1)
+    return folder
+
+
+def run(frames: Path, out: Path, part: Part, steps: int, **changes: float) -> TrainingRun:
+    schedule = Schedule(steps, save_every=2, validate_every=3, warm_up=2, **changes)
+    return TrainingRun(part, (frames,), None, out, 4, schedule, workers=0)
+
+
+@pytest.mark.parametrize("part", ["finder", "close_look"])
+def test_an_interrupted_run_ends_with_the_same_weights(
+    frames: Path, tmp_path: Path, part: Part, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    torch.set_num_threads(1)
+    whole = train_part(run(frames, tmp_path / "whole", part, 4))
+
+    class Cut(Exception):
+        pass
+
+    batches = FinderBatches if part == "finder" else CloseLookBatches
+    original = batches.__getitem__
+
+    def until_three(self: object, step: int) -> tuple[torch.Tensor, ...]:
+        if step == 3:
+            raise Cut
+        return original(self, step)  # type: ignore[arg-type]
+
+    with monkeypatch.context() as patched:
+        patched.setattr(batches, "__getitem__", until_three)
+        with pytest.raises(Cut):
+            train_part(run(frames, tmp_path / "cut", part, 4))
+    resumed = train_part(run(frames, tmp_path / "cut", part, 4))
+    for a, b in zip(whole.state_dict().values(), resumed.state_dict().values(), strict=True):
+        assert torch.equal(a, b)
+
+
+def test_a_checkpoint_of_another_schedule_is_refused(frames: Path, tmp_path: Path) -> None:
+    train_part(run(frames, tmp_path, "close_look", 2))
+    with pytest.raises(BadTraining, match="another schedule \\(steps, rate\\)"):
+        train_part(run(frames, tmp_path, "close_look", 3, rate=1e-4))
+
+
+def test_progress_tells_loss_rate_and_held_out_figures(frames: Path, tmp_path: Path) -> None:
+    said: list[Progress] = []
+    plan = TrainingRun("close_look", (frames,), frames, tmp_path, 4, Schedule(2, validate_every=2), workers=0)
+    train_part(plan, said.append)
+    assert said[-1].step == said[-1].steps == 2
+    assert said[-1].validation is not None
+    assert {"held-out loss", "corner median %"} <= said[-1].validation.keys()
+
+
+def test_no_frames_is_an_error_in_words(tmp_path: Path) -> None:
+    with pytest.raises(BadTraining, match="no annotated frames"):
+        FrameFolder([tmp_path])
+
+
+def test_batches_depend_on_seed_and_step_alone(frames: Path) -> None:
+    folder = FrameFolder([frames])
+    for kind in (FinderBatches, CloseLookBatches):
+        first, again, other = kind(folder, 6, 3, 9)[5], kind(folder, 6, 3, 9)[5], kind(folder, 6, 4, 9)[5]
+        assert all(torch.equal(a, b) for a, b in zip(first, again, strict=True))
+        assert not torch.equal(first[0], other[0])
+
+
+def test_close_looks_hold_the_fruit_they_are_labelled_with(frames: Path) -> None:
+    pictures, keypoints, kind, visibility = CloseLookBatches(FrameFolder([frames]), 40, 0, 1, augment=False)[0]
+    fruit = kind > 0.5
+    assert 8 <= int(fruit.sum()) < 40
+    assert pictures.shape == (40, 96, 96, 3)
+    assert float(keypoints[fruit][:, 8].abs().max()) < 0.4
+    size = (keypoints[fruit][:, :8] - keypoints[fruit][:, 8:]).norm(dim=2).mean(dim=1)
+    assert 0.6 < float(size.min()) <= float(size.max()) < 1.3
+    assert float(visibility[~fruit].abs().max()) == 0.0
+
+
+def test_losses_are_least_at_the_target_and_grow_away_from_it() -> None:
+    torch.manual_seed(0)
+    belief, offsets = torch.rand(2, 9, 6, 8), torch.rand(2, 16, 6, 8)
+    weight = torch.ones(2, 1, 6, 8)
+    assert float(finder_loss(belief, offsets, belief, weight, offsets, weight)) == 0.0
+    assert float(finder_loss(belief + 0.1, offsets, belief, weight, offsets, weight)) > 0.0
+    hidden = torch.zeros(2, 1, 6, 8)
+    assert float(finder_loss(belief + 0.1, offsets + 1, belief, hidden, offsets, hidden)) == 0.0
+    keypoints, kind, seen = torch.rand(3, 9, 2), torch.tensor([1.0, 1.0, 0.0]), torch.tensor([1.0, 0.5, 0.0])
+    output = torch.zeros(3, 29)
+    output[:, :18] = keypoints.reshape(3, 18)
+    worse = output.clone()
+    worse[:2, :18] += 0.1
+    elsewhere = output.clone()
+    elsewhere[2, :18] += 0.1
+    base = close_look_loss(output, keypoints, kind, seen)
+    assert close_look_loss(worse, keypoints, kind, seen) > base
+    assert torch.isclose(close_look_loss(elsewhere, keypoints, kind, seen), base)
+    stages = [(belief, offsets)] * 6
+    assert float(dope_loss(stages, belief, offsets)) == 0.0
+    assert torch.isclose(dope_loss(stages, belief + 1, offsets), torch.tensor(6.0))
+
+
+def test_mirrored_samples_stay_consistent() -> None:
+    points = np.random.default_rng(0).uniform(-1, 1, (9, 2))
+    twice = (points[list(MIRRORED)] * (-1, 1))[list(MIRRORED)] * (-1, 1)
+    assert np.allclose(twice, points)
