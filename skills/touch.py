@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,17 +25,41 @@ HELD_WIDTH = 2e-3
 """Opening above the closed gripper's at which something is between the fingers [m]."""
 
 
+def each_finger(forces: Float64) -> Float64:
+    """What a touch of the empty fingers changes: the force on each, (2, 3) -> (2, 3)."""
+    return forces
+
+
+def load(forces: Float64) -> Float64:
+    """What a held fruit changes that meets something: the force along the pads of both together, (2, 3) -> (1, 2).
+
+    The pads' y axes point in opposite directions (z out of either face, x along the approach), hence the signs. The
+    pressing force is left out: the grip's controller changes it.
+    """
+    return np.array([[forces[0, 0] + forces[1, 0], forces[0, 1] - forces[1, 1]]])
+
+
 class Touch:
     """Listens to both fingers and remembers how much their force has changed since the beginning.
 
     The first sample is the reference: an offset of the sensors, or the weight of a held fruit, does not count.
     Use it as a context manager; the subscription ends with it.
+
+    Attributes:
+        change: largest lasting change so far [N].
+        finger: which finger felt it: left or right; empty before any, and when both are looked at together.
     """
 
-    def __init__(self, sensor: ForceSensor) -> None:
-        self._sensor = sensor
+    def __init__(self, sensor: ForceSensor, of: Callable[[Float64], Float64] = each_finger) -> None:
+        """Start listening.
+
+        Args:
+            sensor: the fingers.
+            of: what is looked at: maps forces (finger, axis) to vectors (n, k) whose norms are compared.
+        """
+        self._sensor, self._of = sensor, of
         first = sensor.latest()
-        self._reference = None if first is None else first.wrenches[:, :3].copy()
+        self._reference = None if first is None else of(first.wrenches[:, :3])
         self._recent: deque[Float64] = deque(maxlen=SPIKE)
         self.change = 0.0
         self.finger = ""
@@ -47,22 +72,23 @@ class Touch:
         self._subscription.close()
 
     def stale_for(self, now: float) -> float:
-        """Seconds since the newest sample, beyond `STALE_AFTER`; 0 while the stream flows."""
+        """Age of the newest sample [s] when that is more than `STALE_AFTER`; 0 while the stream flows."""
         newest = self._sensor.latest()
         age = np.inf if newest is None else now - newest.stamp
         return float(age) if age > STALE_AFTER else 0.0
 
     def _on_sample(self, sample: WrenchSample) -> None:
-        forces = sample.wrenches[:, :3]
-        if not np.isfinite(forces).all():
+        felt = self._of(sample.wrenches[:, :3])
+        if not np.isfinite(felt).all():
             return
         if self._reference is None:
-            self._reference = forces.copy()
-        self._recent.append(np.linalg.norm(forces - self._reference, axis=1))
+            self._reference = felt
+        self._recent.append(np.linalg.norm(felt - self._reference, axis=1))
         if len(self._recent) == SPIKE:
             lasting = np.min(self._recent, axis=0)
             if lasting.max() > self.change:
-                self.change, self.finger = float(lasting.max()), ("left", "right")[int(lasting.argmax())]
+                self.change = float(lasting.max())
+                self.finger = ("left", "right")[int(lasting.argmax())] if len(lasting) == 2 else ""
 
 
 def pressing_forces(sensor: ForceSensor) -> tuple[float, float]:

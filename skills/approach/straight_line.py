@@ -16,8 +16,8 @@ Float64 = NDArray[np.float64]
 STEP = 4e-3
 """Distance between two poses on a line [m]."""
 
-LARGEST_STEP = 0.12
-"""Of any joint from one pose to the next [rad]; more is a jump to another configuration, or a singularity."""
+LARGEST_RATE = 25.0
+"""Of any joint along a line [rad/m]; more is a jump to another configuration, or a singularity."""
 
 _REASONS = {
     OUT_OF_REACH: "the arm does not reach further",
@@ -72,9 +72,10 @@ def straight_line(robot: RobotModel, q_start: Float64, T_base_goal: Float64, ste
         poses[:, :, :3] = turn(shares).as_matrix()
     poses[:, :, 3] = T_base_start[:3, 3] + shares[:, None] * offset
     q = np.empty((count + 1, robot.dof))
+    largest_step = max(LARGEST_RATE * length / count, 0.05)
     T_last_tcp = np.ascontiguousarray(robot.T_link_tcp[:3])
     ended, solved = track_poses(
-        robot.steps, robot.sliding, T_last_tcp, robot.lower, robot.upper, q_start, poses, LARGEST_STEP, q
+        robot.steps, robot.sliding, T_last_tcp, robot.lower, robot.upper, q_start, poses, largest_step, q
     )
     if solved == 0:
         return StraightLine(q_start[None], length, 0.0, _REASONS.get(ended, "the line cannot be followed"))

@@ -10,34 +10,17 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass
 from enum import Enum
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from ompl import base, geometric, util
 
+from skills.plan.space import Space
+
 Float64 = NDArray[np.float64]
 
 util.setLogLevel(util.LOG_NONE)
-
-
-class Space(Protocol):
-    """Joint space with what is free in it; robots and obstacles are behind it."""
-
-    lower: Float64
-    upper: Float64
-
-    def free(self, q: Float64) -> bool:
-        """Whether a configuration is free of collision."""
-        ...
-
-    def free_between(self, q_a: Float64, q_b: Float64) -> bool:
-        """Whether the straight joint segment is free of collision."""
-        ...
-
-    def explain(self, q: Float64) -> tuple[str, dict[str, object]]:
-        """Why a configuration is not free: half a sentence for people, and data (link, obstacle, distance)."""
-        ...
 
 
 class Kind(Enum):

@@ -18,9 +18,10 @@ from numpy.typing import NDArray
 
 from drivers.interfaces import ArmLimits, Trajectory
 from skills.plan.errors import PlanningFailed
-from skills.plan.ompl_planners import PLANNERS, Kind, Space, solve
+from skills.plan.ompl_planners import PLANNERS, Kind, solve
 from skills.plan.rounding import time_free_path
 from skills.plan.shortcut import path_length, shortcut
+from skills.plan.space import Space
 
 Float64 = NDArray[np.float64]
 
@@ -144,7 +145,8 @@ def _free_goals(request: PlanRequest) -> Float64:
             f"none of {len(within)} goals is free; at the first, {reason}",
             data | {"goals": len(within)},
         )
-    return free[np.linalg.norm(free - request.q_start, axis=1).argsort(kind="stable")]
+    nearest_first: Float64 = free[np.linalg.norm(free - request.q_start, axis=1).argsort(kind="stable")]
+    return nearest_first
 
 
 def _first_path(request: PlanRequest, goals: Float64, progress: _Progress) -> tuple[Float64, str]:

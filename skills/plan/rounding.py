@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from drivers.interfaces import ArmLimits, Trajectory
 from skills.plan.errors import PlanningFailed
-from skills.plan.ompl_planners import Space
+from skills.plan.space import Space
 from skills.plan.timing import time_polyline
 
 Float64 = NDArray[np.float64]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from skills.plan.ompl_planners import Space
+from skills.plan.space import Space
 
 Float64 = NDArray[np.float64]
 

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from skills.geometry import apply
 from skills.refine.measured_fruit import MeasuredFruit
 
 Float64 = NDArray[np.float64]
@@ -36,18 +35,12 @@ class FruitSection:
     sigma_height: float
 
 
-def refined_vertices(measured: MeasuredFruit) -> Float64:
-    """The refined shape's vertices in the base frame, shape (n, 3) [m]."""
-    scale = measured.dimensions / measured.fruit.dimensions
-    return apply(measured.T_base_fruit, measured.fruit.vertices * scale)
-
-
 def fruit_section(measured: MeasuredFruit, vertices_base: Float64, R_base_tcp: Float64) -> FruitSection:
     """Measure the refined shape along a gripper's axes.
 
     Args:
         measured: the refined fruit with its covariance.
-        vertices_base: its `refined_vertices`, handed in because one shape serves many grasps.
+        vertices_base: its refined shape, shape (n, 3) [m], handed in because one shape serves many grasps.
         R_base_tcp: axes of the TCP: z approach, y sliding; shape (3, 3).
     """
     points = (vertices_base - measured.T_base_fruit[:3, 3]) @ R_base_tcp
@@ -72,4 +65,4 @@ def fruit_section(measured: MeasuredFruit, vertices_base: Float64, R_base_tcp: F
 
 
 def _deviation(covariance: Float64, direction: Float64) -> float:
-    return float(np.sqrt(max(direction @ covariance @ direction, 0.0)))
+    return max(float(direction @ covariance @ direction), 0.0) ** 0.5

@@ -1,0 +1,62 @@
+"""Moving to a named pose, for the skills that do so."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from drivers.interfaces import Arm, Gripper, Workspace
+from skills.motion import MovingSkill, Watching
+from skills.move_to.named_pose import named_pose
+from skills.occupancy import OccupancyMap
+from skills.plan.arm_space import arm_space
+from skills.plan.plan import PlanRequest
+from skills.plan.planning import PLANNING_FAILURES, patience, planned
+from skills.sample_grasp.grasp import Grasp
+
+THERE = 1e-3
+"""An arm this near to the pose in every joint is there [rad]."""
+
+POSE_FAILURES = (*PLANNING_FAILURES, "UNKNOWN_POSE")
+"""Codes of every skill that moves to a named pose."""
+
+
+def move_to_pose(
+    skill: MovingSkill,
+    pose: str,
+    variation: int = 1,
+    map: OccupancyMap | None = None,
+    carrying: Grasp | None = None,
+    clearance: float = 1e-2,
+    budget: float = 0.5,
+) -> Watching:
+    """Plan to a named pose of the cell file and go there.
+
+    Args:
+        skill: moves; it must have Arm, Gripper and Workspace among its devices, and `POSE_FAILURES`.
+        pose, variation: as in `named_pose`.
+        map: what is in the way besides the fixed surroundings.
+        carrying: the grasp by which a fruit is held; the fruit is then part of the robot.
+        clearance: kept by the arm's links [m], as in `arm_space`.
+        budget: of planning [s].
+    """
+    arm, workspace = skill.device(Arm), skill.device(Workspace)
+    try:
+        q_goal = named_pose(workspace.poses, pose, variation)
+    except KeyError:
+        known = ", ".join(workspace.poses) or "none"
+        raise skill.failure("UNKNOWN_POSE", f"the cell file has no pose '{pose}'; it has {known}") from None
+    q = arm.state().q
+    if np.abs(q_goal - q).max() < THERE:
+        return
+    space = arm_space(arm, workspace, map, skill.device(Gripper).state().width, clearance, held=carrying)
+    request = PlanRequest(
+        space,
+        q,
+        q_goal[None],
+        arm.limits,
+        budget=budget,
+        seed=skill.context.seed(skill.path),
+        patience=patience(skill, budget),
+    )
+    result = yield from planned(skill, request)
+    yield from skill.travel(result.path)

@@ -1,0 +1,106 @@
+"""The arm's joint space among the obstacles that a skill knows of."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.interfaces import Arm, Workspace
+from skills.collision import CollisionWorld, Convex, Margins, RobotShape, fruit_points
+from skills.geometry import apply, inverse
+from skills.occupancy import OccupancyMap
+from skills.refine.measured_fruit import MeasuredFruit
+from skills.robot import RobotModel
+from skills.sample_grasp.grasp import Grasp
+
+Float64 = NDArray[np.float64]
+
+TARGET = "target"
+"""Name of the fruit to be picked among the obstacles."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ArmSpace:
+    """Joint space with a gripper opening: the `Space` that planners and samplers ask. Picklable.
+
+    Attributes:
+        world: robot and obstacles with their margins.
+        width: opening of the gripper [m].
+    """
+
+    world: CollisionWorld
+    width: float
+
+    @property
+    def lower(self) -> Float64:
+        return self.world.shape.model.lower
+
+    @property
+    def upper(self) -> Float64:
+        return self.world.shape.model.upper
+
+    def at_width(self, width: float) -> ArmSpace:
+        """The same with the fingers open to a width [m]."""
+        return replace(self, width=width)
+
+    def free(self, q: Float64) -> bool:
+        """Whether a configuration keeps all margins."""
+        return bool(self.world.free(q[None], self.width)[0])
+
+    def free_between(self, q_a: Float64, q_b: Float64) -> bool:
+        """Whether the straight joint segment keeps all margins, at every point of it."""
+        return self.world.segment_free(q_a, q_b, self.width)
+
+    def clearances(self, q: Float64) -> Float64:
+        """Distance that postures, shape (n, dof), leave beyond the margins, shape (n,) [m]; negative in collision."""
+        return self.world.clearances(q, self.width)
+
+    def explain(self, q: Float64) -> tuple[str, dict[str, object]]:
+        """Why a configuration is not free: half a sentence, and link, obstacle, depth and place."""
+        collision = self.world.check(q, self.width)
+        if collision is None:
+            return "everything is free", {}
+        return str(collision), {
+            "link": collision.body,
+            "obstacle": collision.other,
+            "depth_m": collision.depth,
+            "point_m": [round(float(x), 4) for x in collision.point],
+        }
+
+
+def arm_space(
+    arm: Arm,
+    workspace: Workspace,
+    map: OccupancyMap | None,
+    width: float,
+    clearance: float,
+    target: MeasuredFruit | None = None,
+    held: Grasp | None = None,
+) -> ArmSpace:
+    """What a skill's arm must avoid.
+
+    Args:
+        arm: names the robot's description.
+        workspace: table and fixed obstacles.
+        map: what the camera saw besides; the target must be left out of it.
+        width: opening of the gripper [m].
+        clearance: kept by the arm's links [m]; gripper and fingers keep their usual share of it (see `Margins`).
+        target: a fruit that is to be grasped: the fingers may come near to it, nothing else may.
+        held: the grasp by which a fruit is held: the fruit is then part of the robot.
+    """
+    robot = RobotModel.load(arm.description)
+    shape = RobotShape.of(robot)
+    if held is not None:
+        shape = shape.holding(apply(inverse(held.T_base_grasp), fruit_points(held.fruit)))
+    world = CollisionWorld.build(
+        shape,
+        workspace,
+        None if map is None else map.usable_field(),
+        () if target is None else (Convex.of_fruit(target, TARGET),),
+        Margins().scaled(clearance / Margins().arm),
+    )
+    if target is not None:
+        world = world.allowing(TARGET, "fingers")
+    return ArmSpace(world, width)

@@ -1,0 +1,39 @@
+"""What planners and samplers ask about joint space."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+Float64 = NDArray[np.float64]
+
+
+class Space(Protocol):
+    """Joint space with what is free in it; robots and obstacles are behind it."""
+
+    @property
+    def lower(self) -> Float64:
+        """Joint limits, shape (dof,) [rad]."""
+        ...
+
+    @property
+    def upper(self) -> Float64:
+        """Joint limits, shape (dof,) [rad]."""
+        ...
+
+    lower: Float64
+    upper: Float64
+
+    def free(self, q: Float64) -> bool:
+        """Whether a configuration is free of collision."""
+        ...
+
+    def free_between(self, q_a: Float64, q_b: Float64) -> bool:
+        """Whether the straight joint segment is free of collision."""
+        ...
+
+    def explain(self, q: Float64) -> tuple[str, dict[str, object]]:
+        """Why a configuration is not free: half a sentence for people, and data (link, obstacle, distance)."""
+        ...
