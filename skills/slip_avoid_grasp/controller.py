@@ -290,7 +290,8 @@ class GripController:
             self.problem = GripProblem("FORCE_LIMIT", message, stamp, {"wanted": self.reference.wanted})
         else:
             self.problem = None
-        self.reference.follow(sense, f_n, elapsed)
+        coming = -self.speed * s.loop.lag * s.loop.stiffness.slope(f_n)
+        self.reference.follow(sense, f_n + coming, elapsed)
 
     def _hold(self) -> float:
         if self._saturated or self._lasting["gone"] > 0.0:
@@ -304,5 +305,5 @@ class GripController:
         f_ref = self.reference.f_ref
         rate = (f_ref - self._f_ref_commanded) / COMMAND_PERIOD
         self._f_ref_commanded = f_ref
-        speed = finger_speed(f_ref, rate, f_n, self.settings.loop)
+        speed = finger_speed(f_ref, rate, f_n, self.settings.loop, self.speed)
         return speed if opening else min(speed, 0.0)

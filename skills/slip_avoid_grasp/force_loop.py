@@ -40,25 +40,30 @@ class ForceLoopSettings:
 
     Attributes:
         gain: c [1/s].
+        lag: of fingers and measurement together; what was commanded within it has yet to show in the force [s].
         stiffness: of the pads.
         max_force: largest grasp force [N].
         closing_speed, opening_speed: bounds of the opening's rate, both positive [m/s].
     """
 
-    gain: float = 20.0
+    gain: float = 30.0
+    lag: float = 0.015
     stiffness: PadStiffness = field(default_factory=PadStiffness)
     max_force: float = 16.0
     closing_speed: float = 0.08
     opening_speed: float = 0.004
 
 
-def finger_speed(f_ref: float, f_ref_rate: float, f_n: float, settings: ForceLoopSettings) -> float:
+def finger_speed(
+    f_ref: float, f_ref_rate: float, f_n: float, settings: ForceLoopSettings, speed_before: float = 0.0
+) -> float:
     """Rate of the opening to command [m/s]; negative closes.
 
     Args:
         f_ref, f_ref_rate: reference of the grasp force [N] and its rate [N/s].
         f_n: measured grasp force [N].
         settings: gain and limits.
+        speed_before: the rate that was commanded before this one [m/s].
 
     Returns:
         0.0 for anything that is not finite, and when the force is beyond twice the limit and would be raised further.
@@ -71,6 +76,6 @@ def finger_speed(f_ref: float, f_ref_rate: float, f_n: float, settings: ForceLoo
     if f_n > 2.0 * settings.max_force and f_ref > f_n:
         return 0.0
     pads = settings.stiffness
-    error = pads.pressed(f_ref) - pads.pressed(f_n)
+    error = pads.pressed(f_ref) - pads.pressed(f_n) + speed_before * settings.lag
     closing = settings.gain * error + f_ref_rate / pads.slope(f_n)
     return min(max(-closing, -settings.closing_speed), settings.opening_speed)

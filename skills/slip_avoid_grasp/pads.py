@@ -35,21 +35,20 @@ def loads_of_finger(w, mirrored):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def smooth(raw, bias, noise, fast, slow, smoothed, fast_share, slow_share):  # type: ignore[no-untyped-def]
+def smooth(raw, bias, noise, fast, slow, smoothed, shares):  # type: ignore[no-untyped-def]
     """Advance both first-order filters by one sample and write `smoothed`, all of shape (2, 6).
 
     `smoothed` is the slow one, plus what the fast one is beyond it by more than noise explains.
     """
+    fast_share, normal_share, load_share = shares
     for i in range(2):
         for j in range(6):
             value = raw[i, j] - bias[i, j]
             fast[i, j] += fast_share * (value - fast[i, j])
-            slow[i, j] += slow_share * (value - slow[i, j])
+            slow[i, j] += (normal_share if j == 2 else load_share) * (value - slow[i, j])
             jump = fast[i, j] - slow[i, j]
-            beyond = abs(jump) - noise[i, j]
-            smoothed[i, j] = slow[i, j]
-            if beyond > 0.0:
-                smoothed[i, j] += beyond if jump > 0.0 else -beyond
+            beyond = max(abs(jump) - noise[i, j], 0.0)
+            smoothed[i, j] = slow[i, j] + (beyond if jump > 0.0 else -beyond)
 
 
 def pad_loads(wrenches: ArrayLike) -> tuple[Float64, Float64, Float64]:

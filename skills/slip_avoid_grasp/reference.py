@@ -1,8 +1,9 @@
-"""Reference of the grasp force: a ramp to the initial force, then static plus dynamic term; fast up, slow down.
+"""Reference of the grasp force: a ramp to the initial force, then static plus dynamic term.
 
-f_ref = margin * f_ns + f_nd (the paper's eq. slip_avoidance_control_law), through a 50 Hz low-pass. Near the limit
-surface the reference is raised beyond the measured force in proportion to what is missing: a fruit that already slides
-bears no more than its friction, so its load alone would not tell how much is needed.
+f_ref = margin * f_ns + f_nd (the paper's eq. slip_avoidance_control_law), through a 50 Hz low-pass. The static part
+rises with the load and falls slowly. Two more parts act like the dynamic one, for moments only: the load's rise, since
+it will have risen further when the fingers answer, and what the measured force lacks near the limit surface, since a
+fruit that slides bears no more than its friction and its load alone would not tell how much is needed.
 """
 
 from __future__ import annotations
@@ -18,8 +19,18 @@ LOW_PASS = 1.0 / (2.0 * math.pi * 50.0)
 EDGE, EDGE_GAIN = 0.95, 10.0
 """Where the least force is beyond this share of the measured one, so many times the excess is added."""
 
+LEAD = 1.5
+"""So many times the rise of the least force is added while it rises."""
+
+MOST_URGENT = 6.0
+"""Bound of what is added to the static part [N]: enough for the fingers' full speed."""
+
 CARRIED, CARRIED_AFTER = 0.25, 0.3
 """A tangential load of so much [N] for so long [s] is a fruit that is carried: the initial force has done its work."""
+
+
+RELAXING = 2.5
+"""What the reference is too high by falls by this share a second [1/s], and at least at the relax rate."""
 
 
 class ForceReference:
@@ -31,16 +42,18 @@ class ForceReference:
         self.wanted = 0.0
         self.frozen = ""
         self._margin = settings.margin * (1.0 + settings.mu_uncertainty)
+        self._held = self._urgent = 0.0
         self._loaded_for = 0.0
         self._carried = False
 
     def begin(self, f_n: float) -> None:
         """Start from the force that is there at contact."""
-        self.f_ref = min(max(f_n, 0.0), self.settings.initial_force)
+        self.f_ref = self._held = min(max(f_n, 0.0), self.settings.initial_force)
 
     def ramp(self, elapsed: float) -> float:
         """Rise towards the initial force."""
-        self.f_ref = min(self.f_ref + self.settings.ramp_rate * elapsed, self.settings.initial_force)
+        self._held = min(self._held + self.settings.ramp_rate * elapsed, self.settings.initial_force)
+        self.f_ref = self._held
         return self.f_ref
 
     def freeze(self, reason: str) -> None:
@@ -52,30 +65,35 @@ class ForceReference:
 
         Args:
             sense: loads after the newest sample.
-            f_n: measured grasp force [N].
+            f_n: grasp force, what was commanded included [N].
             elapsed: since the last call [s].
         """
         s = self.settings
         self._loaded_for = self._loaded_for + elapsed if sense.f_t > CARRIED else 0.0
-        self.wanted = self._law(sense, f_n)
+        self.wanted = self._static(sense)
         target = max(self.wanted, s.floor)
         if self._loaded_for < CARRIED_AFTER and not self._carried:
             target = max(target, s.initial_force)
         else:
             self._carried = True
-        target = min(target, s.loop.max_force)
-        if target >= self.f_ref:
-            self.f_ref += (1.0 - math.exp(-elapsed / LOW_PASS)) * (target - self.f_ref)
+        share = 1.0 - math.exp(-elapsed / LOW_PASS)
+        if target >= self._held:
+            self._held += share * (target - self._held)
         elif not self.frozen:
-            self.f_ref = max(target, self.f_ref - s.relax_rate * elapsed)
+            fall = max(s.relax_rate, RELAXING * (self._held - target))
+            self._held = max(target, self._held - fall * elapsed)
+        self._urgent += share * (self._answer(sense, f_n) - self._urgent)
+        self.f_ref = min(self._held + self._urgent, s.loop.max_force)
 
-    def _law(self, sense: SlipSense, f_n: float) -> float:
+    def _static(self, sense: SlipSense) -> float:
         s = self.settings
         if s.law is ForceLaw.CONSTANT:
             return s.initial_force
-        if s.law is ForceLaw.COULOMB:
-            return self._margin * sense.coulomb
-        if s.law is ForceLaw.STATIC:
-            return self._margin * sense.least
+        return self._margin * (sense.coulomb if s.law is ForceLaw.COULOMB else sense.least)
+
+    def _answer(self, sense: SlipSense, f_n: float) -> float:
+        """What is added for a moment [N]."""
+        if self.settings.law is not ForceLaw.SLIP_AVOIDANCE:
+            return 0.0
         missing = max(sense.least - EDGE * f_n, 0.0)
-        return self._margin * sense.least + sense.f_nd + EDGE_GAIN * missing
+        return min(sense.f_nd + LEAD * max(sense.rise, 0.0) + EDGE_GAIN * missing, MOST_URGENT)

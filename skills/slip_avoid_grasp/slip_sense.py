@@ -16,8 +16,11 @@ from skills.slip_avoid_grasp.limit_surface import SoftContact, least_force_of_fi
 from skills.slip_avoid_grasp.observer import STEP, ObserverSettings, observe
 from skills.slip_avoid_grasp.pads import loads_of_finger, smooth
 
-FAST, SLOW = 0.004, 0.025
+FAST, SLOW_NORMAL, SLOW_LOAD = 0.004, 0.025, 0.05
 """Time constants of the filters [s]."""
+
+RISE_LAG = 0.03
+"""The rise of the least force is what it is beyond itself through a low-pass of this time constant [s]."""
 
 NOISE_SHARE = 3.5
 """The fast filter counts where it differs from the slow one by so many of its standard deviations."""
@@ -37,14 +40,14 @@ _SENSED = 13
 
 @njit(cache=True)
 def _sense(  # type: ignore[no-untyped-def]
-    raw, periods, bias, noise, fast, slow, smoothed, fast_share, slow_share, centre_share, contact, f, tau, load,
+    raw, periods, bias, noise, fast, slow, smoothed, shares, centre_share, contact, f, tau, load,
     observer, dynamic, memory, sensed,
 ):  # fmt: skip
     mu, torsion, gamma, delta, ellipsoid = contact
     sigma0, beta, inertia, mass, offset, gain = observer
     kp, ki, kdc, bound = dynamic
     for _ in range(periods):
-        smooth(raw, bias, noise, fast, slow, smoothed, fast_share, slow_share)
+        smooth(raw, bias, noise, fast, slow, smoothed, shares)
     least = 0.0
     coulomb = 0.0
     centre = 0.0
@@ -132,16 +135,21 @@ class SlipSense:
             observer.sigma0, observer.beta, observer.inertia, observer.mass, observer.offset, observer.gain
         )  # fmt: skip
         self._dynamic = (dynamic.kp, dynamic.ki, dynamic.kdc, dynamic.bound)
-        self._shares = tuple(1.0 - math.exp(-1.0 / (rate * lag)) for lag in (FAST, SLOW, CENTRE_LAG))
+        self._shares = tuple(1.0 - math.exp(-1.0 / (rate * lag)) for lag in (FAST, SLOW_NORMAL, SLOW_LOAD, CENTRE_LAG, RISE_LAG))
         self._bias, self._noise = np.zeros((2, 6)), np.zeros((2, 6))
         self._fast, self._slow, self._smoothed = np.zeros((2, 6)), np.zeros((2, 6)), np.zeros((2, 6))
         self._memory, self._sensed = np.zeros(_MEMORY), np.zeros(_SENSED)
-        self._disagreement = 0.0
+        self._disagreement = self._least_before = 0.0
         self.f_n = self.least = self.coulomb = self.f_nd = self.omega = self.centre = self.f_t = self.tau_n = 0.0
 
     @property
     def fingers(self) -> tuple[float, float]:
         return float(self._sensed[0]), float(self._sensed[1])
+
+    @property
+    def rise(self) -> float:
+        """How much the least force has risen just now [N]; negative while it falls."""
+        return self.least - self._least_before
 
     @property
     def one_sided_jump(self) -> bool:
@@ -172,13 +180,13 @@ class SlipSense:
         The grasp force is twice the smaller finger's force; where the fingers differ by no more than noise explains it
         is their sum, which noise does not bias.
         """
-        fast_share, slow_share, centre_share = self._shares
         _sense(
-            raw, periods, self._bias, self._noise, self._fast, self._slow, self._smoothed, fast_share, slow_share,
-            centre_share, self._contact, *self._table, self._observer, self._dynamic, self._memory, self._sensed,
+            raw, periods, self._bias, self._noise, self._fast, self._slow, self._smoothed, self._shares[:3],
+            self._shares[3], self._contact, *self._table, self._observer, self._dynamic, self._memory, self._sensed,
         )  # fmt: skip
         first, second, tau_0, tau_1, self.least, self.coulomb, self.f_nd, self.omega, self.centre, self.f_t = (
             self._sensed[:10].tolist()
         )
         self.f_n = max(first + second - max(abs(first - second) - self._disagreement, 0.0), 0.0)
         self.tau_n = tau_0 + tau_1
+        self._least_before += min(periods * self._shares[4], 1.0) * (self.least - self._least_before)
