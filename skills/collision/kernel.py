@@ -51,156 +51,153 @@ class WorldArrays(NamedTuple):
     ignored: NDArray[np.bool_]
 
 
+@njit(cache=True, nogil=True, inline="always")
+def _place_bounds(robot: RobotArrays, opening: float, links: Float64, centres: Float64) -> None:
+    """Write the centres of the spheres around all geoms in the base frame, shape (g, 3)."""
+    of_geom, bounds, slides = robot.links, robot.bounds, robot.slides
+    for g in range(of_geom.shape[0]):
+        n = of_geom[g]
+        x, y, z = (
+            bounds[g, 0] + opening * slides[g, 0],
+            bounds[g, 1] + opening * slides[g, 1],
+            bounds[g, 2] + opening * slides[g, 2],
+        )
+        for row in range(3):
+            centres[g, row] = links[n, row, 0] * x + links[n, row, 1] * y + links[n, row, 2] * z + links[n, row, 3]
+
+
 @njit(cache=True, nogil=True)
 def _place(robot: RobotArrays, g: int, opening: float, links: Float64, placed: Float64, ready: NDArray[np.bool_]) -> None:
     """Write the centres of a geom's spheres in the base frame, once per posture."""
-    if ready[g]:
-        return
     ready[g] = True
-    T = links[robot.links[g]]
+    n, spheres = robot.links[g], robot.spheres
     sx, sy, sz = opening * robot.slides[g, 0], opening * robot.slides[g, 1], opening * robot.slides[g, 2]
     for s in range(robot.sphere_start[g], robot.sphere_start[g + 1]):
-        x, y, z = robot.spheres[s, 0] + sx, robot.spheres[s, 1] + sy, robot.spheres[s, 2] + sz
+        x, y, z = spheres[s, 0] + sx, spheres[s, 1] + sy, spheres[s, 2] + sz
         for row in range(3):
-            placed[s, row] = T[row, 0] * x + T[row, 1] * y + T[row, 2] * z + T[row, 3]
+            placed[s, row] = links[n, row, 0] * x + links[n, row, 1] * y + links[n, row, 2] * z + links[n, row, 3]
 
 
 @njit(cache=True, nogil=True)
-def _place_bounds(robot: RobotArrays, opening: float, links: Float64, centres: Float64) -> None:
-    """Write the centres of the spheres around all geoms in the base frame, shape (g, 3)."""
-    for g in range(robot.links.shape[0]):
-        T = links[robot.links[g]]
-        x = robot.bounds[g, 0] + opening * robot.slides[g, 0]
-        y = robot.bounds[g, 1] + opening * robot.slides[g, 1]
-        z = robot.bounds[g, 2] + opening * robot.slides[g, 2]
-        for row in range(3):
-            centres[g, row] = T[row, 0] * x + T[row, 1] * y + T[row, 2] * z + T[row, 3]
-
-
-@njit(cache=True, nogil=True)
-def _map_distance(
-    robot: RobotArrays, world: WorldArrays, g: int, opening: float, enough: float, links: Float64, centres: Float64,
-    placed: Float64, ready: NDArray[np.bool_],
-) -> float:  # fmt: skip
-    c = centres[g]
-    distance = lookup(world.field, world.origin, world.resolution, c[0], c[1], c[2]) - robot.bounds[g, 3]
-    if distance >= enough:
-        return distance
-    _place(robot, g, opening, links, placed, ready)
+def _map_distance(robot: RobotArrays, world: WorldArrays, g: int, placed: Float64) -> float:
+    """Distance of a placed geom from blocked cells of the map."""
+    field, origin, resolution, spheres = world.field, world.origin, world.resolution, robot.spheres
     distance = 1e9
     for s in range(robot.sphere_start[g], robot.sphere_start[g + 1]):
-        p = placed[s]
-        away = lookup(world.field, world.origin, world.resolution, p[0], p[1], p[2]) - robot.spheres[s, 3]
+        away = lookup(field, origin, resolution, placed[s, 0], placed[s, 1], placed[s, 2]) - spheres[s, 3]
         distance = min(distance, away)
     return distance
 
 
 @njit(cache=True, nogil=True)
-def _convex_distance(
-    robot: RobotArrays, world: WorldArrays, g: int, k: int, opening: float, enough: float, links: Float64,
-    centres: Float64, placed: Float64, ready: NDArray[np.bool_],
-) -> float:  # fmt: skip
-    bound = world.bounds[k]
-    x, y, z = centres[g, 0] - bound[0], centres[g, 1] - bound[1], centres[g, 2] - bound[2]
-    distance = sqrt(x * x + y * y + z * z) - bound[3] - robot.bounds[g, 3]
-    if distance >= enough:
-        return distance
-    distance = -1e9
-    for f in range(world.plane_start[k], world.plane_start[k + 1]):
-        n = world.planes[f]
-        distance = max(distance, n[0] * centres[g, 0] + n[1] * centres[g, 1] + n[2] * centres[g, 2] - n[3])
-    distance -= robot.bounds[g, 3]
-    if distance >= enough:
-        return distance
-    _place(robot, g, opening, links, placed, ready)
+def _convex_distance(robot: RobotArrays, world: WorldArrays, g: int, k: int, placed: Float64) -> float:
+    """Distance of a placed geom from one convex obstacle."""
+    planes, spheres, bounds = world.planes, robot.spheres, world.bounds
     distance = 1e9
     for s in range(robot.sphere_start[g], robot.sphere_start[g + 1]):
-        p = placed[s]
-        x, y, z = p[0] - bound[0], p[1] - bound[1], p[2] - bound[2]
-        away = sqrt(x * x + y * y + z * z) - bound[3]
-        if away - robot.spheres[s, 3] >= distance:
+        x, y, z, radius = placed[s, 0], placed[s, 1], placed[s, 2], spheres[s, 3]
+        away = sqrt((x - bounds[k, 0]) ** 2 + (y - bounds[k, 1]) ** 2 + (z - bounds[k, 2]) ** 2) - bounds[k, 3]
+        if away - radius >= distance:
             continue
         for f in range(world.plane_start[k], world.plane_start[k + 1]):
-            n = world.planes[f]
-            away = max(away, n[0] * p[0] + n[1] * p[1] + n[2] * p[2] - n[3])
-        distance = min(distance, away - robot.spheres[s, 3])
+            away = max(away, planes[f, 0] * x + planes[f, 1] * y + planes[f, 2] * z - planes[f, 3])
+        distance = min(distance, away - radius)
     return distance
 
 
 @njit(cache=True, nogil=True)
 def _half_space_distance(
-    robot: RobotArrays, world: WorldArrays, g: int, h: int, opening: float, enough: float, links: Float64,
-    centres: Float64,
-) -> float:  # fmt: skip
-    n = world.half_spaces[h]
-    distance = n[0] * centres[g, 0] + n[1] * centres[g, 1] + n[2] * centres[g, 2] - n[3] - robot.bounds[g, 3]
-    if distance >= enough:
-        return distance
-    T = links[robot.links[g]]
-    a = n[0] * T[0, 0] + n[1] * T[1, 0] + n[2] * T[2, 0]
-    b = n[0] * T[0, 1] + n[1] * T[1, 1] + n[2] * T[2, 1]
-    c = n[0] * T[0, 2] + n[1] * T[1, 2] + n[2] * T[2, 2]
-    base = n[0] * T[0, 3] + n[1] * T[1, 3] + n[2] * T[2, 3] - n[3]
-    base += opening * (a * robot.slides[g, 0] + b * robot.slides[g, 1] + c * robot.slides[g, 2])
+    robot: RobotArrays, world: WorldArrays, g: int, h: int, opening: float, links: Float64
+) -> float:
+    """Distance of a geom from a half space, exact for polyhedra and capsules."""
+    half_spaces, slides, support, n = world.half_spaces, robot.slides, robot.support, robot.links[g]
+    nx, ny, nz = half_spaces[h, 0], half_spaces[h, 1], half_spaces[h, 2]
+    a = nx * links[n, 0, 0] + ny * links[n, 1, 0] + nz * links[n, 2, 0]
+    b = nx * links[n, 0, 1] + ny * links[n, 1, 1] + nz * links[n, 2, 1]
+    c = nx * links[n, 0, 2] + ny * links[n, 1, 2] + nz * links[n, 2, 2]
+    base = nx * links[n, 0, 3] + ny * links[n, 1, 3] + nz * links[n, 2, 3] - half_spaces[h, 3]
+    base += opening * (a * slides[g, 0] + b * slides[g, 1] + c * slides[g, 2])
     distance = 1e9
     for s in range(robot.support_start[g], robot.support_start[g + 1]):
-        p = robot.support[s]
-        distance = min(distance, base + a * p[0] + b * p[1] + c * p[2] - p[3])
+        away = a * support[s, 0] + b * support[s, 1] + c * support[s, 2] - support[s, 3]
+        distance = min(distance, base + away)
     return distance
 
 
 @njit(cache=True, nogil=True)
+def _pair_distance(
+    robot: RobotArrays, i: int, j: int, placed: Float64, centres: Float64
+) -> float:
+    """Distance between two placed geoms."""
+    spheres, bounds = robot.spheres, robot.bounds
+    distance = 1e9
+    cx, cy, cz, around = centres[j, 0], centres[j, 1], centres[j, 2], bounds[j, 3]
+    for s in range(robot.sphere_start[i], robot.sphere_start[i + 1]):
+        px, py, pz, radius = placed[s, 0], placed[s, 1], placed[s, 2], spheres[s, 3]
+        limit = distance + radius + around
+        if limit <= 0.0 or (px - cx) ** 2 + (py - cy) ** 2 + (pz - cz) ** 2 >= limit * limit:
+            continue
+        for t in range(robot.sphere_start[j], robot.sphere_start[j + 1]):
+            limit = distance + radius + spheres[t, 3]
+            squared = (px - placed[t, 0]) ** 2 + (py - placed[t, 1]) ** 2 + (pz - placed[t, 2]) ** 2
+            if limit > 0.0 and squared < limit * limit:
+                distance = sqrt(squared) - radius - spheres[t, 3]
+    return distance
+
+
+@njit(cache=True, nogil=True, inline="always")
 def _world_clearance(
     robot: RobotArrays, world: WorldArrays, g: int, opening: float, enough: float, links: Float64, centres: Float64,
     placed: Float64, ready: NDArray[np.bool_],
 ) -> tuple[float, int]:  # fmt: skip
     """Clearance of one geom beyond its margin, and the number of the nearest obstacle."""
-    margin = world.margins[g]
+    ignored, half_spaces, bounds = world.ignored, world.half_spaces, world.bounds
+    margin, convex = world.margins[g], bounds.shape[0]
+    x, y, z, around = centres[g, 0], centres[g, 1], centres[g, 2], robot.bounds[g, 3] + margin
     nearest, which = 1e9, -1
-    convex = world.bounds.shape[0]
-    if not world.ignored[MAP, g]:
-        nearest = _map_distance(robot, world, g, opening, enough + margin, links, centres, placed, ready) - margin
-        which = MAP
-    for h in range(world.half_spaces.shape[0]):
-        if not world.ignored[1 + convex + h, g]:
-            stop = min(enough, nearest) + margin
-            away = _half_space_distance(robot, world, g, h, opening, stop, links, centres) - margin
+    if not ignored[MAP, g]:
+        nearest, which = lookup(world.field, world.origin, world.resolution, x, y, z) - around, MAP
+        if nearest < enough:
+            if not ready[g]:
+                _place(robot, g, opening, links, placed, ready)
+            nearest = _map_distance(robot, world, g, placed) - margin
+    for h in range(half_spaces.shape[0]):
+        if not ignored[1 + convex + h, g]:
+            away = half_spaces[h, 0] * x + half_spaces[h, 1] * y + half_spaces[h, 2] * z - half_spaces[h, 3] - around
+            if away < min(enough, nearest):
+                away = _half_space_distance(robot, world, g, h, opening, links) - margin
             if away < nearest:
                 nearest, which = away, 1 + convex + h
     for k in range(convex):
-        if not world.ignored[1 + k, g]:
-            stop = min(enough, nearest) + margin
-            away = _convex_distance(robot, world, g, k, opening, stop, links, centres, placed, ready) - margin
+        if not ignored[1 + k, g]:
+            away = sqrt((x - bounds[k, 0]) ** 2 + (y - bounds[k, 1]) ** 2 + (z - bounds[k, 2]) ** 2)
+            away -= bounds[k, 3] + around
+            if away < min(enough, nearest):
+                if not ready[g]:
+                    _place(robot, g, opening, links, placed, ready)
+                away = _convex_distance(robot, world, g, k, placed) - margin
             if away < nearest:
                 nearest, which = away, 1 + k
     return nearest, which
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline="always")
 def _pair_clearance(
-    robot: RobotArrays, world: WorldArrays, i: int, j: int, opening: float, enough: float, links: Float64,
+    robot: RobotArrays, self_margin: float, i: int, j: int, opening: float, enough: float, links: Float64,
     centres: Float64, placed: Float64, ready: NDArray[np.bool_],
 ) -> float:  # fmt: skip
     """Clearance between two geoms of the robot beyond the margin."""
     x, y, z = centres[i, 0] - centres[j, 0], centres[i, 1] - centres[j, 1], centres[i, 2] - centres[j, 2]
-    distance = sqrt(x * x + y * y + z * z) - robot.bounds[i, 3] - robot.bounds[j, 3] - world.self_margin
-    if distance >= enough:
-        return distance
-    _place(robot, i, opening, links, placed, ready)
-    _place(robot, j, opening, links, placed, ready)
-    distance = 1e9
-    cx, cy, cz, around = centres[j, 0], centres[j, 1], centres[j, 2], robot.bounds[j, 3]
-    for s in range(robot.sphere_start[i], robot.sphere_start[i + 1]):
-        px, py, pz, radius = placed[s, 0], placed[s, 1], placed[s, 2], robot.spheres[s, 3]
-        limit = distance + radius + around
-        if limit <= 0.0 or (px - cx) ** 2 + (py - cy) ** 2 + (pz - cz) ** 2 >= limit * limit:
-            continue
-        for t in range(robot.sphere_start[j], robot.sphere_start[j + 1]):
-            limit = distance + radius + robot.spheres[t, 3]
-            squared = (px - placed[t, 0]) ** 2 + (py - placed[t, 1]) ** 2 + (pz - placed[t, 2]) ** 2
-            if limit > 0.0 and squared < limit * limit:
-                distance = sqrt(squared) - radius - robot.spheres[t, 3]
-    return distance - world.self_margin
+    around = robot.bounds[i, 3] + robot.bounds[j, 3] + self_margin
+    far = around + enough
+    squared = x * x + y * y + z * z
+    if far <= 0.0 or squared >= far * far:
+        return sqrt(squared) - around
+    if not ready[i]:
+        _place(robot, i, opening, links, placed, ready)
+    if not ready[j]:
+        _place(robot, j, opening, links, placed, ready)
+    return _pair_distance(robot, i, j, placed, centres) - self_margin
 
 
 @njit(cache=True, nogil=True)
@@ -213,7 +210,7 @@ def check_states(
     a geom, and the number of an obstacle or -1 - another geom. With enough = 0, a posture is judged no further once it
     is known to collide.
     """
-    geoms = robot.links.shape[0]
+    geoms, pairs = robot.links.shape[0], robot.pairs
     links = np.empty((Q.shape[1] + 1, 3, 4))
     centres = np.empty((geoms, 3))
     placed = np.empty((robot.spheres.shape[0], 3))
@@ -233,9 +230,11 @@ def check_states(
                 if enough <= 0.0:
                     break
         if enough > 0.0 or smallest >= 0.0:
-            for p in range(robot.pairs.shape[0]):
-                i, j = robot.pairs[p]
-                away = _pair_clearance(robot, world, i, j, opening, smallest, links, centres, placed, ready)
+            for p in range(pairs.shape[0]):
+                i, j = pairs[p, 0], pairs[p, 1]
+                away = _pair_clearance(
+                    robot, world.self_margin, i, j, opening, smallest, links, centres, placed, ready
+                )
                 if away < smallest:
                     smallest, geom, other = away, j, -1 - i
                     if enough <= 0.0:
@@ -297,9 +296,11 @@ def check_segment(
                 away, which = _world_clearance(robot, world, n, opening, enough, links, centres, placed, ready)
                 who = n
             else:
-                i, who = robot.pairs[n - geoms]
+                i, who = robot.pairs[n - geoms, 0], robot.pairs[n - geoms, 1]
                 which = -1 - i
-                away = _pair_clearance(robot, world, i, who, opening, enough, links, centres, placed, ready)
+                away = _pair_clearance(
+                    robot, world.self_margin, i, who, opening, enough, links, centres, placed, ready
+                )
             if away < smallest:
                 smallest, geom, other = away, who, which
             if away < 0.0:
