@@ -79,7 +79,7 @@ class Dashboard:
             UsageError: the port is taken.
         """
         config = uvicorn.Config(
-            self.app, host=self.access.host, port=self.access.port, log_level="error", ws="websockets-sansio",
+            self.app, host=self.access.host, port=self.access.port, log_level="critical", ws="websockets-sansio",
             ws_max_size=MOST_BODY, lifespan="on", limit_concurrency=MOST_VIEWERS + 50,
         )  # fmt: skip
         self._server = uvicorn.Server(config)

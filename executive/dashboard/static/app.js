@@ -126,14 +126,15 @@ function nodePanel(s) {
   const about = path && s.byPath.get(path);
   if (!about) { $("node").replaceChildren(h("p", { class: "muted" }, "Choose a node in the tree. b sets a breakpoint.")); return; }
   const { icon, word } = STATUS[node?.status ?? "INVALID"];
-  const [from, to] = about.lines ?? [];
+  const { line: from, end_line: to } = about;
   const source = from && s.run.tree_text ? s.run.tree_text.split("\n").slice(from - 1, Math.min(to ?? from, from + 14)).join("\n") : "";
-  const wiring = Object.entries(about.ports ?? {}).map(([port, to]) => {
-    const entry = s.ports.get(to?.key ?? to);
-    return [h("dt", {}, port), h("dd", {}, typeof to === "object" ? (to.key ?? show(to)) : String(to), entry ? h("span", { class: "muted" }, ` ${entry.sentence || show(entry.value)}, ${seconds(Math.max(0, s.t - entry.t))} ago`) : "")];
+  const wiring = [...Object.entries(about.inputs ?? {}), ...Object.entries(about.outputs ?? {})].map(([port, wired]) => {
+    const name = wired.match(/^\{\s*([A-Za-z_]\w*)/)?.[1];
+    const entry = name && [...s.ports].find(([key]) => key.endsWith(`/${name}`))?.[1];
+    return [h("dt", {}, port), h("dd", {}, wired, entry ? h("span", { class: "muted" }, ` ${entry.sentence || show(entry.value).slice(0, 120)}, ${seconds(Math.max(0, s.t - entry.t))} ago`) : "")];
   });
   $("node").replaceChildren(
-    h("p", {}, h("strong", {}, about.name), ` ${about.kind} `, h("span", { class: "muted" }, path)),
+    h("p", {}, h("strong", {}, about.name), ` ${about.type === about.name ? about.kind : about.type} `, h("span", { class: "muted" }, path)),
     about.description || about.comment ? h("p", {}, about.description || about.comment) : "",
     h("p", {}, `${icon} ${word}`, node?.starts ? `, started ${node.starts}×` : "", node?.feedback ? `: ${node.feedback}` : ""),
     wiring.length ? h("dl", { class: "facts" }, wiring) : "",

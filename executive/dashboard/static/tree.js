@@ -35,7 +35,7 @@ export class TreeView {
       const time = h("span", { class: "time" });
       const fold = h("button", { class: "fold", tabindex: "-1", "aria-label": "fold", onclick: (e) => { e.stopPropagation(); this.toggle(node.path); } }, inner ? "▾" : "");
       const row = h("div", { class: "row", role: "treeitem", "data-path": node.path, "aria-level": level + 1, title: node.description || node.comment || node.kind, onclick: () => this.select(node.path) },
-        fold, icon, h("span", { class: "name" }, node.name), h("span", { class: "type" }, node.kind === node.name ? "" : node.kind), attempt, detail, time);
+        fold, icon, h("span", { class: "name" }, node.name), h("span", { class: "type" }, node.type === node.name || node.kind === node.name ? "" : node.type), attempt, detail, time);
       row.style.setProperty("--level", level);
       this.rows.set(node.path, { node, row, icon, detail, attempt, time, fold, text: node.name.toLowerCase(), last: "" });
       return row;
