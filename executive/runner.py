@@ -203,21 +203,24 @@ class Runner:
 
     def _loop(self, started: float) -> None:
         next_tick = self._cell.clock.now()
-        while not self._state.ended:
+        while True:
             self._take_commands()
-            if self._state.ended:
-                break
+            if self._has_ended():
+                return
             self._look_after_cell()
             ticking = self._state is RunState.RUNNING
             if ticking:
                 self._tick()
             self.context.drive_halting()
             self._move_on()
-            if self._state.ended:
-                break
+            if self._has_ended():
+                return
             if ticking and self._wait_for_computations():
                 continue  # computing took no simulated time: tick again at the same instant
             next_tick = self._let_time_pass(next_tick, started)
+
+    def _has_ended(self) -> bool:
+        return self._state.ended
 
     def _tick(self) -> None:
         self._ticks += 1

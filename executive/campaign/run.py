@@ -99,8 +99,9 @@ def _spread(waiting: Sequence[CampaignRun], workers: int) -> Any:
                 busy.clear()
             for connection in ready:
                 worker, run = busy.pop(connection)
+                answered = worker.connection
                 try:
-                    succeeded, answer = connection.recv()  # type: ignore[union-attr]
+                    succeeded, answer = answered.recv()
                 except (EOFError, OSError):
                     worker.process.join(5.0)
                     yield run, _broken("WORKER_DIED", str(WorkerDied("run_order", worker.process.exitcode)))

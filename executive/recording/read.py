@@ -69,4 +69,8 @@ def read_events(folder: Path) -> Iterator[Event]:
 
 def _decode_image(text: str) -> np.ndarray[Any, Any]:
     coded = np.frombuffer(base64.b64decode(text), np.uint8)
-    return cv2.imdecode(coded, cv2.IMREAD_COLOR)[..., ::-1]
+    image = cv2.imdecode(coded, cv2.IMREAD_COLOR)
+    if image is None:
+        raise ValueError("an image cannot be decoded")
+    rgb: np.ndarray[Any, Any] = image[..., ::-1]
+    return rgb

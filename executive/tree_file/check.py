@@ -18,6 +18,7 @@ from executive.tree_file.literals import LiteralError, literal
 from executive.tree_file.model import Declared, Definition, Document, TreeNode
 from executive.tree_file.scope import Named, Origin, Read, Resolved, Scope
 from executive.tree_file.value_types import can_flow, describe
+from executive.tree_file.values import static_type
 from executive.tree_file.yaml_nodes import YamlNode, YamlScalar, read_yaml
 
 MAX_BUILT_NODES = 10_000
@@ -88,6 +89,7 @@ class _Checker:
         self.called: dict[int, Definition] = {}
         self.failures = self.analysis.codes = Failures(skills, self.called)
         self.readers: dict[int, InterfaceReader] = {}
+        self.recursive = False
 
     def run(self, overrides: Mapping[str, str] | Sequence[str]) -> Analysis:
         definitions = list(self.document.definitions())
@@ -98,10 +100,13 @@ class _Checker:
                 if node.kind == "subtree" and node.key.text in definition.file.subtrees:
                     self.called[id(node)] = definition.file.subtrees[node.key.text]
         self.parameters(overrides)
-        if self.recursion(definitions):
-            for definition in definitions:
-                self.definition(definition)
-            self.size()
+        order = self.callees_first(definitions)
+        for definition in order:
+            self.failures.of_definition(definition)
+        for definition in definitions:
+            self.definition(definition)
+        if not self.recursive:
+            self.size(order)
         self.analysis.findings = self.findings.sorted()
         return self.analysis
 
@@ -195,11 +200,11 @@ class _Checker:
             port = reader.port(parameter, "parameter") or Port(object)
             value = self.analysis.parameters.get(name) if run_here else None
             origin: Origin = "parameter" if run_here else "input"
-            scope.names[name] = Named(port.type, origin, parameter.key, f"parameter '{name}'", value)
+            scope.names[name] = Named(static_type(port), origin, parameter.key, f"parameter '{name}'", value)
         for name, declared in definition.inputs.items():
             port = reader.port(declared, "input") or Port(object)
             optional = not port.required and port.default is None
-            named = Named(port.type, "input", declared.key, f"input '{name}'", may_be_none=optional)
+            named = Named(static_type(port), "input", declared.key, f"input '{name}'", may_be_none=optional)
             scope.names[name] = named
 
     def follow(self, definition: Definition, scope: Scope) -> None:
@@ -241,53 +246,54 @@ class _Checker:
             return []
         return [(n, self.called[id(n)]) for n in definition.root.walk() if id(n) in self.called]
 
-    def recursion(self, definitions: Sequence[Definition]) -> bool:
-        """Report subtrees that call themselves; True when there are none."""
+    def callees_first(self, definitions: Sequence[Definition]) -> list[Definition]:
+        """All definitions, each after those that it calls. Reports subtrees that call themselves."""
+        order: list[Definition] = []
         done: set[int] = set()
-        clean = True
         for start in definitions:
-            stack: list[tuple[Definition, list[tuple[TreeNode, Definition]]]] = []
-            if id(start) not in done:
-                stack.append((start, self.calls(start)))
+            stack = [] if id(start) in done else [(start, self.calls(start))]
             while stack:
                 definition, open_calls = stack[-1]
                 if not open_calls:
                     done.add(id(definition))
+                    order.append(definition)
                     stack.pop()
                     continue
                 node, called = open_calls.pop(0)
-                names = [d.name for d, _ in stack]
-                if any(called is d for d, _ in stack):
-                    first = next(i for i, (d, _) in enumerate(stack) if d is called)
-                    cycle = " → ".join([*names[first:], called.name])
-                    self.findings.error(node.key, "recursion", f"a subtree that calls itself never ends: {cycle}")
-                    clean = False
+                on_the_way = [d for d, _ in stack]
+                if called in on_the_way:
+                    cycle = [d.name for d in on_the_way[on_the_way.index(called) :]]
+                    message = f"a subtree that calls itself never ends: {' → '.join([*cycle, called.name])}"
+                    self.findings.error(node.key, "recursion", message)
+                    self.recursive = True
                 elif id(called) not in done:
                     stack.append((called, self.calls(called)))
-        return clean
+        return order
 
-    def size(self) -> None:
+    def size(self, order: Sequence[Definition]) -> None:
+        """Refuse a tree that is too large with its subtrees written out."""
         main = self.document.main.main
-        if main is None:
-            return
         sizes: dict[int, tuple[int, int]] = {}
 
-        def measure(definition: Definition) -> tuple[int, int]:
-            if id(definition) not in sizes:
-                sizes[id(definition)] = measure_node(definition.root) if definition.root is not None else (0, 0)
-            return sizes[id(definition)]
-
-        def measure_node(node: TreeNode) -> tuple[int, int]:
+        def measure(node: TreeNode) -> tuple[int, int]:
             own = 1 + len(node.decorators)
-            below = [measure_node(child) for child in (*node.children, *([node.on_failure] if node.on_failure else []))]
+            below = [measure(child) for child in (*node.children, *([node.on_failure] if node.on_failure else []))]
             if id(node) in self.called:
-                below.append(measure(self.called[id(node)]))
+                below.append(sizes[id(self.called[id(node)])])
             return own + sum(n for n, _ in below), own + max((d for _, d in below), default=0)
 
-        count, depth = measure(main)
+        for definition in order:
+            sizes[id(definition)] = measure(definition.root) if definition.root is not None else (0, 0)
+        if main is None or main.root is None:
+            return
+        count, depth = sizes[id(main)]
         if count > MAX_BUILT_NODES:
-            message = f"the tree has {count} nodes with its subtrees written out; at most {MAX_BUILT_NODES} can run"
-            self.findings.error(main.at, "too-large", message)
+            message = f"the tree has {_shown(count)} nodes with its subtrees written out; {MAX_BUILT_NODES} can run"
+            self.findings.error(main.root.key, "too-large", message)
         elif depth > MAX_BUILT_DEPTH:
-            message = f"the tree is {depth} nodes deep with its subtrees written out; at most {MAX_BUILT_DEPTH} can run"
-            self.findings.error(main.at, "too-deep", message)
+            message = f"the tree is {depth} nodes deep with its subtrees written out; {MAX_BUILT_DEPTH} can run"
+            self.findings.error(main.root.key, "too-deep", message)
+
+
+def _shown(count: int) -> str:
+    return str(count) if count < 1_000_000_000 else "more than a billion"

@@ -16,7 +16,7 @@ from executive.tree_file.literals import scalar_type
 from executive.tree_file.model import BRANCHES, LEAVES, Definition, TreeNode
 from executive.tree_file.scope import Computed, Given, Named, Resolved, Scope
 from executive.tree_file.value_types import ANY, ValueType, can_flow, describe, element_type
-from executive.tree_file.values import Around, ValueReader
+from executive.tree_file.values import Around, ValueReader, static_type
 from executive.tree_file.yaml_nodes import YamlList, YamlNode, YamlScalar
 
 _WIRE = re.compile(r"\s*\{\s*([A-Za-z_][A-Za-z0-9_]*)\s*\}\s*")
@@ -76,7 +76,7 @@ class NodeChecker:
                 target = self.output(value, f"{node.key.text}.{name}")
                 if target is not None:
                     found.outputs[name] = target.text
-                    self.writes(target, outputs[name].type, node.label, f"{node.key.text}.{name}")
+                    self.writes(target, static_type(outputs[name]), node.label, f"{node.key.text}.{name}")
 
     def known_types(self) -> tuple[str, ...]:
         return (*BRANCHES, *LEAVES, *self.scope.definition.file.subtrees)
@@ -294,7 +294,7 @@ class NodeChecker:
                 self.findings.error(key, "unknown-port", f"{who} has no port '{name}'", hint)
         missing = [name for name, port in inputs.items() if port.required and name not in node.ports]
         for name in missing:
-            message = f"{who} needs '{name}', {describe(inputs[name].type if inputs[name].type is not object else ANY)}"
+            message = f"{who} needs '{name}', {describe(static_type(inputs[name]))}"
             self.findings.error(node.key, "missing-port", message, f'wire it: {name}: "{{…}}"')
 
     def parallel(self, node: TreeNode, found: Resolved) -> None:

@@ -77,6 +77,8 @@ def comparable(left: ValueType, right: ValueType) -> bool:
     """Whether `left == right` or `left < right` makes sense."""
     if can_flow(left, right) or can_flow(right, left) or NONE in (left, right):
         return True
+    if SI_NUMBER in (left, right):
+        return is_numeric(left) and is_numeric(right)
     if isinstance(left, type) and issubclass(left, Enum):
         return right is str
     if isinstance(right, type) and issubclass(right, Enum):

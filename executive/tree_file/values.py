@@ -143,7 +143,7 @@ class ValueReader:
         if isinstance(node, YamlScalar) and not port.required and (node.is_null or node.text == "none"):
             return Given(None, node)
         try:
-            value = literal(node, _static(port), port.choices)
+            value = literal(node, static_type(port), port.choices)
         except LiteralError as error:
             self.findings.error(error.where, "value", f"{who}: {error.message}", error.hint)
             return None
@@ -157,7 +157,7 @@ class ValueReader:
         stand = _Stand(self, node, around, slot, port.required)
         found = type_of(expression, stand)
         named = self.scope.names.get(expression.name) if isinstance(expression, Reference) else None
-        wanted = _static(port)
+        wanted = static_type(port)
         if not can_flow(found, wanted):
             message = f"{who} takes {describe(wanted)}, '{node.text}' is {describe(found)}{_written_by(named)}"
             self.findings.error(node, "port-type", message)
@@ -189,14 +189,17 @@ def out_of_range(value: Any, port: Port) -> str:
         bound = port.si(limit)
         slack = 1e-9 * max(1.0, abs(bound))
         if (value < bound - slack) if too == "below" else (value > bound + slack):
-            shown, allowed = (
-                quantity.format(v) if quantity and quantity != RATIO else f"{v:g}" for v in (value, bound)
-            )
-            return f"is at {word} {allowed}, {shown} is {too}"
+            allowed = limit if isinstance(limit, str) else _number(bound, quantity)
+            return f"is at {word} {allowed}, {_number(value, quantity)} is {too}"
     return ""
 
 
-def _static(port: Port) -> ValueType:
+def _number(value: float, quantity: Quantity | None) -> str:
+    return quantity.format(value) if quantity is not None and quantity != RATIO else f"{value:g}"
+
+
+def static_type(port: Port) -> ValueType:
+    """The port's type; a port of `object` takes anything."""
     return ANY if port.type is object else port.type
 
 
