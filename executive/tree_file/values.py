@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 from executive.nodes.in_sight import FailureInSight, ForEachCount, RepeatCount, RetryCount
@@ -34,6 +35,7 @@ class Around:
     failure: frozenset[str] | None = None
 
 
+_IN_BRACES = re.compile(r"\{\s*([A-Za-z_][A-Za-z0-9_]*)")
 _COUNTERS: dict[str, type[Any]] = {"retry": RetryCount, "repeat": RepeatCount, "for_each": ForEachCount}
 ALWAYS_POSSIBLE = frozenset({"BAD_VALUE"})
 """Codes with which any node may fail that computes a value."""
@@ -108,7 +110,6 @@ class ValueReader:
     findings: Findings
     scope: Scope
     resolved: Resolved
-    expressions: dict[int, Expression | None] = field(default_factory=dict)
 
     def parsed(self, scalar: YamlScalar) -> Expression | None:
         try:
@@ -118,6 +119,9 @@ class ValueReader:
             if scalar.line == scalar.end_line:
                 where = Spot(scalar.source, scalar.line, scalar.text_column + error.offset, error.length)
             self.findings.error(where, "expression", error.message, error.hint)
+            for name in _IN_BRACES.findall(scalar.text):  # one mistake, one finding
+                if name in self.scope.names:
+                    self.scope.names[name].read = True
             return None
 
     def condition(self, slot: str, node: YamlNode, around: Around) -> Value | None:

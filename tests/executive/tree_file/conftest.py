@@ -240,7 +240,7 @@ root:
         - SampleGrasp: {around: "{measured}", radius: "{radius}", tried: "{grasp}", candidates: "{candidates}"}
         - fallback:
             - Plan: {to: "{candidates}", grasp: "{grasp}", path: "{path}", budget: 200 ms}
-            - Plan: {to: "{candidates}", grasp: "{grasp}", path: "{path}", budget: 2 s, planner: RRTstar, clearance: 8 mm}
+            - Plan: {to: "{candidates}", grasp: "{grasp}", path: "{path}", budget: 2 s, planner: RRTstar}
               when: "failure.code in [NO_PATH, TIMEOUT]"
         - Follow:   {path: "{path}"}
         - Approach: {grasp: "{grasp}"}
