@@ -114,7 +114,7 @@ class Cell:
             for device in self.devices.values():
                 # One device that fails to stop must not keep the others moving.
                 with contextlib.suppress(Exception):
-                    device.safe_stop(reason)
+                    device.safe_stop(self._latched)
 
     def acknowledge(self) -> None:
         """Release the latch; nothing resumes by itself."""

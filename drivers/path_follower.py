@@ -76,14 +76,19 @@ class PathFollower:
             self.rate += self._rate_change * self._period
 
     def _sample(self) -> tuple[Float64, Float64, Float64]:
+        if self.finished:
+            return self._q[-1], self._qd[-1], self._qdd[-1]
         place = self.path_time / self._period
-        i = min(int(place), len(self._q) - 2)
-        share = place - i
-        return (
-            self._q[i] + share * (self._q[i + 1] - self._q[i]),
-            self._qd[i] + share * (self._qd[i + 1] - self._qd[i]),
-            self._qdd[i] + share * (self._qdd[i + 1] - self._qdd[i]),
-        )
+        i = min(int(place + 1e-9), len(self._q) - 2)
+        s = place - i
+        if s < 1e-9:
+            return self._q[i], self._qd[i], self._qdd[i]
+        # Cubic between samples: straight pieces would show as jerks once the path is run slowly.
+        step = self._q[i + 1] - self._q[i]
+        v0, v1 = self._qd[i] * self._period, self._qd[i + 1] * self._period
+        q = self._q[i] + s * (v0 + s * (3.0 * step - 2.0 * v0 - v1 + s * (v0 + v1 - 2.0 * step)))
+        qd = self._qd[i] + s * (self._qd[i + 1] - self._qd[i])
+        return q, qd, self._qdd[i] + s * (self._qdd[i + 1] - self._qdd[i])
 
 
 def _resample(trajectory: Trajectory, period: float) -> tuple[Float64, Float64, Float64]:

@@ -15,7 +15,11 @@ ACCELERATION = 2.0
 ARRIVED = 1e-4
 """A move is done this near to its width [m]."""
 BLOCKED = 2e-3
-"""Fingers this far behind their set-point do not move any further [m]."""
+"""Fingers this far behind their set-point [m] …"""
+STANDING = 2e-3
+"""… that move slower than this [m/s] …"""
+PATIENCE = 0.05
+"""… for this long [s] are blocked."""
 YIELD = 1e-3
 """How far force control may open while latched [m]: the grip is kept, and never opened."""
 
@@ -33,7 +37,7 @@ class GripperMove:
     @property
     def progress(self) -> float:
         way = abs(self.width - self._start)
-        return 1.0 if way < ARRIVED else min(abs(self._now - self._start) / way, 1.0)
+        return 1.0 if way < ARRIVED or self.state is MotionState.DONE else min(abs(self._now - self._start) / way, 1.0)
 
     def stop(self) -> None:
         self.end(MotionState.STOPPED)
@@ -66,6 +70,7 @@ class SimGripper(FaultyDevice):
         self._dof = [int(finger.dofadr[0]) for finger in self._fingers]
         self._speed, self._commanded_at, self._rate = 0.0, -math.inf, 0.0
         self._move: GripperMove | None = None
+        self._blocked_for = 0.0
         self._paused = False
         self._latched: str | None = None
         self._latched_width = 0.0
@@ -151,10 +156,12 @@ class SimGripper(FaultyDevice):
         self._world.state.ctrl[self._actuator] = 0.5 * wanted
 
     def _rate_of_move(self, move: GripperMove, set_point: float) -> float:
-        measured = self.state().width
+        measured, speed = self.state().width, self.state().speed
         move.look(measured)
         left = move.width - set_point
-        if abs(set_point - measured) > BLOCKED or self.fault == "jam":
+        stuck = (abs(set_point - measured) > BLOCKED and abs(speed) < STANDING) or self.fault == "jam"
+        self._blocked_for = self._blocked_for + TIMESTEP if stuck else 0.0
+        if self._blocked_for > PATIENCE:
             move.end(MotionState.FAILED, f"the fingers are blocked at {1e3 * measured:.1f} mm")
             return 0.0
         if abs(left) < ARRIVED / 4.0 and abs(move.width - measured) < ARRIVED:

@@ -113,16 +113,11 @@ class Probe:
             self.cell.check()
             self.cell.clock.advance(TICK)
 
-    def reach(self, position: Float64) -> Float64:
-        """Joints within the limits with which the tool points down at a position."""
-        for azimuth in np.linspace(0.0, np.pi, 8, endpoint=False):
-            try:
-                q = solve_ik(self.world.model, self.set_point(), tool_down(position, azimuth))
-            except AssertionError:
-                continue
-            if np.all(q > self.lower) and np.all(q < self.upper):
-                return q
-        raise AssertionError("the probe cannot reach this position")
+    def go_down_to(self, position: Float64) -> Motion:
+        """Above a position, then down to it with the tool pointing down; the motion down is returned running."""
+        above, line, _ = _reachable_grasp(self, np.asarray(position), 0.05)
+        self.run(self.arm.follow(rest_to_rest(np.array([self.set_point(), above]), self.arm.limits)))
+        return self.arm.follow(rest_to_rest(line, self.arm.limits))
 
     def set_point(self) -> Float64:
         point: Float64 = self.world.state.ctrl[self.world.arm_actuators].copy()
@@ -167,10 +162,10 @@ class Probe:
 def pick(probe: Probe, height: float = 0.12, force: float | None = None) -> None:
     """Open → above the fruit → down → grip → up, with the first azimuth that the arm can reach."""
     centre = probe.fruit_centre() - np.array([0.0, 0.0, 0.004])
-    above, line, lift = _reachable_grasp(probe, centre, height)
     probe.run(probe.gripper.move(0.101, 0.1))
-    probe.run(probe.arm.follow(rest_to_rest(np.array([probe.set_point(), above]), probe.arm.limits)))
-    probe.run(probe.arm.follow(rest_to_rest(line, probe.arm.limits)))
+    probe.run(probe.go_down_to(centre))
+    lift = _reachable_grasp(probe, centre, height)[2]
+    lift[0] = probe.set_point()
     probe.take_bias()
     mass = probe.world.scene.fruits[0].mass
     probe.grip(force or max(2.2, 1.5 * mass * 9.81 / probe.world.scene.friction))

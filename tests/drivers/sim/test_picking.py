@@ -42,11 +42,10 @@ def test_a_fruit_that_hangs_falls_when_the_fingers_open(open_cell, probe_of, pic
     assert truth["drops"] == 1
 
 
-def test_touching_the_table_is_counted_as_a_collision(open_cell, probe_of, plan_rest_to_rest):
+def test_touching_the_table_is_counted_as_a_collision(open_cell, probe_of):
     cell = open_cell(seed=1, place="1")
     probe = probe_of(cell)
-    down = probe.reach([0.10, -0.45, -0.112])  # the fingertips reach 12 mm below the tool's centre
-    probe.arm.follow(plan_rest_to_rest([probe.set_point(), down], probe.arm.limits, share=0.3))
+    probe.go_down_to([-0.03, -0.50, -0.112])  # the fingertips reach 12 mm below the tool's centre
     end = cell.clock.now() + 3.0
     probe.wait(lambda: cell.clock.now() >= end)
     truth = cell.truth()

@@ -1,0 +1,176 @@
+"""The simulated arm follows within limits, stops and pauses on its path, and refuses what it must not do."""
+
+import numpy as np
+import pytest
+
+from drivers.errors import DeviceFault, DeviceLost, MotionRefused
+from drivers.interfaces import Arm, MotionState, Trajectory
+
+HERE = np.array([-1.36, -0.316, -0.264, -0.234, 0.065, -1.294, 0.048])
+THERE = HERE + np.array([0.8, 0.3, -0.2, 0.3, 0.4, 0.5, -0.9])
+
+
+@pytest.fixture
+def cell(open_cell):
+    return open_cell(seed=1)
+
+
+@pytest.fixture
+def arm(cell):
+    return cell.device(Arm)
+
+
+def advance(cell, duration, each=lambda: None):
+    for _ in range(round(duration / 0.01)):
+        cell.clock.advance(0.01)
+        each()
+
+
+def run_out(cell, motion, limit=10.0):
+    start = cell.clock.now()
+    while not motion.settled:
+        cell.clock.advance(0.01)
+        assert cell.clock.now() - start < limit
+
+
+def distance_to_path(q, path):
+    return np.linalg.norm(path - q, axis=1).min()
+
+
+def test_it_arrives_and_lags_little(cell, arm, plan_rest_to_rest):
+    path = plan_rest_to_rest([HERE, THERE], arm.limits, share=0.9)
+    motion = arm.follow(path)
+    assert motion.state is MotionState.RUNNING
+    worst = 0.0
+    while cell.clock.now() < path.duration:
+        cell.clock.advance(0.01)
+        wanted = np.array([np.interp(cell.clock.now(), path.t, path.q[:, j]) for j in range(7)])
+        worst = max(worst, np.abs(arm.state().q - wanted).max())
+    run_out(cell, motion, 0.5)
+    assert motion.state is MotionState.DONE
+    assert motion.progress == 1.0
+    assert worst < 0.02
+    assert np.abs(arm.state().q - THERE).max() < 3e-3
+    assert not arm.state().moving
+
+
+@pytest.mark.parametrize("when", [0.1, 0.35, 0.6])
+def test_stop_decelerates_on_the_path_within_the_limits(cell, arm, plan_rest_to_rest, when):
+    path = plan_rest_to_rest([HERE, THERE], arm.limits, share=1.0)
+    motion = arm.follow(path)
+    advance(cell, when)
+    motion.stop()
+    asked = [arm._set_point.copy()]
+    while not motion.settled:
+        cell.clock.advance(0.002)
+        asked.append(arm._set_point.copy())
+        assert distance_to_path(asked[-1], path.q) < 0.01
+    assert motion.state is MotionState.STOPPED
+    assert 0.0 < motion.progress < 1.0
+    acceleration = np.diff(asked, n=2, axis=0) / 0.002**2
+    assert np.all(np.abs(acceleration).max(axis=0) < 1.15 * arm.limits.acceleration)
+    stood = arm.state().q
+    advance(cell, 0.3)
+    assert np.abs(arm.state().q - stood).max() < 2e-3
+
+
+def test_pause_holds_and_resume_finishes_the_path(cell, arm, plan_rest_to_rest):
+    path = plan_rest_to_rest([HERE, THERE], arm.limits)
+    motion = arm.follow(path)
+    advance(cell, 0.4)
+    cell.pause()
+    advance(cell, 1.0)
+    assert motion.state is MotionState.PAUSED
+    assert not motion.settled
+    assert cell.settled()
+    stood = arm.state().q
+    advance(cell, 0.5)
+    assert np.abs(arm.state().q - stood).max() < 1e-4
+    cell.resume()
+    run_out(cell, motion)
+    assert motion.state is MotionState.DONE
+    assert np.abs(arm.state().q - THERE).max() < 3e-3
+
+
+def test_safe_stop_latches_until_acknowledged(cell, arm, plan_rest_to_rest):
+    motion = arm.follow(plan_rest_to_rest([HERE, THERE], arm.limits))
+    advance(cell, 0.3)
+    cell.safe_stop("operator")
+    cell.safe_stop("later")
+    assert cell.latched == "operator"
+    run_out(cell, motion, 1.0)
+    assert motion.state is MotionState.STOPPED
+    assert cell.settled()
+    back = plan_rest_to_rest([arm._set_point, HERE], arm.limits)
+    with pytest.raises(MotionRefused, match="operator"):
+        arm.follow(back)
+    cell.acknowledge()
+    assert cell.latched is None
+    stood = arm.state().q
+    advance(cell, 0.2)
+    assert np.abs(arm.state().q - stood).max() < 1e-3  # nothing resumes by itself
+    run_out(cell, arm.follow(back))
+
+
+def test_resume_is_refused_when_the_arm_was_moved(cell, arm, plan_rest_to_rest):
+    arm.follow(plan_rest_to_rest([HERE, THERE], arm.limits))
+    advance(cell, 0.3)
+    cell.pause()
+    advance(cell, 0.8, cell.check)
+    cell.devices["world"].state.qpos[1] += 0.05
+    with pytest.raises(DeviceFault, match=r"moved by .*°"):
+        cell.resume()
+
+
+def test_a_second_trajectory_is_refused_while_the_first_runs(cell, arm, plan_rest_to_rest):
+    path = plan_rest_to_rest([HERE, THERE], arm.limits)
+    arm.follow(path)
+    advance(cell, 0.1)
+    with pytest.raises(MotionRefused, match="still moves"):
+        arm.follow(path)
+
+
+def spoil(path, **changes):
+    return Trajectory(**{name: changes.get(name, getattr(path, name)) for name in ("t", "q", "qd", "qdd")})
+
+
+@pytest.mark.parametrize(
+    ("changes", "says"),
+    [
+        (lambda p: {"q": p.q + 0.01}, "starts .* away from the arm"),
+        (lambda p: {"qd": p.qd * 9.0}, "velocity limit"),
+        (lambda p: {"qdd": p.qdd * 9.0}, "acceleration limit"),
+        (lambda p: {"t": p.t[::-1].copy()}, "increase from 0"),
+        (lambda p: {"q": p.q[:, :6]}, r"joints \(n, 7\)"),
+        (lambda p: {"q": np.where(p.t[:, None] > p.t[-1] / 2, np.nan, p.q)}, "not finite"),
+        (lambda p: {"t": p.t / 20.0}, "jumps"),
+        (lambda p: {"qd": p.qd + 0.01}, "at rest"),
+        (lambda p: {"q": p.q + np.linspace(0, 3.0, len(p.t))[:, None]}, "beyond its range|jumps"),
+        (lambda p: {"qd": p.qd * 0.0}, "do not belong"),
+    ],
+)
+def test_a_bad_trajectory_is_refused_and_nothing_moves(cell, arm, plan_rest_to_rest, changes, says):
+    path = plan_rest_to_rest([HERE, THERE], arm.limits, share=0.9)
+    coarse = Trajectory(path.t[::19], path.q[::19], path.qd[::19], path.qdd[::19])
+    before = arm.state().q
+    with pytest.raises(MotionRefused, match=says):
+        arm.follow(spoil(coarse, **changes(coarse)))
+    advance(cell, 0.1)
+    assert np.abs(arm.state().q - before).max() < 1e-4
+
+
+def test_an_alarm_stops_the_arm_and_is_reported(cell, arm, plan_rest_to_rest):
+    motion = arm.follow(plan_rest_to_rest([HERE, THERE], arm.limits))
+    advance(cell, 0.3)
+    arm.inject_fault("alarm")
+    with pytest.raises(DeviceFault, match="alarm"):
+        cell.check()
+    assert cell.links()["arm"] == "alarm"
+    run_out(cell, motion, 1.0)
+    assert motion.state is MotionState.FAILED
+    assert "alarm" in motion.problem
+    arm.inject_fault("lost")
+    with pytest.raises(DeviceLost):
+        cell.check()
+    with pytest.raises(ValueError, match="faults alarm, lost"):
+        arm.inject_fault("explode")

@@ -1,0 +1,139 @@
+"""The simulated force fingers read the engine's contacts in the pad's frame, and fail like real ones."""
+
+import numpy as np
+import pytest
+
+from drivers.errors import DeviceFault, DeviceLost
+from drivers.interfaces import ForceSensor
+from drivers.sim.fingers import SimFingers
+from drivers.sim.gl import load_mujoco
+
+
+def contact_sum(world, pad):
+    """Independent sum over the engine's contact list: wrench on the pad, in the pad's frame."""
+    mujoco = load_mujoco()
+    model, state = world.model, world.state
+    geom = model.geom(pad).id
+    site = state.site(pad)
+    R, origin = site.xmat.reshape(3, 3), site.xpos
+    total = np.zeros(6)
+    for i in range(state.ncon):
+        contact = state.contact[i]
+        if geom not in (contact.geom1, contact.geom2):
+            continue
+        local = np.zeros(6)
+        mujoco.mj_contactForce(model, state, i, local)
+        frame = contact.frame.reshape(3, 3).T
+        sign = 1.0 if contact.geom2 == geom else -1.0
+        force, torque = sign * frame @ local[:3], sign * frame @ local[3:]
+        total[:3] += R.T @ force
+        total[3:] += R.T @ (torque + np.cross(contact.pos - origin, force))
+    return total
+
+
+def test_wrenches_are_the_contacts_in_the_pads_frame(open_cell, probe_of, pick_with):
+    cell = open_cell(seed=2, fruit="apple_2", friction="0.8")
+    probe = probe_of(cell)
+    exact = SimFingers(probe.world, noise=0.0, bias=0.0, force_range=100.0)
+    pick_with(probe)
+    sample = exact.latest()
+    for i, pad in enumerate(("pad_left", "pad_right")):
+        assert sample.wrenches[i] == pytest.approx(contact_sum(probe.world, pad), abs=1e-6)
+    assert np.all(sample.wrenches[:, 2] < -1.0)  # pressing is negative along z
+    # Hanging at rest the pads carry the weight: it pulls them down, along the tool's approach axis.
+    weight = probe.world.scene.fruits[0].mass * 9.81
+    assert sample.wrenches[:, 0].sum() == pytest.approx(weight, rel=0.02)
+    assert abs(sample.wrenches[0, 2] - sample.wrenches[1, 2]) < 0.1
+    noisy = np.array([s.wrenches for s in probe.samples[-100:]])
+    assert np.abs(noisy.mean(axis=0)[:, :3] - sample.wrenches[:, :3]).max() < 0.2
+
+
+def test_samples_come_at_500_hz_in_order_to_every_listener(open_cell):
+    cell = open_cell()
+    fingers = cell.device(ForceSensor)
+    first, second = [], []
+    subscription = fingers.subscribe(first.append)
+    fingers.subscribe(second.append)
+    cell.clock.advance(0.1)
+    subscription.close()
+    subscription.close()
+    cell.clock.advance(0.02)
+    assert [s.sequence for s in second] == list(range(1, 61))
+    assert np.diff([s.stamp for s in second]) == pytest.approx(0.002)
+    assert len(first) == 50
+    assert fingers.latest() is second[-1]
+    assert fingers.rate == 500.0
+
+
+def test_errors_stay_within_the_real_fingers_accuracy(open_cell):
+    cell = open_cell(seed=5)
+    samples = []
+    cell.device(ForceSensor).subscribe(samples.append)
+    cell.clock.advance(2.0)
+    forces = np.array([s.wrenches[:, :3] for s in samples])
+    assert np.sqrt((forces**2).mean()) < 0.1
+    assert np.abs(forces).max() < 0.3
+    assert forces.std(axis=0) == pytest.approx(0.04, rel=0.15)
+
+
+def test_the_range_ends_with_a_flag(open_cell, probe_of, pick_with):
+    cell = open_cell(seed=2, fruit="apple_2")
+    probe = probe_of(cell)
+    narrow = SimFingers(probe.world, noise=0.0, bias=0.0, force_range=2.0)
+    pick_with(probe)
+    sample = narrow.latest()
+    assert sample.saturated == (True, True)
+    assert np.abs(sample.wrenches[:, :3]).max() == 2.0
+
+
+def test_a_lost_stream_is_noticed_within_60_ms(open_cell):
+    cell = open_cell()
+    fingers = cell.device(ForceSensor)
+    samples = []
+    fingers.subscribe(samples.append)
+    cell.clock.advance(0.05)
+    fingers.inject_fault("lost")
+    cell.clock.advance(0.04)
+    cell.check()
+    assert len(samples) == 25
+    cell.clock.advance(0.02)
+    with pytest.raises(DeviceLost, match="no sample"):
+        cell.check()
+    fingers.clear_fault()
+    cell.check()
+
+
+def test_injected_finger_faults_show(open_cell):
+    cell = open_cell()
+    fingers = cell.device(ForceSensor)
+    before = fingers.latest().wrenches
+    fingers.inject_fault("bias_jump")
+    assert fingers.latest().wrenches[0, 2] == pytest.approx(before[0, 2] - 1.0)
+    fingers.inject_fault("dead_left")
+    assert np.all(fingers.latest().wrenches[0] == 0.0)
+
+
+def test_the_grip_holds_through_a_safe_stop(open_cell, probe_of, pick_with):
+    cell = open_cell(seed=6, fruit="apple_4")
+    probe = probe_of(cell)
+    pick_with(probe)
+    cell.safe_stop("test")
+    for _ in range(100):
+        cell.clock.advance(0.02)
+    assert cell.truth()["lifted"] is True
+
+
+def test_resume_is_refused_when_the_fruit_is_gone(open_cell, probe_of, pick_with):
+    cell = open_cell(seed=6, fruit="apple_4")
+    probe = probe_of(cell)
+    pick_with(probe)
+    cell.pause()
+    for _ in range(10):
+        cell.clock.advance(0.02)
+        cell.check()
+    probe.let_go()
+    for _ in range(20):  # somebody takes the fruit out
+        probe.gripper.set_speed(0.1)
+        cell.clock.advance(0.02)
+    with pytest.raises(DeviceFault, match="gone"):
+        cell.resume()

@@ -1,0 +1,121 @@
+"""The simulated gripper: widths, speeds, its watchdog, and a grip that a safe stop does not open."""
+
+import numpy as np
+import pytest
+
+from drivers.errors import DeviceLost, MotionRefused
+from drivers.interfaces import Gripper, MotionState
+
+
+@pytest.fixture
+def cell(open_cell):
+    return open_cell(seed=1)
+
+
+@pytest.fixture
+def gripper(cell):
+    return cell.device(Gripper)
+
+
+def run_out(cell, motion, limit=5.0):
+    start = cell.clock.now()
+    while not motion.settled:
+        cell.clock.advance(0.01)
+        assert cell.clock.now() - start < limit
+
+
+def test_limits_are_those_of_the_geometry(gripper):
+    assert gripper.limits.width_min == pytest.approx(0.035)
+    assert gripper.limits.width_max == pytest.approx(0.103)
+
+
+@pytest.mark.parametrize("width", [0.035, 0.06, 0.103])
+def test_a_move_ends_at_its_width(cell, gripper, width):
+    motion = gripper.move(width, 0.2)
+    run_out(cell, motion, 1.0)
+    assert motion.state is MotionState.DONE
+    assert motion.progress == 1.0
+    cell.clock.advance(0.1)
+    assert gripper.state().width == pytest.approx(width, abs=2e-4)
+    assert not gripper.state().moving
+
+
+def test_the_opening_is_the_distance_between_the_pads(cell, gripper):
+    run_out(cell, gripper.move(0.07, 0.1))
+    state = cell.devices["world"].state
+    distance = np.linalg.norm(state.site("pad_left").xpos - state.site("pad_right").xpos)
+    assert gripper.state().width == pytest.approx(distance, abs=2e-4)
+
+
+def test_a_streamed_speed_is_followed_and_the_watchdog_ends_it(cell, gripper):
+    run_out(cell, gripper.move(0.09, 0.2))
+    start = gripper.state().width
+    for _ in range(10):
+        gripper.set_speed(-0.02)
+        cell.clock.advance(0.02)
+    assert start - gripper.state().width == pytest.approx(0.004, abs=3e-4)
+    cell.clock.advance(0.15)
+    stopped = gripper.state().width
+    assert start - stopped == pytest.approx(0.004 + 0.0020, abs=5e-4)  # 100 ms more, then zero
+    cell.clock.advance(0.3)
+    assert gripper.state().width == pytest.approx(stopped, abs=1e-4)
+
+
+@pytest.mark.parametrize("speed", [float("nan"), float("inf"), -float("inf")])
+def test_a_speed_that_is_no_number_stands_still(cell, gripper, speed):
+    before = gripper.state().width
+    gripper.set_speed(speed)
+    cell.clock.advance(0.05)
+    assert gripper.state().width == pytest.approx(before, abs=1e-4)
+
+
+@pytest.mark.parametrize(("width", "speed"), [(0.02, 0.1), (0.2, 0.1), (0.05, 0.0), (0.05, 9.0), (float("nan"), 0.1)])
+def test_a_move_outside_the_limits_is_refused(gripper, width, speed):
+    with pytest.raises(MotionRefused):
+        gripper.move(width, speed)
+
+
+def test_a_jam_fails_a_move(cell, gripper):
+    gripper.inject_fault("jam")
+    motion = gripper.move(0.05, 0.1)
+    run_out(cell, motion, 0.5)
+    assert motion.state is MotionState.FAILED
+    assert "blocked" in motion.problem
+
+
+def test_a_move_pauses_and_goes_on(cell, gripper):
+    motion = gripper.move(0.04, 0.05)
+    cell.clock.advance(0.2)
+    cell.pause()
+    cell.clock.advance(0.1)
+    assert cell.settled()
+    width = gripper.state().width
+    cell.clock.advance(0.3)
+    assert gripper.state().width == pytest.approx(width, abs=1e-4)
+    assert motion.state is MotionState.PAUSED
+    cell.resume()
+    run_out(cell, motion)
+    assert motion.state is MotionState.DONE
+
+
+def test_latched_it_refuses_moves_and_never_opens_by_more_than_a_little(cell, gripper):
+    run_out(cell, gripper.move(0.06, 0.2))
+    cell.safe_stop("test")
+    with pytest.raises(MotionRefused, match="latched"):
+        gripper.move(0.10, 0.1)
+    width = gripper.state().width
+    for _ in range(50):
+        gripper.set_speed(0.1)
+        cell.clock.advance(0.02)
+    assert gripper.state().width - width < 2e-3
+    cell.acknowledge()
+    run_out(cell, gripper.move(0.10, 0.2))
+
+
+def test_lost_it_answers_nothing(cell, gripper):
+    gripper.inject_fault("lost")
+    for call in (cell.check, lambda: gripper.set_speed(0.01)):
+        with pytest.raises(DeviceLost):
+            call()
+    with pytest.raises(MotionRefused):
+        gripper.move(0.05, 0.1)
