@@ -72,11 +72,11 @@ class Detect(Skill):
         frame = self._frame(max_age)
         T_base_camera = self._camera_pose(frame)
         try:
-            instances = yield from self.compute(_find, frame, model, working_width)
+            instances = yield from self.compute(find_in_frame, frame, model, working_width)
         except BadFrame as error:
             raise self.failure("NO_FRAME", f"the camera's frame cannot be used: {error}") from error
         chosen = self._choose(instances, frame, T_base_camera, target, index, again, score)
-        self.publish("detection", _picture(frame, instances, chosen, score))
+        self.publish("detection", picture(frame, instances, chosen, score))
         if isinstance(chosen, str):
             code, sentence = chosen.split(": ", 1)
             raise self.failure(
@@ -188,12 +188,14 @@ def _detector(weights: Path, working_width: int) -> CompactDetector:
     return detector
 
 
-def _find(frame: Frame, fruit: FruitModel, working_width: int) -> list[Instance]:
+def find_in_frame(frame: Frame, fruit: FruitModel, working_width: int) -> list[Instance]:
+    """Every fruit of a frame; its detector is loaded once in a process."""
     assert fruit.weights is not None
     return find_instances(_detector(fruit.weights, working_width), frame.colour, frame.intrinsics.K, fruit)
 
 
-def _picture(frame: Frame, instances: list[Instance], chosen: int | str, score: float) -> ImageView:
+def picture(frame: Frame, instances: list[Instance], chosen: int | str, score: float) -> ImageView:
+    """The frame with the cuboids that were found; `chosen` is the target's index, or why there is none."""
     lines = []
     for k, instance in enumerate(instances):
         if instance.score < score:

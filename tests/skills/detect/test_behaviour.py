@@ -48,7 +48,7 @@ def instance(x: float, z: float, score: float = 0.9, visibility: float = 1.0, po
 def scripted(monkeypatch: pytest.MonkeyPatch, tmp_path: object) -> list[Instance]:
     """What the detector will say, instead of running networks."""
     instances: list[Instance] = []
-    monkeypatch.setattr(behaviour, "_find", lambda _frame, _fruit, _width: list(instances))
+    monkeypatch.setattr(behaviour, "find_in_frame", lambda _frame, _fruit, _width: list(instances))
     apple = replace(load_fruit("apple"), weights=behaviour.Path("apple.pt"))
     monkeypatch.setattr(behaviour, "load_fruit", lambda name: apple if name == "apple" else load_fruit(name))
     return instances
@@ -132,7 +132,7 @@ def test_a_frame_that_cannot_be_used_is_no_frame(monkeypatch: pytest.MonkeyPatch
     def refuse(*_: object) -> list[Instance]:
         raise BadFrame("(h, w, 3) uint8 RGB", "(480, 640) float64")
 
-    monkeypatch.setattr(behaviour, "_find", refuse)
+    monkeypatch.setattr(behaviour, "find_in_frame", refuse)
     outcome = look()
     assert outcome.reason is not None
     assert outcome.reason.code == "NO_FRAME"

@@ -1,0 +1,1 @@
+"""FirstFrame and NextFrame: go through a folder of recorded frames."""

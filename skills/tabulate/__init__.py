@@ -1,0 +1,1 @@
+"""Tabulate: a growing table and picture of measured fruit."""
