@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import torch
 from torch import Tensor, nn
@@ -28,7 +28,8 @@ class Schedule:
     Attributes:
         steps: optimiser steps in all.
         rate: highest learning rate.
-        warm_up: steps of linear rise before the cosine fall.
+        fall: how the rate falls after the rise.
+        warm_up: steps of linear rise before it.
         decay: weight decay, on matrices and kernels only.
         clip: largest norm of the gradient.
         average: decay of the running average of weights that is kept in the end.
@@ -37,6 +38,7 @@ class Schedule:
 
     steps: int
     rate: float = 2e-3
+    fall: Literal["cosine", "constant"] = "cosine"
     warm_up: int = 60
     decay: float = 1e-3
     clip: float = 5.0
@@ -48,6 +50,8 @@ class Schedule:
         """Learning rate of one step."""
         if step < self.warm_up:
             return self.rate * (step + 1) / self.warm_up
+        if self.fall == "constant":
+            return self.rate
         part = (step - self.warm_up) / max(1, self.steps - self.warm_up)
         return self.rate * (0.5 + 0.5 * math.cos(math.pi * min(1.0, part))) + 1e-6
 

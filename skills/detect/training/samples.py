@@ -15,9 +15,10 @@ from skills.detect.annotations import Annotation, read_annotation
 from skills.detect.close_look import crop_matrix, keypoint_size
 from skills.detect.compact_network import CLOSE_LOOK_SIZE, FINDER_STRIDE
 from skills.detect.cuboid import MIRRORED
+from skills.detect.dope_network import IMAGENET_MEAN, IMAGENET_STD, STRIDE
 from skills.detect.errors import BadTraining
 from skills.detect.training.augmentation import change_look, cover
-from skills.detect.training.targets import finder_targets
+from skills.detect.training.targets import dope_targets, finder_targets
 
 U8 = NDArray[np.uint8]
 F64 = NDArray[np.float64]
@@ -105,6 +106,46 @@ def _move(picture: U8, keypoints: F64, visibility: F64, rng: np.random.Generator
     return picture, keypoints, visibility
 
 
+DOPE_INPUT = 400
+"""Side of the square pictures on which the full network learns [px]; its maps are 50 x 50 then."""
+
+
+class DopeBatches(Dataset[tuple[Tensor, ...]]):
+    """Batches for the full network: normalised pictures (n, 3, 400, 400), belief and affinity maps."""
+
+    def __init__(self, frames: FrameFolder, batch: int, seed: int, steps: int, augment: bool = True) -> None:
+        self.frames, self.batch, self.seed, self.steps, self.augment = frames, batch, seed, steps, augment
+
+    def __len__(self) -> int:
+        return self.steps
+
+    def __getitem__(self, step: int) -> tuple[Tensor, ...]:
+        cv2.setNumThreads(1)
+        rng = np.random.default_rng((self.seed, step, 2))
+        samples = [self._sample(int(i), rng) for i in _indices(self, rng, step)]
+        return tuple(torch.from_numpy(np.stack(part)) for part in zip(*samples, strict=True))
+
+    def _sample(self, index: int, rng: np.random.Generator) -> tuple[NDArray[np.generic], ...]:
+        """A square cut at a random place and angle, as DOPE's crop and rotation augmentations do."""
+        annotation, side = self.frames.annotation(index), DOPE_INPUT
+        picture = self.frames.picture(index, halved=False)
+        height, width = picture.shape[:2]
+        angle = rng.uniform(-0.5, 0.5) * np.pi if self.augment else 0.0
+        size = side / height * (rng.uniform(0.8, 1.4) if self.augment else 1.0)
+        place = np.array([rng.uniform(0.3, 0.7) * width if self.augment else 0.5 * width, 0.5 * height])
+        turn = size * np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+        matrix = np.column_stack([turn, 0.5 * (side - 1) - turn @ place])
+        picture = cv2.warpAffine(picture, matrix, (side, side), flags=cv2.INTER_LINEAR)
+        if self.augment:
+            picture = change_look(np.asarray(picture, np.uint8), rng)
+        keypoints = np.array([item.keypoints for item in annotation.objects]).reshape(-1, 9, 2)
+        cells = (keypoints @ turn.T + matrix[:, 2] + 0.5) / STRIDE - 0.5
+        visibility = np.array([item.visibility for item in annotation.objects])
+        normal = ((picture / 255.0 - np.array(IMAGENET_MEAN)) / np.array(IMAGENET_STD)).astype(np.float32)
+        belief, affinity = dope_targets(cells, visibility, side // STRIDE, side // STRIDE)
+        return np.ascontiguousarray(normal.transpose(2, 0, 1)), belief, affinity
+
+
 class CloseLookBatches(Dataset[tuple[Tensor, ...]]):
     """Batches for the second look.
 
@@ -189,7 +230,7 @@ def _on_fruit(place: F64, size: float, keypoints: F64) -> bool:
     return bool(np.linalg.norm(place - keypoints[8]) < 0.5 * max(own, 0.6 * size)) and own < 2.5 * size
 
 
-def _indices(batches: FinderBatches, rng: np.random.Generator, step: int) -> NDArray[np.int64]:
+def _indices(batches: FinderBatches | DopeBatches, rng: np.random.Generator, step: int) -> NDArray[np.int64]:
     if not batches.augment:
         return (np.arange(batches.batch) + step * batches.batch) % len(batches.frames)
     return rng.integers(0, len(batches.frames), batches.batch)

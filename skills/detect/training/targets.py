@@ -65,6 +65,43 @@ def finder_targets(
     return belief, weight, offsets, offset_weight
 
 
+def dope_targets(
+    keypoints: NDArray[np.float64],
+    visibility: NDArray[np.float64],
+    height: int,
+    width: int,
+    sigma: float = 0.5,
+    radius: float = 1.0,
+    least_visibility: float = 0.1,
+) -> tuple[F32, F32]:
+    """DOPE's own maps for one picture: belief (9, h, w), and affinity (16, h, w) as unit vectors to the centroid.
+
+    Args:
+        keypoints: (n, 9, 2) in cells.
+        visibility: (n,), 0..1; less visible fruit is left out, as DOPE's tools do.
+        height, width: of the maps [cells].
+        sigma: of the belief's Gaussians [cells].
+        radius: of the discs on which affinities are drawn [cells].
+        least_visibility: least visible part that counts.
+    """
+    belief, affinity = np.zeros((9, height, width), np.float32), np.zeros((16, height, width), np.float32)
+    for points, seen in zip(keypoints, visibility, strict=True):
+        if seen < least_visibility:
+            continue
+        for k, (u, v) in enumerate(points):
+            rows, columns = _window((u, v), max(4.0 * sigma, radius) + 1.0, height, width)
+            distance = np.hypot(
+                np.arange(rows.start, rows.stop)[:, None] - v, np.arange(columns.start, columns.stop)[None, :] - u
+            )
+            spot = np.exp(-(distance**2) / (2.0 * sigma**2))
+            np.maximum(belief[k, rows, columns], spot, out=belief[k, rows, columns])
+            if k < 8:
+                towards = (points[8] - points[k]) / max(float(np.linalg.norm(points[8] - points[k])), 1e-6)
+                affinity[2 * k, rows, columns][distance <= radius] = towards[0]
+                affinity[2 * k + 1, rows, columns][distance <= radius] = towards[1]
+    return belief, affinity
+
+
 def _window(
     centre: tuple[float, float] | NDArray[np.float64], reach: float, height: int, width: int
 ) -> tuple[slice, slice]:

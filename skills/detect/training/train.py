@@ -11,11 +11,17 @@ import torch
 from torch import Tensor, nn
 
 from skills.detect.compact_network import CloseLookNetwork, FinderNetwork, to_input
-from skills.detect.training.loop import Progress, Schedule, train_network
-from skills.detect.training.losses import close_look_loss, finder_loss
-from skills.detect.training.samples import CloseLookBatches, FinderBatches, FrameFolder
+from skills.detect.dope_network import DopeNetwork
+from skills.detect.training.loop import Loss, Progress, Schedule, train_network
+from skills.detect.training.losses import close_look_loss, dope_loss, finder_loss
+from skills.detect.training.samples import CloseLookBatches, DopeBatches, FinderBatches, FrameFolder
 
-Part = Literal["finder", "close_look"]
+Part = Literal["finder", "close_look", "dope"]
+
+AnyBatches = FinderBatches | CloseLookBatches | DopeBatches
+
+PAPER_SCHEDULE = Schedule(steps=124_000, rate=1e-4, fall="constant", warm_up=0, decay=0.0, clip=1e9, average=0.0)
+"""The paper's: 120 epochs of 120 000 frames in batches of 116 at a constant rate of 1e-4 (Adam)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,15 +57,9 @@ def train_part(run: TrainingRun, report: Callable[[Progress], None] | None = Non
     """Train one network of the compact detector; resumes from `out`. Returns it with averaged weights, in eval mode."""
     torch.manual_seed(run.seed)
     frames = FrameFolder(list(run.data))
-    network: nn.Module
-    if run.part == "finder":
-        network = FinderNetwork()
-        batches: FinderBatches | CloseLookBatches = FinderBatches(frames, run.batch, run.seed, run.schedule.steps)
-        loss: Callable[[nn.Module, tuple[Tensor, ...]], Tensor] = _finder_step
-    else:
-        network = CloseLookNetwork()
-        batches = CloseLookBatches(frames, run.batch, run.seed, run.schedule.steps)
-        loss = _close_look_step
+    kind, batches_of, loss = _PARTS[run.part]
+    network = kind()
+    batches = batches_of(frames, run.batch, run.seed, run.schedule.steps)
     if run.start_from is not None:
         network.load_state_dict(run.start_from)
     validate = _validation(run) if run.held_out is not None else None
@@ -73,26 +73,41 @@ def _finder_step(network: nn.Module, batch: tuple[Tensor, ...]) -> Tensor:
     return finder_loss(found_belief, found_offsets, belief, weight, offsets, offset_weight)
 
 
+def _dope_step(network: nn.Module, batch: tuple[Tensor, ...]) -> Tensor:
+    """The paper's loss; turning the picture about the camera's axis turns the label of a symmetric fruit with it."""
+    pictures, belief, affinity = batch
+    beliefs, affinities = network(pictures)
+    return dope_loss(list(zip(beliefs, affinities, strict=True)), belief, affinity)
+
+
 def _close_look_step(network: nn.Module, batch: tuple[Tensor, ...]) -> Tensor:
     pictures, keypoints, kind, visibility = batch
     return close_look_loss(network(to_input(pictures)), keypoints, kind, visibility)
+
+
+_PARTS: dict[Part, tuple[type[nn.Module], Callable[..., AnyBatches], Loss]] = {
+    "finder": (FinderNetwork, FinderBatches, _finder_step),
+    "close_look": (CloseLookNetwork, CloseLookBatches, _close_look_step),
+    "dope": (DopeNetwork, DopeBatches, _dope_step),
+}
 
 
 def _validation(run: TrainingRun) -> Callable[[nn.Module], dict[str, float]]:
     """Validation on fixed held-out batches."""
     assert run.held_out is not None
     frames = FrameFolder([run.held_out])
-    if run.part == "finder":
-        finder_batches = FinderBatches(frames, 20, 0, 5, augment=False)
+    if run.part != "close_look":
+        _, batches_of, step = _PARTS[run.part]
+        map_batches = batches_of(frames, 20 if run.part == "finder" else 2, 0, 5, augment=False)
 
-        def finder_figures(network: nn.Module) -> dict[str, float]:
+        def map_figures(network: nn.Module) -> dict[str, float]:
             total = 0.0
             with torch.no_grad():
-                for k in range(len(finder_batches)):
-                    total += float(_finder_step(network, _on(run.device, finder_batches[k])))
-            return {"held-out loss": total / len(finder_batches)}
+                for k in range(len(map_batches)):
+                    total += float(step(network, _on(run.device, map_batches[k])))
+            return {"held-out loss": total / len(map_batches)}
 
-        return finder_figures
+        return map_figures
     look_batches = CloseLookBatches(frames, 200, 0, 4, augment=False)
     fixed = [look_batches[k] for k in range(len(look_batches))]
 

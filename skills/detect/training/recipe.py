@@ -1,0 +1,111 @@
+"""From nothing to shipped weights: render, train both networks, write one weights file and a report."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import torch
+from torch import nn
+
+from skills.detect.compact_network import CloseLookNetwork, FinderNetwork
+from skills.detect.synthetic.dataset import render_dataset
+from skills.detect.training.loop import Progress, Schedule
+from skills.detect.training.train import Part, TrainingRun, train_part
+from skills.detect.weights import save_compact
+
+TRAINING_SEED = 1
+HELD_OUT_SEED = 9001
+"""Seeds of the frames: what is trained on and what is only measured on never share one."""
+
+
+@dataclass(frozen=True, slots=True)
+class Stage:
+    """One stretch of training; a later stage of a network starts from the averaged weights of the one before."""
+
+    part: Part
+    steps: int
+    rate: float
+    batch: int
+
+
+@dataclass(frozen=True, slots=True)
+class Recipe:
+    """How a fruit's weights are made.
+
+    Attributes:
+        frames, held_out: rendered frames to learn from and to validate on.
+        stages: in order.
+    """
+
+    frames: int
+    held_out: int
+    stages: tuple[Stage, ...]
+
+
+SHIPPED = Recipe(
+    frames=16_000,
+    held_out=400,
+    stages=(
+        Stage("finder", 1000, 2e-3, 16),
+        Stage("finder", 1500, 1.2e-3, 16),
+        Stage("close_look", 2900, 2e-3, 128),
+        Stage("close_look", 6000, 1.5e-3, 128),
+    ),
+)
+"""The recipe of the shipped weights, see docs/model_cards."""
+
+Say = Callable[[str, Progress], None]
+
+
+def make_weights(
+    out: Path,
+    work: Path,
+    fruit: str = "apple",
+    recipe: Recipe = SHIPPED,
+    device: str = "cpu",
+    workers: int = 2,
+    rendered: Callable[[int, int], None] | None = None,
+    say: Say | None = None,
+) -> Path:
+    """Carry out a recipe; what an earlier call left in `work` is kept and gone on with.
+
+    Args:
+        out: the weights file.
+        work: folder for frames and checkpoints.
+        fruit: name in the catalogue.
+        recipe: what to do.
+        device: "cpu" or "cuda".
+        workers: processes that render, and prepare batches.
+        rendered: called with (frames done, frames in all).
+        say: called with the stage's name and its progress.
+
+    Returns:
+        `out`.
+    """
+    frames, held_out = work / "frames", work / "held_out"
+    render_dataset(held_out, recipe.held_out, HELD_OUT_SEED, fruit, workers=workers)
+    render_dataset(frames, recipe.frames, TRAINING_SEED, fruit, workers=workers, progress=rendered)
+    networks: dict[str, nn.Module] = {"finder": FinderNetwork(), "close_look": CloseLookNetwork()}
+    started: set[str] = set()
+    for number, stage in enumerate(recipe.stages):
+        start = networks[stage.part].state_dict() if stage.part in started else None
+        run = TrainingRun(
+            stage.part,
+            (frames,),
+            held_out,
+            work / f"stage_{number}",
+            stage.batch,
+            Schedule(stage.steps, stage.rate),
+            seed=number,
+            start_from=start,
+            device=device,
+            workers=max(1, workers // 2),
+        )
+        name = f"{stage.part} {number + 1}/{len(recipe.stages)}"
+        networks[stage.part] = train_part(run, None if say is None else lambda p, name=name: say(name, p))  # type: ignore[misc]
+        started.add(stage.part)
+    about = {"fruit": fruit, "recipe": repr(recipe), "torch": str(torch.__version__)}
+    save_compact(out, networks["finder"].cpu(), networks["close_look"].cpu(), about)
+    return out
