@@ -74,10 +74,13 @@ class TcpLink:
 
 
 class ServiceLoop:
-    """A daemon thread that calls `step` again and again until it is closed; `step` must return within a moment."""
+    """A daemon thread that calls `step` again and again until it is closed; `step` must return within a moment.
 
-    def __init__(self, name: str, step: Callable[[], None]) -> None:
-        self._step = step
+    An exception of `step` ends the thread and is handed to `failed`: a device that nobody serves must not look alive.
+    """
+
+    def __init__(self, name: str, step: Callable[[], None], failed: Callable[[Exception], None]) -> None:
+        self._step, self._failed = step, failed
         self._closed = threading.Event()
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
 
@@ -91,8 +94,11 @@ class ServiceLoop:
             self._thread.join(deadline)
 
     def _run(self) -> None:
-        while not self._closed.is_set():
-            self._step()
+        try:
+            while not self._closed.is_set():
+                self._step()
+        except Exception as error:
+            self._failed(error)
 
 
 def read_address(settings: Settings, key: str, default_port: int) -> tuple[str, int]:

@@ -61,7 +61,7 @@ class WsgGripper(Device):
         """What the gripper said of itself in the last handshake."""
         self._open_link, self._clock = open_link, clock
         self._lock = threading.RLock()
-        self._loop = ServiceLoop(f"{name} wire", self.step)
+        self._loop = ServiceLoop(f"{name} wire", self.step, self._lose)
         self._session: Session | None = None
         self._retry_at = 0.0
         self._limits = GripperLimits(0.0, 0.0, 0.0, 0.0)
@@ -128,7 +128,8 @@ class WsgGripper(Device):
         with self._lock:
             session, self._session = self._session, None
             if session is not None or self._problem is None:
-                self._problem = error if isinstance(error, DeviceError) else DeviceLost(self.name, str(error))
+                words = str(error) if isinstance(error, OSError) else f"the driver failed: {error!r}"
+                self._problem = error if isinstance(error, DeviceError) else DeviceLost(self.name, words)
             self._wanted = self._sent = 0.0
             self._waiting = None
             if self._motion is not None:

@@ -1,0 +1,46 @@
+"""A serial line to a finger."""
+
+from __future__ import annotations
+
+import os
+import select
+
+import serial
+from serial.tools import list_ports
+
+
+class SerialLink:
+    """A serial port that is read as soon as something is there; POSIX only."""
+
+    def __init__(self, port: str, baud: int) -> None:
+        """Open the port for nobody else, 8N1.
+
+        Raises:
+            OSError: it cannot be opened.
+        """
+        self._port = serial.Serial(port, baud, timeout=0, write_timeout=0.05, exclusive=True)
+        self._descriptor = self._port.fileno()
+        self._port.reset_input_buffer()
+
+    def send(self, chunk: bytes) -> None:
+        self._port.write(chunk)
+
+    def receive(self, timeout: float) -> bytes:
+        ready, _, _ = select.select([self._descriptor], [], [], max(timeout, 0.0))
+        if not ready:
+            return b""
+        chunk = os.read(self._descriptor, 4096)
+        if not chunk:
+            raise ConnectionResetError("the serial port is gone")
+        return chunk
+
+    def close(self) -> None:
+        self._port.close()
+
+
+def serial_ports() -> list[str]:
+    """Serial ports of this machine, with what is plugged in where that is known."""
+    return [
+        port.device if port.description in ("", "n/a") else f"{port.device} ({port.description})"
+        for port in list_ports.comports()
+    ]

@@ -1,0 +1,248 @@
+"""The fingers' driver against emulated fingers on a clock that the test moves, and once on real pseudo terminals."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from drivers.emulators.server import PtyPort, Server
+from drivers.emulators.suntouch import SunTouchEmulator
+from drivers.errors import DeviceFault, DeviceLost
+from drivers.interfaces import WrenchSample
+from drivers.suntouch.calibration import FingerCalibration
+from drivers.suntouch.driver import RECONNECT, SunTouchFingers
+from drivers.suntouch.finger import Finger
+from drivers.suntouch.transport import SerialLink
+from executive.clock import ManualClock, SystemClock
+
+CALIBRATION = FingerCalibration(
+    "test",
+    np.zeros(25),
+    np.ones((1, 25)),
+    np.array([-1.0]),
+    np.array([1.0]),
+    ((np.array([[0.0], [0.0], [-1.0], [0.0], [0.0], [0.0]]), np.zeros(6)),),
+    -np.ones(6),
+    np.ones(6),
+    0.0,
+)
+"""Gives minus the sum of the voltages as normal force."""
+
+
+class Line:
+    """A finger at the end of a line; an answer takes half a millisecond."""
+
+    def __init__(self, clock: ManualClock, seed: int) -> None:
+        self.wrench = np.zeros(6)
+        self.device = SunTouchEmulator(lambda: self.wrench, seed)
+        self.clock, self.cut, self.opened = clock, False, 0
+        self._arrived = bytearray()
+
+    def open(self) -> Line:
+        if self.cut:
+            raise FileNotFoundError("no such port")
+        self.opened += 1
+        self._arrived.clear()
+        return self
+
+    class _Peer:
+        def __init__(self, line: Line) -> None:
+            self.line = line
+
+        def send(self, chunk: bytes) -> None:
+            self.line._arrived += chunk
+
+    def send(self, chunk: bytes) -> None:
+        if self.cut:
+            raise BrokenPipeError("cut")
+        self.device.received(self._Peer(self), chunk)
+
+    def receive(self, timeout: float) -> bytes:
+        if not self._arrived:
+            self.clock.advance(timeout)
+            return b""
+        self.clock.advance(0.0005)
+        chunk = bytes(self._arrived)
+        self._arrived.clear()
+        return chunk
+
+    def close(self) -> None:
+        pass
+
+
+class Rig:
+    def __init__(self) -> None:
+        self.clock = ManualClock(10.0)
+        self.left, self.right = Line(self.clock, 0), Line(self.clock, 1)
+        left, right = (Finger(line.open, CALIBRATION, self.clock) for line in (self.left, self.right))
+        self.stopped = 0
+        self.fingers = SunTouchFingers(left, right, self.clock, on_lost=self.stop)
+        self.samples: list[WrenchSample] = []
+
+    def stop(self) -> None:
+        self.stopped += 1
+
+    def run(self, seconds: float) -> None:
+        end = self.clock.now() + seconds
+        while self.clock.now() < end:
+            self.fingers.step()
+
+
+@pytest.fixture
+def rig() -> Rig:
+    rig = Rig()
+    rig.fingers.connect()
+    rig.fingers.subscribe(rig.samples.append)
+    return rig
+
+
+def test_samples_come_500_times_a_second_in_order_and_without_gaps(rig: Rig) -> None:
+    rig.run(1.0)
+    assert len(rig.samples) == pytest.approx(500, abs=2)
+    assert np.all(np.diff([sample.sequence for sample in rig.samples]) == 1)
+    assert np.diff([sample.stamp for sample in rig.samples]) == pytest.approx(0.002, abs=1e-9)
+    assert rig.fingers.latest() is rig.samples[-1]
+
+
+def test_the_bias_is_taken_at_the_connection_and_a_press_is_felt_on_its_finger(rig: Rig) -> None:
+    rig.run(0.05)
+    assert rig.samples[-1].wrenches == pytest.approx(0.0, abs=0.01)
+    rig.right.wrench = np.array([0.0, 0.0, -0.2, 0.0, 0.0, 0.0])
+    rig.run(0.05)
+    assert rig.samples[-1].wrenches[0] == pytest.approx(0.0, abs=0.01)
+    assert rig.samples[-1].wrenches[1, 2] < -0.1
+
+
+def test_a_new_bias_can_be_taken_while_streaming(rig: Rig) -> None:
+    rig.right.wrench = np.array([0.0, 0.0, -0.2, 0.0, 0.0, 0.0])
+    rig.fingers.bias()
+    assert not rig.fingers.biased
+    rig.run(0.3)
+    assert rig.fingers.biased
+    assert rig.samples[-1].wrenches == pytest.approx(0.0, abs=0.01)
+
+
+@pytest.mark.parametrize("lost", [1, 25, 49, 50])
+def test_lost_bytes_cost_one_sample_and_shift_nothing(rig: Rig, lost: int) -> None:
+    rig.run(0.02)
+    rig.left.device.drop_bytes = lost
+    rig.run(0.1)
+    assert all(np.abs(sample.wrenches).max() < 0.01 for sample in rig.samples)
+    gaps = np.diff([sample.sequence for sample in rig.samples])
+    assert 1 < gaps.max() <= 4
+    assert (gaps > 1).sum() == 1
+
+
+def test_bytes_too_many_are_thrown_away(rig: Rig) -> None:
+    rig.run(0.02)
+    rig.left._arrived += b"\x01\x02\x03"
+    rig.run(0.1)
+    assert all(np.abs(sample.wrenches).max() < 0.01 for sample in rig.samples)
+    assert rig.fingers.fingers[0].resynchronised == 1
+
+
+def test_a_spike_is_left_out(rig: Rig) -> None:
+    rig.run(0.02)
+    rig.left.device.spike = 0.3
+    rig.run(0.02)
+    assert all(np.abs(sample.wrenches).max() < 0.01 for sample in rig.samples)
+    assert rig.fingers.fingers[0].spikes.rejected == 1
+    assert rig.fingers.lost_samples == 1
+
+
+def test_a_pulled_cable_is_seen_within_50_ms_and_stops_the_gripper(rig: Rig) -> None:
+    rig.run(0.1)
+    rig.right.device.silent = True
+    pulled = rig.clock.now()
+    while rig.fingers.link() == "ok":
+        rig.fingers.step()
+    assert rig.clock.now() - pulled <= 0.050
+    assert rig.stopped == 1
+    with pytest.raises(DeviceLost, match="no sample for"):
+        rig.fingers.check()
+    with pytest.raises(DeviceLost, match="still lost"):
+        rig.fingers.acknowledge()
+
+
+def test_a_lost_line_is_opened_again_keeps_its_bias_and_stays_latched(rig: Rig) -> None:
+    bias = rig.fingers.fingers[0].bias.copy()
+    rig.left.cut = True
+    rig.run(0.1)
+    rig.left.cut = False
+    rig.left.wrench = np.array([0.0, 0.0, -3.0, 0.0, 0.0, 0.0])  # the fruit is still held
+    rig.run(RECONNECT + 0.3)
+    assert rig.left.opened == 2
+    assert np.array_equal(rig.fingers.fingers[0].bias, bias)
+    with pytest.raises(DeviceLost):
+        rig.fingers.check()
+    rig.fingers.acknowledge()
+    rig.fingers.check()
+    assert rig.samples[-1].wrenches[0, 2] < -0.5
+
+
+def test_a_listener_that_fails_stops_the_gripper_and_is_reported(rig: Rig) -> None:
+    def fail(sample: WrenchSample) -> None:
+        raise ArithmeticError("control law")
+
+    rig.fingers.subscribe(fail)
+    rig.run(0.01)
+    assert rig.stopped == 1
+    with pytest.raises(DeviceFault, match="control law"):
+        rig.fingers.check()
+    assert len(rig.samples) >= 3  # the others are still served
+
+
+def test_a_closed_subscription_gets_no_more_samples(rig: Rig) -> None:
+    heard: list[WrenchSample] = []
+    subscription = rig.fingers.subscribe(heard.append)
+    rig.run(0.01)
+    subscription.close()
+    subscription.close()
+    count = len(heard)
+    rig.run(0.01)
+    assert len(heard) == count > 0
+
+
+def test_a_finger_that_never_answers_is_reported_by_its_side() -> None:
+    rig = Rig()
+    rig.right.device.silent = True
+    with pytest.raises(DeviceLost, match="the right finger: fingers: no reading within 1 s"):
+        rig.fingers.connect()
+
+
+@pytest.fixture
+def terminals() -> Iterator[tuple[str, str]]:
+    devices = [SunTouchEmulator(lambda: np.zeros(6), seed) for seed in (0, 1)]
+    ports = [PtyPort(device) for device in devices]
+    done = threading.Event()
+    server = Server(ports, devices, time.monotonic)
+    thread = threading.Thread(target=server.serve, args=(lambda: not done.is_set(),), daemon=True)
+    thread.start()
+    yield ports[0].address, ports[1].address
+    done.set()
+    thread.join(2.0)
+
+
+def test_it_streams_over_real_pseudo_terminals(terminals: tuple[str, str]) -> None:
+    clock = SystemClock()
+    left, right = (Finger(lambda port=port: SerialLink(port, 1_000_000), CALIBRATION, clock) for port in terminals)
+    fingers = SunTouchFingers(left, right, clock, rate=100.0)  # slow: other tests share the machine
+    fingers.connect()
+    enough, heard = threading.Event(), []
+
+    def listen(sample: WrenchSample) -> None:
+        heard.append(sample)
+        if len(heard) == 20:
+            enough.set()
+
+    fingers.subscribe(listen)
+    fingers.start()
+    assert enough.wait(5.0)
+    fingers.close()
+    assert all(np.abs(sample.wrenches).max() < 0.05 for sample in heard)
+    with pytest.raises(DeviceLost, match="closed"):
+        fingers.check()
