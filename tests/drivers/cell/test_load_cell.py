@@ -1,0 +1,165 @@
+"""Loading a cell: devices by name, one clock, errors before anything moves, nothing left open after one."""
+
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+import pytest
+
+from drivers import cell as cell_module
+from drivers.cell import known_drivers, load_cell
+from drivers.device import Bench, Device
+from drivers.errors import CellFileError, DeviceLost
+from drivers.interfaces import Arm, Camera, ForceSensor, Gripper, Workspace
+from executive.clock import ManualClock, SystemClock
+
+CELLS = Path(__file__).resolve().parents[3] / "trees" / "cells"
+
+MOCK = """
+name: bench
+kind: mock
+workspace:
+  table_z: 0
+  lower: [-1, -1, 0]
+  upper: [1, 1, 1]
+  obstacles: [{name: wall, centre: [0, 1, 0], size: [2, 20 mm, 1], yaw: 90 deg}]
+  poses: {home: [0, 0, 0, 0, 0, 0, 0]}
+world: {driver: mock}
+devices:
+  arm: {driver: mock-arm, start: home}
+  gripper: {driver: mock-gripper}
+  fingers: {driver: mock-fingers, fruit: 80 mm}
+  camera: {driver: mock-camera}
+"""
+
+
+@pytest.fixture
+def load(tmp_path):
+    def load_text(text, **arguments):
+        path = tmp_path / "cell.yaml"
+        path.write_text(text)
+        return load_cell(path, **arguments)
+
+    return load_text
+
+
+def test_a_mock_cell_has_everything_a_pick_needs(load):
+    cell = load(MOCK)
+    assert (cell.name, cell.kind) == ("bench", "mock")
+    assert set(cell.interfaces()) == {Arm, Gripper, ForceSensor, Camera, Workspace}
+    assert cell.links() == {name: "ok" for name in ("world", "arm", "gripper", "fingers", "camera")}
+    assert cell.device(Workspace).poses["home"].shape == (7,)
+    wall = cell.device(Workspace).obstacles[0]
+    assert wall.half_extents == (1.0, 0.01, 0.5)
+    assert wall.T_base_box[:3, 0] == pytest.approx([0.0, 1.0, 0.0])
+    assert isinstance(cell.device(Arm), Arm)
+    cell.check()
+    cell.clock.advance(0.1)
+    assert cell.clock.now() == pytest.approx(0.1)
+    cell.close()
+
+
+def test_the_shipped_simulated_cell_loads():
+    cell = load_cell(CELLS / "sim.yaml", seed=1)
+    assert cell.kind == "simulated"
+    assert cell.clock.simulated
+    assert set(cell.interfaces()) == {Arm, Gripper, ForceSensor, Camera, Workspace}
+    assert cell.device(Arm).description.name == "sia5f_wsg32.xml"
+    assert cell.device(Workspace).table_z == pytest.approx(-0.12)
+    assert np.abs(cell.device(Arm).state().q - cell.device(Workspace).poses["observe"]).max() < 1e-3
+    assert cell.truth()["fruit"] == "apple_1"
+    cell.close()
+
+
+@pytest.mark.parametrize(
+    ("overrides", "says"),
+    [
+        ({"fruit": "apple_9"}, "did you mean 'apple_"),
+        ({"place": "7"}, "cannot be '7'"),
+        ({"others": "9"}, "must lie between 0 and 4"),
+        ({"frut": "apple_1"}, "did you mean 'fruit'"),
+        ({"friction": "slippery"}, "not a number"),
+        ({"skin": "blue"}, "known: any, green, red, striped, yellow"),
+        ({"mass": "3 m"}, "not a unit of mass"),
+    ],
+)
+def test_bad_overrides_of_the_simulated_cell_are_reported(overrides, says):
+    with pytest.raises(CellFileError) as error:
+        load_cell(CELLS / "sim.yaml", overrides=overrides)
+    assert says in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "line", "says"),
+    [
+        ("kind: mock", "kind: moc", 3, "did you mean 'mock'"),
+        ("driver: mock-arm,", "driver: mock-amr,", 12, "did you mean 'mock-arm'"),
+        ("start: home", "start: hoem", 12, "did you mean 'home'"),
+        ("start: home", "speed: 3", 12, "no setting 'speed'"),
+        ("home: [0,", "home: [9,", 9, "within the arm's limits"),
+        ("home: [0, 0,", "home: [0,", 9, "7 joints"),
+        ("lower: [-1", "lower: [7", 7, "above workspace.lower"),
+        ("world: {driver: mock}", "clock: manual", 12, "needs the mock world"),
+        ("name: bench", "nam: bench", 2, "no setting 'nam'"),
+        ("80 mm", "80 kg", 14, "not a unit of length"),
+        ("driver: mock}", "driver: mock-camera}", 10, "simulates no world"),
+        ("devices:", "device:", 2, "needs 'devices'"),
+        ("size: [2, 20 mm, 1]", "size: [2, 0, 1]", 8, "positive sizes"),
+    ],
+)
+def test_mistakes_in_a_cell_file_have_a_place(load, old, new, line, says):
+    assert old in MOCK
+    with pytest.raises(CellFileError) as error:
+        load(MOCK.replace(old, new))
+    assert says in str(error.value)
+    assert error.value.line == line
+
+
+class Recorder(Device):
+    interfaces = (Camera,)
+    closed: ClassVar[list[str]] = []
+
+    def close(self):
+        self.closed.append(self.name)
+
+
+def connect_recorder(settings, bench: Bench):
+    assert bench.cell.name == "cell.yaml"
+    assert bench.find(Device) is None or bench.find(Camera).name == "first"
+    return Recorder(settings.text("label"))
+
+
+def connect_lost(settings, bench):
+    raise DeviceLost("lost", "does not answer")
+
+
+def test_a_third_partys_driver_is_found_and_what_is_open_is_closed_on_an_error(load, monkeypatch):
+    drivers = {"recorder": Entry(connect_recorder), "lost": Entry(connect_lost)}
+    monkeypatch.setattr(cell_module, "_drivers", lambda: drivers)
+    text = "kind: real\ndevices:\n  first: {driver: recorder, label: a}\n  second: {driver: recorder, label: b}\n"
+    cell = load(text)
+    assert isinstance(cell.clock, SystemClock)
+    assert cell.truth() is None
+    cell.close()
+    assert Recorder.closed == ["second", "first"]
+    Recorder.closed.clear()
+    with pytest.raises(DeviceLost):
+        load(text + "  third: {driver: lost}\n")
+    assert Recorder.closed == ["second", "first"]
+
+
+class Entry:
+    def __init__(self, function):
+        self.value, self.load = "test", lambda: function
+
+
+def test_a_cell_without_world_can_have_a_manual_clock(load, monkeypatch):
+    monkeypatch.setattr(cell_module, "_drivers", lambda: {"recorder": Entry(connect_recorder)})
+    cell = load("kind: frames\nclock: manual\ndevices: {first: {driver: recorder, label: a}}\n")
+    assert isinstance(cell.clock, ManualClock)
+    with pytest.raises(KeyError, match="no Arm"):
+        cell.device(Arm)
+
+
+def test_the_shipped_drivers_are_known_by_name():
+    assert {"mujoco", "sim-arm", "sim-gripper", "sim-fingers", "sim-camera", "mock-arm"} <= known_drivers().keys()

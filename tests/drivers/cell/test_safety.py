@@ -1,0 +1,90 @@
+"""The cell's safe stop, pause and checks, on mock devices that fail."""
+
+import threading
+
+import numpy as np
+import pytest
+
+from drivers.cell import Cell
+from drivers.device import Device
+from drivers.errors import DeviceFault
+from drivers.mock import MockArm, MockClock, MockForceSensor, MockGripper
+
+
+class Stubborn(Device):
+    """A device whose every reaction fails."""
+
+    def safe_stop(self, reason):
+        raise RuntimeError("broken")
+
+    def close(self):
+        raise OSError("broken")
+
+
+@pytest.fixture
+def cell():
+    clock = MockClock()
+    gripper = MockGripper(clock)
+    devices = {
+        "stubborn": Stubborn("stubborn"),
+        "arm": MockArm(clock),
+        "gripper": gripper,
+        "fingers": MockForceSensor(clock),
+    }
+    return Cell("test", "mock", clock, devices)
+
+
+def test_one_device_that_fails_to_stop_does_not_keep_the_others_moving(cell):
+    motion = cell.devices["gripper"].move(0.05, 0.01)
+    cell.safe_stop("fire")
+    assert motion.settled
+    assert cell.latched == "fire"
+
+
+def test_safe_stop_may_come_from_any_thread(cell):
+    threads = [threading.Thread(target=cell.safe_stop, args=(f"thread {i}",)) for i in range(8)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert cell.latched.startswith("thread ")
+
+
+def test_a_latched_cell_does_not_resume(cell):
+    cell.pause()
+    cell.safe_stop("fire")
+    cell.resume()  # the stop ended the pause: there is nothing to resume
+    cell.acknowledge()
+    cell.pause()
+    cell._latched = "fire"
+    with pytest.raises(DeviceFault, match="acknowledge it first"):
+        cell.resume()
+
+
+def test_a_paused_cell_notices_that_the_arm_was_moved(cell):
+    cell.pause()
+    cell.clock.advance(0.1)
+    cell.check()
+    cell.devices["arm"].q += 0.02
+    with pytest.raises(DeviceFault, match="arm: was moved by 1"):
+        cell.resume()
+    cell.devices["arm"].q -= 0.02
+    cell.resume()
+
+
+def test_a_paused_cell_notices_that_the_fruit_is_gone(cell):
+    fingers = cell.devices["fingers"]
+    held = np.zeros((2, 6))
+    held[:, 2] = -2.0
+    fingers.feel = lambda _now: held
+    cell.clock.advance(0.1)
+    cell.pause()
+    cell.check()
+    held[1, 2] = 0.0
+    cell.clock.advance(0.1)
+    with pytest.raises(DeviceFault, match="gone"):
+        cell.resume()
+
+
+def test_closing_goes_on_when_a_device_fails(cell):
+    cell.close()
