@@ -131,7 +131,7 @@ def _cover_greedily(half: Float64, centre: Float64, depth: Callable[[Float64], F
     cells = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3) + centre
     deep = depth(cells)
     candidates = cells[deep >= 0.0]
-    radii = deep[deep >= 0.0] + max(_protrusion(float(half.min())), 2.0 * float(cell.max()))
+    radii = deep[deep >= 0.0] + max(min(0.6 * float(half.min()), 12e-3), 3.0 * float(cell.max()))
     chosen: list[int] = []
     for _ in range(_HALVINGS):
         cells = cells[depth(cells) > -np.linalg.norm(cell)]

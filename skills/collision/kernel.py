@@ -51,55 +51,41 @@ class WorldArrays(NamedTuple):
     ignored: NDArray[np.bool_]
 
 
-@njit(cache=True, nogil=True, inline="always")
-def _place_bounds(robot: RobotArrays, opening: float, links: Float64, centres: Float64) -> None:
-    """Write the centres of the spheres around all geoms in the base frame, shape (g, 3)."""
-    of_geom, bounds, slides = robot.links, robot.bounds, robot.slides
-    for g in range(of_geom.shape[0]):
-        n = of_geom[g]
-        x, y, z = (
-            bounds[g, 0] + opening * slides[g, 0],
-            bounds[g, 1] + opening * slides[g, 1],
-            bounds[g, 2] + opening * slides[g, 2],
-        )
-        for row in range(3):
-            centres[g, row] = links[n, row, 0] * x + links[n, row, 1] * y + links[n, row, 2] * z + links[n, row, 3]
-
-
 @njit(cache=True, nogil=True)
-def _place(robot: RobotArrays, g: int, opening: float, links: Float64, placed: Float64, ready: NDArray[np.bool_]) -> None:
-    """Write the centres of a geom's spheres in the base frame, once per posture."""
-    ready[g] = True
-    n, spheres = robot.links[g], robot.spheres
-    sx, sy, sz = opening * robot.slides[g, 0], opening * robot.slides[g, 1], opening * robot.slides[g, 2]
-    for s in range(robot.sphere_start[g], robot.sphere_start[g + 1]):
+def _place(
+    spheres: Float64, begin: int, end: int, T: Float64, sx: float, sy: float, sz: float, placed: Float64
+) -> None:
+    """Write the centres of a geom's spheres, shifted by s in the link's frame, in the base frame."""
+    for s in range(begin, end):
         x, y, z = spheres[s, 0] + sx, spheres[s, 1] + sy, spheres[s, 2] + sz
         for row in range(3):
-            placed[s, row] = links[n, row, 0] * x + links[n, row, 1] * y + links[n, row, 2] * z + links[n, row, 3]
+            placed[s, row] = T[row, 0] * x + T[row, 1] * y + T[row, 2] * z + T[row, 3]
 
 
 @njit(cache=True, nogil=True)
-def _map_distance(robot: RobotArrays, world: WorldArrays, g: int, placed: Float64) -> float:
+def _map_distance(
+    field: Float32, origin: Float64, resolution: float, spheres: Float64, begin: int, end: int, placed: Float64
+) -> float:
     """Distance of a placed geom from blocked cells of the map."""
-    field, origin, resolution, spheres = world.field, world.origin, world.resolution, robot.spheres
     distance = 1e9
-    for s in range(robot.sphere_start[g], robot.sphere_start[g + 1]):
+    for s in range(begin, end):
         away = lookup(field, origin, resolution, placed[s, 0], placed[s, 1], placed[s, 2]) - spheres[s, 3]
         distance = min(distance, away)
     return distance
 
 
 @njit(cache=True, nogil=True)
-def _convex_distance(robot: RobotArrays, world: WorldArrays, g: int, k: int, placed: Float64) -> float:
+def _convex_distance(
+    planes: Float64, first: int, last: int, bound: Float64, spheres: Float64, begin: int, end: int, placed: Float64
+) -> float:
     """Distance of a placed geom from one convex obstacle."""
-    planes, spheres, bounds = world.planes, robot.spheres, world.bounds
     distance = 1e9
-    for s in range(robot.sphere_start[g], robot.sphere_start[g + 1]):
+    for s in range(begin, end):
         x, y, z, radius = placed[s, 0], placed[s, 1], placed[s, 2], spheres[s, 3]
-        away = sqrt((x - bounds[k, 0]) ** 2 + (y - bounds[k, 1]) ** 2 + (z - bounds[k, 2]) ** 2) - bounds[k, 3]
+        away = sqrt((x - bound[0]) ** 2 + (y - bound[1]) ** 2 + (z - bound[2]) ** 2) - bound[3]
         if away - radius >= distance:
             continue
-        for f in range(world.plane_start[k], world.plane_start[k + 1]):
+        for f in range(first, last):
             away = max(away, planes[f, 0] * x + planes[f, 1] * y + planes[f, 2] * z - planes[f, 3])
         distance = min(distance, away - radius)
     return distance
@@ -107,97 +93,37 @@ def _convex_distance(robot: RobotArrays, world: WorldArrays, g: int, k: int, pla
 
 @njit(cache=True, nogil=True)
 def _half_space_distance(
-    robot: RobotArrays, world: WorldArrays, g: int, h: int, opening: float, links: Float64
+    plane: Float64, support: Float64, begin: int, end: int, T: Float64, sx: float, sy: float, sz: float
 ) -> float:
-    """Distance of a geom from a half space, exact for polyhedra and capsules."""
-    half_spaces, slides, support, n = world.half_spaces, robot.slides, robot.support, robot.links[g]
-    nx, ny, nz = half_spaces[h, 0], half_spaces[h, 1], half_spaces[h, 2]
-    a = nx * links[n, 0, 0] + ny * links[n, 1, 0] + nz * links[n, 2, 0]
-    b = nx * links[n, 0, 1] + ny * links[n, 1, 1] + nz * links[n, 2, 1]
-    c = nx * links[n, 0, 2] + ny * links[n, 1, 2] + nz * links[n, 2, 2]
-    base = nx * links[n, 0, 3] + ny * links[n, 1, 3] + nz * links[n, 2, 3] - half_spaces[h, 3]
-    base += opening * (a * slides[g, 0] + b * slides[g, 1] + c * slides[g, 2])
+    """Distance of a geom, shifted by s in the link's frame, from a half space; exact for polyhedra and capsules."""
+    nx, ny, nz = plane[0], plane[1], plane[2]
+    a = nx * T[0, 0] + ny * T[1, 0] + nz * T[2, 0]
+    b = nx * T[0, 1] + ny * T[1, 1] + nz * T[2, 1]
+    c = nx * T[0, 2] + ny * T[1, 2] + nz * T[2, 2]
     distance = 1e9
-    for s in range(robot.support_start[g], robot.support_start[g + 1]):
-        away = a * support[s, 0] + b * support[s, 1] + c * support[s, 2] - support[s, 3]
-        distance = min(distance, base + away)
-    return distance
+    for s in range(begin, end):
+        distance = min(distance, a * support[s, 0] + b * support[s, 1] + c * support[s, 2] - support[s, 3])
+    return distance + nx * T[0, 3] + ny * T[1, 3] + nz * T[2, 3] - plane[3] + a * sx + b * sy + c * sz
 
 
 @njit(cache=True, nogil=True)
 def _pair_distance(
-    robot: RobotArrays, i: int, j: int, placed: Float64, centres: Float64
-) -> float:
-    """Distance between two placed geoms."""
-    spheres, bounds = robot.spheres, robot.bounds
+    spheres: Float64, begin: int, end: int, other_begin: int, other_end: int, other: Float64, around: float,
+    placed: Float64,
+) -> float:  # fmt: skip
+    """Distance between two placed geoms; `other` and `around` are the sphere around the second one."""
     distance = 1e9
-    cx, cy, cz, around = centres[j, 0], centres[j, 1], centres[j, 2], bounds[j, 3]
-    for s in range(robot.sphere_start[i], robot.sphere_start[i + 1]):
-        px, py, pz, radius = placed[s, 0], placed[s, 1], placed[s, 2], spheres[s, 3]
+    for s in range(begin, end):
+        x, y, z, radius = placed[s, 0], placed[s, 1], placed[s, 2], spheres[s, 3]
         limit = distance + radius + around
-        if limit <= 0.0 or (px - cx) ** 2 + (py - cy) ** 2 + (pz - cz) ** 2 >= limit * limit:
+        if limit <= 0.0 or (x - other[0]) ** 2 + (y - other[1]) ** 2 + (z - other[2]) ** 2 >= limit * limit:
             continue
-        for t in range(robot.sphere_start[j], robot.sphere_start[j + 1]):
+        for t in range(other_begin, other_end):
             limit = distance + radius + spheres[t, 3]
-            squared = (px - placed[t, 0]) ** 2 + (py - placed[t, 1]) ** 2 + (pz - placed[t, 2]) ** 2
+            squared = (x - placed[t, 0]) ** 2 + (y - placed[t, 1]) ** 2 + (z - placed[t, 2]) ** 2
             if limit > 0.0 and squared < limit * limit:
                 distance = sqrt(squared) - radius - spheres[t, 3]
     return distance
-
-
-@njit(cache=True, nogil=True, inline="always")
-def _world_clearance(
-    robot: RobotArrays, world: WorldArrays, g: int, opening: float, enough: float, links: Float64, centres: Float64,
-    placed: Float64, ready: NDArray[np.bool_],
-) -> tuple[float, int]:  # fmt: skip
-    """Clearance of one geom beyond its margin, and the number of the nearest obstacle."""
-    ignored, half_spaces, bounds = world.ignored, world.half_spaces, world.bounds
-    margin, convex = world.margins[g], bounds.shape[0]
-    x, y, z, around = centres[g, 0], centres[g, 1], centres[g, 2], robot.bounds[g, 3] + margin
-    nearest, which = 1e9, -1
-    if not ignored[MAP, g]:
-        nearest, which = lookup(world.field, world.origin, world.resolution, x, y, z) - around, MAP
-        if nearest < enough:
-            if not ready[g]:
-                _place(robot, g, opening, links, placed, ready)
-            nearest = _map_distance(robot, world, g, placed) - margin
-    for h in range(half_spaces.shape[0]):
-        if not ignored[1 + convex + h, g]:
-            away = half_spaces[h, 0] * x + half_spaces[h, 1] * y + half_spaces[h, 2] * z - half_spaces[h, 3] - around
-            if away < min(enough, nearest):
-                away = _half_space_distance(robot, world, g, h, opening, links) - margin
-            if away < nearest:
-                nearest, which = away, 1 + convex + h
-    for k in range(convex):
-        if not ignored[1 + k, g]:
-            away = sqrt((x - bounds[k, 0]) ** 2 + (y - bounds[k, 1]) ** 2 + (z - bounds[k, 2]) ** 2)
-            away -= bounds[k, 3] + around
-            if away < min(enough, nearest):
-                if not ready[g]:
-                    _place(robot, g, opening, links, placed, ready)
-                away = _convex_distance(robot, world, g, k, placed) - margin
-            if away < nearest:
-                nearest, which = away, 1 + k
-    return nearest, which
-
-
-@njit(cache=True, nogil=True, inline="always")
-def _pair_clearance(
-    robot: RobotArrays, self_margin: float, i: int, j: int, opening: float, enough: float, links: Float64,
-    centres: Float64, placed: Float64, ready: NDArray[np.bool_],
-) -> float:  # fmt: skip
-    """Clearance between two geoms of the robot beyond the margin."""
-    x, y, z = centres[i, 0] - centres[j, 0], centres[i, 1] - centres[j, 1], centres[i, 2] - centres[j, 2]
-    around = robot.bounds[i, 3] + robot.bounds[j, 3] + self_margin
-    far = around + enough
-    squared = x * x + y * y + z * z
-    if far <= 0.0 or squared >= far * far:
-        return sqrt(squared) - around
-    if not ready[i]:
-        _place(robot, i, opening, links, placed, ready)
-    if not ready[j]:
-        _place(robot, j, opening, links, placed, ready)
-    return _pair_distance(robot, i, j, placed, centres) - self_margin
 
 
 @njit(cache=True, nogil=True)
@@ -210,36 +136,145 @@ def check_states(
     a geom, and the number of an obstacle or -1 - another geom. With enough = 0, a posture is judged no further once it
     is known to collide.
     """
-    geoms, pairs = robot.links.shape[0], robot.pairs
-    links = np.empty((Q.shape[1] + 1, 3, 4))
-    centres = np.empty((geoms, 3))
-    placed = np.empty((robot.spheres.shape[0], 3))
-    ready = np.empty(geoms, np.bool_)
-    opening = width - robot.closed
+    numbers = robot.links.shape[0] + robot.pairs.shape[0]
+    due = np.ones(numbers, np.bool_)
+    wanted = np.empty(numbers)
+    found = np.empty(numbers)
+    which = np.empty(numbers, np.int64)
+    room = _Room(
+        np.empty((Q.shape[1] + 1, 3, 4)),
+        np.empty((robot.links.shape[0], 3)),
+        np.empty((robot.spheres.shape[0], 3)),
+        np.empty(robot.links.shape[0], np.bool_),
+    )
+    for g in range(robot.links.shape[0]):
+        due[g] = robot.links[g] > 0
+    wanted[:] = enough
     for n in range(Q.shape[0]):
-        forward(robot.steps, robot.sliding, Q[n], links)
-        _place_bounds(robot, opening, links, centres)
-        ready[:] = False
-        smallest, geom, other = enough, -1, -1
-        for g in range(geoms - 1, -1, -1):  # the gripper is what most often collides
-            if robot.links[g] == 0:
+        worst = _look(robot, world, Q[n], width, due, wanted, True, room, found, which)
+        clearances[n], culprits[n, 0], culprits[n, 1] = enough, -1, -1
+        if worst >= 0 and found[worst] < enough:
+            clearances[n] = found[worst]
+            geom = worst if worst < robot.links.shape[0] else robot.pairs[worst - robot.links.shape[0], 1]
+            culprits[n, 0], culprits[n, 1] = geom, which[worst]
+
+
+class _Room(NamedTuple):
+    """Memory that `_look` works in: poses of links, centres of geoms and of spheres, which geoms are placed."""
+
+    links: Float64
+    centres: Float64
+    placed: Float64
+    ready: NDArray[np.bool_]
+
+
+@njit(cache=True, nogil=True)
+def _look(
+    robot: RobotArrays, world: WorldArrays, q: Float64, width: float, due: NDArray[np.bool_], wanted: Float64,
+    only_worst: bool, room: _Room, found: Float64, which: Int64,
+) -> int:  # fmt: skip
+    """Judge what is due in one posture: geoms against the world, then pairs of geoms.
+
+    Writes the clearance beyond the margin into `found` (resolved only below `wanted`) and into `which` the obstacle, or
+    -1 - the pair's first geom. Returns the number of the smallest; with `only_worst`, what cannot be smaller than what
+    was found already is not resolved, and nothing more is judged after a collision when `wanted` is 0.
+    """
+    # Local names: reading an array out of a tuple counts references, which costs more than the arithmetic.
+    of_geom, slides, bounds, spheres, start = robot.links, robot.slides, robot.bounds, robot.spheres, robot.sphere_start
+    support, support_start, pairs = robot.support, robot.support_start, robot.pairs
+    links, centres, placed, ready = room.links, room.centres, room.placed, room.ready
+    field, origin, resolution, planes, plane_start = (
+        world.field, world.origin, world.resolution, world.planes, world.plane_start,
+    )  # fmt: skip
+    convex, half_spaces, margins, ignored = world.bounds, world.half_spaces, world.margins, world.ignored
+    self_margin, opening, geoms, obstacles = world.self_margin, width - robot.closed, of_geom.shape[0], convex.shape[0]
+    forward(robot.steps, robot.sliding, q, links)
+    for g in range(geoms):
+        n = of_geom[g]
+        x = bounds[g, 0] + opening * slides[g, 0]
+        y = bounds[g, 1] + opening * slides[g, 1]
+        z = bounds[g, 2] + opening * slides[g, 2]
+        for row in range(3):
+            centres[g, row] = links[n, row, 0] * x + links[n, row, 1] * y + links[n, row, 2] * z + links[n, row, 3]
+        ready[g] = False
+    worst, smallest = -1, 1e9
+    for g in range(geoms - 1, -1, -1):  # the gripper is what most often collides
+        if not due[g]:
+            continue
+        enough = min(wanted[g], smallest) if only_worst else wanted[g]
+        x, y, z, margin = centres[g, 0], centres[g, 1], centres[g, 2], margins[g]
+        sx, sy, sz = opening * slides[g, 0], opening * slides[g, 1], opening * slides[g, 2]
+        around, n, begin, end = bounds[g, 3] + margin, of_geom[g], start[g], start[g + 1]
+        nearest, nearest_is = 1e9, -1
+        if not ignored[MAP, g]:
+            nearest, nearest_is = lookup(field, origin, resolution, x, y, z) - around, MAP
+            if nearest < enough:
+                _place(spheres, begin, end, links[n], sx, sy, sz, placed)
+                ready[g] = True
+                nearest = _map_distance(field, origin, resolution, spheres, begin, end, placed) - margin
+        for h in range(half_spaces.shape[0]):
+            if ignored[1 + obstacles + h, g]:
                 continue
-            away, which = _world_clearance(robot, world, g, opening, smallest, links, centres, placed, ready)
-            if away < smallest:
-                smallest, geom, other = away, g, which
-                if enough <= 0.0:
-                    break
-        if enough > 0.0 or smallest >= 0.0:
-            for p in range(pairs.shape[0]):
-                i, j = pairs[p, 0], pairs[p, 1]
-                away = _pair_clearance(
-                    robot, world.self_margin, i, j, opening, smallest, links, centres, placed, ready
+            away = half_spaces[h, 0] * x + half_spaces[h, 1] * y + half_spaces[h, 2] * z - half_spaces[h, 3] - around
+            if away < min(enough, nearest):
+                away = _half_space_distance(
+                    half_spaces[h], support, support_start[g], support_start[g + 1], links[n], sx, sy, sz
                 )
-                if away < smallest:
-                    smallest, geom, other = away, j, -1 - i
-                    if enough <= 0.0:
-                        break
-        clearances[n], culprits[n, 0], culprits[n, 1] = smallest, geom, other
+                away -= margin
+            if away < nearest:
+                nearest, nearest_is = away, 1 + obstacles + h
+        for k in range(obstacles):
+            if ignored[1 + k, g]:
+                continue
+            away = sqrt((x - convex[k, 0]) ** 2 + (y - convex[k, 1]) ** 2 + (z - convex[k, 2]) ** 2)
+            away -= convex[k, 3] + around
+            if away < min(enough, nearest):
+                if not ready[g]:
+                    _place(spheres, begin, end, links[n], sx, sy, sz, placed)
+                    ready[g] = True
+                first, last = plane_start[k], plane_start[k + 1]
+                away = _convex_distance(planes, first, last, convex[k], spheres, begin, end, placed) - margin
+            if away < nearest:
+                nearest, nearest_is = away, 1 + k
+        found[g], which[g] = nearest, nearest_is
+        if nearest < smallest:
+            worst, smallest = g, nearest
+            if only_worst and nearest < 0.0 and wanted[g] <= 0.0:
+                return worst
+    for p in range(pairs.shape[0]):
+        number = geoms + p
+        if not due[number]:
+            continue
+        enough = min(wanted[number], smallest) if only_worst else wanted[number]
+        i, j = pairs[p, 0], pairs[p, 1]
+        around = bounds[i, 3] + bounds[j, 3] + self_margin
+        squared = (
+            (centres[i, 0] - centres[j, 0]) ** 2
+            + (centres[i, 1] - centres[j, 1]) ** 2
+            + (centres[i, 2] - centres[j, 2]) ** 2
+        )
+        if around + enough > 0.0 and squared < (around + enough) ** 2:
+            for g in (i, j):
+                if not ready[g]:
+                    _place(
+                        spheres, start[g], start[g + 1], links[of_geom[g]], opening * slides[g, 0],
+                        opening * slides[g, 1], opening * slides[g, 2], placed,
+                    )  # fmt: skip
+                    ready[g] = True
+            away = _pair_distance(
+                spheres, start[i], start[i + 1], start[j], start[j + 1], centres[j], bounds[j, 3], placed
+            )
+            away -= self_margin
+        elif only_worst:
+            continue  # its clearance is no smaller than `enough`
+        else:
+            away = sqrt(squared) - around
+        found[number], which[number] = away, -1 - i
+        if away < smallest:
+            worst, smallest = number, away
+            if only_worst and away < 0.0 and wanted[number] <= 0.0:
+                return worst
+    return worst
 
 
 _LOOK_AHEAD = 0.15  # clearances beyond this are not resolved further while moving [m]
@@ -258,51 +293,43 @@ def check_segment(
         Where on the segment something is closer than its margin (0 to 1; 2 when nothing is), the smallest clearance
         met beyond the margins [m], and who has it, as in `check_states`.
     """
-    dof, geoms, pairs = start.shape[0], robot.links.shape[0], robot.pairs.shape[0]
-    links = np.empty((dof + 1, 3, 4))
-    centres = np.empty((geoms, 3))
-    placed = np.empty((robot.spheres.shape[0], 3))
-    ready = np.empty(geoms, np.bool_)
-    opening = width - robot.closed
-    rates = np.zeros(geoms + pairs)  # metres per unit of the segment
-    safe_until = np.zeros(geoms + pairs)
+    dof, geoms, pairs = start.shape[0], robot.links.shape[0], robot.pairs
+    numbers = geoms + pairs.shape[0]
+    room = _Room(
+        np.empty((dof + 1, 3, 4)), np.empty((geoms, 3)), np.empty((robot.spheres.shape[0], 3)), np.empty(geoms, np.bool_)
+    )
+    reach, of_geom = robot.reach, robot.links
+    rates = np.zeros(numbers)  # metres per unit of the segment
+    safe_until = np.zeros(numbers)
+    due = np.empty(numbers, np.bool_)
+    wanted, found = np.empty(numbers), np.empty(numbers)
+    which = np.empty(numbers, np.int64)
     for g in range(geoms):
         for j in range(dof):
-            rates[g] += abs(end[j] - start[j]) * robot.reach[j, g]
-        if robot.links[g] == 0:
+            rates[g] += abs(end[j] - start[j]) * reach[j, g]
+        if of_geom[g] == 0:
             safe_until[g] = 2.0
-    for p in range(pairs):
-        for j in range(robot.links[robot.pairs[p, 0]], dof):
-            rates[geoms + p] += abs(end[j] - start[j]) * robot.reach[j, robot.pairs[p, 1]]
+    for p in range(pairs.shape[0]):
+        for j in range(of_geom[pairs[p, 0]], dof):
+            rates[geoms + p] += abs(end[j] - start[j]) * reach[j, pairs[p, 1]]
     smallest, geom, other = 1e9, -1, -1
     q = np.empty(dof)
     while True:
-        t = 2.0
-        for n in range(geoms + pairs):
-            t = min(t, safe_until[n])
+        t = safe_until.min()
         if t > 1.0:
             return 2.0, smallest, geom, other
         for j in range(dof):
             q[j] = start[j] + t * (end[j] - start[j])
-        forward(robot.steps, robot.sliding, q, links)
-        _place_bounds(robot, opening, links, centres)
-        ready[:] = False
-        for n in range(geoms + pairs):
-            if safe_until[n] > t:
-                continue
-            rest = (1.0 - t) * rates[n]
-            enough = min(rest, _LOOK_AHEAD) + 1e-9
-            if n < geoms:
-                away, which = _world_clearance(robot, world, n, opening, enough, links, centres, placed, ready)
-                who = n
-            else:
-                i, who = robot.pairs[n - geoms, 0], robot.pairs[n - geoms, 1]
-                which = -1 - i
-                away = _pair_clearance(
-                    robot, world.self_margin, i, who, opening, enough, links, centres, placed, ready
-                )
-            if away < smallest:
-                smallest, geom, other = away, who, which
-            if away < 0.0:
-                return t, away, who, which
-            safe_until[n] = 2.0 if away + slack > rest else t + (away + slack) / rates[n]
+        for n in range(numbers):
+            due[n] = safe_until[n] <= t
+            wanted[n] = min((1.0 - t) * rates[n], _LOOK_AHEAD) + 1e-9
+        worst = _look(robot, world, q, width, due, wanted, False, room, found, which)
+        if found[worst] < smallest:
+            geom = worst if worst < geoms else pairs[worst - geoms, 1]
+            smallest, other = found[worst], which[worst]
+            if smallest < 0.0:
+                return t, smallest, geom, other
+        for n in range(numbers):
+            if due[n]:
+                reached = (found[n] + slack) / max(rates[n], 1e-12)
+                safe_until[n] = 2.0 if reached > 1.0 - t else t + reached
