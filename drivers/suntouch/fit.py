@@ -160,15 +160,20 @@ def _train(
         return loss
 
     best, best_parameters, stale = float("inf"), [p.detach().clone() for p in parameters], 0
-    for _ in range(epochs):
-        optimiser.step(closure)  # type: ignore[no-untyped-call]
-        with torch.no_grad():
-            now = float(error(*test))
-        if now < best * 0.999:
-            best, best_parameters, stale = now, [p.detach().clone() for p in parameters], 0
-        else:
-            stale += 1
-            if stale >= 10:
-                break
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)  # the matrices are too small to be shared
+    try:
+        for _ in range(epochs):
+            optimiser.step(closure)  # type: ignore[no-untyped-call]
+            with torch.no_grad():
+                now = float(error(*test))
+            if now < best * 0.999:
+                best, best_parameters, stale = now, [p.detach().clone() for p in parameters], 0
+            else:
+                stale += 1
+                if stale >= 10:
+                    break
+    finally:
+        torch.set_num_threads(threads)
     arrays = [p.numpy() for p in best_parameters]
     return tuple((arrays[i], arrays[i + 1]) for i in range(0, len(arrays), 2))
