@@ -5,7 +5,7 @@ BIN    := $(VENV)/bin
 STAMP  := $(VENV)/.installed
 
 .DEFAULT_GOAL := help
-.PHONY: help setup run test check bench clean
+.PHONY: help setup run test check bench paper clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-16s %s\n", $$1, $$2}'
@@ -33,7 +33,12 @@ check: test ## what CI runs: tests, lint, types, layer rules
 	$(BIN)/lint-imports
 
 bench: $(STAMP) ## the 25 cells of the paper, one seed each, with times per skill
-	$(BIN)/python -m benchmarks.bench_pick
+	rm -rf runs/campaign_pick
+	$(BIN)/pomona campaign benchmarks/pick.yaml
+
+paper: $(STAMP) ## the paper's experiments, with and without refinement, and a report beside its tables
+	$(BIN)/pomona campaign benchmarks/paper.yaml
+	$(BIN)/python benchmarks/paper_report.py runs/campaign_paper docs/paper
 
 clean: ## remove the virtual environment and caches (records in runs/ stay)
 	rm -rf $(VENV) .pytest_cache .mypy_cache .ruff_cache *.egg-info

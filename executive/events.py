@@ -75,12 +75,13 @@ class AttemptEnded(Event):
 
 @dataclass(frozen=True, slots=True)
 class PortWritten(Event):
-    """A node wrote a value. `sentence` is what the value says of itself to people, or empty."""
+    """A node wrote a value. `sentence` and `facts` are what the value says of itself, to people and to reports."""
 
     key: str
     value: Any
     writer: str
     sentence: str = ""
+    facts: Mapping[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)

@@ -382,9 +382,13 @@ class Runner:
         self._emit(Computed(*self._stamp(), node, function, wall))
 
     def _written(self, key: str, entry: Entry) -> None:
-        sentence = getattr(entry.value, "sentence", "")
+        sentence, facts = getattr(entry.value, "sentence", ""), getattr(entry.value, "facts", {})
         told = sentence if isinstance(sentence, str) else ""
-        self._emit(PortWritten(*self._stamp(), key, entry.value, entry.writer, told))
+        self._emit(
+            PortWritten(
+                *self._stamp(), key, entry.value, entry.writer, told, facts if isinstance(facts, Mapping) else {}
+            )
+        )
 
     def _published(self, node: str, topic: str, value: object) -> None:
         self._emit(Published(*self._stamp(), node, topic, value))

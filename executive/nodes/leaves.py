@@ -8,7 +8,6 @@ from typing import Any
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
-from executive.clock import Clock
 from executive.reasons import NoValue, Reason, path_of
 
 
@@ -59,16 +58,16 @@ class Leaf(Behaviour):
 class Wait(Leaf):
     """Lets a duration on the run's clock pass."""
 
-    def __init__(self, name: str, duration: Callable[[], float], clock: Clock) -> None:
+    def __init__(self, name: str, duration: Callable[[], float], now: Callable[[], float]) -> None:
         super().__init__(name)
-        self._duration, self._clock = duration, clock
+        self._duration, self._now = duration, now
         self._end = 0.0
 
     def begin(self) -> None:
-        self._end = self._clock.now() + self._duration()
+        self._end = self._now() + self._duration()
 
     def act(self) -> Status:
-        left = self._end - self._clock.now()
+        left = self._end - self._now()
         self.feedback_message = f"{max(left, 0.0):.1f} s left"
         return Status.RUNNING if left > 1e-9 else Status.SUCCESS
 

@@ -9,7 +9,6 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 from py_trees.composites import Composite
 
-from executive.clock import Clock
 from executive.nodes.in_sight import FailureInSight, RetryCount
 from executive.reasons import NoValue, Reason, path_of, reason_of
 
@@ -43,7 +42,7 @@ class Retry(Composite):
         self,
         name: str,
         child: Behaviour,
-        clock: Clock,
+        now: Callable[[], float],
         total: Callable[[], int],
         *,
         count: RetryCount | None = None,
@@ -55,7 +54,7 @@ class Retry(Composite):
         super().__init__(name, [child] if on_failure is None else [child, on_failure])
         self.attempts: tuple[Attempt, ...] = ()
         self.listener: Callable[[Retry, Attempt], None] | None = None
-        self._clock, self._total, self._retry_if, self._between_only = clock, total, retry_if, between_only
+        self._now, self._total, self._retry_if, self._between_only = now, total, retry_if, between_only
         self._count = count or RetryCount()
         self._in_sight = in_sight or FailureInSight()
         self._recovering = self._last = False
@@ -105,11 +104,11 @@ class Retry(Composite):
         if total < 1:
             raise NoValue(f"{self.name}: the number of tries is {total}, it must be at least 1")
         self._count.attempt, self._count.of = 1, total
-        self._started = self._clock.now()
+        self._started = self._now()
 
     def _next(self) -> None:
         self._count.attempt += 1
-        self._started = self._clock.now()
+        self._started = self._now()
 
     def _after_try(self, child: Behaviour) -> Status:
         if child.status is Status.RUNNING:
@@ -117,7 +116,7 @@ class Retry(Composite):
         number = self._count.attempt
         succeeded = child.status is Status.SUCCESS
         reason = None if succeeded else reason_of(child)
-        attempt = Attempt(number, child.status, reason, self._started, self._clock.now())
+        attempt = Attempt(number, child.status, reason, self._started, self._now())
         self.attempts += (attempt,)
         self.feedback_message = f"attempt {number} of {self.total} {'succeeded' if succeeded else 'failed'}"
         if self.listener is not None:

@@ -9,7 +9,6 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 from py_trees.decorators import Decorator
 
-from executive.clock import Clock
 from executive.reasons import NoValue, Reason, from_causes, path_of, reason_of
 
 
@@ -77,18 +76,18 @@ class Wrapper(Decorator):
 class Timeout(Wrapper):
     """Interrupts its child when it still runs after a duration on the run's clock."""
 
-    def __init__(self, name: str, child: Behaviour, duration: Callable[[], float], clock: Clock) -> None:
+    def __init__(self, name: str, child: Behaviour, duration: Callable[[], float], now: Callable[[], float]) -> None:
         super().__init__(name, child)
-        self._duration, self._clock = duration, clock
+        self._duration, self._now = duration, now
         self._limit = self._end = 0.0
 
     def begin(self) -> Status | None:
         self._limit = self._duration()
-        self._end = self._clock.now() + self._limit
+        self._end = self._now() + self._limit
         return None
 
     def after(self, status: Status) -> Status:
-        if status is not Status.RUNNING or self._clock.now() < self._end - 1e-9:
+        if status is not Status.RUNNING or self._now() < self._end - 1e-9:
             return super().after(status)
         tip = self.decorated.tip() or self.decorated
         doing = f": {tip.feedback_message}" if tip.feedback_message else ""

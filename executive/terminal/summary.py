@@ -26,6 +26,7 @@ class Summary:
         self.attempts: list[AttemptEnded] = []
         self.tables: dict[str, TableView] = {}
         self.notes: dict[str, str] = {}
+        self.facts: dict[str, Mapping[str, Any]] = {}
         self.robot_time: dict[str, float] = defaultdict(float)
         self.compute_time: dict[str, float] = defaultdict(float)
         self._running_since: dict[str, float] = {}
@@ -48,6 +49,8 @@ class Summary:
         elif isinstance(event, PortWritten):
             if event.sentence:
                 self.notes[event.key.rsplit("/", 1)[-1]] = event.sentence
+            if event.facts:
+                self.facts[event.key.rsplit("/", 1)[-1]] = event.facts
         elif isinstance(event, RunEnded):
             self.ended = event
 
@@ -86,6 +89,7 @@ class Summary:
             ],
             "robot_time_s": {name: round(value, 3) for name, value in self.robot_time.items()},
             "compute_s": {name: round(value, 3) for name, value in self.compute_time.items()},
+            "values": plain(self.facts),
             "truth": plain(self.ended.truth),
         }
 

@@ -161,7 +161,7 @@ class _Scope:
 class _Builder:
     def __init__(self, analysis: Analysis, context: SkillContext, board: Board, mocks: Mocks | None) -> None:
         self.analysis, self.context, self.board, self.mocks = analysis, context, board, mocks
-        self.clock = context.clock
+        self.now = context.elapsed
         self.nodes: dict[str, NodeInfo] = {}
         self.behaviours: dict[str, Behaviour] = {}
         self.taken: set[str] = set()
@@ -270,7 +270,7 @@ class _Builder:
         match name:
             case "timeout":
                 duration = self.getter(settings["timeout"], scope)
-                return scope, lambda child: self.made(path, Timeout(label, child, duration, self.clock))
+                return scope, lambda child: self.made(path, Timeout(label, child, duration, self.now))
             case "invert":
                 return scope, lambda child: self.made(path, Invert(label, child))
             case "force":
@@ -327,7 +327,7 @@ class _Builder:
             return self.made(
                 path,
                 Retry(
-                    label, child, self.clock, total,
+                    label, child, self.now, total,
                     count=count, on_failure=on_failure, retry_if=retry_if, in_sight=sight,
                 ),
             )  # fmt: skip
@@ -357,7 +357,7 @@ class _Builder:
             condition = self.condition(found.settings[kind], scope)
             return self.made(path, Check(name, condition) if kind == "check" else WaitUntil(name, condition))
         if kind == "wait":
-            return self.made(path, Wait(name, self.getter(found.settings["wait"], scope), self.clock))
+            return self.made(path, Wait(name, self.getter(found.settings["wait"], scope), self.now))
         if kind == "set":
             values = {scope.key(target): self.getter(value, scope) for target, value in found.inputs.items()}
             return self.made(path, SetValues(name, values, lambda key, value: self.board.write(key, value, path)))
@@ -404,9 +404,7 @@ class _Builder:
         inside = replace(scope, retry=count)
         child = self.node(node.children[0], inside, path, "recovery")
         recover = self.node(node.children[1], replace(inside, failure=sight), path, "recovery")
-        retry = Retry(
-            name, child, self.clock, total, count=count, on_failure=recover, between_only=True, in_sight=sight
-        )
+        retry = Retry(name, child, self.now, total, count=count, on_failure=recover, between_only=True, in_sight=sight)
         return self.made(path, retry)
 
     def subtree(self, node: TreeNode, found: Resolved, path: str, scope: _Scope) -> Behaviour:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,7 +29,9 @@ class MeasuredFruit:
         residual: root mean square of the inliers' depth residuals [m].
         contour: outline of the refined shape in the image, shape (n, 2) [px].
         frame: the look that was measured.
-        method: which formulation gave the result: paper, uniform, shape, shape+plane …
+        method: which formulation gave the result: none, paper, uniform, shape, shape+plane, and `+views` where earlier
+            looks were fused in.
+        earlier: those looks: frames with the pose of the camera, T_base_camera.
     """
 
     fruit: FruitModel
@@ -43,3 +46,24 @@ class MeasuredFruit:
     contour: Float64
     frame: Frame
     method: str
+    earlier: tuple[tuple[Frame, Float64], ...] = ()
+
+    @property
+    def sentence(self) -> str:
+        """For people."""
+        size = " × ".join(f"{d * 1e3:.1f}" for d in self.dimensions)
+        spread = float(np.sqrt(np.clip(np.diag(self.covariance)[:3], 0.0, None).max()))
+        return f"{size} mm   (μ {self.mu:.3f}, {self.method})   position ± {spread * 1e3:.1f} mm"
+
+    @property
+    def facts(self) -> Mapping[str, object]:
+        """For reports: position in the base frame [m], dimensions [m], the uniform fit, and how well it fits."""
+        return {
+            "position_m": self.T_base_fruit[:3, 3],
+            "dimensions_m": self.dimensions,
+            "mu": self.mu,
+            "sigma_m": self.sigma,
+            "inlier_ratio": self.inlier_ratio,
+            "residual_m": self.residual,
+            "method": self.method,
+        }
