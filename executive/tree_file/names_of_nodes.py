@@ -10,7 +10,7 @@ MAX_PATHS = 10_000
 
 
 def skills_by_node(document: Document) -> dict[str, str]:
-    """Skill by all that a node with it may be called: the skill's name, the node's, its path (also without the root)."""
+    """Skill by all that a node may be called: the skill's name, its own, its path (with and without the root)."""
     found: dict[str, str] = {}
     for definition in document.definitions():
         for node in definition.root.walk() if definition.root is not None else ():
