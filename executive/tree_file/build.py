@@ -42,7 +42,7 @@ from executive.tree_file.expression_run import Getter, compile_condition, compil
 from executive.tree_file.findings import Finding, TreeFileError
 from executive.tree_file.model import Definition, Document, TreeNode
 from executive.tree_file.scope import Computed, Given, Resolved, Value
-from executive.tree_file.yaml_nodes import YamlScalar
+from executive.tree_file.written import written
 
 
 class Mocks(Protocol):
@@ -342,12 +342,14 @@ class _Builder:
             return self.skill(node, found, path, parent, scope)
         wiring: dict[str, Any] = {}
         if kind in ("subtree", "set", "fail"):
-            wiring["inputs"] = {name: _text(node.ports[name][1]) for name in found.inputs}
-            wiring["outputs"] = {n: _text(node.ports[n][1]) for n in found.outputs if n in node.ports and kind != "set"}
+            wiring["inputs"] = {name: written(node.ports[name][1]) for name in found.inputs}
+            wiring["outputs"] = {
+                n: written(node.ports[n][1]) for n in found.outputs if n in node.ports and kind != "set"
+            }
         else:
             wiring["settings"] = {n: _written(node, n) for n in ("success_on", "attempts") if n in node.modifiers}
             if kind in ("check", "wait", "wait_until"):
-                wiring["settings"] = {kind: _text(node.value)}
+                wiring["settings"] = {kind: written(node.value)}
         type_ = node.key.text if kind == "subtree" else kind
         self.note(self.info(node, path, parent, kind, type_, **wiring))
         name = self.nodes[path].name
@@ -429,12 +431,12 @@ class _Builder:
         assert cls is not None
         mock = self.mocks.replace(cls, node.key.text, node.label, path) if self.mocks is not None else None
         behaviour = mock if mock is not None else cls(node.label)
-        wired = {name: _text(node.ports[name][1]) for name in found.inputs}
+        wired = {name: written(node.ports[name][1]) for name in found.inputs}
         self.note(
             self.info(
                 node, path, parent, "skill", node.key.text,
                 inputs=wired,
-                outputs={name: _text(node.ports[name][1]) for name in found.outputs if name in node.ports},
+                outputs={name: written(node.ports[name][1]) for name in found.outputs if name in node.ports},
                 devices=tuple(interface.__name__ for interface in cls.devices),
                 failures=cls.failures,
                 mocked=mock is not None,
@@ -449,17 +451,5 @@ class _Builder:
 _TOGETHER = {"retry": ("retry_if",), "for_each": ("as",)}
 
 
-def _text(node: object) -> str:
-    """A value as it is written."""
-    if isinstance(node, YamlScalar):
-        return node.text
-    from executive.tree_file.yaml_nodes import YamlList, YamlMapping
-
-    if isinstance(node, YamlList):
-        return f"[{', '.join(map(_text, node.items))}]"
-    assert isinstance(node, YamlMapping)
-    return "{" + ", ".join(f"{key.text}: {_text(value)}" for key, value in node.entries.values()) + "}"
-
-
 def _written(node: TreeNode, name: str) -> str:
-    return _text(node.modifiers[name][1])
+    return written(node.modifiers[name][1])

@@ -85,6 +85,8 @@ class NodeReader:
                 node.description = described.text if described is not None else ""
             elif name == "on_failure":
                 node.on_failure = self.node(value)
+                if node.on_failure is not None:
+                    node.on_failure.comment = node.on_failure.comment or self.comment(key.line)
                 node.modifiers[name] = (key, value)
             elif name in MODIFIERS:
                 node.modifiers[name] = (key, value)

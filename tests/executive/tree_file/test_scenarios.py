@@ -57,7 +57,7 @@ class TestRunning:
 
     def test_durations_pass_on_the_simulated_clock(self, scenario, skills):
         result = run_scenario(scenario(CASES), skills)
-        assert result.cases[0].time >= 0.2
+        assert result.cases[0].time == pytest.approx(0.2)
 
     def test_what_was_never_reached_is_told(self, scenario, skills):
         coverage = run_scenario(scenario("cases: [{name: one}]"), skills).coverage
