@@ -15,7 +15,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from skills.collision.robot_shape import RobotArrays
-from skills.occupancy.distance_field import lookup
+from skills.collision.distance_field import lookup
 from skills.robot.chain import forward
 
 Float32 = NDArray[np.float32]
@@ -30,7 +30,7 @@ class WorldArrays(NamedTuple):
     """What the robot may hit; c convex obstacles, h half spaces, g geoms of the robot. Base frame, metres.
 
     Attributes:
-        field, origin, resolution: a distance field, see `skills.occupancy.distance_field`.
+        field, origin, resolution: a distance field, see `skills.collision.distance_field`.
         planes: faces of all convex obstacles, shape (n, 4), and `plane_start`, shape (c + 1,).
         bounds: a sphere around each convex obstacle, shape (c, 4).
         half_spaces: normal n and offset d: free where n·p > d, shape (h, 4).

@@ -14,7 +14,7 @@ from skills.collision.convex import Convex
 from skills.collision.errors import BadTrajectory, UnknownObstacle
 from skills.collision.kernel import WorldArrays
 from skills.collision.robot_shape import RobotShape
-from skills.occupancy.distance_field import DistanceField
+from skills.collision.distance_field import DistanceField
 from skills.robot import RobotModel
 
 Float64 = NDArray[np.float64]
