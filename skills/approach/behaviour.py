@@ -11,7 +11,7 @@ from executive.views import Line3, SceneView
 from skills.approach.straight_line import straight_line
 from skills.motion import MOTION_FAILURES, MovingSkill
 from skills.occupancy import OccupancyMap
-from skills.plan.arm_space import arm_space
+from skills.plan.arm_space import arm_space, usable_field
 from skills.plan.rounding import first_blocked
 from skills.plan.timing import time_curve
 from skills.robot import RobotModel
@@ -41,9 +41,17 @@ class Approach(MovingSkill):
         clearance=Port(LENGTH, default="5 mm", min="0 mm", help="kept by the links; gripper and fingers keep a share"),
     )
     devices = (Arm, Gripper, ForceSensor, Workspace)
-    failures = (*MOTION_FAILURES, "NOT_AT_PRE_GRASP", "NO_STRAIGHT_LINE", "IN_COLLISION", "CONTACT", "SENSOR_STALE")
+    failures = (
+        *MOTION_FAILURES,
+        "NOT_AT_PRE_GRASP",
+        "NO_STRAIGHT_LINE",
+        "IN_COLLISION",
+        "CONTACT",
+        "SENSOR_STALE",
+        "MAP_STALE",
+    )
 
-    def run(
+    def run(  # type: ignore[override]
         self,
         grasp: Grasp,
         map: OccupancyMap | None,
@@ -65,7 +73,7 @@ class Approach(MovingSkill):
                 reached_m=line.reached * line.length,
             )
         width = min(grasp.width, gripper.limits.width_max)
-        space = arm_space(arm, self.device(Workspace), map, width, clearance, target=grasp.fruit)
+        space = arm_space(arm, self.device(Workspace), usable_field(self, map), width, clearance, target=grasp.fruit)
         blocked = first_blocked(space, line.q)
         if blocked is not None:
             reason, found = space.explain(line.q[blocked + 1])

@@ -25,7 +25,7 @@ class Follow(MovingSkill):
     devices = (Arm,)
     failures = (*MOTION_FAILURES, "BAD_PATH", "NOT_AT_START")
 
-    def run(self, path: Trajectory) -> Work:
+    def run(self, path: Trajectory) -> Work:  # type: ignore[override]
         arm = self.device(Arm)
         try:
             check_trajectory(path, arm.limits)

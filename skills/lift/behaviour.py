@@ -3,17 +3,24 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
-from drivers.interfaces import Arm, ForceSensor, Gripper
+from drivers.interfaces import Arm, ForceSensor, Gripper, Workspace
 from executive.ports import ACCELERATION, LENGTH, SPEED, Port, Ports, optional
 from executive.skill import Work
 from skills.approach.straight_line import straight_line
 from skills.motion import MOTION_FAILURES, MovingSkill
+from skills.occupancy import OccupancyMap
+from skills.plan.arm_space import arm_space, usable_field
+from skills.plan.rounding import first_blocked
 from skills.plan.timing import time_curve
 from skills.robot import RobotModel
+from skills.sample_grasp.grasp import Grasp
 from skills.slip_avoid_grasp.grip_view import show_grip
 from skills.slip_avoid_grasp.hold import Hold
 from skills.touch import pressing_forces, something_between
+
+Float64 = NDArray[np.float64]
 
 JERK_TIME = 0.1
 """Seconds in which the acceleration is reached."""
@@ -29,13 +36,25 @@ class Lift(MovingSkill):
     inputs = Ports(
         height=Port(LENGTH, default="150 mm", min="1 mm", help="how far up"),
         hold=optional(Hold, "the grip that goes on while lifting"),
+        grasp=optional(Grasp, "by which the fruit is held: the fruit is then part of the robot for collision"),
+        map=optional(OccupancyMap, "what is in the way"),
+        clearance=Port(LENGTH, default="5 mm", min="0 mm", help="kept by the links; gripper and fingers keep a share"),
         speed=Port(SPEED, default="0.25 m/s", min="1 mm/s", max="1 m/s"),
         acceleration=Port(ACCELERATION, default="1 m/s²", min="0.01 m/s²", max="3 m/s²"),
     )
-    devices = (Arm, Gripper, ForceSensor)
-    failures = (*MOTION_FAILURES, "NOT_HELD", "LOST", "NO_WAY_UP")
+    devices = (Arm, Gripper, ForceSensor, Workspace)
+    failures = (*MOTION_FAILURES, "NOT_HELD", "LOST", "NO_WAY_UP", "IN_COLLISION", "MAP_STALE")
 
-    def run(self, height: float, hold: Hold | None, speed: float, acceleration: float) -> Work:
+    def run(  # type: ignore[override]
+        self,
+        height: float,
+        hold: Hold | None,
+        grasp: Grasp | None,
+        map: OccupancyMap | None,
+        clearance: float,
+        speed: float,
+        acceleration: float,
+    ) -> Work:
         arm = self.device(Arm)
         if not self._held(hold):
             raise self._not_held("NOT_HELD", "there is nothing between the fingers to lift", hold)
@@ -49,6 +68,7 @@ class Lift(MovingSkill):
                 f"{line.reason} after {1e3 * line.reached * height:.0f} of {1e3 * height:.0f} mm",
                 reached_m=line.reached * height,
             )
+        self._require_free(line.q, grasp, map, clearance)
         trajectory = time_curve(line.q, height, arm.limits, speed, acceleration, acceleration / JERK_TIME)
 
         def watch() -> None:
@@ -63,6 +83,16 @@ class Lift(MovingSkill):
         if hold is not None:
             show_grip(self, hold, everything=True)
         return {}
+
+    def _require_free(self, q_line: Float64, grasp: Grasp | None, map: OccupancyMap | None, clearance: float) -> None:
+        width = self.device(Gripper).state().width
+        field = usable_field(self, map)
+        space = arm_space(self.device(Arm), self.device(Workspace), field, width, clearance, held=grasp)
+        space = space.leaving_table()
+        blocked = first_blocked(space, q_line)
+        if blocked is not None:
+            reason, found = space.explain(q_line[blocked + 1])
+            raise self.failure("IN_COLLISION", f"on the way up {reason}", **found)
 
     def _held(self, hold: Hold | None) -> bool:
         if hold is not None and not hold.ended:

@@ -29,7 +29,7 @@ class MoveTo(MovingSkill):
     devices = (Arm, Gripper, Workspace)
     failures = (*MOTION_FAILURES, *POSE_FAILURES)
 
-    def run(
+    def run(  # type: ignore[override]
         self,
         pose: str,
         variation: int,

@@ -8,7 +8,7 @@ from drivers.interfaces import Arm, Gripper, Workspace
 from skills.motion import MovingSkill, Watching
 from skills.move_to.named_pose import named_pose
 from skills.occupancy import OccupancyMap
-from skills.plan.arm_space import arm_space
+from skills.plan.arm_space import arm_space, usable_field
 from skills.plan.plan import PlanRequest
 from skills.plan.planning import PLANNING_FAILURES, patience, planned
 from skills.sample_grasp.grasp import Grasp
@@ -16,7 +16,7 @@ from skills.sample_grasp.grasp import Grasp
 THERE = 1e-3
 """An arm this near to the pose in every joint is there [rad]."""
 
-POSE_FAILURES = (*PLANNING_FAILURES, "UNKNOWN_POSE")
+POSE_FAILURES = (*PLANNING_FAILURES, "UNKNOWN_POSE", "MAP_STALE")
 """Codes of every skill that moves to a named pose."""
 
 
@@ -48,7 +48,8 @@ def move_to_pose(
     q = arm.state().q
     if np.abs(q_goal - q).max() < THERE:
         return
-    space = arm_space(arm, workspace, map, skill.device(Gripper).state().width, clearance, held=carrying)
+    field = usable_field(skill, map)
+    space = arm_space(arm, workspace, field, skill.device(Gripper).state().width, clearance, held=carrying)
     request = PlanRequest(
         space,
         q,

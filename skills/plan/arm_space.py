@@ -8,9 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.interfaces import Arm, Workspace
+from executive.skill import Skill
 from skills.collision import CollisionWorld, Convex, Margins, RobotShape, fruit_points
+from skills.collision.distance_field import DistanceField
+from skills.collision.world import TABLE
 from skills.geometry import apply, inverse
 from skills.occupancy import OccupancyMap
+from skills.occupancy.errors import OccupancyError
 from skills.refine.measured_fruit import MeasuredFruit
 from skills.robot import RobotModel
 from skills.sample_grasp.grasp import Grasp
@@ -45,6 +49,12 @@ class ArmSpace:
         """The same with the fingers open to a width [m]."""
         return replace(self, width=width)
 
+    def leaving_table(self) -> ArmSpace:
+        """The same for a fruit that still stands on the table: it and the fingers around it may be near the table."""
+        if self.world.table_z is None:
+            return self
+        return replace(self, world=self.world.allowing(TABLE, "held", "fingers"))
+
     def free(self, q: Float64) -> bool:
         """Whether a configuration keeps all margins."""
         return bool(self.world.free(q[None], self.width)[0])
@@ -70,10 +80,29 @@ class ArmSpace:
         }
 
 
+MAP_AGE = 120.0
+"""An occupancy map whose newest look is older than this is stale [s]."""
+
+
+def usable_field(skill: Skill, map: OccupancyMap | None, max_age: float = MAP_AGE) -> DistanceField | None:
+    """The distance field of a map that may be relied on; None where no map is wired.
+
+    `skill` must declare MAP_STALE: it fails with it when the map is empty or too old.
+    """
+    if map is None:
+        return None
+    try:
+        return map.usable_field(skill.clock.now(), max_age)
+    except OccupancyError as unusable:
+        stamp = map.stamp
+        age = None if stamp is None else round(skill.clock.now() - stamp, 3)
+        raise skill.failure("MAP_STALE", f"{unusable}: look again", age_s=age, allowed_s=max_age) from unusable
+
+
 def arm_space(
     arm: Arm,
     workspace: Workspace,
-    map: OccupancyMap | None,
+    field: DistanceField | None,
     width: float,
     clearance: float,
     target: MeasuredFruit | None = None,
@@ -84,7 +113,7 @@ def arm_space(
     Args:
         arm: names the robot's description.
         workspace: table and fixed obstacles.
-        map: what the camera saw besides; the target must be left out of it.
+        field: what the camera saw besides (`usable_field`); the target must be left out of it.
         width: opening of the gripper [m].
         clearance: kept by the arm's links [m]; gripper and fingers keep their usual share of it (see `Margins`).
         target: a fruit that is to be grasped: the fingers may come near to it, nothing else may.
@@ -97,7 +126,7 @@ def arm_space(
     world = CollisionWorld.build(
         shape,
         workspace,
-        None if map is None else map.usable_field(),
+        field,
         () if target is None else (Convex.of_fruit(target, TARGET),),
         Margins().scaled(clearance / Margins().arm),
     )

@@ -11,7 +11,7 @@ from executive.ports import LENGTH, TIME, Port, Ports
 from executive.skill import Skill, SkillFailure, Work
 from executive.views import Line3, Points3, SceneView
 from skills.occupancy import OccupancyMap
-from skills.plan.arm_space import arm_space
+from skills.plan.arm_space import arm_space, usable_field
 from skills.plan.ompl_planners import PLANNERS, Kind
 from skills.plan.plan import PlanRequest, PlanResult
 from skills.plan.planning import PLANNING_FAILURES, patience, planned
@@ -43,7 +43,7 @@ class Plan(Skill):
     devices = (Arm, Gripper, Workspace)
     failures = (*PLANNING_FAILURES, "MAP_STALE")
 
-    def run(
+    def run(  # type: ignore[override]
         self,
         to: GraspCandidates,
         map: OccupancyMap,
@@ -55,13 +55,12 @@ class Plan(Skill):
         direct: bool,
     ) -> Work:
         arm = self.device(Arm)
-        self._require_fresh(map, map_age)
         robot = RobotModel.load(arm.description)
         goals = [(grasp, q) for grasp in to.grasps for q in grasp.q_pre_grasp]
-        space = arm_space(
-            arm, self.device(Workspace), map, self.device(Gripper).state().width, clearance,
-            target=to.grasps[0].fruit if to.grasps else None,
-        )  # fmt: skip
+        field = usable_field(self, map, map_age)
+        target = to.grasps[0].fruit if to.grasps else None
+        width = self.device(Gripper).state().width
+        space = arm_space(arm, self.device(Workspace), field, width, clearance, target=target)
         request = PlanRequest(
             space=space,
             q_start=arm.state().q,

@@ -23,9 +23,6 @@ class Space(Protocol):
         """Joint limits, shape (dof,) [rad]."""
         ...
 
-    lower: Float64
-    upper: Float64
-
     def free(self, q: Float64) -> bool:
         """Whether a configuration is free of collision."""
         ...

@@ -54,7 +54,7 @@ class Release(MovingSkill):
     devices = (Arm, Gripper, ForceSensor, Workspace)
     failures = (*MOTION_FAILURES, *POSE_FAILURES, "NOT_HELD", "NO_CONTACT", "NO_WAY_DOWN")
 
-    def run(
+    def run(  # type: ignore[override]
         self,
         into: str | None,
         depth: float,

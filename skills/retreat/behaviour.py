@@ -61,7 +61,7 @@ class Retreat(MovingSkill):
     devices = (Arm, Gripper, ForceSensor)
     failures = (*MOTION_FAILURES, "NO_WAY_BACK")
 
-    def run(self, grasp: Grasp | None, speed: float, acceleration: float, contact: float) -> Work:
+    def run(self, grasp: Grasp | None, speed: float, acceleration: float, contact: float) -> Work:  # type: ignore[override]
         if grasp is None:
             return {}
         arm, gripper = self.device(Arm), self.device(Gripper)

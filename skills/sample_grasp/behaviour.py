@@ -12,7 +12,7 @@ from executive.ports import ANGLE, LENGTH, Port, Ports, optional
 from executive.skill import Skill, Work
 from executive.views import Points3, SceneView
 from skills.occupancy import OccupancyMap
-from skills.plan.arm_space import arm_space
+from skills.plan.arm_space import arm_space, usable_field
 from skills.refine.measured_fruit import MeasuredFruit
 from skills.robot import RobotModel
 from skills.sample_grasp.grasp import Grasp, GraspCandidates, RuledOut
@@ -45,13 +45,13 @@ class SampleGrasp(Skill):
     )
     outputs = Ports(candidates=GraspCandidates)
     devices = (Arm, Workspace)
-    failures = ("NO_CANDIDATE", "ALL_TRIED")
+    failures = ("NO_CANDIDATE", "ALL_TRIED", "MAP_STALE")
 
     def __init__(self, name: str = "") -> None:
         super().__init__(name)
         self._tried = Tried()
 
-    def run(
+    def run(  # type: ignore[override]
         self,
         around: MeasuredFruit,
         map: OccupancyMap | None,
@@ -72,7 +72,8 @@ class SampleGrasp(Skill):
         if tried is not None:
             self._tried.add(tried)
         robot = RobotModel.load(arm.description)
-        space = arm_space(arm, workspace, map, robot.width_max, clearance, target=around)
+        field = usable_field(self, map)
+        space = arm_space(arm, workspace, field, robot.width_max, clearance, target=around)
         sphere = Sphere(radius, (theta_min, theta_max), (alpha_min, alpha_max), thetas, alphas)
         grasps, ruled_out = yield from self.compute(
             sample_pre_grasps, around, robot, space, arm.state().q, workspace.table_z, sphere, GraspRules(check=check)

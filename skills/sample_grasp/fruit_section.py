@@ -65,4 +65,5 @@ def fruit_section(measured: MeasuredFruit, vertices_base: Float64, R_base_tcp: F
 
 
 def _deviation(covariance: Float64, direction: Float64) -> float:
-    return max(float(direction @ covariance @ direction), 0.0) ** 0.5
+    variance = float(direction @ covariance @ direction)
+    return float(np.sqrt(max(variance, 0.0)))

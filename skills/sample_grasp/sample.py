@@ -8,41 +8,36 @@ is ruled out with the reason of the step at which it came furthest.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from skills.approach.straight_line import straight_line
-from skills.collision.convex import fruit_points
+from skills.approach.straight_line import LARGEST_RATE
+from skills.collision import fruit_points
 from skills.geometry import transform
-from skills.plan.space import Space
+from skills.plan.arm_space import ArmSpace
 from skills.refine.measured_fruit import MeasuredFruit
 from skills.robot import RobotModel
 from skills.robot.inverse_kinematics import inverse_kinematics
+from skills.sample_grasp.follow_through import (
+    GOOD,
+    LINE_BROKEN,
+    START_BLOCKED,
+    follow_through,
+)
 from skills.sample_grasp.fruit_section import FruitSection, fruit_section
 from skills.sample_grasp.grasp import Grasp, RuledOut
 from skills.sample_grasp.gripper_shape import GripperShape, gripper_shape
 from skills.sample_grasp.sphere import Sphere, pre_grasp_orientation
 
 Float64 = NDArray[np.float64]
+Int64 = NDArray[np.int64]
+
+SLACK = 1e-3
+"""By how much a margin may be undershot between looks [m]."""
 
 LINE_STEP = 30e-3
 """Distance of poses along an approach when it is judged [m]; segments between them are checked whole."""
-
-
-class Surroundings(Protocol):
-    """Collision checks for an arm whose fingers are open to a width."""
-
-    def at_width(self, width: float) -> ApproachSpace: ...
-
-
-class ApproachSpace(Space, Protocol):
-    """Collision checks that also say how far away the nearest obstacle is."""
-
-    def clearances(self, q: Float64) -> Float64:
-        """Distances of postures, shape (n, dof), from the nearest obstacle beyond the margins, shape (n,) [m]."""
-        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,10 +66,10 @@ class GraspRules:
 
 
 class _OutOfQuestion(Exception):
-    """A candidate that is ruled out, and how far it came."""
+    """A candidate that is ruled out."""
 
-    def __init__(self, code: str, reason: str, depth: int) -> None:
-        self.code, self.reason, self.depth = code, reason, depth
+    def __init__(self, code: str, reason: str) -> None:
+        self.code, self.reason = code, reason
         super().__init__(reason)
 
 
@@ -86,7 +81,7 @@ class _Setting:
     vertices_base: Float64
     robot: RobotModel
     shape: GripperShape
-    surroundings: Surroundings
+    space: ArmSpace
     table_z: float | None
     q_now: Float64
     sphere: Sphere
@@ -96,7 +91,7 @@ class _Setting:
 def sample_pre_grasps(
     measured: MeasuredFruit,
     robot: RobotModel,
-    surroundings: Surroundings,
+    space: ArmSpace,
     q_now: Float64,
     table_z: float | None = None,
     sphere: Sphere | None = None,
@@ -107,7 +102,7 @@ def sample_pre_grasps(
     Args:
         measured: the refined fruit; its covariance enters as margin.
         robot: kinematics and geometry.
-        surroundings: collision checks; the target must be left out of its map.
+        space: collision checks; the target must be left out of its map, and the fingers allowed near it.
         q_now: where the arm stands, shape (dof,) [rad]; near solutions are preferred.
         table_z: height of the plane below the fruit [m], None for none.
         sphere: which part of the sphere, how finely.
@@ -118,7 +113,7 @@ def sample_pre_grasps(
     """
     chosen = sphere or Sphere()
     setting = _Setting(
-        measured, fruit_points(measured), robot, gripper_shape(robot), surroundings, table_z, robot.checked(q_now),
+        measured, fruit_points(measured), robot, gripper_shape(robot), space, table_z, robot.checked(q_now),
         chosen, rules or GraspRules(),
     )  # fmt: skip
     grasps: list[Grasp] = []
@@ -164,7 +159,7 @@ def _candidate(setting: _Setting, index: int, theta: float, alpha: float) -> Gra
     T_base_pre_grasp[:3, 3] -= setting.sphere.radius * R_base_tcp[:, 2]
     solutions = inverse_kinematics(setting.robot, T_base_pre_grasp, near=setting.q_now)
     if len(solutions) == 0:
-        raise _OutOfQuestion("UNREACHABLE", "the arm does not reach the pre-grasp", 0)
+        raise _OutOfQuestion("UNREACHABLE", "the arm does not reach the pre-grasp")
     kept, clearance = solutions[: setting.rules.solutions], np.inf
     if setting.rules.check:
         kept, clearance = _approachable(setting, solutions, T_base_grasp, width)
@@ -182,7 +177,6 @@ def _opening(setting: _Setting, section: FruitSection) -> float:
             "TOO_WIDE",
             f"the fruit is {1e3 * section.width:.0f} ± {2e3 * unsure:.0f} mm wide here, the fingers open to "
             f"{1e3 * setting.robot.width_max:.0f} mm",
-            0,
         )
     return float(min(section.width + 2.0 * (wanted + unsure), setting.robot.width_max))
 
@@ -190,7 +184,7 @@ def _opening(setting: _Setting, section: FruitSection) -> float:
 def _clear_palm(setting: _Setting, section: FruitSection) -> None:
     left = setting.shape.palm_depth - section.behind
     if left < setting.rules.palm:
-        raise _OutOfQuestion("TOO_TALL", f"the fruit would be {1e3 * left:.0f} mm from the palm", 0)
+        raise _OutOfQuestion("TOO_TALL", f"the fruit would be {1e3 * left:.0f} mm from the palm")
 
 
 def _above_table(setting: _Setting, section: FruitSection, T_base_grasp: Float64, width: float) -> Float64:
@@ -206,7 +200,7 @@ def _above_table(setting: _Setting, section: FruitSection, T_base_grasp: Float64
     if back > setting.rules.raise_up_to:
         name = body.replace("_", " ").replace("finger left", "left finger").replace("finger right", "right finger")
         where = f"{-1e3 * air:.0f} mm inside" if air < 0.0 else f"only {1e3 * air:.0f} mm above"
-        raise _OutOfQuestion("TABLE", f"the {name} would be {where} the table", 0)
+        raise _OutOfQuestion("TABLE", f"the {name} would be {where} the table")
     raised = T_base_grasp.copy()
     raised[:3, 3] -= back * T_base_grasp[:3, 2]
     return raised
@@ -214,33 +208,29 @@ def _above_table(setting: _Setting, section: FruitSection, T_base_grasp: Float64
 
 def _approachable(setting: _Setting, solutions: Float64, T_base_grasp: Float64, width: float) -> tuple[Float64, float]:
     """Joint solutions whose pre-grasp and whole approach are free, and the least distance kept on the first one's."""
-    space = setting.surroundings.at_width(width)
-    kept: list[Float64] = []
-    clearance = 0.0
-    furthest = _OutOfQuestion("IN_COLLISION", "nothing is free", -1)
-    for q in solutions[: setting.rules.tried_solutions]:
-        try:
-            line = _free_line(setting.robot, space, q, T_base_grasp)
-        except _OutOfQuestion as out:
-            furthest = max(furthest, out, key=lambda failed: failed.depth)
-            continue
-        if not kept:
-            clearance = float(space.clearances(line).min())
-        kept.append(q)
-        if len(kept) == setting.rules.solutions:
-            break
-    if not kept:
-        raise furthest
-    return np.array(kept), clearance
+    robot, rules, space = setting.robot, setting.rules, setting.space.at_width(width)
+    tried = np.ascontiguousarray(solutions[: rules.tried_solutions])
+    steps = max(3, int(np.ceil(setting.sphere.radius / LINE_STEP)))
+    shares = np.linspace(1.0, 0.0, steps + 1)
+    poses = np.tile(T_base_grasp[:3], (steps + 1, 1, 1))
+    poses[:, :, 3] -= shares[:, None] * setting.sphere.radius * T_base_grasp[:3, 2]
+    lines = np.empty((len(tried), steps + 1, robot.dof))
+    verdicts, witnesses = np.empty(len(tried), dtype=np.int64), np.empty_like(tried)
+    follow_through(
+        space.world.shape.arrays, space.world.arrays, np.ascontiguousarray(robot.T_link_tcp[:3]), robot.lower,
+        robot.upper, tried, poses, width, LARGEST_RATE * setting.sphere.radius / steps, SLACK, rules.solutions,
+        lines, verdicts, witnesses,
+    )  # fmt: skip
+    good = np.flatnonzero(verdicts == GOOD)
+    if len(good) == 0:
+        raise _why_not(space, verdicts, witnesses)
+    return tried[good], float(space.clearances(lines[good[0]]).min())
 
 
-def _free_line(robot: RobotModel, space: ApproachSpace, q: Float64, T_base_grasp: Float64) -> Float64:
-    if not space.free(q):
-        raise _OutOfQuestion("IN_COLLISION", f"at the pre-grasp {space.explain(q)[0]}", 1)
-    line = straight_line(robot, q, T_base_grasp, LINE_STEP)
-    if not line.complete:
-        raise _OutOfQuestion("UNREACHABLE", f"on the approach {line.reason}", 2)
-    for here, there in zip(line.q[:-1], line.q[1:], strict=True):
-        if not space.free_between(here, there):
-            raise _OutOfQuestion("IN_COLLISION", f"on the approach {space.explain(there)[0]}", 3)
-    return line.q
+def _why_not(space: ArmSpace, verdicts: Int64, witnesses: Float64) -> _OutOfQuestion:
+    """The reason of the solution that came furthest."""
+    furthest = int(verdicts.argmax())
+    if verdicts[furthest] == LINE_BROKEN:
+        return _OutOfQuestion("UNREACHABLE", "the arm cannot go straight from the pre-grasp to the grasp")
+    where = "at the pre-grasp" if verdicts[furthest] == START_BLOCKED else "on the approach"
+    return _OutOfQuestion("IN_COLLISION", f"{where} {space.explain(witnesses[furthest])[0]}")

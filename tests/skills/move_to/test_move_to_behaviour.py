@@ -1,0 +1,51 @@
+import numpy as np
+import pytest
+from py_trees.common import Status
+
+from executive.skill_testing import drive
+from skills.move_to.behaviour import MoveTo
+from skills.move_to.named_pose import named_pose
+from tests.skills.picking_scene import HOME, OBSERVE, Bench
+
+
+def test_it_moves_to_the_named_pose():
+    bench = Bench()
+    outcome = drive(MoveTo(), {"pose": "home"}, bench.devices, clock=bench.clock)
+    assert outcome.status is Status.SUCCESS
+    np.testing.assert_allclose(bench.arm.q, HOME, atol=1e-6)
+
+
+def test_at_the_pose_nothing_moves():
+    bench = Bench()
+    assert drive(MoveTo(), {"pose": "observe"}, bench.devices, clock=bench.clock).status is Status.SUCCESS
+    assert bench.arm.followed == []
+
+
+def test_variations_go_round():
+    poses = {"observe": np.zeros(2), "observe_2": np.ones(2), "home": np.full(2, 5.0)}
+    assert [named_pose(poses, "observe", k)[0] for k in (1, 2, 3)] == [0.0, 1.0, 0.0]
+    assert named_pose(poses, "home", 7)[0] == 5.0
+    with pytest.raises(KeyError):
+        named_pose(poses, "crate")
+
+
+def test_an_unknown_pose_is_named_with_those_that_exist():
+    bench = Bench()
+    outcome = drive(MoveTo(), {"pose": "hoem"}, bench.devices, clock=bench.clock)
+    assert outcome.reason.code == "UNKNOWN_POSE"
+    assert "observe, observe_2, home" in outcome.reason.message
+
+
+def test_a_start_inside_the_table_says_which_link():
+    bench = Bench(q=np.array([-1.36, 1.6, -0.264, -0.234, 0.065, -1.294, 0.048]))
+    outcome = drive(MoveTo(), {"pose": "home"}, bench.devices, clock=bench.clock)
+    assert outcome.reason.code == "START_IN_COLLISION"
+    assert outcome.reason.data["obstacle"] in ("table", "pedestal")
+
+
+def test_interrupted_it_stops():
+    bench = Bench(q=HOME.copy())
+    outcome = drive(MoveTo(), {"pose": "observe"}, bench.devices, clock=bench.clock, interrupt_after=9)
+    assert outcome.status is Status.INVALID
+    assert bench.arm.settled()
+    assert np.abs(bench.arm.q - OBSERVE).max() > 0.05

@@ -1,0 +1,94 @@
+"""A table with an apple, the shipped robot and mock devices: what the tests of moving skills share."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from drivers.interfaces import Arm, Box, ForceSensor, Frame, Gripper, Intrinsics, Workspace
+from drivers.mock import MockArm, MockClock, MockForceSensor, MockGripper
+from drivers.mock.arm import ROBOT
+from skills.fruit import load_fruit
+from skills.geometry import rot_z, transform
+from skills.plan.arm_space import ArmSpace
+from skills.refine.measured_fruit import MeasuredFruit
+from skills.robot import RobotModel
+from skills.sample_grasp.grasp import Grasp
+from skills.sample_grasp.sample import sample_pre_grasps
+from skills.sample_grasp.sphere import Sphere
+
+TABLE_Z = -0.12
+OBSERVE = np.array([-1.36, -0.316, -0.264, -0.234, 0.065, -1.294, 0.048])
+HOME = np.array([-1.36, -0.6, -0.264, 0.3, 0.065, -1.0, 0.048])
+WORKSPACE = Workspace(
+    table_z=TABLE_Z,
+    lower=np.array([-0.6, -0.8, -0.14]),
+    upper=np.array([0.6, 0.2, 0.7]),
+    obstacles=(Box("pedestal", transform(None, [0.0, 0.0, -0.06]), (0.08, 0.08, 0.06)),),
+    poses={"observe": OBSERVE, "observe_2": OBSERVE + 0.05, "home": HOME},
+)
+APPLES = {1: (89, 81, 89), 2: (91, 85, 91), 3: (93, 73, 93), 4: (73, 64, 73), 5: (62, 47, 62)}
+"""The paper's apples: width, height, depth [mm]."""
+PLACES = {1: (-0.12, -0.35), 2: (0.08, -0.34), 3: (-0.03, -0.52), 4: (0.15, -0.48), 5: (-0.20, -0.48)}
+"""The paper's places on the table [m]."""
+ROBOT_MODEL = RobotModel.load(ROBOT)
+_UPRIGHT = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])  # the fruit's y points down
+
+
+def apple_at(number: int, place: int, yaw: float = 0.0, sigma: float = 1e-3) -> MeasuredFruit:
+    """One of the paper's apples, standing at one of its places, measured with a standard deviation [m]."""
+    dimensions = np.array(APPLES[number]) * 1e-3
+    centre = [*PLACES[place], TABLE_Z + dimensions[1] / 2.0]
+    frame = Frame(0.0, 0, np.zeros((2, 2, 3), np.uint8), None, Intrinsics(1.0, 1.0, 0.5, 0.5, 2, 2), OBSERVE, np.eye(4))
+    return MeasuredFruit(
+        fruit=load_fruit("apple"),
+        T_base_fruit=transform(rot_z(yaw) @ _UPRIGHT, centre),
+        T_base_camera=np.eye(4),
+        dimensions=dimensions,
+        mu=1.0,
+        sigma=0.0,
+        covariance=np.eye(6) * sigma**2,
+        inlier_ratio=1.0,
+        residual=0.0,
+        contour=np.empty((0, 2)),
+        frame=frame,
+        method="test",
+    )
+
+
+def a_grasp(number: int = 1, place: int = 3, theta: float = 0.0) -> Grasp:
+    """A grasp that can be approached on an empty table."""
+    from skills.collision import CollisionWorld
+
+    space = ArmSpace(CollisionWorld.build(ROBOT_MODEL, WORKSPACE), 0.1)
+    sphere = Sphere(theta=(theta, theta), tilts=1, turns=8)
+    grasps, _ = sample_pre_grasps(apple_at(number, place), ROBOT_MODEL, space, OBSERVE, TABLE_Z, sphere)
+    return grasps[0]
+
+
+@dataclass
+class Bench:
+    """Mock devices on one clock."""
+
+    q: np.ndarray = field(default_factory=OBSERVE.copy)
+    width: float = 0.10
+
+    def __post_init__(self) -> None:
+        self.clock = MockClock()
+        self.arm = MockArm(self.clock, self.q)
+        self.gripper = MockGripper(self.clock, self.width)
+        self.fingers = MockForceSensor(self.clock)
+
+    @property
+    def devices(self) -> dict[type, object]:
+        return {Arm: self.arm, Gripper: self.gripper, ForceSensor: self.fingers, Workspace: WORKSPACE}
+
+    @property
+    def tcp(self) -> np.ndarray:
+        return ROBOT_MODEL.tcp(self.arm.q)
+
+    def hold_fruit(self, force: float = 2.0) -> None:
+        """Let both fingers press something that is as wide as the present opening."""
+        wrenches = np.zeros((2, 6))
+        wrenches[:, 2] = -force
+        self.fingers.feel = lambda _now: wrenches
+        self.clock.advance(0.01)
