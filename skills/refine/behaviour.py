@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 import numpy as np
 
-from executive.ports import LENGTH, RATIO, Port, Ports
+from drivers.interfaces import Workspace
+from executive.ports import LENGTH, RATIO, Port, Ports, optional
 from executive.skill import Skill, Work
 from executive.views import ImageView, Line2
 from skills.detect.detection import Detection
@@ -22,10 +25,11 @@ class Refine(Skill):
         detection=Port(Detection, help="the fruit as the detector saw it, posed as if it had the CAD model's size"),
         method=Port(
             str,
-            default="uniform",
-            choices=("uniform", "paper", "none"),
-            help="uniform: one scale in closed form; paper: the same by repeated rendering; none: as detected",
+            default="shape",
+            choices=("shape", "uniform", "paper", "none"),
+            help="shape: height and widths apart; uniform: one scale; paper: by repeated rendering; none: as detected",
         ),
+        earlier=optional(MeasuredFruit, help="the same fruit, measured from another place: its looks are fused in"),
         inlier_band=Port(LENGTH, default="4 mm", min="0.5 mm", max="50 mm", help="depth within this agrees"),
         min_inliers=Port(RATIO, default=0.25, min=0.0, max=1.0, help="least share of the depth that must agree"),
         smallest=Port(RATIO, default=0.4, min=0.01, max=1.0, help="least accepted size relative to the CAD model"),
@@ -33,21 +37,24 @@ class Refine(Skill):
         renderer=Port(str, default="pyrender", choices=("pyrender", "zbuffer"), help="what renders virtual depth"),
     )
     outputs = Ports(measured=MeasuredFruit)
+    devices = (Workspace,)
     failures = ("NO_DEPTH", "TOO_FEW_INLIERS", "SIZE_OUT_OF_RANGE", "AT_BOUND", "RENDER_FAILED")
 
     def run(  # type: ignore[override]
         self,
         detection: Detection,
-        method: Method,
+        method: Method | Literal["none"],
+        earlier: MeasuredFruit | None,
         inlier_band: float,
         min_inliers: float,
         smallest: float,
         largest: float,
         renderer: RendererName,
     ) -> Work:
+        table_z = self.device(Workspace).table_z
         limits = Limits(inlier_band, min_inliers, (smallest, largest))
         try:
-            measured = yield from self.compute(measure, detection, method, limits, renderer)
+            measured = yield from self.compute(measure, detection, method, limits, renderer, table_z, earlier)
         except RefineError as problem:
             raise self.failure(problem.code, str(problem), **vars(problem)) from problem
         self.publish("refine", _picture(detection, measured, renderer))

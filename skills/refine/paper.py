@@ -26,7 +26,7 @@ def sigma_bound(p_hat: Float64) -> float:
 
 
 def moved_and_scaled(T_camera_object: Float64, sigma: float) -> Float64:
-    """Camera from mesh coordinates at sigma (eqs. sigma-translation, sigma scaling): p' = p - sigma p/|p|, s' = mu s."""
+    """Camera from mesh coordinates at sigma, p' = p - sigma p/|p| and s' = mu s (sigma-translation, sigma scaling)."""
     p_hat = T_camera_object[:3, 3]
     mu = 1.0 - sigma / float(np.linalg.norm(p_hat))
     T = T_camera_object.copy()

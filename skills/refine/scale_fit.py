@@ -24,6 +24,8 @@ MIN_VALID = 0.05
 
 _HYPOTHESES = 512
 _REFITS = 20
+_SEEN_THROUGH = 0.25
+"""Weight of a measurement beyond the model against one on it: less than that of a fruit that is 60 % visible."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -103,14 +105,15 @@ def fit_scale(depth: DepthImage, virtual_depth: DepthImage, inlier_band: float =
 
 
 def _largest_consensus(ratio: NDArray[np.float64], half_width: float) -> float:
-    """The mean of the densest interval of width 2 `half_width`, over evenly chosen ratios.
+    """The mean of the best supported interval of width 2 `half_width`, over evenly chosen ratios.
 
-    Of equally dense intervals the one nearest to the median wins.
+    What is nearer than the fruit may hide it, but nothing farther can be seen through it: measurements beyond an
+    interval count against it. Of equally good intervals the one nearest to the median wins.
     """
     ordered = np.sort(ratio[:: max(1, len(ratio) // _HYPOTHESES)])
     first = np.arange(len(ordered))
     beyond = np.searchsorted(ordered, ordered + 2.0 * half_width, side="right")
-    support = beyond - first
-    densest = np.flatnonzero(support == support.max())
-    start = int(densest[np.argmin(np.abs(densest + 0.5 * support.max() - 0.5 * len(ordered)))])
+    score = (beyond - first) - _SEEN_THROUGH * (len(ordered) - beyond)
+    best = np.flatnonzero(score == score.max())
+    start = int(best[np.argmin(np.abs(0.5 * (first + beyond)[best] - 0.5 * len(ordered)))])
     return float(ordered[start : beyond[start]].mean())

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from py_trees.common import Status
 
-from drivers.interfaces import Frame
-from executive.skill_testing import drive
+from drivers.interfaces import Frame, Workspace
+from executive.skill_testing import Outcome, drive
 from executive.views import ImageView
 from skills.detect.detection import Detection
 from skills.geometry import inverse, rot_x, rot_y, transform
@@ -20,6 +20,11 @@ from skills.refine.render import ImageBox, render_depth
 
 T_BASE_CAMERA = transform(rot_x(2.8), (-0.04, -0.25, 0.60))
 SCALE = 0.85
+
+
+def measure(inputs: dict[str, object], table_z: float | None = None) -> Outcome:
+    workspace = Workspace(table_z, np.full(3, -1.0), np.full(3, 1.0))
+    return drive(Refine(), inputs, devices={Workspace: workspace})
 
 
 @pytest.fixture
@@ -42,7 +47,7 @@ def with_depth(detection: Detection, depth: np.ndarray | None) -> Detection:
 @pytest.mark.parametrize("renderer", ["pyrender", "zbuffer"])
 @pytest.mark.parametrize("method", ["uniform", "paper"])
 def test_measures_size_and_place_in_the_base_frame(detection, method, renderer):
-    outcome = drive(Refine(), {"detection": detection, "method": method, "renderer": renderer})
+    outcome = measure({"detection": detection, "method": method, "renderer": renderer})
     assert outcome.status is Status.SUCCESS
     measured = outcome.outputs["measured"]
     np.testing.assert_allclose(measured.dimensions, SCALE * detection.fruit.dimensions, atol=2e-6)
@@ -57,7 +62,7 @@ def test_measures_size_and_place_in_the_base_frame(detection, method, renderer):
 
 
 def test_none_hands_the_detection_on(detection):
-    outcome = drive(Refine(), {"detection": detection, "method": "none"})
+    outcome = measure({"detection": detection, "method": "none"})
     measured = outcome.outputs["measured"]
     np.testing.assert_allclose(measured.T_base_fruit, T_BASE_CAMERA @ detection.T_camera_object)
     np.testing.assert_allclose(measured.dimensions, detection.fruit.dimensions)
@@ -65,7 +70,7 @@ def test_none_hands_the_detection_on(detection):
 
 
 def test_shows_the_outline_in_the_image(detection):
-    outcome = drive(Refine(), {"detection": detection})
+    outcome = measure({"detection": detection, "method": "uniform"})
     ((topic, view),) = outcome.published
     assert topic == "refine"
     assert isinstance(view, ImageView)
@@ -77,7 +82,7 @@ def test_shows_the_outline_in_the_image(detection):
 
 
 def reason_of(detection: Detection, **inputs: object):
-    outcome = drive(Refine(), {"detection": detection, **inputs})
+    outcome = measure({"detection": detection, **inputs})
     assert outcome.status is Status.FAILURE
     assert "measured" not in outcome.outputs
     return outcome.reason
@@ -141,7 +146,7 @@ def test_render_failed_without_opengl(detection, monkeypatch):
 
     monkeypatch.setattr("skills.refine.gl._render", broken)
     assert reason_of(detection).code == "RENDER_FAILED"
-    assert drive(Refine(), {"detection": detection, "renderer": "zbuffer"}).status is Status.SUCCESS
+    assert measure({"detection": detection, "renderer": "zbuffer"}).status is Status.SUCCESS
 
 
 def test_render_failed_for_an_open_mesh(detection):

@@ -1,0 +1,133 @@
+"""Which measured points to fit a fruit's shape to: from all looks, without what it stands on."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.interfaces import Intrinsics
+from skills.geometry import inverse
+from skills.refine.cloud import Cloud, cloud, together
+from skills.refine.errors import RenderFailed
+from skills.refine.render import DepthImage, ImageBox, RendererName, Triangles, render_depth
+from skills.refine.segment import connected_to
+from skills.refine.support_plane import Plane, find_plane, seen_near
+
+Float64 = NDArray[np.float64]
+
+_MARGIN = 0.15
+_AROUND = 16
+_ABOVE_PLANE = 4e-3
+_BEYOND_MODEL = 0.02
+_OTHER_LOOK = 2.0
+"""Another look agrees with the model of the first within this many bands: the model is not right yet."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Look:
+    """Another look at the same fruit.
+
+    Attributes:
+        depth: z-depth, shape (h, w) [m]; 0 or not finite where there is none.
+        intrinsics: of this depth image.
+        T_camera_look: pose of this look's camera in the frame of the look that is refined.
+    """
+
+    depth: DepthImage
+    intrinsics: Intrinsics
+    T_camera_look: Float64
+
+
+def gather(
+    depth: DepthImage,
+    intrinsics: Intrinsics,
+    box: ImageBox,
+    virtual_depth: DepthImage,
+    inliers: NDArray[np.bool_],
+    known: Plane | None,
+) -> tuple[Cloud, Plane | None]:
+    """Points of one look around a fruit that was scaled already, and the plane that it is in front of.
+
+    Args:
+        depth, intrinsics: the look.
+        box: part of the image that the model covers.
+        virtual_depth: the scaled model's depth, shape `box.shape` [m].
+        inliers: pixels that agree with it, shape `box.shape`.
+        known: where the support should be, in the camera frame; None if unknown.
+
+    Returns:
+        the points that do not lie on the plane, and the plane as the camera sees it; without a plane in sight, the
+        known one.
+    """
+    around = box.grown(_AROUND, intrinsics)
+    outside = np.ones(around.shape, dtype=np.bool_)
+    top, left = box.top - around.top, box.left - around.left
+    outside[top : top + box.shape[0], left : left + box.shape[1]] = virtual_depth <= 0.0
+    every_second = np.zeros_like(outside)
+    every_second[::2, ::2] = True
+    background = cloud(depth, intrinsics, around, outside & every_second).points
+    plane = find_plane(background) if known is None else (seen_near(known, background) or known)
+
+    whole = _connected(depth, intrinsics, box, virtual_depth, inliers)
+    if plane is None:
+        return whole, None
+    agreeing = cloud(depth, intrinsics, box, inliers).points
+    if np.mean(plane.height(agreeing) > _ABOVE_PLANE) < 0.5:
+        return whole, None  # something else than the support: a leaf, a wall in front
+    return whole.chosen(plane.height(whole.points) > _ABOVE_PLANE), plane
+
+
+def gather_others(
+    looks: Sequence[Look],
+    mesh: Triangles,
+    T_camera_mesh: Float64,
+    plane: Plane | None,
+    band: float,
+    using: RendererName,
+) -> list[Cloud]:
+    """Points of other looks that agree with the scaled model, in the frame of the first look.
+
+    Looks that miss the fruit, or show something else in its place, give none.
+    """
+    clouds = []
+    for look in looks:
+        try:
+            virtual_depth, box = render_depth(
+                mesh, inverse(look.T_camera_look) @ T_camera_mesh, look.intrinsics, using=using
+            )
+        except RenderFailed:
+            continue  # the fruit is not in this picture
+        near = np.abs(look.depth[box.slices] - virtual_depth) <= _OTHER_LOOK * band
+        points = _connected(look.depth, look.intrinsics, box, virtual_depth, near).moved(look.T_camera_look)
+        if plane is not None:
+            points = points.chosen(plane.height(points.points) > _ABOVE_PLANE)
+        if len(points.points):
+            clouds.append(points)
+    return clouds
+
+
+def _connected(
+    depth: DepthImage,
+    intrinsics: Intrinsics,
+    box: ImageBox,
+    virtual_depth: DepthImage,
+    inliers: NDArray[np.bool_],
+) -> Cloud:
+    """Points in and around a box that are connected to the pixels that agree with a model."""
+    wide = box.grown(int(_MARGIN * max(box.shape)) + 2, intrinsics)
+    top, left = box.top - wide.top, box.left - wide.left
+    covered, agreeing = np.zeros(wide.shape, dtype=np.bool_), np.zeros(wide.shape, dtype=np.bool_)
+    part = slice(top, top + box.shape[0]), slice(left, left + box.shape[1])
+    covered[part], agreeing[part] = virtual_depth > 0.0, inliers
+    return cloud(depth, intrinsics, wide, connected_to(agreeing, depth[wide.slices], covered))
+
+
+def near_model(clouds: list[Cloud], mesh: Triangles, T_camera_mesh: Float64) -> Cloud:
+    """All points that are not farther from the scaled model's centre than it could reach."""
+    radius = float(np.linalg.norm(mesh.vertices @ T_camera_mesh[:3, :3].T, axis=1).max())
+    points = together(clouds)
+    distance = np.linalg.norm(points.points - T_camera_mesh[:3, 3], axis=1)
+    return points.chosen(distance < 1.2 * radius + _BEYOND_MODEL)

@@ -1,0 +1,95 @@
+"""The plane that a fruit stands on, or in front of: where it is, seen by the same depth camera."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Float64 = NDArray[np.float64]
+
+_BAND = 4e-3
+_TRIALS = 100
+_LEAST_SHARE = 0.3
+_LEAST_POINTS = 60
+_MAX_SHIFT = 0.015
+_MAX_TURN = np.cos(np.radians(5.0))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Plane:
+    """Points p with normal · p + offset = 0; the normal, shape (3,), is a unit vector towards the free side."""
+
+    normal: Float64
+    offset: float
+
+    def height(self, points: Float64) -> Float64:
+        """Signed distance of points (n, 3) from the plane, positive on the free side [m]."""
+        height: Float64 = points @ self.normal + self.offset
+        return height
+
+
+def horizontal_plane(T_base_camera: Float64, z: float) -> Plane:
+    """The plane at height z of the base frame [m], in the camera frame."""
+    return Plane(T_base_camera[2, :3].copy(), float(T_base_camera[2, 3] - z))
+
+
+def find_plane(points: Float64) -> Plane | None:
+    """The plane that most of the points lie on (RANSAC, then least squares), its free side towards the camera.
+
+    Args:
+        points: measured points around the fruit in the camera frame, shape (n, 3) [m].
+
+    Returns:
+        None when no plane holds a third of the points.
+    """
+    if len(points) < _LEAST_POINTS:
+        return None
+    rng = np.random.default_rng(0)
+    best: NDArray[np.bool_] | None = None
+    for first, second, third in points[rng.integers(0, len(points), (_TRIALS, 3))]:
+        normal = np.cross(second - first, third - first)
+        length = np.linalg.norm(normal)
+        if length < 1e-6:
+            continue
+        near = np.abs((points - first) @ (normal / length)) <= _BAND
+        if best is None or np.count_nonzero(near) > np.count_nonzero(best):
+            best = near
+    if best is None or best.mean() < _LEAST_SHARE:
+        return None
+    return _least_squares(points, best)
+
+
+def seen_near(known: Plane, points: Float64) -> Plane | None:
+    """Where the camera sees a plane that is known to be about there.
+
+    A depth camera errs by some millimetres as a whole, and the camera's own pose may be off: the fruit and what it
+    stands on share these errors, so their distance is better taken from one image than from two sources.
+
+    Returns:
+        None when the points around the fruit do not show it within 15 mm and 5 degrees.
+    """
+    near = np.abs(known.height(points)) <= _MAX_SHIFT
+    if np.count_nonzero(near) < _LEAST_POINTS or near.mean() < _LEAST_SHARE:
+        return None
+    offset = float(np.median(known.height(points[near])))
+    seen = _least_squares(points, np.abs(known.height(points) - offset) <= 2.0 * _BAND)
+    if seen is None or seen.normal @ known.normal < _MAX_TURN:
+        return None
+    return seen
+
+
+def _least_squares(points: Float64, chosen: NDArray[np.bool_]) -> Plane | None:
+    """The plane through the chosen points, and then through those near it."""
+    plane = None
+    for _ in range(4):
+        if np.count_nonzero(chosen) < _LEAST_POINTS:
+            return None
+        centre = points[chosen].mean(axis=0)
+        spread = points[chosen] - centre
+        normal = np.linalg.eigh(spread.T @ spread)[1][:, 0]
+        normal = -normal if normal @ centre > 0.0 else normal
+        plane = Plane(normal, -float(normal @ centre))
+        chosen = np.abs(plane.height(points)) <= _BAND
+    return plane
