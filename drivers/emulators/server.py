@@ -22,6 +22,10 @@ class Peer(Protocol):
 
     def send(self, chunk: bytes) -> None: ...
 
+    def close(self) -> None:
+        """Hang up, where the wire knows that."""
+        ...
+
 
 class Emulator(Protocol):
     """A device that answers bytes with bytes."""
@@ -63,6 +67,10 @@ class _TcpPeer:
     def send(self, chunk: bytes) -> None:
         with contextlib.suppress(OSError):  # a peer that is gone is noticed when it is read
             self.connection.send(chunk)
+
+    def close(self) -> None:
+        with contextlib.suppress(OSError):
+            self.connection.shutdown(socket.SHUT_RDWR)
 
 
 class TcpPort:

@@ -1,0 +1,1 @@
+"""Yaskawa arms whose controller runs MotoROS, over ROS-Industrial's simple message."""

@@ -1,0 +1,362 @@
+"""Simple message, as MotoROS speaks it: messages as frozen dataclasses, and finding them in a stream of bytes.
+
+    length i32 (of what follows) | type i32 | communication i32 | reply i32 | body
+
+All numbers are i32 or f32, in the controller's byte order: big-endian on the FS100, little-endian on DX and YRC. Joints
+are in the wire's order S, L, E, U, R, B, T, filled up to ten.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from dataclasses import astuple, dataclass
+from enum import IntEnum, IntFlag
+from typing import ClassVar, Literal
+
+from drivers.wire import Malformed
+
+Order = Literal["<", ">"]
+
+JOINTS = 10
+Ten = tuple[float, ...]
+ZEROS: Ten = (0.0,) * JOINTS
+
+
+class Communication(IntEnum):
+    """What a message is in the exchange."""
+
+    TOPIC = 1
+    REQUEST = 2
+    REPLY = 3
+
+
+class Valid(IntFlag):
+    """Which fields of a point or a feedback mean something."""
+
+    TIME = 1
+    POSITION = 2
+    VELOCITY = 4
+    ACCELERATION = 8
+
+
+class Control(IntEnum):
+    """Commands of a MotionControl."""
+
+    CHECK_READY = 200101
+    CHECK_QUEUE = 200102
+    STOP = 200111
+    SERVO_ON = 200112
+    SERVO_OFF = 200113
+    RESET_ALARM = 200114
+    START_TRAJECTORY_MODE = 200121
+    STOP_TRAJECTORY_MODE = 200122
+    DISCONNECT = 200130
+
+
+class Result(IntEnum):
+    """Results of a MotionReply."""
+
+    SUCCESS = 0
+    BUSY = 1
+    FAILURE = 2
+    INVALID = 3
+    ALARM = 4
+    NOT_READY = 5
+    MOTION_FAILURE = 6
+
+
+@dataclass(frozen=True, slots=True)
+class Ping:
+    """Are you there?"""
+
+    TYPE: ClassVar[int] = 1
+    LAYOUT: ClassVar[str] = ""
+
+
+@dataclass(frozen=True, slots=True)
+class RobotStatus:
+    """Pushed on the state connection; every flag is 1, 0, or −1 for unknown; mode 1 is teach, 2 is play."""
+
+    TYPE: ClassVar[int] = 13
+    LAYOUT: ClassVar[str] = "7i"
+    drives_powered: int
+    e_stopped: int
+    error_code: int
+    in_error: int
+    in_motion: int
+    mode: int
+    motion_possible: int
+
+
+@dataclass(frozen=True, slots=True)
+class TrajectoryPoint:
+    """A point of a trajectory: time from its start [s], positions [rad], velocities [rad/s], accelerations."""
+
+    TYPE: ClassVar[int] = 14
+    LAYOUT: ClassVar[str] = "3if30f"
+    group: int
+    sequence: int
+    valid: int
+    time: float
+    position: Ten
+    velocity: Ten
+    acceleration: Ten = ZEROS
+
+
+@dataclass(frozen=True, slots=True)
+class JointFeedback:
+    """Pushed on the state connection about every 25 ms."""
+
+    TYPE: ClassVar[int] = 15
+    LAYOUT: ClassVar[str] = "2if30f"
+    group: int
+    valid: int
+    time: float
+    position: Ten
+    velocity: Ten = ZEROS
+    acceleration: Ten = ZEROS
+
+
+@dataclass(frozen=True, slots=True)
+class MotionControl:
+    """A command (`Control`) on the motion connection."""
+
+    TYPE: ClassVar[int] = 2001
+    LAYOUT: ClassVar[str] = "3i10f"
+    group: int
+    sequence: int
+    command: int
+    values: Ten = ZEROS
+
+
+@dataclass(frozen=True, slots=True)
+class MotionReply:
+    """The answer to a MotionControl or a TrajectoryPoint: a `Result`, and a subcode (see `drivers.motoman.words`)."""
+
+    TYPE: ClassVar[int] = 2002
+    LAYOUT: ClassVar[str] = "5i10f"
+    group: int
+    sequence: int
+    command: int
+    result: int
+    subcode: int
+    values: Ten = ZEROS
+
+
+@dataclass(frozen=True, slots=True)
+class ReadInput:
+    """Read one input or output (2003), or a group of eight (2007)."""
+
+    TYPE: ClassVar[int] = 2003
+    LAYOUT: ClassVar[str] = "i"
+    address: int
+
+
+@dataclass(frozen=True, slots=True)
+class InputValue:
+    """The answer to ReadInput; result 0 is success."""
+
+    TYPE: ClassVar[int] = 2004
+    LAYOUT: ClassVar[str] = "2i"
+    value: int
+    result: int
+
+
+@dataclass(frozen=True, slots=True)
+class WriteOutput:
+    """Write one output."""
+
+    TYPE: ClassVar[int] = 2005
+    LAYOUT: ClassVar[str] = "2i"
+    address: int
+    value: int
+
+
+@dataclass(frozen=True, slots=True)
+class OutputWritten:
+    """The answer to WriteOutput; 0 is success."""
+
+    TYPE: ClassVar[int] = 2006
+    LAYOUT: ClassVar[str] = "i"
+    result: int
+
+
+@dataclass(frozen=True, slots=True)
+class ReadInputGroup:
+    """Read eight inputs or outputs at once."""
+
+    TYPE: ClassVar[int] = 2007
+    LAYOUT: ClassVar[str] = "i"
+    address: int
+
+
+@dataclass(frozen=True, slots=True)
+class InputGroupValue:
+    """The answer to ReadInputGroup."""
+
+    TYPE: ClassVar[int] = 2008
+    LAYOUT: ClassVar[str] = "2i"
+    value: int
+    result: int
+
+
+@dataclass(frozen=True, slots=True)
+class WriteOutputGroup:
+    """Write eight outputs at once."""
+
+    TYPE: ClassVar[int] = 2009
+    LAYOUT: ClassVar[str] = "2i"
+    address: int
+    value: int
+
+
+@dataclass(frozen=True, slots=True)
+class OutputGroupWritten:
+    """The answer to WriteOutputGroup."""
+
+    TYPE: ClassVar[int] = 2010
+    LAYOUT: ClassVar[str] = "i"
+    result: int
+
+
+Body = (
+    Ping
+    | RobotStatus
+    | TrajectoryPoint
+    | JointFeedback
+    | MotionControl
+    | MotionReply
+    | ReadInput
+    | InputValue
+    | WriteOutput
+    | OutputWritten
+    | ReadInputGroup
+    | InputGroupValue
+    | WriteOutputGroup
+    | OutputGroupWritten
+)
+_BODIES: dict[int, type[Body]] = {
+    body.TYPE: body
+    for body in (
+        Ping,
+        RobotStatus,
+        TrajectoryPoint,
+        JointFeedback,
+        MotionControl,
+        MotionReply,
+        ReadInput,
+        InputValue,
+        WriteOutput,
+        OutputWritten,
+        ReadInputGroup,
+        InputGroupValue,
+        WriteOutputGroup,
+        OutputGroupWritten,
+    )
+}
+_SIZES = {kind: 16 + struct.calcsize("<" + body.LAYOUT) for kind, body in _BODIES.items()}
+"""Bytes of a whole message by type."""
+
+
+@dataclass(frozen=True, slots=True)
+class Message:
+    """A body and its place in the exchange; `reply` is 0, or 1 for success and 2 for failure."""
+
+    body: Body
+    communication: Communication
+    reply: int = 0
+
+
+def encode(message: Message, order: Order) -> bytes:
+    """The bytes of a message in a byte order."""
+    body = message.body
+    numbers: list[float] = []
+    for value in astuple(body):
+        if isinstance(value, tuple):
+            numbers += [*value, *ZEROS[len(value) :]]
+        else:
+            numbers.append(value)
+    size = _SIZES[body.TYPE] - 4
+    return struct.pack(f"{order}4i{body.LAYOUT}", size, body.TYPE, message.communication, message.reply, *numbers)
+
+
+class Decoder:
+    """Finds messages in a stream of bytes; after damage it goes on with the next intact one.
+
+    There is no checksum: what is no message is known by its header, or by a value that is not finite.
+
+    Attributes:
+        discarded: bytes so far that belonged to no message.
+        garbage: the first of them since `complain`, for the error's text.
+    """
+
+    def __init__(self, order: Order) -> None:
+        self.discarded = 0
+        self.garbage = b""
+        self._order: Order = order
+        self._header = struct.Struct(f"{order}4i")
+        self._buffer = bytearray()
+
+    def decode(self, chunk: bytes) -> list[Message]:
+        """The messages that are complete with these bytes, in order."""
+        self._buffer += chunk
+        return self._scan(final=False)
+
+    def flush(self) -> list[Message]:
+        """The messages hidden behind an unfinished one, when nothing more will come of it."""
+        return self._scan(final=True)
+
+    def complain(self) -> None:
+        """Raise if bytes came that are no message.
+
+        Raises:
+            Malformed: with the first of them.
+        """
+        if self.garbage:
+            garbage, self.garbage = self.garbage, b""
+            raise Malformed(garbage, "bytes that are no simple message in this byte order")
+
+    def _scan(self, final: bool) -> list[Message]:
+        messages: list[Message] = []
+        buffer, position = self._buffer, 0
+        while len(buffer) - position >= 16:
+            length, kind, communication, reply = self._header.unpack_from(buffer, position)
+            size = _SIZES.get(kind)
+            if size is None or length + 4 != size or not 1 <= communication <= 3 or not 0 <= reply <= 2:
+                position = self._discard(position)
+                continue
+            if len(buffer) - position < size:
+                if not final:
+                    break
+                position = self._discard(position)
+                continue
+            body = self._body(kind, bytes(buffer[position + 16 : position + size]))
+            if body is None:
+                position = self._discard(position)
+                continue
+            messages.append(Message(body, Communication(communication), reply))
+            position += size
+        if final:
+            while position < len(buffer):
+                position = self._discard(position)
+        del buffer[:position]
+        return messages
+
+    def _discard(self, position: int) -> int:
+        if len(self.garbage) < 64:
+            self.garbage += self._buffer[position : position + 1]
+        self.discarded += 1
+        return position + 1
+
+    def _body(self, kind: int, packed: bytes) -> Body | None:
+        body = _BODIES[kind]
+        numbers = struct.unpack(self._order + body.LAYOUT, packed)
+        if not all(map(math.isfinite, numbers)):
+            return None
+        if "f" not in body.LAYOUT:
+            return body(*numbers)
+        tens = 3 if body.LAYOUT.endswith("30f") else 1
+        singles = len(numbers) - tens * JOINTS
+        lists = (numbers[singles + i * JOINTS : singles + (i + 1) * JOINTS] for i in range(tens))
+        return body(*numbers[:singles], *lists)

@@ -1,0 +1,363 @@
+"""A Yaskawa arm under MotoROS as an `Arm`: state watched, trajectories streamed, faults in words.
+
+One thread serves both connections. A lost controller, an emergency stop, teach mode or an alarm fails the motion and
+stays latched until somebody acknowledges it; the handshake is then repeated, and nothing goes on by itself.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import threading
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from drivers.device import Device
+from drivers.errors import DeviceError, DeviceFault, DeviceLost, MotionRefused
+from drivers.interfaces import Arm, ArmLimits, ArmState, Float64, Motion, MotionState, Trajectory
+from drivers.motoman.codec import Control, Order, Result, Valid
+from drivers.motoman.session import Session
+from drivers.motoman.stream import INTERPOLATION, PointStream
+from drivers.motoman.words import fault, refusal
+from drivers.path_motion import PathMotion
+from drivers.trajectory_check import problem_with
+from drivers.wire import Link, ServiceLoop
+from executive.clock import Clock
+
+RECONNECT = 0.5
+"""Pause between attempts to open lost connections again [s]."""
+SERVO_ON = 15.0
+"""Deadline of switching the servos on: the controller waits up to 5 s in each of its stages [s]."""
+FIRST_STATE = 1.0
+"""Deadline of the first feedback and status [s]."""
+ARRIVED, AT_REST = 2e-3, 5e-3
+"""A motion is done when every joint is this near to its end [rad] and slower than this [rad/s]."""
+
+
+@dataclass(frozen=True, slots=True)
+class MotomanOptions:
+    """What the cell file says of the arm.
+
+    Attributes:
+        order: byte order of the controller, "<" or ">".
+        group: control group of the arm.
+        wire_joints: for every joint of the robot's description its place on the wire (S L E U R B T = 0 … 6).
+        servo_on: whether the servos are switched on at the connection; else somebody does it at the pendant.
+        point_period: time between points that are sent [s].
+        lead: how far ahead of the arm points are sent [s]: a stop takes effect behind them.
+        silence: without feedback for so long the arm is lost [s].
+    """
+
+    order: Order = "<"
+    group: int = 0
+    wire_joints: tuple[int, ...] = (0, 1, 2, 3, 4, 5, 6)
+    servo_on: bool = True
+    point_period: float = 0.02
+    lead: float = 0.15
+    silence: float = 0.09
+
+
+class MotomanArm(Device):
+    """The arm. Joints in the order of the robot's description; the wire's order stays in here."""
+
+    interfaces = (Arm,)
+
+    def __init__(
+        self,
+        open_state: Callable[[], Link],
+        open_motion: Callable[[], Link],
+        clock: Clock,
+        description: Path,
+        limits: ArmLimits,
+        options: MotomanOptions | None = None,
+        name: str = "arm",
+    ) -> None:
+        super().__init__(name)
+        self.description, self.limits = description, limits
+        self.options = options or MotomanOptions()
+        self._open_state, self._open_motion, self._clock = open_state, open_motion, clock
+        self._wire = np.array(self.options.wire_joints)
+        self._lock = threading.RLock()
+        self._loop = ServiceLoop(f"{name} wire", self.step, self._lose)
+        self._session: Session | None = None
+        self._retry_at = 0.0
+        self._state = ArmState(0.0, np.zeros(len(self._wire)), np.zeros(len(self._wire)), False)
+        self._motion: PathMotion | None = None
+        self._stream: PointStream | None = None
+        self._latched: str | None = None
+        self._enabling = False
+        self._problem: DeviceError | None = DeviceLost(name, "was never connected")
+
+    # ---------------------------------------------------------------------------------------- connection
+
+    def connect(self) -> None:
+        """Open both connections, wait for the state, and make the controller ready (which may switch the servos on).
+
+        Raises:
+            DeviceError: no controller there, or it is not ready, in words.
+        """
+        session = self._open()
+        try:
+            self._enable(session, self.options.servo_on)
+        except OSError as error:
+            session.close()
+            raise DeviceLost(self.name, str(error)) from error
+        except DeviceError:
+            session.close()
+            raise
+        self._session, self._problem = session, None
+
+    def start(self) -> None:
+        """Serve the connections in a thread of its own from now on."""
+        self._loop.start()
+
+    def _open(self) -> Session:
+        links: list[Link] = []
+        try:
+            links.append(self._open_state())
+            links.append(self._open_motion())
+            session = Session(self.name, links[0], links[1], self._clock, self.options.order, self.options.group)
+            end = self._clock.now() + FIRST_STATE
+            while session.feedback is None or session.status is None:
+                session.listen(0.02)
+                if self._clock.now() > end:
+                    raise DeviceLost(self.name, f"the controller pushed no state within {FIRST_STATE:g} s")
+        except (OSError, DeviceError) as error:
+            for link in links:
+                link.close()
+            lost = DeviceLost(self.name, f"cannot be reached: {error}")
+            raise (error if isinstance(error, DeviceError) else lost) from error
+        self._take_feedback(session)
+        return session
+
+    def _enable(self, session: Session, servo_on: bool) -> None:
+        """Make the controller ready to move: reset an alarm, servos on, trajectory mode. The arm stands still."""
+        status = session.status
+        if status is not None and status.e_stopped == 1:
+            raise DeviceFault(self.name, fault(status))
+        if status is not None and status.in_error == 1:
+            session.ask(Control.RESET_ALARM, SERVO_ON)
+        ready = session.ask(Control.CHECK_READY)
+        if ready.result != Result.SUCCESS:
+            if not servo_on:
+                raise DeviceFault(self.name, refusal(ready))
+            session.demand(Control.START_TRAJECTORY_MODE, SERVO_ON)
+            session.demand(Control.CHECK_READY)
+        session.status = None  # of before; the next push tells the present one
+
+    def step(self) -> None:
+        """Serve both connections for a few milliseconds; the arm's own thread calls this without end."""
+        try:
+            if self._session is None:
+                self._reconnect()
+            else:
+                self._serve(self._session)
+        except (OSError, DeviceError) as error:
+            self._lose(error)
+
+    def _reconnect(self) -> None:
+        if self._clock.now() < self._retry_at:
+            self._clock.advance(min(self._retry_at - self._clock.now(), 0.05))
+            return
+        self._session = self._open()
+
+    def _lose(self, error: Exception) -> None:
+        with self._lock:
+            session, self._session = self._session, None
+            if session is not None:
+                words = (
+                    f"the connection failed: {error}" if isinstance(error, OSError) else f"the driver failed: {error!r}"
+                )
+                self._problem = error if isinstance(error, DeviceError) else DeviceLost(self.name, words)
+                self._fail_motion(str(self._problem))
+                if self._motion is not None:
+                    self._motion.settled = True  # nobody knows better
+            self._retry_at = self._clock.now() + RECONNECT
+            self._enabling = False
+        if session is not None:
+            session.close()
+
+    # ----------------------------------------------------------------------------------------- the wire
+
+    def _serve(self, session: Session) -> None:
+        streaming = self._stream is not None
+        session.listen(0.001 if streaming else 0.004)
+        silent = self._clock.now() - session.heard
+        if silent > self.options.silence:
+            raise DeviceLost(self.name, f"no feedback for {1e3 * silent:.0f} ms")
+        if self._enabling:
+            self._enable_again(session)
+        with self._lock:
+            self._take_feedback(session)
+            self._watch_status(session)
+            if self._stream is not None:
+                self._pump(session, self._stream)
+            self._watch_motion()
+
+    def _enable_again(self, session: Session) -> None:
+        """After an acknowledgement; takes seconds, in which motions are refused."""
+        try:
+            self._enable(session, self.options.servo_on)
+        except DeviceFault as error:
+            self._problem = error
+        finally:
+            self._enabling = False
+
+    def _take_feedback(self, session: Session) -> None:
+        feedback = session.feedback
+        if feedback is None or session.heard == self._state.stamp:
+            return
+        q = np.array(feedback.position)[self._wire]
+        if feedback.valid & Valid.VELOCITY:
+            qd = np.array(feedback.velocity)[self._wire]
+        else:
+            elapsed = session.heard - self._state.stamp
+            qd = (q - self._state.q) / elapsed if 0.0 < elapsed < 0.2 else np.zeros_like(q)
+        self._state = ArmState(session.heard, q, qd, self._motion is not None and not self._motion.at_rest)
+
+    def _watch_status(self, session: Session) -> None:
+        words = fault(session.status) if session.status is not None else ""
+        if words and self._problem is None:
+            self._problem = DeviceFault(self.name, words)
+            self._fail_motion(words)
+
+    def _pump(self, session: Session, stream: PointStream) -> None:
+        try:
+            stream.pump(session)
+        except DeviceFault as error:
+            self._fail_motion(error.message)
+            session.ask(Control.STOP)
+
+    def _watch_motion(self) -> None:
+        motion, stream, state = self._motion, self._stream, self._state
+        if motion is None or motion.settled:
+            self._stream = None
+            return
+        resting = bool(np.abs(state.qd).max() < AT_REST)
+        if stream is None:
+            motion.settled = resting
+        elif motion.set_point_rests and stream.played:
+            motion.look(bool(resting and np.abs(state.q - self._from_wire(stream.q_last)).max() < ARRIVED))
+
+    def _fail_motion(self, problem: str) -> None:
+        """The controller has stopped or will not go on: nothing more is sent."""
+        motion = self._motion
+        self._stream = None
+        if motion is not None and motion.state in (MotionState.RUNNING, MotionState.PAUSED):
+            motion.problem, motion.state = problem, MotionState.FAILED
+
+    def _from_wire(self, q_wire: Float64) -> Float64:
+        q: Float64 = q_wire[self._wire]
+        return q
+
+    # -------------------------------------------------------------------------------------- the interface
+
+    def state(self) -> ArmState:
+        """As the Protocol says.
+
+        Raises:
+            DeviceLost: there is no fresh state.
+        """
+        if self._session is None:
+            raise DeviceLost(self.name, str(self._problem))
+        return self._state
+
+    def follow(self, trajectory: Trajectory) -> Motion:
+        with self._lock:
+            if self._latched is not None:
+                raise MotionRefused(self.name, f"latched in the safe state ({self._latched})")
+            if self._session is None or self._problem is not None:
+                raise MotionRefused(self.name, f"not ready: {self._problem}")
+            if self._enabling:
+                raise MotionRefused(self.name, "not ready: the servos are being switched on")
+            if self._motion is not None and not self._motion.settled:
+                raise MotionRefused(self.name, "still moves; stop the motion and wait until it has settled")
+            q = self._state.q
+            problem = problem_with(trajectory, self.limits, q)
+            if problem:
+                raise MotionRefused(self.name, problem)
+            on_wire = Trajectory(trajectory.t, *map(self._to_wire, (trajectory.q, trajectory.qd, trajectory.qdd)))
+            limits = ArmLimits(*(self._to_wire(rate) for rate in _rates(self.limits)))
+            options = self.options
+            self._motion = PathMotion(on_wire, limits, INTERPOLATION)
+            self._stream = PointStream(
+                self._motion,
+                on_wire.q[0],
+                self._to_wire(q),
+                self._clock,
+                options.group,
+                options.point_period,
+                options.lead,
+            )
+            return self._motion
+
+    def _to_wire(self, values: Float64) -> Float64:
+        """Joints of the description, shape (..., dof), on their places of the wire."""
+        on_wire = np.empty_like(values)
+        on_wire[..., self._wire] = values
+        return on_wire
+
+    # ---------------------------------------------------------------------------------------- the device
+
+    def link(self) -> str:
+        return "ok" if self._problem is None else str(self._problem)
+
+    def check(self) -> None:
+        problem = self._problem
+        if problem is not None:
+            raise problem
+
+    def safe_stop(self, reason: str) -> None:
+        with self._lock:
+            if self._latched is None:
+                self._latched = reason
+            if self._motion is not None:
+                self._motion.stop()
+
+    def acknowledge(self) -> None:
+        """Release the latch; reset an alarm and switch the servos on again where the options allow it.
+
+        Raises:
+            DeviceLost: the controller is still lost.
+        """
+        with self._lock:
+            if self._session is None:
+                raise DeviceLost(self.name, f"is still lost: {self._problem}")
+            self._latched = None
+            if self._problem is not None:
+                self._enabling, self._problem = True, None
+
+    def pause(self) -> None:
+        with self._lock:
+            if self._motion is not None:
+                self._motion.pause()
+
+    def resume(self) -> None:
+        with self._lock:
+            if self._motion is not None:
+                self._motion.resume()
+
+    def settled(self) -> bool:
+        motion, stream = self._motion, self._stream
+        if motion is None or motion.settled:
+            return True
+        return motion.at_rest and stream is not None and stream.played
+
+    def close(self) -> None:
+        """Come to rest on the path, then disconnect."""
+        self.safe_stop("closed")
+        end = self._clock.now() + 2.0
+        while not self.settled() and self._session is not None and self._clock.now() < end:
+            self._clock.advance(0.02)
+        self._loop.close()
+        session, self._session = self._session, None
+        if session is not None:
+            with contextlib.suppress(OSError):
+                session.close()
+        self._problem = DeviceLost(self.name, "is closed")
+
+
+def _rates(limits: ArmLimits) -> Sequence[Float64]:
+    return (limits.lower, limits.upper, limits.velocity, limits.acceleration, limits.jerk)

@@ -1,0 +1,393 @@
+"""The arm's driver against the emulated controller, byte for byte, on a clock that the test moves."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from drivers.emulators.motoman import FreeJoints, MotomanEmulator
+from drivers.errors import DeviceFault, DeviceLost, MotionRefused
+from drivers.interfaces import ArmLimits, Motion, MotionState, Trajectory
+from drivers.motoman.driver import RECONNECT, MotomanArm, MotomanOptions
+from drivers.wire import Nonsense
+from executive.clock import ManualClock
+
+DOF = 7
+LIMITS = ArmLimits(-np.full(DOF, 3.0), np.full(DOF, 3.0), np.full(DOF, 3.0), np.full(DOF, 10.0), np.full(DOF, 200.0))
+START = np.array([0.1, -0.2, 0.3, -0.4, 0.5, -0.6, 0.7])
+
+
+class Connection:
+    """One TCP connection, in memory."""
+
+    def __init__(self, cell: Cell, port: Any) -> None:
+        self.cell, self.port, self.closed = cell, port, False
+        self.arrived = bytearray()
+        self.peer = Peer(self)
+        port.connected(self.peer)
+
+    def send(self, chunk: bytes) -> None:
+        if self.cell.cut:
+            raise BrokenPipeError("cut")
+        self.port.received(self.peer, chunk)
+
+    def receive(self, timeout: float) -> bytes:
+        self.cell.let_pass(timeout, lambda: bool(self.arrived))
+        chunk = bytes(self.arrived)
+        self.arrived.clear()
+        return b"" if self.cell.cut else chunk
+
+    def close(self) -> None:
+        self.closed = True
+        self.port.disconnected(self.peer)
+
+
+class Peer:
+    def __init__(self, connection: Connection) -> None:
+        self.connection = connection
+
+    def send(self, chunk: bytes) -> None:
+        self.connection.arrived += chunk
+
+    def close(self) -> None:
+        self.connection.closed = True
+
+
+class Cell:
+    def __init__(self, order: str = "<", **options: Any) -> None:
+        self.clock = ManualClock(50.0)
+        self.cut = False
+        self.joints = FreeJoints(START)
+        self.controller = MotomanEmulator(self.joints, LIMITS.velocity, order, **options)  # type: ignore[arg-type]
+        self.opened: list[Connection] = []
+
+    def open(self, port: Any) -> Connection:
+        if self.cut:
+            raise ConnectionRefusedError("nobody answers")
+        connection = Connection(self, port)
+        self.opened.append(connection)
+        return connection
+
+    def let_pass(self, seconds: float, until: Callable[[], bool] = lambda: False) -> None:
+        end = self.clock.now() + seconds
+        self.controller.advance(self.clock.now())
+        while not until() and self.clock.now() < end:
+            self.clock.advance(0.001)
+            self.controller.advance(self.clock.now())
+
+
+def connected(cell: Cell, **options: Any) -> MotomanArm:
+    arm = MotomanArm(
+        lambda: cell.open(cell.controller.state),
+        lambda: cell.open(cell.controller.motion),
+        cell.clock,
+        Path("robot.xml"),
+        LIMITS,
+        MotomanOptions(**options),
+    )
+    arm.connect()
+    return arm
+
+
+def serve(arm: MotomanArm, cell: Cell, seconds: float, until: Callable[[], bool] = lambda: False) -> None:
+    end = cell.clock.now() + seconds
+    while cell.clock.now() < end and not until():
+        before = cell.clock.now()
+        arm.step()
+        if cell.clock.now() == before:
+            cell.let_pass(0.001)
+
+
+def swing(start: np.ndarray, change: np.ndarray, duration: float = 1.0, samples: int = 101) -> Trajectory:
+    """A quintic from rest to rest."""
+    s = np.linspace(0.0, 1.0, samples)[:, None]
+    q = start + change * (10 * s**3 - 15 * s**4 + 6 * s**5)
+    qd = change * (30 * s**2 - 60 * s**3 + 30 * s**4) / duration
+    qdd = change * (60 * s - 180 * s**2 + 120 * s**3) / duration**2
+    return Trajectory(s[:, 0] * duration, q, qd, qdd)
+
+
+CHANGE = np.array([0.5, -0.4, 0.3, 0.2, -0.1, 0.6, -0.7])
+
+
+@pytest.mark.parametrize("order", ["<", ">"])
+def test_a_trajectory_is_followed_to_its_end_without_a_gap(order: str) -> None:
+    cell = Cell(order)
+    arm = connected(cell, order=order)
+    motion = arm.follow(swing(START, CHANGE))
+    assert not arm.settled()
+    serve(arm, cell, 0.6)
+    assert motion.state is MotionState.RUNNING
+    assert 0.3 < motion.progress < 1.0
+    serve(arm, cell, 1.0, lambda: motion.settled)
+    assert (motion.state, motion.progress) == (MotionState.DONE, 1.0)
+    assert arm.settled()
+    assert arm.state().q == pytest.approx(START + CHANGE, abs=1e-6)
+    assert cell.controller.gaps == 0
+
+
+def test_the_controller_moves_along_the_path_and_not_beside_it() -> None:
+    cell = Cell()
+    arm = connected(cell)
+    seen = []
+    drive = cell.joints.drive
+    cell.joints.drive = lambda q, qd: (seen.append(q), drive(q, qd))[1]  # type: ignore[method-assign,func-returns-value]
+    motion = arm.follow(swing(START, CHANGE))
+    serve(arm, cell, 2.0, lambda: motion.settled)
+    share = (np.array(seen) - START) / CHANGE
+    assert np.abs(share - share[:, :1]).max() < 1e-4  # all joints at the same place of the path
+    assert np.all(np.diff(share[:, 0]) >= -1e-7)
+
+
+def test_joints_are_sorted_between_the_robot_file_and_the_wire() -> None:
+    cell = Cell()
+    wire_joints = (0, 1, 3, 4, 5, 6, 2)  # a file that lists S L U R B T E
+    arm = connected(cell, wire_joints=wire_joints)
+    assert arm.state().q == pytest.approx(START[list(wire_joints)])
+    motion = arm.follow(swing(arm.state().q, CHANGE))
+    serve(arm, cell, 2.0, lambda: motion.settled)
+    assert motion.state is MotionState.DONE
+    measured, _ = cell.joints.measured()
+    assert measured[2] == pytest.approx(START[2] + CHANGE[6], abs=1e-6)
+
+
+def test_a_full_queue_answers_busy_and_the_same_point_is_sent_again() -> None:
+    cell = Cell(buffer=0.05)
+    arm = connected(cell, lead=0.5)
+    motion = arm.follow(swing(START, CHANGE))
+    stream = arm._stream
+    serve(arm, cell, 2.0, lambda: motion.settled)
+    assert motion.state is MotionState.DONE
+    assert stream is not None
+    assert stream.busy > 5
+    assert cell.controller.gaps == 0
+
+
+def test_500_points_are_streamed_without_a_gap() -> None:
+    cell = Cell()
+    arm = connected(cell)
+    motion = arm.follow(swing(START, CHANGE, duration=10.0, samples=501))
+    stream = arm._stream
+    serve(arm, cell, 12.0, lambda: motion.settled)
+    assert motion.state is MotionState.DONE
+    assert stream is not None
+    assert stream.sent == 501
+    assert cell.controller.gaps == 0
+
+
+def test_a_stop_decelerates_on_the_path_within_the_limits_and_stays() -> None:
+    cell = Cell()
+    arm = connected(cell)
+    motion = arm.follow(swing(START, CHANGE))
+    serve(arm, cell, 0.5)
+    motion.stop()
+    speeds = []
+    drive = cell.joints.drive
+    cell.joints.drive = lambda q, qd: (speeds.append(qd), drive(q, qd))[1]  # type: ignore[method-assign,func-returns-value]
+    serve(arm, cell, 2.0, lambda: motion.settled)
+    assert (motion.state, motion.settled) == (MotionState.STOPPED, True)
+    q, qd = cell.joints.measured()
+    share = (q - START) / CHANGE
+    assert np.abs(share - share[0]).max() < 1e-4
+    assert 0.5 < share[0] < 0.95
+    assert np.all(qd == 0.0)
+    change = np.abs(np.diff(np.array(speeds), axis=0)) / 0.001
+    assert change.max() < 2.0 * LIMITS.acceleration[0]
+    assert cell.controller.gaps == 0
+
+
+def test_a_paused_motion_goes_on_to_its_end() -> None:
+    cell = Cell()
+    arm = connected(cell)
+    motion = arm.follow(swing(START, CHANGE))
+    serve(arm, cell, 0.4)
+    arm.pause()
+    serve(arm, cell, 2.0)
+    stood, _ = cell.joints.measured()
+    assert arm.settled()
+    assert motion.state is MotionState.PAUSED
+    serve(arm, cell, 1.0)
+    assert np.array_equal(cell.joints.measured()[0], stood)
+    arm.resume()
+    serve(arm, cell, 3.0, lambda: motion.settled)
+    assert motion.state is MotionState.DONE
+    assert cell.joints.measured()[0] == pytest.approx(START + CHANGE, abs=1e-6)
+    assert cell.controller.gaps == 0
+
+
+def test_a_small_distance_at_the_start_is_taken_up_smoothly() -> None:
+    cell = Cell()
+    arm = connected(cell)
+    seen = []
+    drive = cell.joints.drive
+    cell.joints.drive = lambda q, qd: (seen.append(q), drive(q, qd))[1]  # type: ignore[method-assign,func-returns-value]
+    motion = arm.follow(swing(START + 1.5e-3, CHANGE))
+    serve(arm, cell, 2.0, lambda: motion.settled)
+    assert motion.state is MotionState.DONE
+    assert cell.joints.measured()[0] == pytest.approx(START + 1.5e-3 + CHANGE, abs=1e-6)
+    assert np.abs(np.diff(np.array(seen), axis=0)).max() < 0.0025  # no jump: 2 rad/s at most, in 1 ms
+
+
+def test_a_trajectory_that_starts_elsewhere_is_refused_and_nothing_is_sent() -> None:
+    cell = Cell()
+    arm = connected(cell)
+    with pytest.raises(MotionRefused, match="away from the arm at joint"):
+        arm.follow(swing(START + 0.01, CHANGE))
+    serve(arm, cell, 0.2)
+    assert np.array_equal(cell.joints.measured()[0], START)
+
+
+def test_a_second_trajectory_while_moving_is_refused() -> None:
+    cell = Cell()
+    arm = connected(cell)
+    arm.follow(swing(START, CHANGE))
+    serve(arm, cell, 0.3)
+    with pytest.raises(MotionRefused, match="still moves"):
+        arm.follow(swing(arm.state().q, CHANGE))
+
+
+def test_a_start_that_the_controller_does_not_accept_fails_the_motion_in_words() -> None:
+    cell = Cell()
+    arm = connected(cell)
+    cell.joints._q = START + 1e-3  # moved by hand between the last feedback and the first point
+    motion = arm.follow(swing(START, CHANGE))
+    serve(arm, cell, 0.5, lambda: motion.settled)
+    assert motion.state is MotionState.FAILED
+    assert "does not start where the arm stands" in motion.problem
+    serve(arm, cell, 0.1)
+    again = arm.follow(swing(arm.state().q, CHANGE))
+    serve(arm, cell, 2.0, lambda: again.settled)
+    assert again.state is MotionState.DONE
+
+
+@pytest.mark.parametrize(
+    ("happen", "words"),
+    [
+        (MotomanEmulator.press_e_stop, "emergency stop"),
+        (MotomanEmulator.turn_to_teach, "teach mode|play mode"),
+        (lambda controller: controller.raise_alarm(4107), "alarm"),
+    ],
+)
+def test_a_fault_fails_the_motion_and_stays_latched(happen: Callable[[MotomanEmulator], None], words: str) -> None:
+    cell = Cell()
+    arm = connected(cell)
+    motion = arm.follow(swing(START, CHANGE))
+    serve(arm, cell, 0.5)
+    happen(cell.controller)
+    serve(arm, cell, 0.2)
+    assert (motion.state, motion.settled) == (MotionState.FAILED, True)
+    assert re.search(words, motion.problem)
+    with pytest.raises(DeviceFault, match=words):
+        arm.check()
+    stood = cell.joints.measured()[0]
+    cell.controller.e_stopped = cell.controller.teach = False
+    serve(arm, cell, 1.0)
+    with pytest.raises(DeviceFault):
+        arm.check()  # released, but nobody acknowledged
+    arm.acknowledge()
+    with pytest.raises(MotionRefused, match="servos are being switched on"):
+        arm.follow(swing(arm.state().q, CHANGE))
+    serve(arm, cell, 1.0)
+    arm.check()
+    assert np.array_equal(cell.joints.measured()[0], stood)  # nothing went on by itself
+    again = arm.follow(swing(arm.state().q, -CHANGE * 0.1))
+    serve(arm, cell, 2.0, lambda: again.settled)
+    assert again.state is MotionState.DONE
+
+
+def test_acknowledging_while_the_emergency_stop_is_pressed_brings_the_fault_back() -> None:
+    cell = Cell()
+    arm = connected(cell)
+    cell.controller.press_e_stop()
+    serve(arm, cell, 0.1)
+    arm.acknowledge()
+    serve(arm, cell, 0.1)
+    with pytest.raises(DeviceFault, match="emergency stop"):
+        arm.check()
+
+
+@pytest.mark.parametrize(
+    ("flag", "value", "words"),
+    [
+        ("e_stopped", True, "emergency stop"),
+        ("teach", True, "PLAY"),
+        ("remote", False, "REMOTE"),
+        ("hold", True, "hold"),
+    ],
+)
+def test_a_controller_that_is_not_ready_is_refused_at_the_connection(flag: str, value: bool, words: str) -> None:
+    cell = Cell()
+    setattr(cell.controller, flag, value)
+    with pytest.raises(DeviceFault, match=words):
+        connected(cell)
+    assert all(connection.closed for connection in cell.opened)
+
+
+def test_servos_are_not_switched_on_when_the_options_forbid_it() -> None:
+    cell = Cell()
+    with pytest.raises(DeviceFault, match="servos are off"):
+        connected(cell, servo_on=False)
+    assert not cell.controller.drives_on
+
+
+def test_a_pulled_cable_is_seen_within_100_ms() -> None:
+    cell = Cell()
+    arm = connected(cell)
+    motion = arm.follow(swing(START, CHANGE))
+    serve(arm, cell, 0.4)
+    cell.controller.silent = True
+    pulled = cell.clock.now()
+    serve(arm, cell, 1.0, lambda: arm.link() != "ok")
+    assert cell.clock.now() - pulled <= 0.100
+    assert motion.state is MotionState.FAILED
+    for call in (arm.state, arm.check, arm.acknowledge):
+        with pytest.raises(DeviceLost):
+            call()
+
+
+def test_a_reconnection_repeats_the_handshake_and_does_not_go_on_to_the_old_target() -> None:
+    cell = Cell()
+    arm = connected(cell)
+    arm.follow(swing(START, CHANGE))
+    serve(arm, cell, 0.4)
+    cell.cut = True
+    serve(arm, cell, 0.3)
+    assert all(connection.closed for connection in cell.opened)
+    cell.let_pass(1.0)
+    stood = cell.joints.measured()[0]
+    cell.cut = False
+    serve(arm, cell, RECONNECT + 0.5)
+    assert len(cell.opened) == 4
+    with pytest.raises(DeviceLost):
+        arm.check()
+    with pytest.raises(MotionRefused, match="not ready"):
+        arm.follow(swing(stood, CHANGE))
+    arm.acknowledge()
+    serve(arm, cell, 1.0)
+    arm.check()
+    assert np.array_equal(cell.joints.measured()[0], stood)
+    assert arm.state().q == pytest.approx(stood, abs=1e-6)
+
+
+def test_bytes_of_the_wrong_order_are_nonsense() -> None:
+    with pytest.raises(Nonsense, match="byte order"):
+        connected(Cell(">"), order="<")
+
+
+def test_a_safe_stop_decelerates_and_is_latched() -> None:
+    cell = Cell()
+    arm = connected(cell)
+    motion: Motion = arm.follow(swing(START, CHANGE))
+    serve(arm, cell, 0.4)
+    arm.safe_stop("test")
+    serve(arm, cell, 2.0, lambda: motion.settled)
+    assert motion.state is MotionState.STOPPED
+    with pytest.raises(MotionRefused, match="latched in the safe state"):
+        arm.follow(swing(arm.state().q, -0.1 * CHANGE))
+    arm.acknowledge()
+    arm.follow(swing(arm.state().q, -0.1 * CHANGE))
