@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from enum import Enum
 from importlib.metadata import entry_points
 
-from executive.ports import QUANTITIES, PortType, type_name
+from executive.ports import QUANTITIES, Port, PortType, Quantity, type_name
 from executive.skill import Skill
 
 GROUP = "pomona.skills"
@@ -70,7 +71,7 @@ class Registry(Mapping[str, type[Skill]]):
 
 
 def _list_skill(name: str, skill: type[Skill]) -> SkillListing:
-    def ports(declared: Mapping[str, object]) -> tuple[Mapping[str, object], ...]:
+    def ports(declared: Mapping[str, Port]) -> tuple[Mapping[str, object], ...]:
         return tuple(port_facts(port_name, port) for port_name, port in declared.items())
 
     summary = (skill.__doc__ or "").strip().split("\n")[0]
@@ -80,17 +81,24 @@ def _list_skill(name: str, skill: type[Skill]) -> SkillListing:
     )  # fmt: skip
 
 
-def port_facts(name: str, port: object) -> dict[str, object]:
-    """A port as plain values, leaving out what it does not say."""
-    from executive.ports import Port, Quantity
+def default_text(port: Port) -> str:
+    """The default as it would be written in a tree file."""
+    default = port.default
+    if isinstance(default, Enum):
+        return default.value if isinstance(default.value, str) else default.name
+    if isinstance(default, bool):
+        return str(default).lower()
+    return str(default)
 
-    assert isinstance(port, Port)
+
+def port_facts(name: str, port: Port) -> dict[str, object]:
+    """A port as plain values, leaving out what it does not say."""
     facts: dict[str, object] = {"name": name, "type": type_name(port.type)}
     if isinstance(port.type, Quantity):
         facts["units"] = list(port.type.units)
     facts["required"] = port.required
     if not port.required and port.default is not None:
-        facts["default"] = port.default if isinstance(port.default, (bool, int, float, str)) else str(port.default)
+        facts["default"] = port.default if isinstance(port.default, (bool, int, float)) else default_text(port)
     if port.min is not None:
         facts["min"] = port.min
     if port.max is not None:
