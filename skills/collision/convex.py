@@ -72,7 +72,8 @@ class Convex:
     def distance(self, points: ArrayLike) -> Float64:
         """Lower bound of the distance of points, shape (n, 3), in the base frame; negative inside. Shape (n,) [m]."""
         p = np.asarray(points, dtype=np.float64)
-        return np.max(p @ self.planes[:, :3].T - self.planes[:, 3], axis=1)
+        away: Float64 = np.max(p @ self.planes[:, :3].T - self.planes[:, 3], axis=1)
+        return away
 
 
 def fruit_points(measured: MeasuredFruit) -> Float64:

@@ -58,15 +58,17 @@ def cover(geom: Geom) -> Cover:
         support = np.vstack((ring, ring * (1.0, 1.0, -1.0)))
 
         def depth(p: Float64) -> Float64:
-            return np.minimum(radius - np.hypot(p[:, 0], p[:, 1]), half - np.abs(p[:, 2]))
+            deep: Float64 = np.minimum(radius - np.hypot(p[:, 0], p[:, 1]), half - np.abs(p[:, 2]))
+            return deep
 
         return _cover_greedily(np.array([radius, radius, half]), np.zeros(3), depth, support)
     if geom.kind == "ellipsoid":
         directions = fibonacci_sphere(200)
-        directions /= np.min(np.max(directions @ fibonacci_sphere(2000).T, axis=0))  # polyhedron around the unit ball
+        directions /= 0.99 * np.min(np.max(directions @ fibonacci_sphere(2000).T, axis=0))  # around the unit ball
 
         def ellipsoid_depth(p: Float64) -> Float64:
-            return (1.0 - np.linalg.norm(p / size[:3], axis=1)) * float(size[:3].min())
+            deep: Float64 = (1.0 - np.linalg.norm(p / size[:3], axis=1)) * size[:3].min()
+            return deep
 
         return _cover_greedily(size[:3], np.zeros(3), ellipsoid_depth, directions * size[:3])
     return cover_points(geom.vertices)
@@ -120,7 +122,10 @@ def _cover_box(half: Float64) -> Cover:
 
 
 def _cover_greedily(half: Float64, centre: Float64, depth: Callable[[Float64], Float64], support: Float64) -> Cover:
-    """Cover a convex shape inside a box; `depth` is an upper bound of the signed depth below the surface, exact inside.
+    """Cover a convex shape inside a box; `depth` says how far a point is below the surface.
+
+    For points inside, `depth` may say less than the truth; for points outside, it is no further below zero than they
+    are from the shape.
 
     Cells that no sphere takes whole are halved: what sticks out of the shape falls away.
     """

@@ -1,8 +1,8 @@
 """Collision checks of one posture and of one straight joint-space segment, compiled by numba.
 
-Distances are lower bounds. A geom is first judged by one sphere around it; its covering spheres (or, against planes, its
-support points) are only looked at when that is not enough. `enough` says which distance the caller does not need to
-know more exactly.
+Distances are lower bounds. A geom is first judged by one sphere around it; its covering spheres (or, against planes,
+its support points) are only looked at when that is not enough. `enough` says which distance the caller does not need
+to know more exactly.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from skills.collision.robot_shape import RobotArrays
 from skills.collision.distance_field import lookup
+from skills.collision.robot_shape import RobotArrays
 from skills.robot.chain import forward
 
 Float32 = NDArray[np.float32]
@@ -51,7 +51,7 @@ class WorldArrays(NamedTuple):
     ignored: NDArray[np.bool_]
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def _place(
     spheres: Float64, begin: int, end: int, T: Float64, sx: float, sy: float, sz: float, placed: Float64
 ) -> None:
@@ -62,24 +62,24 @@ def _place(
             placed[s, row] = T[row, 0] * x + T[row, 1] * y + T[row, 2] * z + T[row, 3]
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def _map_distance(
     field: Float32, origin: Float64, resolution: float, spheres: Float64, begin: int, end: int, placed: Float64
 ) -> float:
     """Distance of a placed geom from blocked cells of the map."""
-    distance = 1e9
+    distance: float = 1e9
     for s in range(begin, end):
         away = lookup(field, origin, resolution, placed[s, 0], placed[s, 1], placed[s, 2]) - spheres[s, 3]
         distance = min(distance, away)
     return distance
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def _convex_distance(
     planes: Float64, first: int, last: int, bound: Float64, spheres: Float64, begin: int, end: int, placed: Float64
 ) -> float:
     """Distance of a placed geom from one convex obstacle."""
-    distance = 1e9
+    distance: float = 1e9
     for s in range(begin, end):
         x, y, z, radius = placed[s, 0], placed[s, 1], placed[s, 2], spheres[s, 3]
         away = sqrt((x - bound[0]) ** 2 + (y - bound[1]) ** 2 + (z - bound[2]) ** 2) - bound[3]
@@ -91,7 +91,7 @@ def _convex_distance(
     return distance
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def _half_space_distance(
     plane: Float64, support: Float64, begin: int, end: int, T: Float64, sx: float, sy: float, sz: float
 ) -> float:
@@ -100,19 +100,20 @@ def _half_space_distance(
     a = nx * T[0, 0] + ny * T[1, 0] + nz * T[2, 0]
     b = nx * T[0, 1] + ny * T[1, 1] + nz * T[2, 1]
     c = nx * T[0, 2] + ny * T[1, 2] + nz * T[2, 2]
-    distance = 1e9
+    distance: float = 1e9
     for s in range(begin, end):
         distance = min(distance, a * support[s, 0] + b * support[s, 1] + c * support[s, 2] - support[s, 3])
-    return distance + nx * T[0, 3] + ny * T[1, 3] + nz * T[2, 3] - plane[3] + a * sx + b * sy + c * sz
+    distance += nx * T[0, 3] + ny * T[1, 3] + nz * T[2, 3] - plane[3] + a * sx + b * sy + c * sz
+    return distance
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def _pair_distance(
     spheres: Float64, begin: int, end: int, other_begin: int, other_end: int, other: Float64, around: float,
     placed: Float64,
 ) -> float:  # fmt: skip
     """Distance between two placed geoms; `other` and `around` are the sphere around the second one."""
-    distance = 1e9
+    distance: float = 1e9
     for s in range(begin, end):
         x, y, z, radius = placed[s, 0], placed[s, 1], placed[s, 2], spheres[s, 3]
         limit = distance + radius + around
@@ -126,9 +127,15 @@ def _pair_distance(
     return distance
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def check_states(
-    robot: RobotArrays, world: WorldArrays, Q: Float64, width: float, enough: float, clearances: Float64, culprits: Int64
+    robot: RobotArrays,
+    world: WorldArrays,
+    Q: Float64,
+    width: float,
+    enough: float,
+    clearances: Float64,
+    culprits: Int64,
 ) -> None:
     """Judge postures Q, shape (n, dof), with one opening of the gripper.
 
@@ -168,7 +175,7 @@ class _Room(NamedTuple):
     ready: NDArray[np.bool_]
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def _look(
     robot: RobotArrays, world: WorldArrays, q: Float64, width: float, due: NDArray[np.bool_], wanted: Float64,
     only_worst: bool, room: _Room, found: Float64, which: Int64,
@@ -197,7 +204,8 @@ def _look(
         for row in range(3):
             centres[g, row] = links[n, row, 0] * x + links[n, row, 1] * y + links[n, row, 2] * z + links[n, row, 3]
         ready[g] = False
-    worst, smallest = -1, 1e9
+    worst: int = -1
+    smallest: float = 1e9
     for g in range(geoms - 1, -1, -1):  # the gripper is what most often collides
         if not due[g]:
             continue
@@ -280,7 +288,7 @@ def _look(
 _LOOK_AHEAD = 0.15  # clearances beyond this are not resolved further while moving [m]
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def check_segment(
     robot: RobotArrays, world: WorldArrays, start: Float64, end: Float64, width: float, slack: float
 ) -> tuple[float, float, int, int]:
@@ -296,7 +304,10 @@ def check_segment(
     dof, geoms, pairs = start.shape[0], robot.links.shape[0], robot.pairs
     numbers = geoms + pairs.shape[0]
     room = _Room(
-        np.empty((dof + 1, 3, 4)), np.empty((geoms, 3)), np.empty((robot.spheres.shape[0], 3)), np.empty(geoms, np.bool_)
+        np.empty((dof + 1, 3, 4)),
+        np.empty((geoms, 3)),
+        np.empty((robot.spheres.shape[0], 3)),
+        np.empty(geoms, np.bool_),
     )
     reach, of_geom = robot.reach, robot.links
     rates = np.zeros(numbers)  # metres per unit of the segment

@@ -1,4 +1,4 @@
-"""The robot's collision geometry as arrays for the kernels: spheres, support points, pairs that may meet, and reaches."""
+"""The robot's collision geometry as arrays for the kernels: spheres, support points, pairs that may meet, reaches."""
 
 from __future__ import annotations
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,10 +12,10 @@ from numpy.typing import ArrayLike, NDArray
 from drivers.interfaces import Trajectory, Workspace
 from skills.collision import kernel
 from skills.collision.convex import Convex
+from skills.collision.distance_field import DistanceField
 from skills.collision.errors import BadTrajectory, UnknownObstacle
 from skills.collision.kernel import WorldArrays
 from skills.collision.robot_shape import RobotShape
-from skills.collision.distance_field import DistanceField
 from skills.robot import RobotModel
 
 Float64 = NDArray[np.float64]
@@ -82,7 +83,7 @@ class Collision:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CollisionWorld:
-    """A frozen picture of the surroundings for one robot. Cheap to vary: `with_*`, `without` and `allowing` copy little.
+    """A frozen picture of the surroundings for one robot. Cheap to vary: its methods that return a world copy little.
 
     Attributes:
         shape: the robot's geometry.
@@ -245,7 +246,7 @@ class CollisionWorld:
         """
         path = self._checked_many(waypoints)
         smallest = np.inf
-        for start, end in zip(path[:-1], path[1:], strict=True):
+        for start, end in pairwise(path):
             smallest = min(smallest, kernel.check_segment(self.shape.arrays, self.arrays, start, end, width, slack)[1])
         return float(smallest)
 

@@ -91,8 +91,8 @@ def integrate(
     camera = np.array([lens.fx, lens.fy, lens.cx, lens.cy])
     table_z = -np.inf if workspace.table_z is None else workspace.table_z
     valid, inside, below = _label_pixels(
-        depth, camera, np.ascontiguousarray(T_base_camera[:3]), previous.origin, previous.resolution, table_z, how.table,
-        own, planes, bound, how.target_margin, labels, points,
+        depth, camera, np.ascontiguousarray(T_base_camera[:3]), previous.origin, previous.resolution, table_z,
+        how.table, own, planes, bound, how.target_margin, labels, points,
     )  # fmt: skip
     if below > _BELOW_TABLE_SHARE * max(below + inside, 1):
         raise CameraPoseMismatch(f"{below} of {below + inside} points would lie more than 30 mm below the table")
@@ -124,8 +124,10 @@ def _clear_target(states: UInt8, grid: OccupancyMap, target: Convex, margin: flo
     block[within[:, 0], within[:, 1], within[:, 2]] = UNKNOWN
 
 
-@njit(cache=True, nogil=True)
-def _mark_spheres(spheres: Float64, padding: float, origin: Float64, resolution: float, marked: NDArray[np.bool_]) -> None:
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _mark_spheres(
+    spheres: Float64, padding: float, origin: Float64, resolution: float, marked: NDArray[np.bool_]
+) -> None:
     """Mark the cells whose centre lies in one of the spheres, shape (n, 4), grown by `padding`."""
     nx, ny, nz = marked.shape
     for s in range(spheres.shape[0]):
@@ -141,7 +143,7 @@ def _mark_spheres(spheres: Float64, padding: float, origin: Float64, resolution:
                         marked[i, j, k] = True
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def _label_pixels(
     depth: Float32, camera: Float64, T: Float64, origin: Float64, resolution: float, table_z: float, table: float,
     own: NDArray[np.bool_], planes: Float64, bound: Float64, margin: float, labels: UInt8, points: NDArray[np.uint16],
@@ -198,7 +200,7 @@ def _label_pixels(
     return valid, inside, below
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def _carve(
     depth: Float32, labels: UInt8, camera: Float64, T: Float64, origin: Float64, resolution: float, clear: float,
     shadow: float, states: UInt8, last_look: NDArray[np.int16], look: int,

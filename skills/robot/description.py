@@ -192,7 +192,8 @@ class _Reader:
         for joint in self.joints:
             if self.model.jnt_type[joint] in (mujoco.mjtJoint.mjJNT_FREE, mujoco.mjtJoint.mjJNT_BALL):
                 raise BadRobotFile(
-                    self.path, f"joint '{self._name('joint', joint)}' of the arm neither turns nor slides about one axis"
+                    self.path,
+                    f"joint '{self._name('joint', joint)}' of the arm neither turns nor slides about one axis",
                 )
             if self.model.jnt_limited[joint] and not np.all(np.isfinite(self.model.jnt_range[joint])):
                 raise BadRobotFile(self.path, f"joint '{self._name('joint', joint)}' has limits that are not finite")

@@ -18,10 +18,12 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from skills.geometry import inverse
+from skills.geometry import inverse, rotation_about
 from skills.robot.model import RobotModel
 
 Float64 = NDArray[np.float64]
+Vector = tuple[float, float, float]
+Rows = tuple[Vector, Vector, Vector]
 
 _MEETING = 1e-9  # axes closer than this meet [m], and are perpendicular [1]
 
@@ -62,13 +64,12 @@ class SphericalArm:
     def arm_angle(self, q: Float64, T_base_tcp: Float64) -> float:
         """The arm angle that keeps the elbow where it is at q, while the TCP goes to `T_base_tcp` [rad]."""
         motion = T_base_tcp @ self.T_tcp_base_zero
-        elbow_axis = self.axes[3].copy()
+        elbow_axis = self.axes[3]
         for axis, angle in zip(self.axes[2::-1], q[2::-1], strict=True):
-            elbow_axis = _rotate(axis, angle, elbow_axis)
+            elbow_axis = rotation_about(axis, angle) @ elbow_axis
         to_wrist = motion[:3, :3] @ self.wrist + motion[:3, 3] - self.shoulder
-        forward, side = _reference(self.axes[0], to_wrist)
-        up = np.cross(forward, side)
-        return float(np.arctan2(elbow_axis @ up, elbow_axis @ side))
+        _, side, up = _frame_of_line(tuple(to_wrist), tuple(np.cross(self.axes[0], to_wrist)))
+        return float(np.arctan2(elbow_axis @ np.array(up), elbow_axis @ np.array(side)))
 
 
 @lru_cache(maxsize=16)
@@ -95,91 +96,92 @@ def _meeting_point(axes: Float64, points: Float64) -> Float64 | None:
     return point if distances.max() < _MEETING else None
 
 
-@njit(cache=True, nogil=True)
-def _rotate(axis: Float64, angle: float, v: Float64) -> Float64:
-    """A vector turned about a unit axis (Rodrigues)."""
-    c, s = cos(angle), sin(angle)
-    along = (axis[0] * v[0] + axis[1] * v[1] + axis[2] * v[2]) * (1.0 - c)
-    turned = np.empty(3)
-    turned[0] = v[0] * c + (axis[1] * v[2] - axis[2] * v[1]) * s + axis[0] * along
-    turned[1] = v[1] * c + (axis[2] * v[0] - axis[0] * v[2]) * s + axis[1] * along
-    turned[2] = v[2] * c + (axis[0] * v[1] - axis[1] * v[0]) * s + axis[2] * along
-    return turned
-
-
-@njit(cache=True, nogil=True)
-def _dot(a: Float64, b: Float64) -> float:
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _dot(a: Vector, b: Vector) -> float:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@njit(cache=True, nogil=True)
-def _cross(a: Float64, b: Float64) -> Float64:
-    out = np.empty(3)
-    out[0], out[1], out[2] = a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
-    return out
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _cross(a: Vector, b: Vector) -> Vector:
+    return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
 
 
-@njit(cache=True, nogil=True)
-def _unit_across(v: Float64, along: Float64) -> Float64:
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _rotate(axis: Vector, c: float, s: float, v: Vector) -> Vector:
+    """A vector turned about a unit axis by the angle with cosine c and sine s (Rodrigues)."""
+    along = _dot(axis, v) * (1.0 - c)
+    across = _cross(axis, v)
+    return (
+        v[0] * c + across[0] * s + axis[0] * along,
+        v[1] * c + across[1] * s + axis[1] * along,
+        v[2] * c + across[2] * s + axis[2] * along,
+    )
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _unit(v: Vector) -> Vector:
+    length = sqrt(_dot(v, v))
+    return (v[0] / length, v[1] / length, v[2] / length)
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _unit_across(v: Vector, along: Vector) -> Vector:
     """A unit vector perpendicular to the unit vector `along`, towards v, or any when v is parallel to it."""
-    across = v - _dot(v, along) * along
-    length = sqrt(_dot(across, across))
-    if length < 1e-9:
-        smallest = np.zeros(3)
-        smallest[np.argmin(np.abs(along))] = 1.0
-        across = smallest - _dot(smallest, along) * along
-        length = sqrt(_dot(across, across))
-    return across / length
+    part = _dot(v, along)
+    across = (v[0] - part * along[0], v[1] - part * along[1], v[2] - part * along[2])
+    if _dot(across, across) < 1e-18:
+        across = _cross(along, (1.0, 0.0, 0.0) if abs(along[0]) < 0.6 else (0.0, 1.0, 0.0))
+    perpendicular: Vector = _unit(across)
+    return perpendicular
 
 
-@njit(cache=True, nogil=True)
-def _reference(first_axis: Float64, to_wrist: Float64) -> tuple[Float64, Float64]:
-    """Unit vectors along the line from shoulder to wrist, and across it where the arm angle is 0."""
-    forward = to_wrist / sqrt(_dot(to_wrist, to_wrist))
-    return forward, _unit_across(_cross(first_axis, forward), forward)
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _frame_of_line(line: Vector, sideways: Vector) -> tuple[Vector, Vector, Vector]:
+    """Unit vectors along a line, across it towards `sideways`, and perpendicular to both."""
+    forward = _unit(line)
+    side = _unit_across(sideways, forward)
+    return forward, side, _cross(forward, side)
 
 
-@njit(cache=True, nogil=True)
-def _three_axes(
-    a: Float64, b: Float64, c: Float64, R: Float64, branch: int, angles: Float64, first: int
-) -> None:
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _three_axes(a: Vector, b: Vector, c: Vector, rows: Rows, branch: float, angles: Float64, first: int) -> None:
     """Write angles with R = Rot(a, x) Rot(b, y) Rot(c, z) for unit axes a ⟂ b ⟂ c into angles[first:first + 3].
 
-    Of the two solutions, `branch` chooses one. R maps c to t; the part of t along a fixes y, the direction of the rest
-    fixes x, and what is then left of R is z.
+    `rows` are those of R. It maps c to t; the part of t along a fixes y up to its sign, `branch`; the direction of the
+    rest fixes x; what is then left of R is z.
     """
-    t = np.empty(3)
-    for i in range(3):
-        t[i] = _dot(R[i], c)
-    along = _dot(a, t)
-    rest = _cross(a, t)
+    t = (_dot(rows[0], c), _dot(rows[1], c), _dot(rows[2], c))
+    along, rest = _dot(a, t), _cross(a, t)
     sideways = sqrt(_dot(rest, rest))
-    y = atan2(_dot(a, _cross(b, c)), _dot(a, c)) + (atan2(sideways, along) if branch == 0 else -atan2(sideways, along))
-    m = _rotate(b, y, c)
-    x = 0.0  # in the singular posture (c parallel to a) x and z turn about one line: all of it goes to z
+    y = atan2(_dot(a, _cross(b, c)), _dot(a, c)) + branch * atan2(sideways, along)
+    m = _rotate(b, cos(y), sin(y), c)
+    x = 0.0  # in the singular posture (t parallel to a) x and z turn about one line: all of it goes to z
     if sideways > 1e-12:
         x = atan2(_dot(a, _cross(m, t)), _dot(m, t) - _dot(a, m) * along)
-    start = _unit_across(a, c) if abs(_dot(a, c)) < 0.9 else _unit_across(b, c)
-    turned = np.empty(3)
-    for i in range(3):
-        turned[i] = _dot(R[i], start)
-    turned = _rotate(b, -y, _rotate(a, -x, turned))
+    start = b  # perpendicular to c
+    turned = (_dot(rows[0], start), _dot(rows[1], start), _dot(rows[2], start))
+    turned = _rotate(b, cos(y), -sin(y), _rotate(a, cos(x), -sin(x), turned))
     angles[first], angles[first + 1] = x, y
     angles[first + 2] = atan2(_dot(c, _cross(start, turned)), _dot(start, turned))
 
 
-@njit(cache=True, nogil=True)
-def _into_limits(q: Float64, lower: Float64, upper: Float64) -> bool:
-    """Shift every joint by whole turns towards the middle of its range; False when one stays outside."""
-    for i in range(q.shape[0]):
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _into_limits(angles: Float64, lower: Float64, upper: Float64, solution: Float64) -> bool:
+    """Write angles, shifted by whole turns towards the middle of their ranges; False when one stays outside."""
+    for i in range(angles.shape[0]):
         middle = 0.5 * (lower[i] + upper[i])
-        q[i] -= 2.0 * pi * floor((q[i] - middle) / (2.0 * pi) + 0.5)
-        if q[i] < lower[i] or q[i] > upper[i]:
+        solution[i] = angles[i] - 2.0 * pi * floor((angles[i] - middle) / (2.0 * pi) + 0.5)
+        if solution[i] < lower[i] or solution[i] > upper[i]:
             return False
     return True
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _vector(values: Float64) -> Vector:
+    return (values[0], values[1], values[2])
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def _solve(
     axes: Float64,
     shoulder: Float64,
@@ -192,52 +194,58 @@ def _solve(
     solutions: Float64,
 ) -> int:
     """Write solutions for the motion (target pose · inverse pose at q = 0) and return their number."""
-    to_wrist = np.empty(3)
-    for i in range(3):
-        to_wrist[i] = _dot(motion[i, :3], wrist) + motion[i, 3] - shoulder[i]
-    forearm, upper_arm = wrist - elbow, elbow - shoulder
-    axis = axes[3]
-    # |upper_arm + Rot(axis, q4) forearm| = |to_wrist|  is  A cos q4 + B sin q4 = rhs
-    along = _dot(upper_arm, axis) * _dot(axis, forearm)
-    A, B = _dot(upper_arm, forearm) - along, _dot(upper_arm, _cross(axis, forearm))
+    e1, e2, e3, e4 = _vector(axes[0]), _vector(axes[1]), _vector(axes[2]), _vector(axes[3])
+    e5, e6, e7 = _vector(axes[4]), _vector(axes[5]), _vector(axes[6])
+    m0, m1, m2, w = _vector(motion[0]), _vector(motion[1]), _vector(motion[2]), _vector(wrist)
+    forearm = _vector(wrist - elbow)
+    upper_arm = _vector(elbow - shoulder)
+    to_wrist = (
+        _dot(m0, w) + motion[0, 3] - shoulder[0],
+        _dot(m1, w) + motion[1, 3] - shoulder[1],
+        _dot(m2, w) + motion[2, 3] - shoulder[2],
+    )
+    # |upper_arm + Rot(e4, q4) forearm| = |to_wrist|  is  A cos q4 + B sin q4 = rhs
+    along = _dot(upper_arm, e4) * _dot(e4, forearm)
+    A, B = _dot(upper_arm, forearm) - along, _dot(upper_arm, _cross(e4, forearm))
     rhs = 0.5 * (_dot(to_wrist, to_wrist) - _dot(forearm, forearm) - _dot(upper_arm, upper_arm)) - along
     ratio = rhs / hypot(A, B)
     if abs(ratio) > 1.0 or _dot(to_wrist, to_wrist) < 1e-18:
         return 0
-    forward, side = _reference(axes[0], to_wrist)
-    up = _cross(forward, side)
-    R = np.empty((3, 3))
-    R_wrist = np.empty((3, 3))
+    forward, side, up = _frame_of_line(to_wrist, _cross(e1, to_wrist))
     angles = np.empty(7)
+    both = np.empty((2, 7))  # the two solutions of shoulder and wrist
     count = 0
-    for elbow_branch in range(2):
-        angles[3] = atan2(B, A) + (acos(ratio) if elbow_branch == 0 else -acos(ratio))
-        arm_forward = upper_arm + _rotate(axis, angles[3], forearm)
-        arm_forward = arm_forward / sqrt(_dot(arm_forward, arm_forward))
-        arm_side = _unit_across(axis, arm_forward)
-        arm_up = _cross(arm_forward, arm_side)
+    for elbow_branch in (1.0, -1.0):
+        angles[3] = atan2(B, A) + elbow_branch * acos(ratio)
+        c4, s4 = cos(angles[3]), sin(angles[3])
+        turned = _rotate(e4, c4, s4, forearm)
+        line = (upper_arm[0] + turned[0], upper_arm[1] + turned[1], upper_arm[2] + turned[2])
+        f, s, u = _frame_of_line(line, e4)
         for k in range(arm_angles.shape[0]):
-            c, s = cos(arm_angles[k]), sin(arm_angles[k])
-            for i in range(3):
-                for j in range(3):
-                    R[i, j] = (
-                        forward[i] * arm_forward[j]
-                        + (c * side[i] + s * up[i]) * arm_side[j]
-                        + (c * up[i] - s * side[i]) * arm_up[j]
-                    )
-            # R_wrist = (R · Rot(axis, q4))ᵀ · motion, column by column
-            for j in range(3):
-                column = np.empty(3)
+            cosine, sine = cos(arm_angles[k]), sin(arm_angles[k])
+            a = (cosine * side[0] + sine * up[0], cosine * side[1] + sine * up[1], cosine * side[2] + sine * up[2])
+            b = (cosine * up[0] - sine * side[0], cosine * up[1] - sine * side[1], cosine * up[2] - sine * side[2])
+            # The shoulder's rotation takes the frame (f, s, u) of the bent arm to (forward, a, b).
+            R0 = _row(forward[0], a[0], b[0], f, s, u)
+            R1 = _row(forward[1], a[1], b[1], f, s, u)
+            R2 = _row(forward[2], a[2], b[2], f, s, u)
+            # The wrist's is (R · Rot(e4, q4))ᵀ · motion: its columns first, then its rows.
+            x = _rotate(e4, c4, -s4, _row(m0[0], m1[0], m2[0], R0, R1, R2))
+            y = _rotate(e4, c4, -s4, _row(m0[1], m1[1], m2[1], R0, R1, R2))
+            z = _rotate(e4, c4, -s4, _row(m0[2], m1[2], m2[2], R0, R1, R2))
+            of_wrist = ((x[0], y[0], z[0]), (x[1], y[1], z[1]), (x[2], y[2], z[2]))
+            for branch in range(2):
+                _three_axes(e1, e2, e3, (R0, R1, R2), 1.0 - 2.0 * branch, both[branch], 0)
+                _three_axes(e5, e6, e7, of_wrist, 1.0 - 2.0 * branch, both[branch], 4)
+            for branches in range(4):
                 for i in range(3):
-                    column[i] = R[0, i] * motion[0, j] + R[1, i] * motion[1, j] + R[2, i] * motion[2, j]
-                R_wrist[:, j] = _rotate(axis, -angles[3], column)
-            for shoulder_branch in range(2):
-                _three_axes(axes[0], axes[1], axes[2], R, shoulder_branch, angles, 0)
-                for wrist_branch in range(2):
-                    _three_axes(axes[4], axes[5], axes[6], R_wrist, wrist_branch, angles, 4)
-                    solutions[count] = angles
-                    if _into_limits(solutions[count], lower, upper):
-                        count += 1
-                    if count == solutions.shape[0]:
-                        return count
+                    angles[i], angles[4 + i] = both[branches // 2, i], both[branches % 2, 4 + i]
+                if count < solutions.shape[0] and _into_limits(angles, lower, upper, solutions[count]):
+                    count += 1
     return count
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _row(a: float, b: float, c: float, f: Vector, s: Vector, u: Vector) -> Vector:
+    """a f + b s + c u."""
+    return (a * f[0] + b * s[0] + c * u[0], a * f[1] + b * s[1] + c * u[1], a * f[2] + b * s[2] + c * u[2])
