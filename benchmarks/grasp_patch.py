@@ -185,6 +185,7 @@ class PatchGrasp:
         self._state = np.zeros(11)
         opening = fruit.width + 0.012 if opening is None else opening
         self._state[[FINGER_AT, SET_POINT]] = 0.5 * opening
+        self._state[X] = fruit.offset[0]
         self._state[Y] = fruit.off_centre
         self._state[Z] = -0.5 * fruit.mass * GRAVITY / TABLE
         self._elements = np.array(pressure_shares(fruit.k))

@@ -18,7 +18,7 @@ from skills.slip_avoid_grasp.settings import GripSettings
 Float64 = NDArray[np.float64]
 
 PERIOD = 0.002
-TORQUE_LEVER = 0.01
+TORQUE_LEVER = 0.005
 """Noise of a torque is the noise of a force at this lever [m]."""
 
 Corrupt = Callable[[int, float, Float64], list[tuple[int, float, Float64]]]

@@ -26,7 +26,7 @@ BIAS_LIMIT = 3.0
 """A finger that feels more than this before the fingers close touches something, or is broken [N]."""
 
 CONTACT = 0.4
-"""Normal force of a finger that touches [N]; what noise may reach is added."""
+"""Normal force of a finger that touches [N]."""
 
 PUSH_LIMIT = 3.0
 """A fruit may be pushed by one finger with at most this force until the other one touches [N]."""
@@ -41,6 +41,9 @@ SATURATED_AFTER = 0.05
 BEYOND_AFTER = 0.3
 STUCK_AFTER = 0.5
 """How long a condition lasts before it counts [s]."""
+
+QUIET_RATE = 5.0
+"""While holding, changes of the reference up to this are left to the loop's gain [N/s]: noise is not fed forward."""
 
 CLOSEST = 0.0003
 """So near to its end the gripper's stroke is used up [m]."""
@@ -61,7 +64,7 @@ class GripController:
         self.width = math.nan
         self.speed = 0.0
         self.slip = 0.0
-        self.sense = SlipSense(settings.contact, settings.observer, settings.dynamic, settings.rate)
+        self.sense = SlipSense(settings.contact, settings.observer, settings.dynamic, settings.rate, settings.offset)
         self.reference = ForceReference(settings)
         self._guard = StreamGuard(settings.period)
         self._bias: list[Float64] = []
@@ -183,7 +186,7 @@ class GripController:
 
     def _close(self) -> float:
         s, sense = self.settings, self.sense
-        touch = [force > CONTACT + sense.noise[i, 2] for i, force in enumerate(sense.fingers)]
+        touch = [force > CONTACT for force in sense.fingers]
         if self._refused_before_hold():
             return 0.0
         if all(touch):
@@ -304,6 +307,8 @@ class GripController:
         f_n = 2.0 * max(first, second) if dead else self.sense.f_n
         f_ref = self.reference.f_ref
         rate = (f_ref - self._f_ref_commanded) / COMMAND_PERIOD
+        if opening:
+            rate -= min(max(rate, -QUIET_RATE), QUIET_RATE)
         self._f_ref_commanded = f_ref
         speed = finger_speed(f_ref, rate, f_n, self.settings.loop, self.speed)
         return speed if opening else min(speed, 0.0)

@@ -50,8 +50,8 @@ class ForceLoopSettings:
     lag: float = 0.015
     stiffness: PadStiffness = field(default_factory=PadStiffness)
     max_force: float = 16.0
-    closing_speed: float = 0.08
-    opening_speed: float = 0.004
+    closing_speed: float = 0.15
+    opening_speed: float = 0.012
 
 
 def finger_speed(

@@ -20,35 +20,50 @@ PRESSING = 0.2
 """Below this normal force the contact's place is not computed [N]."""
 
 
+MIRROR = np.array([1.0, -1.0, 1.0, -1.0, 1.0, -1.0])
+"""Turns the second pad's channels into the first pad's frame; pressing stays a negative force z."""
+
+
 @njit(cache=True)
-def loads_of_finger(w, mirrored):  # type: ignore[no-untyped-def]
-    """(f_n, f_x, f_y, tau_n) of a pad's wrench, shape (6,), in the first pad's frame."""
+def loads_of_finger(w):  # type: ignore[no-untyped-def]
+    """(f_n, f_x, f_y, tau_n) of a wrench in the first pad's frame, shape (6,)."""
     f_n = -w[2]
     x = y = 0.0
     if f_n > PRESSING:
         x = min(max(w[4] / f_n, -PAD_HALF), PAD_HALF)
         y = min(max(-w[3] / f_n, -PAD_HALF), PAD_HALF)
-    tau_n = w[5] - (x * w[1] - y * w[0])
-    if mirrored:
-        return f_n, w[0], -w[1], -tau_n
-    return f_n, w[0], w[1], tau_n
+    return f_n, w[0], w[1], w[5] - (x * w[1] - y * w[0])
 
 
 @njit(cache=True)
-def smooth(raw, bias, noise, fast, slow, smoothed, shares):  # type: ignore[no-untyped-def]
-    """Advance both first-order filters by one sample and write `smoothed`, all of shape (2, 6).
+def smooth(raw, bias, mirror, noise, fast, slow, smoothed, shares):  # type: ignore[no-untyped-def]
+    """Advance the filters by one sample and write both fingers' smoothed wrenches, all of shape (2, 6).
 
-    `smoothed` is the slow one, plus what the fast one is beyond it by more than noise explains.
+    What both fingers feel alike and what they feel differently are filtered apart (rows 0 and 1 of `noise`, `fast` and
+    `slow`): a load comes to both, so noise hides it less there. The result is the slow filter's, plus what the fast
+    one is beyond it, the more fully the more that exceeds the noise.
     """
     fast_share, normal_share, load_share = shares
-    for i in range(2):
-        for j in range(6):
-            value = raw[i, j] - bias[i, j]
-            fast[i, j] += fast_share * (value - fast[i, j])
-            slow[i, j] += (normal_share if j == 2 else load_share) * (value - slow[i, j])
-            jump = fast[i, j] - slow[i, j]
-            beyond = max(abs(jump) - noise[i, j], 0.0)
-            smoothed[i, j] = slow[i, j] + (beyond if jump > 0.0 else -beyond)
+    for j in range(6):
+        first = raw[0, j] - bias[0, j]
+        second = mirror[j] * (raw[1, j] - bias[1, j])
+        slow_share = normal_share if j == 2 else load_share
+        for mode in range(2):
+            value = 0.5 * (first + second) if mode == 0 else 0.5 * (first - second)
+            fast[mode, j] += fast_share * (value - fast[mode, j])
+            slow[mode, j] += slow_share * (value - slow[mode, j])
+        alike = _beyond_noise(fast[0, j], slow[0, j], noise[0, j])
+        apart = _beyond_noise(fast[1, j], slow[1, j], noise[1, j])
+        smoothed[0, j] = alike + apart
+        smoothed[1, j] = alike - apart
+
+
+@njit(cache=True)
+def _beyond_noise(fast, slow, noise):  # type: ignore[no-untyped-def]
+    jump = fast - slow
+    if abs(jump) <= noise:
+        return slow
+    return slow + jump * (1.0 - (noise / jump) ** 2)
 
 
 def pad_loads(wrenches: ArrayLike) -> tuple[Float64, Float64, Float64]:
@@ -62,7 +77,7 @@ def pad_loads(wrenches: ArrayLike) -> tuple[Float64, Float64, Float64]:
         shape (2,) or (n, 2).
     """
     w = np.asarray(wrenches, np.float64)
-    flat = np.ascontiguousarray(w.reshape(-1, 2, 6))
-    rows = np.array([[loads_of_finger(pair[0], False), loads_of_finger(pair[1], True)] for pair in flat])
+    flat = w.reshape(-1, 2, 6)
+    rows = np.array([[loads_of_finger(pair[0]), loads_of_finger(MIRROR * pair[1])] for pair in flat])
     rows = rows.reshape(*w.shape[:-1], 4)
     return rows[..., 0], np.hypot(rows[..., 1], rows[..., 2]), rows[..., 3]

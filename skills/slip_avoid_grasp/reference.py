@@ -19,10 +19,10 @@ LOW_PASS = 1.0 / (2.0 * math.pi * 50.0)
 EDGE, EDGE_GAIN = 0.95, 10.0
 """Where the least force is beyond this share of the measured one, so many times the excess is added."""
 
-LEAD = 1.5
-"""So many times the rise of the least force is added while it rises."""
+LEAD, QUIET_RISE = 4.0, 0.06
+"""So many times the rise of the least force is added while it rises by more than this share of it."""
 
-MOST_URGENT = 6.0
+MOST_URGENT = 10.0
 """Bound of what is added to the static part [N]: enough for the fingers' full speed."""
 
 CARRIED, CARRIED_AFTER = 0.25, 0.3
@@ -89,11 +89,16 @@ class ForceReference:
         s = self.settings
         if s.law is ForceLaw.CONSTANT:
             return s.initial_force
-        return self._margin * (sense.coulomb if s.law is ForceLaw.COULOMB else sense.least)
+        if s.law is ForceLaw.COULOMB:
+            return self._margin * sense.coulomb
+        if s.law is ForceLaw.SLIP_AVOIDANCE and not self._carried:
+            return self._margin * sense.cautious
+        return self._margin * sense.least
 
     def _answer(self, sense: SlipSense, f_n: float) -> float:
         """What is added for a moment [N]."""
         if self.settings.law is not ForceLaw.SLIP_AVOIDANCE:
             return 0.0
         missing = max(sense.least - EDGE * f_n, 0.0)
-        return min(sense.f_nd + LEAD * max(sense.rise, 0.0) + EDGE_GAIN * missing, MOST_URGENT)
+        rising = max(sense.rise - QUIET_RISE * sense.least, 0.0)
+        return min(sense.f_nd + LEAD * rising + EDGE_GAIN * missing, MOST_URGENT)

@@ -30,6 +30,8 @@ class GripSettings:
         margin: on the least force.
         mu_uncertainty: relative uncertainty of mu that the margin covers too.
         floor: least grasp force ever [N].
+        offset: the fruit's centre may lie so far off the grasp axis [m]; held for until the fruit is carried, when its
+            moment has shown.
         initial_force: grasp force before the fruit is lifted, and of the law CONSTANT [N].
         ramp_rate: of the force from contact to `initial_force` [N/s].
         relax_rate: the reference falls at most this fast while holding [N/s].
@@ -49,6 +51,7 @@ class GripSettings:
     margin: float = 1.1
     mu_uncertainty: float = 0.0
     floor: float = 0.5
+    offset: float = 0.010
     initial_force: float = 2.0
     ramp_rate: float = 6.0
     relax_rate: float = 2.0

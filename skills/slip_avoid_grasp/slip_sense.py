@@ -14,15 +14,15 @@ from skills.slip_avoid_grasp.dynamic_term import DynamicSettings, answer_slip
 from skills.slip_avoid_grasp.grip import Float64
 from skills.slip_avoid_grasp.limit_surface import SoftContact, least_force_of_finger, surface_table
 from skills.slip_avoid_grasp.observer import STEP, ObserverSettings, observe
-from skills.slip_avoid_grasp.pads import loads_of_finger, smooth
+from skills.slip_avoid_grasp.pads import MIRROR, loads_of_finger, smooth
 
-FAST, SLOW_NORMAL, SLOW_LOAD = 0.004, 0.025, 0.05
+FAST, SLOW_NORMAL, SLOW_LOAD = 0.005, 0.025, 0.05
 """Time constants of the filters [s]."""
 
 RISE_LAG = 0.03
 """The rise of the least force is what it is beyond itself through a low-pass of this time constant [s]."""
 
-NOISE_SHARE = 3.5
+NOISE_SHARE = 2.5
 """The fast filter counts where it differs from the slow one by so many of its standard deviations."""
 
 FARTHEST_CENTRE = 0.02
@@ -32,24 +32,25 @@ CENTRE_LAG = 0.1
 """Time constant with which the estimated centre of rotation moves [s]."""
 
 JUMP = 0.4
-"""A force that changes on one finger alone by so much more than noise within a few milliseconds is no load [N]."""
+"""A tangential force that changes on one finger alone by so much more than noise at once is no load [N]."""
 
 _MEMORY = 6  # omega, z, integral of C_d, omega before, centre, warm
-_SENSED = 13
+_SENSED = 14
 
 
 @njit(cache=True)
 def _sense(  # type: ignore[no-untyped-def]
-    raw, periods, bias, noise, fast, slow, smoothed, shares, centre_share, contact, f, tau, load,
+    raw, periods, bias, mirror, noise, fast, slow, smoothed, shares, centre_share, contact, f, tau, load,
     observer, dynamic, memory, sensed,
 ):  # fmt: skip
-    mu, torsion, gamma, delta, ellipsoid = contact
+    mu, torsion, gamma, delta, ellipsoid, offset_unknown = contact
     sigma0, beta, inertia, mass, offset, gain = observer
     kp, ki, kdc, bound = dynamic
     for _ in range(periods):
-        smooth(raw, bias, noise, fast, slow, smoothed, shares)
+        smooth(raw, bias, mirror, noise, fast, slow, smoothed, shares)
     least = 0.0
     coulomb = 0.0
+    cautious = 0.0
     centre = 0.0
     g_torque = 0.0
     g_force = 0.0
@@ -58,11 +59,13 @@ def _sense(  # type: ignore[no-untyped-def]
     across_x = 0.0
     across_y = 0.0
     for i in range(2):
-        f_n, f_x, f_y, tau_n = loads_of_finger(smoothed[i], i == 1)
+        f_n, f_x, f_y, tau_n = loads_of_finger(smoothed[i])
         f_t = math.hypot(f_x, f_y)
         needed, s = least_force_of_finger(f_t, tau_n, mu, torsion, gamma, f, tau, load)
         least += needed
         coulomb += f_t / mu
+        tau_feared = max(abs(tau_n), f_t * offset_unknown)
+        cautious += least_force_of_finger(f_t, tau_feared, mu, torsion, gamma, f, tau, load)[0]
         pressing = max(f_n, 0.05)
         u = s * (f.size - 1)
         j = min(int(u), f.size - 2)
@@ -107,11 +110,10 @@ def _sense(  # type: ignore[no-untyped-def]
     sensed[9] = math.hypot(across_x, across_y)
     sensed[10] = y
     sensed[11] = g
+    sensed[13] = cautious
     sensed[12] = 0.0
-    for j in range(3):
-        sign = 1.0 if j != 1 else -1.0
-        apart = (fast[0, j] - slow[0, j]) - sign * (fast[1, j] - slow[1, j])
-        sensed[12] = max(sensed[12], abs(apart) - noise[0, j] - noise[1, j])
+    for j in range(2):
+        sensed[12] = max(sensed[12], 2.0 * (abs(fast[1, j] - slow[1, j]) - noise[1, j]))
 
 
 class SlipSense:
@@ -124,13 +126,18 @@ class SlipSense:
     """
 
     def __init__(
-        self, contact: SoftContact, observer: ObserverSettings, dynamic: DynamicSettings, rate: float = 500.0
+        self,
+        contact: SoftContact,
+        observer: ObserverSettings,
+        dynamic: DynamicSettings,
+        rate: float = 500.0,
+        offset: float = 0.0,
     ) -> None:
         if round(1.0 / (rate * STEP)) != 4:
             raise ValueError(f"the observer's step fits a sensor of 500 Hz, not one of {rate:g} Hz")
         table = surface_table(contact)
         self._table = (table.f, table.tau, table.load)
-        self._contact = (contact.mu, contact.torsion, contact.gamma, contact.delta, float(contact.ellipsoid))
+        self._contact = (contact.mu, contact.torsion, contact.gamma, contact.delta, float(contact.ellipsoid), offset)
         self._observer = (
             observer.sigma0, observer.beta, observer.inertia, observer.mass, observer.offset, observer.gain
         )  # fmt: skip
@@ -139,7 +146,7 @@ class SlipSense:
         self._bias, self._noise = np.zeros((2, 6)), np.zeros((2, 6))
         self._fast, self._slow, self._smoothed = np.zeros((2, 6)), np.zeros((2, 6)), np.zeros((2, 6))
         self._memory, self._sensed = np.zeros(_MEMORY), np.zeros(_SENSED)
-        self._disagreement = self._least_before = 0.0
+        self._least_before = 0.0
         self.f_n = self.least = self.coulomb = self.f_nd = self.omega = self.centre = self.f_t = self.tau_n = 0.0
 
     @property
@@ -153,20 +160,26 @@ class SlipSense:
 
     @property
     def one_sided_jump(self) -> bool:
-        """Whether one finger's force has just jumped and the other's has not: no fruit does that."""
+        """Whether one finger's tangential force has just jumped and the other's has not: no fruit does that."""
         return bool(self._sensed[12] > JUMP)
 
     @property
+    def cautious(self) -> float:
+        """The least force if the fruit's centre lay `offset` off the grasp axis, or as measured if that is more [N]."""
+        return float(self._sensed[13])
+
+    @property
     def noise(self) -> Float64:
-        """Jumps below this are taken for noise, shape (2, 6) [N, N·m]."""
+        """Jumps below this are taken for noise, of what both fingers feel alike and apart, shape (2, 6) [N, N·m]."""
         return self._noise
 
     def settle(self, samples: Float64) -> None:
         """Take the bias, and how noisy the fingers are, from samples with nothing touching, shape (n, 2, 6)."""
         self._bias[:] = samples.mean(axis=0)
         fast_share = self._shares[0]
-        self._noise[:] = NOISE_SHARE * samples.std(axis=0) * math.sqrt(fast_share / (2.0 - fast_share))
-        self._disagreement = float(np.hypot(self._noise[0, 2], self._noise[1, 2]))
+        second = MIRROR * samples[:, 1]
+        modes = 0.5 * np.stack([samples[:, 0] + second, samples[:, 0] - second], axis=1)
+        self._noise[:] = NOISE_SHARE * modes.std(axis=0) * math.sqrt(fast_share / (2.0 - fast_share))
         for state in (self._fast, self._slow, self._smoothed, self._memory):
             state[:] = 0.0
 
@@ -175,18 +188,14 @@ class SlipSense:
         self._memory[5] = 0.0
 
     def advance(self, raw: Float64, periods: int = 1) -> None:
-        """Take one raw sample, shape (2, 6), that stands for so many periods.
-
-        The grasp force is twice the smaller finger's force; where the fingers differ by no more than noise explains it
-        is their sum, which noise does not bias.
-        """
+        """Take one raw sample, shape (2, 6), that stands for so many periods."""
         _sense(
-            raw, periods, self._bias, self._noise, self._fast, self._slow, self._smoothed, self._shares[:3],
+            raw, periods, self._bias, MIRROR, self._noise, self._fast, self._slow, self._smoothed, self._shares[:3],
             self._shares[3], self._contact, *self._table, self._observer, self._dynamic, self._memory, self._sensed,
         )  # fmt: skip
         first, second, tau_0, tau_1, self.least, self.coulomb, self.f_nd, self.omega, self.centre, self.f_t = (
             self._sensed[:10].tolist()
         )
-        self.f_n = max(first + second - max(abs(first - second) - self._disagreement, 0.0), 0.0)
+        self.f_n = max(2.0 * min(first, second), 0.0)
         self.tau_n = tau_0 + tau_1
         self._least_before += min(periods * self._shares[4], 1.0) * (self.least - self._least_before)
