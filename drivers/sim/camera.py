@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from drivers.errors import DeviceLost
 from drivers.interfaces import Camera, Float64, Frame, Intrinsics
 from drivers.sim.faults import FaultyDevice
-from drivers.sim.gl import in_gl_thread, load_mujoco
+from drivers.sim.gl import in_gl_thread, load_mujoco, open_renderer
 from drivers.sim.stereo_depth import Stereo, measure_depth
 from drivers.sim.world import SimWorld
 
@@ -92,8 +92,7 @@ class SimCamera(FaultyDevice):
 
     def _open_renderer(self) -> Any:
         if self._renderer is None:
-            mujoco = load_mujoco()
-            self._renderer = mujoco.Renderer(self._world.model, self._intrinsics.height, self._intrinsics.width)
+            self._renderer = open_renderer(self._world.model, self._intrinsics.height, self._intrinsics.width)
         return self._renderer
 
 

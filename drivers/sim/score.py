@@ -157,16 +157,14 @@ class Score:
     def _least_force(self) -> float:
         """Force of both fingers at which the ellipsoidal limit surface of the contact model just holds this load [N].
 
-        The load is what both pads carry along their faces: it is shared evenly, as it would be at the limit.
+        The load is what both pads together carry along their faces, and about the closing axis where they touch.
         """
         shear, twist = np.zeros(3), 0.0
-        for pad, wrench in zip(PADS, self._wrenches, strict=True):
-            rotation = self.state.site(pad).xmat.reshape(3, 3)
-            normal = rotation[:, 2]
+        for pad, wrench, side in zip(PADS, self._wrenches, (1.0, -1.0), strict=True):
+            normal = self.state.site(pad).xmat.reshape(3, 3)[:, 2]
             force = wrench[:3]
             shear += force - normal * (normal @ force)
-            lever = wrench[6:9] - self.state.site(pad).xpos
-            twist += abs(float(normal @ (wrench[3:6] + np.cross(lever, force))))
+            twist += side * float(normal @ wrench[3:6])
         friction, torsion = self.scene.friction, self.scene.torsion
         return float(np.hypot(np.linalg.norm(shear) / friction, twist / torsion))
 

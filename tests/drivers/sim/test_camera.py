@@ -1,0 +1,121 @@
+"""The simulated camera: where a pixel looks, how true its depth is, and the same picture for the same seed."""
+
+import numpy as np
+import pytest
+
+from drivers.errors import DeviceLost
+from drivers.interfaces import Camera, Intrinsics
+from drivers.sim.camera import _set_projection
+from drivers.sim.gl import in_gl_thread, load_mujoco, open_renderer
+from drivers.sim.stereo_depth import Stereo, measure_depth
+
+D435I = Intrinsics(610.6, 610.6, 317.7, 238.1, 640, 480)
+STEREO = Stereo(focal=610.6, baseline=0.05, disparity_noise=0.08, nearest=0.18)
+
+
+def test_a_ball_appears_where_the_pinhole_puts_it():
+    mujoco = load_mujoco()
+    centres = [(-0.1, -0.08, 0.6), (0.12, 0.05, 0.6), (0.0, 0.0, 0.5), (0.1, -0.1, 0.7)]
+    balls = "".join(f'<geom type="sphere" size="0.008" pos="{x} {-y} {-z}"/>' for x, y, z in centres)
+    model = mujoco.MjModel.from_xml_string(
+        '<mujoco><visual><quality offsamples="0"/></visual><worldbody><camera name="camera" resolution="640 480" '
+        f'sensorsize="0.00384 0.00288" focalpixel="500 500"/>{balls}</worldbody></mujoco>'
+    )
+    state = mujoco.MjData(model)
+    mujoco.mj_forward(model, state)
+    _set_projection(model, 0, D435I)
+
+    def render():
+        renderer = open_renderer(model, 480, 640)
+        renderer.enable_depth_rendering()
+        renderer.update_scene(state, camera="camera")
+        depth = renderer.render().copy()
+        renderer.close()
+        return depth
+
+    depth = in_gl_thread(render)
+    for x, y, z in centres:
+        u, v = D435I.fx * x / z + D435I.cx, D435I.fy * y / z + D435I.cy
+        top, left = int(v) - 20, int(u) - 20
+        rows, columns = np.nonzero(depth[top : top + 41, left : left + 41] < 0.9)
+        assert left + columns.mean() == pytest.approx(u, abs=0.12)
+        assert top + rows.mean() == pytest.approx(v, abs=0.12)
+
+
+def test_depth_lies_on_the_table_where_the_frame_says_the_camera_was(open_cell):
+    cell = open_cell(seed=3)
+    frame = cell.device(Camera).latest()
+    state = cell.devices["world"].state
+    T_base_camera = np.eye(4)
+    T_base_camera[:3, :3] = state.site("camera").xmat.reshape(3, 3)
+    T_base_camera[:3, 3] = state.site("camera").xpos
+    T_base_tool = np.eye(4)
+    T_base_tool[:3, :3] = state.body("tool0").xmat.reshape(3, 3)
+    T_base_tool[:3, 3] = state.body("tool0").xpos
+    assert np.abs(T_base_tool @ frame.T_mount_camera - T_base_camera).max() < 1e-9
+    rows, columns = np.nonzero(frame.depth[400:, 500:] > 0.0)
+    z = frame.depth[400:, 500:][rows, columns]
+    rays = np.column_stack([(columns + 500 - 317.7) / 610.6, (rows + 400 - 238.1) / 610.6, np.ones(len(z))])
+    points = (rays * z[:, None]) @ T_base_camera[:3, :3].T + T_base_camera[:3, 3]
+    assert np.median(points[:, 2]) == pytest.approx(-0.12, abs=3e-4)
+    assert np.std(points[:, 2]) < 2e-3
+    assert frame.colour.shape == (480, 640, 3)
+    assert frame.depth.dtype == np.float32
+    assert np.array_equal(frame.q, state.qpos[:7])
+
+
+def test_depth_noise_is_that_of_a_stereo_camera():
+    rng = np.random.default_rng(0)
+    for z in (0.4, 0.6, 1.0):
+        true = np.full((240, 320), z, np.float32)
+        measured = measure_depth(true, STEREO, rng)
+        seen = measured > 0.0
+        assert seen.mean() > 0.99
+        error = measured[seen] - z
+        expected = np.hypot(z**2 * 0.08 / (610.6 * 0.05), 1e-3 / np.sqrt(12.0))  # and steps of a millimetre
+        assert error.std() == pytest.approx(expected, rel=0.1)
+        assert abs(error.mean()) < 2e-4
+        rows = (measured - z) * seen
+        neighbours = np.corrcoef(rows[:, :-1].ravel(), rows[:, 1:].ravel())[0, 1]
+        assert neighbours > 0.5
+
+
+def test_depth_has_shadows_and_holes_where_a_stereo_camera_has_them():
+    true = np.full((200, 300), 0.8, np.float32)
+    true[60:140, 100:200] = 0.5  # a plate before a wall
+    measured = measure_depth(true, STEREO, np.random.default_rng(1))
+    shadow = round(610.6 * 0.05 * (1 / 0.5 - 1 / 0.8))
+    assert (measured[70:130, 100 - shadow + 2 : 98] == 0.0).mean() > 0.95
+    assert (measured[70:130, 204 : 204 + shadow] == 0.0).mean() < 0.05
+    edge = measured[59:61, 110:190]
+    assert (edge == 0.0).mean() > 0.5
+    assert (measured[80:120, 120:180] > 0.0).mean() > 0.95
+    assert np.all(measure_depth(np.full((20, 20), 0.1, np.float32), STEREO, np.random.default_rng(1)) == 0.0)
+    assert np.all(measure_depth(np.zeros((20, 20), np.float32), STEREO, np.random.default_rng(1)) == 0.0)
+
+
+def test_one_frame_a_period_and_none_newer_than_now(open_cell):
+    cell = open_cell(seed=3)
+    camera = cell.device(Camera)
+    first = camera.latest()
+    cell.clock.advance(0.01)
+    assert camera.latest() is first
+    cell.clock.advance(0.03)
+    second = camera.latest()
+    assert second.sequence == first.sequence + 1
+    assert second.stamp == cell.clock.now()
+
+
+def test_a_frozen_camera_keeps_its_frame_and_is_noticed(open_cell):
+    cell = open_cell(seed=3)
+    camera = cell.device(Camera)
+    before = camera.latest()
+    camera.inject_fault("freeze")
+    cell.clock.advance(0.9)
+    cell.check()
+    assert camera.latest() is before
+    cell.clock.advance(0.2)
+    with pytest.raises(DeviceLost, match="no new frame"):
+        cell.check()
+    camera.inject_fault("lost")
+    assert camera.latest() is None

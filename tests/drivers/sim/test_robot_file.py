@@ -1,0 +1,107 @@
+"""The robot's file: kinematics of the manufacturer, frames where the interfaces say, limits of every joint."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from drivers.sim.gl import load_mujoco
+
+ROBOT = Path(__file__).resolve().parents[3] / "trees" / "robots" / "sia5f_wsg32.xml"
+
+
+@pytest.fixture(scope="module")
+def robot():
+    mujoco = load_mujoco()
+    model = mujoco.MjModel.from_xml_path(str(ROBOT))
+    state = mujoco.MjData(model)
+
+    def pose(q, fingers=0.0):
+        state.qpos[:7] = q
+        state.joint("finger_left").qpos[0] = state.joint("finger_right").qpos[0] = fingers
+        mujoco.mj_forward(model, state)
+        return state
+
+    return model, pose
+
+
+def urdf_chain(q):
+    """tool0 by the public URDF's joint origins and axes, independently of the file."""
+
+    def step(origin, axis=None, angle=0.0):
+        T = np.eye(4)
+        T[:3, 3] = origin
+        if axis is not None:
+            x, y, z = axis
+            K = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+            T[:3, :3] = np.eye(3) + np.sin(angle) * K + (1 - np.cos(angle)) * K @ K
+        return T
+
+    joints = [
+        ((0, 0, 0.310), (0, 0, 1)),
+        ((0, 0, 0), (0, 1, 0)),
+        ((0, 0, 0.270), (0, 0, 1)),
+        ((0.085, 0, 0), (0, -1, 0)),
+        ((0.270, 0, 0.060), (-1, 0, 0)),
+        ((0, 0, 0), (0, -1, 0)),
+        ((0.134, 0, 0), (-1, 0, 0)),
+    ]
+    T = np.eye(4)
+    for (origin, axis), angle in zip(joints, q, strict=True):
+        T = T @ step(origin, axis, angle)
+    quarter = -np.pi / 2
+    rpy = (
+        step((0, 0, 0), (0, 0, 1), quarter) @ step((0, 0, 0), (0, 1, 0), quarter) @ step((0, 0, 0), (1, 0, 0), quarter)
+    )
+    return T @ step((0.011, 0, 0)) @ rpy
+
+
+def test_the_flange_is_where_the_manufacturers_chain_puts_it(robot):
+    _, pose = robot
+    rng = np.random.default_rng(0)
+    assert pose(np.zeros(7)).site("tool0").xpos == pytest.approx([0.5, 0.0, 0.64])
+    assert pose(np.arange(1, 8) / 10).site("tool0").xpos == pytest.approx([0.446461, 0.199077, 0.770157], abs=1e-6)
+    for q in rng.uniform(-1.5, 1.5, (50, 7)):
+        site = pose(q).site("tool0")
+        expected = urdf_chain(q)
+        assert np.abs(site.xpos - expected[:3, 3]).max() < 1e-9
+        assert np.abs(site.xmat.reshape(3, 3) - expected[:3, :3]).max() < 1e-9
+
+
+def test_limits_are_the_manufacturers(robot):
+    model, _ = robot
+    degrees = np.degrees(model.jnt_range[:7])
+    assert degrees[:, 1] == pytest.approx([180, 110, 170, 115, 180, 110, 180], abs=1e-4)
+    assert degrees[:, 0] == pytest.approx([-180, -110, -170, -90, -180, -110, -180], abs=1e-4)
+    assert np.degrees(model.numeric("arm_velocity").data) == pytest.approx([200] * 5 + [230, 350], abs=1e-4)
+    assert model.numeric("arm_acceleration").data.shape == model.numeric("arm_jerk").data.shape == (7,)
+
+
+def test_frames_of_pads_tcp_and_camera_are_as_the_interfaces_say(robot):
+    _, pose = robot
+    state = pose(np.array([0.3, -0.4, 0.2, 0.5, -0.1, 0.6, 0.7]), fingers=0.01)
+    tool = state.site("tool0").xmat.reshape(3, 3)
+    tcp = state.site("tcp")
+    assert np.abs(tcp.xmat.reshape(3, 3) - tool).max() < 1e-12
+    left, right = state.site("pad_left"), state.site("pad_right")
+    assert (left.xpos + right.xpos) / 2.0 == pytest.approx(tcp.xpos)
+    assert np.linalg.norm(left.xpos - right.xpos) == pytest.approx(0.035 + 0.02)
+    for pad, other in ((left, right), (right, left)):
+        R = pad.xmat.reshape(3, 3)
+        towards = (other.xpos - pad.xpos) / np.linalg.norm(other.xpos - pad.xpos)
+        assert R[:, 2] == pytest.approx(towards, abs=1e-9)  # out of the face, into the fruit
+        assert R[:, 0] == pytest.approx(tool[:, 2], abs=1e-9)  # the approach axis
+    camera = state.site("camera").xmat.reshape(3, 3)
+    assert camera[:, 2] == pytest.approx(tool[:, 2], abs=1e-9)
+    assert camera[:, 0] == pytest.approx(tool[:, 1], abs=1e-9)
+    optical = state.cam("camera").xmat.reshape(3, 3) @ np.diag([1.0, -1.0, -1.0])
+    assert np.abs(optical - camera).max() < 1e-9
+
+
+def test_at_the_observe_pose_nothing_touches_and_the_camera_looks_at_the_table(robot):
+    _, pose = robot
+    state = pose([-1.36, -0.316, -0.264, -0.234, 0.065, -1.294, 0.048], fingers=0.03)
+    assert state.ncon == 0
+    site = state.site("camera")
+    assert site.xpos == pytest.approx([-0.040, -0.250, 0.480], abs=1e-3)
+    assert site.xmat.reshape(3, 3)[:, 2] == pytest.approx([0.0, -0.341, -0.940], abs=1e-3)
