@@ -14,6 +14,7 @@ from skills.occupancy import OccupancyMap
 from skills.plan.arm_space import arm_space, usable_field
 from skills.plan.rounding import first_blocked
 from skills.plan.timing import time_curve
+from skills.plan.warm import prepare_moving
 from skills.robot import RobotModel
 from skills.sample_grasp.grasp import Grasp
 from skills.slip_avoid_grasp.hold import take_over
@@ -50,6 +51,9 @@ class Approach(MovingSkill):
         "SENSOR_STALE",
         "MAP_STALE",
     )
+
+    def prepare(self) -> None:
+        prepare_moving(self)
 
     def run(  # type: ignore[override]
         self,

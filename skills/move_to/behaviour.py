@@ -8,6 +8,7 @@ from executive.skill import Work
 from skills.motion import MOTION_FAILURES, MovingSkill
 from skills.move_to.moving import POSE_FAILURES, move_to_pose
 from skills.occupancy import OccupancyMap
+from skills.plan.warm import prepare_planning
 from skills.sample_grasp.grasp import Grasp
 
 
@@ -28,6 +29,9 @@ class MoveTo(MovingSkill):
     )
     devices = (Arm, Gripper, Workspace)
     failures = (*MOTION_FAILURES, *POSE_FAILURES)
+
+    def prepare(self) -> None:
+        prepare_planning(self)
 
     def run(  # type: ignore[override]
         self,

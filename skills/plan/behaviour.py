@@ -15,6 +15,7 @@ from skills.plan.arm_space import arm_space, usable_field
 from skills.plan.ompl_planners import PLANNERS, Kind
 from skills.plan.plan import PlanRequest, PlanResult
 from skills.plan.planning import PLANNING_FAILURES, patience, planned
+from skills.plan.warm import prepare_planning
 from skills.robot import RobotModel
 from skills.sample_grasp.grasp import Grasp, GraspCandidates
 
@@ -42,6 +43,9 @@ class Plan(Skill):
     outputs = Ports(grasp=Grasp, path=Trajectory)
     devices = (Arm, Gripper, Workspace)
     failures = (*PLANNING_FAILURES, "MAP_STALE")
+
+    def prepare(self) -> None:
+        prepare_planning(self)
 
     def run(  # type: ignore[override]
         self,

@@ -9,7 +9,6 @@ import numpy as np
 from executive.skill import Skill
 from skills.plan.errors import PlanningFailed
 from skills.plan.plan import PlanRequest, PlanResult, plan
-from skills.plan.space import Space
 
 PLANNING_FAILURES = ("START_IN_COLLISION", "GOAL_UNREACHABLE", "GOAL_IN_COLLISION", "NO_PATH", "TIMEOUT")
 """Codes of every skill that plans."""
@@ -44,9 +43,3 @@ def planned(skill: Skill, request: PlanRequest) -> Generator[str | None, None, P
 def patience(skill: Skill, budget: float) -> float:
     """Wall seconds that planning may take: the budget on a real clock, practically no limit on a simulated one."""
     return SIMULATED_PATIENCE if skill.clock.simulated else budget
-
-
-def warm(space: Space, q: np.ndarray) -> None:
-    """Import and compile in the process that will plan, so that the first plan is as quick as the others."""
-    space.free(q)
-    space.free_between(q, q)

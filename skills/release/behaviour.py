@@ -15,6 +15,7 @@ from skills.motion import MOTION_FAILURES, MovingSkill, Watching
 from skills.move_to.moving import POSE_FAILURES, move_to_pose
 from skills.occupancy import OccupancyMap
 from skills.plan.timing import time_curve
+from skills.plan.warm import prepare_planning
 from skills.robot import RobotModel
 from skills.sample_grasp.grasp import Grasp
 from skills.slip_avoid_grasp.grip_view import show_grip
@@ -53,6 +54,9 @@ class Release(MovingSkill):
     )
     devices = (Arm, Gripper, ForceSensor, Workspace)
     failures = (*MOTION_FAILURES, *POSE_FAILURES, "NOT_HELD", "NO_CONTACT", "NO_WAY_DOWN")
+
+    def prepare(self) -> None:
+        prepare_planning(self)
 
     def run(  # type: ignore[override]
         self,

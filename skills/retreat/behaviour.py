@@ -15,6 +15,7 @@ from skills.approach.straight_line import straight_line
 from skills.geometry import inverse
 from skills.motion import MOTION_FAILURES, MovingSkill, Watching
 from skills.plan.timing import time_curve
+from skills.plan.warm import prepare_moving
 from skills.robot import RobotModel
 from skills.sample_grasp.grasp import Grasp
 from skills.slip_avoid_grasp.hold import current_hold, take_over
@@ -60,6 +61,9 @@ class Retreat(MovingSkill):
     )
     devices = (Arm, Gripper, ForceSensor)
     failures = (*MOTION_FAILURES, "NO_WAY_BACK")
+
+    def prepare(self) -> None:
+        prepare_moving(self)
 
     def run(self, grasp: Grasp | None, speed: float, acceleration: float, contact: float) -> Work:  # type: ignore[override]
         if grasp is None:

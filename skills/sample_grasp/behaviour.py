@@ -16,7 +16,7 @@ from skills.plan.arm_space import arm_space, usable_field
 from skills.refine.measured_fruit import MeasuredFruit
 from skills.robot import RobotModel
 from skills.sample_grasp.grasp import Grasp, GraspCandidates, RuledOut
-from skills.sample_grasp.sample import GraspRules, sample_pre_grasps
+from skills.sample_grasp.sample import GraspRules, sample_pre_grasps, warm_up
 from skills.sample_grasp.sphere import Sphere, pre_grasp_position
 from skills.sample_grasp.tried import Tried
 
@@ -50,6 +50,9 @@ class SampleGrasp(Skill):
     def __init__(self, name: str = "") -> None:
         super().__init__(name)
         self._tried = Tried()
+
+    def prepare(self) -> None:
+        warm_up(RobotModel.load(self.device(Arm).description))
 
     def run(  # type: ignore[override]
         self,

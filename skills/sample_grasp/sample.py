@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skills.approach.straight_line import LARGEST_RATE
-from skills.collision import fruit_points
+from skills.collision import CollisionWorld, fruit_points
 from skills.geometry import transform
 from skills.plan.arm_space import ArmSpace
 from skills.refine.measured_fruit import MeasuredFruit
@@ -214,17 +214,46 @@ def _approachable(setting: _Setting, solutions: Float64, T_base_grasp: Float64, 
     shares = np.linspace(1.0, 0.0, steps + 1)
     poses = np.tile(T_base_grasp[:3], (steps + 1, 1, 1))
     poses[:, :, 3] -= shares[:, None] * setting.sphere.radius * T_base_grasp[:3, 2]
-    lines = np.empty((len(tried), steps + 1, robot.dof))
-    verdicts, witnesses = np.empty(len(tried), dtype=np.int64), np.empty_like(tried)
-    follow_through(
-        space.world.shape.arrays, space.world.arrays, np.ascontiguousarray(robot.T_link_tcp[:3]), robot.lower,
-        robot.upper, tried, poses, width, LARGEST_RATE * setting.sphere.radius / steps, SLACK, rules.solutions,
-        lines, verdicts, witnesses,
-    )  # fmt: skip
+    lines, verdicts, witnesses = _judge(robot, space, tried, poses, rules.solutions)
     good = np.flatnonzero(verdicts == GOOD)
     if len(good) == 0:
         raise _why_not(space, verdicts, witnesses)
     return tried[good], float(space.clearances(lines[good[0]]).min())
+
+
+def _judge(
+    robot: RobotModel, space: ArmSpace, solutions: Float64, poses: Float64, wanted: int
+) -> tuple[Float64, Int64, Float64]:
+    """Follow the approach along `poses` through for joint solutions; results as in `follow_through`."""
+    length = float(np.linalg.norm(poses[-1, :, 3] - poses[0, :, 3]))
+    lines = np.empty((len(solutions), len(poses), robot.dof))
+    verdicts, witnesses = np.empty(len(solutions), dtype=np.int64), np.empty_like(solutions)
+    follow_through(
+        space.world.shape.arrays,
+        space.world.arrays,
+        np.ascontiguousarray(robot.T_link_tcp[:3]),
+        robot.lower,
+        robot.upper,
+        solutions,
+        poses,
+        space.width,
+        LARGEST_RATE * length / (len(poses) - 1),
+        SLACK,
+        wanted,
+        lines,
+        verdicts,
+        witnesses,
+    )
+    return lines, verdicts, witnesses
+
+
+def warm_up(robot: RobotModel) -> None:
+    """Compile what sampling needs, before a run's clock starts."""
+    q = (robot.lower + robot.upper) / 2.0
+    space = ArmSpace(CollisionWorld.build(robot), robot.width_max)
+    poses = np.tile(robot.tcp(q)[:3], (2, 1, 1))
+    inverse_kinematics(robot, robot.tcp(q), near=q)
+    _judge(robot, space, q[None], poses, 1)
 
 
 def _why_not(space: ArmSpace, verdicts: Int64, witnesses: Float64) -> _OutOfQuestion:
