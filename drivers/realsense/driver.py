@@ -1,0 +1,157 @@
+"""A RealSense camera as a `Camera`: a thread keeps the newest pair of images and where the camera was."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Protocol
+
+from drivers.device import Device
+from drivers.errors import DeviceError, DeviceLost
+from drivers.interfaces import Camera, Frame
+from drivers.realsense.ride import Ride
+from drivers.realsense.source import Pair
+from drivers.wire import ServiceLoop
+from executive.clock import Clock
+
+RECONNECT = 1.0
+"""Pause between attempts to open a lost camera again [s]."""
+LATENCY = 0.035
+"""From exposure to arrival, where the camera's stamp cannot be compared with the host's clock [s]."""
+
+
+class Source(Protocol):
+    """What delivers images; see `drivers.realsense.source`."""
+
+    def wait(self, timeout: float) -> Pair | None: ...
+
+    def close(self) -> None: ...
+
+
+class StreamingCamera(Device):
+    """Keeps the newest frame of a source at hand."""
+
+    interfaces = (Camera,)
+
+    def __init__(
+        self,
+        open_source: Callable[[], Source],
+        ride: Ride,
+        clock: Clock,
+        *,
+        silence: float = 0.5,
+        label: str = "realsense",
+        name: str = "camera",
+    ) -> None:
+        super().__init__(name)
+        self._open_source, self._ride, self._clock = open_source, ride, clock
+        self._silence, self._label = silence, label
+        self._source: Source | None = None
+        self._loop = ServiceLoop(f"{name} stream", self.step, self._lose)
+        self._newest: Frame | None = None
+        self._sequence = 0
+        self._heard = 0.0
+        self._retry_at = 0.0
+        self._problem: DeviceError | None = DeviceLost(name, "was never connected")
+
+    def connect(self, deadline: float = 5.0) -> None:
+        """Open the source and wait for its first images.
+
+        Raises:
+            DeviceError: it cannot be opened, or no image came within `deadline` [s].
+        """
+        self._open()
+        end = self._clock.now() + deadline
+        while self._newest is None:
+            self._look()
+            if self._clock.now() > end:
+                self._close_source()
+                raise DeviceLost(self.name, f"no image within {deadline:g} s")
+        self._problem = None
+
+    def start(self) -> None:
+        """Stream in a thread of its own from now on."""
+        self._loop.start()
+
+    def step(self) -> None:
+        """Wait for one pair of images; the camera's own thread calls this without end."""
+        try:
+            if self._source is not None:
+                self._look()
+            elif self._clock.now() >= self._retry_at:
+                self._open()
+            else:
+                self._clock.advance(0.05)
+        except (OSError, DeviceError) as error:
+            self._lose(error)
+
+    def latest(self) -> Frame | None:
+        return self._newest
+
+    def link(self) -> str:
+        return "ok" if self._problem is None else str(self._problem)
+
+    def check(self) -> None:
+        problem = self._problem
+        if problem is not None:
+            raise problem
+
+    def acknowledge(self) -> None:
+        """Accept that the camera had been lost.
+
+        Raises:
+            DeviceLost: it still is.
+        """
+        if self._source is None:
+            raise DeviceLost(self.name, f"is still lost: {self._problem}")
+        self._problem = None
+
+    def close(self) -> None:
+        self._loop.close()
+        self._close_source()
+        self._problem = DeviceLost(self.name, "is closed")
+
+    def _open(self) -> None:
+        self._source = self._open_source()
+        self._heard = self._clock.now()
+
+    def _look(self) -> None:
+        source = self._source
+        if source is None:
+            return
+        self._ride.note()
+        pair = source.wait(0.1)
+        self._ride.note()
+        now = self._clock.now()
+        if pair is not None:
+            self._heard = now
+            self._newest = self._frame(pair, now)
+        elif now - self._heard > self._silence:
+            raise DeviceLost(self.name, f"no image for {now - self._heard:.1f} s")
+
+    def _frame(self, pair: Pair, now: float) -> Frame:
+        age = time.time() - pair.taken if pair.on_host_clock else LATENCY
+        stamp = now - (age if 0.0 <= age < 1.0 else LATENCY)
+        frame = Frame(
+            stamp=stamp,
+            sequence=self._sequence,
+            colour=pair.colour,
+            depth=pair.depth,
+            intrinsics=pair.intrinsics,
+            q=self._ride.joints(stamp),
+            T_mount_camera=self._ride.T_mount_camera,
+            label=self._label,
+        )
+        self._sequence += 1
+        return frame
+
+    def _lose(self, error: Exception) -> None:
+        if self._source is not None:
+            self._problem = error if isinstance(error, DeviceError) else DeviceLost(self.name, repr(error))
+        self._retry_at = self._clock.now() + RECONNECT
+        self._close_source()
+
+    def _close_source(self) -> None:
+        source, self._source = self._source, None
+        if source is not None:
+            source.close()
