@@ -1,0 +1,81 @@
+"""What a person gets for unusable input: one clear message, exit status 2, no traceback, nothing moved."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from executive.cli import main
+
+
+def refused(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
+    status = main([*arguments, "--no-record"])
+    captured = capsys.readouterr()
+    assert status == 2
+    assert "Traceback" not in captured.err + captured.out
+    return captured.err
+
+
+def test_a_missing_tree_is_named_with_what_there_is(capsys: pytest.CaptureFixture[str]) -> None:
+    error = refused(capsys, "run", "pick_aple")
+    assert "no tree file 'pick_aple'" in error
+    assert "Did you mean 'pick_apple'?" in error
+
+
+def test_a_missing_cell_is_named_with_what_there_is(capsys: pytest.CaptureFixture[str]) -> None:
+    error = refused(capsys, "run", "pick_apple", "--cell", "nowhere.yaml")
+    assert "no cell file 'nowhere.yaml'" in error
+    assert "sim" in error
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("", "error["),
+        ("root: [", ":1:"),
+        (
+            "pomona: 1\ntree: t\nroot:\n  sequence:\n    - Refien: {}\n",
+            ":5:7: error[unknown-skill]: no skill named 'Refien'",
+        ),
+        ("pomona: 1\ntree: t\nroot:\n  sequence:\n    - Lift: {height: 5}\n", "lacks a unit"),
+        ("\x00\x01", "error["),
+    ],
+)
+def test_a_broken_tree_says_where_and_what(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, text: str, expected: str
+) -> None:
+    path = tmp_path / "broken.yaml"
+    path.write_text(text)
+    error = refused(capsys, "run", str(path))
+    assert expected in error
+    assert "Nothing was run." in error
+
+
+def test_a_file_that_is_no_text_is_refused(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    path = tmp_path / "picture.yaml"
+    path.write_bytes(b"\x89PNG\r\n\x1a\n\xff\xfe")
+    assert "not a text file" in refused(capsys, "run", str(path))
+
+
+@pytest.mark.parametrize(
+    "setting", ["attempts", "=3", "attempts=many", "attempts=0", "radius=120", "radius=12 kg", "atempts=3"]
+)
+def test_a_bad_setting_is_refused_before_anything_moves(capsys: pytest.CaptureFixture[str], setting: str) -> None:
+    error = refused(capsys, "run", "pick_apple", "--set", setting)
+    assert setting.split("=")[0] in error
+
+
+def test_a_broken_cell_says_where(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    path = tmp_path / "cell.yaml"
+    path.write_text("name: x\nkind: simulated\ndevices:\n  arm: {driver: no-such-driver}\n")
+    error = refused(capsys, "run", "pick_apple", "--cell", str(path))
+    assert "cell.yaml:4:" in error
+    assert "no-such-driver" in error
+
+
+def test_a_cell_without_the_devices_is_refused(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    path = tmp_path / "cell.yaml"
+    path.write_text("name: x\nkind: mock\nclock: manual\ndevices: {}\n")
+    error = refused(capsys, "run", "pick_apple", "--cell", str(path))
+    assert "Camera" in error
