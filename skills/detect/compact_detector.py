@@ -111,7 +111,7 @@ class CompactDetector:
         places = decode_offsets(belief, offsets, options.finder_threshold)[: options.most_fruit]
         if not places:
             return []
-        centres = [((points[8] + 0.5) / factor - 0.5, keypoint_size(points) / factor) for points, _ in places]
+        centres = [((place.keypoints[8] + 0.5) / factor - 0.5, place.size / factor) for place in places]
         seen: list[FoundFruit] = []
         for _ in range(options.looks):
             seen = self._look(colour, centres)
@@ -129,7 +129,7 @@ class CompactDetector:
         return kept
 
     def belief_maps(self, colour: U8) -> tuple[NDArray[np.float32], NDArray[np.float32], float]:
-        """The finder's belief (9, h, w) and offsets (16, h, w), and the factor by which the picture was shrunk.
+        """The finder's belief (9, h, w) and offsets (17, h, w), and the factor by which the picture was shrunk.
 
         Raises:
             BadFrame: another shape or type.

@@ -42,8 +42,10 @@ class _Residual(nn.Module):
 class FinderNetwork(nn.Module):
     """Belief maps and corner offsets of all fruit in a picture.
 
-    Input (n, 3, h, w) in 0..1 minus 0.5, h and w multiples of 16. Output: belief logits-free maps (n, 9, h/4, w/4) and
-    offsets (n, 16, h/4, w/4): (du, dv) from the centroid to corners 0..7 in units of `OFFSET_UNIT` cells.
+    Input (n, 3, h, w) in 0..1 minus 0.5, h and w multiples of 16. Output: belief maps (n, 9, h/4, w/4) and offsets
+    (n, 17, h/4, w/4): (du, dv) from the centroid to corners 0..7, and the logarithm of the corners' mean distance from
+    it, all in units of `OFFSET_UNIT` cells. The distance is learnt by itself because corners of a fruit whose turn is
+    unclear are drawn to their mean, and would make it look small.
     """
 
     def __init__(self, widths: tuple[int, int, int, int] = (24, 48, 96, 160)) -> None:
@@ -58,7 +60,7 @@ class FinderNetwork(nn.Module):
         self.up_8 = _Residual(c)
         self.to_4 = nn.Conv2d(c, b, 1)
         self.up_4 = _Residual(b)
-        last = nn.Conv2d(b, 25, 1)
+        last = nn.Conv2d(b, 9 + 17, 1)
         nn.init.normal_(last.weight, std=0.01)
         self.head = nn.Sequential(_convolve(b, b), last)
 

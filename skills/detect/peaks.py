@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from skills.detect.close_look import keypoint_size
 from skills.detect.compact_network import FINDER_STRIDE, OFFSET_UNIT
 from skills.detect.errors import BadMaps
 
@@ -17,36 +18,52 @@ MOST_PEAKS = 60
 """Peaks kept, strongest first: adversarial maps must not cost unbounded time."""
 
 
-def decode_offsets(belief: F32, offsets: F32, threshold: float, apart: float = 0.45) -> list[tuple[F64, float]]:
+@dataclass(frozen=True, slots=True, eq=False)
+class Place:
+    """Where the finder sees a fruit.
+
+    Attributes:
+        keypoints: corners and centroid, (9, 2) [px].
+        size: mean distance of the corners from the centroid [px].
+        belief: of the centroid, 0..1.
+    """
+
+    keypoints: F64
+    size: float
+    belief: float
+
+
+def decode_offsets(belief: F32, offsets: F32, threshold: float, apart: float = 0.45) -> list[Place]:
     """Fruit in the finder's maps, strongest first.
 
     Args:
         belief: (9, h, w); only the centroid's map, the last, is read.
-        offsets: (16, h, w), centroid to corners in units of `OFFSET_UNIT` cells.
+        offsets: (17, h, w), centroid to corners and log of their mean distance, in units of `OFFSET_UNIT` cells.
         threshold: least belief of a centroid.
         apart: two fruit are at least this part of the larger one's keypoint size apart.
 
     Returns:
-        Keypoints (9, 2) [px of the finder's input] and belief of the centroid. Cells that are not finite count as zero.
+        Places, in pixels of the finder's input. Cells that are not finite count as zero.
 
     Raises:
         BadMaps: another number of maps, or sizes that differ.
     """
-    if belief.ndim != 3 or offsets.ndim != 3 or belief.shape[0] != 9 or offsets.shape != (16, *belief.shape[1:]):
-        raise BadMaps("belief (9, h, w) and offsets (16, h, w)", f"{belief.shape} and {offsets.shape}")
+    if belief.ndim != 3 or offsets.ndim != 3 or belief.shape[0] != 9 or offsets.shape != (17, *belief.shape[1:]):
+        raise BadMaps("belief (9, h, w) and offsets (17, h, w)", f"{belief.shape} and {offsets.shape}")
     centroid = np.nan_to_num(np.asarray(belief[8], np.float32), nan=0.0, posinf=0.0, neginf=0.0)
     highest = cv2.dilate(centroid, np.ones((5, 5), np.uint8))
     v, u = np.nonzero((centroid >= highest) & (centroid > threshold))
     order = np.argsort(-centroid[v, u], kind="stable")[:MOST_PEAKS]
-    found: list[tuple[F64, float]] = []
+    found: list[Place] = []
     for y, x in zip(v[order].tolist(), u[order].tolist(), strict=True):
-        arms = np.nan_to_num(offsets[:, y, x].astype(np.float64)).reshape(8, 2) * OFFSET_UNIT
+        here = np.nan_to_num(offsets[:, y, x].astype(np.float64))
+        arms = here[:16].reshape(8, 2) * OFFSET_UNIT
         centre = np.array([x + _sub_cell(centroid, y, x, 0, 1), y + _sub_cell(centroid, y, x, 1, 0)])
         cells = np.vstack([arms + np.array([x, y]), centre])
         points = (cells + 0.5) * FINDER_STRIDE - 0.5
-        size = keypoint_size(points)
-        if all(np.linalg.norm(points[8] - p[8]) > apart * max(size, keypoint_size(p)) for p, _ in found):
-            found.append((points, float(centroid[y, x])))
+        size = float(np.exp(np.clip(here[16], -3.0, 3.0))) * OFFSET_UNIT * FINDER_STRIDE
+        if all(np.linalg.norm(points[8] - p.keypoints[8]) > apart * max(size, p.size) for p in found):
+            found.append(Place(points, size, float(centroid[y, x])))
     return found
 
 

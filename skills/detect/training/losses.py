@@ -21,8 +21,8 @@ def finder_loss(
     count = belief.shape[0]
     error = (belief.float() - target) ** 2 * (1.0 + PEAK_WEIGHT * target) * weight
     placed = functional.smooth_l1_loss(offsets.float(), target_offsets, beta=0.5 / OFFSET_UNIT, reduction="none")
-    cells = offset_weight.sum().clamp(min=1.0)
-    return error.sum() / (count * 600.0) + 8.0 * (placed * offset_weight).sum() / (cells * 16.0)
+    placed = (placed * offset_weight).sum(dim=(0, 2, 3)) / offset_weight.sum().clamp(min=1.0)
+    return error.sum() / (count * 600.0) + 8.0 * placed[:16].mean() + 8.0 * placed[16]
 
 
 def close_look_loss(output: Tensor, keypoints: Tensor, kind: Tensor, visibility: Tensor) -> Tensor:

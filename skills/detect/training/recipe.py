@@ -66,6 +66,7 @@ def make_weights(
     recipe: Recipe = SHIPPED,
     device: str = "cpu",
     workers: int = 2,
+    data: Path | None = None,
     rendered: Callable[[int, int], None] | None = None,
     say: Say | None = None,
 ) -> Path:
@@ -78,15 +79,17 @@ def make_weights(
         recipe: what to do.
         device: "cpu" or "cuda".
         workers: processes that render, and prepare batches.
+        data: folder of frames made before; None renders the recipe's into `work`.
         rendered: called with (frames done, frames in all).
         say: called with the stage's name and its progress.
 
     Returns:
         `out`.
     """
-    frames, held_out = work / "frames", work / "held_out"
+    frames, held_out = data or work / "frames", work / "held_out"
     render_dataset(held_out, recipe.held_out, HELD_OUT_SEED, fruit, workers=workers)
-    render_dataset(frames, recipe.frames, TRAINING_SEED, fruit, workers=workers, progress=rendered)
+    if data is None:
+        render_dataset(frames, recipe.frames, TRAINING_SEED, fruit, workers=workers, progress=rendered)
     networks: dict[str, nn.Module] = {"finder": FinderNetwork(), "close_look": CloseLookNetwork()}
     started: set[str] = set()
     for number, stage in enumerate(recipe.stages):

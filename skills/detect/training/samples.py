@@ -180,9 +180,9 @@ class CloseLookBatches(Dataset[tuple[Tensor, ...]]):
             if item.visibility < 0.25 or max(item.box or (0, 0, 1, 1)) < 1:
                 continue
             size = keypoint_size(item.keypoints)
-            centre = item.keypoints[8] + rng.normal(0.0, 0.05, 2) * size
+            centre = item.keypoints[8] + rng.normal(0.0, 0.06, 2) * size
             samples.append(
-                self._look(picture, centre, size * np.exp(rng.normal(0.0, 0.09)), item.keypoints, item.visibility, rng)
+                self._look(picture, centre, size * np.exp(rng.normal(0.0, 0.13)), item.keypoints, item.visibility, rng)
             )
         wrong = [(np.array([u, v]), max(r, 8.0) * rng.uniform(0.9, 1.6)) for u, v, r in annotation.decoys]
         for _ in range(1):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from skills.detect.close_look import keypoint_size
 from skills.detect.compact_network import OFFSET_UNIT
 
 F32 = NDArray[np.float32]
@@ -30,10 +31,10 @@ def finder_targets(
         least_visibility: fruit less visible than this is neither asked for nor punished.
 
     Returns:
-        belief (9, h, w), its weight (1, h, w), offsets (16, h, w), their weight (1, h, w).
+        belief (9, h, w), its weight (1, h, w), offsets (17, h, w), their weight (1, h, w).
     """
     belief, weight = np.zeros((9, height, width), np.float32), np.ones((1, height, width), np.float32)
-    offsets, offset_weight = np.zeros((16, height, width), np.float32), np.zeros((1, height, width), np.float32)
+    offsets, offset_weight = np.zeros((17, height, width), np.float32), np.zeros((1, height, width), np.float32)
     nearest = np.full((height, width), np.inf)
     for points, seen in zip(keypoints, visibility, strict=True):
         centre = points[8]
@@ -59,6 +60,7 @@ def finder_targets(
             offsets[2 * k + 1, rows, columns][here] = ((points[k, 1] - dv)[:, None] + 0.0 * du[None, :])[
                 here
             ] / OFFSET_UNIT
+        offsets[16, rows, columns][here] = np.log(max(keypoint_size(points), 0.5) / OFFSET_UNIT)
         offset_weight[0, rows, columns][here] = 1.0
     # A half-hidden neighbour's blank must not wipe out what is asked for beside it.
     weight[0] = np.maximum(weight[0], belief.max(axis=0))

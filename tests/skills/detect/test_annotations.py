@@ -57,7 +57,9 @@ def test_eight_points_and_a_centroid_are_read_too(tmp_path: Path) -> None:
     assert np.array_equal(points, [*corners, [3.0, 9.0]])
 
 
-@pytest.mark.parametrize("text", ["", "[]", "{}", '{"objects": [{"class": "a", "projected_cuboid": [[1, 2]]}]}', '{"objects": 3}'])
+@pytest.mark.parametrize(
+    "text", ["", "[]", "{}", '{"objects": [{"class": "a", "projected_cuboid": [[1, 2]]}]}', '{"objects": 3}']
+)
 def test_other_files_are_refused(tmp_path: Path, text: str) -> None:
     path = tmp_path / "bad.json"
     path.write_text(text)

@@ -116,7 +116,10 @@ def test_failures_have_their_codes(scripted: list[Instance]) -> None:
         return outcome.reason.code
 
     assert code(drive(Detect(), {"fruit": "apple"}, devices={Camera: OneFrame(None)})) == "NO_FRAME"
-    assert code(drive(Detect(), {"fruit": "apple"}, devices={Camera: OneFrame(frame())}, clock=ManualClock(2.0))) == "STALE_FRAME"
+    assert (
+        code(drive(Detect(), {"fruit": "apple"}, devices={Camera: OneFrame(frame())}, clock=ManualClock(2.0)))
+        == "STALE_FRAME"
+    )
     assert code(look()) == "NOTHING_FOUND"
     scripted[:] = [instance(0.0, 0.5, score=0.3)]
     assert code(look()) == "LOW_CONFIDENCE"

@@ -137,7 +137,8 @@ def test_hundreds_of_peaks_return_in_bounded_time() -> None:
 
 
 @pytest.mark.parametrize(
-    ("belief", "affinity"), [((8, 5, 5), (16, 5, 5)), ((9, 5, 5), (16, 5, 6)), ((9, 5), (16, 5)), ((9, 0, 0), (16, 0, 0))]
+    ("belief", "affinity"),
+    [((8, 5, 5), (16, 5, 5)), ((9, 5, 5), (16, 5, 6)), ((9, 5), (16, 5)), ((9, 0, 0), (16, 0, 0))],
 )
 def test_maps_of_other_shapes_are_refused(belief: tuple[int, ...], affinity: tuple[int, ...]) -> None:
     with pytest.raises(BadMaps, match="belief"):

@@ -75,7 +75,9 @@ def test_checkpoints_load_with_and_without_prefix(network: DopeNetwork, tmp_path
     path = tmp_path / "net.pth"
     torch.save({prefix + key: value for key, value in network.state_dict().items()}, path)
     loaded = load_weights(path)
-    assert all(torch.equal(a, b) for a, b in zip(loaded.state_dict().values(), network.state_dict().values(), strict=True))
+    assert all(
+        torch.equal(a, b) for a, b in zip(loaded.state_dict().values(), network.state_dict().values(), strict=True)
+    )
     assert not loaded.training
 
 
@@ -107,14 +109,22 @@ def test_input_is_normalised_and_shrunk_to_400_rows() -> None:
     tensor, factor = dope_input(white)
     assert tuple(tensor.shape) == (1, 3, 400, 533)
     assert np.isclose(factor, 400 / 480)
-    assert torch.allclose(tensor[0, :, 0, 0], (1 - torch.tensor([0.485, 0.456, 0.406])) / torch.tensor([0.229, 0.224, 0.225]))
+    assert torch.allclose(
+        tensor[0, :, 0, 0], (1 - torch.tensor([0.485, 0.456, 0.406])) / torch.tensor([0.229, 0.224, 0.225])
+    )
     small, unchanged = dope_input(white[:320])
     assert (tuple(small.shape), unchanged) == ((1, 3, 320, 640), 1.0)
 
 
 @pytest.mark.parametrize(
     "picture",
-    [np.zeros((480, 640), np.uint8), np.zeros((480, 640, 3)), np.zeros((3, 480, 640), np.uint8), np.zeros((4, 4, 3), np.uint8), None],
+    [
+        np.zeros((480, 640), np.uint8),
+        np.zeros((480, 640, 3)),
+        np.zeros((3, 480, 640), np.uint8),
+        np.zeros((4, 4, 3), np.uint8),
+        None,
+    ],
     ids=["grey", "float", "channels first", "tiny", "none"],
 )
 def test_pictures_of_another_shape_or_type_are_refused(picture: object) -> None:

@@ -38,7 +38,12 @@ def test_everything_in_a_plain_file_is_read_in_si_units(tmp_path: Path) -> None:
     apple = config.objects["apple"]
     assert np.allclose(apple.dimensions, (0.09756, 0.08539, 0.09590))
     assert apple.weights == "package://dope/weights/apple.pth"
-    assert (apple.class_id, apple.draw_colour, apple.mesh, apple.mesh_scale) == (3, (13, 255, 128), "file:///apple.dae", 0.01)
+    assert (apple.class_id, apple.draw_colour, apple.mesh, apple.mesh_scale) == (
+        3,
+        (13, 255, 128),
+        "file:///apple.dae",
+        0.01,
+    )
     assert apple.model_transform[0].tolist() == [0, 0, 1, 0]
     assert config.objects["soup"].class_id == 0
     t = config.thresholds

@@ -38,7 +38,9 @@ def test_label_moves_smoothly_for_fruit_seen_from_above(
 ) -> None:
     def stem_at(shift: float) -> np.ndarray:
         # Seen from `elevation`, leaning by `tilt` in some direction: never near the singular view from below.
-        axis = np.array([np.sin(tilt) * np.cos(direction + shift), -np.cos(tilt), np.sin(tilt) * np.sin(direction + shift)])
+        axis = np.array(
+            [np.sin(tilt) * np.cos(direction + shift), -np.cos(tilt), np.sin(tilt) * np.sin(direction + shift)]
+        )
         e = elevation + shift
         turn = np.array([[1, 0, 0], [0, np.cos(e), -np.sin(e)], [0, np.sin(e), np.cos(e)]])
         return turn @ axis

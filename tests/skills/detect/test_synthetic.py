@@ -74,7 +74,10 @@ def test_sizes_and_proportions_vary_as_asked(apple: FruitModel) -> None:
 
 def test_scale_is_the_best_fit_of_the_cad_model(apple: FruitModel) -> None:
     truth = render_scene(apple, SMALL, 3).fruit[0]
-    errors = [np.linalg.norm(truth.dimensions - s * apple.dimensions) for s in (truth.scale - 1e-3, truth.scale, truth.scale + 1e-3)]
+    errors = [
+        np.linalg.norm(truth.dimensions - s * apple.dimensions)
+        for s in (truth.scale - 1e-3, truth.scale, truth.scale + 1e-3)
+    ]
     assert errors[1] == min(errors)
 
 

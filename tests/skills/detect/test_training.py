@@ -96,7 +96,7 @@ def test_close_looks_hold_the_fruit_they_are_labelled_with(frames: Path) -> None
 
 def test_losses_are_least_at_the_target_and_grow_away_from_it() -> None:
     torch.manual_seed(0)
-    belief, offsets = torch.rand(2, 9, 6, 8), torch.rand(2, 16, 6, 8)
+    belief, offsets = torch.rand(2, 9, 6, 8), torch.rand(2, 17, 6, 8)
     weight = torch.ones(2, 1, 6, 8)
     assert float(finder_loss(belief, offsets, belief, weight, offsets, weight)) == 0.0
     assert float(finder_loss(belief + 0.1, offsets, belief, weight, offsets, weight)) > 0.0
