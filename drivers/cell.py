@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import contextlib
 import threading
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import Any, TypeVar, cast
@@ -166,13 +166,21 @@ class Cell:
         return next((device for device in self.devices.values() if interface in device.interfaces), None)
 
 
-def load_cell(path: str | Path, *, seed: int = 0, overrides: Mapping[str, str] | None = None) -> Cell:
+def load_cell(
+    path: str | Path,
+    *,
+    seed: int = 0,
+    overrides: Mapping[str, str] | None = None,
+    missing: Callable[[str, DriverError], None] | None = None,
+) -> Cell:
     """Read a cell file and connect its devices.
 
     Args:
         path: of the cell file.
         seed: of everything random in a simulated or mock cell.
         overrides: values of the file's `options`.
+        missing: told of every device that cannot be connected, by name and why, instead of an error: for a look over
+            the cell, never for a run.
 
     Raises:
         CellFileError: the file cannot be used; says where, and what is known instead.
@@ -192,7 +200,12 @@ def load_cell(path: str | Path, *, seed: int = 0, overrides: Mapping[str, str] |
             world, bench.clock = simulator, simulator.clock
         devices = settings.section("devices")
         for device in devices.names():
-            _connect(device, devices.section(device), bench)
+            try:
+                _connect(device, devices.section(device), bench)
+            except DriverError as error:
+                if missing is None:
+                    raise
+                missing(device, error)
         settings.finish()
         cell = Cell(name, kind, bench.clock, bench.devices, workspace, world)
         _check_poses(settings, cell)

@@ -207,6 +207,7 @@ class Score:
                     "name": each.name,
                     "place": each.place,
                     "dimensions_m": [float(d) for d in each.dimensions],
+                    "T_base_fruit": self._pose(i).tolist(),
                     "T_base_fruit_at_look": self._fruits[i].looked.tolist(),
                 }
                 for i, each in enumerate(self.scene.fruits)

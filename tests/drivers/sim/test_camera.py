@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from drivers.errors import DeviceLost
-from drivers.interfaces import Camera, Intrinsics
+from drivers.interfaces import Camera, Intrinsics, Workspace
 from drivers.sim.camera import _set_projection
 from drivers.sim.gl import in_gl_thread, load_mujoco, open_renderer
 from drivers.sim.stereo_depth import Stereo, measure_depth
@@ -119,3 +119,31 @@ def test_a_frozen_camera_keeps_its_frame_and_is_noticed(open_cell):
         cell.check()
     camera.inject_fault("lost")
     assert camera.latest() is None
+
+
+@pytest.mark.parametrize("pose", ["observe", "observe_2", "observe_3"])
+def test_every_observe_pose_sees_all_places_whole(open_cell, pose):
+    """Cuboids of the largest apple at each place lie in the image, far from its border; the robot is not in it."""
+    cell = open_cell(seed=1, others="4")
+    state = cell.devices["world"].state
+    state.qpos[:7] = cell.device(Workspace).poses[pose]
+    mujoco = load_mujoco()
+    mujoco.mj_forward(cell.devices["world"].model, state)
+    site = state.site("camera")
+    R, p = site.xmat.reshape(3, 3), site.xpos
+    corners = np.array([[x, y, z] for x in (-0.047, 0.047) for y in (-0.047, 0.047) for z in (-0.12, -0.035)])
+    for place in ((-0.12, -0.35), (0.08, -0.34), (-0.03, -0.52), (0.15, -0.48), (-0.20, -0.48)):
+        seen = (corners + [*place, 0.0] - p) @ R
+        u = D435I.fx * seen[:, 0] / seen[:, 2] + D435I.cx
+        v = D435I.fy * seen[:, 1] / seen[:, 2] + D435I.cy
+        assert u.min() > 30
+        assert u.max() < 610
+        assert v.min() > 30
+        assert v.max() < 450
+    depth = cell.device(Camera).latest().depth
+    assert depth[depth > 0.0].min() > 0.4
+    assert not [c for c in state.contact if {c.geom1, c.geom2} & set(robot_geoms(cell.devices["world"].model))]
+
+
+def robot_geoms(model):
+    return [i for i in range(model.ngeom) if model.geom_contype[i] == 2]

@@ -1,0 +1,97 @@
+"""Bending a path's time keeps every joint within its limits, whenever and however often it is stopped."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from drivers.interfaces import ArmLimits, Trajectory
+from drivers.path_follower import PathFollower
+
+LIMITS = ArmLimits(
+    lower=np.full(3, -10.0),
+    upper=np.full(3, 10.0),
+    velocity=np.array([3.0, 2.0, 4.0]),
+    acceleration=np.array([8.0, 10.0, 6.0]),
+    jerk=np.array([80.0, 100.0, 60.0]),
+)
+PERIOD = 0.002
+
+
+def sweep(angles, samples=60):
+    """A rest-to-rest quintic at the limits."""
+    angles = np.asarray(angles)
+    x = np.linspace(0.0, 1.0, samples)[:, None]
+    duration = max(
+        (1.875 * np.abs(angles) / LIMITS.velocity).max(), np.sqrt(5.7736 * np.abs(angles) / LIMITS.acceleration).max()
+    )
+    return Trajectory(
+        x[:, 0] * duration,
+        angles * x**3 * (10.0 - 15.0 * x + 6.0 * x**2),
+        angles * 30.0 * x**2 * (1.0 - x) ** 2 / duration,
+        angles * 60.0 * x * (1.0 - x) * (1.0 - 2.0 * x) / duration**2,
+    )
+
+
+def run(follower, commands, limit=20000):
+    points = [follower.step()[0]]
+    for step in range(limit):
+        command = commands.get(step)
+        if command is not None:
+            command()
+        points.append(follower.step()[0])
+        if follower.finished or (follower.at_rest and step > max(commands, default=0)):
+            break
+    return np.array(points)
+
+
+def test_left_alone_it_is_the_trajectory_itself():
+    path = sweep([1.0, -0.5, 0.3])
+    follower = PathFollower(path, LIMITS, PERIOD)
+    points = run(follower, {})
+    t = np.arange(1, len(points) + 1) * PERIOD
+    for j in range(3):
+        assert np.abs(points[:, j] - np.interp(t, path.t, path.q[:, j])).max() < 1e-3
+    assert follower.progress == 1.0
+    assert points[-1] == pytest.approx(path.q[-1])
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    st.lists(st.floats(-2.0, 2.0), min_size=3, max_size=3).filter(lambda a: max(map(abs, a)) > 0.2),
+    st.floats(0.0, 1.0),
+    st.booleans(),
+)
+def test_stopping_anywhere_stays_within_acceleration_limits(angles, when, resumes):
+    path = sweep(angles)
+    follower = PathFollower(path, LIMITS, PERIOD)
+    stop = int(when * path.duration / PERIOD)
+    commands = {stop: follower.slow_down}
+    if resumes:
+        commands[stop + 60] = follower.go_on
+    points = run(follower, commands)
+    assert len(points) < 15000
+    if resumes:
+        assert follower.finished
+    else:
+        assert follower.at_rest
+        assert (len(points) - stop) * PERIOD < 1.5
+    # On the path: all joints share one path parameter.
+    lead = int(np.abs(path.q[-1]).argmax())
+    expected = points[:, [lead]] / path.q[-1, lead] * path.q[-1]
+    assert np.abs(points - expected).max() < 1e-6
+    acceleration = np.abs(np.diff(points, n=2, axis=0)).max(axis=0) / PERIOD**2
+    assert np.all(acceleration < 1.1 * LIMITS.acceleration)
+
+
+def test_stop_and_go_many_times_ends_at_the_end():
+    path = sweep([1.5, -1.0, 0.7])
+    follower = PathFollower(path, LIMITS, PERIOD)
+    commands = {}
+    for k in range(10):
+        commands[50 + 150 * k] = follower.slow_down
+        commands[120 + 150 * k] = follower.go_on
+    points = run(follower, commands)
+    assert points[-1] == pytest.approx(path.q[-1])
+    acceleration = np.abs(np.diff(points, n=2, axis=0)).max(axis=0) / PERIOD**2
+    assert np.all(acceleration < 1.1 * LIMITS.acceleration)
