@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from drivers.interfaces import Intrinsics
-from skills.refine.errors import AtBound, NoDepth
+from skills.refine.errors import DepthNotInMetres, NoDepth
 from skills.refine.render import DepthImage, ImageBox, RendererName, Triangles, render_depth
-from skills.refine.scale_fit import MIN_PIXELS, MIN_VALID, ScaleFit
+from skills.refine.scale_fit import MIN_PIXELS, MIN_VALID, TOO_DEEP, ScaleFit
 
 Float64 = NDArray[np.float64]
 
@@ -62,8 +62,8 @@ def fit_scale_by_rendering(
 
     Raises:
         NoDepth: too few of the model's pixels hold a measurement.
+        DepthNotInMetres: the measurements are about a thousand times the virtual depth.
         RenderFailed: the model cannot be rendered.
-        AtBound: RANSAC found no line.
     """
     virtual_depth, _ = render_depth(mesh, T_camera_object, intrinsics, box, using)
     covered = virtual_depth > 0.0
@@ -71,6 +71,8 @@ def fit_scale_by_rendering(
     model_pixels, valid_pixels = int(np.count_nonzero(covered)), int(np.count_nonzero(valid))
     if valid_pixels < max(MIN_PIXELS, MIN_VALID * model_pixels):
         raise NoDepth(valid_pixels, model_pixels)
+    if np.median(depth[valid] / virtual_depth[valid]) > TOO_DEEP:
+        raise DepthNotInMetres(float(np.median(depth[valid])), float(np.median(virtual_depth[valid])))
     inliers = np.zeros(depth.shape, dtype=np.bool_)
     inliers[valid] = _line_inliers(virtual_depth[valid], depth[valid], inlier_band)
 
@@ -92,19 +94,14 @@ def fit_scale_by_rendering(
 def _line_inliers(virtual: DepthImage, measured: DepthImage, band: float) -> NDArray[np.bool_]:
     """RANSAC: the measurements within the band of the line through two of them that has the most such.
 
-    Raises:
-        AtBound: no two measurements have different virtual depth.
+    Two of the same virtual depth, as on a face that is seen head-on, give the line through the origin.
     """
     x, y = virtual.astype(np.float64), measured.astype(np.float64)
     rng = np.random.default_rng(_SEED)
-    best: NDArray[np.bool_] | None = None
+    best = np.zeros(len(x), dtype=np.bool_)
     for i, j in rng.integers(0, len(x), (_TRIALS, 2)):
-        if x[i] == x[j]:
-            continue
-        slope = (y[j] - y[i]) / (x[j] - x[i])
+        slope = (y[j] - y[i]) / (x[j] - x[i]) if x[i] != x[j] else y[i] / x[i]
         agree = np.abs(y - y[i] - slope * (x - x[i])) <= band
-        if best is None or np.count_nonzero(agree) > np.count_nonzero(best):
+        if np.count_nonzero(agree) > np.count_nonzero(best):
             best = agree
-    if best is None:
-        raise AtBound(0.0, 0.0)
     return best

@@ -30,8 +30,9 @@ _THROUGH = 2.0
 _MOST_THROUGH = 0.1
 """A stretched model is refused when the camera sees through more than this share of it, by so many bands."""
 
-_UNMODELLED = 0.006
-"""Standard deviation of what no stretched model explains (lobes, dents, the turn about the axis), of the size."""
+_UNMODELLED = np.array([0.01, 0.01, 0.01, 0.008, 0.02, 0.008])
+"""Standard deviations of what no stretched model explains (lobes, dents, one shoulder higher than the other, the turn
+about the axis) in place and dimensions, of the mean dimension."""
 
 _MISPLACED = 0.02
 _PROPORTIONS = np.array([0.03, 0.09, 0.03])
@@ -146,10 +147,10 @@ def _scaled(
     p_hat = T_camera_object[:3, 3]
     sigma = (1.0 - fit.mu) * float(np.linalg.norm(p_hat))
     bound = sigma_bound(p_hat)
-    if abs(sigma) >= 0.999 * bound:
-        raise AtBound(sigma, bound)
     if fit.inlier_ratio < limits.min_inliers:
         raise TooFewInliers(fit.inlier_ratio, limits.min_inliers)
+    if abs(sigma) >= 0.999 * bound:
+        raise AtBound(sigma, bound)
     if not limits.size[0] <= fit.mu <= limits.size[1]:
         raise SizeOutOfRange(fit.mu, *limits.size)
     T_refined = T_camera_object.copy()
@@ -236,4 +237,4 @@ def _covariance(fit: ShapeFit, dimensions: Float64) -> Float64:
     """Of (position, dimensions): of the fit, and of what it does not model."""
     to_size = np.diag(np.concatenate([np.ones(3), dimensions]))
     covariance: Float64 = to_size @ fit.covariance @ to_size
-    return covariance + (_UNMODELLED * float(dimensions.mean())) ** 2 * np.eye(6)
+    return covariance + np.diag((_UNMODELLED * dimensions.mean()) ** 2)

@@ -22,6 +22,9 @@ MIN_PIXELS = 30
 MIN_VALID = 0.05
 """A smaller share of the model's pixels than this is no measurement."""
 
+TOO_DEEP = 100.0
+"""Depth of so many times the virtual depth is in another unit."""
+
 _HYPOTHESES = 512
 _REFITS = 20
 _SEEN_THROUGH = 0.25
@@ -84,7 +87,7 @@ def fit_scale(depth: DepthImage, virtual_depth: DepthImage, inlier_band: float =
 
     ratio = d / d_hat
     mu = _largest_consensus(ratio, inlier_band / float(d_hat.mean()))
-    if mu > 100.0:
+    if mu > TOO_DEEP:
         raise DepthNotInMetres(float(np.median(d)), float(np.median(d_hat)))
 
     inlier = np.abs(d - mu * d_hat) <= inlier_band
