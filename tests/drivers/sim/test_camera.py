@@ -133,7 +133,7 @@ def test_every_observe_pose_sees_all_places_whole(open_cell, pose):
     R, p = site.xmat.reshape(3, 3), site.xpos
     corners = np.array([[x, y, z] for x in (-0.047, 0.047) for y in (-0.047, 0.047) for z in (-0.12, -0.035)])
     for place in ((-0.12, -0.35), (0.08, -0.34), (-0.03, -0.52), (0.15, -0.48), (-0.20, -0.48)):
-        seen = (corners + [*place, 0.0] - p) @ R
+        seen = (corners + np.array([*place, 0.0]) - p) @ R
         u = D435I.fx * seen[:, 0] / seen[:, 2] + D435I.cx
         v = D435I.fy * seen[:, 1] / seen[:, 2] + D435I.cy
         assert u.min() > 30
