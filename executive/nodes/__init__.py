@@ -1,9 +1,10 @@
 """Nodes that py_trees lacks, or whose behaviour would surprise the author of a tree file.
 
-Sequences and parallels are py_trees' own. All of these say why they failed (`explain`), read time from the run's clock,
-and take values that are known only when they start.
+All are py_trees behaviours. They say why they failed (`explain`), read time from the run, and take values that are
+known only when they start.
 """
 
+from executive.nodes.branches import Parallel, Sequence
 from executive.nodes.conditions import Check, Guard, WaitUntil, When
 from executive.nodes.fallback import Fallback
 from executive.nodes.leaves import Fail, SetValues, Succeed, Wait
@@ -20,8 +21,10 @@ __all__ = [
     "Force",
     "Guard",
     "Invert",
+    "Parallel",
     "Repeat",
     "Retry",
+    "Sequence",
     "SetValues",
     "Subtree",
     "Succeed",

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections import abc
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Protocol
 
@@ -19,8 +20,10 @@ from executive.nodes import (
     ForEach,
     Guard,
     Invert,
+    Parallel,
     Repeat,
     Retry,
+    Sequence,
     SetValues,
     Subtree,
     Succeed,
@@ -59,7 +62,7 @@ def build(
     *,
     context: SkillContext,
     board: Board | None = None,
-    overrides: Mapping[str, str] | Sequence[str] = (),
+    overrides: Mapping[str, str] | abc.Sequence[str] = (),
     interfaces: tuple[type, ...] | None = None,
     mocks: Mocks | None = None,
 ) -> BuiltTree:
@@ -386,8 +389,8 @@ class _Builder:
         if kind in ("fallback", "reactive_fallback"):
             return self.made(path, Fallback(name, kind == "fallback", children, sight))
         if kind == "parallel":
-            return self.made(path, py_trees.composites.Parallel(name, self.policy(node, found, children), children))
-        return self.made(path, py_trees.composites.Sequence(name, kind == "sequence", children))
+            return self.made(path, Parallel(name, self.policy(node, found, children), children))
+        return self.made(path, Sequence(name, kind == "sequence", children))
 
     @staticmethod
     def policy(node: TreeNode, found: Resolved, children: list[Behaviour]) -> ParallelPolicy.Base:
