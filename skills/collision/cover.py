@@ -17,6 +17,7 @@ from scipy.spatial import ConvexHull
 from skills.robot import Geom
 
 Float64 = NDArray[np.float64]
+Depth = Callable[[Float64], Float64]
 
 _BOX_CORNER = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
 _CELLS = 1500
@@ -51,17 +52,7 @@ def cover(geom: Geom) -> Cover:
     if geom.kind == "box":
         return _cover_box(size[:3])
     if geom.kind == "cylinder":
-        radius, half = float(size[0]), float(size[1])
-        angles = np.arange(_RIM) * 2.0 * np.pi / _RIM
-        rim = radius / np.cos(np.pi / _RIM)  # the prism around the cylinder
-        ring = np.stack((rim * np.cos(angles), rim * np.sin(angles), np.full(_RIM, half)), axis=1)
-        support = np.vstack((ring, ring * (1.0, 1.0, -1.0)))
-
-        def depth(p: Float64) -> Float64:
-            deep: Float64 = np.minimum(radius - np.hypot(p[:, 0], p[:, 1]), half - np.abs(p[:, 2]))
-            return deep
-
-        return _cover_greedily(np.array([radius, radius, half]), np.zeros(3), depth, support)
+        return _cover_cylinder(float(size[0]), float(size[1]))
     if geom.kind == "ellipsoid":
         directions = fibonacci_sphere(200)
         directions /= 0.99 * np.min(np.max(directions @ fibonacci_sphere(2000).T, axis=0))  # around the unit ball
@@ -70,7 +61,8 @@ def cover(geom: Geom) -> Cover:
             deep: Float64 = (1.0 - np.linalg.norm(p / size[:3], axis=1)) * size[:3].min()
             return deep
 
-        return _cover_greedily(size[:3], np.zeros(3), ellipsoid_depth, directions * size[:3])
+        spheres = _cover_in_slices(size[:3], np.zeros(3), ellipsoid_depth)
+        return _cover_of(spheres, ellipsoid_depth, directions * size[:3])
     return cover_points(geom.vertices)
 
 
@@ -85,7 +77,7 @@ def cover_points(points: Float64) -> Cover:
         deep: Float64 = -np.max(p @ normals.T + offsets, axis=1)
         return deep
 
-    return _cover_greedily((upper - lower) / 2.0, (upper + lower) / 2.0, depth, corners)
+    return _cover_of(_cover_in_slices((upper - lower) / 2.0, (upper + lower) / 2.0, depth), depth, corners)
 
 
 def fibonacci_sphere(count: int) -> Float64:
@@ -121,8 +113,55 @@ def _cover_box(half: Float64) -> Cover:
     return Cover(spheres, (half - np.abs(centres)).min(axis=1), _BOX_CORNER * half, 0.0)
 
 
-def _cover_greedily(half: Float64, centre: Float64, depth: Callable[[Float64], Float64], support: Float64) -> Cover:
-    """Cover a convex shape inside a box; `depth` says how far a point is below the surface.
+def _cover_cylinder(radius: float, half: float) -> Cover:
+    """Spheres on the axis where they stay between the flat ends, smaller ones towards the ends."""
+
+    def depth(p: Float64) -> Float64:
+        deep: Float64 = np.minimum(radius - np.hypot(p[:, 0], p[:, 1]), half - np.abs(p[:, 2]))
+        return deep
+
+    protrusion = _protrusion(radius)
+    large = radius + protrusion
+    reach = float(np.sqrt(large**2 - radius**2))  # along the axis, to either side of a centre
+    last = half + protrusion - large  # the outermost centre whose sphere keeps to the end
+    spheres = []
+    end = 0.0  # where the flat remainder begins
+    if last > 0.0:
+        z = np.linspace(-last, last, int(np.ceil(last / reach)) + 1)
+        spheres.append(np.column_stack((np.zeros((len(z), 2)), z, np.full(len(z), large))))
+        end = min(last + reach, half)
+    slab = np.array([radius, radius, (half - end) / 2.0])
+    if end == 0.0:
+        spheres.append(_cover_greedily(np.array([radius, radius, half]), np.zeros(3), depth))
+    elif end < half:
+        top = _cover_greedily(slab, np.array([0.0, 0.0, (half + end) / 2.0]), depth)
+        spheres += [top, top * (1.0, 1.0, -1.0, 1.0)]
+    angles = np.arange(_RIM) * 2.0 * np.pi / _RIM
+    rim = radius / np.cos(np.pi / _RIM)  # of the prism around the cylinder
+    ring = np.column_stack((rim * np.cos(angles), rim * np.sin(angles), np.full(_RIM, half)))
+    return _cover_of(np.vstack(spheres), depth, np.vstack((ring, ring * (1.0, 1.0, -1.0))))
+
+
+def _cover_in_slices(half: Float64, centre: Float64, depth: Depth) -> Float64:
+    """Cover a convex shape inside a box, cut across its longest side into slices that are about as long as wide."""
+    longest = int(np.argmax(half))
+    count = int(np.ceil(half[longest] / np.sort(half)[1] - 0.2))
+    slab = half.copy()
+    slab[longest] = half[longest] / count
+    slices = []
+    for number in range(count):
+        middle = centre.copy()
+        middle[longest] += (2 * number + 1 - count) * slab[longest]
+        slices.append(_cover_greedily(slab, middle, depth))
+    return np.vstack(slices)
+
+
+def _cover_of(spheres: Float64, depth: Depth, support: Float64) -> Cover:
+    return Cover(spheres, np.maximum(depth(spheres[:, :3]), 0.0), support, 0.0)
+
+
+def _cover_greedily(half: Float64, centre: Float64, depth: Depth) -> Float64:
+    """Spheres, shape (n, 4), that cover the part of a convex shape that lies in a box; `depth` is below its surface.
 
     For points inside, `depth` may say less than the truth; for points outside, it is no further below zero than they
     are from the shape.
@@ -153,13 +192,12 @@ def _cover_greedily(half: Float64, centre: Float64, depth: Callable[[Float64], F
         cells = (cells[left][:, None] + _BOX_CORNER * cell).reshape(-1, 3)
     cells = cells[depth(cells) > -np.linalg.norm(cell)]
     cells = cells[~_holds(cells, cell, candidates[chosen], radii[chosen]).any(axis=1)]
-    spheres = np.vstack(
+    return np.vstack(
         (
             np.column_stack((candidates[chosen], radii[chosen])),
             np.column_stack((cells, np.full(len(cells), np.linalg.norm(cell)))),
         )
     )
-    return Cover(spheres, np.maximum(depth(spheres[:, :3]), 0.0), support, 0.0)
 
 
 def _holds(cells: Float64, cell: Float64, centres: Float64, radii: Float64) -> NDArray[np.bool_]:
