@@ -1,0 +1,1 @@
+"""Subcommands of `pomona` that concern devices: doctor, calibrate, emulate."""

@@ -1,0 +1,61 @@
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from drivers import cell
+from drivers.commands.doctor import find_cell
+from drivers.doctor import Check, examine
+
+
+@pytest.fixture
+def frames_cell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setitem(cell.BUILT_IN, "frames", "drivers.frames.camera:connect")
+    monkeypatch.setitem(cell.BUILT_IN, "wsg", "drivers.wsg.connect:connect")
+    cv2.imwrite(str(tmp_path / "a_color.png"), np.zeros((30, 40, 3), np.uint8))
+    cv2.imwrite(str(tmp_path / "a_depth_mm.png"), np.full((30, 40), 500, np.uint16))
+    path = tmp_path / "cell.yaml"
+    intrinsics = "{fx: 600, fy: 600, cx: 20, cy: 15, width: 40, height: 30}"
+    path.write_text(
+        "name: bench\nkind: frames\nclock: manual\ndevices:\n"
+        f"  camera: {{driver: frames, folder: '{tmp_path}', intrinsics: {intrinsics}}}\n"
+        "  gripper: {driver: wsg, tcp: '127.0.0.1:9'}\n"
+    )
+    return path
+
+
+def by_name(checks: list[Check]) -> dict[str, Check]:
+    return {check.name: check for check in checks}
+
+
+def test_one_unreachable_device_is_reported_with_its_place_and_the_others_are_still_looked_over(
+    frames_cell: Path,
+) -> None:
+    checks = by_name(examine(frames_cell))
+    assert checks["numpy"].ok
+    assert checks["cell file"].ok
+    assert checks["camera"].ok
+    assert checks["camera intrinsics"].ok
+    assert "100 %" in checks["camera depth"].found
+    gripper = checks["gripper"]
+    assert not gripper.ok
+    assert f"{frames_cell}:6:31" in gripper.found
+    assert "switched on" in gripper.advice
+    assert "→" in str(gripper)
+
+
+def test_an_unusable_cell_file_is_one_line_with_its_place(tmp_path: Path) -> None:
+    path = tmp_path / "cell.yaml"
+    path.write_text("kind: real\ndevices:\n  gripper: {driver: wgs}\n")
+    check = by_name(examine(path))["gripper"]
+    assert not check.ok
+    assert "wgs" in check.found
+    missing = by_name(examine(tmp_path / "none.yaml"))["cell file"]
+    assert "cannot be read" in missing.found
+
+
+def test_installed_cells_are_found_by_name() -> None:
+    assert find_cell("frames").name == "frames.yaml"
+    assert find_cell("frames").is_file()
+    assert find_cell("elsewhere/x.yaml") == Path("elsewhere/x.yaml")
