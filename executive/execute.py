@@ -109,7 +109,7 @@ def _run(
     for listener in (*([recorder.hear] if recorder else []), summary.hear, picture.hear, *listeners):
         events.subscribe(listener)
     try:
-        runner.prepare()
+        _prepare(runner)
         events.emit(_started(order, runner, document, cell, folder))
         on_ready(runner)
         with _terminate_safely(runner):
@@ -121,6 +121,13 @@ def _run(
         if recorder is not None:
             recorder.close()
     return Executed(result, summary, folder, recorder.problem if recorder else "")
+
+
+def _prepare(runner: Runner) -> None:
+    try:
+        runner.prepare()
+    except Exception as error:  # weights that do not load, a robot file that is wrong: nothing has moved
+        raise UsageError(f"the skills cannot be prepared: {error or type(error).__name__}") from error
 
 
 def read_document(path: Path) -> Document:

@@ -379,7 +379,8 @@ class Runner:
         self._events.emit(event)
 
     def _computed(self, node: str, function: str, wall: float) -> None:
-        self._emit(Computed(*self._stamp(), node, function, wall))
+        if self._state is not RunState.IDLE:  # what is prepared before the run is not the run's time
+            self._emit(Computed(*self._stamp(), node, function, wall))
 
     def _written(self, key: str, entry: Entry) -> None:
         sentence, facts = getattr(entry.value, "sentence", ""), getattr(entry.value, "facts", {})

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from executive.events import Event, Published
 from executive.views import ImageView, SceneView, SeriesView
@@ -57,12 +58,15 @@ class Picture:
         figure = Figure(figsize=(14, 8.4), dpi=100, layout="constrained")
         FigureCanvasAgg(figure)
         figure.suptitle(title, fontsize=13, x=0.01, ha="left")
-        rows = 2 if self._series else 1
-        grid = figure.add_gridspec(rows, 2, height_ratios=[2.2, 1.2][:rows])
-        self._draw_images(figure.add_subplot(grid[0, 0]))
-        self._draw_scene(figure.add_subplot(grid[0, 1], projection="3d"))
+        rows = figure.add_gridspec(2 if self._series else 1, 1, height_ratios=[2.4, 1.1][: 2 if self._series else 1])
+        above = rows[0].subgridspec(1, 2, width_ratios=[1.25, 1.0])
+        self._draw_images(figure.add_subplot(above[0]))
+        self._draw_scene(figure.add_subplot(above[1], projection="3d"))
         if self._series:
-            self._draw_series(figure.add_subplot(grid[1, :]))
+            units = self._by_unit()
+            below = rows[1].subgridspec(1, len(units), width_ratios=[1 + len(lines) for lines in units.values()])
+            for cell, (unit, lines) in zip(below, units.items(), strict=True):
+                self._draw_series(figure.add_subplot(cell), unit, lines)
         figure.savefig(path)
 
     def _draw_images(self, axes: Any) -> None:
@@ -99,19 +103,32 @@ class Picture:
         axes.set_zlabel("z [m]")
         axes.set_aspect("equal")
         captions = [view.caption for view in self._scenes.values() if view.caption]
-        axes.set_title("  ".join(captions), fontsize=10, loc="left")
+        axes.set_title("\n".join(captions), fontsize=8, loc="left")
         _legend(axes)
 
-    def _draw_series(self, axes: Any) -> None:
+    def _by_unit(self) -> dict[str, list[tuple[str, NDArray[np.float64], NDArray[np.float64]]]]:
+        """Every quantity's samples, (name, t, values), under its unit: quantities of different units share no axis."""
+        units: dict[str, list[tuple[str, NDArray[np.float64], NDArray[np.float64]]]] = defaultdict(list)
         for views in self._series.values():
-            t = np.concatenate([view.t for view in views])
-            for index, name in enumerate(views[-1].values):
-                values = np.concatenate([view.values[name] for view in views if name in view.values])
-                if values.shape == t.shape:
-                    axes.plot(t, values, lw=1.3, label=name, color=f"C{index}")
-            for name, value in views[-1].thresholds.items():
-                axes.axhline(value, lw=0.9, ls="--", color=COLOURS["muted"], label=name)
+            for name in views[-1].values:
+                having = [view for view in views if name in view.values]
+                t = np.concatenate([view.t for view in having])
+                values = np.concatenate([view.values[name] for view in having])
+                unit = name[name.rfind("[") + 1 : name.rfind("]")] if "[" in name else ""
+                units[unit].append((name, t, values))
+        return units
+
+    def _draw_series(
+        self, axes: Any, unit: str, lines: list[tuple[str, NDArray[np.float64], NDArray[np.float64]]]
+    ) -> None:
+        for name, t, values in lines:
+            axes.plot(t, values, lw=1.3, label=name.replace(f" [{unit}]", ""))
+        thresholds = {k: v for views in self._series.values() for k, v in views[-1].thresholds.items()}
+        for name, value in thresholds.items():
+            if f"[{unit}]" in name:
+                axes.axhline(value, lw=0.9, ls="--", color=COLOURS["muted"], label=name.replace(f" [{unit}]", ""))
         axes.set_xlabel("time [s]")
+        axes.set_ylabel(unit)
         axes.grid(alpha=0.25)
         _legend(axes)
 

@@ -1,0 +1,111 @@
+"""The whole job on the simulated cell: a tree file in, a picked apple and a record out."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from executive.cli import main
+from executive.events import Event, Published, RunEnded
+from executive.execute import Executed, RunOrder, execute
+from executive.files import find_cell, find_tree
+from executive.recording.read import read_events
+from executive.runner import Runner
+
+pytestmark = pytest.mark.slow
+
+
+def pick(
+    seed: int = 0, record: Path | None = None, listeners: Any = (), on_ready: Any = None, **settings: str
+) -> Executed:
+    order = RunOrder(find_tree("pick_apple"), find_cell("sim"), seed, settings, record=record)
+    return execute(order, listeners, on_ready=on_ready or (lambda _runner: None))
+
+
+def test_an_apple_is_picked_and_the_record_tells_it_again(tmp_path: Path) -> None:
+    heard: list[Event] = []
+    executed = pick(1, tmp_path, [heard.append], fruit="apple_4", place="2")
+    assert executed.result.outcome == "success", executed.result.reason
+    assert executed.result.truth is not None
+    assert executed.result.truth["lifted"] is True
+    assert executed.record is not None
+    assert (executed.record / "picture.png").stat().st_size > 20_000
+    replayed = list(read_events(executed.record))
+    assert [(type(e), e.t, e.tick) for e in replayed] == [(type(e), e.t, e.tick) for e in heard]
+    topics = {event.topic for event in replayed if isinstance(event, Published)}
+    assert {"detection", "refine", "grip"} <= {topic.split("/")[0] for topic in topics}
+
+
+def test_the_json_line_has_what_a_program_needs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    status = main(["run", "pick_apple", "--seed", "2", "--record", str(tmp_path), "--json", "--set", "fruit=apple_1"])
+    line = json.loads(capsys.readouterr().out.splitlines()[-1])
+    assert status == 0
+    assert line["outcome"] == "success"
+    wanted = {"outcome", "reason", "run", "record", "seed", "ticks", "time_s", "wall_s", "attempts", "truth"}
+    assert wanted <= line.keys()
+    assert {"lifted", "slip_mm", "peak_force_n", "least_force_n"} <= line["truth"].keys()
+    assert Path(line["record"]).is_dir()
+
+
+def story(executed_events: list[Event]) -> str:
+    """Everything that must be the same from run to run: all but what the wall's clock has to do with."""
+    kept = [e for e in executed_events if type(e).__name__ in ("NodeChanged", "AttemptEnded", "StateChanged")]
+    return "\n".join(repr(event) for event in kept)
+
+
+def test_the_same_seed_gives_the_same_events() -> None:
+    stories = []
+    for _ in range(2):
+        heard: list[Event] = []
+        pick(3, None, [heard.append], fruit="apple_3")
+        stories.append(story(heard))
+    assert stories[0] == stories[1]
+
+
+def test_a_task_that_cannot_succeed_fails_with_every_attempts_reason() -> None:
+    executed = pick(0, None, attempts="2", radius="600 mm")
+    assert executed.result.outcome == "failure"
+    assert executed.result.reason is not None
+    assert all(leaf.code.isupper() and leaf.message for leaf in executed.result.reason.leaves())
+    failed = [attempt for attempt in executed.summary.attempts if not attempt.succeeded]
+    assert failed
+    assert all(attempt.reason is not None for attempt in failed)
+
+
+def test_a_safe_stop_in_the_lift_keeps_the_apple_held() -> None:
+    runners: list[Runner] = []
+
+    def stop_in_lift(event: Event) -> None:
+        if type(event).__name__ == "NodeChanged" and event.path.endswith("Lift") and event.t > 0:  # type: ignore[attr-defined]
+            runners[0].safe_stop("test", "test")
+
+    executed = pick(0, None, [stop_in_lift], runners.append)
+    assert executed.result.outcome == "stopped"
+    assert executed.result.truth is not None
+    assert executed.result.truth["drops"] == 0
+
+
+def test_ctrl_c_closes_a_readable_record_and_exits_with_130(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "executive.cli", "run", "pick_apple", "--pace", "real", "--record", str(tmp_path)]
+    process = subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=dict(os.environ)
+    )
+    assert process.stdout is not None
+    for line in process.stdout:
+        if "Plan" in line:
+            process.send_signal(signal.SIGINT)
+            break
+    output = process.stdout.read()
+    assert process.wait(60) == 130
+    assert "Traceback" not in output
+    (folder,) = tmp_path.iterdir()
+    events = list(read_events(folder))
+    assert isinstance(events[-1], RunEnded)
+    assert events[-1].outcome == "stopped"
