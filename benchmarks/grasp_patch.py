@@ -1,9 +1,10 @@
 """A grasp to test grip control on, which shares no code with it: two soft pads, a fruit, and LuGre bristles.
 
-Each pad touches the fruit in a disc of rings and spokes. Every element carries its share of the normal force and its own
-bristle, dz/dt = v - sigma0 |v| / mu z, and pulls with f_n (sigma0 z + sigma1 dz/dt). Nothing knows of a limit surface:
-it emerges from the elements. The fruit moves in the pads' plane (x across, z up, turning by theta about the pads' normal)
-and along the normal (y); it stands on a table until it is lifted. The fingers follow their speed like a real drive.
+Each pad touches the fruit in a disc of rings and spokes. Every element carries its share of the normal force and its
+own bristle, dz/dt = v - sigma0 |v| / mu z, and pulls with f_n (sigma0 z + sigma1 dz/dt). Nothing knows of a limit
+surface: it emerges from the elements. The fruit moves in the pads' plane (x across, z up, turning by theta about the
+pads' normal) and along the normal (y); it stands on a table until it is lifted. The fingers follow their speed like a
+real drive.
 """
 
 from __future__ import annotations

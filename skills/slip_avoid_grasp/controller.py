@@ -114,6 +114,12 @@ class GripController:
             self._guard.stamp, sense.f_n, self.reference.f_ref, sense.least, sense.f_t, self.slip_speed, self.width
         )  # fmt: skip
 
+    def pivot(self, on: bool) -> None:
+        """While holding: let the fruit turn under gravity until it hangs plumb, or hold it again as it hangs."""
+        if self.phase in (GripPhase.HOLDING, GripPhase.PIVOTING):
+            self.phase = GripPhase.PIVOTING if on else GripPhase.HOLDING
+            self.reference.pivoting = on
+
     # ---------------------------------------------------------------------------------------------- stepping
 
     def step(
@@ -271,8 +277,9 @@ class GripController:
         low, high = min(first, second), max(first, second)
         dead = self._last("dead", low < DEAD and high > ALIVE, periods) > 0.0
         f_n = 2.0 * high if dead else sense.f_n
-        beyond = self._last("beyond", sense.least > 1.02 * f_n, periods)
-        if sense.least > 0.95 * f_n:
+        needed = sense.coulomb if self.phase is GripPhase.PIVOTING else sense.least
+        beyond = self._last("beyond", needed > 1.02 * f_n, periods)
+        if needed > 0.95 * f_n:
             self.slip += self.slip_speed * elapsed
         stamp = self._guard.stamp
         if self._lasting["saturated"] > SATURATED_AFTER:
@@ -286,8 +293,8 @@ class GripController:
             message = f"one finger feels nothing any more ({first:.2f} N, {second:.2f} N); the grip is kept"
             self.problem = GripProblem("ONE_FINGER", message, stamp, {"first": first, "second": second})
         elif self.slip > s.slip_limit or beyond > BEYOND_AFTER:
-            message = f"the fruit slips: about {1e3 * self.slip:.1f} mm, needs {sense.least:.1f} N, has {f_n:.1f} N"
-            self.problem = GripProblem("SLIPPED", message, stamp, {"slip": self.slip, "least": sense.least})
+            message = f"the fruit slips: about {1e3 * self.slip:.1f} mm, needs {needed:.1f} N, has {f_n:.1f} N"
+            self.problem = GripProblem("SLIPPED", message, stamp, {"slip": self.slip, "least": needed})
         elif self.reference.wanted > s.loop.max_force:
             message = f"the load needs {self.reference.wanted:.1f} N, the limit is {s.loop.max_force:.1f} N"
             self.problem = GripProblem("FORCE_LIMIT", message, stamp, {"wanted": self.reference.wanted})

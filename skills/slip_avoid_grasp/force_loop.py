@@ -71,10 +71,10 @@ def finger_speed(
     if not (math.isfinite(f_ref) and math.isfinite(f_ref_rate) and math.isfinite(f_n)):
         return 0.0
     f_n = abs(f_n)
-    if f_n > settings.max_force or f_ref > settings.max_force:
-        f_ref, f_ref_rate = min(f_ref, settings.max_force), min(f_ref_rate, 0.0)
     if f_n > 2.0 * settings.max_force and f_ref > f_n:
         return 0.0
+    if f_n > settings.max_force or f_ref > settings.max_force:
+        f_ref, f_ref_rate = min(f_ref, settings.max_force), min(f_ref_rate, 0.0)
     pads = settings.stiffness
     error = pads.pressed(f_ref) - pads.pressed(f_n) + speed_before * settings.lag
     closing = settings.gain * error + f_ref_rate / pads.slope(f_n)

@@ -102,6 +102,11 @@ class Hold:
     def ended(self) -> bool:
         return self._ended
 
+    def pivot(self, on: bool) -> None:
+        """Let the fruit turn in the fingers until it hangs plumb, or hold it again as it hangs; see `Pivot`."""
+        with self._lock:
+            self.controller.pivot(on)
+
     def take_over(self) -> None:
         """End control: the caller moves the fingers from now on. Zero speed is commanded, nothing opens."""
         with self._lock:

@@ -99,14 +99,15 @@ def limit_surface(c_tilde: ArrayLike, k: float = 4.0) -> tuple[Float64, Float64]
         f += np.sum(weight * span * r * pressure * dL_dc, axis=1)
         tau += np.sum(weight * span * r**2 * pressure * dL_dr, axis=1)
     shape = np.shape(c_tilde)
-    return (xi(k) / np.pi * f).reshape(shape), (tau / (2.0 * np.pi * nu(k))).reshape(shape)
+    f, tau = xi(k) / np.pi * f, tau / (2.0 * np.pi * nu(k))
+    return np.clip(f, 0.0, 1.0).reshape(shape), np.clip(tau, 0.0, 1.0).reshape(shape)
 
 
 def _angular(r: Float64, c: Float64) -> tuple[Float64, Float64]:
     """dL/dc and dL/dr of L = 4 (r + c) E(m), without loss where m is near 0 or 1."""
     with np.errstate(divide="ignore", invalid="ignore"):
         one_minus_m = ((r - c) / (r + c)) ** 2
-        m = 1.0 - one_minus_m
+        m = np.minimum(4.0 * (r / (r + c)) * (c / (r + c)), 1.0)
         E, K = ellipe(m), ellipkm1(np.maximum(one_minus_m, 1e-300))
         difference = np.where(m > 1e-6, E - K, -np.pi / 4.0 * m * (1.0 + 3.0 / 8.0 * m))
         dL_dc = np.where(c > 0.0, 4.0 * E + 2.0 * difference * (r - c) / c, 0.0)

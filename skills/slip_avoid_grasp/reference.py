@@ -22,6 +22,9 @@ EDGE, EDGE_GAIN = 0.95, 10.0
 LEAD, QUIET_RISE = 4.0, 0.06
 """So many times the rise of the least force is added while it rises by more than this share of it."""
 
+PIVOT_MARGIN, PIVOT_RATE = 1.25, 1.5
+"""While pivoting: on the force that Coulomb's law needs for the weight alone, and how slowly it is let go to [N/s]."""
+
 MOST_URGENT = 10.0
 """Bound of what is added to the static part [N]: enough for the fingers' full speed."""
 
@@ -34,17 +37,26 @@ RELAXING = 2.5
 
 
 class ForceReference:
-    """The grasp force to track, and the law that chooses it."""
+    """The grasp force to track, and the law that chooses it.
+
+    `pivoting` bears the weight only and leaves the moment alone, so that the fruit turns until it hangs plumb.
+    """
 
     def __init__(self, settings: GripSettings) -> None:
         self.settings = settings
         self.f_ref = 0.0
         self.wanted = 0.0
         self.frozen = ""
+        self.pivoting = False
         self._margin = settings.margin * (1.0 + settings.mu_uncertainty)
         self._held = self._urgent = 0.0
         self._loaded_for = 0.0
         self._carried = False
+
+    @property
+    def settled(self) -> bool:
+        """Whether the held part has come down to what is wanted."""
+        return self._held <= max(self.wanted, self.settings.floor) * 1.05
 
     def begin(self, f_n: float) -> None:
         """Start from the force that is there at contact."""
@@ -70,7 +82,7 @@ class ForceReference:
         """
         s = self.settings
         self._loaded_for = self._loaded_for + elapsed if sense.f_t > CARRIED else 0.0
-        self.wanted = self._static(sense)
+        self.wanted = PIVOT_MARGIN * sense.coulomb if self.pivoting else self._static(sense)
         target = max(self.wanted, s.floor)
         if self._loaded_for < CARRIED_AFTER and not self._carried:
             target = max(target, s.initial_force)
@@ -80,7 +92,7 @@ class ForceReference:
         if target >= self._held:
             self._held += share * (target - self._held)
         elif not self.frozen:
-            fall = max(s.relax_rate, RELAXING * (self._held - target))
+            fall = PIVOT_RATE if self.pivoting else max(s.relax_rate, RELAXING * (self._held - target))
             self._held = max(target, self._held - fall * elapsed)
         self._urgent += share * (self._answer(sense, f_n) - self._urgent)
         self.f_ref = min(self._held + self._urgent, s.loop.max_force)
@@ -99,6 +111,8 @@ class ForceReference:
         """What is added for a moment [N]."""
         if self.settings.law is not ForceLaw.SLIP_AVOIDANCE:
             return 0.0
+        if self.pivoting:
+            return min(EDGE_GAIN * max(sense.coulomb - EDGE * f_n, 0.0), MOST_URGENT)
         missing = max(sense.least - EDGE * f_n, 0.0)
         rising = max(sense.rise - QUIET_RISE * sense.least, 0.0)
         return min(sense.f_nd + LEAD * rising + EDGE_GAIN * missing, MOST_URGENT)

@@ -142,7 +142,9 @@ class SlipSense:
             observer.sigma0, observer.beta, observer.inertia, observer.mass, observer.offset, observer.gain
         )  # fmt: skip
         self._dynamic = (dynamic.kp, dynamic.ki, dynamic.kdc, dynamic.bound)
-        self._shares = tuple(1.0 - math.exp(-1.0 / (rate * lag)) for lag in (FAST, SLOW_NORMAL, SLOW_LOAD, CENTRE_LAG, RISE_LAG))
+        self._shares = tuple(
+            1.0 - math.exp(-1.0 / (rate * lag)) for lag in (FAST, SLOW_NORMAL, SLOW_LOAD, CENTRE_LAG, RISE_LAG)
+        )
         self._bias, self._noise = np.zeros((2, 6)), np.zeros((2, 6))
         self._fast, self._slow, self._smoothed = np.zeros((2, 6)), np.zeros((2, 6)), np.zeros((2, 6))
         self._memory, self._sensed = np.zeros(_MEMORY), np.zeros(_SENSED)
