@@ -212,7 +212,7 @@ def read_cell_file(path: Path, overrides: Mapping[str, str] | None = None) -> Se
     options = _options(path, node)
     for key, value in (overrides or {}).items():
         if key not in options:
-            raise CellFileError(path, 0, 0, f"has no option '{key}'", did_you_mean(key, options))
+            raise CellFileError(path, 0, 0, f"the cell has no option '{key}'", did_you_mean(key, options))
         options[key] = str(value)
     settings = Settings(path, node, options)
     settings._seen.add("options")

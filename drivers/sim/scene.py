@@ -193,6 +193,8 @@ def _add_contact_sensors(mujoco: Any, spec: Any, fruits: int, distractors: int) 
     geom, body, subtree = mujoco.mjtObj.mjOBJ_GEOM, mujoco.mjtObj.mjOBJ_BODY, mujoco.mjtObj.mjOBJ_XBODY
     force, torque, found, pos = 2, 4, 1, 16
     net = 3  # reduce: one wrench for all contacts, in the global frame
+    first_joint = next(actuator.target for actuator in spec.actuators if actuator.name != "gripper")
+    arm = spec.joint(first_joint).parent.name
 
     def sensor(name: str, kind: Any, first: str, other_kind: Any, other: str, fields: int) -> None:
         unknown = mujoco.mjtObj.mjOBJ_UNKNOWN
@@ -210,14 +212,14 @@ def _add_contact_sensors(mujoco: Any, spec: Any, fruits: int, distractors: int) 
         sensor(f"wrench_{pad}", geom, pad, None, "", force | torque | pos)
     for i in range(fruits):
         sensor(f"support_{i}", body, f"fruit_{i}", body, "table", found | force)
-    sensor("robot_table", subtree, "link_s", body, "table", found | force)
+    sensor("robot_table", subtree, arm, body, "table", found | force)
     for i in range(fruits):
-        sensor(f"robot_fruit_{i}", subtree, "link_s", body, f"fruit_{i}", found | force)
+        sensor(f"robot_fruit_{i}", subtree, arm, body, f"fruit_{i}", found | force)
         for pad in PADS:
             sensor(f"{pad}_fruit_{i}", geom, pad, body, f"fruit_{i}", found | force)
     for i in range(distractors):
-        sensor(f"robot_distractor_{i}", subtree, "link_s", body, f"distractor_{i}", found | force)
-    sensor("robot_robot", subtree, "link_s", subtree, "link_s", found | force)
+        sensor(f"robot_distractor_{i}", subtree, arm, body, f"distractor_{i}", found | force)
+    sensor("robot_robot", subtree, arm, subtree, arm, found | force)
 
 
 def standing_pose(fruit: FruitOnTable, height: float) -> Float64:

@@ -5,6 +5,8 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
 from drivers import cell as cell_module
 from drivers.cell import known_drivers, load_cell
@@ -163,3 +165,16 @@ def test_a_cell_without_world_can_have_a_manual_clock(load, monkeypatch):
 
 def test_the_shipped_drivers_are_known_by_name():
     assert {"mujoco", "sim-arm", "sim-gripper", "sim-fingers", "sim-camera", "mock-arm"} <= known_drivers().keys()
+
+
+@settings(max_examples=200, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(st.integers(0, len(MOCK) - 1), st.integers(0, 12), st.text("abz:{}[]-0.\"'#&*!|>%@\n\t, é", max_size=4))
+def test_a_damaged_cell_file_is_refused_in_words_or_works(load, at, length, inserted):
+    try:
+        cell = load(MOCK[:at] + inserted + MOCK[at + length :])
+    except CellFileError as refused:
+        message = str(refused)
+    else:
+        message = "cell.yaml" if cell.devices is not None else ""
+        cell.close()
+    assert "cell.yaml" in message
