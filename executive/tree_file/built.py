@@ -11,6 +11,7 @@ from py_trees.behaviour import Behaviour
 from executive.board import Board
 from executive.nodes import Attempt, Retry
 from executive.skill import Skill
+from executive.tree_file.model import DECORATORS
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,6 +80,16 @@ class BuiltTree:
     behaviours: Mapping[str, Behaviour]
     parameters: Mapping[str, Any]
     board: Board
+
+    def find(self, name: str) -> tuple[str, ...]:
+        """Paths of the nodes that people mean by a name: a path, the end of one, or a node's name or type.
+
+        A name or a type means the node itself, not the modifiers around it.
+        """
+        found = [path for path in self.behaviours if path == name or path.endswith(f"/{name}")]
+        modifiers = {info.path for info in self.nodes if info.kind in DECORATORS}
+        named = [i.path for i in self.nodes if name in (i.name, i.type) and i.path not in modifiers]
+        return tuple(dict.fromkeys([*found, *named]))
 
     @property
     def skills(self) -> tuple[Skill, ...]:

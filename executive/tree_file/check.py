@@ -19,7 +19,7 @@ from executive.tree_file.model import Declared, Definition, Document, TreeNode
 from executive.tree_file.scope import Named, Origin, Read, Resolved, Scope
 from executive.tree_file.value_types import can_flow, describe
 from executive.tree_file.values import static_type
-from executive.tree_file.yaml_nodes import YamlNode, YamlScalar, read_yaml
+from executive.tree_file.yaml_nodes import YamlMapping, YamlNode, YamlScalar, read_yaml
 
 MAX_BUILT_NODES = 10_000
 MAX_BUILT_DEPTH = 150
@@ -107,6 +107,8 @@ class _Checker:
             self.definition(definition)
         if not self.recursive:
             self.size(order)
+        if not self.findings.errors:  # a mistyped name would be told twice
+            self.never_read(definitions)
         self.analysis.findings = self.findings.sorted()
         return self.analysis
 
@@ -241,6 +243,27 @@ class _Checker:
 
     # ------------------------------------------------------------------------------------------- whole document
 
+    def never_read(self, definitions: Sequence[Definition]) -> None:
+        """Warn of parameters, inputs and subtrees that nothing uses."""
+        for definition in definitions:
+            if definition.root is None:
+                continue
+            scope = self.analysis.scopes[id(definition)]
+            for name, declared in definition.inputs.items():
+                if not scope.names[name].read:
+                    message = f"nothing in '{definition.name}' reads the input '{name}'"
+                    self.findings.warning(declared.key, "unread", message)
+            if not definition.main:
+                continue
+            own = [self.analysis.scopes[id(d)] for d in definitions if d.file is definition.file]
+            for name, declared in definition.file.parameters.items():
+                if not any(s.names[name].where is declared.key and s.names[name].read for s in own):
+                    self.findings.warning(declared.key, "unread", f"nothing reads the parameter '{name}'")
+        called = {id(definition) for definition in self.called.values()}
+        for name, definition in self.document.main.subtrees.items():
+            if id(definition) not in called and definition.file is self.document.main:
+                self.findings.warning(_key_of(definition), "unused", f"nothing calls the subtree '{name}'")
+
     def calls(self, definition: Definition) -> list[tuple[TreeNode, Definition]]:
         if definition.root is None:
             return []
@@ -293,6 +316,12 @@ class _Checker:
         elif depth > MAX_BUILT_DEPTH:
             message = f"the tree is {depth} nodes deep with its subtrees written out; {MAX_BUILT_DEPTH} can run"
             self.findings.error(main.root.key, "too-deep", message)
+
+
+def _key_of(definition: Definition) -> YamlNode:
+    """Where a subtree is written, as near to its name as it is known."""
+    at = definition.at
+    return next((key for key, _ in at.entries.values()), at) if isinstance(at, YamlMapping) else at
 
 
 def _shown(count: int) -> str:

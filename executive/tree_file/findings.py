@@ -102,8 +102,10 @@ class Findings:
         """In reading order; findings without a line (a file that cannot be opened, `--set`) come first."""
         return sorted(self._found.values(), key=lambda f: (f.path, f.line, f.column, f.severity, f.code))
 
-    def __len__(self) -> int:
-        return len(self._found)
+    @property
+    def errors(self) -> bool:
+        """Whether one of them is an error."""
+        return any(finding.severity == "error" for finding in self._found.values())
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:

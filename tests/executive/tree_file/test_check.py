@@ -242,6 +242,17 @@ class TestEverythingIsWrittenBeforeItIsRead:
         found = only(findings_of(sequence(DETECT)), "unread", "warning")
         assert found.message == "nobody reads 'detection', which Detect writes"
 
+    def test_nobody_reads_a_parameter(self, findings_of):
+        body = "parameters: {far: {type: int, default: 1}}\nroot: {Beep: {}}"
+        assert "parameter 'far'" in only(findings_of(body), "unread", "warning").message
+
+    def test_nobody_reads_an_input(self, findings_of):
+        body = "root: {a: {x: 3}}\nsubtrees: {a: {in: {x: int}, root: {Beep: {}}}}"
+        assert "input 'x'" in only(findings_of(body), "unread", "warning").message
+
+    def test_nobody_calls_a_subtree(self, findings_of):
+        only(findings_of("root: {Beep: {}}\nsubtrees: {a: {root: {Beep: {}}}}"), "unused", "warning")
+
 
 class TestStructure:
     def test_recursion(self, findings_of):

@@ -1,0 +1,81 @@
+"""Skills are found by entry point; what cannot be used is reported and does not stop the others."""
+
+from __future__ import annotations
+
+from importlib.metadata import EntryPoint
+
+import pytest
+
+from executive import registry
+from executive.ports import LENGTH, Port, Ports
+from executive.registry import Registry
+from executive.skill import Skill
+
+
+class Basket:
+    """A type that skills exchange."""
+
+
+class Weigh(Skill):
+    """Weigh a basket.
+
+    And more about it.
+    """
+
+    inputs = Ports(basket=Basket, height=Port(LENGTH, default="3 cm", max="1 m", help="above the scale"))
+    outputs = Ports(result=float)
+    failures = ("TOO_HEAVY",)
+
+
+@pytest.fixture
+def installed(monkeypatch):
+    def install(*points):
+        monkeypatch.setattr(registry, "entry_points", lambda group: points if group == registry.GROUP else ())
+        return Registry.installed()
+
+    return install
+
+
+class FakePoint:
+    def __init__(self, name, loaded):
+        self.name, self.value, self.loaded = name, f"somewhere:{name}", loaded
+
+    def load(self):
+        return self.loaded
+
+
+def test_skills_are_found_by_entry_point(installed):
+    found = installed(FakePoint("Weigh", Weigh))
+    assert dict(found) == {"Weigh": Weigh}
+    assert found.types["basket"] is Basket
+    assert found.problems == {}
+
+
+def test_a_skill_that_cannot_be_imported_is_reported(installed):
+    found = installed(EntryPoint("Lost", "no_such_module:Lost", registry.GROUP), FakePoint("Weigh", Weigh))
+    assert list(found) == ["Weigh"]
+    assert "ModuleNotFoundError" in found.problems["Lost"]
+
+
+def test_what_is_no_skill_is_reported(installed):
+    assert "not a Skill" in installed(FakePoint("Basket", Basket)).problems["Basket"]
+
+
+def test_the_listing_says_all_that_a_person_needs(installed):
+    (listing,) = installed(FakePoint("Weigh", Weigh)).listing()
+    assert (listing.name, listing.summary, listing.failures) == ("Weigh", "Weigh a basket.", ("TOO_HEAVY",))
+    assert listing.inputs[1] == {
+        "name": "height",
+        "type": "length",
+        "units": ["m", "cm", "mm", "um"],
+        "required": False,
+        "default": "3 cm",
+        "max": "1 m",
+        "help": "above the scale",
+    }
+    assert listing.outputs == ({"name": "result", "type": "number", "required": True},)
+
+
+def test_the_installed_skills_can_be_listed():
+    found = Registry.installed()
+    assert [listing.name for listing in found.listing()] == sorted(found)
