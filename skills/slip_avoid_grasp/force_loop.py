@@ -46,7 +46,7 @@ class ForceLoopSettings:
         closing_speed, opening_speed: bounds of the opening's rate, both positive [m/s].
     """
 
-    gain: float = 30.0
+    gain: float = 20.0
     lag: float = 0.015
     stiffness: PadStiffness = field(default_factory=PadStiffness)
     max_force: float = 16.0
