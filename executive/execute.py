@@ -14,6 +14,7 @@ from importlib.metadata import PackageNotFoundError, entry_points, version
 from pathlib import Path
 
 from executive.cell import Cell
+from executive.dry_cell import DryCell
 from executive.errors import UsageError
 from executive.events import EventStream, Listener, RunStarted
 from executive.files import installed_trees, read_text
@@ -22,7 +23,9 @@ from executive.recording.recorder import Recorder, new_record_folder
 from executive.registry import Registry
 from executive.runner import Runner, RunResult
 from executive.terminal.summary import Summary
-from executive.tree_file import Document, build, check, format_findings, read
+from executive.tree_file import Document, Mocks, build, check, format_findings, read
+from executive.tree_file.mocks import MockPlan
+from executive.tree_file.scenario import read_mocks
 
 PERIOD = 0.02
 """Seconds of a tick."""
@@ -38,6 +41,8 @@ class RunOrder:
         settings: parameters of the tree, and options of the cell for what the tree does not declare.
         real_time: pace a simulated cell to the wall's clock.
         record: folder of records, or None for no record.
+        dry: replace every skill by a mock and the cell by nothing.
+        mocks: a file that says how the mocks behave; without one they all succeed at once.
     """
 
     tree: Path
@@ -46,6 +51,8 @@ class RunOrder:
     settings: Mapping[str, str] = field(default_factory=dict)
     real_time: bool = False
     record: Path | None = None
+    dry: bool = False
+    mocks: Path | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,10 +87,15 @@ def execute(
     tree_settings = {key: value for key, value in order.settings.items() if key in declared}
     cell_settings = {key: value for key, value in order.settings.items() if key not in declared}
     refuse_errors(document, registry, tree_settings, None)
+    if order.dry:
+        if cell_settings:
+            raise UsageError(f"the tree has no parameter {', '.join(sorted(cell_settings))}, and a dry run has no cell")
+        mocks = _read_mocks(order.mocks, document, registry)
+        return _run(order, listeners, on_ready, registry, document, tree_settings, DryCell(), mocks)
     cell = load_cell(order.cell, order.seed, cell_settings, declared)
     with contextlib.closing(cell):
         refuse_errors(document, registry, tree_settings, cell.interfaces())
-        return _run(order, listeners, on_ready, registry, document, tree_settings, cell)
+        return _run(order, listeners, on_ready, registry, document, tree_settings, cell, None)
 
 
 def _run(
@@ -94,10 +106,13 @@ def _run(
     document: Document,
     tree_settings: Mapping[str, str],
     cell: Cell,
+    mocks: Mocks | None,
 ) -> Executed:
     events, summary, picture = EventStream(), Summary(), Picture()
     runner = Runner(
-        lambda context, board: build(document, registry, overrides=tree_settings, context=context, board=board),
+        lambda context, board: build(
+            document, registry, overrides=tree_settings, context=context, board=board, mocks=mocks
+        ),
         cell,
         events,
         seed=order.seed,
@@ -121,6 +136,15 @@ def _run(
         if recorder is not None:
             recorder.close()
     return Executed(result, summary, folder, recorder.problem if recorder else "")
+
+
+def _read_mocks(path: Path | None, document: Document, registry: Registry) -> MockPlan:
+    if path is None:
+        return MockPlan()
+    plan, findings = read_mocks(read_text(path), path, document, registry)
+    if findings:
+        raise UsageError(f"{format_findings(findings)} Nothing was run.")
+    return plan
 
 
 def _prepare(runner: Runner) -> None:
@@ -182,7 +206,7 @@ def _started(order: RunOrder, runner: Runner, document: Document, cell: Cell, fo
         cell=cell.name,
         cell_kind=cell.kind,
         cell_path=str(order.cell),
-        cell_text=read_text(order.cell),
+        cell_text="" if order.dry else read_text(order.cell),
         seed=order.seed,
         parameters=runner.tree.parameters,
         nodes=tuple(node.facts() for node in runner.tree.nodes),

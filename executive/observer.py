@@ -19,7 +19,7 @@ class TreeObserver:
 
     def __init__(self, tree: BuiltTree, emit: Callable[[Event], None], stamp: Callable[[], tuple[float, int]]) -> None:
         self._tree, self._emit, self._stamp = tree, emit, stamp
-        self._known: dict[str, tuple[Status, str, int]] = {path: (Status.INVALID, "", 0) for path in tree.behaviours}
+        self._known: dict[str, tuple[Status, str, int]] = dict.fromkeys(tree.behaviours, (Status.INVALID, "", 0))
         self._nodes = tuple((path, behaviour) for path, behaviour in tree.behaviours.items())
         tree.on_attempt(self._attempt)
 

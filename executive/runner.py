@@ -383,13 +383,10 @@ class Runner:
             self._emit(Computed(*self._stamp(), node, function, wall))
 
     def _written(self, key: str, entry: Entry) -> None:
-        sentence, facts = getattr(entry.value, "sentence", ""), getattr(entry.value, "facts", {})
-        told = sentence if isinstance(sentence, str) else ""
-        self._emit(
-            PortWritten(
-                *self._stamp(), key, entry.value, entry.writer, told, facts if isinstance(facts, Mapping) else {}
-            )
-        )
+        about = type(entry.value)  # asked of the class: a mock's placeholder has no attributes at all
+        sentence = entry.value.sentence if hasattr(about, "sentence") else ""
+        facts = entry.value.facts if hasattr(about, "facts") else {}
+        self._emit(PortWritten(*self._stamp(), key, entry.value, entry.writer, sentence, facts))
 
     def _published(self, node: str, topic: str, value: object) -> None:
         self._emit(Published(*self._stamp(), node, topic, value))

@@ -42,6 +42,13 @@ def add(subparsers: Any) -> None:
         "--record", type=Path, default=Path("runs"), metavar="DIR", help="folder of records (default: runs)"
     )
     parser.add_argument("--no-record", action="store_true", help="leave no record")
+    parser.add_argument(
+        "--dry",
+        nargs="?",
+        const="",
+        metavar="MOCKS",
+        help="no cell: mocks stand in for all skills, as a file of mocks says",
+    )
     parser.add_argument("--json", action="store_true", help="print one JSON object as the last line")
     parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
     parser.add_argument("--dashboard", action="store_true", help="show the run in the browser, too")
@@ -64,6 +71,8 @@ def main(options: argparse.Namespace) -> int:
         settings=parse_settings(options.set),
         real_time=options.pace == "real",
         record=None if options.no_record else options.record,
+        dry=options.dry is not None,
+        mocks=Path(options.dry) if options.dry else None,
     )
     live = LiveTree(console)
     with contextlib.ExitStack() as stack:

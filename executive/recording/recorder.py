@@ -1,7 +1,7 @@
 """A run's record: a folder with the events as an MCAP file, the tree and the cell as they were, and a picture.
 
-Written as it happens, in a thread of its own: the tick only puts events into a queue. A process that is killed loses what
-is younger than `FLUSH_EVERY`.
+Written as it happens, in a thread of its own: the tick only puts events into a queue. A process that is killed loses
+what is younger than `FLUSH_EVERY`.
 """
 
 from __future__ import annotations

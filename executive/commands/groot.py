@@ -1,0 +1,63 @@
+"""`pomona export` and `pomona import`: XML of Groot2 and BehaviorTree.CPP, out and in."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import Any
+
+from executive.errors import UsageError
+from executive.execute import read_document, refuse_errors
+from executive.files import find_tree, read_text
+from executive.registry import Registry
+from executive.tree_file import format_findings
+from executive.tree_file.groot_export import export_groot
+from executive.tree_file.groot_import import import_groot
+
+
+def add(subparsers: Any) -> None:
+    """Register both subcommands."""
+    out = subparsers.add_parser("export", help="write a tree as XML for Groot2 and BehaviorTree.CPP")
+    out.add_argument("tree", help="a tree file, or the name of an installed tree")
+    out.add_argument("--groot", type=Path, metavar="FILE", help="file to write (default: standard output)")
+    out.set_defaults(main=export)
+    into = subparsers.add_parser("import", help="read such XML and print a tree file")
+    into.add_argument("xml", type=Path)
+    into.add_argument("--out", type=Path, metavar="FILE", help="file to write (default: standard output)")
+    into.set_defaults(main=import_)
+
+
+def export(options: argparse.Namespace) -> int:
+    """Write the XML.
+
+    Returns:
+        the exit status.
+    """
+    registry = Registry.installed()
+    document = read_document(find_tree(options.tree))
+    refuse_errors(document, registry, {}, None)
+    _put(export_groot(document, registry), options.groot)
+    return 0
+
+
+def import_(options: argparse.Namespace) -> int:
+    """Write the tree file; what could not be translated is told on standard error.
+
+    Returns:
+        the exit status.
+    """
+    text, findings = import_groot(read_text(options.xml), options.xml)
+    if not text:
+        raise UsageError(format_findings(findings))
+    if findings:
+        sys.stderr.write(format_findings(findings) + "\n")
+    _put(text, options.out)
+    return 0
+
+
+def _put(text: str, path: Path | None) -> None:
+    if path is None:
+        sys.stdout.write(text if text.endswith("\n") else text + "\n")
+    else:
+        path.write_text(text, encoding="utf-8")

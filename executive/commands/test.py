@@ -1,0 +1,73 @@
+"""`pomona test`: scenario files, which test a tree's logic with mocks and without any cell."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+
+from executive.errors import UsageError
+from executive.files import installed_trees, read_text
+from executive.registry import Registry
+from executive.terminal.words import say, seconds
+from executive.tree_file.run_scenario import ScenarioResult, run_scenario
+from executive.tree_file.scenario import is_scenario, read_scenario
+
+
+def add(subparsers: Any) -> None:
+    """Register the subcommand."""
+    parser = subparsers.add_parser(
+        "test", help="run scenario files: a tree's logic with mocks, and what was never reached"
+    )
+    parser.add_argument("paths", nargs="+", type=Path, help="scenario files, or folders of them")
+    parser.set_defaults(main=main)
+
+
+def main(options: argparse.Namespace) -> int:
+    """Run them.
+
+    Returns:
+        0 when every case went as expected, else 1.
+    """
+    console, registry = Console(), Registry.installed()
+    results = []
+    for path in _scenarios(options.paths):
+        scenario = read_scenario(read_text(path), path, registry, tree_folders=[installed_trees()])
+        result = run_scenario(scenario, registry)
+        results.append(result)
+        _print(console, path, result)
+    cases = [case for result in results for case in result.cases]
+    failed = sum(not case.passed for case in cases)
+    console.print(f"{len(cases) - failed} passed, {failed} failed", highlight=False)
+    return 1 if failed else 0
+
+
+def _scenarios(paths: list[Path]) -> list[Path]:
+    found = []
+    for path in paths:
+        if path.is_dir():
+            found += [p for p in sorted(path.rglob("*.yaml")) if is_scenario(read_text(p))]
+        else:
+            found.append(path)
+    if not found:
+        raise UsageError(f"no scenario files in {', '.join(map(str, paths))}")
+    return found
+
+
+def _print(console: Console, path: Path, result: ScenarioResult) -> None:
+    console.print(str(path), style="bold", highlight=False)
+    for case in result.cases:
+        sign = "[green]✓[/]" if case.passed else "[red]✗[/]"
+        console.print(f"  {sign} {case.case.name}  {case.status}, {seconds(case.time)}", highlight=False)
+        for problem in case.problems:
+            console.print(f"      {problem}", style="red", markup=False, highlight=False)
+        if not case.passed and case.reason is not None:
+            console.print(f"      it failed because: {say(case.reason)}", markup=False, highlight=False)
+    coverage = result.coverage
+    console.print(f"  {coverage.share():.0%} of the nodes were reached", highlight=False)
+    for node in coverage.unreached():
+        console.print(f"    never reached: {node.path} (line {node.line})", style="yellow", markup=False)
+    for node, end in coverage.ends_never_seen():
+        console.print(f"    never ended in {end}: {node.path}", style="yellow", markup=False)
