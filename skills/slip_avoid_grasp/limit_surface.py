@@ -88,6 +88,7 @@ def limit_surface(c_tilde: ArrayLike, k: float = 4.0) -> tuple[Float64, Float64]
     angular parts of the two integrals are -dL/dc and dL/dr. The radius is split at r = c, where they are not smooth.
     """
     c = np.atleast_1d(np.asarray(c_tilde, np.float64))
+    c = np.where(c < 1e-12, 0.0, c)  # below, products with the radius would underflow
     u, weight = _tanh_sinh()
     inner = np.minimum(c, 1.0)[:, None]
     f = np.zeros_like(c)
