@@ -142,9 +142,9 @@ def fuzz(cases: int, seed: int, trees: list[str], skills: Registry, attempt: Cal
         try:
             attempt(text)
         except Exception:
-            broken.append(f"case {seed}/{case}\n{traceback.format_exc()}\n{text!r}")
+            broken.append(f"case {seed}/{case}\n{traceback.format_exc()}\n{text[:2000]!r}")
         if time.process_time() - started > SLOW:
-            broken.append(f"case {seed}/{case} took {time.process_time() - started:.1f} s\n{text!r}")
+            broken.append(f"case {seed}/{case} took {time.process_time() - started:.1f} s\n{text[:2000]!r}")
         if len(broken) >= 5:
             break
     return broken

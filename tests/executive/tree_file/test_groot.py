@@ -168,6 +168,7 @@ class TestForeignFiles:
             (FOREIGN.replace("AlwaysSuccess", "IfThenElse"), "not-translated"),
             (FOREIGN.replace('<SubTree ID="GoHome"', '<SubTree ID="Nowhere"'), "xml"),
             ('<root BTCPP_format="4"><BehaviorTree ID="a"/></root>', "xml"),
+            ('<?xml version="1.0" encoding="no such"?><tree/>', "xml"),
             ("<a>" * 500 + "</a>" * 500, "too-deep"),
         ],
     )
