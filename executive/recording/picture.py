@@ -65,8 +65,8 @@ class Picture:
         if self._series:
             units = self._by_unit()
             below = rows[1].subgridspec(1, len(units), width_ratios=[1 + len(lines) for lines in units.values()])
-            for cell, (unit, lines) in zip(below, units.items(), strict=True):
-                self._draw_series(figure.add_subplot(cell), unit, lines)
+            for column, (unit, lines) in enumerate(units.items()):
+                self._draw_series(figure.add_subplot(below[column]), unit, lines)
         figure.savefig(path)
 
     def _draw_images(self, axes: Any) -> None:

@@ -111,6 +111,8 @@ class Summary:
         for name, sentence in self.notes.items():
             _row(console, name, sentence)
         for attempt in self.attempts:
+            if attempt.succeeded and attempt.number == 1:
+                continue  # it worked at once: there is nothing to tell
             mark = "[green]✓[/]" if attempt.succeeded else "[red]✗[/]"
             label = self._label(attempt.path)
             _row(console, f"{label} {attempt.number}", f"{mark} {_escape(say(attempt.reason))}")
@@ -136,10 +138,10 @@ class Summary:
         word = {"failure": "failed", "stopped": "stopped", "error": "ended in the safe state"}[self.ended.outcome]
         return f"{word}: {_escape(say(self.ended.reason))}"
 
-    def _label(self, path: str) -> str:
-        assert self.started is not None
-        name = next((str(node["name"]) for node in self.started.nodes if node["path"] == path), path)
-        return name.lower().removeprefix("retry ").strip() or "attempt"
+    @staticmethod
+    def _label(path: str) -> str:
+        """`pick_apple/Attempt:retry` -> attempt."""
+        return path.rsplit("/", 1)[-1].partition(":")[0].lower()
 
 
 def _reason_json(reason: Reason | None) -> dict[str, Any] | None:

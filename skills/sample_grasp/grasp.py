@@ -36,6 +36,12 @@ class Grasp:
     clearance: float
     fruit: MeasuredFruit
 
+    @property
+    def sentence(self) -> str:
+        """For people."""
+        theta, alpha = np.degrees((self.theta, self.alpha))
+        return f"θ {theta:.0f}°, α {alpha:.0f}°, {self.width * 1e3:.0f} mm open, {self.clearance * 1e3:.0f} mm clear"
+
 
 @dataclass(frozen=True, slots=True)
 class RuledOut:
