@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -238,17 +237,6 @@ class CollisionWorld:
             if at <= 1.0:
                 return self._collision(start + at * (end - start), width, away, geom, other, number + at)
         return None
-
-    def path_clearance(self, waypoints: ArrayLike, width: float, slack: float = 1e-3) -> float:
-        """Smallest clearance beyond the margins met along a path, shape (n, dof) [m]; negative in collision.
-
-        Exact up to `slack` where it is smaller than some centimetres; a lower bound where it is larger.
-        """
-        path = self._checked_many(waypoints)
-        smallest = np.inf
-        for start, end in pairwise(path):
-            smallest = min(smallest, kernel.check_segment(self.shape.arrays, self.arrays, start, end, width, slack)[1])
-        return float(smallest)
 
     def check_trajectory(self, trajectory: Trajectory, width: float, slack: float = 1e-3) -> Collision | None:
         """The first collision along a timed trajectory, or None.
