@@ -12,6 +12,9 @@ F64 = NDArray[np.float64]
 MARGIN = 1.15
 """Half side of the look over the mean distance of the corners from the centroid: the fruit fills two thirds."""
 
+REFERENCE_LENGTH = 0.0633
+"""Length whose picture is called a fruit's size [m]; about the mean projected distance of the CAD apple's corners."""
+
 
 def keypoint_size(keypoints: F64) -> float:
     """Mean distance of the corners 0..7 from the centroid, in the unit of `keypoints` (9, 2)."""

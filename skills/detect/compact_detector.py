@@ -15,8 +15,19 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from skills.detect.close_look import MARGIN, crop_matrix, keypoint_size
-from skills.detect.compact_network import CLOSE_LOOK_SIZE, CloseLookNetwork, FinderNetwork, to_input
+from skills.detect.close_look import MARGIN, crop_matrix
+from skills.detect.compact_network import (
+    AXIS,
+    CENTRE,
+    CLOSE_LOOK_SIZE,
+    KIND,
+    SEEN,
+    SIZE,
+    SPREAD,
+    CloseLookNetwork,
+    FinderNetwork,
+    to_input,
+)
 from skills.detect.frame_check import check_picture
 from skills.detect.peaks import decode_offsets
 from skills.detect.processor import has_bfloat16
@@ -56,13 +67,18 @@ class FoundFruit:
     """One fruit in a picture.
 
     Attributes:
-        keypoints: corners 0..7 and centroid of the CAD model's cuboid, (9, 2) [px].
-        spreads: deviation of each keypoint as the network expects it, (9,) [px].
+        centre: centroid [px].
+        size: what `REFERENCE_LENGTH` of a CAD-sized fruit measures in the picture [px].
+        axis: stem axis in the frame of the ray through the centre, unit vector (3,).
+        spreads: deviations of centre [px], of the logarithm of size, and of the axis [rad], as the network expects
+            them, (3,).
         score: belief that this is fruit, 0..1.
         visibility: part of its silhouette that is seen, 0..1, as the network estimates it.
     """
 
-    keypoints: F64
+    centre: F64
+    size: float
+    axis: F64
     spreads: F64
     score: float
     visibility: float
@@ -111,18 +127,15 @@ class CompactDetector:
         places = decode_offsets(belief, offsets, options.finder_threshold)[: options.most_fruit]
         if not places:
             return []
-        centres = [((place.keypoints[8] + 0.5) / factor - 0.5, place.size / factor) for place in places]
+        spots = [((place.keypoints[8] + 0.5) / factor - 0.5, place.size / factor) for place in places]
         seen: list[FoundFruit] = []
         for _ in range(options.looks):
-            seen = self._look(colour, centres)
-            centres = [(fruit.keypoints[8], keypoint_size(fruit.keypoints)) for fruit in seen]
-        seen.sort(key=lambda fruit: -fruit.score)
+            seen = self._look(colour, spots)
+            spots = [(fruit.centre, fruit.size) for fruit in seen]
         kept: list[FoundFruit] = []
-        for fruit in seen:
-            size = keypoint_size(fruit.keypoints)
+        for fruit in sorted(seen, key=lambda fruit: -fruit.score):
             if all(
-                np.linalg.norm(fruit.keypoints[8] - other.keypoints[8])
-                > options.apart * max(size, keypoint_size(other.keypoints))
+                np.linalg.norm(fruit.centre - other.centre) > options.apart * max(fruit.size, other.size)
                 for other in kept
             ):
                 kept.append(fruit)
@@ -158,10 +171,12 @@ class CompactDetector:
         found = []
         for row, (centre, size) in zip(output, places, strict=True):
             half = MARGIN * max(size, 2.0)
-            spread = np.sqrt(2.0) * np.exp(np.clip(row[18:27], -6.0, 2.0)) * half
-            chances = 1.0 / (1.0 + np.exp(-row[27:29]))
+            spreads = np.sqrt(2.0) * np.exp(np.clip(row[SPREAD], -6.0, 2.0)) * (half, 1.0, 1.0)
+            axis = row[AXIS] / max(float(np.linalg.norm(row[AXIS])), 1e-9)
+            fruit, seen = 1.0 / (1.0 + np.exp(-row[[KIND, SEEN]]))
+            scale = float(np.exp(np.clip(row[SIZE], -2.0, 2.0)))
             found.append(
-                FoundFruit(centre + row[:18].reshape(9, 2) * half, spread, float(chances[0]), float(chances[1]))
+                FoundFruit(centre + row[CENTRE] * half, half * scale, axis, spreads, float(fruit), float(seen))
             )
         return found
 

@@ -19,6 +19,9 @@ OFFSET_UNIT = 8.0
 CLOSE_LOOK_SIZE = 96
 """Side of the square picture of one fruit [px]."""
 
+CENTRE, SIZE, AXIS, SPREAD, KIND, SEEN = slice(0, 2), 2, slice(3, 6), slice(6, 9), 9, 10
+"""Columns of the close look's output."""
+
 
 def _convolve(inputs: int, outputs: int, kernel: int = 3, stride: int = 1) -> nn.Sequential:
     return nn.Sequential(
@@ -75,10 +78,11 @@ class FinderNetwork(nn.Module):
 
 
 class CloseLookNetwork(nn.Module):
-    """Keypoints of the one fruit in the middle of a square picture.
+    """Place, size and stem axis of the one fruit in the middle of a square picture.
 
-    Input (n, 3, 96, 96) in 0..1 minus 0.5. Output (n, 29): 18 keypoint coordinates relative to the centre in half
-    sides, 9 log spreads of a Laplace distribution (same unit), the logit of being fruit, the logit of visibility.
+    Input (n, 3, 96, 96) in 0..1 minus 0.5. Output (n, 11), named by the constants `CENTRE` to `SEEN`: the centroid
+    relative to the middle in half sides, the logarithm of the size in half sides, the stem axis in the frame of the
+    ray through the fruit, log spreads of these three, the logit of being fruit, the logit of visibility.
     """
 
     def __init__(self, widths: tuple[int, int, int, int] = (24, 48, 96, 160), hidden: int = 256) -> None:
@@ -99,7 +103,7 @@ class CloseLookNetwork(nn.Module):
         )
         cells = CLOSE_LOOK_SIZE // 16
         self.head = nn.Sequential(
-            nn.Flatten(), nn.Linear(64 * cells * cells, hidden), nn.ReLU(inplace=True), nn.Linear(hidden, 29)
+            nn.Flatten(), nn.Linear(64 * cells * cells, hidden), nn.ReLU(inplace=True), nn.Linear(hidden, SEEN + 1)
         )
 
     def forward(self, x: Tensor) -> Tensor:

@@ -11,6 +11,7 @@ from skills.detect.close_look import keypoint_size
 from skills.detect.compact_detector import CompactDetector
 from skills.detect.errors import PoseUnsolved
 from skills.detect.pose import solve_pose
+from skills.detect.rigid_pose import cuboid_in_picture, pose_covariance
 from skills.fruit import FruitModel
 
 F64 = NDArray[np.float64]
@@ -59,12 +60,14 @@ def find_instances(detector: CompactDetector, colour: NDArray[np.uint8], K: F64,
     """
     instances = []
     for found in detector.find(colour):
+        keypoints = cuboid_in_picture(found, fruit.dimensions, K)
         try:
-            solved = solve_pose(found.keypoints, fruit.dimensions, K, spreads=found.spreads)
-            T, covariance, problem = solved.T_camera_object, solved.covariance, ""
+            solved = solve_pose(keypoints, fruit.dimensions, K)
+            T, problem = solved.T_camera_object, ""
+            covariance = pose_covariance(found, T, K, solved.residual)
         except PoseUnsolved as error:
             T, covariance, problem = None, None, str(error)
-        instances.append(Instance(found.keypoints, found.score, found.visibility, T, covariance, problem))
+        instances.append(Instance(keypoints, found.score, found.visibility, T, covariance, problem))
     return instances
 
 

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import math
-
 import torch
 from torch import Tensor
 from torch.nn import functional
 
-from skills.detect.compact_network import OFFSET_UNIT
+from skills.detect.compact_network import AXIS, CENTRE, KIND, OFFSET_UNIT, SEEN, SIZE, SPREAD
 
 PEAK_WEIGHT = 20.0
 """How much more a cell on a peak counts than an empty one: plain squared error collapses to zero on small budgets."""
@@ -25,27 +23,34 @@ def finder_loss(
     return error.sum() / (count * 600.0) + 8.0 * placed[:16].mean() + 8.0 * placed[16]
 
 
-def close_look_loss(output: Tensor, keypoints: Tensor, kind: Tensor, visibility: Tensor) -> Tensor:
-    """Absolute error of the keypoints of fruit, likelihood of their spreads, cross entropy of kind and visibility.
+def close_look_loss(output: Tensor, target: Tensor, kind: Tensor, visibility: Tensor) -> Tensor:
+    """Distances of centroid, size and stem axis, likelihood of their spreads, cross entropy of kind and visibility.
 
     The spreads learn from residuals that they cannot change: in a joint likelihood the sure centroid drowns the
-    unsure corners, and the orientation is hardly learnt.
+    unsure axis, and the orientation is hardly learnt. `target` (n, 6) is centroid, log size, axis.
     """
     output = output.float()
     fruit = kind > 0.5
-    # Hidden fruit teaches less about where corners are.
+    # Hidden fruit teaches less about how it lies.
     share = fruit * (0.3 + 0.7 * visibility)
     total = share.sum().clamp(min=1.0)
-    residual = (output[:, :18].reshape(-1, 9, 2) - keypoints).abs().sum(dim=2)
-    placed = residual[:, :8].mean(dim=1) + residual[:, 8]
-    spread = output[:, 18:27].clamp(-6.0, 2.0)
-    likelihood = (residual.detach() * torch.exp(-spread) + 2.0 * spread + 2.0 * math.log(2.0)).mean(dim=1)
-    is_fruit = functional.binary_cross_entropy_with_logits(output[:, 27], kind)
-    seen = functional.binary_cross_entropy_with_logits(output[:, 28], visibility, reduction="none")
+    residual = torch.stack(
+        [
+            (output[:, CENTRE] - target[:, :2]).norm(dim=1),
+            (output[:, SIZE] - target[:, 2]).abs(),
+            (output[:, AXIS] - target[:, 3:]).norm(dim=1),
+        ],
+        dim=1,
+    )
+    placed = 5.0 * residual[:, 0] + 5.0 * residual[:, 1] + 3.0 * residual[:, 2]
+    spread = output[:, SPREAD].clamp(-6.0, 2.0)
+    likelihood = (residual.detach() * torch.exp(-spread) + spread).mean(dim=1)
+    is_fruit = functional.binary_cross_entropy_with_logits(output[:, KIND], kind)
+    seen = functional.binary_cross_entropy_with_logits(output[:, SEEN], visibility, reduction="none")
     return (
-        5.0 * (placed * share).sum() / total
+        (placed * share).sum() / total
         + 0.2 * (likelihood * share).sum() / total
-        + is_fruit
+        + 1.5 * is_fruit
         + 0.3 * (seen * fruit).sum() / fruit.sum().clamp(min=1.0)
     )
 

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from skills.detect.compact_detector import CompactDetector
 from skills.detect.evaluation import Evaluation, evaluate, table
+from skills.detect.instances import find_instances
 from skills.detect.training.samples import FrameFolder
-from skills.fruit import load_fruit
+from skills.fruit import FruitModel, load_fruit
 
 U8 = NDArray[np.uint8]
 
@@ -32,7 +33,8 @@ def write_report(weights: Path, held_out: Path, out: Path, fruit: str = "apple",
     out.mkdir(parents=True, exist_ok=True)
     detector = CompactDetector.load(weights)
     folder = FrameFolder([held_out])
-    result = evaluate(detector, folder, load_fruit(fruit), frames)
+    model = load_fruit(fruit)
+    result = evaluate(detector, folder, model, frames)
     lines = [
         f"# Training report: {fruit}",
         "",
@@ -43,20 +45,23 @@ def write_report(weights: Path, held_out: Path, out: Path, fruit: str = "apple",
     ]
     for k in range(min(_PICTURES, len(folder))):
         name = f"frame_{k}.jpg"
-        cv2.imwrite(str(out / name), draw(detector, folder.picture(k, halved=False))[..., ::-1])
+        fx, fy, cx, cy = folder.annotation(k).camera
+        K = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
+        cv2.imwrite(str(out / name), draw(detector, folder.picture(k, halved=False), K, model)[..., ::-1])
         lines.append(f"![Held-out frame {k}: cuboids on the left, belief on the right]({name})")
     (out / "report.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
     return result
 
 
-def draw(detector: CompactDetector, colour: U8, score: float = 0.5) -> U8:
+def draw(detector: CompactDetector, colour: U8, K: NDArray[np.float64], fruit: FruitModel, score: float = 0.5) -> U8:
     """A frame with its cuboids beside the same frame under its belief maps, (h, 2 w, 3) uint8 RGB."""
-    found, (belief, _, _) = detector.find(colour), detector.belief_maps(colour)
+    instances = find_instances(detector, colour, K, fruit)
+    belief, _, _ = detector.belief_maps(colour)
     cuboids = colour.copy()
-    for fruit in found:
-        if fruit.score < score:
+    for instance in instances:
+        if instance.score < score:
             continue
-        points = np.round(fruit.keypoints).astype(int)
+        points = np.round(instance.keypoints).astype(int)
         for a, b in _EDGES:
             top = {a, b} <= {0, 1, 4, 5}
             cv2.line(cuboids, points[a].tolist(), points[b].tolist(), (255, 255, 0) if top else (0, 255, 255), 1)

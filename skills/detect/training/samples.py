@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.utils.data import Dataset
 
-from skills.detect.annotations import Annotation, read_annotation
-from skills.detect.close_look import crop_matrix, keypoint_size
+from skills.detect.annotations import AnnotatedObject, Annotation, read_annotation
+from skills.detect.close_look import MARGIN, REFERENCE_LENGTH, crop_matrix, keypoint_size
 from skills.detect.compact_network import CLOSE_LOOK_SIZE, FINDER_STRIDE
 from skills.detect.cuboid import MIRRORED
 from skills.detect.dope_network import IMAGENET_MEAN, IMAGENET_STD, STRIDE
 from skills.detect.errors import BadTraining
+from skills.detect.symmetry import STEM_AXIS, minimal_rotation
 from skills.detect.training.augmentation import change_look, cover
 from skills.detect.training.targets import dope_targets, finder_targets
 
@@ -149,8 +150,8 @@ class DopeBatches(Dataset[tuple[Tensor, ...]]):
 class CloseLookBatches(Dataset[tuple[Tensor, ...]]):
     """Batches for the second look.
 
-    Each holds pictures (n, 96, 96, 3) uint8, keypoints (n, 9, 2) in half sides, kind (n,) with 1 fruit and 0 not
-    fruit, and visibility (n,).
+    Each holds pictures (n, 96, 96, 3) uint8, targets (n, 6): centroid and log size in half sides, stem axis in the
+    frame of the ray; kind (n,) with 1 fruit and 0 not fruit; and visibility (n,).
     """
 
     def __init__(self, frames: FrameFolder, batch: int, seed: int, steps: int, augment: bool = True) -> None:
@@ -182,7 +183,7 @@ class CloseLookBatches(Dataset[tuple[Tensor, ...]]):
             size = keypoint_size(item.keypoints)
             centre = item.keypoints[8] + rng.normal(0.0, 0.06, 2) * size
             samples.append(
-                self._look(picture, centre, size * np.exp(rng.normal(0.0, 0.13)), item.keypoints, item.visibility, rng)
+                self._look(picture, centre, size * np.exp(rng.normal(0.0, 0.13)), item, annotation.camera[0], rng)
             )
         wrong = [(np.array([u, v]), max(r, 8.0) * rng.uniform(0.9, 1.6)) for u, v, r in annotation.decoys]
         for _ in range(1):
@@ -203,25 +204,38 @@ class CloseLookBatches(Dataset[tuple[Tensor, ...]]):
                 place < np.array([annotation.width, annotation.height]) + 0.3 * size
             ).all()
             if inside and all(not _on_fruit(place, size, item.keypoints) for item in annotation.objects):
-                samples.append(self._look(picture, place, size, None, 0.0, rng))
+                samples.append(self._look(picture, place, size, None, annotation.camera[0], rng))
         return samples
 
     def _look(
-        self, picture: U8, centre: F64, size: float, keypoints: F64 | None, visibility: float, rng: np.random.Generator
+        self,
+        picture: U8,
+        centre: F64,
+        size: float,
+        item: AnnotatedObject | None,
+        focal: float,
+        rng: np.random.Generator,
     ) -> tuple[NDArray[np.generic], ...]:
-        matrix = crop_matrix(centre, size)
-        side = CLOSE_LOOK_SIZE
+        matrix, side = crop_matrix(centre, size), CLOSE_LOOK_SIZE
         colour = [int(c) for c in rng.integers(0, 256, 3)] if rng.random() < 0.5 else [0, 0, 0]
         look = cv2.warpAffine(picture, matrix, (side, side), flags=cv2.INTER_LINEAR, borderValue=colour)
-        points = np.zeros((9, 2)) if keypoints is None else keypoints @ matrix[:, :2].T + matrix[:, 2]
+        target = np.zeros(6, np.float32)
+        if item is not None:
+            middle = matrix[:, :2] @ item.keypoints[8] + matrix[:, 2]
+            T = item.T_camera_object
+            apparent = focal * item.scale * REFERENCE_LENGTH / T[2, 3]
+            target[:2] = (middle - 0.5 * (side - 1)) / (0.5 * side)
+            target[2] = np.log(apparent / (MARGIN * size))
+            target[3:] = (
+                minimal_rotation((0.0, 0.0, 1.0), T[:3, 3] / np.linalg.norm(T[:3, 3])).T @ T[:3, :3] @ STEM_AXIS
+            )
         if self.augment and rng.random() < 0.5:
             look = np.ascontiguousarray(look[:, ::-1])
-            points = points[MIRRORED, :] * (-1.0, 1.0) + (side - 1.0, 0.0)
+            target[[0, 3]] *= -1.0
         if self.augment:
             look = cover(look, rng, 0.10, (0.08, 0.35))
-        relative = (points - 0.5 * (side - 1)) / (0.5 * side)
-        kind = np.float32(keypoints is not None)
-        return look, relative.astype(np.float32), np.asarray(kind), np.asarray(np.float32(visibility))
+        seen = 0.0 if item is None else item.visibility
+        return look, target, np.asarray(np.float32(item is not None)), np.asarray(np.float32(seen))
 
 
 def _on_fruit(place: F64, size: float, keypoints: F64) -> bool:

@@ -10,7 +10,7 @@ from typing import Literal
 import torch
 from torch import Tensor, nn
 
-from skills.detect.compact_network import CloseLookNetwork, FinderNetwork, to_input
+from skills.detect.compact_network import AXIS, CENTRE, KIND, SIZE, CloseLookNetwork, FinderNetwork, to_input
 from skills.detect.dope_network import DopeNetwork
 from skills.detect.training.loop import Loss, Progress, Schedule, train_network
 from skills.detect.training.losses import close_look_loss, dope_loss, finder_loss
@@ -81,8 +81,8 @@ def _dope_step(network: nn.Module, batch: tuple[Tensor, ...]) -> Tensor:
 
 
 def _close_look_step(network: nn.Module, batch: tuple[Tensor, ...]) -> Tensor:
-    pictures, keypoints, kind, visibility = batch
-    return close_look_loss(network(to_input(pictures)), keypoints, kind, visibility)
+    pictures, target, kind, visibility = batch
+    return close_look_loss(network(to_input(pictures)), target, kind, visibility)
 
 
 _PARTS: dict[Part, tuple[type[nn.Module], Callable[..., AnyBatches], Loss]] = {
@@ -112,22 +112,28 @@ def _validation(run: TrainingRun) -> Callable[[nn.Module], dict[str, float]]:
     fixed = [look_batches[k] for k in range(len(look_batches))]
 
     def look_figures(network: nn.Module) -> dict[str, float]:
-        loss, errors, wrong, count = 0.0, [], 0.0, 0
+        loss, wrong, count = 0.0, 0.0, 0
+        errors = []
         with torch.no_grad():
             for batch in fixed:
-                pictures, keypoints, kind, visibility = _on(run.device, batch)
+                pictures, target, kind, visibility = _on(run.device, batch)
                 output = network(to_input(pictures)).float()
-                loss += float(close_look_loss(output, keypoints, kind, visibility)) / len(fixed)
-                error = (output[:, :18].reshape(-1, 9, 2) - keypoints).norm(dim=2)
-                errors.append(error[(kind > 0.5) & (visibility > 0.6)])
-                wrong += float(((output[:, 27] > 0.0) != (kind > 0.5)).sum())
+                loss += float(close_look_loss(output, target, kind, visibility)) / len(fixed)
+                clear = (kind > 0.5) & (visibility > 0.6)
+                axis = nn.functional.normalize(output[clear, AXIS], dim=1)
+                cosine = (axis * target[clear, 3:]).sum(dim=1).clamp(-1.0, 1.0)
+                centre = (output[clear, CENTRE] - target[clear, :2]).norm(dim=1)
+                size = (output[clear, SIZE] - target[clear, 2]).abs()
+                errors.append(torch.stack([torch.rad2deg(torch.acos(cosine)), 100.0 * centre, 100.0 * size]))
+                wrong += float(((output[:, KIND] > 0.0) != (kind > 0.5)).sum())
                 count += len(kind)
-        all_errors = torch.cat(errors)
+        axis, centre, size = torch.cat(errors, dim=1)
         return {
             "held-out loss": loss,
-            "corner median %": 100.0 * float(all_errors[:, :8].median()),
-            "corner p90 %": 100.0 * float(all_errors[:, :8].flatten().quantile(0.9)),
-            "centroid median %": 100.0 * float(all_errors[:, 8].median()),
+            "axis median deg": float(axis.median()),
+            "axis p90 deg": float(axis.quantile(0.9)),
+            "centroid median %": float(centre.median()),
+            "size median %": float(size.median()),
             "wrong kind %": 100.0 * wrong / count,
         }
 
