@@ -30,20 +30,6 @@ T = TypeVar("T")
 KINDS = ("simulated", "emulated", "real", "frames", "mock")
 GROUP = "pomona.drivers"
 
-BUILT_IN = {
-    "mujoco": "drivers.sim.connect:connect_world",
-    "sim-arm": "drivers.sim.connect:connect_arm",
-    "sim-gripper": "drivers.sim.connect:connect_gripper",
-    "sim-fingers": "drivers.sim.connect:connect_fingers",
-    "sim-camera": "drivers.sim.connect:connect_camera",
-    "mock": "drivers.mock.connect:connect_world",
-    "mock-arm": "drivers.mock.connect:connect_arm",
-    "mock-gripper": "drivers.mock.connect:connect_gripper",
-    "mock-fingers": "drivers.mock.connect:connect_fingers",
-    "mock-camera": "drivers.mock.connect:connect_camera",
-}
-"""This package's own simulated and mock drivers; everything else is found by entry point."""
-
 
 class Cell:
     """Drivers that work together: looked after each tick by `check`, stopped together by `safe_stop`."""
@@ -222,8 +208,7 @@ def known_drivers() -> dict[str, str]:
 
 
 def _drivers() -> dict[str, EntryPoint]:
-    installed = {entry.name: entry for entry in entry_points(group=GROUP)}
-    return {name: EntryPoint(name, value, GROUP) for name, value in BUILT_IN.items()} | installed
+    return {entry.name: entry for entry in entry_points(group=GROUP)}
 
 
 def _clock(settings: Settings) -> Clock:
