@@ -4,15 +4,12 @@ import cv2
 import numpy as np
 import pytest
 
-from drivers import cell
 from drivers.commands.doctor import find_cell
 from drivers.doctor import Check, examine
 
 
 @pytest.fixture
-def frames_cell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setitem(cell.BUILT_IN, "frames", "drivers.frames.camera:connect")
-    monkeypatch.setitem(cell.BUILT_IN, "wsg", "drivers.wsg.connect:connect")
+def frames_cell(tmp_path: Path) -> Path:
     cv2.imwrite(str(tmp_path / "a_color.png"), np.zeros((30, 40, 3), np.uint8))
     cv2.imwrite(str(tmp_path / "a_depth_mm.png"), np.full((30, 40), 500, np.uint16))
     path = tmp_path / "cell.yaml"
