@@ -220,7 +220,9 @@ class _Exporter:
             for name, port in declared.items():
                 attributes = {"name": name, "type": port.type.text if port.type is not None else ""}
                 if port.default is not None:
-                    attributes["default"] = _attribute(port.default)
+                    attributes["default"] = _attribute(port.default) or "none"
+                elif direction == "output_port":
+                    attributes["default"] = f"{{_{name}}}"  # BehaviorTree.CPP wants every port wired
                 SubElement(model, direction, attributes).text = port.help
         told: dict[str, object] = {"description": definition.description} if definition.description else {}
         for key, declared in (

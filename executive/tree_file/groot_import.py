@@ -263,7 +263,7 @@ def _declared(port: object) -> object:
 
 def _foreign_port(port: XmlElement) -> Node:
     found: Node = {"type": port.get("type") if _NAME.fullmatch(port.get("type")) else "text"}
-    if "default" in port.attributes:
+    if "default" in port.attributes and port.tag == "input_port":
         found["default"] = port.get("default")
     if port.text.strip():
         found["help"] = port.text.strip()
