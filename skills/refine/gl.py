@@ -38,7 +38,6 @@ def load_pyrender() -> ModuleType:
         RenderFailed: pyrender or EGL does not load.
     """
     os.environ.setdefault("PYOPENGL_PLATFORM", "egl")
-    os.environ.setdefault("MUJOCO_GL", "egl")
     if not hasattr(np, "infty"):  # pyrender 0.1.45 still uses numpy 1's name
         np.infty = np.inf  # type: ignore[attr-defined]  # noqa: NPY201
     try:

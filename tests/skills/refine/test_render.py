@@ -138,7 +138,7 @@ def with_pyrender():
 
 def with_mujoco():
     global model, state, viewer
-    from drivers.sim.gl import in_gl_thread, load_mujoco
+    from drivers.sim.gl import in_gl_thread, load_mujoco, open_renderer
     mujoco = load_mujoco()
     model = mujoco.MjModel.from_xml_string(
         "<mujoco><worldbody><light pos='0 0 3'/><camera name='c' pos='0 0 1'/>"
@@ -146,7 +146,7 @@ def with_mujoco():
     state = mujoco.MjData(model)
     mujoco.mj_forward(model, state)
     def look():
-        viewer = mujoco.Renderer(model, 120, 160)
+        viewer = open_renderer(model, 120, 160)
         viewer.enable_depth_rendering()
         viewer.update_scene(state, camera="c")
         depth = viewer.render().copy()
