@@ -9,10 +9,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.grasp_mujoco import MujocoGrasp, least_grasp_force_of_cone
 from benchmarks.grasp_patch import GRAVITY, Fruit, PatchGrasp
 from skills.slip_avoid_grasp.controller import GripController
 from skills.slip_avoid_grasp.grip import GripPhase
-from skills.slip_avoid_grasp.limit_surface import SoftContact, xi
+from skills.slip_avoid_grasp.limit_surface import SoftContact, least_force, xi
 from skills.slip_avoid_grasp.settings import GripSettings
 
 Float64 = NDArray[np.float64]
@@ -89,6 +90,7 @@ class Result:
         pressure: largest contact pressure [Pa].
         contact_peak: largest force of a finger before the force ramp [N].
         grasp_time: from the first sample to the hold [s].
+        pull_slip: motion of the fruit on the pads through the pull [m].
         reaction: from the start of the pull to a faster closing [s]; nan without a pull.
     """
 
@@ -102,14 +104,13 @@ class Result:
     pressure: float
     contact_peak: float
     grasp_time: float
+    pull_slip: float
     reaction: float
     trace: Trace
 
 
 def least_grasp_force(fruit: Fruit) -> float:
     """Theoretical least grasp force of a fruit that hangs still, from the limit surface's integrals [N]."""
-    from skills.slip_avoid_grasp.limit_surface import least_force
-
     contact = SoftContact(fruit.mu, fruit.delta, fruit.gamma, fruit.k)
     weight = fruit.mass * GRAVITY
     return 2.0 * float(least_force(0.5 * weight, 0.5 * weight * abs(fruit.offset[0]), contact))
@@ -128,6 +129,7 @@ def run_trial(
     noise: float = 0.0,
     seed: int = 0,
     corrupt: Corrupt | None = None,
+    world: type[PatchGrasp] | type[MujocoGrasp] = PatchGrasp,
 ) -> Result:
     """Grasp, lift and hold a fruit.
 
@@ -135,12 +137,14 @@ def run_trial(
         fruit, settings, lifting: what is done to what.
         noise: standard deviation of the forces' white noise [N].
         seed: of the noise and the bias.
+        world: the contact model.
         corrupt: turns a sample (sequence, stamp, wrenches) into those that arrive, after the grip was made.
     """
     rng = np.random.default_rng(seed)
     scale = np.array([1.0, 1.0, 1.0, TORQUE_LEVER, TORQUE_LEVER, TORQUE_LEVER])
     bias = rng.uniform(-0.15, 0.15, (2, 6)) * scale
-    grasp = PatchGrasp(fruit)
+    grasp = world(fruit)
+    least = least_grasp_force(fruit) if world is PatchGrasp else least_grasp_force_of_cone(fruit)
     controller = GripController(replace(settings, width_min=0.02))
     trace = Trace()
     held_at = pull_at = reaction = math.nan
@@ -168,7 +172,7 @@ def run_trial(
             if controller.phase is GripPhase.HOLDING:
                 held_at, origin, turn_0 = t, grasp.place, grasp.turn
             elif controller.phase is GripPhase.FAILED or t > 5.0:
-                return Result(False, False, 0, 0, 0, 0, least_grasp_force(fruit), 0, contact_peak, t, math.nan, trace)
+                return Result(False, False, 0, 0, 0, 0, least, 0, contact_peak, t, 0, math.nan, trace)
         else:
             since = t - held_at - 0.04
             grasp.acceleration = lifting.acceleration_at(since + 0.5 * PERIOD)
@@ -200,10 +204,11 @@ def run_trial(
         turn=float(np.abs(trace.turn).max()),
         steady=float(np.mean(trace.f_n[-150:])),
         peak=peak,
-        least=least_grasp_force(fruit),
+        least=least,
         pressure=peak_pressure(0.5 * peak, fruit),
         contact_peak=contact_peak,
         grasp_time=held_at,
+        pull_slip=0.0 if math.isnan(pull_at) else float(np.ptp(trace.slip[round((pull_at - trace.t[0]) / PERIOD) :])),
         reaction=reaction,
         trace=trace,
     )

@@ -1,0 +1,232 @@
+"""Grip control over many random lifts, beside its baselines, on two contact models that share no code with it.
+
+    python -m benchmarks.bench_grasp [--lifts 200] [--plots DIR] [--quick]
+
+Fruits of 0.05 to 0.4 kg with friction 0.3 to 0.9, the centre of mass up to 15 mm off the grasp axis and up to 3 mm off
+the fingers' middle, 0.2 N of white noise on every force, lifts of up to 3 m/s². The gripper can press with 20 N a
+finger; a draw whose load needs more than that is drawn again (their number is printed). Steady force is compared with
+the theoretical least force where that lies above the 0.5 N floor.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+import tracemalloc
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.grasp_mujoco import TORSION, MujocoGrasp
+from benchmarks.grasp_patch import Fruit, PatchGrasp
+from benchmarks.grasp_trial import Lifting, Result, least_grasp_force, run_trial
+from skills.slip_avoid_grasp.controller import GripController
+from skills.slip_avoid_grasp.force_loop import ForceLoopSettings
+from skills.slip_avoid_grasp.limit_surface import SoftContact
+from skills.slip_avoid_grasp.settings import ForceLaw, GripSettings
+
+MAX_FORCE = 40.0
+NOISE = 0.2
+BRUISE = 0.10e6
+"""No apple bruises below this contact pressure [Pa] (Processes 2024, 12, 543)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Draw:
+    """One random task."""
+
+    fruit: Fruit
+    acceleration: float
+    mu_error: float
+    seed: int
+
+
+def draw_tasks(count: int, seed: int = 7) -> tuple[list[Draw], int]:
+    """Random tasks, and how many were drawn again because the gripper could not bear them."""
+    rng = np.random.default_rng(seed)
+    tasks: list[Draw] = []
+    too_heavy = 0
+    while len(tasks) < count:
+        fruit = Fruit(
+            mass=rng.uniform(0.05, 0.4),
+            width=rng.uniform(0.05, 0.09),
+            mu=rng.uniform(0.3, 0.9),
+            offset=(rng.uniform(-0.015, 0.015), rng.uniform(-0.015, 0.015)),
+            off_centre=rng.uniform(-0.003, 0.003),
+        )
+        acceleration, error = rng.uniform(0.5, 3.0), rng.choice([-0.15, 0.15])
+        if 1.1 * least_grasp_force(replace(fruit, mass=fruit.mass * (1.0 + acceleration / 9.81))) > MAX_FORCE:
+            too_heavy += 1
+            continue
+        tasks.append(Draw(fruit, acceleration, error, len(tasks)))
+    return tasks, too_heavy
+
+
+def settings_for(task: Draw, world: type, law: ForceLaw, uncertain: bool, constant: float) -> GripSettings:
+    """What the controller is told: friction as it is, or wrong by the draw's error."""
+    fruit = task.fruit
+    mu = fruit.mu * (1.0 + task.mu_error) if uncertain else fruit.mu
+    contact = SoftContact(mu, fruit.delta, fruit.gamma, fruit.k)
+    if world is MujocoGrasp:
+        contact = SoftContact.with_linear_torsion(mu, TORSION)
+    return GripSettings(
+        contact=contact,
+        law=law,
+        mu_uncertainty=0.15 if uncertain else 0.0,
+        initial_force=constant if law is ForceLaw.CONSTANT else 2.0,
+        loop=ForceLoopSettings(max_force=MAX_FORCE),
+    )
+
+
+def lift_all(
+    tasks: Sequence[Draw],
+    world: type,
+    law: ForceLaw,
+    uncertain: bool = False,
+    constant: float = 10.0,
+    pull: float = 0.0,
+) -> list[Result]:
+    """Every task under one law."""
+    return [
+        run_trial(
+            task.fruit,
+            settings_for(task, world, law, uncertain, constant),
+            Lifting(acceleration=task.acceleration, pull=pull),
+            noise=NOISE,
+            seed=task.seed,
+            world=world,
+        )
+        for task in tasks
+    ]
+
+
+HEADER = (
+    f"{'':34}{'drops':>6}{'slip p50':>9}{'p95 mm':>7}{'turn p50':>9}{'p95 °':>7}"
+    f"{'force p50':>10}{'/least p50':>11}{'p95':>6}{'peak p95':>9}{'MPa max':>8}"
+)
+
+
+def row(name: str, results: Sequence[Result]) -> str:
+    """One line of the table."""
+    held = [r for r in results if r.grasped]
+    drops = len(results) - sum(r.held for r in results)
+    slip, turn = [1e3 * r.slip for r in held], [np.degrees(r.turn) for r in held]
+    ratio = [r.steady / r.least for r in held if r.held and r.least > 0.5] or [np.nan]
+    return (
+        f"{name:34}{drops:6d}{np.median(slip):9.2f}{np.percentile(slip, 95):7.2f}"
+        f"{np.median(turn):9.1f}{np.percentile(turn, 95):7.1f}{np.median([r.steady for r in held]):10.2f}"
+        f"{np.median(ratio):11.3f}{np.percentile(ratio, 95):6.2f}{np.percentile([r.peak for r in held], 95):9.1f}"
+        f"{max(r.pressure for r in held) / 1e6:8.3f}"
+    )
+
+
+def time_steps(count: int) -> str:
+    """Cost of a step while holding."""
+    controller = GripController(GripSettings())
+    controller.width = 0.08
+    rng = np.random.default_rng(0)
+    samples = rng.normal(0.0, 0.05, (4096, 2, 6)) * [1.0, 1.0, 1.0, 0.005, 0.005, 0.005]
+    took = np.empty(count)
+    for i in range(count + 1000):
+        wrenches = samples[i % 4096].copy()
+        if i > 120:
+            wrenches[:, 2] -= 1.0
+            wrenches[:, 0] += 0.4
+        began = time.perf_counter()
+        controller.step(0.002 * i, i, wrenches)
+        if i >= 1000:
+            took[i - 1000] = 1e6 * (time.perf_counter() - began)
+    p50, p99 = np.percentile(took, [50, 99])
+    return f"step of the controller: p50 {p50:.1f} µs, p99 {p99:.1f} µs over {count} steps ({controller.phase.value})"
+
+
+def allocation_growth(count: int) -> str:
+    """Bytes that stay allocated by the controller's own code after so many steps of holding."""
+    controller = GripController(GripSettings())
+    controller.width = 0.08
+    wrenches, touching = np.zeros((2, 6)), np.zeros((2, 6))
+    touching[:, 2] = -1.0
+    touching[:, 0] = 0.4
+    for i in range(2000):
+        controller.step(0.002 * i, i, wrenches if i < 120 else touching)
+    tracemalloc.start()
+    controller.step(0.002 * 2000, 2000, touching)
+    before = tracemalloc.get_traced_memory()[0]
+    for i in range(2001, 2001 + count):
+        controller.step(0.002 * i, i, touching)
+    grown = tracemalloc.get_traced_memory()[0] - before
+    tracemalloc.stop()
+    return f"allocated more after {count} further steps: {grown} bytes"
+
+
+def plot(result: Result, title: str, path: Path) -> None:
+    """Force, least force, slip and rotation of one trial over time."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    trace = result.trace
+    figure, (force, slip) = plt.subplots(2, 1, sharex=True, figsize=(8, 5), layout="constrained")
+    force.plot(trace.t, trace.f_n, label="grasp force")
+    force.plot(trace.t, trace.f_ref, label="reference", lw=0.8)
+    force.plot(trace.t, trace.least_sensed, label="least force, sensed", lw=0.8)
+    force.axhline(result.least, ls=":", c="k", label="least force at rest, theory")
+    force.set_ylabel("N")
+    force.legend(fontsize=7)
+    force.set_title(title, fontsize=9)
+    slip.plot(trace.t, 1e3 * np.array(trace.slip), label="slip [mm]")
+    slip.plot(trace.t, np.degrees(np.abs(trace.turn)), label="rotation [°]")
+    slip.set_xlabel("s")
+    slip.legend(fontsize=7)
+    figure.savefig(path, dpi=90)
+    plt.close(figure)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--lifts", type=int, default=200, help="random lifts of the controller in each contact model")
+    parser.add_argument("--plots", type=Path, help="leave a picture of every run of the controller here")
+    parser.add_argument("--quick", action="store_true", help="a tenth of everything")
+    arguments = parser.parse_args()
+    lifts = max(arguments.lifts // 10, 10) if arguments.quick else arguments.lifts
+    steps = 10**5 if arguments.quick else 10**6
+    tasks, too_heavy = draw_tasks(lifts)
+    print(f"{lifts} random lifts, {too_heavy} drawn again because {MAX_FORCE:.0f} N would not bear them")
+    for world, name in ((PatchGrasp, "LuGre bristles, exact limit surface"), (MujocoGrasp, "MuJoCo, elliptic cone")):
+        print(f"\n{name}\n{HEADER}")
+        law = ForceLaw.SLIP_AVOIDANCE
+        results = lift_all(tasks, world, law)
+        print(row("slip avoidance, mu known", results), flush=True)
+        print(row("slip avoidance, mu ± 15 %", lift_all(tasks, world, law, uncertain=True)), flush=True)
+        for baseline in (ForceLaw.STATIC, ForceLaw.COULOMB):
+            print(row(f"{baseline.value} only, mu known", lift_all(tasks, world, baseline)), flush=True)
+        for constant in (5.0, 10.0, 20.0):
+            print(
+                row(f"constant {constant:.0f} N", lift_all(tasks, world, ForceLaw.CONSTANT, constant=constant)),
+                flush=True,
+            )
+        pulled = lift_all(tasks[: lifts // 2], world, law, pull=2.0)
+        print(row("slip avoidance, pulled by 2 N", pulled))
+        slip = [1e3 * r.pull_slip for r in pulled if r.held]
+        reaction = [1e3 * r.reaction for r in pulled if r.held]
+        print(
+            f"  of the pull alone: slip p50 {np.median(slip):.2f}, p95 {np.percentile(slip, 95):.2f} mm; "
+            f"reaction p50 {np.nanmedian(reaction):.0f}, p95 {np.nanpercentile(reaction, 95):.0f} ms"
+        )
+        if arguments.plots is not None:
+            arguments.plots.mkdir(parents=True, exist_ok=True)
+            for task, result in zip(tasks, results, strict=True):
+                fruit = task.fruit
+                title = (
+                    f"{fruit.mass:.2f} kg, mu {fruit.mu:.2f}, centre ({1e3 * fruit.offset[0]:+.0f}, "
+                    f"{1e3 * fruit.offset[1]:+.0f}) mm, lift {task.acceleration:.1f} m/s²"
+                )
+                plot(result, title, arguments.plots / f"{world.__name__}_{task.seed:03d}.png")
+    print(f"\n{time_steps(steps // 10)}\n{allocation_growth(steps)}")
+
+
+if __name__ == "__main__":
+    main()
