@@ -213,8 +213,7 @@ def _translation(A: Float64, B: Float64, R: Float64) -> Float64:
     """t of (R_A − I) t = R t_B − t_A over all motions."""
     left = (A[:, :3, :3] - np.eye(3)).reshape(-1, 3)
     right = (B[:, :3, 3] @ R.T - A[:, :3, 3]).ravel()
-    t = np.asarray(np.linalg.lstsq(left, right, rcond=None)[0], dtype=np.float64)
-    return t
+    return np.asarray(np.linalg.lstsq(left, right, rcond=None)[0], dtype=np.float64)
 
 
 def _residuals(x: Float64, T_base_tool0: Float64, T_camera_board: Float64) -> Float64:

@@ -171,7 +171,7 @@ class MotomanArm(Device):
                     f"the connection failed: {error}" if isinstance(error, OSError) else f"the driver failed: {error!r}"
                 )
                 self._problem = error if isinstance(error, DeviceError) else DeviceLost(self.name, words)
-                self._fail_motion(str(self._problem))
+                self._fail_motion(self._problem.message)
                 if self._motion is not None:
                     self._motion.settled = True  # nobody knows better
             self._retry_at = self._clock.now() + RECONNECT
@@ -185,7 +185,7 @@ class MotomanArm(Device):
         streaming = self._stream is not None
         session.listen(0.001 if streaming else 0.004)
         silent = self._clock.now() - session.heard
-        if silent > self.options.silence:
+        if silent > self.options.silence and not session.listen(0.0):  # unless this thread itself was held up
             raise DeviceLost(self.name, f"no feedback for {1e3 * silent:.0f} ms")
         if self._enabling:
             self._enable_again(session)
@@ -261,7 +261,7 @@ class MotomanArm(Device):
             DeviceLost: there is no fresh state.
         """
         if self._session is None:
-            raise DeviceLost(self.name, str(self._problem))
+            raise DeviceLost(self.name, _words(self._problem))
         return self._state
 
     def follow(self, trajectory: Trajectory) -> Motion:
@@ -269,7 +269,7 @@ class MotomanArm(Device):
             if self._latched is not None:
                 raise MotionRefused(self.name, f"latched in the safe state ({self._latched})")
             if self._session is None or self._problem is not None:
-                raise MotionRefused(self.name, f"not ready: {self._problem}")
+                raise MotionRefused(self.name, f"not ready: {_words(self._problem)}")
             if self._enabling:
                 raise MotionRefused(self.name, "not ready: the servos are being switched on")
             if self._motion is not None and not self._motion.settled:
@@ -302,7 +302,7 @@ class MotomanArm(Device):
     # ---------------------------------------------------------------------------------------- the device
 
     def link(self) -> str:
-        return "ok" if self._problem is None else str(self._problem)
+        return "ok" if self._problem is None else self._problem.message
 
     def check(self) -> None:
         problem = self._problem
@@ -324,7 +324,7 @@ class MotomanArm(Device):
         """
         with self._lock:
             if self._session is None:
-                raise DeviceLost(self.name, f"is still lost: {self._problem}")
+                raise DeviceLost(self.name, f"is still lost: {_words(self._problem)}")
             self._latched = None
             if self._problem is not None:
                 self._enabling, self._problem = True, None
@@ -361,3 +361,7 @@ class MotomanArm(Device):
 
 def _rates(limits: ArmLimits) -> Sequence[Float64]:
     return (limits.lower, limits.upper, limits.velocity, limits.acceleration, limits.jerk)
+
+
+def _words(problem: DeviceError | None) -> str:
+    return problem.message if problem is not None else "no problem is known"

@@ -89,7 +89,7 @@ class StreamingCamera(Device):
         return self._newest
 
     def link(self) -> str:
-        return "ok" if self._problem is None else str(self._problem)
+        return "ok" if self._problem is None else self._problem.message
 
     def check(self) -> None:
         problem = self._problem
@@ -103,7 +103,7 @@ class StreamingCamera(Device):
             DeviceLost: it still is.
         """
         if self._source is None:
-            raise DeviceLost(self.name, f"is still lost: {self._problem}")
+            raise DeviceLost(self.name, f"is still lost: {_words(self._problem)}")
         self._problem = None
 
     def close(self) -> None:
@@ -155,3 +155,7 @@ class StreamingCamera(Device):
         source, self._source = self._source, None
         if source is not None:
             source.close()
+
+
+def _words(problem: DeviceError | None) -> str:
+    return problem.message if problem is not None else "no problem is known"

@@ -228,7 +228,7 @@ class SunTouchFingers(Device):
     # ---------------------------------------------------------------------------------------- the device
 
     def link(self) -> str:
-        return "ok" if self._problem is None else str(self._problem)
+        return "ok" if self._problem is None else self._problem.message
 
     def check(self) -> None:
         problem = self._problem
@@ -242,7 +242,7 @@ class SunTouchFingers(Device):
             DeviceLost: it still is.
         """
         if not self._streaming:
-            raise DeviceLost(self.name, f"is still lost: {self._problem}")
+            raise DeviceLost(self.name, f"is still lost: {_words(self._problem)}")
         self._problem = None
 
     def close(self) -> None:
@@ -250,3 +250,7 @@ class SunTouchFingers(Device):
         self._close_lines()
         self._streaming = False
         self._problem = DeviceLost(self.name, "is closed")
+
+
+def _words(problem: DeviceError | None) -> str:
+    return problem.message if problem is not None else "no problem is known"

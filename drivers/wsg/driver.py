@@ -133,7 +133,7 @@ class WsgGripper(Device):
             self._wanted = self._sent = 0.0
             self._waiting = None
             if self._motion is not None:
-                self._motion.end(MotionState.FAILED, f"the gripper was lost: {self._problem}")
+                self._motion.end(MotionState.FAILED, f"the gripper was lost: {_words(self._problem)}")
                 self._motion.settled = True
             self._retry_at = self._clock.now() + RECONNECT
         if session is not None:
@@ -205,7 +205,7 @@ class WsgGripper(Device):
 
     def link(self) -> str:
         with self._lock:
-            return "ok" if self._session is not None and self._problem is None else str(self._problem)
+            return "ok" if self._problem is None else self._problem.message
 
     def check(self) -> None:
         if self._problem is not None:
@@ -229,7 +229,7 @@ class WsgGripper(Device):
         """
         with self._lock:
             if self._session is None:
-                raise DeviceLost(self.name, f"is still lost: {self._problem}")
+                raise DeviceLost(self.name, f"is still lost: {_words(self._problem)}")
             if self._bits & SystemState.FAST_STOP:
                 self._send(Plain(Command.ACKNOWLEDGE), Command.ACKNOWLEDGE)
             self._grace_until = self._clock.now() + GRACE
@@ -273,20 +273,20 @@ class WsgGripper(Device):
 
     def _need_link(self) -> None:
         if self._session is None:
-            raise DeviceLost(self.name, str(self._problem))
+            raise DeviceLost(self.name, _words(self._problem))
 
     def _need_readiness(self) -> None:
         if self._latched is not None:
             raise MotionRefused(self.name, f"latched in the safe state ({self._latched})")
         if self._session is None or self._problem is not None:
-            raise MotionRefused(self.name, f"not ready: {self._problem}")
+            raise MotionRefused(self.name, f"not ready: {_words(self._problem)}")
         if not self._bits & SystemState.REFERENCED:
             raise MotionRefused(self.name, "has no reference yet; set 'home: true' in the cell file or home it by hand")
 
     def _send(self, request: Plain | Move | Script, command: Command) -> None:
         session = self._session
         if session is None:
-            raise DeviceLost(self.name, str(self._problem))
+            raise DeviceLost(self.name, _words(self._problem))
         try:
             session.send(request, command)
         except OSError as error:
@@ -316,6 +316,8 @@ class WsgGripper(Device):
 
     def _serve(self, session: Session) -> None:
         replies = session.receive(self._patience())
+        if not replies and self._clock.now() - session.last_heard > self.options.silence:
+            replies = session.receive(0.0)  # this thread itself may have been held up
         with self._lock:
             for reply in replies:
                 self._take(reply)
@@ -389,3 +391,7 @@ class WsgGripper(Device):
             motion.end(MotionState.FAILED, f"the fingers are blocked at {1e3 * motion.measured:.1f} mm")
         else:
             motion.end(MotionState.FAILED, f"the gripper ended the move: {status.name}")
+
+
+def _words(problem: DeviceError | None) -> str:
+    return problem.message if problem is not None else "no problem is known"

@@ -1,0 +1,98 @@
+"""Puts the emulated devices onto the simulated world: what drives its joints, and what its camera sees, over TCP."""
+
+from __future__ import annotations
+
+import contextlib
+import socket
+import struct
+import time
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.cell import load_cell
+from drivers.interfaces import Camera, Frame
+from drivers.sim.camera import SimCamera
+from drivers.sim.gl import load_mujoco
+from drivers.sim.world import SimWorld
+
+Float64 = NDArray[np.float64]
+
+FRAME_HEADER = struct.Struct("<4sIIdddddI")
+"""Of a frame on the wire: magic, width, height, fx, fy, cx, cy, age [s], sequence; colour and depth follow."""
+FRAME_MAGIC = b"RGBD"
+
+
+class SimJoints:
+    """The simulated arm's joints as an emulated controller drives them: position set-points with feed-forward."""
+
+    def __init__(self, world: SimWorld) -> None:
+        model = world.model
+        self._state, self._actuators = world.state, world.arm_actuators
+        self._qpos, self._qvel = model.jnt_qposadr[world.arm_joints], model.jnt_dofadr[world.arm_joints]
+        kp, kv = model.actuator_gainprm[self._actuators, 0], -model.actuator_biasprm[self._actuators, 2]
+        self._feed_forward = kv / kp
+
+    def measured(self) -> tuple[Float64, Float64]:
+        return self._state.qpos[self._qpos].copy(), self._state.qvel[self._qvel].copy()
+
+    def drive(self, q: Float64, qd: Float64) -> None:
+        self._state.ctrl[self._actuators] = q + self._feed_forward * qd
+
+
+class StatePort:
+    """Gives the camera's process the world's present state, whenever it asks through the pipe."""
+
+    address = "camera's process"
+
+    def __init__(self, world: SimWorld, pipe: Connection) -> None:
+        self._world, self._pipe = world, pipe
+
+    def readable(self) -> list[int]:
+        return [self._pipe.fileno()]
+
+    def poll(self) -> None:
+        if self._pipe.poll():
+            self._pipe.recv()
+            self._world.looked()
+            self._pipe.send((self._world.clock.now(), self._world.state.qpos.copy()))
+
+    def close(self) -> None:
+        self._pipe.close()
+
+
+def serve_camera(cell_file: Path, seed: int, overrides: dict[str, str], host: str, port: int, pipe: Connection) -> None:
+    """A process of its own: render the world's state for whoever asks on a TCP port, until the pipe ends."""
+    cell = load_cell(cell_file, seed=seed, overrides=overrides)
+    world = cast(SimWorld, cell.devices["world"])
+    camera = cast(SimCamera, cell.device(Camera))  # type: ignore[type-abstract]  # a Protocol as a key
+    listener = socket.create_server((host, port))
+    camera.latest()  # opening the renderer takes a second
+    pipe.send("ready")
+    with contextlib.suppress(EOFError, OSError), listener:
+        while True:
+            connection, _ = listener.accept()
+            with contextlib.suppress(ConnectionError), connection:
+                while connection.recv(64):
+                    connection.sendall(_look(camera, world, pipe))
+
+
+def _look(camera: SimCamera, world: SimWorld, pipe: Connection) -> bytes:
+    pipe.send("state")
+    now, qpos = pipe.recv()
+    began = time.monotonic()
+    world.state.qpos[:] = qpos
+    load_mujoco().mj_forward(world.model, world.state)
+    frame = camera._expose(now, round(1e3 * now))
+    return pack_frame(frame, time.monotonic() - began)
+
+
+def pack_frame(frame: Frame, age: float) -> bytes:
+    """A frame as bytes: header, colour (h, w, 3) uint8, depth (h, w) float32 [m]."""
+    K = frame.intrinsics
+    header = FRAME_HEADER.pack(FRAME_MAGIC, K.width, K.height, K.fx, K.fy, K.cx, K.cy, age, frame.sequence)
+    depth = frame.depth if frame.depth is not None else np.zeros(frame.colour.shape[:2], np.float32)
+    return header + frame.colour.tobytes() + depth.tobytes()

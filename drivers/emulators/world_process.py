@@ -1,0 +1,161 @@
+"""A process of its own in which the simulated world runs in real time behind emulated devices.
+
+    python -m drivers.emulators.world_process --cell sim.yaml --arm 127.0.0.1:50240 --gripper 127.0.0.1:41000
+        --fingers /run/user/1000 --camera 127.0.0.1:41001
+
+It says `ready` on its standard output, answers every line `truth` with the world's score as JSON, and ends when its
+standard input is closed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import multiprocessing
+import os
+import sys
+import time
+from collections.abc import Sequence
+from functools import partial
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import cast
+
+import numpy as np
+
+from drivers.cell import Cell, load_cell
+from drivers.emulators.motoman import MotomanEmulator
+from drivers.emulators.server import Port, PtyPort, Server, TcpPort
+from drivers.emulators.sim_bridge import SimJoints, StatePort, serve_camera
+from drivers.emulators.suntouch import SunTouchEmulator
+from drivers.emulators.wsg import WsgEmulator
+from drivers.errors import DriverError
+from drivers.interfaces import Arm, Float64, ForceSensor, Gripper
+from drivers.motoman.connect import ORDERS
+from drivers.sim.scene import TIMESTEP
+from drivers.sim.world import SimWorld
+
+SLIP = 0.2
+"""A world that falls behind real time by more than this lets the time go [s]."""
+
+
+class _Control:
+    """Standard input: requests of the parent, and its end."""
+
+    address = "standard input"
+
+    def __init__(self, cell: Cell) -> None:
+        self._cell = cell
+        self.open = True
+        os.set_blocking(sys.stdin.fileno(), False)
+
+    def readable(self) -> list[int]:
+        return [sys.stdin.fileno()] if self.open else []
+
+    def poll(self) -> None:
+        try:
+            chunk = os.read(sys.stdin.fileno(), 4096)
+        except BlockingIOError:
+            return
+        if not chunk:
+            self.open = False
+        for _ in range(chunk.count(b"truth\n")):
+            print(json.dumps(self._cell.truth(), default=str), flush=True)
+
+    def close(self) -> None:
+        """The parent owns the pipe."""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Serve until the parent has gone."""
+    options = _parse(arguments)
+    overrides = dict(setting.split("=", 1) for setting in options.set)
+    here, there = multiprocessing.Pipe()
+    eye = multiprocessing.get_context("spawn").Process(
+        target=serve_camera, args=(options.cell, options.seed, overrides, *_address(options.camera), there), daemon=True
+    )
+    eye.start()
+    there.close()
+    try:
+        cell = load_cell(options.cell, seed=options.seed, overrides=overrides)
+        server, control, world = _set_up(cell, here, options)
+        here.recv()  # its camera is ready
+    except (DriverError, OSError, EOFError) as error:
+        print(error or "the emulated camera did not start", file=sys.stderr)
+        return 2
+    print("ready", flush=True)
+    _run(server, control, world)
+    for port in server.ports:
+        port.close()
+    eye.join(2.0)
+    return 0
+
+
+def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--cell", type=Path, required=True)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--set", action="append", default=[])
+    parser.add_argument("--arm", required=True, help="HOST:PORT of the motion connection; the state's port is the next")
+    parser.add_argument("--controller", default="fs100", choices=tuple(ORDERS))
+    parser.add_argument("--gripper", required=True, help="HOST:PORT")
+    parser.add_argument("--fingers", type=Path, required=True, help="folder for the links finger_left, finger_right")
+    parser.add_argument("--camera", required=True, help="HOST:PORT")
+    return parser.parse_args(arguments)
+
+
+def _set_up(cell: Cell, pipe: Connection, options: argparse.Namespace) -> tuple[Server, _Control, SimWorld]:
+    world = cast(SimWorld, cell.devices["world"])
+    gripper, fingers = cell.device(Gripper), cell.device(ForceSensor)  # type: ignore[type-abstract]
+    arm = cell.device(Arm)  # type: ignore[type-abstract]
+    controller = MotomanEmulator(SimJoints(world), arm.limits.velocity, ORDERS[options.controller])
+    hand = WsgEmulator(gripper, finger_offset=gripper.limits.width_min)
+    pads = [SunTouchEmulator(partial(_wrench, fingers, side), seed=side) for side in (0, 1)]
+    fingers.latest()  # its first sample compiles code, for which nobody waits later
+    options.fingers.mkdir(parents=True, exist_ok=True)
+    host, port = _address(options.arm)
+    control = _Control(cell)
+    ports: list[Port] = [
+        TcpPort(controller.motion, host, port),
+        TcpPort(controller.state, host, port + 1, clients=4),
+        TcpPort(hand, *_address(options.gripper)),
+        StatePort(world, pipe),
+        PtyPort(pads[0], options.fingers / "finger_left"),
+        PtyPort(pads[1], options.fingers / "finger_right"),
+        control,
+    ]
+
+    def live() -> None:
+        now = world.clock.now()
+        controller.advance(now)
+        hand.advance(now)
+
+    world.before_step.append(live)
+    return Server(ports, [], time.monotonic), control, world
+
+
+def _run(server: Server, control: _Control, world: SimWorld) -> None:
+    """Step the world in real time; between the steps, answer whoever asks."""
+    began = time.monotonic() - world.clock.now()
+    while control.open:
+        ahead = began + world.clock.now() + TIMESTEP - time.monotonic()
+        server.turn(max(ahead, 0.0))
+        behind = time.monotonic() - began - world.clock.now()
+        if behind > SLIP:
+            began += behind
+        elif behind >= TIMESTEP:
+            world.clock.advance(TIMESTEP)
+
+
+def _wrench(fingers: ForceSensor, side: int) -> Float64:
+    sample = fingers.latest()
+    return np.zeros(6) if sample is None else sample.wrenches[side]
+
+
+def _address(text: str) -> tuple[str, int]:
+    host, _, port = text.rpartition(":")
+    return host, int(port)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
