@@ -1,0 +1,171 @@
+"""Detect against its figures: held-out frames, speed against the full network in the same run, real frames.
+
+python -m benchmarks.bench_detect --frames 1000 [--orchard FOLDER] [--work runs/bench_detect]
+
+FOLDER holds real frames NAME_color.jpg and fruit.csv (frame, fruit_id, x, y, w, h, ...); SHARED_DATA/orchard_apples is
+taken when the environment names SHARED_DATA.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import os
+import time
+from pathlib import Path
+
+import cv2
+import numpy as np
+import torch
+
+from skills.detect.compact_detector import CompactDetector, DetectorOptions
+from skills.detect.dope_decode import decode_maps
+from skills.detect.dope_network import DopeNetwork, dope_input
+from skills.detect.evaluation import evaluate, table
+from skills.detect.instances import Instance, find_instances
+from skills.detect.synthetic.dataset import render_dataset
+from skills.detect.training.samples import FrameFolder
+from skills.fruit import FruitModel, load_fruit
+
+BENCH_SEED = 777_001
+"""Neither trained nor validated on."""
+
+ORCHARD_K = np.array([[917.12, 0.0, 957.72], [0.0, 916.97, 550.79], [0.0, 0.0, 1.0]])
+ORCHARD_WIDTHS = (960, 1440, 1920)
+"""Widths at which 1920 px wide orchard frames are searched."""
+
+
+def main() -> None:
+    """Print the tables."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--frames", type=int, default=1000, help="held-out frames (1000)")
+    parser.add_argument("--fruit", default="apple")
+    parser.add_argument("--weights", type=Path, help="other weights than the fruit's own")
+    parser.add_argument("--work", type=Path, default=Path("runs/bench_detect"), help="where frames are kept")
+    parser.add_argument("--orchard", type=Path, help="folder of real frames")
+    parser.add_argument("--score", type=float, default=0.6, help="score above which errors are counted (0.6)")
+    parser.add_argument("--no-speed", action="store_true", help="leave out the full network, which takes half a minute")
+    options = parser.parse_args()
+    fruit = load_fruit(options.fruit)
+    weights = options.weights or fruit.weights
+    if weights is None:
+        raise SystemExit(f"there are no weights for {fruit.name}")
+    render_dataset(options.work / fruit.name, options.frames, BENCH_SEED, options.fruit)
+    frames = FrameFolder([options.work / fruit.name])
+    detector = CompactDetector.load(weights)
+    detector.warm_up()
+    print(f"# Detect, {fruit.name}: {weights.name}, {options.frames} held-out frames of seed {BENCH_SEED}\n")
+    result = evaluate(detector, frames, fruit, options.frames)
+    print(table(result, options.score), "\n")
+    if not options.no_speed:
+        print(speed(detector, frames, fruit), "\n")
+    shared = os.environ.get("SHARED_DATA")
+    orchard = options.orchard or (Path(shared) / "orchard_apples" if shared else None)
+    if orchard is not None and orchard.is_dir():
+        print(real_frames(weights, orchard, fruit))
+
+
+def speed(detector: CompactDetector, frames: FrameFolder, fruit: FruitModel, rounds: int = 3) -> str:
+    """The whole of Detect against the whole of DOPE at 640 x 480, in turns within this run."""
+    full = DopeNetwork().eval()
+    pictures = [frames.picture(k, halved=False) for k in range(min(8, len(frames)))]
+    fx, fy, cx, cy = frames.annotation(0).camera
+    K = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
+    whole, network_only, compact = [], [], []
+    for turn in range(rounds):
+        start = time.perf_counter()
+        tensor, _ = dope_input(pictures[turn], downscale_height=480)
+        with torch.inference_mode():
+            begin = time.perf_counter()
+            beliefs, affinities = full(tensor)
+            network_only.append(time.perf_counter() - begin)
+        decode_maps(beliefs[-1][0].numpy(), affinities[-1][0].numpy())
+        whole.append(time.perf_counter() - start)
+        for picture in pictures:
+            start = time.perf_counter()
+            find_instances(detector, picture, K, fruit)
+            compact.append(time.perf_counter() - start)
+    ratio = np.median(network_only) / np.median(compact)
+    return "\n".join(
+        [
+            "## Speed at 640 × 480, medians of this run",
+            "",
+            f"threads: {torch.get_num_threads()}",
+            f"full network: {1e3 * np.median(network_only):.0f} ms, with resize and decoding {1e3 * np.median(whole):.0f} ms",
+            f"compact, all of Detect (resize, networks, decoding, PnP): {1e3 * np.median(compact):.1f} ms",
+            f"ratio full network / all of compact: {ratio:.0f}",
+        ]
+    )
+
+
+def real_frames(weights: Path, folder: Path, fruit: FruitModel) -> str:
+    """Recall and precision at IoU 0.5 on real orchard frames, at several working widths."""
+    boxes: dict[str, list[tuple[float, float, float, float]]] = {}
+    with (folder / "fruit.csv").open(encoding="utf-8") as file:
+        for row in csv.DictReader(file):
+            boxes.setdefault(row["frame"], []).append(tuple(float(row[k]) for k in "xywh"))  # type: ignore[arg-type]
+    lines = [
+        "## Real orchard frames, IoU 0.5",
+        "",
+        "| working width | score | labelled | found | right | recall | precision |",
+    ]
+    lines.append("|---|---|---|---|---|---|---|")
+    for width in ORCHARD_WIDTHS:
+        detector = CompactDetector.load(weights, DetectorOptions(working_width=width, most_fruit=60))
+        found = {
+            name: find_instances(detector, _read(folder / f"{name}_color.jpg"), ORCHARD_K, fruit)
+            for name in sorted(boxes)
+        }
+        for score in (0.5, 0.7, 0.9):
+            right, count, labelled = 0, 0, sum(map(len, boxes.values()))
+            for name, instances in found.items():
+                sure = [box_of(i, fruit) for i in instances if i.score >= score]
+                right, count = right + matched(sure, boxes[name]), count + len(sure)
+            lines.append(
+                f"| {width} | {score} | {labelled} | {count} | {right} | {right / labelled:.3f} | {right / max(1, count):.3f} |"
+            )
+    return "\n".join(lines)
+
+
+def box_of(instance: Instance, fruit: FruitModel) -> tuple[float, float, float, float]:
+    """Bounding box x, y, w, h of the model's silhouette in its detected pose [px]."""
+    if instance.T_camera_object is None:
+        low, high = instance.keypoints.min(axis=0), instance.keypoints.max(axis=0)
+    else:
+        T = instance.T_camera_object
+        points = fruit.vertices @ T[:3, :3].T + T[:3, 3]
+        pixels = points[:, :2] / points[:, 2:] * (ORCHARD_K[0, 0], ORCHARD_K[1, 1]) + (ORCHARD_K[0, 2], ORCHARD_K[1, 2])
+        low, high = pixels.min(axis=0), pixels.max(axis=0)
+    return float(low[0]), float(low[1]), float(high[0] - low[0]), float(high[1] - low[1])
+
+
+def matched(found: list[tuple[float, float, float, float]], labelled: list[tuple[float, float, float, float]]) -> int:
+    """How many found boxes overlap a label of their own with IoU of at least 0.5."""
+    free, right = set(range(len(labelled))), 0
+    for box in found:
+        overlaps = [(iou(box, labelled[k]), k) for k in free]
+        best = max(overlaps, default=(0.0, -1))
+        if best[0] >= 0.5:
+            free.discard(best[1])
+            right += 1
+    return right
+
+
+def iou(a: tuple[float, float, float, float], b: tuple[float, float, float, float]) -> float:
+    """Intersection over union of two boxes x, y, w, h."""
+    across = min(a[0] + a[2], b[0] + b[2]) - max(a[0], b[0])
+    down = min(a[1] + a[3], b[1] + b[3]) - max(a[1], b[1])
+    if across <= 0.0 or down <= 0.0:
+        return 0.0
+    return across * down / (a[2] * a[3] + b[2] * b[3] - across * down)
+
+
+def _read(path: Path) -> np.ndarray:
+    picture = cv2.imread(str(path))
+    if picture is None:
+        raise SystemExit(f"{path} cannot be read")
+    return np.ascontiguousarray(picture[..., ::-1])
+
+
+if __name__ == "__main__":
+    main()
