@@ -171,6 +171,7 @@ class Runner:
     def prepare(self) -> None:
         """Load and warm what the skills need, before the run's clock starts. Progress goes to the log."""
         self.tree.prepare()
+        self._computations.pending()  # what was computed to prepare is accounted for before the run
 
     def run(self) -> RunResult:
         """Run the tree to its end. Never raises for what goes wrong in the run: that is an outcome."""

@@ -30,6 +30,10 @@ COLOURS = {
 }
 
 
+MOST_LABELS = 8
+"""Entries of a legend; with more it would hide the picture."""
+
+
 class Picture:
     """Gathers the views of a run; `save` draws the newest of each."""
 
@@ -59,9 +63,12 @@ class Picture:
         FigureCanvasAgg(figure)
         figure.suptitle(title, fontsize=13, x=0.01, ha="left")
         rows = figure.add_gridspec(2 if self._series else 1, 1, height_ratios=[2.4, 1.1][: 2 if self._series else 1])
-        above = rows[0].subgridspec(1, 2, width_ratios=[1.25, 1.0])
-        self._draw_images(figure.add_subplot(above[0]))
-        self._draw_scene(figure.add_subplot(above[1], projection="3d"))
+        if self._scenes:
+            above = rows[0].subgridspec(1, 2, width_ratios=[1.25, 1.0])
+            self._draw_images(figure.add_subplot(above[0]))
+            self._draw_scene(figure.add_subplot(above[1], projection="3d"))
+        else:
+            self._draw_images(figure.add_subplot(rows[0]))
         if self._series:
             units = self._by_unit()
             below = rows[1].subgridspec(1, len(units), width_ratios=[1 + len(lines) for lines in units.values()])
@@ -136,5 +143,6 @@ class Picture:
 def _legend(axes: Any) -> None:
     handles, labels = axes.get_legend_handles_labels()
     named = {label: handle for handle, label in zip(handles, labels, strict=True) if label and label[0] != "_"}
+    named = dict(list(named.items())[-MOST_LABELS:])
     if named:
         axes.legend(named.values(), named.keys(), fontsize=8, loc="upper right")

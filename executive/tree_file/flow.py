@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 from executive.tree_file.failures import Failures
 from executive.tree_file.model import TreeNode
-from executive.tree_file.scope import Read, Resolved
+from executive.tree_file.scope import Computed, Read, Resolved
 
 
 class Names:
@@ -132,7 +132,8 @@ class Flow:
             case "fail":
                 return Ends(ALL, before)
             case _:
-                can_fail = bool(self.failures.bare(node))
+                values = (*found.inputs.values(), *found.settings.values())
+                can_fail = bool(self.failures.bare(node)) or any(isinstance(value, Computed) for value in values)
                 return Ends(before.plus(*found.outputs.values()), before if can_fail else ALL)
 
     def parallel(self, node: TreeNode, found: Resolved, before: Names) -> Ends:
