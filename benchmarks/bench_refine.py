@@ -154,8 +154,7 @@ def five_apples(views: list[View], fruit: FruitModel, console: Console, title: s
     """Errors of dimensions and centroid (norms) over all views, beside the paper's."""
     seen = [view for view in views if view.T_camera_detected is not None]
     table = Table("apple", "paper, printed", "recomputed", "best one scale", *MODES, "half hidden")
-    table.title = f"{title}
-median error of dimensions / centroid in mm; {len(seen)} of {len(views)} views detected"
+    table.title = f"{title}\nmedian error of dimensions / centroid in mm; {len(seen)} of {len(views)} views detected"
     errors = {mode: [_errors(view, fruit, mode) for view in seen] for mode in MODES}
     hidden = [leaf_over(view) for view in seen]
     errors["half hidden"] = [_errors(view, fruit, "shape+plane") for view in hidden]
