@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from functools import lru_cache
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,7 +54,7 @@ class Detect(Skill):
     )
     outputs = Ports(detection=Detection)
     devices = (Camera,)
-    failures = ("NO_FRAME", "STALE_FRAME", "NOTHING_FOUND", "LOW_CONFIDENCE", "POSE_UNSOLVED", "NO_WEIGHTS")
+    failures: ClassVar[tuple[str, ...]] = ("NO_FRAME", "STALE_FRAME", "NOTHING_FOUND", "LOW_CONFIDENCE", "POSE_UNSOLVED", "NO_WEIGHTS")
 
     def __init__(self, name: str = "") -> None:
         super().__init__(name)

@@ -63,5 +63,5 @@ def test_eight_points_and_a_centroid_are_read_too(tmp_path: Path) -> None:
 def test_other_files_are_refused(tmp_path: Path, text: str) -> None:
     path = tmp_path / "bad.json"
     path.write_text(text)
-    with pytest.raises(BadAnnotation, match="bad.json"):
+    with pytest.raises(BadAnnotation, match=r"bad\.json"):
         read_annotation(path)

@@ -1,5 +1,7 @@
 """The label of a nearly symmetric fruit moves smoothly with the view."""
 
+import itertools
+
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
@@ -69,5 +71,5 @@ def test_label_does_not_jump_straight_above() -> None:
     rounds = np.linspace(0.0, 2.0 * np.pi, 200)
     lean = 0.01
     labels = [label_rotation((lean * np.cos(a), lean * np.sin(a), -1.0), (0, 0, 0.5)) for a in rounds]
-    steps = [angle_between(a, b) for a, b in zip(labels, labels[1:], strict=False)]
+    steps = [angle_between(a, b) for a, b in itertools.pairwise(labels)]
     assert max(steps) < 0.01

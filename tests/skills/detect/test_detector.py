@@ -1,0 +1,129 @@
+"""The compact detector with its shipped weights, from a rendered picture to poses."""
+
+import numpy as np
+import pytest
+import torch
+
+from skills.detect.annotations import AnnotatedObject, Annotation
+from skills.detect.compact_detector import CompactDetector
+from skills.detect.compact_network import CloseLookNetwork, FinderNetwork
+from skills.detect.errors import BadFrame
+from skills.detect.evaluation import Evaluation, evaluate, table
+from skills.detect.instances import find_instances
+from skills.detect.synthetic.dataset import annotate
+from skills.detect.synthetic.scene import SceneOptions, render_scene
+from skills.fruit import FruitModel, load_fruit
+
+SEED = 31_000_000
+"""Seeds of these frames: neither trained, validated nor benchmarked on."""
+
+
+class Rendered:
+    """Held-out frames of tables, rendered when asked for."""
+
+    def __init__(self, fruit: FruitModel, count: int) -> None:
+        self.options = SceneOptions(kinds=(1, 0, 0))
+        self.fruit = fruit
+        self.frames = [render_scene(fruit, self.options, SEED + k) for k in range(count)]
+
+    def __len__(self) -> int:
+        return len(self.frames)
+
+    def annotation(self, index: int) -> Annotation:
+        return annotate(self.frames[index], self.fruit, self.options)
+
+    def picture(self, index: int, halved: bool) -> np.ndarray:
+        return self.frames[index].colour
+
+
+@pytest.fixture(scope="module")
+def apple() -> FruitModel:
+    return load_fruit("apple")
+
+
+@pytest.fixture(scope="module")
+def detector(apple: FruitModel) -> CompactDetector:
+    assert apple.weights is not None
+    return CompactDetector.load(apple.weights)
+
+
+@pytest.fixture(scope="module")
+def result(detector: CompactDetector, apple: FruitModel) -> Evaluation:
+    torch.set_num_threads(1)
+    return evaluate(detector, Rendered(apple, 16), apple, 16)
+
+
+def test_nearly_all_clearly_visible_apples_are_found(result: Evaluation) -> None:
+    assert result.recall(0.5) >= 0.9
+    assert result.precision(0.8) >= 0.8
+
+
+def test_directions_are_within_a_fraction_of_a_degree(result: Evaluation) -> None:
+    clear = [m for m in result.matches if m.visibility >= 0.6 and m.score >= 0.6]
+    assert np.median([m.direction for m in clear]) < 0.25
+    assert np.median([m.axis for m in clear]) < 20.0
+
+
+def test_the_table_names_every_way_to_look_at_the_result(result: Evaluation) -> None:
+    text = table(result)
+    for row in ("≥ 60 % visible", "85–100 % visible", "clear, at 0.45–0.65 m", "clear, size 60–80 px", "scene table"):
+        assert row in text
+
+
+def test_the_same_picture_gives_the_same_poses(detector: CompactDetector, apple: FruitModel) -> None:
+    frames = Rendered(apple, 1)
+    fx, fy, cx, cy = frames.options.camera
+    K = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1.0]])
+    first, second = (find_instances(detector, frames.picture(0, False), K, apple) for _ in range(2))
+    assert first
+    for a, b in zip(first, second, strict=True):
+        assert np.array_equal(a.keypoints, b.keypoints)
+        assert a.score == b.score
+    assert [i.score for i in first] == sorted((i.score for i in first), reverse=True)
+
+
+@pytest.mark.parametrize("size", [(480, 640), (720, 1280), (37, 61), (500, 333)])
+def test_pictures_of_any_size_are_searched(detector: CompactDetector, size: tuple[int, int]) -> None:
+    noise = np.random.default_rng(0).integers(0, 256, (*size, 3), dtype=np.uint8)
+    assert all(np.isfinite(found.centre).all() for found in detector.find(noise))
+
+
+def test_pictures_of_another_type_are_refused(detector: CompactDetector) -> None:
+    with pytest.raises(BadFrame, match="float64"):
+        detector.find(np.full((480, 640, 3), np.nan))  # type: ignore[arg-type]
+
+
+def test_untrained_networks_return_in_bounded_time_and_finite() -> None:
+    torch.manual_seed(0)
+    wild = CompactDetector(FinderNetwork(), CloseLookNetwork())
+    noise = np.random.default_rng(0).integers(0, 256, (480, 640, 3), dtype=np.uint8)
+    found = wild.find(noise)
+    assert len(found) <= wild.options.most_fruit
+    assert all(np.isfinite([f.size, f.score, f.visibility]).all() for f in found)
+
+
+def test_evaluation_tells_found_missed_and_wrong_apart() -> None:
+    T = np.eye(4)
+    T[2, 3] = 0.5
+    points = np.vstack([np.array([[x, y] for x in (80.0, 120.0) for y in (80.0, 120.0)] * 2), [[100.0, 100.0]]])
+    truth = AnnotatedObject("apple", 0.9, T, points)
+    other = AnnotatedObject("apple", 0.7, T, points + 300.0)
+    fruit = load_fruit("apple")
+
+    class Fixed:
+        def find(self, colour: np.ndarray) -> list[object]:
+            return []
+
+    class One:
+        def __len__(self) -> int:
+            return 1
+
+        def annotation(self, index: int) -> Annotation:
+            return Annotation(640, 480, (600.0, 600.0, 320.0, 240.0), (truth, other))
+
+        def picture(self, index: int, halved: bool) -> np.ndarray:
+            return np.zeros((480, 640, 3), np.uint8)
+
+    nothing = evaluate(Fixed(), One(), fruit, 1)  # type: ignore[arg-type]
+    assert (nothing.recall(0.0), nothing.precision(0.0)) == (0.0, 0.0)
+    assert len(nothing.fruit) == 2
