@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import abc
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import Any, Protocol
 
 import py_trees
@@ -34,10 +34,10 @@ from executive.nodes import (
 )
 from executive.nodes.conditions import Condition
 from executive.nodes.in_sight import FailureInSight, ForEachCount, RepeatCount, RetryCount
-from executive.reasons import NoValue
 from executive.registry import Registry
 from executive.skill import Skill, SkillContext
 from executive.tree_file.bind_ports import bind_skill, plain
+from executive.tree_file.build_scope import InstanceScope, constant
 from executive.tree_file.built import BuiltTree, NodeInfo
 from executive.tree_file.check import Analysis, analyse
 from executive.tree_file.expression import SPECIAL, references
@@ -89,8 +89,8 @@ def build(
         raise TreeFileError(errors)
     board = board if board is not None else Board(context.clock)
     builder = _Builder(analysis, context, board, mocks)
-    names: dict[str, Getter] = {name: _constant(value) for name, value in analysis.parameters.items()}
-    scope = _Scope(analysis, main, "/", names)
+    names: dict[str, Getter] = {name: constant(value) for name, value in analysis.parameters.items()}
+    scope = InstanceScope(analysis, main, board, "/", names)
     root = builder.node(main.root, scope, None, "", root_path=document.main.name)
     return BuiltTree(
         document.main.name,
@@ -109,56 +109,6 @@ def _inputs_nobody_gives(main: Definition) -> list[Finding]:
         Finding(d.key.source.path, d.key.line, d.key.column, "error", "no-value", f"'{d.key.text}' {message}")
         for d in missing
     ]
-
-
-def _constant(value: Any) -> Getter:
-    return lambda: value
-
-
-@dataclass(frozen=True, slots=True)
-class _Scope:
-    """What names mean for the nodes of one instance of a definition (a `RunScope`).
-
-    Attributes:
-        prefix: of the keys that its nodes write, ending in '/'.
-        names: parameters and wired inputs.
-        keys: absolute keys of wired outputs; other written names get the prefix.
-    """
-
-    analysis: Analysis
-    definition: Definition
-    prefix: str
-    names: Mapping[str, Getter] = field(default_factory=dict)
-    keys: Mapping[str, str] = field(default_factory=dict)
-    board: Board | None = None
-    retry: RetryCount | None = None
-    repeat: RepeatCount | None = None
-    for_each: ForEachCount | None = None
-    failure: FailureInSight | None = None
-
-    def key(self, name: str) -> str:
-        return self.keys.get(name, self.prefix + name)
-
-    def getter(self, name: str) -> Getter:
-        if name in SPECIAL:
-            fresh = {"retry": RetryCount, "repeat": RepeatCount, "for_each": ForEachCount, "failure": FailureInSight}
-            found = getattr(self, name) or fresh[name]()
-            return _constant(found)
-        if name in self.names:
-            return self.names[name]
-        named = self.analysis.scopes[id(self.definition)].names[name]
-        if named.origin == "constant":
-            return _constant(named.value)
-        assert self.board is not None
-        get, key = self.board.get, self.key(name)
-
-        def read() -> Any:
-            entry = get(key)
-            if entry is None:
-                raise NoValue(f"'{name}' has not been written yet")
-            return entry.value
-
-        return read
 
 
 class _Builder:
@@ -195,7 +145,7 @@ class _Builder:
     def node(
         self,
         node: TreeNode,
-        scope: _Scope,
+        scope: InstanceScope,
         parent_path: str | None,
         parent_kind: str,
         *,
@@ -214,8 +164,6 @@ class _Builder:
         if fixed_path:
             self.taken.add(path)
         above = parent if parent is not None else parent_path
-        if scope.board is None:
-            scope = replace(scope, board=self.board)
         inner = scope
         wrappers: list[Callable[[Behaviour], Behaviour]] = []
         for name in reversed(node.decorators):
@@ -246,13 +194,13 @@ class _Builder:
 
     # ------------------------------------------------------------------------------------------- values
 
-    def getter(self, value: Value, scope: _Scope) -> Getter:
+    def getter(self, value: Value, scope: InstanceScope) -> Getter:
         if isinstance(value, Given):
-            return _constant(value.value)
+            return constant(value.value)
         compiled = compile_expression(value.expression, scope)
         return lambda: plain(compiled())
 
-    def condition(self, value: Value, scope: _Scope) -> Condition:
+    def condition(self, value: Value, scope: InstanceScope) -> Condition:
         assert isinstance(value, Computed)
         reads = {r.name: scope.getter(r.name) for r in references(value.expression) if r.name not in SPECIAL}
         for name in ("retry", "repeat", "for_each", "failure"):
@@ -265,8 +213,8 @@ class _Builder:
     # ------------------------------------------------------------------------------------------- modifiers
 
     def wrapper(
-        self, node: TreeNode, found: Resolved, name: str, path: str, scope: _Scope, parent_kind: str
-    ) -> tuple[_Scope, Callable[[Behaviour], Behaviour]]:
+        self, node: TreeNode, found: Resolved, name: str, path: str, scope: InstanceScope, parent_kind: str
+    ) -> tuple[InstanceScope, Callable[[Behaviour], Behaviour]]:
         """The scope inside a modifier, and what puts the modifier's node around the one inside."""
         label = f"{name} {node.label}" if name != "retry" else node.label
         settings = found.settings
@@ -298,8 +246,8 @@ class _Builder:
                 raise AssertionError(f"no such modifier: {name}")
 
     def for_each(
-        self, found: Resolved, path: str, label: str, scope: _Scope
-    ) -> tuple[_Scope, Callable[[Behaviour], Behaviour]]:
+        self, found: Resolved, path: str, label: str, scope: InstanceScope
+    ) -> tuple[InstanceScope, Callable[[Behaviour], Behaviour]]:
         items = self.getter(found.settings["for_each"], scope)
         count = ForEachCount()
         key, write = scope.key(found.outputs["for_each"]), self.board.write
@@ -310,8 +258,8 @@ class _Builder:
         return replace(scope, for_each=count), lambda child: self.made(path, ForEach(label, child, items, give, count))
 
     def retry(
-        self, node: TreeNode, found: Resolved, path: str, label: str, scope: _Scope
-    ) -> tuple[_Scope, Callable[[Behaviour], Behaviour]]:
+        self, node: TreeNode, found: Resolved, path: str, label: str, scope: InstanceScope
+    ) -> tuple[InstanceScope, Callable[[Behaviour], Behaviour]]:
         total = self.getter(found.settings["retry"], scope)
         count, sight = RetryCount(), FailureInSight()
         inside = replace(scope, retry=count)
@@ -339,7 +287,7 @@ class _Builder:
 
     # ------------------------------------------------------------------------------------------- types
 
-    def bare(self, node: TreeNode, found: Resolved, path: str, parent: str | None, scope: _Scope) -> Behaviour:
+    def bare(self, node: TreeNode, found: Resolved, path: str, parent: str | None, scope: InstanceScope) -> Behaviour:
         kind = node.kind
         if kind == "skill":
             return self.skill(node, found, path, parent, scope)
@@ -374,7 +322,7 @@ class _Builder:
             return self.made(path, Succeed(name))
         return self.branch(node, found, path, name, scope)
 
-    def branch(self, node: TreeNode, found: Resolved, path: str, name: str, scope: _Scope) -> Behaviour:
+    def branch(self, node: TreeNode, found: Resolved, path: str, name: str, scope: InstanceScope) -> Behaviour:
         kind = node.kind
         if kind == "recovery":
             return self.recovery(node, found, path, name, scope)
@@ -402,9 +350,9 @@ class _Builder:
         chosen = [b for child, b in zip(node.children, children, strict=True) if child.label in success_on]
         return ParallelPolicy.SuccessOnSelected(chosen)
 
-    def recovery(self, node: TreeNode, found: Resolved, path: str, name: str, scope: _Scope) -> Behaviour:
+    def recovery(self, node: TreeNode, found: Resolved, path: str, name: str, scope: InstanceScope) -> Behaviour:
         attempts = found.settings.get("attempts")
-        total = self.getter(attempts, scope) if attempts is not None else _constant(2)
+        total = self.getter(attempts, scope) if attempts is not None else constant(2)
         count, sight = RetryCount(), FailureInSight()
         inside = replace(scope, retry=count)
         child = self.node(node.children[0], inside, path, "recovery")
@@ -412,7 +360,7 @@ class _Builder:
         retry = Retry(name, child, self.now, total, count=count, on_failure=recover, between_only=True, in_sight=sight)
         return self.made(path, retry)
 
-    def subtree(self, node: TreeNode, found: Resolved, path: str, scope: _Scope) -> Behaviour:
+    def subtree(self, node: TreeNode, found: Resolved, path: str, scope: InstanceScope) -> Behaviour:
         called = found.subtree
         assert called is not None
         assert called.root is not None
@@ -421,7 +369,7 @@ class _Builder:
         names: dict[str, Getter] = {name: scope.names[name] for name in shared}
         for name, port in interface.inputs.items():
             value = found.inputs.get(name)
-            names[name] = self.getter(value, scope) if value is not None else _constant(port.default_value)
+            names[name] = self.getter(value, scope) if value is not None else constant(port.default_value)
         _, _, below_root = path.partition("/")
         prefix = f"/{below_root or path}/"
         keys = {port: scope.key(target) for port, target in found.outputs.items()}
@@ -429,7 +377,7 @@ class _Builder:
         child = self.node(called.root, inside, path, "subtree")
         return self.made(path, Subtree(node.label, child))
 
-    def skill(self, node: TreeNode, found: Resolved, path: str, parent: str | None, scope: _Scope) -> Behaviour:
+    def skill(self, node: TreeNode, found: Resolved, path: str, parent: str | None, scope: InstanceScope) -> Behaviour:
         cls = found.skill
         assert cls is not None
         mock = self.mocks.replace(cls, node.key.text, node.label, path) if self.mocks is not None else None

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -11,19 +10,18 @@ from executive.ports import Port
 from executive.registry import Registry
 from executive.tree_file.check_node import NodeChecker
 from executive.tree_file.failures import Failures
-from executive.tree_file.findings import Finding, Findings, Source, did_you_mean
+from executive.tree_file.findings import Finding, Findings, did_you_mean
 from executive.tree_file.flow import Flow, Names
 from executive.tree_file.interface import InterfaceReader, PortDeclared
-from executive.tree_file.literals import LiteralError, literal
-from executive.tree_file.model import Declared, Definition, Document, TreeNode
+from executive.tree_file.model import Definition, Document, TreeNode
+from executive.tree_file.overrides import parameter_values
 from executive.tree_file.scope import Named, Origin, Read, Resolved, Scope
 from executive.tree_file.value_types import can_flow, describe
 from executive.tree_file.values import static_type
-from executive.tree_file.yaml_nodes import YamlMapping, YamlNode, YamlScalar, read_yaml
+from executive.tree_file.yaml_nodes import YamlMapping, YamlNode
 
 MAX_BUILT_NODES = 10_000
 MAX_BUILT_DEPTH = 150
-_OVERRIDE_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 
 
 @dataclass(slots=True, eq=False)
@@ -99,7 +97,8 @@ class _Checker:
             for node in definition.root.walk() if definition.root is not None else ():
                 if node.kind == "subtree" and node.key.text in definition.file.subtrees:
                     self.called[id(node)] = definition.file.subtrees[node.key.text]
-        self.parameters(overrides)
+        main_reader = self.readers.setdefault(id(self.document.main), InterfaceReader(self.findings, self.skills))
+        self.analysis.parameters = parameter_values(self.document.main, overrides, main_reader, self.findings)
         order = self.callees_first(definitions)
         for definition in order:
             self.failures.of_definition(definition)
@@ -111,67 +110,6 @@ class _Checker:
             self.never_read(definitions)
         self.analysis.findings = self.findings.sorted()
         return self.analysis
-
-    # ------------------------------------------------------------------------------------------- parameters
-
-    def parameters(self, overrides: Mapping[str, str] | Sequence[str]) -> None:
-        main = self.document.main
-        declared = main.parameters
-        reader = self.readers.setdefault(id(main), InterfaceReader(self.findings, self.skills))
-        given = self.overrides(overrides, declared)
-        for name, parameter in declared.items():
-            port = reader.port(parameter, "parameter")
-            if port is None:
-                continue
-            if name in given:
-                self.analysis.parameters[name] = self.override(name, given[name], port, reader)
-            elif parameter.default is not None:
-                self.analysis.parameters[name] = reader.defaults.get(id(parameter))
-            else:
-                message = f"parameter '{name}' has no default and was not given"
-                self.findings.error(parameter.key, "no-value", message, f"add a default, or run with --set {name}=…")
-                self.analysis.parameters[name] = None
-
-    def overrides(
-        self, overrides: Mapping[str, str] | Sequence[str], declared: Mapping[str, Declared]
-    ) -> dict[str, str]:
-        texts = [f"{k}={v}" for k, v in overrides.items()] if isinstance(overrides, Mapping) else list(overrides)
-        given: dict[str, str] = {}
-        for text in texts:
-            name, equals, value = text.partition("=")
-            name = name.strip()
-            if not equals or not _OVERRIDE_NAME.fullmatch(name):
-                self.set_error(text, "write --set name=value")
-            elif name not in declared:
-                hint = did_you_mean(name, declared) or "parameters: " + (", ".join(declared) or "none")
-                self.set_error(text, f"the tree has no parameter '{name}'", hint)
-            else:
-                given[name] = value.strip()
-        return given
-
-    def override(self, name: str, text: str, port: Any, reader: InterfaceReader) -> Any:
-        scratch = Findings()
-        source = Source(f"--set {name}={text}", text)
-        node: YamlNode | None = YamlScalar(source, 1, 1, 1, len(text) + 1, text, True)
-        if text[:1] in ("[", "{"):
-            node = read_yaml(source, scratch)
-        try:
-            if node is None:
-                raise ValueError("not YAML")
-            value = literal(node, port.type, port.choices)
-        except LiteralError as error:
-            self.set_error(f"{name}={text}", error.message, error.hint)
-            return None
-        except ValueError as error:
-            self.set_error(f"{name}={text}", str(error))
-            return None
-        problem = reader.range_problem(value, port)
-        if problem:
-            self.set_error(f"{name}={text}", f"{name} {problem}")
-        return value
-
-    def set_error(self, text: str, message: str, hint: str = "") -> None:
-        self.findings.add(Finding(f"--set {text}", 0, 0, "error", "set", message, hint))
 
     # ------------------------------------------------------------------------------------------- definitions
 

@@ -7,17 +7,7 @@ from enum import Enum
 from typing import Protocol
 
 from executive.ports import Quantity
-from executive.tree_file.expression import (
-    Binary,
-    Call,
-    Constant,
-    Expression,
-    Field,
-    Index,
-    Items,
-    Reference,
-    Unary,
-)
+from executive.tree_file.expression import Binary, Call, Constant, Expression, Field, Index, Items, Reference, Unary
 from executive.tree_file.findings import did_you_mean
 from executive.tree_file.value_types import (
     ANY,

@@ -9,7 +9,8 @@ from xml.etree.ElementTree import Element, SubElement
 
 from executive.ports import TIME, Port, type_name
 from executive.registry import Registry, default_text
-from executive.tree_file.expression import ExpressionSyntaxError, Reference, parse_expression
+from executive.tree_file.expression import Reference
+from executive.tree_file.expression_parser import ExpressionSyntaxError, parse_expression
 from executive.tree_file.findings import Finding, Findings, TreeFileError
 from executive.tree_file.groot_names import BRANCH_TO_XML, BUILTIN, LITERAL, MODELS, PREFIX
 from executive.tree_file.model import Declared, Definition, Document, TreeNode

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from executive.ports import RATIO, Quantity
-from executive.tree_file.expression import UNITS
+from executive.tree_file.expression_parser import UNITS
 from executive.tree_file.findings import did_you_mean
 from executive.tree_file.value_types import ANY, SI_NUMBER, ListOf, ValueType, describe, fields_of
 from executive.tree_file.yaml_nodes import YamlList, YamlMapping, YamlNode, YamlScalar

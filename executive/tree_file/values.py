@@ -9,13 +9,8 @@ from typing import Any
 
 from executive.nodes.in_sight import FailureInSight, ForEachCount, RepeatCount, RetryCount
 from executive.ports import RATIO, Port, Quantity
-from executive.tree_file.expression import (
-    SPECIAL,
-    Expression,
-    ExpressionSyntaxError,
-    Reference,
-    parse_expression,
-)
+from executive.tree_file.expression import SPECIAL, Expression, Reference
+from executive.tree_file.expression_parser import ExpressionSyntaxError, parse_expression
 from executive.tree_file.expression_types import check_condition, type_of
 from executive.tree_file.failures import UNKNOWN
 from executive.tree_file.findings import Findings, Located, Spot, did_you_mean

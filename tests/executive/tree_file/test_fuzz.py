@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from executive.skill_testing import BenchContext
 from executive.tree_file import TreeFileError, build, check, format_findings, read
-from executive.tree_file.expression import ExpressionSyntaxError, parse_expression
+from executive.tree_file.expression_parser import ExpressionSyntaxError, parse_expression
 from executive.tree_file.groot_export import export_groot
 from executive.tree_file.read import read_file
 
