@@ -56,7 +56,7 @@ class DistanceField:
         return distances
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def lookup(values: Float32, origin: Float64, resolution: float, x: float, y: float, z: float) -> float:
     """Distance at a point of the base frame [m], by trilinear interpolation minus its greatest error."""
     u, v, w = (x - origin[0]) / resolution, (y - origin[1]) / resolution, (z - origin[2]) / resolution
@@ -75,7 +75,7 @@ def lookup(values: Float32, origin: Float64, resolution: float, x: float, y: flo
     return distance
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def _lower_envelope(f: Float32, limit: float, vertex: NDArray[np.int64], cut: Float64, out: Float32) -> None:
     """out[i] = min over j of f[j] + (i - j)², capped at limit (Felzenszwalb and Huttenlocher 2012)."""
     n = f.shape[0]
@@ -104,7 +104,7 @@ def _lower_envelope(f: Float32, limit: float, vertex: NDArray[np.int64], cut: Fl
         out[i] = min(limit, f[vertex[k]] + away * away)
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def _squared_distances(blocked: NDArray[np.bool_], limit: float, out: Float32) -> None:
     """Squared distances of all corners to the nearest corner of a blocked cell [cells²], capped at limit."""
     nx, ny, nz = out.shape

@@ -51,7 +51,7 @@ class WorldArrays(NamedTuple):
     ignored: NDArray[np.bool_]
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def _place(
     spheres: Float64, begin: int, end: int, T: Float64, sx: float, sy: float, sz: float, placed: Float64
 ) -> None:
@@ -62,7 +62,7 @@ def _place(
             placed[s, row] = T[row, 0] * x + T[row, 1] * y + T[row, 2] * z + T[row, 3]
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def _map_distance(
     field: Float32, origin: Float64, resolution: float, spheres: Float64, begin: int, end: int, placed: Float64
 ) -> float:
@@ -74,7 +74,7 @@ def _map_distance(
     return distance
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def _convex_distance(
     planes: Float64, first: int, last: int, bound: Float64, spheres: Float64, begin: int, end: int, placed: Float64
 ) -> float:
@@ -91,7 +91,7 @@ def _convex_distance(
     return distance
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def _half_space_distance(
     plane: Float64, support: Float64, begin: int, end: int, T: Float64, sx: float, sy: float, sz: float
 ) -> float:
@@ -107,7 +107,7 @@ def _half_space_distance(
     return distance
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def _pair_distance(
     spheres: Float64, begin: int, end: int, other_begin: int, other_end: int, other: Float64, around: float,
     placed: Float64,
@@ -127,7 +127,7 @@ def _pair_distance(
     return distance
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def check_states(
     robot: RobotArrays,
     world: WorldArrays,
@@ -175,7 +175,7 @@ class _Room(NamedTuple):
     ready: NDArray[np.bool_]
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def _look(
     robot: RobotArrays, world: WorldArrays, q: Float64, width: float, due: NDArray[np.bool_], wanted: Float64,
     only_worst: bool, room: _Room, found: Float64, which: Int64,
@@ -288,7 +288,7 @@ def _look(
 _LOOK_AHEAD = 0.15  # clearances beyond this are not resolved further while moving [m]
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def check_segment(
     robot: RobotArrays, world: WorldArrays, start: Float64, end: Float64, width: float, slack: float
 ) -> tuple[float, float, int, int]:

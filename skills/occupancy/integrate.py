@@ -125,7 +125,7 @@ def _clear_target(states: UInt8, grid: OccupancyMap, target: Convex, margin: flo
     block[within[:, 0], within[:, 1], within[:, 2]] = UNKNOWN
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def _mark_spheres(
     spheres: Float64, padding: float, origin: Float64, resolution: float, marked: NDArray[np.bool_]
 ) -> None:
@@ -144,7 +144,7 @@ def _mark_spheres(
                         marked[i, j, k] = True
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def _label_pixels(
     depth: Float32, camera: Float64, T: Float64, origin: Float64, resolution: float, table_z: float, table: float,
     own: NDArray[np.bool_], planes: Float64, bound: Float64, margin: float, labels: UInt8, points: NDArray[np.uint16],
@@ -201,7 +201,7 @@ def _label_pixels(
     return valid, inside, below
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def _carve(
     depth: Float32, labels: UInt8, camera: Float64, T: Float64, origin: Float64, resolution: float, clear: float,
     shadow: float, table_z: float, states: UInt8, last_look: NDArray[np.int16], look: int,

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 Float64 = NDArray[np.float64]
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def forward(steps: Float64, sliding: NDArray[np.bool_], q: Float64, links: Float64) -> None:
     """Write the poses of all links into `links`, shape (dof + 1, 3, 4), for joints q, shape (dof,).
 
@@ -48,7 +48,7 @@ def forward(steps: Float64, sliding: NDArray[np.bool_], q: Float64, links: Float
                 links[i + 1, row, 1] = cosine * y - sine * x
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def compose(T_a_b: Float64, T_b_c: Float64, T_a_c: Float64) -> None:
     """Write T_a_b · T_b_c into T_a_c; all of shape (3, 4)."""
     for row in range(3):
@@ -59,7 +59,7 @@ def compose(T_a_b: Float64, T_b_c: Float64, T_a_c: Float64) -> None:
             T_a_c[row, column] = total
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def jacobian(links: Float64, sliding: NDArray[np.bool_], p_base: Float64, J: Float64) -> None:
     """Write the geometric Jacobian of a point that moves with the last link into J, shape (6, dof).
 

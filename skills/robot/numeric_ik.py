@@ -42,7 +42,7 @@ def spread_starts(model: RobotModel, count: int) -> Float64:
     return starts
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def _solve_symmetric(A: Float64, b: Float64) -> None:
     """Solve A x = b in place for a symmetric positive definite A, shape (6, 6), by Cholesky; b becomes x."""
     n = b.shape[0]
@@ -64,7 +64,7 @@ def _solve_symmetric(A: Float64, b: Float64) -> None:
         b[i] /= A[i, i]
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def _pose_error(T: Float64, target: Float64, error: Float64) -> float:
     """Write the shift and the rotation vector from pose T to the target, both (3, 4), in the base frame; its norm²."""
     vee = np.zeros(3)
@@ -86,7 +86,7 @@ def _pose_error(T: Float64, target: Float64, error: Float64) -> float:
     return total
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def _descend(
     steps: Float64,
     sliding: NDArray[np.bool_],
