@@ -32,19 +32,18 @@ from executive.nodes import (
     WaitUntil,
     When,
 )
-from executive.nodes.conditions import Condition
 from executive.nodes.in_sight import FailureInSight, ForEachCount, RepeatCount, RetryCount
 from executive.registry import Registry
 from executive.skill import Skill, SkillContext
-from executive.tree_file.bind_ports import bind_skill, plain
-from executive.tree_file.build_scope import InstanceScope, constant
+from executive.tree_file.bind_ports import bind_skill
+from executive.tree_file.build_scope import InstanceScope, condition, constant, getter
 from executive.tree_file.built import BuiltTree, NodeInfo
 from executive.tree_file.check import Analysis, analyse
-from executive.tree_file.expression import SPECIAL, references
-from executive.tree_file.expression_run import Getter, compile_condition, compile_expression
+from executive.tree_file.expression_run import Getter
 from executive.tree_file.findings import Finding, TreeFileError
 from executive.tree_file.model import Definition, Document, TreeNode
-from executive.tree_file.scope import Computed, Given, Resolved, Value
+from executive.tree_file.names_of_nodes import UniquePaths
+from executive.tree_file.scope import Given, Resolved
 from executive.tree_file.written import written
 
 
@@ -117,18 +116,7 @@ class _Builder:
         self.now = context.elapsed
         self.nodes: dict[str, NodeInfo] = {}
         self.behaviours: dict[str, Behaviour] = {}
-        self.taken: set[str] = set()
-
-    # ------------------------------------------------------------------------------------------- paths
-
-    def path(self, parent: str | None, label: str) -> str:
-        base = label if parent is None else f"{parent}/{label}"
-        path, number = base, 1
-        while path in self.taken:
-            number += 1
-            path = f"{base}#{number}"
-        self.taken.add(path)
-        return path
+        self.paths = UniquePaths()
 
     def note(self, info: NodeInfo) -> None:
         """Reserve the node's place in drawing order; its behaviour follows."""
@@ -160,9 +148,7 @@ class _Builder:
             parent: path of the node that it is a child of; by default the same.
         """
         found = self.analysis.resolved[id(node)]
-        path = fixed_path or (self.path(None, root_path) if root_path else self.path(parent_path, node.label))
-        if fixed_path:
-            self.taken.add(path)
+        path = self.paths.take(fixed_path or root_path or f"{parent_path}/{node.label}")
         above = parent if parent is not None else parent_path
         inner = scope
         wrappers: list[Callable[[Behaviour], Behaviour]] = []
@@ -192,24 +178,6 @@ class _Builder:
             source.path, node.at.line, node.at.end_line, **more,
         )  # fmt: skip
 
-    # ------------------------------------------------------------------------------------------- values
-
-    def getter(self, value: Value, scope: InstanceScope) -> Getter:
-        if isinstance(value, Given):
-            return constant(value.value)
-        compiled = compile_expression(value.expression, scope)
-        return lambda: plain(compiled())
-
-    def condition(self, value: Value, scope: InstanceScope) -> Condition:
-        assert isinstance(value, Computed)
-        reads = {r.name: scope.getter(r.name) for r in references(value.expression) if r.name not in SPECIAL}
-        for name in ("retry", "repeat", "for_each", "failure"):
-            if any(r.name == name for r in references(value.expression)):
-                field_name = {"retry": "attempt", "repeat": "round", "for_each": "index", "failure": "code"}[name]
-                get = scope.getter(name)
-                reads[f"{name}.{field_name}"] = lambda get=get, f=field_name: getattr(get(), f)  # type: ignore[misc]
-        return Condition(value.text, compile_condition(value.expression, scope), reads)
-
     # ------------------------------------------------------------------------------------------- modifiers
 
     def wrapper(
@@ -220,21 +188,21 @@ class _Builder:
         settings = found.settings
         match name:
             case "timeout":
-                duration = self.getter(settings["timeout"], scope)
+                duration = getter(settings["timeout"], scope)
                 return scope, lambda child: self.made(path, Timeout(label, child, duration, self.now))
             case "invert":
                 return scope, lambda child: self.made(path, Invert(label, child))
             case "force":
                 return scope, lambda child: self.made(path, Force(label, child, found.setting("force", "success")))
             case "guard":
-                guard = self.condition(settings["guard"], scope)
+                guard = condition(settings["guard"], scope)
                 return scope, lambda child: self.made(path, Guard(label, child, guard))
             case "when":
-                when = self.condition(settings["when"], scope)
+                when = condition(settings["when"], scope)
                 skipped = Status.FAILURE if parent_kind in ("fallback", "reactive_fallback") else Status.SUCCESS
                 return scope, lambda child: self.made(path, When(label, child, when, skipped))
             case "repeat":
-                rounds = self.getter(settings["repeat"], scope)
+                rounds = getter(settings["repeat"], scope)
                 repeat_count = RepeatCount()
                 inside = replace(scope, repeat=repeat_count)
                 return inside, lambda child: self.made(path, Repeat(label, child, rounds, repeat_count))
@@ -248,7 +216,7 @@ class _Builder:
     def for_each(
         self, found: Resolved, path: str, label: str, scope: InstanceScope
     ) -> tuple[InstanceScope, Callable[[Behaviour], Behaviour]]:
-        items = self.getter(found.settings["for_each"], scope)
+        items = getter(found.settings["for_each"], scope)
         count = ForEachCount()
         key, write = scope.key(found.outputs["for_each"]), self.board.write
 
@@ -260,13 +228,13 @@ class _Builder:
     def retry(
         self, node: TreeNode, found: Resolved, path: str, label: str, scope: InstanceScope
     ) -> tuple[InstanceScope, Callable[[Behaviour], Behaviour]]:
-        total = self.getter(found.settings["retry"], scope)
+        total = getter(found.settings["retry"], scope)
         count, sight = RetryCount(), FailureInSight()
         inside = replace(scope, retry=count)
         after = replace(inside, failure=sight)
         retry_if = None
         if "retry_if" in found.settings:
-            retry_if = self.condition(found.settings["retry_if"], after).holds
+            retry_if = condition(found.settings["retry_if"], after).holds
         own_path = path.removesuffix(":retry")
 
         def wrap(child: Behaviour) -> Behaviour:
@@ -307,16 +275,16 @@ class _Builder:
         if kind == "subtree":
             return self.subtree(node, found, path, scope)
         if kind in ("check", "wait_until"):
-            condition = self.condition(found.settings[kind], scope)
-            return self.made(path, Check(name, condition) if kind == "check" else WaitUntil(name, condition))
+            looked_at = condition(found.settings[kind], scope)
+            return self.made(path, Check(name, looked_at) if kind == "check" else WaitUntil(name, looked_at))
         if kind == "wait":
-            return self.made(path, Wait(name, self.getter(found.settings["wait"], scope), self.now))
+            return self.made(path, Wait(name, getter(found.settings["wait"], scope), self.now))
         if kind == "set":
-            values = {scope.key(target): self.getter(value, scope) for target, value in found.inputs.items()}
+            values = {scope.key(target): getter(value, scope) for target, value in found.inputs.items()}
             return self.made(path, SetValues(name, values, lambda key, value: self.board.write(key, value, path)))
         if kind == "fail":
-            code = self.getter(found.inputs.get("code", Given("FAILED", node.key)), scope)
-            message = self.getter(found.inputs.get("message", Given("", node.key)), scope)
+            code = getter(found.inputs.get("code", Given("FAILED", node.key)), scope)
+            message = getter(found.inputs.get("message", Given("", node.key)), scope)
             return self.made(path, Fail(name, code, message))
         if kind == "succeed":
             return self.made(path, Succeed(name))
@@ -352,7 +320,7 @@ class _Builder:
 
     def recovery(self, node: TreeNode, found: Resolved, path: str, name: str, scope: InstanceScope) -> Behaviour:
         attempts = found.settings.get("attempts")
-        total = self.getter(attempts, scope) if attempts is not None else constant(2)
+        total = getter(attempts, scope) if attempts is not None else constant(2)
         count, sight = RetryCount(), FailureInSight()
         inside = replace(scope, retry=count)
         child = self.node(node.children[0], inside, path, "recovery")
@@ -369,7 +337,7 @@ class _Builder:
         names: dict[str, Getter] = {name: scope.names[name] for name in shared}
         for name, port in interface.inputs.items():
             value = found.inputs.get(name)
-            names[name] = self.getter(value, scope) if value is not None else constant(port.default_value)
+            names[name] = getter(value, scope) if value is not None else constant(port.default_value)
         _, _, below_root = path.partition("/")
         prefix = f"/{below_root or path}/"
         keys = {port: scope.key(target) for port, target in found.outputs.items()}
@@ -393,7 +361,7 @@ class _Builder:
                 mocked=mock is not None,
             )
         )  # fmt: skip
-        getters = {name: self.getter(value, scope) for name, value in found.inputs.items()}
+        getters = {name: getter(value, scope) for name, value in found.inputs.items()}
         keys = {name: scope.key(target) for name, target in found.outputs.items() if name in cls.outputs}
         bind_skill(behaviour, cls.inputs, self.context, path, getters, keys, self.board)
         return self.made(path, behaviour)

@@ -7,12 +7,15 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from executive.board import Board
+from executive.nodes.conditions import Condition
 from executive.nodes.in_sight import FailureInSight, ForEachCount, RepeatCount, RetryCount
 from executive.reasons import NoValue
+from executive.tree_file.bind_ports import plain
 from executive.tree_file.check import Analysis
-from executive.tree_file.expression import SPECIAL
-from executive.tree_file.expression_run import Getter
+from executive.tree_file.expression import SPECIAL, references
+from executive.tree_file.expression_run import Getter, compile_condition, compile_expression
 from executive.tree_file.model import Definition
+from executive.tree_file.scope import Computed, Given, Value
 
 
 def constant(value: Any) -> Getter:
@@ -65,3 +68,26 @@ class InstanceScope:
             return entry.value
 
         return read
+
+
+def getter(value: Value, scope: InstanceScope) -> Getter:
+    """Reads a value of a port or a modifier."""
+    if isinstance(value, Given):
+        return constant(value.value)
+    compiled = compile_expression(value.expression, scope)
+    return lambda: plain(compiled())
+
+
+def condition(value: Value, scope: InstanceScope) -> Condition:
+    """A condition, with what it reads for the sentence that says why it does not hold."""
+    assert isinstance(value, Computed)
+    names = {reference.name for reference in references(value.expression)}
+    reads = {name: scope.getter(name) for name in sorted(names.difference(SPECIAL))}
+    for name, shown in (("retry", "attempt"), ("repeat", "round"), ("for_each", "index"), ("failure", "code")):
+        if name in names:
+            reads[f"{name}.{shown}"] = _field(scope.getter(name), shown)
+    return Condition(value.text, compile_condition(value.expression, scope), reads)
+
+
+def _field(get: Getter, name: str) -> Getter:
+    return lambda: getattr(get(), name)
