@@ -1,7 +1,7 @@
 """What a cell's devices can do, as Protocols, and the data that they exchange.
 
-Everything is in SI units. Every stamp is read from the cell's one clock. No call of a Protocol blocks for longer than a
-few milliseconds: motions are started and then watched. A call that cannot be done raises a `drivers.errors.DeviceError`.
+Everything is in SI units. Every stamp is read from the cell's one clock. No call of a Protocol blocks for longer than
+a few milliseconds: motions are started and then watched. What cannot be done raises a `drivers.errors.DeviceError`.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class Intrinsics:
     height: int
 
     @property
-    def K(self) -> Float64:  # noqa: N802  (the field's name for this matrix)
+    def K(self) -> Float64:
         """The 3 x 3 camera matrix."""
         return np.array([[self.fx, 0.0, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]])
 
@@ -259,9 +259,9 @@ class WrenchSample:
     Attributes:
         stamp: time of the measurement [s].
         sequence: number of the sample, counted by the sensor; a gap means lost samples.
-        wrenches: shape (2, 6): per finger force [N] and torque [N·m] that the fruit exerts on the pad, in the pad's frame:
-            origin in the centre of the pad's face, z out of the face into the fruit (so pressing gives a negative force z),
-            x along the tool's approach axis, y = z x x. Torque about the origin.
+        wrenches: shape (2, 6): per finger force [N] and torque [N·m] that the fruit exerts on the pad, in the pad's
+            frame: origin in the centre of the pad's face, z out of the face into the fruit (pressing gives a negative
+            force z), x along the tool's approach axis, y = z x x. Torque about the origin.
         saturated: per finger, whether any channel is at the end of its range.
     """
 
@@ -293,7 +293,7 @@ class ForceSensor(Protocol):
         ...
 
     def subscribe(self, listener: Callable[[WrenchSample], None]) -> Subscription:
-        """Call `listener` with every sample, in order, from the sensor's own loop; it must return within a millisecond."""
+        """Call `listener` with every sample, in order, from the sensor's own loop; it returns within a millisecond."""
         ...
 
 

@@ -1,6 +1,6 @@
 """Rigid transforms as 4 x 4 homogeneous matrices, float64: the one choice of pose in this project.
 
-`T_a_b` maps coordinates of frame b into frame a: p_a = T_a_b p_b, and T_a_c = T_a_b @ T_b_c. Quaternions are (x, y, z, w).
+`T_a_b` maps coordinates of frame b into frame a: p_a = T_a_b p_b, and T_a_c = T_a_b @ T_b_c.
 """
 
 from __future__ import annotations

@@ -54,7 +54,14 @@ class Detect(Skill):
     )
     outputs = Ports(detection=Detection)
     devices = (Camera,)
-    failures: ClassVar[tuple[str, ...]] = ("NO_FRAME", "STALE_FRAME", "NOTHING_FOUND", "LOW_CONFIDENCE", "POSE_UNSOLVED", "NO_WEIGHTS")
+    failures: ClassVar[tuple[str, ...]] = (
+        "NO_FRAME",
+        "STALE_FRAME",
+        "NOTHING_FOUND",
+        "LOW_CONFIDENCE",
+        "POSE_UNSOLVED",
+        "NO_WEIGHTS",
+    )
 
     def __init__(self, name: str = "") -> None:
         super().__init__(name)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -216,11 +217,11 @@ def test_step_runs_one_tick_and_pauses_again() -> None:
         ticks.append(runner._ticks)
         runner.step("ada")
 
-    script = {4: lambda runner, _cell: runner.pause("ada"), **{look: note for look in (10, 20, 30)}}
+    script = {4: lambda runner, _cell: runner.pause("ada"), **dict.fromkeys((10, 20, 30), note)}
     script[40] = lambda runner, _cell: runner.stop("ada")
     runner, _cell, _events = make(TURN, script)
     runner.run()
-    assert [after - before for before, after in zip(ticks, ticks[1:], strict=False)] == [1, 1]
+    assert [after - before for before, after in itertools.pairwise(ticks)] == [1, 1]
 
 
 def test_a_breakpoint_holds_a_skill_before_it_starts() -> None:
