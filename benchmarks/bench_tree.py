@@ -2,7 +2,7 @@
 
     python -m benchmarks.bench_tree
 
-Both trees have the same shape and leaves that poll a generator; they are ticked in turns in one run. Nothing is recorded.
+Both trees have the same shape and leaves that poll a generator; they are ticked in turns in one run, without recording.
 """
 
 from __future__ import annotations
