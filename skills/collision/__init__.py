@@ -4,7 +4,8 @@ from skills.collision.convex import Convex, fruit_points
 from skills.collision.distance_field import DistanceField
 from skills.collision.errors import BadTrajectory, CollisionError, UnknownObstacle
 from skills.collision.robot_shape import RobotShape
-from skills.collision.world import Collision, CollisionWorld, Margins
+from skills.collision.verdict import Collision, Margins
+from skills.collision.world import CollisionWorld
 
 __all__ = [
     "BadTrajectory",

@@ -12,9 +12,11 @@ from drivers.interfaces import Trajectory, Workspace
 from skills.collision import kernel
 from skills.collision.convex import Convex
 from skills.collision.distance_field import DistanceField
-from skills.collision.errors import BadTrajectory, UnknownObstacle
+from skills.collision.errors import UnknownObstacle
 from skills.collision.kernel import WorldArrays
 from skills.collision.robot_shape import RobotShape
+from skills.collision.trajectory_form import check_shape_and_limits
+from skills.collision.verdict import Collision, Margins
 from skills.robot import RobotModel
 
 Float64 = NDArray[np.float64]
@@ -24,60 +26,6 @@ TABLE = "table"
 
 _FAR = 0.25
 """Clearances are told up to this distance [m]."""
-
-
-@dataclass(frozen=True, slots=True)
-class Margins:
-    """Distances to keep, body by body [m]: one margin for all would leave large fruit no room between the fingers.
-
-    Attributes:
-        arm, gripper, fingers, held: of the links, of what is fixed on the flange, of fingers and pads, of held fruit,
-            from everything in the world.
-        itself: of the robot's parts from each other.
-    """
-
-    arm: float = 0.010
-    gripper: float = 0.006
-    fingers: float = 0.002
-    held: float = 0.002
-    itself: float = 0.004
-
-    def scaled(self, factor: float) -> Margins:
-        """All margins times a factor: what a fallback of the tree may ask for."""
-        return Margins(*(factor * m for m in (self.arm, self.gripper, self.fingers, self.held, self.itself)))
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Collision:
-    """Two things that are closer than they may be.
-
-    Attributes:
-        geom, body: the robot's part, by the names of its shape and of its body.
-        other: the obstacle's name ("map", "table", "target" …), or the robot's other body.
-        depth: by how much the margin is violated [m]; larger than the margin means contact.
-        margin: the distance that was to be kept [m].
-        point: the robot's point where it is deepest, in the base frame, shape (3,) [m].
-        q: the posture, shape (dof,) [rad].
-        at: where on a path: number of the segment plus the share of it; 0 for a single posture.
-        itself: True for a collision of the robot with itself.
-    """
-
-    geom: str
-    body: str
-    other: str
-    depth: float
-    margin: float
-    point: Float64
-    q: Float64
-    at: float
-    itself: bool
-
-    def __str__(self) -> str:
-        x, y, z = self.point
-        what = f"the arm's own {self.other}" if self.itself else f"the {self.other}"
-        gap = self.margin - self.depth
-        how = f"touches {what}" if gap <= 0.0 else f"comes within {1e3 * gap:.1f} mm of {what}"
-        return f"{self.body} {how} at ({x:.3f}, {y:.3f}, {z:.3f}) m; {1e3 * self.margin:.0f} mm are to be kept"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -323,27 +271,6 @@ class CollisionWorld:
             away = centres[:, 2]
         deepest: Float64 = centres[int(np.argmin(away - radii))]
         return deepest
-
-
-def check_shape_and_limits(trajectory: Trajectory, model: RobotModel) -> None:
-    """Refuse a trajectory that is malformed or leaves the position limits.
-
-    Raises:
-        BadTrajectory: with the first sample that is wrong.
-    """
-    t, q, qdd = trajectory.t, trajectory.q, trajectory.qdd
-    expected = (len(t), model.dof)
-    if t.ndim != 1 or len(t) < 1 or q.shape != expected or trajectory.qd.shape != expected or qdd.shape != expected:
-        raise BadTrajectory(f"arrays of shapes {t.shape}, {q.shape} do not fit an arm of {model.dof} joints", 0)
-    finite = np.isfinite(t) & np.isfinite(np.hstack((q, trajectory.qd, qdd))).all(axis=1)
-    if not finite.all():
-        raise BadTrajectory("values are not finite", int(np.argmin(finite)))
-    if len(t) > 1 and np.any(np.diff(t) <= 0.0):
-        raise BadTrajectory("time does not increase", int(np.argmax(np.diff(t) <= 0.0)) + 1)
-    outside = (q < model.lower - 1e-9) | (q > model.upper + 1e-9)
-    if outside.any():
-        sample, joint = (int(n) for n in np.argwhere(outside)[0])
-        raise BadTrajectory(f"{model.joint_names[joint]} = {q[sample, joint]:.4f} rad is outside its limits", sample)
 
 
 def _assemble(
