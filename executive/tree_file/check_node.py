@@ -198,7 +198,12 @@ class NodeChecker:
                 self.keep(found, name, reader.condition(name, given[name], around))
         if "for_each" in given:
             self.for_each(found, reader, given["for_each"], around)
-            around = replace(around, for_each=True)
+            item = found.outputs.get("for_each", "")
+            if item in around.items:
+                message = f"the for_each around this one has an '{item}' as well"
+                key = node.modifiers.get("as", node.modifiers["for_each"])[0]
+                self.findings.error(key, "duplicate-name", message, "name this one: 'as: other'")
+            around = replace(around, for_each=True, items=around.items | {item})
         if "repeat" in given:
             repeat = given["repeat"]
             if isinstance(repeat, YamlScalar) and repeat.text == "forever":

@@ -22,12 +22,13 @@ from executive.tree_file.yaml_nodes import YamlMapping, YamlNode, YamlScalar
 
 @dataclass(frozen=True, slots=True)
 class Around:
-    """What surrounds a node: the counters in sight, and the codes of the failure in sight (None when there is none)."""
+    """What surrounds a node: counters, codes of the failure in sight (None when there is none), names of items."""
 
     retry: bool = False
     repeat: bool = False
     for_each: bool = False
     failure: frozenset[str] | None = None
+    items: frozenset[str] = frozenset()
 
 
 _IN_BRACES = re.compile(r"\{\s*([A-Za-z_][A-Za-z0-9_]*)")

@@ -233,6 +233,13 @@ class TestEverythingIsWrittenBeforeItIsRead:
         after = findings_of(sequence(DETECT, REFINE, SAMPLE, loop, "Approach: {grasp: '{grasp}'}"))
         only(after, "unset")
 
+    def test_nested_loops_have_items_of_their_own(self, findings_of):
+        inner = "{Beep: {times: '{item}'}, for_each: [1, 2]}"
+        found = only(findings_of(f"root: {{sequence: [{inner}], for_each: [1, 2]}}"), "duplicate-name")
+        assert "for_each around" in found.message
+        named = inner.replace("for_each: [1, 2]", "for_each: [1, 2], as: n").replace("{item}", "{n} * {item}")
+        assert findings_of(f"root: {{sequence: [{named}], for_each: [1, 2]}}") == []
+
     def test_outputs_of_subtrees_are_written_on_every_path(self, findings_of):
         body = (
             'root: {look: {detection: "{d}"}}\nsubtrees:\n  look:\n    out: {detection: detection}\n'
