@@ -37,7 +37,7 @@ class Lifting:
 
     height: float = 0.15
     acceleration: float = 2.0
-    jerk_time: float = 0.1
+    jerk_time: float = 0.2
     hold: float = 2.0
     pull: float = 0.0
     pull_rise: float = 0.05

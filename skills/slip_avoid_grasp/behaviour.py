@@ -35,7 +35,7 @@ class SlipAvoidGrasp(Skill):
         k=Port(RATIO, default=4.0, min=1.0, max=100.0, help="shape of the pressure; 2 is Hertz's"),
         surface=Port(str, default="exact", choices=("exact", "ellipsoid"), help="limit surface"),
         margin=Port(RATIO, default=1.1, min=1.0, max=3.0, help="on the least force"),
-        initial_force=Port(FORCE, default="2 N", min="0.6 N", max="10 N", help="grasp force before the lift"),
+        initial_force=Port(FORCE, default="2.2 N", min="0.6 N", max="10 N", help="grasp force before the lift"),
         max_force=Port(FORCE, default="16 N", min="1 N", max="40 N", help="largest grasp force, both fingers"),
         stiffness=Port(RATIO, default=2000.0, min=100.0, max=1e5, help="grasp force per metre of closing [N/m]"),
         law=Port(str, default="slip_avoidance", choices=tuple(law.value for law in ForceLaw), help="for comparison"),
@@ -88,6 +88,7 @@ class SlipAvoidGrasp(Skill):
                 loop=ForceLoopSettings(
                     stiffness=PadStiffness(stiffness),
                     max_force=min(max_force, 2.0 * gripper.limits.force_max),
+                    closing_speed=min(ForceLoopSettings().closing_speed, gripper.limits.speed_max),
                 ),
                 dynamic=GENTLE if gentle else DynamicSettings(),
                 width_min=gripper.limits.width_min,

@@ -20,6 +20,9 @@ from skills.slip_avoid_grasp.stream_guard import StreamGuard
 COMMAND_PERIOD = 0.02
 """The gripper takes a new speed this often [s]."""
 
+KEEP_ALIVE = 0.06
+"""Rest is commanded again this often, well within the driver's watchdog [s]."""
+
 BIAS_DROPPED, BIAS_SAMPLES = 10, 100
 
 BIAS_LIMIT = 3.0
@@ -44,6 +47,9 @@ STUCK_AFTER = 0.5
 
 QUIET_RATE = 5.0
 """While holding, changes of the reference up to this are left to the loop's gain [N/s]: noise is not fed forward."""
+
+NEAR, NEAR_NOISE = 0.015, 0.02
+"""While holding, the fingers rest within this share of the reference and so many newtons: shaking makes fruit creep."""
 
 CLOSEST = 0.0003
 """So near to its end the gripper's stroke is used up [m]."""
@@ -70,7 +76,8 @@ class GripController:
         self._bias: list[Float64] = []
         self._dropped = 0
         self._every = round(COMMAND_PERIOD * settings.rate)
-        self._until_command = 0
+        self._keep_alive = round(KEEP_ALIVE * settings.rate)
+        self._since_command = self._keep_alive
         self._f_ref_commanded = 0.0
         self._saturated = False
         self._lasting = dict.fromkeys(("saturated", "gone", "beyond", "reached", "stuck", "dead"), 0.0)
@@ -86,8 +93,8 @@ class GripController:
 
     @property
     def wants_width(self) -> bool:
-        """True when the next step will command a speed and so needs `width`."""
-        return self._until_command <= 1
+        """True when the next step may command a speed and so needs `width`."""
+        return self._since_command + 1 >= self._every
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -131,7 +138,8 @@ class GripController:
             stamp, sequence, wrenches, saturated: as in `WrenchSample`.
 
         Returns:
-            Rate of the opening to command now [m/s], 50 times a second; None for the samples between.
+            Rate of the opening to command now [m/s]; None most of the time. Never two within `COMMAND_PERIOD`, and at
+            least one within `KEEP_ALIVE` while the stream flows.
         """
         periods = self._guard.periods(stamp, sequence, wrenches)
         if periods == 0:
@@ -144,13 +152,18 @@ class GripController:
             self._last("saturated", self._saturated, periods)
             if self.phase in (GripPhase.HOLDING, GripPhase.PIVOTING):
                 self._watch_hold(periods)
-        self._until_command -= periods
-        if self._until_command > 0:
+        self._since_command += periods
+        if self._since_command < self._every:
             return None
-        self._until_command = self._every
-        self.speed = self._command()
+        speed = self._command()
+        resting = speed == 0.0 and self.speed == 0.0 and self.phase in (GripPhase.HOLDING, GripPhase.PIVOTING)
+        if resting and self._since_command < self._keep_alive:
+            return None  # the next command stays free for the moment when it is needed
+        self._since_command = 0
+        self._f_ref_commanded = self.reference.f_ref
         self._last_width = self.width
-        return self.speed
+        self.speed = speed
+        return speed
 
     def _last(self, condition: str, true: bool, periods: int) -> float:
         """For how long a condition has lasted now [s]."""
@@ -198,7 +211,6 @@ class GripController:
         if all(touch):
             self.phase = GripPhase.RAMP
             self.reference.begin(sense.f_n)
-            self._f_ref_commanded = self.reference.f_ref
             return 0.0
         if any(touch) and math.isnan(self._touched_at):
             self._touched_at = self.width
@@ -316,6 +328,8 @@ class GripController:
         rate = (f_ref - self._f_ref_commanded) / COMMAND_PERIOD
         if opening:
             rate -= min(max(rate, -QUIET_RATE), QUIET_RATE)
-        self._f_ref_commanded = f_ref
+        if self.phase is not GripPhase.RAMP and rate == 0.0:
+            near = NEAR * f_ref + NEAR_NOISE
+            f_n += min(max(f_ref - f_n, -near), near)
         speed = finger_speed(f_ref, rate, f_n, self.settings.loop, self.speed)
         return speed if opening else min(speed, 0.0)

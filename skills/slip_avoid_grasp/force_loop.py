@@ -50,7 +50,7 @@ class ForceLoopSettings:
     lag: float = 0.015
     stiffness: PadStiffness = field(default_factory=PadStiffness)
     max_force: float = 16.0
-    closing_speed: float = 0.15
+    closing_speed: float = 0.2
     opening_speed: float = 0.012
 
 

