@@ -39,11 +39,11 @@ class PlannerKind:
 
 
 PLANNERS: dict[str, PlannerKind] = {
-    "RRTConnect": PlannerKind(Kind.FEASIBLE, 20_000.0),
-    "RRT": PlannerKind(Kind.FEASIBLE, 20_000.0),
-    "KPIECE1": PlannerKind(Kind.FEASIBLE, 20_000.0),
-    "RRTstar": PlannerKind(Kind.OPTIMISING, 5_000.0),
-    "InformedRRTstar": PlannerKind(Kind.OPTIMISING, 5_000.0),
+    "RRTConnect": PlannerKind(Kind.FEASIBLE, 10_000.0),
+    "RRT": PlannerKind(Kind.FEASIBLE, 10_000.0),
+    "KPIECE1": PlannerKind(Kind.FEASIBLE, 10_000.0),
+    "RRTstar": PlannerKind(Kind.OPTIMISING, 1_500.0),
+    "InformedRRTstar": PlannerKind(Kind.OPTIMISING, 4_000.0),
     "BITstar": PlannerKind(Kind.OPTIMISING, 50_000.0),
 }
 
@@ -76,6 +76,7 @@ def solve(
     iterations: int,
     seed: int,
     deadline: float,
+    good_enough: float = 0.0,
 ) -> Solution:
     """Run one planner from a start to a set of goals.
 
@@ -87,6 +88,7 @@ def solve(
         iterations: after which it ends; a feasible planner ends earlier, with its first path.
         seed: of OMPL's random numbers.
         deadline: on `time.perf_counter`; the last resort.
+        good_enough: path length at which an optimising planner ends; 0 lets it use all its iterations.
     """
     util.RNG.setSeed(int(seed % 2**31) + 1)
     dof = len(q_start)
@@ -107,10 +109,9 @@ def solve(
     for q in q_goals:
         goals.addState(_write(states.allocState(), q))
     problem.setGoal(goals)
-    shortest = float(np.linalg.norm(q_goals - q_start, axis=1).min())
     if PLANNERS[planner].kind is Kind.OPTIMISING:
         objective = base.PathLengthOptimizationObjective(information)
-        objective.setCostThreshold(base.Cost(1.001 * shortest))
+        objective.setCostThreshold(base.Cost(good_enough))
         problem.setOptimizationObjective(objective)
     solver = getattr(geometric, planner)(information)
     solver.setProblemDefinition(problem)

@@ -43,7 +43,8 @@ class PlanRequest:
         budget: seconds of planning on an unloaded core; converted to a number of iterations.
         seed: the same seed gives the same path, whatever the machine's load.
         patience: seconds on the wall after which planning is given up: the last resort.
-        direct: whether to try straight joint motions first; the paper's way does not.
+        direct: whether to try straight joint motions first and to be content with a path nearly as short as one; the
+            paper's way does neither.
     """
 
     space: Space
@@ -185,7 +186,8 @@ def _solve(request: PlanRequest, planner: str, goals: Float64, share: float, pro
     if iterations < 1:
         return None
     deadline = progress.began + request.patience
-    solution = solve(request.space, request.q_start, goals, planner, iterations, request.seed, deadline)
+    good_enough = GOOD_ENOUGH * _nearest(request, goals) if request.direct else 0.0
+    solution = solve(request.space, request.q_start, goals, planner, iterations, request.seed, deadline, good_enough)
     progress.iterations += solution.iterations
     progress.out_of_time = progress.out_of_time or solution.out_of_time
     return solution.waypoints

@@ -17,7 +17,7 @@ GOOD, START_BLOCKED, LINE_BROKEN, LINE_BLOCKED = 3, 0, 1, 2
 """How far a solution came; GOOD ones came all the way."""
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def follow_through(
     robot: RobotArrays,
     world: WorldArrays,
@@ -68,6 +68,13 @@ def follow_through(
             robot.steps, robot.sliding, T_last_tcp, lower, upper, solutions[n], poses, largest_step, line
         )
         if ended != REACHED:
+            continue
+        check_states(robot, world, line[-1:], width, 0.0, clearances, culprits)
+        if (
+            clearances[0] < 0.0
+        ):  # most that fail fail at the grasp itself, which is judged far more quickly than the way
+            verdicts[n] = LINE_BLOCKED
+            witnesses[n] = line[-1]
             continue
         verdicts[n] = GOOD
         for k in range(line.shape[0] - 1):

@@ -33,7 +33,7 @@ from skills.sample_grasp.sphere import Sphere, pre_grasp_orientation
 Float64 = NDArray[np.float64]
 Int64 = NDArray[np.int64]
 
-SLACK = 1e-3
+SLACK = 2e-3
 """By how much a margin may be undershot between looks [m]."""
 
 LINE_STEP = 30e-3
@@ -52,6 +52,7 @@ class GraspRules:
         palm: air between fruit and palm [m].
         solutions: joint solutions that are kept of each candidate.
         tried_solutions: joint solutions that are looked at, nearest to where the arm stands first.
+        arm_angles: how finely a redundant arm's solutions are sampled.
         check: follow every candidate through; without it only the joint solutions are sought (the paper's way).
     """
 
@@ -60,8 +61,9 @@ class GraspRules:
     sigmas: float = 2.0
     raise_up_to: float = 5e-3
     palm: float = 5e-3
-    solutions: int = 3
-    tried_solutions: int = 12
+    solutions: int = 2
+    tried_solutions: int = 8
+    arm_angles: int = 18
     check: bool = True
 
 
@@ -157,7 +159,8 @@ def _candidate(setting: _Setting, index: int, theta: float, alpha: float) -> Gra
         T_base_grasp = _above_table(setting, section, T_base_grasp, width)
     T_base_pre_grasp = T_base_grasp.copy()
     T_base_pre_grasp[:3, 3] -= setting.sphere.radius * R_base_tcp[:, 2]
-    solutions = inverse_kinematics(setting.robot, T_base_pre_grasp, near=setting.q_now)
+    angles = setting.rules.arm_angles
+    solutions = inverse_kinematics(setting.robot, T_base_pre_grasp, arm_angles=angles, near=setting.q_now)
     if len(solutions) == 0:
         raise _OutOfQuestion("UNREACHABLE", "the arm does not reach the pre-grasp")
     kept, clearance = solutions[: setting.rules.solutions], np.inf

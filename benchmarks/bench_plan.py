@@ -1,0 +1,204 @@
+"""Planning on random tables: how often, how fast, how short, against the paper's way in the same run.
+
+    python -m benchmarks.bench_plan [--scenes 200] [--paper 25]
+
+For every scene: does an exhaustive search find any grasp that can be approached; do SampleGrasp and Plan bring the arm
+to one; how long does that take from the refined fruit to a checked, timed trajectory; does MuJoCo's own collision
+detection, on the robot's own shapes, find any contact on the path and on the approach. On the first scenes the paper's
+way is run as well: one candidate after the other, unchecked, RRT* to one goal with its whole budget of 1 s each.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.planning_oracle import PlanningOracle
+from benchmarks.planning_scenes import OBSERVE, PEDESTAL, TABLE_Z, WORKSPACE, PlanningScene, random_scene, table_look
+from drivers.interfaces import ArmLimits
+from skills.approach.straight_line import straight_line
+from skills.occupancy import OccupancyMap, integrate
+from skills.plan.errors import PlanningFailed
+from skills.plan.plan import PlanRequest, PlanResult, plan
+from skills.plan.trajectory_check import check_trajectory
+from skills.robot import RobotModel
+from skills.sample_grasp.grasp import Grasp
+from skills.sample_grasp.sample import GraspRules, sample_pre_grasps
+from skills.sample_grasp.sphere import Sphere
+
+Float64 = NDArray[np.float64]
+
+EXHAUSTIVE = GraspRules(solutions=1, tried_solutions=10_000, arm_angles=72)
+PAPER = GraspRules(solutions=1, check=False)
+PAPER_ATTEMPTS = 48
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """One scene, one way."""
+
+    solved: bool
+    seconds: float
+    length: float = np.nan
+    duration: float = np.nan
+    improved_s: float = np.nan
+    found_by: str = ""
+    goals: int = 0
+
+
+def clock() -> float:
+    """Processor time of this process [s]: everything here computes in one thread, and others may use the machine."""
+    return time.process_time()
+
+
+def main() -> None:
+    """Run and print."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--scenes", type=int, default=200)
+    parser.add_argument("--paper", type=int, default=25, help="scenes on which the paper's way is run too")
+    parser.add_argument("--first", type=int, default=0, help="seed of the first scene")
+    parser.add_argument("--robot", default="trees/robots/sia5f_wsg32.xml")
+    chosen = parser.parse_args()
+    robot = RobotModel.load(chosen.robot)
+    limits = ArmLimits(robot.lower, robot.upper, robot.velocity, robot.acceleration, robot.jerk)
+    warm_scene = random_scene(10**6)
+    set_based(robot, limits, warm_scene, 0)
+    ours: list[Run] = []
+    paper: list[tuple[Run, Run]] = []
+    solvable, collisions, states = 0, 0, 0
+    for seed in range(chosen.first, chosen.first + chosen.scenes):
+        scene = random_scene(seed)
+        run, found, grasp = set_based(robot, limits, scene, seed)
+        possible = run.solved or exhaustive(robot, scene)
+        solvable += possible
+        if possible:
+            ours.append(run)
+        if found is not None and grasp is not None:
+            check_trajectory(found.path, limits)
+            hits, looked = oracle_contacts(robot, scene, found, grasp)
+            collisions, states = collisions + hits, states + looked
+        if possible and len(paper) < chosen.paper:
+            paper.append((run, paper_way(robot, limits, scene, seed)))
+        if possible and not run.solved:
+            print(f"scene {seed}: not solved ({len(scene.fruits)} other fruits, {len(scene.boxes)} boxes)")
+    report(chosen.scenes, solvable, ours, collisions, states)
+    compare(paper)
+    time_map()
+
+
+def exhaustive(robot: RobotModel, scene: PlanningScene) -> bool:
+    """Whether any grasp of a fine sphere can be approached with any of very many joint solutions."""
+    sphere = Sphere(tilts=10, turns=36)
+    grasps, _ = sample_pre_grasps(scene.target, robot, scene.space(robot), OBSERVE, TABLE_Z, sphere, EXHAUSTIVE)
+    return bool(grasps)
+
+
+def set_based(
+    robot: RobotModel, limits: ArmLimits, scene: PlanningScene, seed: int
+) -> tuple[Run, PlanResult | None, Grasp | None]:
+    """This project's way: all candidates as one goal set."""
+    space = scene.space(robot)
+    began = clock()
+    grasps, _ = sample_pre_grasps(scene.target, robot, space, OBSERVE, TABLE_Z)
+    goals = [(grasp, q) for grasp in grasps for q in grasp.q_pre_grasp]
+    sampled = clock() - began
+    if not goals:
+        return Run(False, sampled), None, None
+    request = PlanRequest(space, OBSERVE, np.array([q for _, q in goals]), limits, seed=seed)
+    try:
+        found = plan(request)
+    except PlanningFailed:
+        return Run(False, clock() - began), None, None
+    total = clock() - began
+    first = sampled + (total - sampled) * found.first_path_s / found.total_s
+    run = Run(True, first, found.length, found.path.duration, total, found.found_by, len(goals))
+    return run, found, goals[found.goal][0]
+
+
+def paper_way(robot: RobotModel, limits: ArmLimits, scene: PlanningScene, seed: int) -> Run:
+    """The paper's way: one candidate after the other, RRT* to its one goal for a second."""
+    space = scene.space(robot)
+    began = clock()
+    grasps, _ = sample_pre_grasps(scene.target, robot, space, OBSERVE, TABLE_Z, rules=PAPER)
+    for attempt, grasp in enumerate(grasps[:PAPER_ATTEMPTS]):
+        request = PlanRequest(
+            space, OBSERVE, grasp.q_pre_grasp[:1], limits, "RRTstar", "", 1.0, seed + attempt, direct=False
+        )
+        try:
+            found = plan(request)
+        except PlanningFailed:
+            continue
+        line = straight_line(robot, found.path.q[-1], grasp.T_base_grasp)
+        at_width = space.at_width(grasp.width)
+        if line.complete and all(at_width.free(q) for q in line.q):
+            return Run(True, clock() - began, found.length, found.path.duration)
+    return Run(False, clock() - began)
+
+
+def oracle_contacts(robot: RobotModel, scene: PlanningScene, found: PlanResult, grasp: Grasp) -> tuple[int, int]:
+    """States of the path and the approach in which MuJoCo finds a contact, and how many were looked at."""
+    oracle = PlanningOracle(robot, TABLE_Z, (PEDESTAL, *scene.boxes), scene.fruits)
+    line = straight_line(robot, found.path.q[-1], grasp.T_base_grasp).q
+    touched = sum(bool(oracle.contacts(q, robot.width_max)) for q in found.path.q)
+    touched += sum(bool(oracle.contacts(q, grasp.width)) for q in line)
+    return touched, len(found.path.q) + len(line)
+
+
+def report(scenes: int, solvable: int, runs: list[Run], collisions: int, states: int) -> None:
+    """The figures of this project's way."""
+    solved = [run for run in runs if run.solved]
+    first = 1e3 * np.array([run.seconds for run in solved])
+    print(
+        f"{scenes} scenes, {solvable} of them with a grasp that an exhaustive search finds.\n"
+        f"solved          {len(solved)} of {solvable} ({100.0 * len(solved) / max(solvable, 1):.1f} %)\n"
+        f"first path      median {np.median(first):.1f} ms, p95 {np.percentile(first, 95):.1f} ms from the refined "
+        f"fruit to a checked, timed trajectory (median {np.median([r.goals for r in solved]):.0f} goals)\n"
+        f"with the budget median {1e3 * np.median([r.improved_s for r in solved]):.0f} ms\n"
+        f"found           {sum(r.found_by == 'straight' for r in solved)} straight, "
+        f"{sum(r.found_by != 'straight' for r in solved)} by a planner\n"
+        f"trajectory      median {np.median([r.duration for r in solved]):.2f} s, "
+        f"{np.median([r.length for r in solved]):.2f} rad\n"
+        f"oracle          {collisions} of {states} executed states touch anything"
+    )
+
+
+def compare(pairs: list[tuple[Run, Run]]) -> None:
+    """Against the paper's way, in the same run, scene by scene."""
+    if not pairs:
+        return
+    both = [(ours, paper) for ours, paper in pairs if ours.solved and paper.solved]
+    print(f"paper's way     solved {sum(paper.solved for _, paper in pairs)} of {len(pairs)}")
+    if both:
+        speed = np.median([paper.seconds / ours.seconds for ours, paper in both])
+        length = np.median([ours.length / paper.length for ours, paper in both])
+        print(
+            f"                median {1e3 * np.median([p.seconds for _, p in both]):.0f} ms; this project's first path "
+            f"is {speed:.0f} x faster at {length:.2f} x the length (medians over {len(both)} scenes)"
+        )
+
+
+def time_map() -> None:
+    """One look fused into 800 000 cells of 2 cm, and their distance field."""
+    lower, upper = np.array([-1.0, -1.2, -0.3]), np.array([1.0, 0.8, 1.3])
+    frame, T_base_camera = table_look()
+    empty = OccupancyMap.empty(lower, upper, 0.02)
+    update, field = [], []
+    for _ in range(12):
+        began = clock()
+        fused = integrate(empty, frame, T_base_camera, WORKSPACE)
+        update.append(clock() - began)
+        began = clock()
+        _ = fused.field
+        field.append(clock() - began)
+    print(
+        f"map             {fused.states.size} cells of 2 cm: update median {1e3 * np.median(update[2:]):.1f} ms, "
+        f"distance field {1e3 * np.median(field[2:]):.1f} ms"
+    )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,77 @@
+from dataclasses import replace
+
+import numpy as np
+from py_trees.common import Status
+
+from executive.skill_testing import drive
+from executive.views import SceneView
+from skills.occupancy import OccupancyMap
+from skills.sample_grasp.behaviour import SampleGrasp
+from tests.skills.picking_scene import WORKSPACE, Bench, apple_at
+
+
+def seen_map(stamp: float = 0.0) -> OccupancyMap:
+    """A map that has seen the whole empty table."""
+    empty = OccupancyMap.empty(WORKSPACE.lower, WORKSPACE.upper, 0.02)
+    return replace(empty, states=np.ones_like(empty.states), last_look=np.zeros_like(empty.last_look), stamps=(stamp,))
+
+
+def sample(skill: SampleGrasp, bench: Bench, **inputs: object):
+    given = {"around": apple_at(5, 2), "map": seen_map(), "thetas": 1, "alphas": 4, **inputs}
+    return drive(skill, given, bench.devices, clock=bench.clock)
+
+
+def test_all_candidates_come_best_first_and_the_others_with_a_reason():
+    outcome = sample(SampleGrasp(), Bench(), thetas=3, alphas=8)
+    assert outcome.status is Status.SUCCESS
+    candidates = outcome.outputs["candidates"]
+    assert candidates.attempt == 1
+    assert len(candidates.grasps) + len(candidates.ruled_out) == 24
+    assert all(out.reason for out in candidates.ruled_out)
+    topic, view = outcome.published[0]
+    assert topic == "candidates"
+    assert isinstance(view, SceneView)
+    assert sum(len(points.points) for points in view.points) == 24
+
+
+def test_every_attempt_takes_the_next_until_all_are_tried():
+    bench, skill, seen, tried = Bench(), SampleGrasp(), [], None
+    while (outcome := sample(skill, bench, tried=tried)).status is Status.SUCCESS:
+        tried = outcome.outputs["candidates"].grasps[0]
+        assert tried.index not in seen
+        seen.append(tried.index)
+    assert outcome.reason.code == "ALL_TRIED"
+    assert len(seen) == 4
+    assert outcome.reason.data["attempts"] == 4
+
+
+def test_one_at_a_time_counts_as_tried_by_itself():
+    bench, skill = Bench(), SampleGrasp()
+    first = sample(skill, bench, count=1, check=False).outputs["candidates"].grasps
+    second = sample(skill, bench, count=1, check=False).outputs["candidates"].grasps
+    assert [len(first), len(second)] == [1, 1]
+    assert [first[0].index, second[0].index] == [0, 1]
+
+
+def test_a_new_fruit_starts_afresh():
+    bench, skill = Bench(), SampleGrasp()
+    sample(skill, bench, count=1, check=False)
+    other = sample(skill, bench, count=1, check=False, around=apple_at(5, 1)).outputs["candidates"]
+    assert other.attempt == 1
+    assert other.grasps[0].index == 0
+
+
+def test_when_nothing_is_left_the_reasons_are_counted():
+    far = apple_at(5, 2)
+    far.T_base_fruit[0, 3] += 0.5
+    outcome = sample(SampleGrasp(), Bench(), around=far)
+    assert outcome.reason.code == "NO_CANDIDATE"
+    assert "4 unreachable" in outcome.reason.message
+
+
+def test_a_stale_or_empty_map_is_not_free():
+    bench = Bench()
+    bench.clock.advance(500.0)
+    assert sample(SampleGrasp(), bench).reason.code == "MAP_STALE"
+    empty = OccupancyMap.empty(WORKSPACE.lower, WORKSPACE.upper, 0.02)
+    assert sample(SampleGrasp(), Bench(), map=empty).reason.code == "MAP_STALE"
