@@ -41,4 +41,5 @@ paper: $(STAMP) ## the paper's experiments, with and without refinement, and a r
 	$(BIN)/python benchmarks/paper_report.py runs/campaign_paper docs/paper
 
 clean: ## remove the virtual environment and caches (records in runs/ stay)
+	find executive skills drivers -name __pycache__ -prune -exec rm -rf {} +
 	rm -rf $(VENV) .pytest_cache .mypy_cache .ruff_cache *.egg-info

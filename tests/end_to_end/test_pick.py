@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import signal
 import subprocess
 import sys
@@ -70,7 +69,7 @@ def test_the_same_seed_gives_the_same_events() -> None:
 
 
 def test_a_task_that_cannot_succeed_fails_with_every_attempts_reason() -> None:
-    executed = pick(0, None, attempts="2", radius="600 mm")
+    executed = pick(0, None, attempts="2", friction="0.06")  # nothing this slippery can be lifted
     assert executed.result.outcome == "failure"
     assert executed.result.reason is not None
     assert all(leaf.code.isupper() and leaf.message for leaf in executed.result.reason.leaves())
@@ -94,16 +93,14 @@ def test_a_safe_stop_in_the_lift_keeps_the_apple_held() -> None:
 
 def test_ctrl_c_closes_a_readable_record_and_exits_with_130(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "executive.cli", "run", "pick_apple", "--pace", "real", "--record", str(tmp_path)]
-    process = subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=dict(os.environ)
-    )
-    assert process.stdout is not None
-    for line in process.stdout:
-        if "Plan" in line:
-            process.send_signal(signal.SIGINT)
-            break
-    output = process.stdout.read()
-    assert process.wait(60) == 130
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as process:
+        assert process.stdout is not None
+        for line in process.stdout:
+            if "Plan" in line:
+                process.send_signal(signal.SIGINT)
+                break
+        output = process.stdout.read()
+        assert process.wait(60) == 130
     assert "Traceback" not in output
     (folder,) = tmp_path.iterdir()
     events = list(read_events(folder))
