@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import select
 import socket
 import threading
@@ -73,6 +74,16 @@ class TcpLink:
         self._socket.close()
 
 
+URGENT = -10
+"""Niceness of threads that serve a wire, where the system allows it."""
+
+
+def raise_priority() -> None:
+    """Let the calling thread run before others; without the right to do so (CAP_SYS_NICE) nothing changes."""
+    with contextlib.suppress(OSError):
+        os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), URGENT)
+
+
 class ServiceLoop:
     """A daemon thread that calls `step` again and again until it is closed; `step` must return within a moment.
 
@@ -94,6 +105,7 @@ class ServiceLoop:
             self._thread.join(deadline)
 
     def _run(self) -> None:
+        raise_priority()
         try:
             while not self._closed.is_set():
                 self._step()

@@ -9,6 +9,7 @@ world:
   gripper: 127.0.0.1:41000
   fingers: /run/user/1000/pomona        # folder with the links finger_left and finger_right
   camera: 127.0.0.1:41001
+  pace: 1                               # below 1 the cell's time runs slower than the wall's
 """
 
 from __future__ import annotations
@@ -44,12 +45,29 @@ ANSWER = 2.0
 WIRES = ("arm", "controller", "gripper", "fingers", "camera")
 
 
-class EmulatedWorld(Device):
-    """The process with the simulated world; gives the system's clock and the world's score."""
+class PacedClock:
+    """The system's time at a pace: below 1, every real second gives the cell less to do, for a busy computer."""
 
-    def __init__(self, process: subprocess.Popen[bytes], name: str = "world") -> None:
+    simulated = False
+
+    def __init__(self, pace: float) -> None:
+        self.pace = pace
+        self._start = time.monotonic()
+
+    def now(self) -> float:
+        return self._start + (time.monotonic() - self._start) * self.pace
+
+    def advance(self, duration: float) -> None:
+        if duration > 0.0:
+            time.sleep(duration / self.pace)
+
+
+class EmulatedWorld(Device):
+    """The process with the simulated world; gives the cell's clock and the world's score."""
+
+    def __init__(self, process: subprocess.Popen[bytes], pace: float = 1.0, name: str = "world") -> None:
         super().__init__(name)
-        self.clock: Clock = SystemClock()
+        self.clock: Clock = SystemClock() if pace == 1.0 else PacedClock(pace)
         self._process = process
         self._lock = threading.Lock()
 
@@ -89,9 +107,14 @@ def connect_world(settings: Settings, bench: Bench) -> EmulatedWorld:
     options = settings.section("options")
     for name in options.names():
         command += ["--set", f"{name}={options.text(name)}"]
+    pace = settings.number("pace", "number", 1.0, 0.01, 1.0)
+    command += ["--pace", str(pace)]
     for wire in WIRES:
         command += [f"--{wire}", settings.text(wire)]
-    process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    # A session of its own: Ctrl-C reaches the run, which stops safely, before the world ends.
+    process = subprocess.Popen(
+        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True
+    )
     line = read_line(process, START)
     if line.strip() != b"ready":
         process.kill()
@@ -100,7 +123,7 @@ def connect_world(settings: Settings, bench: Bench) -> EmulatedWorld:
         raise settings.error(f"the emulated world did not start: {words[-1] if words else 'no word'}", "cell")
     assert process.stderr is not None
     process.stderr.close()
-    return EmulatedWorld(process)
+    return EmulatedWorld(process, pace)
 
 
 def read_line(process: subprocess.Popen[bytes], deadline: float) -> bytes:
@@ -117,10 +140,10 @@ def read_line(process: subprocess.Popen[bytes], deadline: float) -> bytes:
 
 
 class WireSource:
-    """Frames from the emulated camera, one for every request, no more than `rate` a second."""
+    """Frames from the emulated camera, one for every request, no more than `rate` a second of a clock at `pace`."""
 
-    def __init__(self, host: str, port: int, rate: float) -> None:
-        self._link, self._period = TcpLink(host, port), 1.0 / rate
+    def __init__(self, host: str, port: int, rate: float, pace: float) -> None:
+        self._link, self._period, self._pace = TcpLink(host, port), 1.0 / (rate * pace), pace
         self._buffer = bytearray()
         self._asked_at = 0.0
         self._waiting = False
@@ -153,7 +176,9 @@ class WireSource:
         del self._buffer[:end]
         colour = np.frombuffer(images, np.uint8, 3 * pixels).reshape(height, width, 3)
         depth = np.frombuffer(images, np.float32, pixels, 3 * pixels).reshape(height, width)
-        return Pair(colour, depth, Intrinsics(fx, fy, cx, cy, width, height), time.time() - age, True, number)
+        return Pair(
+            colour, depth, Intrinsics(fx, fy, cx, cy, width, height), time.time() - age * self._pace, True, number
+        )
 
 
 def connect_camera(settings: Settings, bench: Bench) -> StreamingCamera:
@@ -161,9 +186,12 @@ def connect_camera(settings: Settings, bench: Bench) -> StreamingCamera:
     host, port = read_address(settings, "address", 41001)
     robot = settings.file("robot")
     rate = settings.number("rate", "rate", 5.0, 0.5, 60.0)
-    arm = bench.find(Arm)  # type: ignore[type-abstract]  # a Protocol as a key
+    arm = bench.find(Arm)
     ride = Ride(arm, camera_site(robot))
-    camera = StreamingCamera(lambda: WireSource(host, port, rate), ride, bench.clock, silence=2.0, label="emulated")
+    pace = bench.clock.pace if isinstance(bench.clock, PacedClock) else 1.0
+    camera = StreamingCamera(
+        lambda: WireSource(host, port, rate, pace), ride, bench.clock, silence=2.0, label="emulated"
+    )
     camera.connect(deadline=20.0)
     camera.start()
     return camera

@@ -18,6 +18,7 @@ from drivers.interfaces import Camera, Frame
 from drivers.sim.camera import SimCamera
 from drivers.sim.gl import load_mujoco
 from drivers.sim.world import SimWorld
+from drivers.wire import raise_priority
 
 Float64 = NDArray[np.float64]
 
@@ -68,10 +69,11 @@ def serve_camera(cell_file: Path, seed: int, overrides: dict[str, str], host: st
     """A process of its own: render the world's state for whoever asks on a TCP port, until the pipe ends."""
     cell = load_cell(cell_file, seed=seed, overrides=overrides)
     world = cast(SimWorld, cell.devices["world"])
-    camera = cast(SimCamera, cell.device(Camera))  # type: ignore[type-abstract]  # a Protocol as a key
+    camera = cast(SimCamera, cell.device(Camera))
     listener = socket.create_server((host, port))
     camera.latest()  # opening the renderer takes a second
     pipe.send("ready")
+    raise_priority()
     with contextlib.suppress(EOFError, OSError), listener:
         while True:
             connection, _ = listener.accept()

@@ -34,6 +34,7 @@ from drivers.interfaces import Arm, Float64, ForceSensor, Gripper
 from drivers.motoman.connect import ORDERS
 from drivers.sim.scene import TIMESTEP
 from drivers.sim.world import SimWorld
+from drivers.wire import raise_priority
 
 SLIP = 0.2
 """A world that falls behind real time by more than this lets the time go [s]."""
@@ -84,7 +85,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(error or "the emulated camera did not start", file=sys.stderr)
         return 2
     print("ready", flush=True)
-    _run(server, control, world)
+    raise_priority()
+    _run(server, control, world, options.pace)
     for port in server.ports:
         port.close()
     eye.join(2.0)
@@ -101,13 +103,14 @@ def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--gripper", required=True, help="HOST:PORT")
     parser.add_argument("--fingers", type=Path, required=True, help="folder for the links finger_left, finger_right")
     parser.add_argument("--camera", required=True, help="HOST:PORT")
+    parser.add_argument("--pace", type=float, default=1.0, help="of the world's time; 1 is real time")
     return parser.parse_args(arguments)
 
 
 def _set_up(cell: Cell, pipe: Connection, options: argparse.Namespace) -> tuple[Server, _Control, SimWorld]:
     world = cast(SimWorld, cell.devices["world"])
-    gripper, fingers = cell.device(Gripper), cell.device(ForceSensor)  # type: ignore[type-abstract]
-    arm = cell.device(Arm)  # type: ignore[type-abstract]
+    gripper, fingers = cell.device(Gripper), cell.device(ForceSensor)
+    arm = cell.device(Arm)
     controller = MotomanEmulator(SimJoints(world), arm.limits.velocity, ORDERS[options.controller])
     hand = WsgEmulator(gripper, finger_offset=gripper.limits.width_min)
     pads = [SunTouchEmulator(partial(_wrench, fingers, side), seed=side) for side in (0, 1)]
@@ -134,16 +137,16 @@ def _set_up(cell: Cell, pipe: Connection, options: argparse.Namespace) -> tuple[
     return Server(ports, [], time.monotonic), control, world
 
 
-def _run(server: Server, control: _Control, world: SimWorld) -> None:
-    """Step the world in real time; between the steps, answer whoever asks."""
-    began = time.monotonic() - world.clock.now()
+def _run(server: Server, control: _Control, world: SimWorld, pace: float) -> None:
+    """Step the world at the pace of time; between the steps, answer whoever asks."""
+    began = time.monotonic() - world.clock.now() / pace
     while control.open:
-        ahead = began + world.clock.now() + TIMESTEP - time.monotonic()
-        server.turn(max(ahead, 0.0))
-        behind = time.monotonic() - began - world.clock.now()
-        if behind > SLIP:
+        due = began + (world.clock.now() + TIMESTEP) / pace
+        server.turn(max(due - time.monotonic(), 0.0))
+        behind = time.monotonic() - due
+        if behind > SLIP / pace:
             began += behind
-        elif behind >= TIMESTEP:
+        if behind >= 0.0:
             world.clock.advance(TIMESTEP)
 
 

@@ -45,7 +45,7 @@ def connect(settings: Settings, bench: Bench) -> StreamingCamera:
         filters=filters,
         options={name: options.number(name) for name in options.names()} if options else {},
     )
-    arm = bench.find(Arm)  # type: ignore[type-abstract]  # a Protocol as a key
+    arm = bench.find(Arm)
     ride = Ride(arm, read_hand_eye(settings))
     silence = settings.number("silence", "time", 0.5, 0.05, 10.0)
     camera = StreamingCamera(lambda: PipelineSource(wanted), ride, bench.clock, silence=silence)

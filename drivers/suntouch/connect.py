@@ -33,7 +33,7 @@ def connect(settings: Settings, bench: Bench) -> SunTouchFingers:
     if baud not in BAUDS:
         raise settings.error(f"the fingers know {', '.join(map(str, BAUDS))} baud, not {baud}", "baud")
     left, right = (_read_finger(settings.section(side), baud, bench) for side in ("left", "right"))
-    gripper = bench.find(Gripper)  # type: ignore[type-abstract]  # a Protocol as a key
+    gripper = bench.find(Gripper)
 
     def hold() -> None:
         if gripper is not None:

@@ -69,6 +69,7 @@ class SunTouchFingers(Device):
         self._sequence = 0
         self._due = 0.0
         self._heard = 0.0
+        self._unanswered = 0
         self._streaming = False
         self._retry_at = 0.0
         self._biasing: list[tuple[Reading, Reading]] | None = None
@@ -150,10 +151,12 @@ class SunTouchFingers(Device):
         now = self._clock.now()
         if left is None or right is None:
             self.lost_samples += 1
-            if now - self._heard > self._silence:
+            self._unanswered += 1
+            # Several unanswered requests, or this thread itself was held up.
+            if now - self._heard > self._silence and self._unanswered >= 5:
                 raise DeviceLost(self.name, f"no sample for {1e3 * (now - self._heard):.0f} ms")
             return
-        self._heard = now
+        self._heard, self._unanswered = now, 0
         believed = [f.spikes.accept(reading.volts) for f, reading in zip(self.fingers, (left, right), strict=True)]
         if not all(believed):
             self.lost_samples += 1
