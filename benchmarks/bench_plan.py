@@ -6,6 +6,7 @@ For every scene: does an exhaustive search find any grasp that can be approached
 to one; how long does that take from the refined fruit to a checked, timed trajectory; does MuJoCo's own collision
 detection, on the robot's own shapes, find any contact on the path and on the approach. On the first scenes the paper's
 way is run as well: one candidate after the other, unchecked, RRT* to one goal with its whole budget of 1 s each.
+In every other scene the arm starts from a random free posture instead of the observe pose. Times are processor time.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ from skills.plan.errors import PlanningFailed
 from skills.plan.plan import PlanRequest, PlanResult, plan
 from skills.plan.trajectory_check import check_trajectory
 from skills.robot import RobotModel
+from skills.sample_grasp.behaviour import FINER
 from skills.sample_grasp.grasp import Grasp
 from skills.sample_grasp.sample import GraspRules, sample_pre_grasps
 from skills.sample_grasp.sphere import Sphere
@@ -66,13 +68,14 @@ def main() -> None:
     robot = RobotModel.load(chosen.robot)
     limits = ArmLimits(robot.lower, robot.upper, robot.velocity, robot.acceleration, robot.jerk)
     warm_scene = random_scene(10**6)
-    set_based(robot, limits, warm_scene, 0)
+    set_based(robot, limits, warm_scene, OBSERVE, 0)
     ours: list[Run] = []
     paper: list[tuple[Run, Run]] = []
     solvable, collisions, states = 0, 0, 0
     for seed in range(chosen.first, chosen.first + chosen.scenes):
         scene = random_scene(seed)
-        run, found, grasp = set_based(robot, limits, scene, seed)
+        q_start = OBSERVE if seed % 2 == 0 else free_posture(robot, scene, seed)
+        run, found, grasp = set_based(robot, limits, scene, q_start, seed)
         possible = run.solved or exhaustive(robot, scene)
         solvable += possible
         if possible:
@@ -82,12 +85,21 @@ def main() -> None:
             hits, looked = oracle_contacts(robot, scene, found, grasp)
             collisions, states = collisions + hits, states + looked
         if possible and len(paper) < chosen.paper:
-            paper.append((run, paper_way(robot, limits, scene, seed)))
+            paper.append((run, paper_way(robot, limits, scene, q_start, seed)))
         if possible and not run.solved:
             print(f"scene {seed}: not solved ({len(scene.fruits)} other fruits, {len(scene.boxes)} boxes)")
     report(chosen.scenes, solvable, ours, collisions, states)
     compare(paper)
     time_map()
+
+
+def free_posture(robot: RobotModel, scene: PlanningScene, seed: int) -> Float64:
+    """A random posture that is free of collision."""
+    rng, space = np.random.default_rng(seed), scene.space(robot)
+    while True:
+        q: Float64 = rng.uniform(robot.lower, robot.upper)
+        if space.free(q):
+            return q
 
 
 def exhaustive(robot: RobotModel, scene: PlanningScene) -> bool:
@@ -98,17 +110,22 @@ def exhaustive(robot: RobotModel, scene: PlanningScene) -> bool:
 
 
 def set_based(
-    robot: RobotModel, limits: ArmLimits, scene: PlanningScene, seed: int
+    robot: RobotModel, limits: ArmLimits, scene: PlanningScene, q_start: Float64, seed: int
 ) -> tuple[Run, PlanResult | None, Grasp | None]:
     """This project's way: all candidates as one goal set."""
     space = scene.space(robot)
     began = clock()
-    grasps, _ = sample_pre_grasps(scene.target, robot, space, OBSERVE, TABLE_Z)
+    sphere = Sphere()
+    for _ in range(1 + FINER):
+        grasps, _ = sample_pre_grasps(scene.target, robot, space, q_start, TABLE_Z, sphere)
+        if grasps:
+            break
+        sphere = sphere.finer()
     goals = [(grasp, q) for grasp in grasps for q in grasp.q_pre_grasp]
     sampled = clock() - began
     if not goals:
         return Run(False, sampled), None, None
-    request = PlanRequest(space, OBSERVE, np.array([q for _, q in goals]), limits, seed=seed)
+    request = PlanRequest(space, q_start, np.array([q for _, q in goals]), limits, seed=seed)
     try:
         found = plan(request)
     except PlanningFailed:
@@ -119,14 +136,14 @@ def set_based(
     return run, found, goals[found.goal][0]
 
 
-def paper_way(robot: RobotModel, limits: ArmLimits, scene: PlanningScene, seed: int) -> Run:
+def paper_way(robot: RobotModel, limits: ArmLimits, scene: PlanningScene, q_start: Float64, seed: int) -> Run:
     """The paper's way: one candidate after the other, RRT* to its one goal for a second."""
     space = scene.space(robot)
     began = clock()
-    grasps, _ = sample_pre_grasps(scene.target, robot, space, OBSERVE, TABLE_Z, rules=PAPER)
+    grasps, _ = sample_pre_grasps(scene.target, robot, space, q_start, TABLE_Z, rules=PAPER)
     for attempt, grasp in enumerate(grasps[:PAPER_ATTEMPTS]):
         request = PlanRequest(
-            space, OBSERVE, grasp.q_pre_grasp[:1], limits, "RRTstar", "", 1.0, seed + attempt, direct=False
+            space, q_start, grasp.q_pre_grasp[:1], limits, "RRTstar", "", 1.0, seed + attempt, direct=False
         )
         try:
             found = plan(request)

@@ -18,14 +18,18 @@ from skills.robot import RobotModel
 from skills.sample_grasp.grasp import Grasp, GraspCandidates, RuledOut
 from skills.sample_grasp.sample import GraspRules, sample_pre_grasps, warm_up
 from skills.sample_grasp.sphere import Sphere, pre_grasp_position
-from skills.sample_grasp.tried import Tried
+from skills.sample_grasp.tried import Tried, direction
+
+FINER = 2
+"""How often the sphere is sampled at half the spacing when nothing is left to try."""
 
 
 class SampleGrasp(Skill):
     """Sample pre-grasps on a sphere around a fruit: all that are left to try, best first, the others with a reason.
 
     Every start is one attempt at the fruit. A candidate counts as tried when it comes back through `tried`, or when it
-    was the only one that was given (`count: 1`). A fruit at another place starts afresh.
+    was the only one that was given (`count: 1`). A fruit at another place starts afresh. When nothing is left to try,
+    the sphere is sampled more finely.
     """
 
     inputs = Ports(
@@ -78,10 +82,15 @@ class SampleGrasp(Skill):
         field = usable_field(self, map)
         space = arm_space(arm, workspace, field, robot.width_max, clearance, target=around)
         sphere = Sphere(radius, (theta_min, theta_max), (alpha_min, alpha_max), thetas, alphas)
-        grasps, ruled_out = yield from self.compute(
-            sample_pre_grasps, around, robot, space, arm.state().q, workspace.table_z, sphere, GraspRules(check=check)
-        )
-        left = tuple(grasp for grasp in grasps if grasp.index not in self._tried.candidates)
+        rules, tried_before = GraspRules(check=check), self._tried.directions
+        for level in range(1 + FINER):
+            grasps, ruled_out = yield from self.compute(
+                sample_pre_grasps, around, robot, space, arm.state().q, workspace.table_z, sphere, rules
+            )
+            left = tuple(grasp for grasp in grasps if direction(grasp) not in tried_before)
+            if left or level == FINER:
+                break
+            sphere = sphere.finer()
         self._show(around, radius, left, grasps, ruled_out)
         if not grasps:
             raise self.failure(
@@ -109,7 +118,7 @@ class SampleGrasp(Skill):
     ) -> None:
         """The sphere for people: what is left, what was tried, what is out of the question."""
         p_fruit = fruit.T_base_fruit[:3, 3]
-        tried = [grasp for grasp in grasps if grasp.index in self._tried.candidates]
+        tried = [grasp for grasp in grasps if direction(grasp) in self._tried.directions]
         groups = (
             ("left to try", "free", [grasp.T_base_pre_grasp[:3, 3] for grasp in left]),
             ("tried", "tried", [grasp.T_base_pre_grasp[:3, 3] for grasp in tried]),

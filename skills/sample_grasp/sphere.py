@@ -15,7 +15,7 @@ Conventions, which the paper leaves open:
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,6 +61,12 @@ class Sphere:
     alpha: tuple[float, float] = (0.0, 2.0 * np.pi)
     tilts: int = 4
     turns: int = 12
+
+    def finer(self) -> Sphere:
+        """The same part at half the spacing; it contains the attempts of this one."""
+        full = np.isclose(self.alpha[1] - self.alpha[0], 2.0 * np.pi)
+        turns = 2 * self.turns if full else 2 * self.turns - 1
+        return replace(self, tilts=2 * self.tilts - 1, turns=turns)
 
     def attempts(self) -> Sequence[tuple[float, float]]:
         """(theta, alpha) of every attempt in the sampling's own order: by tilt, then by azimuth."""

@@ -11,17 +11,26 @@ SAME_PLACE = 0.04
 """A fruit found within this distance of the last one is the same, looked at again [m]: less than half a fruit."""
 
 
+Direction = tuple[float, float]
+"""Tilt and azimuth of an approach, rounded: the name of a candidate, however finely the sphere is sampled [rad]."""
+
+
+def direction(grasp: Grasp) -> Direction:
+    """The direction from which a candidate approaches."""
+    return round(grasp.theta, 6), round(grasp.alpha, 6)
+
+
 class Tried:
     """Remembers attempts at one fruit, and forgets them for the next."""
 
     def __init__(self) -> None:
         self._fruit: MeasuredFruit | None = None
-        self._candidates: set[int] = set()
+        self._candidates: set[Direction] = set()
         self.attempt = 0
 
     @property
-    def candidates(self) -> frozenset[int]:
-        """Numbers of the candidates that were tried on this fruit."""
+    def directions(self) -> frozenset[Direction]:
+        """Where this fruit was approached from."""
         return frozenset(self._candidates)
 
     def begin(self, fruit: MeasuredFruit) -> None:
@@ -35,7 +44,7 @@ class Tried:
     def add(self, grasp: Grasp) -> None:
         """A candidate was tried; one of another fruit does not count."""
         if self._fruit is not None and same_fruit(self._fruit, grasp.fruit):
-            self._candidates.add(grasp.index)
+            self._candidates.add(direction(grasp))
 
 
 def same_fruit(one: MeasuredFruit, other: MeasuredFruit) -> bool:

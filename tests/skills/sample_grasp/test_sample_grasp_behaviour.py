@@ -34,15 +34,17 @@ def test_all_candidates_come_best_first_and_the_others_with_a_reason():
     assert sum(len(points.points) for points in view.points) == 24
 
 
-def test_every_attempt_takes_the_next_until_all_are_tried():
-    bench, skill, seen, tried = Bench(), SampleGrasp(), [], None
-    while (outcome := sample(skill, bench, tried=tried)).status is Status.SUCCESS:
-        tried = outcome.outputs["candidates"].grasps[0]
-        assert tried.index not in seen
-        seen.append(tried.index)
+def test_every_attempt_takes_the_next_then_samples_more_finely_until_all_are_tried():
+    bench, skill, seen, tried, counts = Bench(), SampleGrasp(), set(), None, []
+    near = {"thetas": 1, "alphas": 2, "alpha_max": 0.2}
+    while (outcome := sample(skill, bench, tried=tried, **near)).status is Status.SUCCESS:
+        candidates = outcome.outputs["candidates"]
+        tried = candidates.grasps[0]
+        assert (tried.theta, tried.alpha) not in seen
+        seen.add((tried.theta, tried.alpha))
+        counts.append(len(candidates.grasps))
     assert outcome.reason.code == "ALL_TRIED"
-    assert len(seen) == 4
-    assert outcome.reason.data["attempts"] == 4
+    assert counts == [2, 1, 1, 2, 1]  # 2 of 2, then the 1 new of 3, then the 2 new of 5
 
 
 def test_one_at_a_time_counts_as_tried_by_itself():
@@ -66,7 +68,7 @@ def test_when_nothing_is_left_the_reasons_are_counted():
     far.T_base_fruit[0, 3] += 0.5
     outcome = sample(SampleGrasp(), Bench(), around=far)
     assert outcome.reason.code == "NO_CANDIDATE"
-    assert "4 unreachable" in outcome.reason.message
+    assert "16 unreachable" in outcome.reason.message
 
 
 def test_a_stale_or_empty_map_is_not_free():

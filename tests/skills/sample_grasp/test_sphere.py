@@ -52,3 +52,9 @@ def test_a_full_circle_does_not_repeat_its_start():
 def test_an_arc_includes_both_ends():
     attempts = Sphere(theta=(0.0, 0.0), alpha=(-1.0, 1.0), tilts=1, turns=3).attempts()
     np.testing.assert_allclose([alpha for _, alpha in attempts], [-1.0, 0.0, 1.0])
+
+
+def test_a_finer_sphere_contains_the_attempts_of_the_coarser_one():
+    for sphere in (Sphere(), Sphere(theta=(0.1, 0.5), alpha=(-1.0, 1.0), tilts=3, turns=5)):
+        finer = {(round(theta, 9), round(alpha, 9)) for theta, alpha in sphere.finer().attempts()}
+        assert {(round(theta, 9), round(alpha, 9)) for theta, alpha in sphere.attempts()} < finer

@@ -1,6 +1,6 @@
 import numpy as np
 
-from skills.sample_grasp.tried import Tried
+from skills.sample_grasp.tried import Tried, direction
 from tests.skills.picking_scene import a_grasp, apple_at
 
 GRASP = a_grasp(1, 3)
@@ -12,10 +12,10 @@ def test_attempts_at_one_fruit_add_up_and_a_new_fruit_starts_afresh():
     tried.add(GRASP)
     tried.begin(apple_at(1, 3))
     assert tried.attempt == 2
-    assert tried.candidates == {GRASP.index}
+    assert tried.directions == {direction(GRASP)}
     tried.begin(apple_at(1, 4))
     assert tried.attempt == 1
-    assert tried.candidates == frozenset()
+    assert tried.directions == frozenset()
 
 
 def test_a_second_look_at_the_same_fruit_is_no_new_fruit():
@@ -25,11 +25,11 @@ def test_a_second_look_at_the_same_fruit_is_no_new_fruit():
     again = apple_at(1, 3)
     again.T_base_fruit[:3, 3] += np.array([0.004, -0.006, 0.002])
     tried.begin(again)
-    assert tried.candidates == {GRASP.index}
+    assert tried.directions == {direction(GRASP)}
 
 
 def test_the_candidate_of_another_fruit_does_not_count():
     tried = Tried()
     tried.begin(apple_at(1, 5))
     tried.add(GRASP)
-    assert tried.candidates == frozenset()
+    assert tried.directions == frozenset()
