@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from drivers.interfaces import Intrinsics
 from skills.geometry import inverse
 from skills.refine.cloud import Cloud, cloud, together
-from skills.refine.errors import RenderFailed
+from skills.refine.errors import RenderFailed, TooFewInliers
 from skills.refine.render import DepthImage, ImageBox, RendererName, Triangles, render_depth
 from skills.refine.segment import connected_to
 from skills.refine.support_plane import Plane, find_plane, seen_near
@@ -61,6 +61,9 @@ def gather(
     Returns:
         the points that do not lie on the plane, and the plane as the camera sees it; without a plane in sight, the
         known one.
+
+    Raises:
+        TooFewInliers: what agrees with the model lies on the known support.
     """
     around = box.grown(_AROUND, intrinsics)
     outside = np.ones(around.shape, dtype=np.bool_)
@@ -75,8 +78,11 @@ def gather(
     if plane is None:
         return whole, None
     agreeing = cloud(depth, intrinsics, box, inliers).points
-    if np.mean(plane.height(agreeing) > _ABOVE_PLANE) < 0.5:
-        return whole, None  # something else than the support: a leaf, a wall in front
+    share = float(np.mean(plane.height(agreeing) > _ABOVE_PLANE))
+    if share < 0.5 and known is not None:
+        raise TooFewInliers(share, 0.5)  # what looks like fruit is the table itself
+    if share < 0.5:
+        return whole, None  # something else than a support: a leaf, a wall in front
     return whole.chosen(plane.height(whole.points) > _ABOVE_PLANE), plane
 
 

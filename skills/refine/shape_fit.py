@@ -1,9 +1,10 @@
 """Height, widths, place and tilt of a fruit from measured points: beyond one scale for all directions.
 
-The model is stretched along its own axes by three factors, tilted about its two horizontal axes and moved, until the
-measured points lie on its surface (Gauss-Newton on point-to-plane distances, Tukey's weights, a band that narrows).
-What the points leave open is settled by priors: how far fruit of one kind differ in proportions and in tilt from what
-the detector said, that a fruit is about round, and, where one is known, that it stands on its support.
+The model is stretched along its own axes by three factors, made higher on one side than on the other, tilted about its
+two horizontal axes and moved, until the measured points lie on its surface (Gauss-Newton on point-to-plane distances,
+Tukey's weights, a band that narrows). What the points leave open is settled by priors: how far fruit of one kind differ
+in proportions and in tilt from what the detector said, that a fruit is about round, and, where one is known, that it
+stands on its support.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 
 from skills.geometry import rotation_about
 from skills.refine.cloud import Cloud
+from skills.refine.form import Form
 from skills.refine.render import Triangles
 from skills.refine.support_plane import Plane
 from skills.refine.surface import surface_of
@@ -34,6 +36,7 @@ _MAX_STEPS = 25
 _MAX_POINTS = 2000
 _MAX_TURN = 0.3
 _MAX_STRETCH = 0.2
+_MAX_LEAN = 0.05
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,6 +48,7 @@ class Priors:
         size: of the mean of ln stretch against ln mu of the scaled model.
         aspect: of ln(height / mean width), relative to the model's.
         roundness: of ln(d_x / d_z), relative to a round fruit when the model is nearly round, else to the model's.
+        lean: by how much the height differs at the sides, relative.
         tilt: of the stem axis against the detection, about each horizontal axis [rad].
         contact: of the distance between the support and the fruit's lowest point [m].
         texture: of the surface against the stretched model, from patch to patch [m].
@@ -54,12 +58,13 @@ class Priors:
     size: float = 0.15
     aspect: float = 0.12
     roundness: float = 0.03
+    lean: float = 0.04
     tilt: float = 0.17
     contact: float = 1e-3
     texture: float = 5e-4
 
 
-RIGID = Priors(aspect=1e-4, roundness=1e-4, tilt=1e-4)
+RIGID = Priors(aspect=1e-4, roundness=1e-4, lean=1e-4, tilt=1e-4)
 """Only the place and one scale for all directions are free."""
 
 
@@ -68,8 +73,8 @@ class ShapeFit:
     """A stretched, tilted and moved model.
 
     Attributes:
-        T_camera_object: its pose.
-        stretch: factors along the object's axes, shape (3,).
+        T_camera_object: pose of the fruit's cuboid.
+        stretch: dimensions of the cuboid over the model's, shape (3,).
         covariance: of (position, ln stretch), shape (6, 6).
         share: share of the given points that support it.
         on_support: whether the contact with the support was used.
@@ -83,7 +88,7 @@ class ShapeFit:
 
 
 class _Normal:
-    """Normal equations H x = b of weighted residuals, for x = (move 3, tilt about x and z, ln stretch 3)."""
+    """Normal equations H x = b of weighted residuals, for x = (move 3, tilt about x and z, ln stretch 3, lean 2)."""
 
     def __init__(self, jacobian: Float64, residual: Float64, weight: Float64) -> None:
         self.H: Float64 = (jacobian.T * weight) @ jacobian
@@ -121,8 +126,8 @@ def fit_shape(
     """
     priors = priors or Priors()
     cloud = cloud.thinned(_MAX_POINTS)
-    state = _State(T_camera_object.copy(), np.full(3, mu))
-    start = _State(T_camera_object, np.full(3, mu))
+    state = _State(T_camera_object.copy(), Form.scaled(mesh, mu))
+    start = _State(T_camera_object, state.form)
     equations, share = _iterate(cloud, mesh, state, start, band, priors, None, _NARROWING)
     on_support = False
     if support is not None:
@@ -133,13 +138,19 @@ def fit_shape(
             equations, share = _iterate(cloud, mesh, state, start, band, priors, support, ())
     picked = np.r_[0:3, 5:8]
     covariance = np.linalg.inv(equations.H)[np.ix_(picked, picked)]
-    return ShapeFit(state.T, state.stretch, covariance, share, on_support)
+    centre, dimensions = state.form.cuboid(mesh)
+    if state.form.nearly_round:
+        # Where the cuboid's centre lies beside the axis depends on how the fruit is turned, which cannot be known.
+        centre[[0, 2]] = state.form.stretch[[0, 2]] * surface_of(mesh).points[:, [0, 2]].mean(axis=0)
+    T_cuboid = state.T.copy()
+    T_cuboid[:3, 3] += T_cuboid[:3, :3] @ centre
+    return ShapeFit(T_cuboid, dimensions / np.ptp(mesh.vertices, axis=0), covariance, share, on_support)
 
 
 @dataclass
 class _State:
     T: Float64
-    stretch: Float64
+    form: Form
 
     def move(self, step: Float64) -> None:
         tilt = np.array([step[3], 0.0, step[4]])
@@ -147,7 +158,9 @@ class _State:
         if angle > 0.0:
             self.T[:3, :3] = self.T[:3, :3] @ rotation_about(tilt / angle, min(angle, _MAX_TURN))
         self.T[:3, 3] += step[:3]
-        self.stretch = self.stretch * np.exp(np.clip(step[5:], -_MAX_STRETCH, _MAX_STRETCH))
+        self.form = self.form.changed(
+            np.clip(step[5:8], -_MAX_STRETCH, _MAX_STRETCH), np.clip(step[8:], -_MAX_LEAN, _MAX_LEAN)
+        )
 
 
 def _iterate(
@@ -164,7 +177,7 @@ def _iterate(
     for count in range(_MAX_STEPS):
         reach = band * (narrowing[count] if count < len(narrowing) else 1.0)
         equations, share = _points_to_surface(cloud, mesh, state, reach, priors.texture)
-        _expect_likeness(equations, mesh, state, start, priors)
+        _expect_likeness(equations, state, start, priors)
         if support is not None:
             gap, row = _contact(mesh, state, support)
             equations.add(row, -gap, priors.contact)
@@ -178,12 +191,11 @@ def _iterate(
 def _points_to_surface(
     cloud: Cloud, mesh: Triangles, state: _State, reach: float, texture: float
 ) -> tuple[_Normal, float]:
-    surface = surface_of(mesh)
+    surface, form = surface_of(mesh), state.form
     R, t = state.T[:3, :3], state.T[:3, 3]
-    _, nearest = surface.tree.query((cloud.points - t) @ R / state.stretch)
-    q = surface.points[nearest] * state.stretch
-    n = surface.normals[nearest] / state.stretch
-    n /= np.linalg.norm(n, axis=1, keepdims=True)
+    _, nearest = surface.tree.query(form.in_model((cloud.points - t) @ R))
+    model = surface.points[nearest]
+    q, n = form.points(model), form.normals(model, surface.normals[nearest])
     normal = n @ R.T
     distance = np.einsum("ij,ij->i", normal, cloud.points - t) - np.einsum("ij,ij->i", n, q)
     slant = np.einsum("ij,ij->i", normal, cloud.rays)
@@ -191,35 +203,37 @@ def _points_to_surface(
     shared = np.sqrt(max(1.0, np.count_nonzero(counts) / _PATCHES))
     deviation = np.hypot(cloud.deviation * slant, texture * shared)
     weight = np.where(counts, (1.0 - (distance / reach) ** 2) ** 2, 0.0) / deviation**2
-    jacobian = np.concatenate([normal, np.cross(q, n)[:, [0, 2]], n * q], axis=1)
+    jacobian = np.concatenate(
+        [normal, np.cross(q, n)[:, [0, 2]], n * q, n[:, 1:2] * form.lean_derivative(model)], axis=1
+    )
     return _Normal(jacobian, distance, weight), float(counts.mean())
 
 
-def _expect_likeness(equations: _Normal, mesh: Triangles, state: _State, start: _State, priors: Priors) -> None:
+def _expect_likeness(equations: _Normal, state: _State, start: _State, priors: Priors) -> None:
     """What fruit of a kind have in common, and what the detection and the uniform scale said."""
-    for row, moved in zip(np.eye(8)[:3], state.T[:3, 3] - start.T[:3, 3], strict=True):
+    one = np.eye(10)
+    for row, moved in zip(one[:3], state.T[:3, 3] - start.T[:3, 3], strict=True):
         equations.add(row, -float(moved), priors.place)
-    ln = np.log(state.stretch)
-    third = 1.0 / 3.0
-    equations.add(
-        np.array([0, 0, 0, 0, 0, third, third, third]), float(np.log(start.stretch[0]) - ln.mean()), priors.size
-    )
-    equations.add(np.array([0, 0, 0, 0, 0, -0.5, 1.0, -0.5]), 0.5 * (ln[0] + ln[2]) - ln[1], priors.aspect)
-    size = np.ptp(mesh.vertices, axis=0)
-    model_ratio = float(np.log(size[0] / size[2]))
-    nearly_round = abs(model_ratio) < 0.05 and priors.roundness > 1e-3
-    expected = -model_ratio if nearly_round else 0.0
-    equations.add(np.array([0, 0, 0, 0, 0, 1.0, 0, -1.0]), expected - (ln[0] - ln[2]), priors.roundness)
     axis = state.T[:3, :3].T @ start.T[:3, 1]  # the detected axis as the present object sees it; (0, 1, 0) if alike
-    equations.add(np.array([0, 0, 0, 0, -1.0, 0, 0, 0]), float(axis[0]), priors.tilt)
-    equations.add(np.array([0, 0, 0, 1.0, 0, 0, 0, 0]), float(axis[2]), priors.tilt)
+    equations.add(-one[4], float(axis[0]), priors.tilt)
+    equations.add(one[3], float(axis[2]), priors.tilt)
+    ln_x, ln_y, ln_z = np.log(state.form.stretch / start.form.stretch)
+    equations.add((one[5] + one[6] + one[7]) / 3.0, -float(ln_x + ln_y + ln_z) / 3.0, priors.size)
+    equations.add(one[6] - 0.5 * (one[5] + one[7]), 0.5 * float(ln_x + ln_z) - float(ln_y), priors.aspect)
+    model_ratio = float(np.log(state.form.radius[0] / state.form.radius[1]))
+    expected = -model_ratio if state.form.nearly_round and priors is not RIGID else 0.0
+    equations.add(one[5] - one[7], expected - float(ln_x - ln_z), priors.roundness)
+    for row, lean in zip(one[8:], state.form.lean, strict=True):
+        equations.add(row, -float(lean), priors.lean)
 
 
 def _contact(mesh: Triangles, state: _State, support: Plane) -> tuple[float, Float64]:
     """Height of the lowest point over the support [m], and how it changes with the parameters."""
     R, t = state.T[:3, :3], state.T[:3, 3]
     up = R.T @ support.normal
-    stretched = mesh.vertices * state.stretch
-    lowest = stretched[np.argmin(stretched @ up)]
+    on_fruit = state.form.points(mesh.vertices)
+    index = int(np.argmin(on_fruit @ up))
+    lowest = on_fruit[index]
     gap = float(support.normal @ (R @ lowest + t) + support.offset)
-    return gap, np.concatenate([support.normal, np.cross(lowest, up)[[0, 2]], up * lowest])
+    leaning = up[1] * state.form.lean_derivative(mesh.vertices[index : index + 1])[0]
+    return gap, np.concatenate([support.normal, np.cross(lowest, up)[[0, 2]], up * lowest, leaning])

@@ -51,6 +51,7 @@ def standing(
     tilt: float = 0.0,
     azimuth: float = 0.0,
     dents: float = 0.0,
+    lean: tuple[float, float] = (0.0, 0.0),
     rng: np.random.Generator | None = None,
 ) -> StandingFruit:
     """Stretch a model to true dimensions and stand it on the table.
@@ -61,7 +62,8 @@ def standing(
         spot: where its centre is in the base frame, x and y [m].
         tilt: angle of the stem axis from the vertical [rad]; it leans towards `azimuth` [rad].
         dents: amplitude of smooth random deviations from the model's shape, relative to the radius.
-        rng: draws the deviations.
+        lean: by how much it is higher at its sides, towards x and z, relative.
+        rng: draws the dents.
     """
     vertices = mesh.vertices.copy()
     if dents > 0.0:
@@ -71,6 +73,7 @@ def standing(
             np.sin(direction @ rng.normal(0.0, 2.0, 3) + rng.uniform(0.0, 2.0 * np.pi)) * rng.normal() for _ in range(4)
         )
         vertices *= 1.0 + dents * np.asarray(wave)[:, None] / 2.0
+    vertices[:, 1] *= 1.0 + (vertices[:, [0, 2]] / np.abs(vertices[:, [0, 2]]).max(axis=0)) @ np.asarray(lean)
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     true = np.asarray(dimensions, dtype=np.float64)
     vertices = (vertices - 0.5 * (low + high)) * (true / (high - low))

@@ -30,7 +30,7 @@ def render_with_zbuffer(mesh: Triangles, T_camera_mesh: Float64, intrinsics: Int
     return depth
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@numba.njit(cache=True, nogil=True)
 def _rasterise(u: Float64, v: Float64, w: Float64, faces: NDArray[np.int32], nearest: Float64) -> None:
     """Keep the largest inverse depth per pixel centre: 1/z is linear over a triangle's image."""
     rows, columns = nearest.shape

@@ -78,7 +78,8 @@ def make_scene(
     """
     rng = np.random.default_rng(seed)
     tilt, azimuth = rng.uniform(0.0, np.radians(12.0)), rng.uniform(-np.pi, np.pi)
-    fruit = standing(model, np.array(dimensions_mm) / 1e3, (0.0, 0.0), tilt, azimuth, dents=0.004, rng=rng)
+    lean = tuple(rng.normal(0.0, 0.02, 2))
+    fruit = standing(model, np.array(dimensions_mm) / 1e3, (0.0, 0.0), tilt, azimuth, dents=0.004, lean=lean, rng=rng)
     fruit.T_base_object[2, 3] += lifted
     target = fruit.T_base_object[:3, 3] + np.array([0.0, aside, 0.0])
     T_base_camera = looking_at(target, 0.6, np.radians(elevation_deg))

