@@ -34,7 +34,7 @@ class SlipAvoidGrasp(Skill):
         gamma=Port(RATIO, default=0.2569, min=0.0, max=1.0, help="how the contact radius grows with the force"),
         k=Port(RATIO, default=4.0, min=1.0, max=100.0, help="shape of the pressure; 2 is Hertz's"),
         surface=Port(str, default="exact", choices=("exact", "ellipsoid"), help="limit surface"),
-        margin=Port(RATIO, default=1.1, min=1.0, max=3.0, help="on the least force"),
+        margin=Port(RATIO, default=1.12, min=1.0, max=3.0, help="on the least force"),
         initial_force=Port(FORCE, default="2.2 N", min="0.6 N", max="10 N", help="grasp force before the lift"),
         max_force=Port(FORCE, default="16 N", min="1 N", max="40 N", help="largest grasp force, both fingers"),
         stiffness=Port(RATIO, default=2000.0, min=100.0, max=1e5, help="grasp force per metre of closing [N/m]"),

@@ -36,6 +36,10 @@ RELAXING = 2.5
 """What the reference is too high by falls by this share a second [1/s], and at least at the relax rate."""
 
 
+LEAST_MARGIN = 1.08
+"""Margin on top of the worst friction that is possible, where it is uncertain."""
+
+
 class ForceReference:
     """The grasp force to track, and the law that chooses it.
 
@@ -48,7 +52,7 @@ class ForceReference:
         self.wanted = 0.0
         self.frozen = ""
         self.pivoting = False
-        self._margin = settings.margin * (1.0 + settings.mu_uncertainty)
+        self._margin = max(settings.margin, LEAST_MARGIN * (1.0 + settings.mu_uncertainty))
         self._held = self._urgent = 0.0
         self._loaded_for = 0.0
         self._carried = False

@@ -48,10 +48,10 @@ class GripSettings:
 
     contact: SoftContact = field(default_factory=SoftContact)
     law: ForceLaw = ForceLaw.SLIP_AVOIDANCE
-    margin: float = 1.1
+    margin: float = 1.12
     mu_uncertainty: float = 0.0
     floor: float = 0.5
-    offset: float = 0.010
+    offset: float = 0.015
     initial_force: float = 2.2
     ramp_rate: float = 6.0
     relax_rate: float = 2.0

@@ -14,7 +14,7 @@ from skills.slip_avoid_grasp.dynamic_term import DynamicSettings, answer_slip
 from skills.slip_avoid_grasp.grip import Float64
 from skills.slip_avoid_grasp.limit_surface import SoftContact, least_force_of_finger, surface_table
 from skills.slip_avoid_grasp.observer import STEP, ObserverSettings, observe
-from skills.slip_avoid_grasp.pads import MIRROR, loads_of_finger, smooth
+from skills.slip_avoid_grasp.pads import MIRROR, PRESSING, loads_of_finger, smooth
 
 FAST, SLOW_NORMAL, SLOW_LOAD = 0.005, 0.025, 0.08
 """Time constants of the filters [s]."""
@@ -40,7 +40,7 @@ _SENSED = 15
 
 @njit(cache=True)
 def _sense(  # type: ignore[no-untyped-def]
-    raw, periods, bias, mirror, noise, fast, slow, smoothed, shares, centre_share, contact, f, tau, load,
+    raw, periods, bias, mirror, noise, variance, fast, slow, smoothed, shares, centre_share, contact, f, tau, load,
     observer, dynamic, memory, sensed,
 ):  # fmt: skip
     mu, torsion, gamma, delta, ellipsoid, offset_unknown = contact
@@ -60,7 +60,11 @@ def _sense(  # type: ignore[no-untyped-def]
     across_y = 0.0
     for i in range(2):
         f_n, f_x, f_y, tau_n = loads_of_finger(smoothed[i])
-        f_t = math.hypot(f_x, f_y)
+        # Noise makes magnitudes larger than they are: what it adds to their squares is taken off.
+        f_t = math.sqrt(max(f_x * f_x + f_y * f_y - variance[0] - variance[1], 0.0))
+        lever = f_t / max(f_n, PRESSING)
+        magnitude = math.sqrt(max(tau_n * tau_n - variance[5] - lever * lever * variance[4], 0.0))
+        tau_n = math.copysign(magnitude, tau_n)
         needed, s = least_force_of_finger(f_t, tau_n, mu, torsion, gamma, f, tau, load)
         least += needed
         coulomb += f_t / mu
@@ -146,7 +150,7 @@ class SlipSense:
         self._shares = tuple(
             1.0 - math.exp(-1.0 / (rate * lag)) for lag in (FAST, SLOW_NORMAL, SLOW_LOAD, CENTRE_LAG, RISE_LAG)
         )
-        self._bias, self._noise = np.zeros((2, 6)), np.zeros((2, 6))
+        self._bias, self._noise, self._variance = np.zeros((2, 6)), np.zeros((2, 6)), np.zeros(6)
         self._fast, self._slow, self._smoothed = np.zeros((2, 6)), np.zeros((2, 6)), np.zeros((2, 6))
         self._memory, self._sensed = np.zeros(_MEMORY), np.zeros(_SENSED)
         self._least_before = 0.0
@@ -183,6 +187,8 @@ class SlipSense:
         second = MIRROR * samples[:, 1]
         modes = 0.5 * np.stack([samples[:, 0] + second, samples[:, 0] - second], axis=1)
         self._noise[:] = NOISE_SHARE * modes.std(axis=0) * math.sqrt(fast_share / (2.0 - fast_share))
+        slow_share = self._shares[2]
+        self._variance[:] = modes.var(axis=0).sum(axis=0) * slow_share / (2.0 - slow_share)
         for state in (self._fast, self._slow, self._smoothed, self._memory):
             state[:] = 0.0
 
@@ -193,13 +199,14 @@ class SlipSense:
     def advance(self, raw: Float64, periods: int = 1) -> None:
         """Take one raw sample, shape (2, 6), that stands for so many periods."""
         _sense(
-            raw, periods, self._bias, MIRROR, self._noise, self._fast, self._slow, self._smoothed, self._shares[:3],
-            self._shares[3], self._contact, *self._table, self._observer, self._dynamic, self._memory, self._sensed,
+            raw, periods, self._bias, MIRROR, self._noise, self._variance, self._fast, self._slow, self._smoothed,
+            self._shares[:3], self._shares[3], self._contact, *self._table, self._observer, self._dynamic,
+            self._memory, self._sensed,
         )  # fmt: skip
         first, second, tau_0, tau_1, self.least, self.coulomb, self.f_nd, self.omega, self.centre, self.f_t = (
             self._sensed[:10].tolist()
         )
-        one_sided = self._sensed[14] > JUMP  # for a moment the finger that fell is not believed, then the smaller counts
+        one_sided = self._sensed[14] > JUMP  # for a moment the finger that fell is not believed
         self.f_n = max(2.0 * (max(first, second) if one_sided else min(first, second)), 0.0)
         self.tau_n = tau_0 + tau_1
         self._least_before += min(periods * self._shares[4], 1.0) * (self.least - self._least_before)
