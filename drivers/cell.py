@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import contextlib
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import Any, TypeVar, cast
@@ -20,6 +20,7 @@ import numpy as np
 from drivers.cell_file import Settings, did_you_mean, read_cell_file
 from drivers.device import Bench, Connect, Device, World
 from drivers.errors import CellFileError, DeviceFault, DriverError
+from drivers.estimate import estimate_errors
 from drivers.hold_watch import HoldWatch
 from drivers.interfaces import Arm, ForceSensor, Workspace
 from drivers.workspace import read_workspace
@@ -136,9 +137,17 @@ class Cell:
         """True when no device moves."""
         return all(device.settled() for device in self.devices.values())
 
-    def truth(self) -> Mapping[str, object] | None:
-        """The simulated world's own score of the run; None on any other cell."""
-        return self._world.truth() if self._world else None
+    def truth(self, reported: Mapping[str, Any] | None = None) -> Mapping[str, object] | None:
+        """The simulated world's own score of the run; None on any other cell.
+
+        Args:
+            reported: what the run says of the fruit's position and size; its errors are part of the score.
+        """
+        if self._world is None:
+            return None
+        truth = dict(self._world.truth())
+        fruits = truth.pop("fruits", ())
+        return {**truth, **estimate_errors(reported or {}, fruits if isinstance(fruits, Sequence) else ())}
 
     def close(self) -> None:
         """Bring everything to rest and let go of the devices, those connected last first."""

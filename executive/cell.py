@@ -77,8 +77,11 @@ class Cell(Protocol):
         """True when no device moves."""
         ...
 
-    def truth(self) -> Mapping[str, object] | None:
-        """The simulated world's own score of the run, for the report only; None on any other cell."""
+    def truth(self, reported: Mapping[str, object] | None = None) -> Mapping[str, object] | None:
+        """The simulated world's own score of the run, for the report only; None on any other cell.
+
+        `reported` are facts that the run found out and that the world can judge.
+        """
         ...
 
     def close(self) -> None:

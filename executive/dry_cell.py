@@ -46,7 +46,7 @@ class DryCell:
     def settled(self) -> bool:
         return True
 
-    def truth(self) -> None:
+    def truth(self, reported: Mapping[str, object] | None = None) -> None:
         return None
 
     def close(self) -> None:

@@ -133,6 +133,7 @@ class Runner:
         self._step = False
         self._reason: Reason | None = None
         self._interrupted = False
+        self._reported: dict[str, object] = {}
         self._links: dict[str, str] = {}
 
     # ------------------------------------------------------------------------------------ from any thread
@@ -166,6 +167,28 @@ class Runner:
         """Pause before the skill at this path starts."""
         self._commands.put(("break" if on else "unbreak", who, path))
 
+    def note(self, who: str, action: str) -> None:
+        """Record that somebody took or released control: it changes nothing in the run."""
+        self._commands.put((action, who, ""))
+
+    def acknowledge(self, who: str = "operator") -> None:
+        """Release the latch of the safe state, once the run has ended; `hold_latched` waits for this."""
+        self._commands.put(("acknowledge", who, ""))
+
+    def leave(self) -> None:
+        """Make `hold_latched` return although nobody has acknowledged: the process ends."""
+        self._commands.put(("leave", "", ""))
+
+    @property
+    def latched(self) -> str | None:
+        """The reason of the cell's safe state, while it is latched."""
+        return self._cell.latched
+
+    @property
+    def progress(self) -> tuple[float, int]:
+        """Seconds of the run's clock and the number of the tick: a sign of life."""
+        return self._stamp()
+
     # -------------------------------------------------------------------------------------- the tick thread
 
     def prepare(self) -> None:
@@ -197,6 +220,16 @@ class Runner:
             )
         )
         return result
+
+    def hold_latched(self) -> None:
+        """After the run: keep the cell connected in its safe state until somebody acknowledges the reason."""
+        while (reason := self._cell.latched) is not None:
+            action, who, _detail = self._commands.get()
+            if action == "leave":
+                return
+            self._emit(OperatorActed(*self._stamp(), who, action, reason))
+            if action == "acknowledge":
+                self._cell.acknowledge()
 
     def close(self) -> None:
         """Let go of threads and processes. Harmless when closed already."""
@@ -348,6 +381,9 @@ class Runner:
         except Exception as second:  # the safe state stands already: what fails now is only told
             logger.error("while halting after a fault: %s", second)
         self._observer.after_tick()
+        while not self._commands.empty():  # what was asked for in the last moment is recorded, too
+            action, who, detail = self._commands.get()
+            self._emit(OperatorActed(*self._stamp(), who, action, detail))
         self._set_state(RunState.FAULTED, message)
 
     def _safe_stop(self, reason: str) -> None:
@@ -362,7 +398,7 @@ class Runner:
         }.get(self._state, "error")
         if self._reason is not None and self._reason.code in ("SAFE_STOP", "INTERRUPTED"):
             outcome = "stopped"
-        truth = self._cell.truth()
+        truth = self._cell.truth(self._reported)
         return RunResult(
             outcome, self._reason, self._ticks, self.context.elapsed(), wall, truth, self._interrupted
         )  # fmt: skip
@@ -387,6 +423,7 @@ class Runner:
         about = type(entry.value)  # asked of the class: a mock's placeholder has no attributes at all
         sentence = entry.value.sentence if hasattr(about, "sentence") else ""
         facts = entry.value.facts if hasattr(about, "facts") else {}
+        self._reported.update(facts)
         self._emit(PortWritten(*self._stamp(), key, entry.value, entry.writer, sentence, facts))
 
     def _published(self, node: str, topic: str, value: object) -> None:

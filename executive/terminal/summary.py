@@ -158,7 +158,8 @@ def _reason_json(reason: Reason | None) -> dict[str, Any] | None:
 
 
 def _truth(truth: Mapping[str, Any]) -> str:
-    return "  ".join(f"{name} {_number(value)}" for name, value in truth.items() if not isinstance(value, Mapping))
+    shown = {name: value for name, value in truth.items() if value is not None and not name.startswith("T_")}
+    return "  ".join(f"{name} {_number(value)}" for name, value in shown.items())
 
 
 def _number(value: Any) -> str:

@@ -74,7 +74,7 @@ class FakeCell:
     def settled(self) -> bool:
         return self.wheel.coasting == 0 and (not self.wheel.turning or self.paused)
 
-    def truth(self) -> Mapping[str, Any] | None:
+    def truth(self, reported: Mapping[str, object] | None = None) -> Mapping[str, Any] | None:
         return None
 
     def close(self) -> None:
