@@ -37,8 +37,8 @@ PUSH_LIMIT = 3.0
 GONE, GONE_AFTER = 0.15, 0.06
 """Both fingers below this force [N] for so long [s]: the fruit is gone."""
 
-DEAD, ALIVE = 0.15, 0.6
-"""One finger below the first while the other is above the second [N] is a finger that feels nothing any more."""
+DEAD, ALIVE = 0.25, 0.6
+"""A finger below this share of the other one, which feels more than the second [N], feels nothing any more."""
 
 SATURATED_AFTER = 0.05
 BEYOND_AFTER = 0.3
@@ -283,11 +283,11 @@ class GripController:
     def _watch_hold(self, periods: int) -> None:
         s, sense = self.settings, self.sense
         elapsed = periods * s.period
-        if sense.one_sided_jump:
+        if sense.one_sided_jump and self.reference.carried:
             self.reference.freeze("one finger's signal jumped alone: the force is not lowered any more")
         first, second = sense.fingers
         low, high = min(first, second), max(first, second)
-        dead = self._last("dead", low < DEAD and high > ALIVE, periods) > 0.0
+        dead = self._last("dead", low < DEAD * high and high > ALIVE, periods) > 0.0
         f_n = 2.0 * high if dead else sense.f_n
         needed = sense.coulomb if self.phase is GripPhase.PIVOTING else sense.least
         beyond = self._last("beyond", needed > 1.02 * f_n, periods)

