@@ -16,7 +16,7 @@ class MoveTo(MovingSkill):
     """Move to a named pose of the cell file, around what is in the way.
 
     The fixed surroundings and the robot itself are always avoided, what a `map` holds as well, and with `carrying` the
-    fruit between the fingers is part of the robot.
+    fruit between the fingers is part of the robot and is moved gently.
     """
 
     inputs = Ports(

@@ -4,17 +4,22 @@ from __future__ import annotations
 
 import numpy as np
 
-from drivers.interfaces import Arm, Gripper, Workspace
+from drivers.interfaces import Arm, Gripper, Trajectory, Workspace
 from skills.motion import MovingSkill, Watching
 from skills.move_to.named_pose import named_pose
 from skills.occupancy import OccupancyMap
 from skills.plan.arm_space import arm_space, usable_field
 from skills.plan.plan import PlanRequest
 from skills.plan.planning import PLANNING_FAILURES, patience, planned
+from skills.plan.timing import stretched
+from skills.robot import RobotModel
 from skills.sample_grasp.grasp import Grasp
 
 THERE = 1e-3
 """An arm this near to the pose in every joint is there [rad]."""
+
+CARRIED_ACCELERATION = 2.0
+"""A held fruit is accelerated by no more than this [m/s²]: every bit of it must be held by friction."""
 
 POSE_FAILURES = (*PLANNING_FAILURES, "UNKNOWN_POSE", "MAP_STALE")
 """Codes of every skill that moves to a named pose."""
@@ -60,4 +65,13 @@ def move_to_pose(
         patience=patience(skill, budget),
     )
     result = yield from planned(skill, request)
-    yield from skill.travel(result.path)
+    path = result.path if carrying is None else gently(RobotModel.load(arm.description), result.path)
+    yield from skill.travel(path)
+
+
+def gently(robot: RobotModel, path: Trajectory, acceleration: float = CARRIED_ACCELERATION) -> Trajectory:
+    """A path slowed down until the TCP is nowhere accelerated by more than so much [m/s²]."""
+    p = np.array([robot.tcp(q)[:3, 3] for q in path.q])
+    rate = np.gradient(p, path.t, axis=0)
+    largest = float(np.linalg.norm(np.gradient(rate, path.t, axis=0), axis=1).max())
+    return stretched(path, max(1.0, float(np.sqrt(largest / acceleration))))

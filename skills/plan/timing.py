@@ -180,6 +180,11 @@ def time_curve(
     return Trajectory(profile.t, curve(profile.q[:, 0]), qd, qdd)
 
 
+def stretched(trajectory: Trajectory, factor: float) -> Trajectory:
+    """The same path, slower by a factor >= 1: rates fall with it, accelerations with its square."""
+    return Trajectory(trajectory.t * factor, trajectory.q, trajectory.qd / factor, trajectory.qdd / factor**2)
+
+
 def _sample_times(duration: float, period: float) -> Float64:
     """Equal steps of at most `period` that end exactly at `duration`."""
     return np.linspace(0.0, duration, max(2, int(np.ceil(duration / period)) + 1))

@@ -89,6 +89,7 @@ class Release(MovingSkill):
 
     def _lower(self, depth: float, hold: Hold | None, contact: float, speed: float) -> Watching:
         """Straight down until the load on the pads changes: something else carries the fruit."""
+        before = float(self._tcp()[2, 3])
         with Touch(self.device(ForceSensor), load) as touch:
 
             def watch() -> None:
@@ -103,8 +104,9 @@ class Release(MovingSkill):
                 yield from self._vertically(-depth, speed, watch)
             except _Grounded:
                 return
+        lowered = before - float(self._tcp()[2, 3])
         raise self.failure(
-            "NO_CONTACT", f"the fruit met nothing within {1e3 * depth:.0f} mm and is still held", depth_m=depth
+            "NO_CONTACT", f"the fruit met nothing within {1e3 * lowered:.0f} mm and is still held", lowered_m=lowered
         )
 
     def _vertically(self, way: float, speed: float, watch: Callable[[], None] | None = None) -> Watching:

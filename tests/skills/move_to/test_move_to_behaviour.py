@@ -5,7 +5,7 @@ from py_trees.common import Status
 from executive.skill_testing import drive
 from skills.move_to.behaviour import MoveTo
 from skills.move_to.named_pose import named_pose
-from tests.skills.picking_scene import HOME, OBSERVE, Bench
+from tests.skills.picking_scene import HOME, OBSERVE, ROBOT_MODEL, Bench, a_grasp
 
 
 def test_it_moves_to_the_named_pose():
@@ -49,3 +49,14 @@ def test_interrupted_it_stops():
     assert outcome.status is Status.INVALID
     assert bench.arm.settled()
     assert np.abs(bench.arm.q - OBSERVE).max() > 0.05
+
+
+def test_a_held_fruit_is_avoided_for_and_moved_gently():
+    grasp = a_grasp(1, 3)
+    bench = Bench(q=grasp.q_pre_grasp[0].copy(), width=0.085)
+    outcome = drive(MoveTo(), {"pose": "observe", "carrying": grasp}, bench.devices, clock=bench.clock)
+    assert outcome.status is Status.SUCCESS
+    path = bench.arm.followed[0]
+    p = np.array([ROBOT_MODEL.tcp(q)[:3, 3] for q in path.q])
+    acceleration = np.gradient(np.gradient(p, path.t, axis=0), path.t, axis=0)
+    assert 1.5 < np.linalg.norm(acceleration, axis=1).max() <= 2.0 + 1e-3
