@@ -72,7 +72,7 @@ class FoundFruit:
         axis: stem axis in the frame of the ray through the centre, unit vector (3,).
         spreads: deviations of centre [px], of the logarithm of size, and of the axis [rad], as the network expects
             them, (3,).
-        score: belief that this is fruit, 0..1.
+        score: belief that this is fruit, 0..1: geometric mean of the finder's and the close look's.
         visibility: part of its silhouette that is seen, 0..1, as the network estimates it.
     """
 
@@ -111,7 +111,7 @@ class CompactDetector:
         blank = np.zeros((height, width, 3), np.uint8)
         self.belief_maps(blank)
         for count in range(1, 9):
-            self._look(blank, [(np.array([0.5 * width, 0.5 * height]), 40.0)] * count)
+            self._look(blank, [(np.array([0.5 * width, 0.5 * height]), 40.0)] * count, [0.0] * count)
 
     def find(self, colour: U8) -> list[FoundFruit]:
         """All fruit in a picture, by falling score.
@@ -128,9 +128,10 @@ class CompactDetector:
         if not places:
             return []
         spots = [((place.keypoints[8] + 0.5) / factor - 0.5, place.size / factor) for place in places]
+        beliefs = [min(1.0, place.belief) for place in places]
         seen: list[FoundFruit] = []
         for _ in range(options.looks):
-            seen = self._look(colour, spots)
+            seen = self._look(colour, spots, beliefs)
             spots = [(fruit.centre, fruit.size) for fruit in seen]
         kept: list[FoundFruit] = []
         for fruit in sorted(seen, key=lambda fruit: -fruit.score):
@@ -160,7 +161,7 @@ class CompactDetector:
             belief, offsets = self._finder(to_input(torch.from_numpy(shrunk[None])).to(self._type))
         return belief[0].float().numpy(), offsets[0].float().numpy(), factor
 
-    def _look(self, colour: U8, places: list[tuple[F64, float]]) -> list[FoundFruit]:
+    def _look(self, colour: U8, places: list[tuple[F64, float]], beliefs: list[float]) -> list[FoundFruit]:
         side = CLOSE_LOOK_SIZE
         matrices = [crop_matrix(centre, size) for centre, size in places]
         crops = np.stack([cv2.warpAffine(colour, m, (side, side), flags=cv2.INTER_LINEAR) for m in matrices])
@@ -169,15 +170,14 @@ class CompactDetector:
                 self._close_look(to_input(torch.from_numpy(crops)).to(self._type)).float().numpy().astype(np.float64)
             )
         found = []
-        for row, (centre, size) in zip(output, places, strict=True):
+        for row, (centre, size), belief in zip(output, places, beliefs, strict=True):
             half = MARGIN * max(size, 2.0)
             spreads = np.sqrt(2.0) * np.exp(np.clip(row[SPREAD], -6.0, 2.0)) * (half, 1.0, 1.0)
             axis = row[AXIS] / max(float(np.linalg.norm(row[AXIS])), 1e-9)
             fruit, seen = 1.0 / (1.0 + np.exp(-row[[KIND, SEEN]]))
             scale = float(np.exp(np.clip(row[SIZE], -2.0, 2.0)))
-            found.append(
-                FoundFruit(centre + row[CENTRE] * half, half * scale, axis, spreads, float(fruit), float(seen))
-            )
+            middle, score = centre + row[CENTRE] * half, float(np.sqrt(belief * fruit))
+            found.append(FoundFruit(middle, half * scale, axis, spreads, score, float(seen)))
         return found
 
 

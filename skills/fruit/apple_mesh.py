@@ -116,6 +116,24 @@ def stem_mesh(
     return vertices, _revolution_faces(around, rings)
 
 
+def revolved_body(
+    radius: NDArray[np.float64], height: NDArray[np.float64], dimensions: tuple[float, float, float], around: int
+) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+    """Turn an outline about the stem axis and stretch it to a cuboid [m].
+
+    Args:
+        radius, height: points of the outline from the stem's pole to the opposite one, where the radius is 0.
+        dimensions: cuboid (d_x, d_y, d_z) [m].
+        around: vertices on a ring.
+    """
+    angle = np.linspace(0.0, 2.0 * np.pi, around, endpoint=False)
+    x, z = radius[1:-1, None] * np.cos(angle), radius[1:-1, None] * np.sin(angle)
+    y = -np.broadcast_to(height[1:-1, None], x.shape)
+    poles = np.array([[0.0, -height[0], 0.0], [0.0, -height[-1], 0.0]])
+    vertices = np.vstack([poles[:1], np.stack([x, y, z], axis=-1).reshape(-1, 3), poles[1:]])
+    return _fit(vertices, dimensions), _revolution_faces(around, len(radius) - 2)
+
+
 def _outline(shape: AppleShape, count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Points (radius, height) at equal arc lengths along the outline, from the stem's pole to the calyx's."""
     radius, height = _OUTLINE[:, 0], _OUTLINE[:, 1].copy()

@@ -6,13 +6,15 @@ import trimesh
 
 from skills.fruit.apple_mesh import apple_mesh, stem_mesh
 from skills.fruit.catalogue import CATALOGUE
+from skills.fruit.lemon_mesh import lemon_mesh
 
 
-def write_apple() -> None:
-    """Write apple.ply and stem.ply (binary) of the CAD apple into the catalogue."""
-    for name, (vertices, faces) in (("apple.ply", apple_mesh()), ("stem.ply", stem_mesh())):
-        trimesh.Trimesh(vertices, faces, process=False).export(CATALOGUE / "apple" / name)
+def write_meshes() -> None:
+    """Write the meshes (binary PLY) that fruit.yaml files name into the catalogue."""
+    meshes = {"apple/apple.ply": apple_mesh(), "apple/stem.ply": stem_mesh(), "lemon/lemon.ply": lemon_mesh()}
+    for name, (vertices, faces) in meshes.items():
+        trimesh.Trimesh(vertices, faces, process=False).export(CATALOGUE / name)
 
 
 if __name__ == "__main__":
-    write_apple()
+    write_meshes()

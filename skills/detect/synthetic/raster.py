@@ -16,7 +16,7 @@ NEAR = 0.03
 """Faces closer to the camera than this are dropped [m]."""
 
 
-@njit(cache=True, nogil=True, fastmath=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True, fastmath=True)
 def rasterise(
     points: F32,
     faces: I32,
@@ -65,7 +65,7 @@ def rasterise(
                     weights[v, u, 1] = wb * ib * z
 
 
-@njit(cache=True, nogil=True, fastmath=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True, fastmath=True)
 def draw_shadow_map(points: F32, faces: I32, shadow: F32) -> None:
     """Fill an orthographic depth map (s, s) with the nearest depth towards the light.
 
@@ -90,7 +90,7 @@ def draw_shadow_map(points: F32, faces: I32, shadow: F32) -> None:
                     shadow[v, u] = z
 
 
-@njit(cache=True, nogil=True, fastmath=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True, fastmath=True)
 def _lit(x: float, y: float, z: float, light: F32, shadow: F32, bias: float) -> float:
     """How much of the key light reaches a point: four neighbouring cells of the shadow map, averaged."""
     size = shadow.shape[0]
@@ -108,7 +108,7 @@ def _lit(x: float, y: float, z: float, light: F32, shadow: F32, bias: float) -> 
     return float((s00 * (1.0 - du) + s01 * du) * (1.0 - dv) + (s10 * (1.0 - du) + s11 * du) * dv)
 
 
-@njit(cache=True, nogil=True, fastmath=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True, fastmath=True)
 def shade(
     points: F32,
     normals: F32,

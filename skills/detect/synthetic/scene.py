@@ -228,21 +228,21 @@ def _add_fruit(
         width = rng.uniform(*options.scale) * 0.5 * (fruit.dimensions[0] + fruit.dimensions[2])
         oval = rng.normal(0.0, 0.02)
         dimensions = width * np.array([1.0 + oval, rng.uniform(*options.height_ratio), 1.0 - oval])
-    shape = shapes.apple_relative(index)
+    shape = shapes.fruit_relative(fruit, index)
     stretch = dimensions / fruit.dimensions
     rotation = _fruit_rotation(scene.kind, rng)
     lowest = -float(((shape.vertices * stretch) @ rotation[2]).min())
     centre = _place(scene, options, 0.5 * float(dimensions.max()), lowest, rng.uniform(0.92, 1.3), rng)
     if centre is None:
         return
-    albedo = _plain_paint(shape, style, rng) if plain else _apple_paint(shape, style, rng)
+    albedo = _plain_paint(shape, style, rng) if plain else _skin_paint(shape, _skins(fruit), style, rng)
     gloss = (rng.uniform(0.0, 0.45), 10.0 ** rng.uniform(0.7, 2.1), 0.0 if plain else rng.uniform(0.0, 0.14))
     order = len(scene.truths)
     open_hollows = 0.0 if plain and rng.random() < 0.7 else 1.0
     scene.items.append(
         _Item(shape, rotation, stretch, centre, albedo, rng.uniform(300.0, 2500.0), gloss, order, open_hollows)
     )
-    has_stem = rng.random() < (0.5 if plain else 0.72)
+    has_stem = rng.random() < (0.5 if plain else 0.72) and fruit.stem is not None
     scene.truths.append((rotation, centre, dimensions, has_stem))
     if has_stem:
         part = shapes.stem(int(rng.integers(0, 16)))
@@ -265,9 +265,17 @@ _SKINS = np.array(
 )
 
 
-def _apple_paint(shape: Shape, style: F64, rng: np.random.Generator) -> F32:
+def _skins(fruit: FruitModel) -> F64:
+    """Pairs of blush and ground colour, linear RGB: an apple's many, or shades of another fruit's own colour."""
+    if fruit.name == "apple":
+        return _SKINS
+    own = np.asarray(fruit.colour) ** 2.2
+    return np.array([[own, own * 1.2], [own * (0.8, 1.0, 0.7), own * (1.1, 1.0, 1.0)], [own * (0.5, 0.9, 0.6), own]])
+
+
+def _skin_paint(shape: Shape, skins: F64, style: F64, rng: np.random.Generator) -> F32:
     """Skin colour per vertex: ground colour, blush on the sunny side, streaks along meridians, russet hollows."""
-    skin = _SKINS[int(style[0] * len(_SKINS)) if rng.random() < 0.7 else int(rng.integers(len(_SKINS)))]
+    skin = skins[int(style[0] * len(skins)) if rng.random() < 0.7 else int(rng.integers(len(skins)))]
     skin = skin * np.exp(rng.normal(0.0, 0.18, (2, 3))) * np.exp(rng.normal(0.0, 0.15))
     x, y, z = shape.vertices.T
     angle = np.arctan2(z, x)

@@ -8,6 +8,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from skills.fruit import FruitModel
 from skills.fruit.apple_mesh import AppleShape, apple_mesh, stem_mesh
 
 F32 = NDArray[np.float32]
@@ -66,6 +67,33 @@ def apple_relative(index: int) -> Shape:
         lean=(rng.uniform(-0.06, 0.06), rng.uniform(-0.06, 0.06)),
     )
     return with_hollows(make_shape(*apple_mesh(shape, around=40, rings=28)))
+
+
+_RELATIVES: dict[tuple[str, int], Shape] = {}
+
+
+def fruit_relative(fruit: FruitModel, index: int) -> Shape:
+    """Fruit `index` of a kind's library, in the CAD model's cuboid; 0 is the CAD model itself.
+
+    Apples vary by their outline; of any other kind the mesh is bent smoothly.
+    """
+    if fruit.name == "apple":
+        return apple_relative(index)
+    key = (fruit.name, index)
+    if key not in _RELATIVES:
+        rng = np.random.default_rng((9, index))
+        vertices = fruit.vertices / (0.5 * fruit.dimensions)
+        if index > 0:
+            for _ in range(3):
+                wave = rng.normal(0.0, 1.2, 3)
+                vertices = (
+                    vertices * (1.0 + rng.normal(0.0, 0.03) * np.sin(vertices @ wave + rng.uniform(0, 6.28)))[:, None]
+                )
+            vertices = vertices + np.outer(vertices[:, 1] ** 2, rng.normal(0.0, 0.04, 3) * (1.0, 0.0, 1.0))
+        low, high = vertices.min(axis=0), vertices.max(axis=0)
+        fitted = (vertices - 0.5 * (low + high)) * (fruit.dimensions / (high - low))
+        _RELATIVES[key] = make_shape(fitted, fruit.faces)
+    return _RELATIVES[key]
 
 
 @lru_cache(maxsize=16)

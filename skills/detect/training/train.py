@@ -98,7 +98,8 @@ def _validation(run: TrainingRun) -> Callable[[nn.Module], dict[str, float]]:
     frames = FrameFolder([run.held_out])
     if run.part != "close_look":
         _, batches_of, step = _PARTS[run.part]
-        map_batches = batches_of(frames, 20 if run.part == "finder" else 2, 0, 5, augment=False)
+        batch = min(len(frames), 20 if run.part == "finder" else 2)
+        map_batches = batches_of(frames, batch, 0, min(5, len(frames) // batch), augment=False)
 
         def map_figures(network: nn.Module) -> dict[str, float]:
             total = 0.0
@@ -108,7 +109,7 @@ def _validation(run: TrainingRun) -> Callable[[nn.Module], dict[str, float]]:
             return {"held-out loss": total / len(map_batches)}
 
         return map_figures
-    look_batches = CloseLookBatches(frames, 200, 0, 4, augment=False)
+    look_batches = CloseLookBatches(frames, min(200, 8 * len(frames)), 0, 1 + min(3, len(frames) // 25), augment=False)
     fixed = [look_batches[k] for k in range(len(look_batches))]
 
     def look_figures(network: nn.Module) -> dict[str, float]:

@@ -1,0 +1,55 @@
+"""`pomona data detect` and `pomona train detect`, from the command line to files."""
+
+import argparse
+from pathlib import Path
+
+import pytest
+import torch
+
+from skills.detect.annotations import read_annotation
+from skills.detect.commands import add_data, add_train
+from skills.detect.training import recipe
+from skills.detect.training.recipe import Recipe, Stage
+from skills.detect.weights import load_compact
+
+
+def run(*arguments: str) -> int:
+    parser = argparse.ArgumentParser()
+    subparsers = parser.add_subparsers(required=True)
+    add_data(subparsers)
+    add_train(subparsers)
+    options = parser.parse_args(arguments)
+    code: int = options.main(options)
+    return code
+
+
+def test_data_renders_frames_and_keeps_them(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = ("data", "detect", "--out", str(tmp_path), "--frames", "2", "--workers", "1", "--width", "320")
+    assert run(*arguments) == 0
+    assert run(*arguments) == 0
+    assert "0 frames rendered, 2 kept" in " ".join(capsys.readouterr().out.split())
+    annotation = read_annotation(tmp_path / "000000.json")
+    assert (annotation.width, annotation.height) == (320, 240)
+    assert annotation.camera[0] == pytest.approx(305.3)
+
+
+def test_train_makes_weights_and_a_report_with_pictures(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    torch.set_num_threads(1)
+    stages = (Stage("finder", 1, 1e-3, 2), Stage("close_look", 2, 1e-3, 4), Stage("close_look", 1, 1e-3, 4))
+    monkeypatch.setattr(recipe, "SHIPPED", Recipe(frames=2, held_out=2, stages=stages))
+    monkeypatch.setattr(recipe, "TRAINING_SEED", 5)
+    out = tmp_path / "apple.pt"
+    assert run("train", "detect", "--out", str(out), "--work", str(tmp_path / "work"), "--workers", "1") == 0
+    _, _, about = load_compact(out)
+    assert about["fruit"] == "apple"
+    report = (tmp_path / "work" / "report" / "report.md").read_text()
+    assert "recall" in report
+    assert (tmp_path / "work" / "report" / "frame_0.jpg").stat().st_size > 1000
+    assert "close_look 3/3" in capsys.readouterr().out
+
+
+def test_the_full_network_needs_frames(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run("train", "detect", "--network", "dope", "--out", str(tmp_path / "dope.pth")) == 2
+    assert "--data" in capsys.readouterr().err
