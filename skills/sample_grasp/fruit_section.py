@@ -21,7 +21,8 @@ class FruitSection:
 
     Attributes:
         width: extent along the fingers' sliding direction [m].
-        p_base: centre of the widest section across that direction, base frame, shape (3,) [m].
+        p_base: where the pads meet: on the fruit's axis at the height of its widest section, midway between the two
+            sides across the sliding direction; base frame, shape (3,) [m].
         behind: how far the fruit reaches from `p_base` against the approach, towards the palm [m].
         sigma_width, sigma_across, sigma_height: standard deviations of the width, of the position along the sliding
             direction and of the position's height in the base frame [m].
@@ -46,8 +47,9 @@ def fruit_section(measured: MeasuredFruit, vertices_base: Float64, R_base_tcp: F
     points = (vertices_base - measured.T_base_fruit[:3, 3]) @ R_base_tcp
     across = points[:, 1]
     low, high = across.min(), across.max()
-    ends = [points[across <= low + WIDEST_BAND].mean(axis=0), points[across >= high - WIDEST_BAND].mean(axis=0)]
-    centre = np.mean(ends, axis=0)
+    widest = points[(across <= low + WIDEST_BAND) | (across >= high - WIDEST_BAND)].mean(axis=0)
+    axis = R_base_tcp.T @ measured.T_base_fruit[:3, :3] @ measured.fruit.symmetry_axis
+    centre = (widest @ axis) * axis  # on the axis of the nearly round fruit: the load then has no lever on the pads
     centre[1] = (low + high) / 2.0
     sliding = R_base_tcp[:, 1]
     in_object = measured.T_base_fruit[:3, :3].T @ sliding  # the width is a mix of the three dimensions
