@@ -40,7 +40,7 @@ class SceneOptions:
         instances: fewest and most fruit in a frame.
         distractors: things that are no fruit, per frame.
         scale: range of the fruit's size against the CAD model.
-        height_ratio: range of height over width; the CAD apple has 0.88.
+        height_ratio: range of height over width against the CAD model's; an apple's is then 0.75 to 1.0.
         exact: part of the instances that keep the CAD model's own size and proportions.
         kinds: how often each kind of scene appears.
     """
@@ -51,7 +51,7 @@ class SceneOptions:
     instances: tuple[int, int] = (5, 10)
     distractors: int = 5
     scale: tuple[float, float] = (0.6, 1.15)
-    height_ratio: tuple[float, float] = (0.75, 1.0)
+    height_ratio: tuple[float, float] = (0.85, 1.133)
     exact: float = 0.15
     kinds: tuple[float, float, float] = (0.5, 0.3, 0.2)
 
@@ -227,7 +227,8 @@ def _add_fruit(
     else:
         width = rng.uniform(*options.scale) * 0.5 * (fruit.dimensions[0] + fruit.dimensions[2])
         oval = rng.normal(0.0, 0.02)
-        dimensions = width * np.array([1.0 + oval, rng.uniform(*options.height_ratio), 1.0 - oval])
+        own_ratio = fruit.dimensions[1] / (0.5 * (fruit.dimensions[0] + fruit.dimensions[2]))
+        dimensions = width * np.array([1.0 + oval, own_ratio * rng.uniform(*options.height_ratio), 1.0 - oval])
     shape = shapes.fruit_relative(fruit, index)
     stretch = dimensions / fruit.dimensions
     rotation = _fruit_rotation(scene.kind, rng)

@@ -86,9 +86,8 @@ def fruit_relative(fruit: FruitModel, index: int) -> Shape:
         if index > 0:
             for _ in range(3):
                 wave = rng.normal(0.0, 1.2, 3)
-                vertices = (
-                    vertices * (1.0 + rng.normal(0.0, 0.03) * np.sin(vertices @ wave + rng.uniform(0, 6.28)))[:, None]
-                )
+                swelling = rng.normal(0.0, 0.03) * np.sin(vertices @ wave + rng.uniform(0.0, 6.28))
+                vertices = vertices * (1.0 + swelling)[:, None]
             vertices = vertices + np.outer(vertices[:, 1] ** 2, rng.normal(0.0, 0.04, 3) * (1.0, 0.0, 1.0))
         low, high = vertices.min(axis=0), vertices.max(axis=0)
         fitted = (vertices - 0.5 * (low + high)) * (fruit.dimensions / (high - low))

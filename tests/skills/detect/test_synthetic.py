@@ -105,3 +105,12 @@ def test_data_sets_do_not_depend_on_workers_and_go_on_where_they_stopped(tmp_pat
     labels = read_annotation(frame_paths(together, 1)[1])
     assert (labels.width, labels.height) == (320, 240)
     assert cv2.imread(str(picture)).shape == (240, 320, 3)
+
+
+def test_another_fruit_needs_its_mesh_and_entry_only() -> None:
+    lemon = load_fruit("lemon")
+    frame = render_scene(lemon, SMALL, 2)
+    assert frame.fruit
+    ratios = [t.dimensions[1] / (0.5 * (t.dimensions[0] + t.dimensions[2])) for t in frame.fruit]
+    own = lemon.dimensions[1] / lemon.dimensions[0]
+    assert all(0.8 * own < ratio < 1.2 * own for ratio in ratios)

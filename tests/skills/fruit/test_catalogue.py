@@ -14,13 +14,16 @@ def test_apple_has_the_deployed_cad_dimensions_and_is_centred() -> None:
     apple = load_fruit("apple")
     assert np.allclose(np.ptp(apple.vertices, axis=0), [0.09756, 0.08539, 0.09590], atol=1e-7)
     assert np.allclose(apple.vertices.min(axis=0) + apple.vertices.max(axis=0), 0.0, atol=1e-7)
-    assert apple.vertices.dtype == np.float64 and apple.faces.dtype == np.int32
+    assert apple.vertices.dtype == np.float64
+    assert apple.faces.dtype == np.int32
 
 
 def test_apple_is_watertight_and_faces_outwards() -> None:
     apple = load_fruit("apple")
     mesh = trimesh.Trimesh(apple.vertices, apple.faces, process=False)
-    assert mesh.is_watertight and mesh.is_winding_consistent and mesh.volume > 0.0
+    assert mesh.is_watertight
+    assert mesh.is_winding_consistent
+    assert mesh.volume > 0.0
 
 
 def test_stem_cavity_lies_on_the_side_the_symmetry_axis_points_to() -> None:
@@ -45,7 +48,7 @@ def test_loading_by_folder_and_by_file_gives_the_same_fruit(tmp_path: Path) -> N
 
 
 def test_unknown_name_lists_what_there_is() -> None:
-    with pytest.raises(UnknownFruit, match="appel.*apple"):
+    with pytest.raises(UnknownFruit, match=r"appel.*apple"):
         load_fruit("appel")
 
 
@@ -74,6 +77,14 @@ def test_missing_keys_are_named(tmp_path: Path) -> None:
         load_fruit(tmp_path)
 
 
+def test_lemon_is_watertight_and_longer_than_wide() -> None:
+    lemon = load_fruit("lemon")
+    mesh = trimesh.Trimesh(lemon.vertices, lemon.faces, process=False)
+    assert mesh.is_watertight
+    assert mesh.volume > 0.0
+    assert lemon.dimensions[1] > 1.3 * lemon.dimensions[0]
+
+
 def test_random_apples_stay_watertight_in_their_cuboid() -> None:
     rng = np.random.default_rng(0)
     for _ in range(20):
@@ -86,14 +97,16 @@ def test_random_apples_stay_watertight_in_their_cuboid() -> None:
         )
         vertices, faces = apple_mesh(shape, (0.08, 0.06, 0.07), around=24, rings=16)
         mesh = trimesh.Trimesh(vertices, faces, process=False)
-        assert mesh.is_watertight and mesh.volume > 0.0
+        assert mesh.is_watertight
+        assert mesh.volume > 0.0
         assert np.allclose(mesh.extents, (0.08, 0.06, 0.07))
 
 
 def test_stem_rises_towards_minus_y() -> None:
     vertices, faces = stem_mesh()
     mesh = trimesh.Trimesh(vertices, faces, process=False)
-    assert mesh.is_watertight and mesh.volume > 0.0
+    assert mesh.is_watertight
+    assert mesh.volume > 0.0
     assert vertices[:, 1].min() < -0.5 * 0.08539
 
 
