@@ -297,6 +297,7 @@ class Decoder:
         self._order: Order = order
         self._header = struct.Struct(f"{order}4i")
         self._buffer = bytearray()
+        self._taken = 0  # bytes of the last message, which stay at the buffer's beginning for `_look_back`
 
     def decode(self, chunk: bytes) -> list[Message]:
         """The messages that are complete with these bytes, in order."""
@@ -319,29 +320,44 @@ class Decoder:
 
     def _scan(self, final: bool) -> list[Message]:
         messages: list[Message] = []
-        buffer, position = self._buffer, 0
+        buffer, position = self._buffer, self._taken
         while len(buffer) - position >= 16:
-            length, kind, communication, reply = self._header.unpack_from(buffer, position)
-            size = _SIZES.get(kind)
-            if size is None or length + 4 != size or not 1 <= communication <= 3 or not 0 <= reply <= 2:
-                position = self._discard(position)
+            size = self._size(position)
+            if size is None:
+                position = 0 if self._look_back(position) else self._discard(position)
                 continue
-            if len(buffer) - position < size:
-                if not final:
-                    break
-                position = self._discard(position)
-                continue
-            body = self._body(kind, bytes(buffer[position + 16 : position + size]))
+            if len(buffer) - position < size and not final:
+                break
+            body = self._body(position, size)
             if body is None:
                 position = self._discard(position)
                 continue
+            _, _, communication, reply = self._header.unpack_from(buffer, position)
             messages.append(Message(body, Communication(communication), reply))
-            position += size
-        if final:
-            while position < len(buffer):
-                position = self._discard(position)
-        del buffer[:position]
+            del buffer[:position]
+            self._taken = position = size
+        while final and position < len(buffer):
+            position = self._discard(position)
+        if position != self._taken:
+            del buffer[:position]
+            self._taken = 0
         return messages
+
+    def _look_back(self, position: int) -> bool:
+        """Go back to a message that begins inside the one just taken: that one had lost bytes, and took some of it."""
+        places = range(1, position) if position == self._taken else ()
+        place = next((place for place in places if self._size(place) is not None), None)
+        if place is not None:
+            del self._buffer[:place]
+            self._taken = 0
+        return place is not None
+
+    def _size(self, position: int) -> int | None:
+        """Bytes of the message whose header stands here; None where no header does."""
+        length, kind, communication, reply = self._header.unpack_from(self._buffer, position)
+        size = _SIZES.get(kind)
+        right = size is not None and length + 4 == size and 1 <= communication <= 3 and 0 <= reply <= 2
+        return size if right else None
 
     def _discard(self, position: int) -> int:
         if len(self.garbage) < 64:
@@ -349,9 +365,12 @@ class Decoder:
         self.discarded += 1
         return position + 1
 
-    def _body(self, kind: int, packed: bytes) -> Body | None:
-        body = _BODIES[kind]
-        numbers = struct.unpack(self._order + body.LAYOUT, packed)
+    def _body(self, position: int, size: int) -> Body | None:
+        """The body of the message here; None when it is not complete, or a value is not finite."""
+        if len(self._buffer) - position < size:
+            return None
+        body = _BODIES[self._header.unpack_from(self._buffer, position)[1]]
+        numbers = struct.unpack_from(self._order + body.LAYOUT, self._buffer, position + 16)
         if not all(map(math.isfinite, numbers)):
             return None
         if "f" not in body.LAYOUT:
