@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from typing import Literal
 
 import numpy as np
 
-from drivers.interfaces import Workspace
+from drivers.interfaces import Intrinsics, Workspace
 from executive.ports import LENGTH, RATIO, Port, Ports, optional
 from executive.skill import Skill, Work
 from executive.views import ImageView, Line2
 from skills.detect.detection import Detection
+from skills.fruit import load_fruit
+from skills.geometry import transform
 from skills.refine.errors import RefineError
 from skills.refine.measure import measure, outline
 from skills.refine.measured_fruit import MeasuredFruit
 from skills.refine.refinement import Limits, Method
 from skills.refine.render import RendererName, render_depth
+
+_SMALL_CAMERA = Intrinsics(100.0, 100.0, 50.0, 50.0, 101, 101)
 
 
 class Refine(Skill):
@@ -39,6 +44,11 @@ class Refine(Skill):
     outputs = Ports(measured=MeasuredFruit)
     devices = (Workspace,)
     failures = ("NO_DEPTH", "TOO_FEW_INLIERS", "SIZE_OUT_OF_RANGE", "AT_BOUND", "RENDER_FAILED")
+
+    def prepare(self) -> None:
+        """Start the renderer: importing and compiling it takes seconds. A renderer that fails says so at the start."""
+        with suppress(RefineError):
+            render_depth(load_fruit("apple"), transform(translation=(0.0, 0.0, 0.5)), _SMALL_CAMERA)
 
     def run(  # type: ignore[override]
         self,

@@ -14,13 +14,14 @@ from skills.refine.cloud import Cloud, cloud, together
 from skills.refine.errors import RenderFailed, TooFewInliers
 from skills.refine.render import DepthImage, ImageBox, RendererName, Triangles, render_depth
 from skills.refine.segment import connected_to
-from skills.refine.support_plane import Plane, find_plane, seen_near
+from skills.refine.support_plane import Plane, seen_near
 
 Float64 = NDArray[np.float64]
 
 _MARGIN = 0.15
 _AROUND = 16
 _ABOVE_PLANE = 4e-3
+_LEAST_ABOVE = 0.5
 _BEYOND_MODEL = 0.02
 _OTHER_LOOK = 2.0
 """Another look agrees with the model of the first within this many bands: the model is not right yet."""
@@ -49,7 +50,7 @@ def gather(
     inliers: NDArray[np.bool_],
     known: Plane | None,
 ) -> tuple[Cloud, Plane | None]:
-    """Points of one look around a fruit that was scaled already, and the plane that it is in front of.
+    """Points of one look around a fruit that was scaled already, and the plane that it stands on.
 
     Args:
         depth, intrinsics: the look.
@@ -59,31 +60,25 @@ def gather(
         known: where the support should be, in the camera frame; None if unknown.
 
     Returns:
-        the points that do not lie on the plane, and the plane as the camera sees it; without a plane in sight, the
-        known one.
+        the points that do not lie on the support, and the support as the camera sees it: the known one where the
+        camera does not see it, None where it is unknown.
 
     Raises:
         TooFewInliers: what agrees with the model lies on the known support.
     """
+    points = _connected(depth, intrinsics, box, virtual_depth, inliers)
+    if known is None:
+        return points, None
     around = box.grown(_AROUND, intrinsics)
-    outside = np.ones(around.shape, dtype=np.bool_)
+    outside = np.zeros(around.shape, dtype=np.bool_)
+    outside[::2, ::2] = True
     top, left = box.top - around.top, box.left - around.left
-    outside[top : top + box.shape[0], left : left + box.shape[1]] = virtual_depth <= 0.0
-    every_second = np.zeros_like(outside)
-    every_second[::2, ::2] = True
-    background = cloud(depth, intrinsics, around, outside & every_second).points
-    plane = find_plane(background) if known is None else (seen_near(known, background) or known)
-
-    whole = _connected(depth, intrinsics, box, virtual_depth, inliers)
-    if plane is None:
-        return whole, None
-    agreeing = cloud(depth, intrinsics, box, inliers).points
-    share = float(np.mean(plane.height(agreeing) > _ABOVE_PLANE))
-    if share < 0.5 and known is not None:
-        raise TooFewInliers(share, 0.5)  # what looks like fruit is the table itself
-    if share < 0.5:
-        return whole, None  # something else than a support: a leaf, a wall in front
-    return whole.chosen(plane.height(whole.points) > _ABOVE_PLANE), plane
+    outside[top : top + box.shape[0], left : left + box.shape[1]] &= virtual_depth <= 0.0
+    plane = seen_near(known, cloud(depth, intrinsics, around, outside).points) or known
+    above = float(np.mean(plane.height(cloud(depth, intrinsics, box, inliers).points) > _ABOVE_PLANE))
+    if above < _LEAST_ABOVE:
+        raise TooFewInliers(above, _LEAST_ABOVE)  # what looks like fruit is the table itself
+    return points.chosen(plane.height(points.points) > _ABOVE_PLANE), plane
 
 
 def gather_others(

@@ -118,6 +118,9 @@ def refine(
     """
     limits = limits or Limits()
     check_depth(depth, intrinsics)
+    for look in looks:
+        check_depth(look.depth, look.intrinsics)
+        check_pose(look.T_camera_look)
     check_pose(T_camera_object)
     model_dimensions = extents(mesh)
     virtual_depth, box = render_depth(mesh, T_camera_object, intrinsics, using=using)

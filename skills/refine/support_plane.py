@@ -1,4 +1,4 @@
-"""The plane that a fruit stands on, or in front of: where it is, seen by the same depth camera."""
+"""The plane that a fruit stands on: where it is, seen by the same depth camera."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 Float64 = NDArray[np.float64]
 
 _BAND = 4e-3
-_TRIALS = 100
 _LEAST_SHARE = 0.3
 _LEAST_POINTS = 60
 _MAX_SHIFT = 0.015
@@ -33,32 +32,6 @@ class Plane:
 def horizontal_plane(T_base_camera: Float64, z: float) -> Plane:
     """The plane at height z of the base frame [m], in the camera frame."""
     return Plane(T_base_camera[2, :3].copy(), float(T_base_camera[2, 3] - z))
-
-
-def find_plane(points: Float64) -> Plane | None:
-    """The plane that most of the points lie on (RANSAC, then least squares), its free side towards the camera.
-
-    Args:
-        points: measured points around the fruit in the camera frame, shape (n, 3) [m].
-
-    Returns:
-        None when no plane holds a third of the points.
-    """
-    if len(points) < _LEAST_POINTS:
-        return None
-    rng = np.random.default_rng(0)
-    best: NDArray[np.bool_] | None = None
-    for first, second, third in points[rng.integers(0, len(points), (_TRIALS, 3))]:
-        normal = np.cross(second - first, third - first)
-        length = np.linalg.norm(normal)
-        if length < 1e-6:
-            continue
-        near = np.abs((points - first) @ (normal / length)) <= _BAND
-        if best is None or np.count_nonzero(near) > np.count_nonzero(best):
-            best = near
-    if best is None or best.mean() < _LEAST_SHARE:
-        return None
-    return _least_squares(points, best)
 
 
 def seen_near(known: Plane, points: Float64) -> Plane | None:

@@ -154,3 +154,44 @@ def test_render_failed_for_an_open_mesh(detection):
     reason = reason_of(replace(detection, fruit=fruit))
     assert reason.code == "RENDER_FAILED"
     assert "watertight" in reason.message
+
+
+def test_prepare_starts_the_renderer_and_forgives_a_machine_without_opengl(detection, monkeypatch):
+    Refine().prepare()
+
+    def broken(*_: object) -> None:
+        raise RenderFailed("pyrender cannot use EGL")
+
+    monkeypatch.setattr("skills.refine.gl._render", broken)
+    Refine().prepare()
+
+
+def test_the_table_of_the_workspace_is_the_support(scene, apple):
+    s = scene((62, 47, 62), 70, 3)
+    frame = Frame(0.0, 0, np.zeros((*s.depth.shape, 3), np.uint8), s.depth, s.intrinsics, None, s.T_base_camera)
+    seen = Detection(apple, frame, s.T_base_camera, s.T_camera_detected, np.full((9, 2), np.nan), 0.9, np.eye(6), 0, 1)
+    inputs = {"detection": seen, "renderer": "zbuffer"}
+    on_table, in_the_air = (measure(inputs, table_z).outputs["measured"] for table_z in (0.0, None))
+    assert on_table.method == "shape+plane"
+    assert in_the_air.method == "shape"
+    lowest = apple.vertices * (on_table.dimensions / apple.dimensions) @ on_table.T_base_fruit[2, :3]
+    assert lowest.min() + on_table.T_base_fruit[2, 3] == pytest.approx(0.0, abs=3e-3)
+    assert on_table.covariance[2, 2] <= in_the_air.covariance[2, 2]
+
+
+def test_an_earlier_measurement_is_fused_in(scene, apple):
+    measured = None
+    for elevation in (35, 60, 84):
+        s = scene((73, 64, 73), elevation, 4)
+        frame = Frame(0.0, 0, np.zeros((*s.depth.shape, 3), np.uint8), s.depth, s.intrinsics, None, s.T_base_camera)
+        seen = Detection(
+            apple, frame, s.T_base_camera, s.T_camera_detected, np.full((9, 2), np.nan), 0.9, np.eye(6), 0, 1
+        )
+        before = measured
+        inputs = {"detection": seen, "renderer": "zbuffer", "earlier": before}
+        measured = measure(inputs).outputs["measured"]
+        if before is not None:
+            assert measured.method == "shape+views"
+            assert measured.earlier[-1][0] is before.frame
+    assert len(measured.earlier) == 2
+    assert s.errors(inverse(s.T_base_camera) @ measured.T_base_fruit, measured.dimensions)[1] < 4.0

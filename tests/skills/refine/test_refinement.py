@@ -160,6 +160,14 @@ def test_a_look_at_something_else_changes_nothing(scene, apple):
     np.testing.assert_allclose(r.dimensions, alone.dimensions)
 
 
+def test_wrong_looks_are_refused(scene, apple):
+    s = scene((89, 81, 89), 60, 8)
+    with pytest.raises(BadDepth):
+        measured(s, apple, looks=[Look(s.depth[1:], s.intrinsics, np.eye(4))])
+    with pytest.raises(BadPose):
+        measured(s, apple, looks=[Look(s.depth, s.intrinsics, 2.0 * np.eye(4))])
+
+
 def test_fruit_held_above_the_table_does_not_reach_it(scene, apple):
     s = scene((73, 64, 73), 45, 9, lifted=0.06)
     r = measured(s, apple, support=s.table)

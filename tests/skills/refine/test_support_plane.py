@@ -1,4 +1,4 @@
-"""Finding the plane that a fruit stands on."""
+"""The plane that a fruit stands on, known and seen."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from skills.geometry import apply, inverse, rotation_about
-from skills.refine.support_plane import Plane, find_plane, horizontal_plane, seen_near
+from skills.refine.support_plane import Plane, horizontal_plane, seen_near
 from skills.refine.synthetic_depth import looking_at
 
 T_BASE_CAMERA = looking_at((0.0, 0.0, 0.0), 0.6, np.radians(55.0))
@@ -31,17 +31,6 @@ def test_horizontal_plane_has_its_height_in_the_base_frame():
     plane = horizontal_plane(T_BASE_CAMERA, 0.1)
     points = apply(inverse(T_BASE_CAMERA), [[0.3, -0.2, 0.1], [0.0, 0.0, 0.15], [0.1, 0.1, 0.0]])
     np.testing.assert_allclose(plane.height(points), [0.0, 0.05, -0.1], atol=1e-12)
-
-
-def test_plane_is_found_among_other_things():
-    assert_is_the_table(find_plane(table_points(400, others=500)))
-
-
-def test_no_plane_in_clutter_or_in_too_few_points():
-    rng = np.random.default_rng(0)
-    assert find_plane(rng.uniform(-0.1, 0.1, (600, 3)) + np.array([0.0, 0.0, 0.6])) is None
-    assert find_plane(table_points(40)) is None
-    assert find_plane(np.tile([0.0, 0.0, 0.5], (100, 1))) is None
 
 
 @pytest.mark.parametrize("shift", [-0.01, 0.0, 0.01])
