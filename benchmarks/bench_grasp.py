@@ -87,12 +87,13 @@ def lift_all(
     uncertain: bool = False,
     constant: float = 10.0,
     pull: float = 0.0,
+    reserve: float = 0.0,
 ) -> list[Result]:
     """Every task under one law."""
     return [
         run_trial(
             task.fruit,
-            settings_for(task, world, law, uncertain, constant),
+            replace(settings_for(task, world, law, uncertain, constant), reserve=reserve),
             Lifting(acceleration=task.acceleration, pull=pull),
             noise=NOISE,
             seed=task.seed,
@@ -208,14 +209,17 @@ def main() -> None:
                 row(f"constant {constant:.0f} N", lift_all(tasks, world, ForceLaw.CONSTANT, constant=constant)),
                 flush=True,
             )
-        pulled = lift_all(tasks[: lifts // 2], world, law, pull=2.0)
-        print(row("slip avoidance, pulled by 2 N", pulled))
-        slip = [1e3 * r.pull_slip for r in pulled if r.held]
-        reaction = [1e3 * r.reaction for r in pulled if r.held]
-        print(
-            f"  of the pull alone: slip p50 {np.median(slip):.2f}, p95 {np.percentile(slip, 95):.2f} mm; "
-            f"reaction p50 {np.nanmedian(reaction):.0f}, p95 {np.nanpercentile(reaction, 95):.0f} ms"
-        )
+        for reserve in (0.0, 2.0):
+            name = f"pulled by 2 N, reserve {reserve:.0f} N"
+            pulled = lift_all(tasks[: lifts // 2], world, law, pull=2.0, reserve=reserve)
+            slip = [1e3 * r.pull_slip for r in pulled if r.grasped]
+            reaction = [1e3 * r.reaction for r in pulled if r.grasped]
+            print(row(name, pulled))
+            print(
+                f"  of the pull alone: slip p50 {np.median(slip):.2f}, p95 {np.percentile(slip, 95):.2f} mm; "
+                f"reaction p50 {np.nanmedian(reaction):.0f}, p95 {np.nanpercentile(reaction, 95):.0f} ms",
+                flush=True,
+            )
         if arguments.plots is not None:
             arguments.plots.mkdir(parents=True, exist_ok=True)
             for task, result in zip(tasks, results, strict=True):

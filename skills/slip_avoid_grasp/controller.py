@@ -48,8 +48,9 @@ STUCK_AFTER = 0.5
 QUIET_RATE = 5.0
 """While holding, changes of the reference up to this are left to the loop's gain [N/s]: noise is not fed forward."""
 
-NEAR, NEAR_NOISE = 0.015, 0.02
-"""While holding, the fingers rest within this share of the reference and so many newtons: shaking makes fruit creep."""
+NEAR = 0.015
+"""While holding, the fingers rest within this share of the reference and noise: shaking makes fruit creep, and resting
+keeps the next command free."""
 
 CLOSEST = 0.0003
 """So near to its end the gripper's stroke is used up [m]."""
@@ -70,7 +71,9 @@ class GripController:
         self.width = math.nan
         self.speed = 0.0
         self.slip = 0.0
-        self.sense = SlipSense(settings.contact, settings.observer, settings.dynamic, settings.rate, settings.offset)
+        self.sense = SlipSense(
+            settings.contact, settings.observer, settings.dynamic, settings.rate, settings.offset, settings.reserve
+        )
         self.reference = ForceReference(settings)
         self._guard = StreamGuard(settings.period)
         self._bias: list[Float64] = []
@@ -80,6 +83,7 @@ class GripController:
         self._since_command = self._keep_alive
         self._f_ref_commanded = 0.0
         self._saturated = False
+        self._correcting = 0.0
         self._lasting = dict.fromkeys(("saturated", "gone", "beyond", "reached", "stuck", "dead"), 0.0)
         self._touched_at = math.nan
         self._last_width = math.nan
@@ -312,8 +316,10 @@ class GripController:
             self.problem = GripProblem("FORCE_LIMIT", message, stamp, {"wanted": self.reference.wanted})
         else:
             self.problem = None
-        coming = -self.speed * s.loop.lag * s.loop.stiffness.slope(f_n)
-        self.reference.follow(sense, f_n + coming, elapsed)
+        # What is missing is judged by both fingers together: a fruit presses on both alike, a drifting sensor does not.
+        borne = 2.0 * high if dead else max(first + second, 0.0)
+        coming = -self.speed * s.loop.lag * s.loop.stiffness.slope(borne)
+        self.reference.follow(sense, borne + coming, elapsed)
 
     def _hold(self) -> float:
         if self._saturated or self._lasting["gone"] > 0.0:
@@ -326,10 +332,16 @@ class GripController:
         f_n = 2.0 * max(first, second) if dead else self.sense.f_n
         f_ref = self.reference.f_ref
         rate = (f_ref - self._f_ref_commanded) / COMMAND_PERIOD
-        if opening:
+        if self.phase is not GripPhase.RAMP:
             rate -= min(max(rate, -QUIET_RATE), QUIET_RATE)
-        if self.phase is not GripPhase.RAMP and rate == 0.0:
-            near = NEAR * f_ref + NEAR_NOISE
-            f_n += min(max(f_ref - f_n, -near), near)
+            if rate == 0.0 and self._rests(f_ref - f_n):
+                return 0.0
         speed = finger_speed(f_ref, rate, f_n, self.settings.loop, self.speed)
         return speed if opening else min(speed, 0.0)
+
+    def _rests(self, error: float) -> bool:
+        """Whether the fingers rest while holding: until the force has strayed beyond noise, then until it is back."""
+        near = NEAR * self.reference.f_ref + self.sense.unrest
+        if self._correcting * error <= 0.0:
+            self._correcting = 0.0 if abs(error) < near else math.copysign(1.0, error)
+        return self._correcting == 0.0

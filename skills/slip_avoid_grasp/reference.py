@@ -109,7 +109,7 @@ class ForceReference:
             return self._margin * sense.coulomb
         if s.law is ForceLaw.SLIP_AVOIDANCE and not self.carried:
             return self._margin * sense.cautious
-        return self._margin * sense.least
+        return self._margin * (sense.reserved if s.law is ForceLaw.SLIP_AVOIDANCE else sense.least)
 
     def _answer(self, sense: SlipSense, f_n: float) -> float:
         """What is added for a moment [N]."""

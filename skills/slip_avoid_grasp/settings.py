@@ -32,6 +32,7 @@ class GripSettings:
         floor: least grasp force ever [N].
         offset: the fruit's centre may lie so far off the grasp axis [m]; held for until the fruit is carried, when its
             moment has shown.
+        reserve: tangential force that is held beyond the load, for pushes that come faster than the fingers [N].
         initial_force: grasp force before the fruit is lifted, and of the law CONSTANT [N].
         ramp_rate: of the force from contact to `initial_force` [N/s].
         relax_rate: the reference falls at most this fast while holding [N/s].
@@ -52,6 +53,7 @@ class GripSettings:
     mu_uncertainty: float = 0.0
     floor: float = 0.5
     offset: float = 0.015
+    reserve: float = 0.0
     initial_force: float = 2.2
     ramp_rate: float = 6.0
     relax_rate: float = 2.0

@@ -38,7 +38,7 @@ QUIET = 0.05
 """What is beyond noise by less than this is still noise [N]."""
 
 _MEMORY = 6  # omega, z, integral of C_d, omega before, centre, warm
-_SENSED = 15
+_SENSED = 16
 
 
 @njit(cache=True)
@@ -46,13 +46,14 @@ def _sense(  # type: ignore[no-untyped-def]
     raw, periods, bias, mirror, noise, variance, fast, slow, smoothed, shares, centre_share, contact, f, tau, load,
     observer, dynamic, memory, sensed,
 ):  # fmt: skip
-    mu, torsion, gamma, delta, ellipsoid, offset_unknown = contact
+    mu, torsion, gamma, delta, ellipsoid, offset_unknown, reserve = contact
     sigma0, beta, inertia, mass, offset, gain = observer
     kp, ki, kdc, bound = dynamic
     for _ in range(periods):
         smooth(raw, bias, mirror, noise, fast, slow, smoothed, shares)
     least = 0.0
     coulomb = 0.0
+    reserved = 0.0
     cautious = 0.0
     centre = 0.0
     g_torque = 0.0
@@ -71,8 +72,10 @@ def _sense(  # type: ignore[no-untyped-def]
         needed, s = least_force_of_finger(f_t, tau_n, mu, torsion, gamma, f, tau, load)
         least += needed
         coulomb += f_t / mu
+        f_t_feared = f_t + 0.5 * reserve
+        reserved += least_force_of_finger(f_t_feared, tau_n, mu, torsion, gamma, f, tau, load)[0]
         tau_feared = max(abs(tau_n), f_t * offset_unknown)
-        cautious += least_force_of_finger(f_t, tau_feared, mu, torsion, gamma, f, tau, load)[0]
+        cautious += least_force_of_finger(f_t_feared, tau_feared, mu, torsion, gamma, f, tau, load)[0]
         pressing = max(f_n, 0.05)
         u = s * (f.size - 1)
         j = min(int(u), f.size - 2)
@@ -118,6 +121,7 @@ def _sense(  # type: ignore[no-untyped-def]
     sensed[10] = y
     sensed[11] = g
     sensed[13] = cautious
+    sensed[15] = reserved
     sensed[14] = 2.0 * (abs(fast[1, 2] - slow[1, 2]) - noise[1, 2])
     sensed[12] = _jump_of_one_finger(fast, slow, noise)
 
@@ -157,12 +161,21 @@ class SlipSense:
         dynamic: DynamicSettings,
         rate: float = 500.0,
         offset: float = 0.0,
+        reserve: float = 0.0,
     ) -> None:
         if round(1.0 / (rate * STEP)) != 4:
             raise ValueError(f"the observer's step fits a sensor of 500 Hz, not one of {rate:g} Hz")
         table = surface_table(contact)
         self._table = (table.f, table.tau, table.load)
-        self._contact = (contact.mu, contact.torsion, contact.gamma, contact.delta, float(contact.ellipsoid), offset)
+        self._contact = (
+            contact.mu,
+            contact.torsion,
+            contact.gamma,
+            contact.delta,
+            float(contact.ellipsoid),
+            offset,
+            reserve,
+        )
         self._observer = (
             observer.sigma0, observer.beta, observer.inertia, observer.mass, observer.offset, observer.gain
         )  # fmt: skip
@@ -173,7 +186,7 @@ class SlipSense:
         self._bias, self._noise, self._variance = np.zeros((2, 6)), np.zeros((2, 6)), np.zeros(6)
         self._fast, self._slow, self._smoothed = np.zeros((2, 6)), np.zeros((2, 6)), np.zeros((2, 6))
         self._memory, self._sensed = np.zeros(_MEMORY), np.zeros(_SENSED)
-        self._least_before = 0.0
+        self._least_before = self._unrest = 0.0
         self.f_n = self.least = self.coulomb = self.f_nd = self.omega = self.centre = self.f_t = self.tau_n = 0.0
 
     @property
@@ -191,14 +204,19 @@ class SlipSense:
         return bool(self._sensed[12] > JUMP)
 
     @property
+    def reserved(self) -> float:
+        """The least force for the measured load and the reserve [N]."""
+        return float(self._sensed[15])
+
+    @property
     def cautious(self) -> float:
         """The least force if the fruit's centre lay `offset` off the grasp axis, or as measured if that is more [N]."""
         return float(self._sensed[13])
 
     @property
-    def noise(self) -> Float64:
-        """Jumps below this are taken for noise, of what both fingers feel alike and apart, shape (2, 6) [N, N·m]."""
-        return self._noise
+    def unrest(self) -> float:
+        """How far noise alone carries the measured grasp force from the true one, twice its standard deviation [N]."""
+        return self._unrest
 
     def settle(self, samples: Float64) -> None:
         """Take the bias, and how noisy the fingers are, from samples with nothing touching, shape (n, 2, 6)."""
@@ -209,6 +227,8 @@ class SlipSense:
         self._noise[:] = NOISE_SHARE * modes.std(axis=0) * math.sqrt(fast_share / (2.0 - fast_share))
         slow_share = self._shares[2]
         self._variance[:] = modes.var(axis=0).sum(axis=0) * slow_share / (2.0 - slow_share)
+        normal_share = self._shares[1]
+        self._unrest = 4.0 * math.sqrt(float(modes[:, :, 2].var(axis=0).sum()) * normal_share / (2.0 - normal_share))
         for state in (self._fast, self._slow, self._smoothed, self._memory):
             state[:] = 0.0
 
