@@ -18,7 +18,7 @@ on while that takes time, and lets the exception pass. Work that takes longer th
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Generator, Mapping
+from collections.abc import Callable, Generator, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, Protocol, TypeVar
 
@@ -196,6 +196,16 @@ class Skill(py_trees.behaviour.Behaviour):
         self._context, self.path, self._read, self._write = context, path, read, write
 
     # ------------------------------------------------------------------------------------------- py_trees
+
+    def tick(self) -> Iterator[py_trees.behaviour.Behaviour]:
+        # As py_trees' own, without formatting a log line and listing all statuses in every tick.
+        if self.status is not Status.RUNNING:
+            self.initialise()
+        status = self.update()
+        if status is not Status.RUNNING:
+            self.stop(status)
+        self.status = status
+        yield self
 
     def initialise(self) -> None:
         self.reason = None
