@@ -1,0 +1,84 @@
+"""`pomona run --watch`: when the tree file is saved, check it again, say what changed, and run it again."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+from rich.console import Console
+
+from executive.errors import UsageError
+from executive.execute import read_document, refuse_errors
+from executive.registry import Registry
+from executive.tree_file import Document
+from executive.tree_file.compare import changes
+
+LOOK_EVERY = 0.3
+"""Seconds between two looks at the file."""
+
+
+def run_on_save(
+    path: Path,
+    settings: Mapping[str, str],
+    run: Callable[[], int],
+    console: Console,
+    wait: Callable[[float], None] = time.sleep,
+) -> int:
+    """Run, then again after each save that changes the tree and leaves no error, until Ctrl-C.
+
+    Args:
+        path: the tree file.
+        settings: for its parameters; those that it does not declare are the cell's.
+        run: runs the tree once; returns the exit status.
+        console: where changes and errors are told.
+        wait: between two looks at the file.
+
+    Returns:
+        the exit status of the newest run.
+    """
+    registry = Registry.installed()
+    status = run()
+    document, stamp = read_document(path), _stamp(path)
+    console.print(f"watching {path}: save it to run it again, Ctrl-C ends", highlight=False)
+    try:
+        while True:
+            wait(LOOK_EVERY)
+            if _stamp(path) == stamp:
+                continue
+            stamp = _stamp(path)
+            changed = _reload(path, document, settings, registry, console)
+            if changed is not None:
+                document = changed
+                status = run()
+                console.print(f"watching {path}", highlight=False)
+    except KeyboardInterrupt:
+        return status
+
+
+def _reload(
+    path: Path, before: Document, settings: Mapping[str, str], registry: Registry, console: Console
+) -> Document | None:
+    try:
+        document = read_document(path)
+        declared = set(document.main.parameters)
+        refuse_errors(document, registry, {k: v for k, v in settings.items() if k in declared}, None)
+    except UsageError as error:
+        console.print(str(error), style="red", markup=False, highlight=False, soft_wrap=True)
+        return None
+    lines = changes(before, document)
+    if not lines:
+        console.print("saved, nothing that runs has changed")
+        return None
+    for line in lines:
+        console.print(f"  {line}", markup=False, highlight=False)
+    return document
+
+
+def _stamp(path: Path) -> tuple[int, int]:
+    """What changes when a file is saved; editors replace files, so it may be away for a moment."""
+    try:
+        status = path.stat()
+    except OSError:
+        return (0, 0)
+    return status.st_mtime_ns, status.st_size
