@@ -117,3 +117,16 @@ def _record(options: argparse.Namespace) -> int:
     np.savez_compressed(options.record, volts=volts, wrenches=wrenches)
     print(f"{options.samples} samples in {options.record}")
     return 0
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """`python -m drivers.commands.emulate DEVICE …`: the same without the command line of `pomona`."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    add(parser.add_subparsers(required=True))
+    options = parser.parse_args(["emulate", *(sys.argv[1:] if arguments is None else arguments)])
+    status: int = options.main(options)
+    return status
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -119,8 +119,8 @@ def connect_world(settings: Settings, bench: Bench) -> EmulatedWorld:
     if line.strip() != b"ready":
         process.kill()
         _, complaint = process.communicate()
-        words = complaint.decode(errors="replace").strip().splitlines()
-        raise settings.error(f"the emulated world did not start: {words[-1] if words else 'no word'}", "cell")
+        words = complaint.decode(errors="replace").strip()
+        raise settings.error(f"the emulated world did not start: {words or 'it said nothing'}", "cell")
     assert process.stderr is not None
     process.stderr.close()
     return EmulatedWorld(process, pace)

@@ -30,6 +30,7 @@ class PointStream:
     Attributes:
         sent: points that the controller accepted.
         busy: how often it answered BUSY.
+        dry: how often the controller must have run out of points while the arm moved.
     """
 
     def __init__(
@@ -37,7 +38,7 @@ class PointStream:
     ) -> None:
         """Begin at the arm's own position `q_arm`, which may differ a little from the path's start `q_start`."""
         self.motion = motion
-        self.sent, self.busy = 0, 0
+        self.sent, self.busy, self.dry = 0, 0, 0
         self.q_last = q_arm
         self._offset = q_arm - q_start
         self._clock, self._group, self._lead = clock, group, lead
@@ -45,12 +46,18 @@ class PointStream:
         self._time = 0.0
         self._began: float | None = None
         self._resend_at = 0.0
+        self._moving = False
         self._point: TrajectoryPoint | None = self._make(q_arm, np.zeros_like(q_arm))
 
     @property
     def played(self) -> bool:
         """Whether the controller must have played everything that was sent."""
         return self._point is None and self._began is not None and self._clock.now() >= self._began + self._time
+
+    @property
+    def ahead(self) -> float:
+        """How much motion the controller must still have in its queue [s]; negative when it has run out."""
+        return 0.0 if self._began is None else self._time - (self._clock.now() - self._began)
 
     def pump(self, session: Session) -> None:
         """Take the answer to the last point, and send the next when it is due.
@@ -71,12 +78,13 @@ class PointStream:
                 self._accepted(now)
             else:
                 raise DeviceFault(session.device, refusal(reply))
-        ahead = self._time - (now - self._began) if self._began is not None else 0.0
+        ahead = self.ahead
         if self._point is None and ahead < self._lead:
-            time = self._time
+            time, moved = self._time, self._moving
             self._point = self._next()
             if self._point is not None and ahead < 0.0:
-                self._began = now - time  # the queue had run dry at rest, after a pause
+                self._began = now - time  # the queue has run dry: at rest, after a pause, or because this came late
+                self.dry += int(moved)
         if self._point is not None and now >= self._resend_at:
             session.send(self._point)
 
@@ -107,5 +115,6 @@ class PointStream:
         return self._make(self.q_last, qd + blend_rate * self._offset)
 
     def _make(self, q: Float64, qd: Float64) -> TrajectoryPoint:
+        self._moving = bool(np.any(qd != 0.0))
         valid = Valid.TIME | Valid.POSITION | Valid.VELOCITY
         return TrajectoryPoint(self._group, self.sent, valid, self._time, tuple(q.tolist()), tuple(qd.tolist()))

@@ -1,0 +1,100 @@
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import can
+import pytest
+
+from drivers.cell_file import read_cell_file
+from drivers.device import Bench
+from drivers.emulators.free_gripper import FreeGripper
+from drivers.emulators.server import CanPort, Port, Server, TcpPort
+from drivers.emulators.wsg import WsgEmulator
+from drivers.errors import CellFileError
+from drivers.interfaces import MotionState
+from drivers.wsg.connect import connect
+from drivers.wsg.driver import WsgGripper
+from drivers.wsg.transport import can_channels
+from executive.clock import SystemClock
+
+
+def serving(port: Port, device: WsgEmulator) -> Iterator[str]:
+    done = threading.Event()
+    server = Server([port], [device], time.monotonic)
+    thread = threading.Thread(target=server.serve, args=(lambda: not done.is_set(),), daemon=True)
+    thread.start()
+    yield port.address
+    done.set()
+    thread.join(2.0)
+
+
+@pytest.fixture
+def tcp() -> Iterator[str]:
+    device = WsgEmulator(FreeGripper(time.monotonic))
+    yield from serving(TcpPort(device), device)
+
+
+@pytest.fixture
+def bus() -> Iterator[str]:
+    device = WsgEmulator(FreeGripper(time.monotonic))
+    yield from serving(CanPort(device, can.Bus("wsg-test", interface="virtual"), answers=7), device)
+
+
+def open_gripper(folder: Path, text: str) -> WsgGripper:
+    path = folder / "cell.yaml"
+    path.write_text(f"driver: wsg\nfinger_offset: 35 mm\nsilence: 900 ms\n{text}\n")
+    settings = read_cell_file(path)
+    settings.text("driver")
+    gripper = connect(settings, Bench(path, SystemClock(), 0))
+    settings.finish()
+    return gripper
+
+
+def moves(gripper: WsgGripper) -> bool:
+    motion = gripper.move(0.070, 0.2)
+    end = time.monotonic() + 5.0
+    while not motion.settled and time.monotonic() < end:
+        SystemClock().advance(0.005)
+    gripper.close()
+    return motion.state is MotionState.DONE
+
+
+def test_it_moves_over_tcp(tmp_path: Path, tcp: str) -> None:
+    assert moves(open_gripper(tmp_path, f"tcp: '{tcp}'"))
+
+
+def test_it_moves_over_a_can_bus_with_the_reply_id_of_the_cell_file(tmp_path: Path, bus: str) -> None:
+    assert moves(open_gripper(tmp_path, "can: {interface: virtual, channel: wsg-test, reply_id: 7}"))
+
+
+def test_the_wrong_reply_id_is_a_gripper_that_does_not_answer(tmp_path: Path, bus: str) -> None:
+    with pytest.raises(CellFileError, match="INFO was not answered") as caught:
+        open_gripper(tmp_path, "can: {interface: virtual, channel: wsg-test, reply_id: 8}")
+    assert caught.value.line == 4
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("tcp: '127.0.0.1:9'", r":4:6: .*cannot be reached"),
+        ("tcp: '127.0.0.1:port'", "write HOST or HOST:PORT"),
+        ("can: {interface: socketcan, channel: can77}", r"CAN interfaces of this machine"),
+        ("can: {interface: carrier-pigeon}", "carrier-pigeon"),
+        ("can: {reply_id: 4711}", "must lie between 0 and 2047"),
+        ("{}", "is not YAML|either 'tcp' or 'can'"),
+        ("tcp: h\ncan: {}", "either 'tcp' or 'can'"),
+        ("tcp: h\nsoft_limits: [10 mm, 90 mm]", "cannot lie below finger_offset"),
+        ("tcp: h\nwatchdog: 100 mm", "'mm' is not a unit of time"),
+    ],
+)
+def test_a_wrong_setting_is_refused_with_its_place(tmp_path: Path, text: str, words: str) -> None:
+    with pytest.raises(CellFileError, match=words):
+        open_gripper(tmp_path, text)
+
+
+def test_can_interfaces_are_found_by_their_hardware_type(tmp_path: Path) -> None:
+    for name, kind in (("can0", "280"), ("eth0", "1"), ("vcan0", "280")):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "type").write_text(f"{kind}\n")
+    assert can_channels(tmp_path) == ["can0", "vcan0"]
