@@ -33,7 +33,7 @@ _PATCHES = 80
 """So many parts of the visible surface deviate from the model independently: a lobe or a dent is some 10 mm wide."""
 
 _MAX_STEPS = 25
-_MAX_POINTS = 2000
+_MAX_POINTS = 1000
 _MAX_TURN = 0.3
 _MAX_STRETCH = 0.2
 _MAX_LEAN = 0.05
@@ -183,7 +183,7 @@ def _iterate(
             equations.add(row, -gap, priors.contact)
         step = equations.solve()
         state.move(step)
-        if count >= len(narrowing) and np.abs(step[:3]).max() < 1e-5 and np.abs(step[3:]).max() < 1e-4:
+        if count >= len(narrowing) and np.abs(step[:3]).max() < 5e-5 and np.abs(step[3:]).max() < 5e-4:
             break
     return equations, share
 
