@@ -70,6 +70,7 @@ def execute(
     listeners: Sequence[Listener] = (),
     *,
     on_ready: Callable[[Runner], None] = lambda _runner: None,
+    on_latched: Callable[[Runner], None] = lambda _runner: None,
 ) -> Executed:
     """Run an order to its end, in this thread.
 
@@ -77,6 +78,7 @@ def execute(
         order: what to run.
         listeners: hear every event.
         on_ready: gets the runner before it starts: to pause, stop or step it from another thread.
+        on_latched: gets the runner after a run that ended in the safe state, while the cell is still connected.
 
     Raises:
         UsageError: the tree, a setting or the cell cannot be used; nothing has moved.
@@ -91,17 +93,18 @@ def execute(
         if cell_settings:
             raise UsageError(f"the tree has no parameter {', '.join(sorted(cell_settings))}, and a dry run has no cell")
         mocks = _read_mocks(order.mocks, document, registry)
-        return _run(order, listeners, on_ready, registry, document, tree_settings, DryCell(), mocks)
+        return _run(order, listeners, on_ready, on_latched, registry, document, tree_settings, DryCell(), mocks)
     cell = load_cell(order.cell, order.seed, cell_settings, declared)
     with contextlib.closing(cell):
         refuse_errors(document, registry, tree_settings, cell.interfaces())
-        return _run(order, listeners, on_ready, registry, document, tree_settings, cell, None)
+        return _run(order, listeners, on_ready, on_latched, registry, document, tree_settings, cell, None)
 
 
 def _run(
     order: RunOrder,
     listeners: Sequence[Listener],
     on_ready: Callable[[Runner], None],
+    on_latched: Callable[[Runner], None],
     registry: Registry,
     document: Document,
     tree_settings: Mapping[str, str],
@@ -131,6 +134,8 @@ def _run(
             result = runner.run()
         if folder is not None and not picture.empty:
             picture.save(folder / "picture.png", f"{runner.tree.name}: {result.outcome}, seed {order.seed}")
+        if runner.latched is not None:
+            on_latched(runner)
     finally:
         runner.close()
         if recorder is not None:

@@ -177,6 +177,7 @@ class Runner:
 
     def leave(self) -> None:
         """Make `hold_latched` return although nobody has acknowledged: the process ends."""
+        self._leaving = True
         self._commands.put(("leave", "", ""))
 
     @property
@@ -223,7 +224,7 @@ class Runner:
 
     def hold_latched(self) -> None:
         """After the run: keep the cell connected in its safe state until somebody acknowledges the reason."""
-        while (reason := self._cell.latched) is not None:
+        while (reason := self._cell.latched) is not None and not self._leaving:
             action, who, _detail = self._commands.get()
             if action == "leave":
                 return
@@ -283,6 +284,8 @@ class Runner:
                 action, who, detail = self._commands.get_nowait()
             except queue.Empty:
                 return
+            if action == "leave":
+                continue
             self._emit(OperatorActed(*self._stamp(), who, action, detail))
             if action == "safe_stop":
                 raise _SafeStopRequestedError(detail)
@@ -383,7 +386,8 @@ class Runner:
         self._observer.after_tick()
         while not self._commands.empty():  # what was asked for in the last moment is recorded, too
             action, who, detail = self._commands.get()
-            self._emit(OperatorActed(*self._stamp(), who, action, detail))
+            if action != "leave":
+                self._emit(OperatorActed(*self._stamp(), who, action, detail))
         self._set_state(RunState.FAULTED, message)
 
     def _safe_stop(self, reason: str) -> None:

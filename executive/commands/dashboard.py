@@ -9,12 +9,13 @@ from typing import Any
 
 from rich.console import Console
 
+from executive.dashboard.choices import Choices
 from executive.dashboard.desk import RefusedError
 from executive.dashboard.security import Access
 from executive.dashboard.server import Dashboard
 from executive.errors import PomonaError, UsageError
 from executive.execute import RunOrder, execute
-from executive.files import find_cell, find_tree
+from executive.runner import Runner
 
 
 def add(subparsers: Any) -> None:
@@ -22,6 +23,12 @@ def add(subparsers: Any) -> None:
     parser = subparsers.add_parser("dashboard", help="serve the operator's page: recorded runs, and new ones")
     parser.add_argument(
         "--record", type=Path, default=Path("runs"), metavar="DIR", help="folder of records (default: runs)"
+    )
+    parser.add_argument(
+        "--tree", action="append", default=[], metavar="FILE", help="offer this tree, too, beside the installed ones"
+    )
+    parser.add_argument(
+        "--cell", action="append", default=[], metavar="FILE", help="offer this cell, too, beside the installed ones"
     )
     add_address(parser)
     parser.set_defaults(main=main)
@@ -32,54 +39,62 @@ def add_address(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--port", type=int, default=8420, help="port of the page (default: 8420)")
     parser.add_argument("--host", default="127.0.0.1", help="address to listen on (default: this machine only)")
     parser.add_argument(
+        "--served-as", action="append", default=[], metavar="NAME", help="a name by which browsers reach this machine"
+    )
+    parser.add_argument("--tls-cert", type=Path, metavar="FILE", help="certificate (PEM): the page is served with TLS")
+    parser.add_argument("--tls-key", type=Path, metavar="FILE", help="the certificate's key (PEM)")
+    parser.add_argument(
         "--insecure-act", action="store_true", help="with another --host: let the page act although it is not encrypted"
     )
 
 
 def make_access(options: argparse.Namespace) -> Access:
-    """The rules for an address: another one than this machine's may only watch, unless that is asked for."""
+    """The rules for an address: another one than this machine's may only watch, unless TLS or the flag allows more.
+
+    Raises:
+        UsageError: the certificate comes without its key, or the other way round.
+    """
+    if (options.tls_cert is None) != (options.tls_key is None):
+        raise UsageError("--tls-cert and --tls-key belong together")
     local = options.host in ("127.0.0.1", "localhost", "::1")
-    return Access(options.host, options.port, may_act=local or options.insecure_act)
+    return Access(
+        options.host,
+        options.port,
+        may_act=local or options.tls_cert is not None or options.insecure_act,
+        certificate=options.tls_cert,
+        key=options.tls_key,
+        names=tuple(options.served_as),
+    )
 
 
 class Launcher:
     """Starts runs for the page, one at a time, each in a thread of its own."""
 
-    def __init__(self, dashboard: Dashboard, record: Path) -> None:
-        self._dashboard, self._record = dashboard, record
+    def __init__(self, dashboard: Dashboard, record: Path, choices: Choices) -> None:
+        self._dashboard, self._record, self._choices = dashboard, record, choices
         self._thread: threading.Thread | None = None
 
     def start(self, form: dict[str, Any]) -> str:
         """Start the run that the page's form describes.
 
         Raises:
-            RefusedError: one is running.
+            RefusedError: one is running, or the safe state of the last one is latched.
             UsageError: the tree, cell or settings cannot be used.
         """
         if self._thread is not None and self._thread.is_alive():
-            raise RefusedError("a run is going on; stop it first")
-        settings = {str(k): str(v) for k, v in dict(form.get("settings") or {}).items()}
-        seed = form.get("seed", 0)
-        if not isinstance(seed, int):
-            raise UsageError("the seed is a whole number")
-        order = RunOrder(
-            tree=find_tree(str(form.get("tree", ""))),
-            cell=find_cell(str(form.get("cell", "sim"))),
-            seed=seed,
-            settings=settings,
-            real_time=form.get("pace", "real") == "real",
-            record=self._record,
-        )
+            latched = self._dashboard.desk.runner is not None and self._dashboard.desk.runner.latched
+            raise RefusedError(f"reset the safe state first: {latched}" if latched else "a run is going on")
+        order = self._order(form)
         ready = threading.Event()
         problem: list[PomonaError] = []
 
-        def run() -> None:
-            def on_ready(runner: Any) -> None:
-                self._dashboard.desk.serve(runner)
-                ready.set()
+        def on_ready(runner: Runner) -> None:
+            self._dashboard.desk.serve(runner)
+            ready.set()
 
+        def run() -> None:
             try:
-                execute(order, [self._dashboard.hub.hear], on_ready=on_ready)
+                execute(order, [self._dashboard.hub.hear], on_ready=on_ready, on_latched=Runner.hold_latched)
             except PomonaError as error:
                 problem.append(error)
             finally:
@@ -88,10 +103,36 @@ class Launcher:
 
         self._thread = threading.Thread(target=run, name="pomona-run")
         self._thread.start()
-        ready.wait(120.0)
+        ready.wait()
         if problem:
             raise problem[0]
-        return str(order.tree)
+        return order.tree.stem
+
+    def close(self) -> None:
+        """End what runs, in the safe state, and wait until it has ended."""
+        runner = self._dashboard.desk.runner
+        if runner is not None:
+            runner.safe_stop("the dashboard was ended")
+            runner.leave()
+        if self._thread is not None:
+            self._thread.join()
+
+    def _order(self, form: dict[str, Any]) -> RunOrder:
+        seed, settings = form.get("seed", 0), form.get("settings", {})
+        if not isinstance(seed, int) or isinstance(seed, bool):
+            raise UsageError("the seed is a whole number")
+        if not isinstance(settings, dict) or not all(isinstance(value, str) for value in settings.values()):
+            raise UsageError("settings are texts by name")
+        dry = form.get("dry") is True
+        return RunOrder(
+            tree=self._choices.tree(form.get("tree")),
+            cell=self._choices.cell(form.get("cell", "sim")),
+            seed=seed,
+            settings=settings,
+            real_time=form.get("pace", "real") == "real",
+            record=self._record,
+            dry=dry,
+        )
 
 
 def main(options: argparse.Namespace) -> int:
@@ -102,16 +143,15 @@ def main(options: argparse.Namespace) -> int:
     """
     console = Console()
     dashboard = Dashboard(make_access(options), options.record)
-    launcher = Launcher(dashboard, options.record)
-    dashboard.allow_starts(launcher.start)
+    choices = Choices.installed(options.tree, options.cell)
+    launcher = Launcher(dashboard, options.record, choices)
+    dashboard.allow_starts(launcher.start, choices)
     dashboard.start()
-    console.print(f"dashboard: {dashboard.link}   (Ctrl-C ends it)", highlight=False)
+    console.print(f"dashboard: {dashboard.link}   (Ctrl-C ends it)", highlight=False, soft_wrap=True)
     try:
         threading.Event().wait()
     except KeyboardInterrupt:
-        runner = dashboard.desk.runner
-        if runner is not None:
-            runner.safe_stop("the dashboard was ended")
+        launcher.close()
     finally:
         dashboard.close()
     return 0

@@ -7,6 +7,7 @@ import contextlib
 import json
 import logging
 import sys
+import threading
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +15,9 @@ from rich.console import Console
 
 from executive.commands.dashboard import add_address, make_access
 from executive.dashboard.server import Dashboard
-from executive.execute import RunOrder, execute
+from executive.execute import Executed, RunOrder, execute
 from executive.files import find_cell, find_tree
+from executive.runner import Runner
 from executive.settings import parse_settings
 from executive.terminal.live import LiveTree
 
@@ -51,7 +53,11 @@ def add(subparsers: Any) -> None:
     )
     parser.add_argument("--json", action="store_true", help="print one JSON object as the last line")
     parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
-    parser.add_argument("--dashboard", action="store_true", help="show the run in the browser, too")
+    parser.add_argument(
+        "--dashboard",
+        action="store_true",
+        help="show the run in the browser, too; in a terminal the page stays until Ctrl-C",
+    )
     add_address(parser)
     parser.set_defaults(main=main)
 
@@ -74,20 +80,50 @@ def main(options: argparse.Namespace) -> int:
         dry=options.dry is not None,
         mocks=Path(options.dry) if options.dry else None,
     )
-    live = LiveTree(console)
     with contextlib.ExitStack() as stack:
-        stack.callback(live.close)
-        if not options.dashboard:
-            executed = execute(order, [live.hear])
-        else:
-            dashboard = Dashboard(make_access(options), options.record)
-            dashboard.start()
-            stack.callback(dashboard.close)
-            console.print(f"dashboard: {dashboard.link}", highlight=False, soft_wrap=True)
-            executed = execute(order, [live.hear, dashboard.hub.hear], on_ready=dashboard.desk.serve)
-    executed.summary.print(console, executed.record)
-    if executed.problem:
-        console.print(executed.problem, style="red", markup=False)
-    if options.json:
-        sys.stdout.write(json.dumps(executed.summary.as_json(executed.record), ensure_ascii=False) + "\n")
+        dashboard = _serve(options, console, stack) if options.dashboard else None
+        with contextlib.closing(LiveTree(console)) as live:
+            executed = _execute(order, live, dashboard, console)
+        executed.summary.print(console, executed.record)
+        if executed.problem:
+            console.print(executed.problem, style="red", markup=False)
+        if options.json:
+            sys.stdout.write(json.dumps(executed.summary.as_json(executed.record), ensure_ascii=False) + "\n")
+        if dashboard is not None and sys.stdin.isatty() and not options.quiet:
+            console.print("the page stays open; Ctrl-C ends it")
+            with contextlib.suppress(KeyboardInterrupt):
+                threading.Event().wait()
     return 130 if executed.result.interrupted else EXIT[executed.result.outcome]
+
+
+def _serve(options: argparse.Namespace, console: Console, stack: contextlib.ExitStack) -> Dashboard:
+    dashboard = Dashboard(make_access(options), options.record)
+    dashboard.start()
+    stack.callback(dashboard.close)
+    console.print(f"dashboard: {dashboard.link}", highlight=False, soft_wrap=True)
+    return dashboard
+
+
+def _execute(order: RunOrder, live: LiveTree, dashboard: Dashboard | None, console: Console) -> Executed:
+    if dashboard is None:
+        return execute(order, [live.hear])
+    try:
+        return execute(
+            order,
+            [live.hear, dashboard.hub.hear],
+            on_ready=dashboard.desk.serve,
+            on_latched=lambda runner: _hold(runner, dashboard, console),
+        )
+    finally:
+        dashboard.desk.serve(None)
+
+
+def _hold(runner: Runner, dashboard: Dashboard, console: Console) -> None:
+    """Keep the cell in its safe state while there is somebody who can reset it; Ctrl-C lets go, too."""
+    if not dashboard.hub.viewers and not sys.stdin.isatty():
+        return
+    console.print(
+        f"safe state: {runner.latched}. Reset it on the page, or let go with Ctrl-C.", style="red", markup=False
+    )
+    with contextlib.suppress(KeyboardInterrupt):
+        runner.hold_latched()

@@ -18,10 +18,15 @@ class RefusedError(PomonaError):
 
 @dataclass(frozen=True, slots=True)
 class Held:
-    """Who holds control now; empty when nobody does."""
+    """Who holds control now; empty when nobody does.
 
-    who: str
-    viewer: str
+    `viewer` is known to that page and the server only; `grant` counts how often control has changed hands, so that
+    every page can tell whether the newest grant is its own.
+    """
+
+    who: str = ""
+    viewer: str = ""
+    grant: int = 0
 
 
 class Desk:
@@ -29,7 +34,7 @@ class Desk:
 
     def __init__(self, changed: Callable[[], None] = lambda: None) -> None:
         self._lock = threading.Lock()
-        self._held = Held("", "")
+        self._held = Held()
         self._runner: Runner | None = None
         self._changed = changed
 
@@ -44,20 +49,45 @@ class Desk:
     def serve(self, runner: Runner | None) -> None:
         """Act on this runner from now on."""
         self._runner = runner
+        if runner is not None and self._held.who:
+            runner.note(self._held.who, "take")  # the record begins with who holds control
+        self._changed()
 
     def take(self, viewer: str, who: str) -> None:
-        """Take control; it is taken visibly, also from somebody else."""
-        with self._lock:
-            self._held = Held(who, viewer)
-        self._changed()
+        """Take control; it is taken visibly, also from somebody else.
+
+        Raises:
+            RefusedError: the viewer does not say who it is.
+        """
+        if not viewer:
+            raise RefusedError("a viewer has an id of its own")
+        self._hand_over(viewer, Held(who, viewer), who, "take")
 
     def release(self, viewer: str) -> None:
         """Give control back; harmless for a viewer that does not hold it."""
+        held = self._held
+        if viewer and held.viewer == viewer:
+            self._hand_over(viewer, Held(), held.who, "release")
+
+    def _hand_over(self, viewer: str, to: Held, who: str, action: str) -> None:
         with self._lock:
-            if self._held.viewer != viewer:
+            if action == "release" and self._held.viewer != viewer:
                 return
-            self._held = Held("", "")
+            self._held = Held(to.who, to.viewer, self._held.grant + 1)
+        if self._runner is not None:
+            self._runner.note(who, action)
         self._changed()
+
+    def require(self, viewer: str) -> str:
+        """The name of the operator who holds control with this viewer.
+
+        Raises:
+            RefusedError: somebody else does, or nobody.
+        """
+        held = self._held
+        if not viewer or held.viewer != viewer:
+            raise RefusedError(f"{held.who or 'nobody'} holds control; take it first")
+        return held.who
 
     def safe_stop(self, who: str) -> None:
         """Stop now. Nobody needs control for this.
@@ -65,25 +95,37 @@ class Desk:
         Raises:
             RefusedError: nothing runs.
         """
-        if self._runner is None:
+        if self._runner is None or (self._runner.state.ended and self._runner.latched is None):
             raise RefusedError("nothing is running")
         self._runner.safe_stop(f"safe stop by {who}", who)
+
+    def acknowledge(self, viewer: str) -> None:
+        """Release the latch of the safe state. Nothing resumes by itself.
+
+        Raises:
+            RefusedError: the viewer does not hold control, or nothing is latched, or the run has not ended yet.
+        """
+        who = self.require(viewer)
+        if self._runner is None or self._runner.latched is None:
+            raise RefusedError("no safe state is latched")
+        if not self._runner.state.ended:
+            raise RefusedError("the cell is still coming to rest")
+        self._runner.acknowledge(who)
 
     def act(self, viewer: str, action: str, detail: str = "") -> None:
         """Pass an action to the runner.
 
         Raises:
-            RefusedError: the viewer does not hold control, nothing runs, or there is no such action.
+            RefusedError: the viewer does not hold control, nothing runs, or there is no such action or node.
         """
-        if self._held.viewer != viewer:
-            holder = self._held.who or "nobody"
-            raise RefusedError(f"{holder} holds control; take it first")
-        if self._runner is None or self._runner.state.ended:
-            raise RefusedError("nothing is running")
+        who = self.require(viewer)
         if action not in ACTIONS:
             raise RefusedError(f"'{action}' is no action")
-        who = self._held.who
+        if self._runner is None or self._runner.state.ended:
+            raise RefusedError("nothing is running")
         if action in ("break", "unbreak"):
+            if detail not in self._runner.tree.behaviours:
+                raise RefusedError("the tree has no such node")
             self._runner.break_at(detail, action == "break", who)
         else:
             getattr(self._runner, action)(who)

@@ -4,24 +4,49 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import json
 import queue
+import secrets
 import threading
+import time
 from collections import deque
+from collections.abc import Hashable, Iterable
 from typing import Any
 
-from executive.dashboard.messages import encode
-from executive.events import Event, Published, RunStarted
-from executive.views import ImageView, SceneView
+from executive.dashboard.messages import VERSION, encode
+from executive.events import (
+    AttemptEnded,
+    Event,
+    LinkChanged,
+    NodeChanged,
+    OperatorActed,
+    PortWritten,
+    Published,
+    RunEnded,
+    RunStarted,
+    SafeStopped,
+    StateChanged,
+)
+from executive.views import ImageView, SceneView, TableView
 
-HISTORY = 50_000
-"""Messages of a run that are kept for viewers who come later; the oldest go first, the run's start never."""
+HISTORY_BYTES = 32_000_000
+"""Characters of a run's messages that are kept for viewers who come later. Of older ones each key's last word stays."""
 
-BACKLOG = 2_000
-"""Messages that may wait for one viewer; a viewer that is further behind is sent the whole state afresh."""
+BATCH = 0.033
+"""Seconds in which messages are gathered, so that fifty viewers cost thirty sends a second each and no more."""
+
+CHUNK = 500_000
+"""Characters of one batch of old messages."""
+
+BACKLOG = 600
+"""Batches that may wait for one viewer; one that is further behind is sent the whole state afresh."""
+
+Kept = tuple[int, str]
+"""A message's number and text."""
 
 
 class Viewer:
-    """One open page."""
+    """One open page. `waiting` holds batches: messages, one a line."""
 
     def __init__(self) -> None:
         self.waiting: deque[str] = deque()
@@ -29,7 +54,7 @@ class Viewer:
         self.lagged = False
 
     async def next(self) -> str:
-        """The next message; waits for one."""
+        """The next batch; waits for one."""
         while not self.waiting:
             self.news.clear()
             await self.news.wait()
@@ -40,15 +65,21 @@ class Hub:
     """Keeps a run's messages and hands them to viewers. Subscribe `hear` to the run's stream."""
 
     def __init__(self) -> None:
+        self.stream = secrets.token_hex(8)
+        """Names this hub: numbers of messages mean nothing to another one."""
         self._incoming: queue.SimpleQueue[Event | None] = queue.SimpleQueue()
         self._loop: asyncio.AbstractEventLoop | None = None
         self._viewers: set[Viewer] = set()
-        self._start: str | None = None
-        self._history: deque[tuple[int, str]] = deque(maxlen=HISTORY)
-        self._pictures: dict[str, tuple[int, str]] = {}
+        self._start: Kept | None = None
+        self._history: deque[tuple[int, str, Hashable]] = deque()
+        self._history_size = 0
+        self._forgotten = 0  # number of the newest message that has left the history
+        self._last_words: dict[Hashable, Kept] = {}
+        self._pictures: dict[str, Kept] = {}
+        self._control = ""
         self._seq = 0
         self._lock = threading.Lock()
-        self._thread = threading.Thread(target=self._encode, name="pomona-hub", daemon=True)
+        self._thread = threading.Thread(target=self._work, name="pomona-hub", daemon=True)
         self._thread.start()
 
     def attach(self, loop: asyncio.AbstractEventLoop) -> None:
@@ -59,6 +90,15 @@ class Hub:
         """Take one event; returns at once."""
         self._incoming.put(event)
 
+    def announce(self, **control: Any) -> None:
+        """Tell every viewer, and those who come later, who holds control. From any thread."""
+        self._control = json.dumps({"v": VERSION, "event": "Control", **control}, ensure_ascii=False)
+        self._deliver(self._control)
+
+    def beat(self, **signs: Any) -> None:
+        """Tell the viewers of this moment that the run is alive, and what time it is there. From any thread."""
+        self._deliver(json.dumps({"v": VERSION, "event": "Beat", **signs}, ensure_ascii=False))
+
     def close(self) -> None:
         """Stop encoding; what was heard before is still sent."""
         self._incoming.put(None)
@@ -66,11 +106,14 @@ class Hub:
 
     # -------------------------------------------------------------------------------------- in the loop
 
-    def join(self, since: int = 0) -> Viewer:
-        """A new viewer, with everything after message `since` already waiting for it."""
+    def join(self, since: int = 0, stream: str = "") -> Viewer:
+        """A new viewer, with everything after message `since` of `stream` already waiting for it."""
         viewer = Viewer()
+        viewer.waiting.append(json.dumps({"v": VERSION, "event": "Hello", "stream": self.stream}))
         with self._lock:
-            viewer.waiting.extend(self._backlog(since))
+            viewer.waiting.extend(_chunks(self._backlog(since if stream == self.stream else 0)))
+            if self._control:
+                viewer.waiting.append(self._control)
             self._viewers.add(viewer)
         viewer.news.set()
         return viewer
@@ -83,53 +126,109 @@ class Hub:
     def viewers(self) -> int:
         return len(self._viewers)
 
+    @property
+    def drained(self) -> bool:
+        """Whether nothing waits for any viewer."""
+        with self._lock:
+            return not any(viewer.waiting for viewer in self._viewers)
+
     def _backlog(self, since: int) -> list[str]:
-        kept = [entry for entry in self._history if entry[0] > since]
-        kept += [entry for entry in self._pictures.values() if entry[0] > since]
-        kept.sort(key=lambda entry: entry[0])
-        start = [self._start] if self._start is not None and since == 0 else []
-        return start + [text for _seq, text in kept]
+        kept = [(seq, text) for seq, text, _key in self._history] + list(self._pictures.values())
+        started = self._start[0] if self._start is not None else 0
+        if since < max(started, self._forgotten):  # no piece can be missing: the whole state, from the run's start
+            since = 0
+            kept += self._last_words.values()
+            kept += [self._start] if self._start is not None else []
+        return [text for seq, text in sorted(kept) if seq > since]
 
     # ------------------------------------------------------------------------------- the encoding thread
 
-    def _encode(self) -> None:
-        while (event := self._incoming.get()) is not None:
-            with self._lock:
-                if isinstance(event, RunStarted):
-                    self._history.clear()
-                    self._pictures.clear()
-                    self._seq = 0
-                self._seq += 1
-                seq = self._seq
-            text = encode(event, seq)
-            with self._lock:
-                if isinstance(event, RunStarted):
-                    self._start = text
-                elif isinstance(event, Published) and isinstance(event.value, (ImageView, SceneView)):
-                    self._pictures[event.topic] = (seq, text)  # only the newest picture of a topic is worth keeping
-                else:
-                    self._history.append((seq, text))
-            self._deliver(text)
+    def _work(self) -> None:
+        open_ = True
+        while open_:
+            events = [self._incoming.get()]
+            time.sleep(BATCH)
+            while not self._incoming.empty():
+                events.append(self._incoming.get())
+            if None in events:
+                open_ = False
+            texts = [self._keep(event) for event in events if event is not None]
+            if texts:
+                self._deliver("\n".join(texts))
 
-    def _deliver(self, text: str) -> None:
+    def _keep(self, event: Event) -> str:
+        with self._lock:
+            self._seq += 1
+            seq = self._seq
+        text = encode(event, seq)
+        with self._lock:
+            if isinstance(event, RunStarted):
+                self._history.clear()
+                self._pictures.clear()
+                self._last_words.clear()
+                self._history_size = 0
+                self._start, self._forgotten = (seq, text), 0
+            elif isinstance(event, Published) and isinstance(event.value, (ImageView, SceneView)):
+                self._pictures[event.topic] = (seq, text)  # only the newest picture of a topic is worth keeping
+            else:
+                self._history.append((seq, text, _key(event)))
+                self._history_size += len(text)
+            while self._history_size > HISTORY_BYTES:
+                self._forget()
+        return text
+
+    def _forget(self) -> None:
+        seq, text, key = self._history.popleft()
+        self._history_size -= len(text)
+        self._forgotten = seq
+        if key is not None:
+            self._last_words[key] = (seq, text)
+
+    def _deliver(self, batch: str) -> None:
         if self._loop is not None:
             with contextlib.suppress(RuntimeError):  # the loop was closed meanwhile
-                self._loop.call_soon_threadsafe(self._hand_out, text)
+                self._loop.call_soon_threadsafe(self._hand_out, batch)
 
-    def _hand_out(self, text: str) -> None:
+    def _hand_out(self, batch: str) -> None:
         with self._lock:
             for viewer in self._viewers:
                 if viewer.lagged:
                     continue
                 if len(viewer.waiting) >= BACKLOG:
                     viewer.waiting.clear()
-                    viewer.waiting.append('{"v":1,"event":"Lagged"}')
+                    viewer.waiting.append(json.dumps({"v": VERSION, "event": "Lagged"}))
                     viewer.lagged = True
                 else:
-                    viewer.waiting.append(text)
+                    viewer.waiting.append(batch)
                 viewer.news.set()
 
 
-def control_message(**fields: Any) -> dict[str, Any]:
-    """A message that is not an event of the run: who holds control, how many watch."""
-    return {"v": 1, "event": "Control", **fields}
+def _key(event: Event) -> Hashable:
+    """What an event tells the state of: the last word of each key is enough to know the present. None: forget it."""
+    match event:
+        case NodeChanged() | AttemptEnded():
+            return (type(event), event.path)
+        case PortWritten():
+            return (PortWritten, event.key)
+        case LinkChanged():
+            return (LinkChanged, event.device)
+        case OperatorActed(action="break" | "unbreak"):
+            return (OperatorActed, event.detail)
+        case Published(value=TableView()):
+            return (TableView, event.topic)
+        case StateChanged() | SafeStopped() | RunEnded():
+            return (type(event),)
+    return None
+
+
+def _chunks(texts: Iterable[str]) -> list[str]:
+    """Messages joined into batches of about `CHUNK` characters."""
+    batches: list[list[str]] = []
+    size = CHUNK
+    for text in texts:
+        if size >= CHUNK:
+            batches.append([])
+            size = 0
+        batches[-1].append(text)
+        size += len(text)
+    return ["\n".join(batch) for batch in batches]

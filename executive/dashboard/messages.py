@@ -23,6 +23,11 @@ MOST_SCENE_ELEMENTS = 60_000
 """Larger arrays in a view are described instead of sent: no browser draws them in time."""
 
 
+def encode_number(seq: int) -> bytes:
+    """How every message begins."""
+    return b'{"v":%d,"seq":%d,' % (VERSION, seq)
+
+
 def encode(event: Event, seq: int) -> str:
     """One event as the text of one message."""
     message: dict[str, Any] = {"v": VERSION, "seq": seq, "event": type(event).__name__}

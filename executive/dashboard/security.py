@@ -9,11 +9,12 @@ from __future__ import annotations
 
 import secrets
 from dataclasses import dataclass, field
-from urllib.parse import urlsplit
+from pathlib import Path
+from urllib.parse import parse_qs, urlsplit
 
 from starlette.datastructures import Headers
-from starlette.responses import PlainTextResponse
-from starlette.types import ASGIApp, Receive, Scope, Send
+from starlette.responses import JSONResponse
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 LOOPBACK = frozenset({"127.0.0.1", "localhost", "[::1]"})
 
@@ -33,19 +34,35 @@ class Access:
 
     Attributes:
         host, port: what it is bound to.
-        token: must accompany everything that acts.
         may_act: False when it is bound to another address without TLS and without the explicit insecure flag.
+        certificate, key: files for TLS, or None.
+        names: further names under which this machine is reached, for `--host 0.0.0.0`.
+        token: must accompany everything that acts; on another address than this machine's, everything that reads too.
     """
 
     host: str
     port: int
     may_act: bool = True
+    certificate: Path | None = None
+    key: Path | None = None
+    names: tuple[str, ...] = ()
     token: str = field(default_factory=lambda: secrets.token_urlsafe(24))
+
+    @property
+    def local(self) -> bool:
+        """Whether only this machine can reach it."""
+        return self.host in ("127.0.0.1", "localhost", "::1")
+
+    @property
+    def address(self) -> str:
+        """The page's address, without the token."""
+        name = self.names[0] if self.names else f"[{self.host}]" if ":" in self.host else self.host
+        return f"{'https' if self.certificate is not None else 'http'}://{name}:{self.port}/"
 
     @property
     def hosts(self) -> frozenset[str]:
         """Host headers that name us."""
-        names = LOOPBACK if self.host in ("127.0.0.1", "localhost", "::1") else LOOPBACK | {self.host}
+        names = LOOPBACK | {self.host, f"[{self.host}]", *self.names} if not self.local else LOOPBACK
         return frozenset(f"{name}:{self.port}" for name in names)
 
     def knows_host(self, headers: Headers) -> bool:
@@ -56,10 +73,19 @@ class Access:
         origin = headers.get("origin")
         return origin is None or urlsplit(origin).netloc in self.hosts
 
+    def may_read(self, scope: Scope, headers: Headers) -> bool:
+        """Whether a request may see runs. Addresses that a page opens by itself carry the token in their query."""
+        if self.local or not scope["path"].startswith(("/api", "/live")):
+            return True
+        query = parse_qs(scope.get("query_string", b"").decode("latin-1")).get("token", [""])[0]
+        return self._is_token(headers.get("x-pomona-token", "")) or self._is_token(query)
+
     def authorised(self, headers: Headers) -> bool:
-        """Whether a request may act."""
-        given = headers.get("x-pomona-token", "")
-        return self.may_act and secrets.compare_digest(given.encode(), self.token.encode())
+        """Whether a request may act. A token in an address does not count: addresses are kept and shown."""
+        return self.may_act and self._is_token(headers.get("x-pomona-token", ""))
+
+    def _is_token(self, given: str) -> bool:
+        return secrets.compare_digest(given.encode(), self.token.encode())
 
 
 class Guard:
@@ -72,20 +98,24 @@ class Guard:
         if scope["type"] not in ("http", "websocket"):
             await self._app(scope, receive, send)
             return
-        headers = Headers(scope=scope)
-        if not self._access.knows_host(headers) or not self._access.knows_origin(headers):
-            if scope["type"] == "websocket":
-                await receive()
-                await send({"type": "websocket.close", "code": 4403})
-                return
-            await PlainTextResponse("this host or origin is not served", 403)(scope, receive, send)
-            return
 
-        async def send_with_headers(message: dict[str, object]) -> None:
+        async def send_with_headers(message: Message) -> None:
             if message["type"] == "http.response.start":
-                present = list(message.get("headers", []))  # type: ignore[call-overload]
+                present = list(message.get("headers", []))
                 names = {name.lower() for name, _value in present}
                 message["headers"] = present + [(n, v) for n, v in HEADERS.items() if n not in names]
             await send(message)
 
-        await self._app(scope, receive, send_with_headers)  # type: ignore[arg-type]
+        headers = Headers(scope=scope)
+        refusal = ""
+        if not self._access.knows_host(headers) or not self._access.knows_origin(headers):
+            refusal = "this host or origin is not served"
+        elif not self._access.may_read(scope, headers):
+            refusal = "open the link that was printed: it carries the token"
+        if not refusal:
+            await self._app(scope, receive, send_with_headers)
+        elif scope["type"] == "websocket":
+            await receive()
+            await send({"type": "websocket.close", "code": 4403})
+        else:
+            await JSONResponse({"error": refusal}, 403)(scope, receive, send_with_headers)

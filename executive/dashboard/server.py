@@ -6,7 +6,8 @@ import asyncio
 import contextlib
 import json
 import threading
-from collections.abc import AsyncIterator, Callable
+import time
+from collections.abc import AsyncIterator, Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -19,20 +20,26 @@ from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
+from executive.dashboard.choices import Choices
 from executive.dashboard.desk import Desk, RefusedError
-from executive.dashboard.hub import Hub
-from executive.dashboard.messages import encode
+from executive.dashboard.hub import Hub, Viewer
+from executive.dashboard.record_messages import record_messages
+from executive.dashboard.records import RecordList
 from executive.dashboard.security import Access, Guard
 from executive.errors import PomonaError, UsageError
-from executive.recording.read import read_events
 from executive.recording.recorder import EVENTS_FILE
 
 STATIC = Path(__file__).parent / "static"
 MOST_VIEWERS = 200
 MOST_BODY = 16_384
+LAST_WORDS = 1.0
+"""Seconds in which viewers may still read when the server ends."""
+
+BEAT = 0.5
+"""Seconds between two signs of life of a run."""
 
 StartRun = Callable[[dict[str, Any]], str]
-"""Starts a run from the page's form and returns its name."""
+"""Starts a run from the page's form and returns its tree's name."""
 
 
 class Dashboard:
@@ -41,13 +48,16 @@ class Dashboard:
     def __init__(self, access: Access, records: Path) -> None:
         self.access, self.records = access, records
         self.hub = Hub()
-        self.desk = Desk()
+        self.desk = Desk(self._announce)
+        self._list = RecordList(records)
         self._start_run: StartRun | None = None
+        self._choices = Choices({}, {})
         self._server: uvicorn.Server | None = None
         self._thread: threading.Thread | None = None
         self.app = Starlette(
             routes=[
                 Route("/", self._page),
+                Route("/api/choices", self._offer),
                 Route("/api/runs", self._runs),
                 Route("/api/runs/{name}/messages", self._messages),
                 Route("/api/runs/{name}/record", self._download),
@@ -61,14 +71,23 @@ class Dashboard:
             lifespan=self._lifespan,
         )
 
-    def allow_starts(self, start_run: StartRun) -> None:
-        """Let the page start runs."""
-        self._start_run = start_run
+        self._announce()
+
+    def allow_starts(self, start_run: StartRun, choices: Choices) -> None:
+        """Let the page start runs of these trees on these cells."""
+        self._start_run, self._choices = start_run, choices
+        self._announce()
 
     @property
     def link(self) -> str:
         """The page's address, with the token that lets it act."""
-        return f"http://{self.access.host}:{self.access.port}/#token={self.access.token}"
+        return f"{self.access.address}#token={self.access.token}"
+
+    def _announce(self) -> None:
+        holder = self.desk.holder
+        self.hub.announce(
+            held_by=holder.who, grant=holder.grant, viewers=self.hub.viewers, starts=self._start_run is not None
+        )
 
     # ------------------------------------------------------------------------------------- its own thread
 
@@ -80,8 +99,13 @@ class Dashboard:
         """
         config = uvicorn.Config(
             self.app, host=self.access.host, port=self.access.port, log_level="critical", ws="websockets-sansio",
-            ws_max_size=MOST_BODY, lifespan="on", limit_concurrency=MOST_VIEWERS + 50,
+            ws_max_size=MOST_BODY, ws_per_message_deflate=False, lifespan="on", limit_concurrency=MOST_VIEWERS + 50,
+            ssl_certfile=self.access.certificate, ssl_keyfile=self.access.key,
         )  # fmt: skip
+        try:
+            config.load()
+        except OSError as error:  # ssl.SSLError, too
+            raise UsageError(f"the certificate or its key cannot be used: {error}") from error
         self._server = uvicorn.Server(config)
         self._server.install_signal_handlers = lambda: None  # type: ignore[attr-defined]
         started = threading.Event()
@@ -102,9 +126,12 @@ class Dashboard:
                 )
 
     def close(self) -> None:
-        """Stop serving. Harmless when it was not started."""
+        """Stop serving, once the viewers have what was said. Harmless when it was not started."""
         self.hub.close()
         if self._server is not None and self._thread is not None:
+            patience = time.monotonic() + LAST_WORDS
+            while not self.hub.drained and time.monotonic() < patience:
+                time.sleep(0.02)
             self._server.should_exit = True
             self._server.force_exit = True
             self._thread.join(5.0)
@@ -112,29 +139,41 @@ class Dashboard:
     @contextlib.asynccontextmanager
     async def _lifespan(self, _app: Starlette) -> AsyncIterator[None]:
         self.hub.attach(asyncio.get_running_loop())
+        beating = asyncio.create_task(self._beat())
         yield
+        beating.cancel()
+
+    async def _beat(self) -> None:
+        while True:
+            await asyncio.sleep(BEAT)
+            runner = self.desk.runner
+            if runner is not None and self.hub.viewers:
+                t, tick = runner.progress
+                self.hub.beat(t=t, tick=tick, state=runner.state.value)
 
     # --------------------------------------------------------------------------------------------- reading
 
     async def _page(self, _request: Request) -> Response:
         return HTMLResponse((STATIC / "index.html").read_text(encoding="utf-8"))
 
+    async def _offer(self, _request: Request) -> Response:
+        return JSONResponse(await asyncio.to_thread(self._choices.describe))
+
     async def _runs(self, _request: Request) -> Response:
-        return JSONResponse(await asyncio.to_thread(list_runs, self.records))
+        return JSONResponse(await asyncio.to_thread(self._list.read))
 
     async def _messages(self, request: Request) -> Response:
         folder = self._folder(request)
         if folder is None:
             return JSONResponse({"error": "no such record"}, 404)
 
-        def lines() -> Any:
+        def pieces() -> Iterator[bytes]:
             try:
-                for seq, event in enumerate(read_events(folder), start=1):
-                    yield encode(event, seq) + "\n"
-            except PomonaError as error:
-                yield json.dumps({"v": 1, "event": "Unreadable", "message": str(error)}) + "\n"
+                yield from record_messages(folder)
+            except (PomonaError, ValueError, KeyError) as error:
+                yield json.dumps({"v": 1, "event": "Unreadable", "message": str(error)}).encode() + b"\n"
 
-        return StreamingResponse(lines(), media_type="application/x-ndjson")
+        return StreamingResponse(pieces(), media_type="application/x-ndjson")
 
     async def _download(self, request: Request) -> Response:
         folder = self._folder(request)
@@ -163,24 +202,17 @@ class Dashboard:
             since = max(int(socket.query_params.get("since", "0")), 0)
         except ValueError:
             since = 0
-        viewer = self.hub.join(since)
+        viewer = self.hub.join(since, socket.query_params.get("stream", ""))
+        self._announce()
         gone = asyncio.ensure_future(_until_gone(socket))
         try:
-            while not gone.done():
-                upcoming = asyncio.ensure_future(viewer.next())
-                await asyncio.wait({upcoming, gone}, return_when=asyncio.FIRST_COMPLETED)
-                if not upcoming.done():
-                    upcoming.cancel()
-                    break
-                await socket.send_text(upcoming.result())
-                if viewer.lagged and not viewer.waiting:
-                    await socket.close(4408)  # the page connects again and gets the whole state
-                    break
+            await _feed(socket, viewer, gone)
         except (WebSocketDisconnect, RuntimeError):
             pass
         finally:
             gone.cancel()
             self.hub.leave(viewer)
+            self._announce()
 
     # ---------------------------------------------------------------------------------------------- acting
 
@@ -197,11 +229,14 @@ class Dashboard:
                 self.desk.take(viewer, who)
             elif action == "release":
                 self.desk.release(viewer)
+            elif action == "acknowledge":
+                self.desk.acknowledge(viewer)
             else:
                 self.desk.act(viewer, action, detail)
         except RefusedError as refused:
             return JSONResponse({"error": str(refused)}, 409)
-        return JSONResponse({"held_by": self.desk.holder.who, "viewer": self.desk.holder.viewer})
+        held = self.desk.holder
+        return JSONResponse({"held_by": held.who, "grant": held.grant, "yours": bool(viewer) and held.viewer == viewer})
 
     async def _start(self, request: Request) -> Response:
         body = await self._authorised_body(request)
@@ -210,10 +245,11 @@ class Dashboard:
         if self._start_run is None:
             return JSONResponse({"error": "this dashboard belongs to one run and starts no other"}, 409)
         try:
-            run = await asyncio.to_thread(self._start_run, body)
+            self.desk.require(_text(body, "viewer"))
+            tree = await asyncio.to_thread(self._start_run, body)
         except PomonaError as error:
             return JSONResponse({"error": str(error)}, 409)
-        return JSONResponse({"run": run})
+        return JSONResponse({"tree": tree})
 
     async def _authorised_body(self, request: Request) -> dict[str, Any] | Response:
         if not self.access.authorised(request.headers):
@@ -232,23 +268,19 @@ class Dashboard:
         return content if isinstance(content, dict) else JSONResponse({"error": "not an object"}, 400)
 
 
-def list_runs(records: Path) -> list[dict[str, Any]]:
-    """What the page lists, newest first."""
-    runs = []
-    for path in sorted(records.glob(f"*/{EVENTS_FILE}"), reverse=True)[:2000]:
-        entry: dict[str, Any] = {"run": path.parent.name, "bytes": path.stat().st_size}
-        with contextlib.suppress(OSError, ValueError):
-            ended = json.loads((path.parent / "summary.json").read_text(encoding="utf-8"))
-            reason = ended.get("reason") or {}
-            entry |= {
-                "outcome": ended.get("outcome"),
-                "time": ended.get("time"),
-                "code": reason.get("code"),
-                "message": reason.get("message"),
-                "truth": ended.get("truth"),
-            }
-        runs.append(entry)
-    return runs
+async def _feed(socket: WebSocket, viewer: Viewer, gone: asyncio.Future[None]) -> None:
+    """Send what waits for a viewer, until it leaves or lags."""
+    while not gone.done():
+        upcoming = asyncio.ensure_future(viewer.next())
+        both: set[asyncio.Future[Any]] = {upcoming, gone}
+        await asyncio.wait(both, return_when=asyncio.FIRST_COMPLETED)
+        if not upcoming.done():
+            upcoming.cancel()
+            return
+        await socket.send_text(upcoming.result())
+        if viewer.lagged and not viewer.waiting:
+            await socket.close(4408)  # the page connects again and gets the whole state
+            return
 
 
 async def _until_gone(socket: WebSocket) -> None:

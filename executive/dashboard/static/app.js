@@ -1,50 +1,34 @@
 // The page: messages in, state, views. A live run streams over the WebSocket; a recorded one is read whole. Both can be scrubbed.
-import { $, h, seconds, show } from "./dom.js";
-import { apply, emptyState, leavesOf, STATUS } from "./store.js";
+import { $, seconds } from "./dom.js";
+import { apply, emptyState } from "./store.js";
+import { act, page, readAddress, say, withToken } from "./page.js";
 import { TreeView } from "./tree.js";
 import { CameraView, PlotsView, drawTables } from "./pictures.js";
 import { SceneView } from "./scene.js";
 import { Timeline } from "./timeline.js";
+import { drawControl, drawHeader } from "./control.js";
+import { drawNode, drawPorts, drawWhy, onMoment } from "./panels.js";
+import { drawStart, loadRuns, readRecord, showRuns } from "./runs.js";
 
-const page = {
-  messages: [], whole: emptyState(), shownState: emptyState(), shownIndex: 0, at: null, live: true, playing: false,
-  recorded: null, token: "", viewer: sessionStorage.getItem("pomona-viewer") || crypto.randomUUID(), held: "", heldBy: "",
-  selected: null, runs: [], dirty: true, socket: null,
-};
-sessionStorage.setItem("pomona-viewer", page.viewer);
+const MOST_CHARACTERS = 60e6; // of messages that are kept for scrubbing in a live run; older ones become one state
 
-// ---------------------------------------------------------------------------------------------- the address
-
-function readAddress() {
-  const fields = new URLSearchParams(location.hash.slice(1));
-  const token = fields.get("token") || sessionStorage.getItem("pomona-token") || "";
-  if (fields.get("token")) {
-    sessionStorage.setItem("pomona-token", token);
-    fields.delete("token"); // the token stays out of links that are shared
-    history.replaceState(null, "", fields.size ? `#${fields}` : location.pathname);
-  }
-  page.token = token;
-  return { run: fields.get("run"), t: fields.has("t") ? Number(fields.get("t")) : null };
-}
-
-// ---------------------------------------------------------------------------------------------------- views
-
-const tree = new TreeView((path) => { page.selected = path; page.dirty = true; }, (path) => {
-  const on = !tree.breaks.has(path);
-  act(on ? "break" : "unbreak", path).then((ok) => { if (ok) { if (on) tree.breaks.add(path); else tree.breaks.delete(path); page.dirty = true; } });
-});
+const toggleBreak = (path) => { if (page.whole.byPath.get(path)?.leaf) act(page.whole.breaks.has(path) ? "unbreak" : "break", path); };
+const tree = new TreeView((path) => { page.selected = path; page.dirty = true; }, toggleBreak);
 const camera = new CameraView();
 const plots = new PlotsView();
 const scene = new SceneView();
-const timeline = new Timeline((t) => { page.live = false; page.playing = false; page.at = t; page.dirty = true; });
+const timeline = new Timeline(goTo);
+onMoment(goTo);
+
+// ------------------------------------------------------------------------------------------ the shown moment
+
+const beginning = () => (page.base ? structuredClone(page.base) : emptyState());
 
 function momentState() {
   if (page.at === null) return page.whole;
-  let { shownState: s, shownIndex: i } = page;
-  const next = page.messages[i];
-  if (s.t > page.at || !s.run || (next === undefined && i > page.messages.length)) { s = emptyState(); i = 0; }
-  while (i < page.messages.length && (page.messages[i].t ?? 0) <= page.at + 1e-9) apply(s, page.messages[i++]);
-  page.shownState = s; page.shownIndex = i;
+  if (page.shownState.t > page.at || !page.shownState.run) { page.shownState = beginning(); page.shownIndex = 0; }
+  const s = page.shownState;
+  while (page.shownIndex < page.messages.length && (page.messages[page.shownIndex].t ?? 0) <= page.at + 1e-9) apply(s, page.messages[page.shownIndex++]);
   return s;
 }
 
@@ -54,103 +38,24 @@ function render() {
   if (!page.dirty) return;
   page.dirty = false;
   const s = momentState();
-  const now = page.at ?? page.whole.t;
-  header(s);
+  drawHeader(s);
+  drawControl(page.whole);
+  drawStart();
   tree.update(s);
   camera.update(s);
   scene.update(s);
-  plots.update(s);
+  plots.update(s, page.at);
   drawTables(s);
-  why(s);
-  nodePanel(s);
-  ports(s);
-  timeline.draw(page.whole, now);
+  drawWhy(s);
+  drawNode(s, toggleBreak);
+  drawPorts(s);
+  timeline.draw(page.whole, page.at ?? page.whole.t);
   $("live").classList.toggle("on", page.at === null);
   $("live").hidden = Boolean(page.recorded);
   $("play").textContent = page.playing ? "❚❚" : "▶";
+  $("play").setAttribute("aria-label", page.playing ? "pause the playback" : "play");
+  document.body.classList.toggle("past", page.at !== null && !page.recorded);
 }
-
-function header(s) {
-  const kind = s.run?.cell_kind ?? "–";
-  $("kind").textContent = { simulated: "SIMULATED", emulated: "EMULATED", real: "REAL", frames: "RECORDED FRAMES", mock: "MOCK" }[kind] ?? kind;
-  $("kind").dataset.kind = kind;
-  $("run").textContent = s.run ? `${s.run.tree} · seed ${s.run.seed} · ${s.run.cell}` : "no run yet";
-  const state = s.ended ? s.ended.outcome : s.state;
-  $("state").textContent = state;
-  $("state").dataset.state = state;
-  $("state").title = s.because;
-  $("clock").textContent = `${(page.at ?? s.t).toFixed(1)} s`;
-  $("links").replaceChildren(...[...s.links].map(([device, link]) => h("span", { class: link === "ok" ? "link ok" : "link bad", title: link }, `${link === "ok" ? "●" : "▲"} ${device}${link === "ok" ? "" : `: ${link}`}`)));
-  const stopped = page.whole.safeStop;
-  $("latched").hidden = !stopped;
-  if (stopped) $("latched").textContent = `SAFE STATE, latched: ${stopped}. The arm holds, the gripper keeps its grip. Start a new run to acknowledge. This is not the hardware emergency stop.`;
-  document.title = s.run ? `${STATUS_WORD[state] ?? ""} ${s.run.tree} – Pomona` : "Pomona";
-}
-
-const STATUS_WORD = { success: "✓", failure: "✗", stopped: "■", error: "■", running: "▶", paused: "❚❚" };
-
-function reasonTree(reason, s) {
-  const name = s.byPath.get(reason.node_path)?.name ?? reason.node_path;
-  const facts = Object.entries(reason.data ?? {});
-  return h("li", {}, h("strong", {}, name || "run"), " ", h("code", {}, reason.code), ` ${reason.message} `,
-    facts.length ? h("dl", { class: "facts" }, facts.flatMap(([k, v]) => [h("dt", {}, k), h("dd", {}, show(v))])) : null,
-    reason.causes?.length ? h("ol", {}, reason.causes.map((cause) => reasonTree(cause, s))) : null);
-}
-
-let whyKey = "";
-function why(s) {
-  const latest = s.failures.at(-1);
-  const chain = s.ended?.reason ?? latest?.reason ?? null;
-  const key = `${s.run?.run}|${s.failures.length}|${latest?.next}|${s.ended?.outcome}`;
-  if (key === whyKey) return;
-  whyKey = key;
-  if (!chain) { $("why").replaceChildren(h("p", { class: "muted" }, s.ended ? "Nothing failed." : "Nothing has failed so far.")); return; }
-  const parts = [];
-  if (s.ended && s.ended.outcome === "success") parts.push(h("p", {}, h("b", { class: "good" }, "✓ The task succeeded"), ` after ${s.failures.length} failure${s.failures.length === 1 ? "" : "s"} on the way. The latest:`));
-  else if (s.ended) parts.push(h("p", {}, h("b", { class: "bad" }, `✗ The run ended: ${s.ended.outcome}.`)));
-  parts.push(h("ol", { class: "chain" }, reasonTree(chain, s)));
-  if (latest?.next) parts.push(h("p", {}, `${seconds(latest.t)} into the run. Then the tree went on with `, h("strong", {}, s.byPath.get(latest.next)?.name ?? latest.next), "."));
-  if (s.failures.length > 1) {
-    parts.push(h("details", {}, h("summary", {}, `All ${s.failures.length} failures`), h("ol", {}, s.failures.map((f) => h("li", {}, h("button", { class: "moment", onclick: () => goTo(f.t) }, seconds(f.t)), ` ${s.byPath.get(f.path)?.name}: `, leavesOf(f.reason).map((l) => `${l.code} ${l.message}`).join("; "))))));
-  }
-  $("why").replaceChildren(...parts);
-}
-
-let nodeKey = "";
-function nodePanel(s) {
-  const path = page.selected;
-  const node = path && s.node.get(path);
-  const key = `${path}|${node?.tick}|${node?.status}|${node?.feedback}|${s.run?.run}|${s.ports.size}`;
-  if (key === nodeKey) return;
-  nodeKey = key;
-  const about = path && s.byPath.get(path);
-  if (!about) { $("node").replaceChildren(h("p", { class: "muted" }, "Choose a node in the tree. b sets a breakpoint.")); return; }
-  const { icon, word } = STATUS[node?.status ?? "INVALID"];
-  const { line: from, end_line: to } = about;
-  const source = from && s.run.tree_text ? s.run.tree_text.split("\n").slice(from - 1, Math.min(to ?? from, from + 14)).join("\n") : "";
-  const wiring = [...Object.entries(about.inputs ?? {}), ...Object.entries(about.outputs ?? {})].map(([port, wired]) => {
-    const name = wired.match(/^\{\s*([A-Za-z_]\w*)/)?.[1];
-    const entry = name && [...s.ports].find(([key]) => key.endsWith(`/${name}`))?.[1];
-    return [h("dt", {}, port), h("dd", {}, wired, entry ? h("span", { class: "muted" }, ` ${entry.sentence || show(entry.value).slice(0, 120)}, ${seconds(Math.max(0, s.t - entry.t))} ago`) : "")];
-  });
-  $("node").replaceChildren(
-    h("p", {}, h("strong", {}, about.name), ` ${about.type === about.name ? about.kind : about.type} `, h("span", { class: "muted" }, path)),
-    about.description || about.comment ? h("p", {}, about.description || about.comment) : "",
-    h("p", {}, `${icon} ${word}`, node?.starts ? `, started ${node.starts}×` : "", node?.feedback ? `: ${node.feedback}` : ""),
-    wiring.length ? h("dl", { class: "facts" }, wiring) : "",
-    node ? h("ol", { class: "history" }, node.history.slice(-8).reverse().map((e) => h("li", {}, h("button", { class: "moment", onclick: () => goTo(e.t) }, seconds(e.t)), ` ${STATUS[e.status].icon} ${STATUS[e.status].word}`, e.reason ? ` ${e.reason.code}` : ""))) : "",
-    source ? h("pre", {}, source) : "");
-}
-
-let portsKey = "";
-function ports(s) {
-  const key = `${s.run?.run}|${[...s.ports.values()].map((p) => p.t).join()}|${s.t.toFixed(0)}`;
-  if (key === portsKey) return;
-  portsKey = key;
-  $("ports").replaceChildren(h("dl", { class: "facts" }, [...s.ports].flatMap(([name, p]) => [h("dt", { title: `written by ${s.byPath.get(p.writer)?.name ?? p.writer}` }, name), h("dd", {}, p.sentence || h("details", {}, h("summary", {}, p.value?.type ?? show(p.value).slice(0, 40)), h("pre", {}, show(p.value))), h("span", { class: "muted" }, ` ${seconds(Math.max(0, s.t - p.t))} ago`))])));
-}
-
-// ------------------------------------------------------------------------------------------------- playback
 
 let lastFrame = 0;
 function play() {
@@ -158,7 +63,7 @@ function play() {
   const dt = lastFrame ? (now - lastFrame) / 1000 : 0;
   lastFrame = now;
   page.at = Math.min(page.whole.t, (page.at ?? 0) + dt * Number($("speed").value));
-  if (page.at >= page.whole.t) { page.playing = false; lastFrame = 0; if (!page.recorded) page.at = null; }
+  if (page.at >= page.whole.t) { page.playing = false; if (!page.recorded) page.at = null; }
   page.dirty = true;
 }
 
@@ -174,125 +79,118 @@ function goLive() { if (!page.recorded) { page.at = null; page.playing = false; 
 
 // ----------------------------------------------------------------------------------------------- connection
 
-function receive(message) {
-  if (message.event === "Lagged") return;
-  if (message.event === "RunStarted") { page.messages = []; page.shownState = emptyState(); page.shownIndex = 0; page.at = null; }
-  else if (message.seq && message.seq <= page.whole.seq) return;
-  page.messages.push(message);
-  apply(page.whole, message);
+function forget() {
+  Object.assign(page, { messages: [], size: 0, whole: emptyState(), base: null, shownState: emptyState(), shownIndex: 0, at: null, playing: false });
+}
+
+function receive(message, size) {
+  if (message.v !== 1) { say("the server speaks another version: reload the page", "bad"); return; }
+  if (message.event === "Hello") {
+    if (page.stream && page.stream !== message.stream) forget(); // another process: its numbers mean other messages
+    page.stream = message.stream;
+  } else if (message.event === "Control") page.control = message;
+  else if (message.event === "Beat") {
+    page.beat = { tick: message.tick, moved: page.beat?.tick === message.tick ? page.beat.moved : performance.now() };
+    if (page.whole.run && !page.whole.ended) page.whole.t = Math.max(page.whole.t, message.t);
+  } else if (message.event !== "Lagged") {
+    if (message.event === "RunStarted") { forget(); page.beat = null; }
+    else if (message.seq <= page.whole.seq) return;
+    page.messages.push(message);
+    page.size += size;
+    apply(page.whole, message);
+    if (page.size > MOST_CHARACTERS) shorten();
+    if (message.event === "RunEnded") loadRuns();
+  }
   page.dirty = true;
-  if (message.event === "RunEnded") { loadRuns(); drawControl(); }
-  if (message.event === "StateChanged" || message.event === "RunStarted") drawControl();
+}
+
+// The older half of the messages becomes the state from which scrubbing begins.
+function shorten() {
+  const base = beginning();
+  for (const message of page.messages.splice(0, page.messages.length / 2)) apply(base, message);
+  Object.assign(page, { base, size: page.size / 2, shownState: emptyState(), shownIndex: 0 });
 }
 
 let retry = 250;
 function connect() {
-  const socket = new WebSocket(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/live?since=${page.whole.seq}`);
+  const url = withToken(`/live?since=${page.whole.seq}&stream=${page.stream}`);
+  url.protocol = location.protocol === "https:" ? "wss:" : "ws:";
+  const socket = new WebSocket(url);
   page.socket = socket;
-  socket.addEventListener("open", () => { retry = 250; connection("connected", "ok"); });
-  socket.addEventListener("message", (event) => receive(JSON.parse(event.data)));
+  socket.addEventListener("open", () => { retry = 250; say("connected"); document.body.classList.remove("offline"); });
+  socket.addEventListener("message", (event) => { for (const line of event.data.split("\n")) receive(JSON.parse(line), line.length); });
   socket.addEventListener("close", (event) => {
     if (page.recorded) return;
-    if (event.code === 4408) page.whole = emptyState();
-    connection(`connection lost; what you see is ${page.whole.run ? "old" : "nothing"}`, "bad");
+    if (event.code === 4408) page.stream = "";
+    say(`connection lost; what you see is ${page.whole.run ? "old" : "nothing"}`, "bad");
+    document.body.classList.add("offline");
     setTimeout(connect, retry);
     retry = Math.min(5000, retry * 2);
   });
 }
 
-function connection(text, rank) { $("connection").textContent = text; $("connection").dataset.rank = rank; document.body.classList.toggle("offline", rank === "bad"); }
-
 async function openRecord(name, t) {
   page.recorded = name;
   page.socket?.close();
-  connection(`reading ${name} …`, "ok");
-  const answer = await fetch(`/api/runs/${encodeURIComponent(name)}/messages`);
-  if (!answer.ok) { connection(`no record ${name}`, "bad"); return; }
-  page.messages = []; page.whole = emptyState(); page.shownState = emptyState(); page.shownIndex = 0;
-  const reader = answer.body.pipeThrough(new TextDecoderStream()).getReader();
-  let rest = "";
-  for (;;) {
-    const { value, done } = await reader.read();
-    rest += value ?? "";
-    const lines = rest.split("\n");
-    rest = lines.pop();
-    for (const line of lines) { const m = JSON.parse(line); page.messages.push(m); apply(page.whole, m); }
-    if (done) break;
-  }
-  page.at = t ?? page.whole.t;
-  connection(`recorded run`, "ok");
-  page.dirty = true;
-  drawControl();
-}
-
-// ---------------------------------------------------------------------------------------------------- acting
-
-async function act(action, detail = "") {
-  if (!page.token) { connection("this page may watch but not act: open the link that was printed", "bad"); return false; }
-  const who = localStorage.getItem("pomona-who") || "operator";
+  showRuns(false);
+  say(`reading ${name} …`);
+  forget();
+  document.body.classList.remove("offline");
+  $("download").href = withToken(`/api/runs/${encodeURIComponent(name)}/record`);
+  let problem = "";
   try {
-    const answer = await fetch("/api/act", { method: "POST", headers: { "content-type": "application/json", "x-pomona-token": page.token }, body: JSON.stringify({ action, detail, viewer: page.viewer, who }) });
-    const body = await answer.json();
-    if (!answer.ok) { connection(body.error, "bad"); return false; }
-    page.heldBy = body.held_by; page.held = body.viewer;
-    drawControl();
-    return true;
-  } catch { connection("the run cannot be reached", "bad"); return false; }
+    await readRecord(name, (message) => {
+      if (page.recorded !== name) return; // another one was opened meanwhile
+      if (message.event === "Unreadable") problem = message.message;
+      page.messages.push(message);
+      apply(page.whole, message);
+    });
+  } catch (error) { problem = error.message; }
+  page.at = t ?? page.whole.t;
+  if (problem) say(problem, "bad"); else say("recorded run");
+  page.dirty = true;
 }
 
-function drawControl() {
-  const s = page.whole;
-  const mine = page.held === page.viewer;
-  const name = h("input", { class: "who", value: localStorage.getItem("pomona-who") || "", placeholder: "your name", "aria-label": "your name", maxlength: "60", onchange: (e) => localStorage.setItem("pomona-who", e.target.value) });
-  const button = (label, action, enabled, title) => h("button", { onclick: () => act(action), disabled: !(mine && enabled), title, "data-action": action }, label);
-  const running = s.state === "running", paused = s.state === "paused";
-  $("control").replaceChildren(
-    page.recorded ? h("span", {}, "recorded run ", h("a", { href: `/api/runs/${encodeURIComponent(page.recorded)}/record` }, "download"), " ", h("button", { onclick: () => { location.hash = ""; location.reload(); } }, "back to live"))
-      : h("span", {}, name, " ", mine ? h("button", { onclick: () => act("release") }, "give control back") : h("button", { onclick: () => act("take"), "data-action": "take" }, "take control"),
-        ` ${page.heldBy ? (mine ? "you hold control" : `${page.heldBy} holds control`) : ""} `,
-        button("❚❚ pause", "pause", running, "Stop motions on their paths"), button("▶ resume", "resume", paused, "Go on in place"),
-        button("❙▶ step", "step", paused, "Run one tick"), button("◼ stop", "stop", running || paused, "Halt every skill, then end"),
-        h("span", { class: "ack", id: "ack" }, `state: ${s.ended ? s.ended.outcome : s.state}`)));
-}
-
-// ------------------------------------------------------------------------------------------------------ runs
-
-async function loadRuns() {
-  try { page.runs = await (await fetch("/api/runs")).json(); } catch { return; }
-  drawRuns();
-}
-
-function drawRuns() {
-  const wanted = $("runs-filter").value.toLowerCase();
-  const rows = page.runs.filter((r) => JSON.stringify(r).toLowerCase().includes(wanted)).slice(0, 200);
-  $("runs").replaceChildren(h("table", {}, h("tbody", {}, rows.map((r) =>
-    h("tr", {}, h("td", {}, STATUS_WORD[r.outcome] ?? "?", " ", r.outcome ?? "cut off"), h("td", {}, h("button", { class: "moment", onclick: () => { location.hash = `run=${encodeURIComponent(r.run)}`; } }, r.run)), h("td", {}, r.code ?? ""), h("td", {}, r.time ? seconds(r.time) : ""))))));
+function openAddress() {
+  const { run, t } = readAddress();
+  if (run && run !== page.recorded) openRecord(run, t);
+  else if (run && t !== null) goTo(t);
+  else if (!run && page.recorded) { page.recorded = null; forget(); page.stream = ""; connect(); }
+  return run;
 }
 
 // -------------------------------------------------------------------------------------------------- the rest
 
+function showTab(name) {
+  for (const tab of document.querySelectorAll("[role=tab]")) tab.setAttribute("aria-selected", tab.dataset.tab === name);
+  for (const panel of document.querySelectorAll("[role=tabpanel]")) panel.hidden = panel.id !== name;
+}
+
+for (const tab of document.querySelectorAll("[role=tab]")) tab.addEventListener("click", () => showTab(tab.dataset.tab));
 $("safe-stop").addEventListener("click", () => act("safe_stop"));
 $("play").addEventListener("click", togglePlay);
 $("live").addEventListener("click", goLive);
-$("runs-filter").addEventListener("input", drawRuns);
+$("back-to-live").addEventListener("click", () => { location.hash = ""; });
+$("running").addEventListener("click", () => tree.jumpToRunning());
 $("share").addEventListener("click", () => {
   const run = page.recorded ?? page.whole.run?.run ?? "";
   const link = `${location.origin}/#run=${encodeURIComponent(run)}&t=${(page.at ?? page.whole.t).toFixed(2)}`;
-  navigator.clipboard?.writeText(link).then(() => connection("link copied", "ok"), () => connection(link, "ok"));
+  const told = `link to ${seconds(page.at ?? page.whole.t)} copied`;
+  if (navigator.clipboard) navigator.clipboard.writeText(link).then(() => say(told), () => say(link)); else say(link);
 });
 document.addEventListener("keydown", (event) => {
   if (event.key === "Escape") { act("safe_stop"); event.preventDefault(); return; }
-  if (/^(INPUT|SELECT|TEXTAREA)$/.test(event.target.tagName)) return;
+  if (/^(INPUT|SELECT|TEXTAREA|BUTTON|SUMMARY)$/.test(event.target.tagName) || event.ctrlKey || event.metaKey || event.altKey) return;
   if (event.key === "/") { $("search").focus(); event.preventDefault(); }
   else if (event.key === " ") { togglePlay(); event.preventDefault(); }
   else if (event.key === "l") goLive();
-  else if (event.key === "j") { const running = [...page.whole.node].find(([p, n]) => n.status === "RUNNING" && page.whole.byPath.get(p)?.leaf); if (running) tree.select(running[0]); }
+  else if (event.key === "j") tree.jumpToRunning();
+  else if (event.key === "f") $("follow").click();
 });
-window.addEventListener("hashchange", () => { const { run, t } = readAddress(); if (run) openRecord(run, t); });
+window.addEventListener("hashchange", openAddress);
+matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { plots.forget(); scene.draw(); timeline.key = ""; page.dirty = true; });
 
-const { run, t } = readAddress();
-drawControl();
+if (!openAddress()) connect();
 loadRuns();
-if (run) openRecord(run, t); else connect();
 setInterval(() => { page.dirty = true; }, 500);
 render();

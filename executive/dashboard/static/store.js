@@ -7,12 +7,15 @@ export const STATUS = {
   INVALID: { icon: "·", word: "idle", rank: "idle" },
 };
 
+const MOST_SAMPLES = 40000; // of a series; older ones are thinned, so that an hour of samples stays small
+const MOST_KEPT = 4000; // spans, marks, failures, acts
+
 export function emptyState() {
   return {
     t: 0, tick: 0, seq: 0, run: null, nodes: [], byPath: new Map(), state: "idle", because: "",
     node: new Map(), attempts: new Map(), ports: new Map(), images: new Map(), scenes: new Map(),
     series: new Map(), tables: new Map(), spans: [], marks: [], links: new Map(), failures: [], acts: [], ended: null,
-    safeStop: null,
+    safeStop: null, breaks: new Set(),
   };
 }
 
@@ -22,6 +25,7 @@ export function apply(s, m) {
   if (typeof m.tick === "number") s.tick = m.tick;
   const handler = HANDLERS[m.event];
   if (handler) handler(s, m);
+  for (const list of [s.spans, s.marks, s.failures, s.acts]) if (list.length > MOST_KEPT) list.splice(0, MOST_KEPT / 4);
   return s;
 }
 
@@ -81,16 +85,28 @@ const HANDLERS = {
     else if (type === "SceneView") s.scenes.set(m.topic, { ...m.value, t: m.t });
     else if (type === "TableView") s.tables.set(m.topic, m.value);
     else if (type === "SeriesView") {
-      const have = s.series.get(m.topic) ?? { t: [], values: {}, thresholds: {}, last: 0 };
+      const times = m.value.t;
+      if (!Array.isArray(times) || !times.length) return;
+      const have = s.series.get(m.topic) ?? { t: [], values: {}, thresholds: {}, last: 0, shift: null };
+      const shift = m.t - times.at(-1); // samples carry the cell's clock, everything else the run's
+      if (have.shift === null || Math.abs(shift - have.shift) > 0.1) have.shift = shift;
       const n = have.t.length;
-      have.t.push(...m.value.t);
+      const floor = n ? have.t[n - 1] : -Infinity;
+      have.t.push(...times.map((t) => Math.max(floor, t + have.shift)));
       for (const [name, values] of Object.entries(m.value.values)) {
         have.values[name] ??= new Array(n).fill(null);
         have.values[name].push(...values);
       }
       for (const values of Object.values(have.values)) while (values.length < have.t.length) values.push(null);
-      have.thresholds = m.value.thresholds;
+      if (have.t.length > MOST_SAMPLES) {
+        const half = MOST_SAMPLES / 2;
+        const thin = (values) => values.filter((_v, i) => i >= half || i % 2 === 0);
+        have.t = thin(have.t);
+        for (const name of Object.keys(have.values)) have.values[name] = thin(have.values[name]);
+      }
+      have.thresholds = m.value.thresholds ?? {};
       have.last = m.t;
+      have.writes = (have.writes ?? 0) + 1;
       s.series.set(m.topic, have);
     }
   },
@@ -100,6 +116,9 @@ const HANDLERS = {
   },
   OperatorActed(s, m) {
     s.acts.push(m);
+    if (m.action === "break") s.breaks.add(m.detail);
+    else if (m.action === "unbreak") s.breaks.delete(m.detail);
+    else if (m.action === "acknowledge") s.safeStop = null;
     s.marks.push({ t: m.t, kind: "act", text: `${m.who}: ${m.action} ${m.detail}` });
   },
   SafeStopped(s, m) {
@@ -114,4 +133,9 @@ const HANDLERS = {
 
 export function leavesOf(reason) {
   return reason.causes?.length ? reason.causes.flatMap(leavesOf) : [reason];
+}
+
+// The last result of a node that is idle again, or null.
+export function lastResult(node) {
+  return node?.status === "INVALID" ? node.history.findLast((e) => e.status === "SUCCESS" || e.status === "FAILURE") ?? null : null;
 }

@@ -1,6 +1,6 @@
 // The behaviour tree as rows: one row a node, updated in place so that a thousand nodes stay smooth.
 import { $, h, seconds } from "./dom.js";
-import { STATUS } from "./store.js";
+import { lastResult, STATUS } from "./store.js";
 
 export class TreeView {
   constructor(onSelect, onBreak) {
@@ -10,12 +10,15 @@ export class TreeView {
     this.selected = null;
     this.onSelect = onSelect;
     this.onBreak = onBreak;
-    this.breaks = new Set();
     this.shown = null;
-    this.lastRunning = null;
+    this.scale = 1;
+    this.running = null;
     $("search").addEventListener("input", () => this.filter());
     $("expand").addEventListener("click", () => { this.closed.clear(); this.filter(); });
     $("collapse").addEventListener("click", () => this.collapseDone());
+    $("smaller").addEventListener("click", () => this.zoom(this.scale / 1.15));
+    $("larger").addEventListener("click", () => this.zoom(this.scale * 1.15));
+    $("fit").addEventListener("click", () => this.fit());
     this.root.addEventListener("keydown", (event) => this.key(event));
   }
 
@@ -25,10 +28,11 @@ export class TreeView {
     this.state = state;
     this.shown = state.run;
     const depth = new Map();
+    const parents = new Set(state.nodes.map((node) => node.parent));
     const children = state.nodes.map((node) => {
       const level = node.parent === null || node.parent === undefined ? 0 : (depth.get(node.parent) ?? 0) + 1;
       depth.set(node.path, level);
-      const inner = state.nodes.some((other) => other.parent === node.path);
+      const inner = parents.has(node.path);
       const icon = h("span", { class: "icon" });
       const detail = h("span", { class: "detail" });
       const attempt = h("span", { class: "attempt" });
@@ -51,33 +55,54 @@ export class TreeView {
     for (const [path, row] of this.rows) {
       const node = state.node.get(path);
       const status = node?.status ?? "INVALID";
-      const { icon, word, rank } = STATUS[status];
+      const past = lastResult(node); // what an idle node came to before: told apart from what it is in this tick
+      const { icon, word } = STATUS[past?.status ?? status];
+      const rank = past ? "past" : STATUS[status].rank;
       const fresh = node && node.tick === state.tick && status !== "INVALID";
-      if (status === "RUNNING" && state.byPath.get(path).leaf) running = path;
+      const leaf = state.byPath.get(path).leaf;
+      if (status === "RUNNING" && leaf) running = path;
       const attempts = state.attempts.get(path);
-      const n = attempts?.length ? `${attempts.at(-1).number} of ${attempts.at(-1).of}` : "";
-      const age = node && status === "RUNNING" ? seconds(Math.max(0, state.t - node.since)) : duration(node);
-      const signature = `${status}|${fresh}|${node?.feedback}|${n}|${age}|${this.breaks.has(path)}`;
+      const n = attempts?.length ? `${attempts.at(-1).number}/${attempts.at(-1).of}` : "";
+      const age = status === "RUNNING" ? seconds(Math.max(0, state.t - node.since)) : duration(node);
+      const stopped = state.breaks.has(path);
+      const signature = `${status}|${icon}|${fresh}|${node?.feedback}|${n}|${age}|${stopped}|${path === this.selected}|${row.hidden}`;
       if (signature === row.last) continue;
       row.last = signature;
-      row.row.className = `row ${rank}${fresh ? " fresh" : ""}${path === this.selected ? " selected" : ""}${this.breaks.has(path) ? " breakpoint" : ""}${row.hidden ? " hidden" : ""}`;
+      row.row.className = `row ${rank}${fresh ? " fresh" : ""}${path === this.selected ? " selected" : ""}${stopped ? " breakpoint" : ""}${row.hidden ? " hidden" : ""}`;
+      row.row.setAttribute("aria-selected", path === this.selected);
       row.icon.textContent = icon;
-      row.icon.setAttribute("aria-label", word);
+      row.icon.setAttribute("aria-label", past ? `idle, last result ${word}` : word);
+      row.icon.title = past ? `idle; last result: ${word}` : `${word}${fresh ? " in this tick" : ""}`;
       row.detail.textContent = node?.feedback ?? "";
+      row.detail.title = node?.feedback ?? "";
       row.attempt.textContent = n ? `attempt ${n}` : "";
       row.time.textContent = age;
     }
-    if (running && running !== this.lastRunning && $("follow").checked) {
-      this.rows.get(running).row.scrollIntoView({ block: "nearest" });
-    }
-    this.lastRunning = running;
+    if (running && running !== this.running && $("follow").checked) this.rows.get(running).row.scrollIntoView({ block: "nearest" });
+    this.running = running;
+  }
+
+  jumpToRunning() {
+    if (!this.running) return;
+    for (let path = this.rows.get(this.running).node.parent; path; path = this.rows.get(path)?.node.parent) this.closed.delete(path);
+    this.filter();
+    this.select(this.running);
+  }
+
+  zoom(scale) {
+    this.scale = Math.max(0.5, Math.min(1.8, scale));
+    this.root.style.setProperty("--scale", this.scale);
+  }
+
+  fit() {
+    const visible = [...this.rows.values()].filter((row) => !row.hidden).length;
+    this.zoom(this.root.clientHeight / Math.max(1, visible * 25));
   }
 
   select(path) {
-    if (this.selected && this.rows.has(this.selected)) this.rows.get(this.selected).row.classList.remove("selected");
+    if (path === undefined) return;
     this.selected = path;
-    const row = this.rows.get(path);
-    if (row) { row.row.classList.add("selected"); row.last = ""; row.row.scrollIntoView({ block: "nearest" }); }
+    this.rows.get(path)?.row.scrollIntoView({ block: "nearest" });
     this.onSelect(path);
   }
 

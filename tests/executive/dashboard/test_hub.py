@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from executive.dashboard import hub as hub_module
 from executive.dashboard.hub import BACKLOG, Hub, Viewer
 from executive.events import NodeChanged, Published, RunStarted, StateChanged
 from executive.views import ImageView
@@ -22,7 +23,9 @@ def started() -> RunStarted:
 
 
 def waiting(viewer: Viewer) -> list[dict[str, Any]]:
-    return [json.loads(text) for text in viewer.waiting]
+    """What waits for a viewer, without the greeting."""
+    messages = [json.loads(line) for batch in viewer.waiting for line in batch.split("\n")]
+    return [message for message in messages if message["event"] != "Hello"]
 
 
 @pytest.fixture
@@ -47,7 +50,33 @@ def test_a_viewer_that_comes_back_gets_only_what_it_missed(hub: Hub) -> None:
     for tick in range(5):
         hub.hear(StateChanged(0.0, tick, "running", ""))
     hub.close()
-    assert [message["seq"] for message in waiting(hub.join(since=4))] == [5, 6]
+    assert [message["seq"] for message in waiting(hub.join(4, hub.stream))] == [5, 6]
+
+
+def test_numbers_of_another_process_or_an_earlier_run_mean_nothing(hub: Hub) -> None:
+    hub.hear(started())
+    hub.hear(StateChanged(0.0, 0, "running", ""))
+    hub.hear(started())
+    hub.hear(StateChanged(0.0, 0, "running", ""))
+    hub.close()
+    for viewer in (hub.join(2, hub.stream), hub.join(4, "another")):
+        assert [message["event"] for message in waiting(viewer)] == ["RunStarted", "StateChanged"]
+
+
+def test_an_hour_of_messages_stays_small_and_leaves_each_last_word(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(hub_module, "HISTORY_BYTES", 20_000)
+    hub = Hub()
+    hub.hear(started())
+    hub.hear(NodeChanged(0.0, 0, "early", "SUCCESS", "", 1))
+    for tick in range(2_000):
+        hub.hear(NodeChanged(0.0, tick, "busy", "RUNNING", str(tick), 1))
+    hub.close()
+    messages = waiting(hub.join())
+    assert len(messages) < 300
+    assert messages[0]["event"] == "RunStarted"
+    assert any(message.get("path") == "early" for message in messages)
+    assert messages[-1]["feedback"] == "1999"
+    assert waiting(hub.join(5, hub.stream)) == messages  # too far behind for a gapless rest: the whole state
 
 
 def test_only_the_newest_picture_of_a_topic_is_kept(hub: Hub) -> None:
@@ -74,8 +103,8 @@ def test_a_viewer_that_stops_reading_is_told_so_and_costs_no_memory() -> None:
         hub = Hub()
         hub.attach(asyncio.get_running_loop())
         viewer = hub.join()
-        for tick in range(BACKLOG + 500):
-            hub.hear(StateChanged(0.0, tick, "running", ""))
+        for tick in range(BACKLOG + 50):
+            hub.beat(tick=tick)
         await asyncio.to_thread(hub.close)
         for _ in range(3):
             await asyncio.sleep(0)

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import argparse
 from pathlib import Path
 
 import pytest
 from starlette.testclient import TestClient
 from starlette.websockets import WebSocketDisconnect
 
+from executive.commands.dashboard import Launcher, add_address, make_access
+from executive.dashboard import server
+from executive.dashboard.choices import Choices
 from executive.dashboard.security import Access
 from executive.dashboard.server import Dashboard
+from executive.errors import UsageError
 from executive.events import StateChanged
 from executive.recording.recorder import Recorder
 
@@ -73,12 +78,85 @@ def test_a_body_that_is_no_object_or_too_long_is_refused(
     assert client.post("/api/act", content=body, headers=headers).status_code == status
 
 
-def test_an_address_that_is_not_this_machine_watches_only(tmp_path: Path) -> None:
+def test_another_address_watches_with_the_token_and_does_not_act(tmp_path: Path) -> None:
     dashboard = Dashboard(Access("192.0.2.7", 8420, may_act=False), tmp_path)
     client = TestClient(dashboard.app, base_url="http://192.0.2.7:8420")
-    assert client.get("/api/runs").status_code == 200
-    answer = client.post("/api/act", json={"action": "take"}, headers={"x-pomona-token": dashboard.access.token})
+    token = dashboard.access.token
+    assert client.get("/").status_code == 200
+    assert client.get("/api/runs").status_code == 403
+    assert client.get("/api/runs", headers={"x-pomona-token": "wrong"}).status_code == 403
+    assert client.get("/api/runs", headers={"x-pomona-token": token}).status_code == 200
+    with pytest.raises(WebSocketDisconnect) as refused, client.websocket_connect("/live"):
+        pass
+    assert refused.value.code == 4403
+    with client.websocket_connect(f"/live?token={token}", headers={"host": "192.0.2.7:8420"}) as socket:
+        assert socket.receive_json()["event"] == "Hello"
+    answer = client.post("/api/act", json={"action": "take"}, headers={"x-pomona-token": token})
     assert answer.status_code == 403
+
+
+@pytest.mark.parametrize(
+    ("arguments", "acts"),
+    [
+        ([], True),
+        (["--host", "192.0.2.7"], False),
+        (["--host", "192.0.2.7", "--insecure-act"], True),
+        (["--host", "192.0.2.7", "--tls-cert", "c.pem", "--tls-key", "k.pem"], True),
+    ],
+)
+def test_another_address_acts_only_with_tls_or_the_explicit_flag(arguments: list[str], acts: bool) -> None:
+    parser = argparse.ArgumentParser()
+    add_address(parser)
+    access = make_access(parser.parse_args(arguments))
+    assert access.may_act is acts
+    assert access.address.startswith("https:") is ("--tls-cert" in arguments)
+
+
+def test_a_certificate_needs_its_key_and_must_be_readable(tmp_path: Path) -> None:
+    parser = argparse.ArgumentParser()
+    add_address(parser)
+    with pytest.raises(UsageError, match="belong together"):
+        make_access(parser.parse_args(["--tls-cert", "c.pem"]))
+    broken = tmp_path / "c.pem"
+    broken.write_text("no certificate")
+    dashboard = Dashboard(Access("127.0.0.1", 0, certificate=broken, key=broken), tmp_path)
+    with pytest.raises(UsageError, match="cannot be used"):
+        dashboard.start()
+
+
+def test_a_token_in_an_address_does_not_act(client: TestClient, dashboard: Dashboard) -> None:
+    assert client.post(f"/api/act?token={dashboard.access.token}", json={"action": "take"}).status_code == 403
+
+
+def test_viewers_beyond_the_limit_are_turned_away(
+    client: TestClient, dashboard: Dashboard, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(server, "MOST_VIEWERS", 1)
+    headers = {"host": HOST}
+    with client.websocket_connect("/live", headers=headers):
+        with pytest.raises(WebSocketDisconnect) as refused, client.websocket_connect("/live", headers=headers):
+            pass
+        assert refused.value.code == 4429
+
+
+def test_only_offered_files_can_be_started(dashboard: Dashboard, client: TestClient, tmp_path: Path) -> None:
+    choices = Choices.installed()
+    dashboard.allow_starts(Launcher(dashboard, tmp_path, choices).start, choices)
+    headers = {"x-pomona-token": dashboard.access.token}
+    form = {"viewer": "v", "who": "ada", "action": "take", "tree": "pick_apple"}
+    assert client.post("/api/start", json=form, headers=headers).status_code == 409  # nobody holds control
+    client.post("/api/act", json=form, headers=headers)
+    for change in (
+        {"tree": "/etc/passwd"}, {"tree": "../pick_apple"}, {"cell": "/dev/zero"}, {"seed": "1"}, {"settings": [1]}
+    ):  # fmt: skip
+        answer = client.post("/api/start", json=form | change, headers=headers)
+        assert answer.status_code == 409
+        assert answer.json()["error"]
+    offered = client.get("/api/choices").json()
+    pick = next(tree for tree in offered["trees"] if tree["name"] == "pick_apple")
+    assert {parameter["name"] for parameter in pick["parameters"]}
+    sim = next(cell for cell in offered["cells"] if cell["name"] == "sim")
+    assert {"name": "place", "default": "3"} in sim["options"]
 
 
 @pytest.mark.parametrize("name", ["..", "%2e%2e", "..%2f..%2fetc", "%2fetc%2fpasswd", "a%00b", ".", "nothing"])

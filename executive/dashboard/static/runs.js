@@ -1,0 +1,134 @@
+// The runs: a list to filter, open, download and compare, and the form that starts a new one.
+import { $, h, seconds, show } from "./dom.js";
+import { holdsControl, page, post, read, say, withToken } from "./page.js";
+import { STATUS_WORD } from "./control.js";
+import { apply, emptyState, leavesOf } from "./store.js";
+
+let runs = [];
+let choices = { trees: [], cells: [] };
+const chosen = new Set();
+
+export async function loadRuns() {
+  try { runs = await (await read("/api/runs")).json(); } catch { return; }
+  drawRuns();
+}
+
+export function showRuns(on) {
+  $("runs-view").hidden = !on;
+  $("run-view").hidden = on;
+  $("show-runs").setAttribute("aria-pressed", on);
+  if (on) { loadRuns(); if (!choices.trees.length) loadChoices(); }
+}
+
+$("show-runs").addEventListener("click", () => showRuns($("runs-view").hidden));
+$("runs-filter").addEventListener("input", drawRuns);
+$("compare").addEventListener("click", compare);
+
+const recordAddress = (run, what) => `/api/runs/${encodeURIComponent(run)}/${what}`;
+
+function drawRuns() {
+  const wanted = $("runs-filter").value.toLowerCase().split(/\s+/).filter(Boolean);
+  const text = (r) => [r.run, r.outcome ?? "cut off", r.tree, r.tree_hash, r.cell, r.cell_kind, `seed ${r.seed}`, r.code, r.message].join(" ").toLowerCase();
+  const rows = runs.filter((r) => wanted.every((word) => text(r).includes(word)));
+  const row = (r) => h("tr", {},
+    h("td", {}, h("input", { type: "checkbox", "aria-label": `compare ${r.run}`, checked: chosen.has(r.run), onchange: (e) => { if (e.target.checked) chosen.add(r.run); else chosen.delete(r.run); mayCompare(); } })),
+    h("td", { class: r.outcome === "success" ? "good" : "bad" }, `${STATUS_WORD[r.outcome] ?? "?"} ${r.outcome ?? "cut off"}`),
+    h("td", {}, h("button", { class: "moment open-run", onclick: () => { location.hash = `run=${encodeURIComponent(r.run)}`; } }, r.run)),
+    h("td", {}, r.tree ?? "", " ", h("span", { class: "muted" }, (r.tree_hash ?? "").slice(0, 8))),
+    h("td", {}, `${r.cell ?? ""} ${r.cell_kind && r.cell_kind !== r.cell ? r.cell_kind : ""}`), h("td", {}, r.seed ?? ""),
+    h("td", {}, typeof r.time === "number" ? seconds(r.time) : ""), h("td", { title: r.message ?? "" }, r.code ?? ""),
+    h("td", {}, h("a", { href: withToken(recordAddress(r.run, "record")) }, `${(r.bytes / 1e6).toFixed(1)} MB`)));
+  $("runs-count").textContent = `${rows.length} of ${runs.length}`;
+  $("runs").replaceChildren(h("table", {}, h("thead", {}, h("tr", {}, ["", "outcome", "run", "tree", "cell", "seed", "duration", "code", "record"].map((c) => h("th", {}, c)))), h("tbody", {}, rows.slice(0, 300).map(row))));
+  mayCompare();
+}
+
+function mayCompare() { $("compare").disabled = chosen.size !== 2; }
+
+// ------------------------------------------------------------------------------------------------- comparing
+
+export async function readRecord(name, take) {
+  const answer = await read(recordAddress(name, "messages"));
+  if (!answer.ok) throw new Error(`there is no record ${name}`);
+  const text = await answer.text();
+  for (let from = 0; from < text.length;) { // line by line, without a second copy of the whole
+    let to = text.indexOf("\n", from);
+    if (to < 0) to = text.length;
+    if (to > from) take(JSON.parse(text.slice(from, to)), to - from);
+    from = to + 1;
+  }
+}
+
+async function summary(name) {
+  const s = emptyState();
+  const skills = new Map();
+  await readRecord(name, (m) => {
+    if (m.event !== "Published") apply(s, m);
+  });
+  for (const span of s.spans) {
+    const skill = s.byPath.get(span.path)?.name ?? span.path;
+    const sum = skills.get(skill) ?? { starts: 0, time: 0, failures: 0 };
+    sum.starts += 1; sum.time += (span.end ?? s.t) - span.start; sum.failures += span.status === "FAILURE" ? 1 : 0;
+    skills.set(skill, sum);
+  }
+  return { s, skills, entry: runs.find((r) => r.run === name) ?? {} };
+}
+
+async function compare() {
+  $("comparison").replaceChildren(h("p", { class: "muted" }, "reading …"));
+  let a, b;
+  try { [a, b] = await Promise.all([...chosen].sort().map(summary)); } catch (error) { $("comparison").replaceChildren(h("p", { class: "bad" }, String(error.message))); return; }
+  const row = (what, x, y) => h("tr", { class: x === y ? "" : "differs" }, h("th", {}, what), h("td", {}, x), h("td", {}, y), h("td", {}, x === y ? "" : "≠"));
+  const both = (what, of) => row(what, of(a), of(b));
+  const settings = ({ s }) => show({ ...s.run?.parameters, ...s.run?.settings }) || "–";
+  const skill = (name) => (x) => { const k = x.skills.get(name); return k ? `${k.starts}×, ${seconds(k.time)}${k.failures ? `, ${k.failures} failed` : ""}` : "–"; };
+  $("comparison").replaceChildren(h("h2", {}, "Comparison"), h("table", {}, h("thead", {}, h("tr", {}, ["", a.s.run?.run ?? "?", b.s.run?.run ?? "?", ""].map((c) => h("th", {}, c)))), h("tbody", {},
+    both("outcome", (x) => x.s.ended?.outcome ?? "cut off"), both("why", (x) => (x.s.ended?.reason ? leavesOf(x.s.ended.reason).map((l) => `${l.code} ${l.message}`).join("; ") : "–")),
+    both("tree", (x) => `${x.s.run?.tree} ${x.s.run?.tree_hash}`), both("cell", (x) => x.s.run?.cell ?? "–"), both("seed", (x) => String(x.s.run?.seed ?? "–")), both("parameters", settings),
+    both("duration", (x) => seconds(x.s.ended?.time ?? x.s.t)), both("failures on the way", (x) => String(x.s.failures.length)), both("operator", (x) => x.s.acts.map((m) => `${m.who}: ${m.action}`).join(", ") || "–"),
+    [...new Set([...a.skills.keys(), ...b.skills.keys()])].map((name) => both(name, skill(name))))));
+  $("comparison").scrollIntoView({ block: "nearest" });
+}
+
+// -------------------------------------------------------------------------------------------------- starting
+
+async function loadChoices() {
+  try { choices = await (await read("/api/choices")).json(); } catch { return; }
+  const options = (list) => list.map((c) => h("option", { value: c.name, disabled: Boolean(c.problem) }, c.problem ? `${c.name} (cannot be used)` : c.name));
+  $("start-tree").replaceChildren(...options(choices.trees));
+  $("start-cell").replaceChildren(...options(choices.cells));
+  for (const [id, wanted] of [["start-tree", "pick_apple"], ["start-cell", "sim"]]) if ([...$(id).options].some((o) => o.value === wanted)) $(id).value = wanted;
+  drawFields();
+}
+
+function drawFields() {
+  const tree = choices.trees.find((c) => c.name === $("start-tree").value);
+  const cell = choices.cells.find((c) => c.name === $("start-cell").value);
+  const field = (name, type, fallback, hint, values) => h("label", { class: "field", title: hint || null }, h("span", {}, name, type ? h("small", {}, ` ${type}`) : null),
+    values?.length ? h("select", { "data-setting": name, "data-default": fallback }, values.map((v) => h("option", { selected: v === fallback }, v))) : h("input", { "data-setting": name, "data-default": fallback, value: fallback, maxlength: 200 }));
+  $("start-about").textContent = tree?.problem ?? tree?.description ?? "";
+  $("start-fields").replaceChildren(
+    ...(tree?.parameters ?? []).map((p) => field(p.name, p.type, p.default, p.help, p.choices)),
+    ...(cell?.options ?? []).map((o) => field(o.name, `of ${cell.name}`, o.default, "")));
+  $("start-kind").textContent = cell?.kind ? `The cell is ${cell.kind.toUpperCase()}.` : "";
+}
+
+for (const id of ["start-tree", "start-cell"]) $(id).addEventListener("change", drawFields);
+$("start-form").addEventListener("submit", async (event) => {
+  event.preventDefault();
+  const settings = {};
+  for (const input of $("start-fields").querySelectorAll("[data-setting]")) if (input.value !== input.dataset.default) settings[input.dataset.setting] = input.value;
+  say("starting …");
+  $("start-button").disabled = true;
+  const answer = await post("/api/start", { tree: $("start-tree").value, cell: $("start-cell").value, seed: Number($("start-seed").value), pace: $("start-pace").value, dry: $("start-dry").checked, settings });
+  $("start-button").disabled = false;
+  if (answer) { say(`started ${answer.tree}`); showRuns(false); }
+});
+
+export function drawStart() {
+  const { starts } = page.control;
+  $("start-panel").hidden = !starts;
+  const why = !holdsControl() ? "Take control to start a run." : page.whole.run && !page.whole.ended ? "A run is going on." : page.whole.safeStop ? "Reset the safe state first." : "";
+  $("start-button").disabled = Boolean(why);
+  $("start-hint").textContent = why;
+}
