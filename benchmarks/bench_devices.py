@@ -97,11 +97,12 @@ def fingers(seconds: float) -> None:
             sensor.subscribe(listen)
             sensor.start()
             time.sleep(seconds)
+            link = sensor.link()
             sensor.close()
-    expected = sequence[-1] - sequence[0] + 1
+    expected = round(seconds * sensor.rate)
     print(
         f"fingers    {seconds:.0f} s at 500 Hz: {100.0 * len(sequence) / expected:.2f} % of {expected} samples, "
-        f"latency p50 {percentile(latency, 50):.2f}, p99 {percentile(latency, 99):.2f} ms"
+        f"latency p50 {percentile(latency, 50):.2f}, p99 {percentile(latency, 99):.2f} ms; link {link}"
     )
 
 

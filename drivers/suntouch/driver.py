@@ -23,6 +23,8 @@ RECONNECT = 0.5
 """Pause between attempts to open a lost finger again [s]."""
 FIRST_SAMPLE = 1.0
 """Deadline of the first sample after opening [s]."""
+ANSWER = 0.004
+"""A late answer is still a sample; after so long it is given up and the line started over [s]."""
 DROPPED, AVERAGED = 10, 100
 """Samples left out before and taken for the bias."""
 
@@ -146,7 +148,7 @@ class SunTouchFingers(Device):
         asked = self._clock.now()
         for finger in self.fingers:
             finger.ask()
-        due = asked + 0.9 * self._period
+        due = asked + ANSWER
         left, right = (finger.answer(due) for finger in self.fingers)
         now = self._clock.now()
         if left is None or right is None:
