@@ -17,7 +17,7 @@ LOW_PASS = 1.0 / (2.0 * math.pi * 50.0)
 """Time constant of the reference [s]."""
 
 EDGE, EDGE_GAIN = 0.95, 10.0
-"""Where the least force is beyond this share of the measured one, so many times the excess is added."""
+"""Where the least force is beyond this share of the measured one and noise, so many times the excess is added."""
 
 LEAD, QUIET_RISE = 7.0, 0.06
 """So many times the rise of the least force is added while it rises by more than this share of it."""
@@ -117,6 +117,6 @@ class ForceReference:
             return 0.0
         if self.pivoting:
             return min(EDGE_GAIN * max(sense.coulomb - EDGE * f_n, 0.0), MOST_URGENT)
-        missing = max(sense.least - EDGE * f_n, 0.0)
+        missing = max(sense.least - EDGE * f_n - sense.unrest, 0.0)
         rising = 0.0 if self.frozen else max(sense.rise - QUIET_RISE * sense.least, 0.0)
         return min(sense.f_nd + LEAD * rising + EDGE_GAIN * missing, MOST_URGENT)

@@ -186,7 +186,7 @@ class SlipSense:
         self._bias, self._noise, self._variance = np.zeros((2, 6)), np.zeros((2, 6)), np.zeros(6)
         self._fast, self._slow, self._smoothed = np.zeros((2, 6)), np.zeros((2, 6)), np.zeros((2, 6))
         self._memory, self._sensed = np.zeros(_MEMORY), np.zeros(_SENSED)
-        self._least_before = self._unrest = 0.0
+        self._least_before = self._unrest = self._difference_variance = 0.0
         self.f_n = self.least = self.coulomb = self.f_nd = self.omega = self.centre = self.f_t = self.tau_n = 0.0
 
     @property
@@ -228,6 +228,8 @@ class SlipSense:
         slow_share = self._shares[2]
         self._variance[:] = modes.var(axis=0).sum(axis=0) * slow_share / (2.0 - slow_share)
         normal_share = self._shares[1]
+        apart = float(modes[:, 1, 2].var()) * normal_share / (2.0 - normal_share)
+        self._difference_variance = 4.0 * apart
         self._unrest = 4.0 * math.sqrt(float(modes[:, :, 2].var(axis=0).sum()) * normal_share / (2.0 - normal_share))
         for state in (self._fast, self._slow, self._smoothed, self._memory):
             state[:] = 0.0
@@ -247,6 +249,7 @@ class SlipSense:
             self._sensed[:10].tolist()
         )
         one_sided = self._sensed[14] > JUMP  # for a moment the finger that fell is not believed
-        self.f_n = max(2.0 * (max(first, second) if one_sided else min(first, second)), 0.0)
+        difference = math.sqrt(max((first - second) ** 2 - self._difference_variance, 0.0))
+        self.f_n = max(first + second + (difference if one_sided else -difference), 0.0)
         self.tau_n = tau_0 + tau_1
         self._least_before += min(periods * self._shares[4], 1.0) * (self.least - self._least_before)

@@ -171,7 +171,7 @@ def biased(finger: int, channel: int, offset: float) -> Callable[..., list[tuple
         (gap(0.100), 3e-4),
         (dead, 2e-3),
         (biased(0, 2, -1.0), 5e-4),
-        (biased(0, 2, +1.0), 2e-3),
+        (biased(0, 2, +1.0), 2.5e-3),
         (biased(1, 0, +1.0), 3e-3),
         (biased(1, 0, -1.0), 3e-3),
     ],

@@ -1,0 +1,215 @@
+"""Friction and stiffness of a grip from pushes: hold a fruit with a steady force, pull or twist it until it slides.
+
+While it slides the load lies on the limit surface of the force that presses. A few pushes at different forces, some
+straight and some with a twist, therefore give mu, delta and gamma; a slow squeeze gives the stiffness of the pads.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy.ndimage import uniform_filter1d
+from scipy.optimize import least_squares
+
+from skills.slip_avoid_grasp.errors import TooFewPushes
+from skills.slip_avoid_grasp.grip import Float64
+from skills.slip_avoid_grasp.limit_surface import SoftContact, least_force
+from skills.slip_avoid_grasp.pads import pad_loads
+
+WINDOW = 25
+"""Samples that are averaged before a push is looked at: 50 ms."""
+
+SLIDING_SHARE = 0.05
+"""The most loaded share of a push is where it slid."""
+
+LEAST_FORCE = 0.3
+"""Samples with less normal force on a finger are left out [N]."""
+
+TYPICAL_RADIUS = 0.005
+"""Weighs moment against force when the most loaded samples are chosen [m]."""
+
+SPREAD = 1.5
+"""Pushes whose forces differ by less than this factor do not tell how the contact grows with the force."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Push:
+    """One recorded push or squeeze.
+
+    Attributes:
+        wrenches: of both pads with the bias removed, shape (n, 2, 6), in order, as in `WrenchSample`.
+        width: opening between the pads' faces, shape (n,) [m]; NaN where it is not known.
+    """
+
+    wrenches: Float64
+    width: Float64
+
+
+@dataclass(frozen=True, slots=True)
+class GripCalibration:
+    """What pushes say about a grip, and how well they say it.
+
+    Attributes:
+        contact: mu, delta, gamma; k is taken as given.
+        mu_std, delta_std, gamma_std: standard errors of the fit; gamma_std is 0 where gamma was kept as it was.
+        residual: root mean square of the relative error of the normal force at which the fruit slid.
+        pushes: how many were used (a push counts once a finger).
+        stiffness: grasp force per metre of closing [N/m], or None without a squeeze.
+        stiffness_r2: share of the squeeze's variance that a straight line explains.
+        notes: what a person should know before using it.
+    """
+
+    contact: SoftContact
+    mu_std: float
+    delta_std: float
+    gamma_std: float
+    residual: float
+    pushes: int
+    stiffness: float | None
+    stiffness_r2: float
+    notes: tuple[str, ...]
+
+
+def calibrate_grip(
+    pushes: list[Push], squeeze: Push | None = None, start: SoftContact | None = None
+) -> GripCalibration:
+    """Fit friction to pushes, and stiffness to a squeeze.
+
+    Args:
+        pushes: each with a slide in it; at two grasp forces or more, some with a twist.
+        squeeze: slowly closing on the fruit.
+        start: where the fit starts, and what stays as it is: k, and gamma where the pushes do not tell it.
+
+    Raises:
+        TooFewPushes: fewer than three usable slides.
+    """
+    start = start or SoftContact()
+    f_n, f_t, tau_n = _slides(pushes)
+    if len(f_n) < 3:
+        raise TooFewPushes(len(f_n))
+    notes = []
+    twisted = tau_n / np.maximum(f_t, 1e-6) > 0.2 * TYPICAL_RADIUS
+    knows_torsion, knows_growth = bool(twisted.any()), bool(f_n.max() / f_n.min() > SPREAD and twisted.sum() >= 3)
+    if not knows_torsion:
+        notes.append("no push twisted the fruit: delta and gamma are those that were assumed")
+    elif not knows_growth:
+        notes.append("the pushes' forces lie too close together: gamma is the one that was assumed")
+    free = 1 + int(knows_torsion) + int(knows_torsion and knows_growth)
+
+    def contact_of(x: Float64) -> SoftContact:
+        delta = float(np.exp(x[1])) if free > 1 else start.delta
+        gamma = float(np.clip(x[2], 0.0, 1.0)) if free > 2 else start.gamma
+        return SoftContact(float(np.exp(x[0])), delta, gamma, start.k, start.ellipsoid)
+
+    def residuals(x: Float64) -> Float64:
+        return np.log(np.maximum(least_force(f_t, tau_n, contact_of(x)), 1e-6) / f_n)
+
+    first = np.array([np.log(np.median(f_t / f_n)), np.log(start.delta), start.gamma])[:free]
+    bounds = (np.array([np.log(0.02), np.log(1e-4), 0.0])[:free], np.array([np.log(5.0), np.log(0.05), 1.0])[:free])
+    fit = least_squares(residuals, np.clip(first, *bounds), bounds=bounds, loss="soft_l1", f_scale=0.1)
+    contact = contact_of(fit.x)
+    error = residuals(fit.x)
+    freedom = max(len(error) - free, 1)
+    covariance = np.linalg.pinv(fit.jac.T @ fit.jac) * float(error @ error) / freedom
+    std = np.zeros(3)
+    std[:free] = np.sqrt(np.diag(covariance))
+    stiffness, r2 = _stiffness(squeeze) if squeeze is not None else (None, 0.0)
+    if stiffness is not None and r2 < 0.98:
+        notes.append("the squeeze is not a straight line: pads that stiffen, or a fruit that moved")
+    residual = float(np.sqrt(np.mean(error**2)))
+    if residual > 0.1:
+        notes.append("the pushes disagree with each other by more than 10 %: repeat them more slowly")
+    return GripCalibration(
+        contact=contact,
+        mu_std=float(std[0] * contact.mu),
+        delta_std=float(std[1] * contact.delta),
+        gamma_std=float(std[2]),
+        residual=residual,
+        pushes=len(f_n),
+        stiffness=stiffness,
+        stiffness_r2=r2,
+        notes=tuple(notes),
+    )
+
+
+def _slides(pushes: list[Push]) -> tuple[Float64, Float64, Float64]:
+    """f_n, f_t and |tau_n| of each finger in each push while it slid, each of shape (slides,)."""
+    found = []
+    for push in pushes:
+        if len(push.wrenches) < 2 * WINDOW:
+            continue
+        averaged = uniform_filter1d(np.asarray(push.wrenches, np.float64), WINDOW, axis=0)[WINDOW:-WINDOW]
+        forces, tangential, moments = pad_loads(averaged)
+        for finger in range(2):
+            f_n, f_t, tau_n = forces[:, finger], tangential[:, finger], np.abs(moments[:, finger])
+            usable = f_n > LEAST_FORCE
+            if usable.sum() < WINDOW:
+                continue
+            f_n, f_t, tau_n = f_n[usable], f_t[usable], tau_n[usable]
+            load = np.hypot(f_t, tau_n / TYPICAL_RADIUS) / f_n
+            most = load >= np.quantile(load, 1.0 - SLIDING_SHARE)
+            found.append((f_n[most].mean(), f_t[most].mean(), tau_n[most].mean()))
+    return tuple(np.array(found).reshape(-1, 3).T)  # type: ignore[return-value]
+
+
+def _stiffness(squeeze: Push) -> tuple[float | None, float]:
+    forces, _, _ = pad_loads(uniform_filter1d(np.asarray(squeeze.wrenches, np.float64), WINDOW, axis=0))
+    f_n, width = 2.0 * forces.min(axis=1), np.asarray(squeeze.width, np.float64)
+    usable = (f_n > LEAST_FORCE) & np.isfinite(width)
+    if usable.sum() < WINDOW or np.ptp(width[usable]) < 1e-5:
+        return None, 0.0
+    slope, offset = np.polyfit(width[usable], f_n[usable], 1)
+    left = f_n[usable] - (slope * width[usable] + offset)
+    return float(-slope), float(1.0 - left.var() / f_n[usable].var())
+
+
+def write_calibration(calibration: GripCalibration, path: Path, fruit: str = "") -> None:
+    """Write a calibration as YAML: first what to put into the tree's SlipAvoidGrasp node, then how good it is."""
+    contact = calibration.contact
+    uncertainty = min(2.0 * calibration.mu_std / contact.mu + calibration.residual, 0.5)
+    lines = [
+        f"# Grip of {fruit or 'a fruit'}: ports of SlipAvoidGrasp, to be put into the tree as they stand.",
+        "ports:",
+        f"  mu: {contact.mu:.4f}",
+        f"  mu_uncertainty: {uncertainty:.3f}",
+        f"  delta: {1e3 * contact.delta:.4f} mm",
+        f"  gamma: {contact.gamma:.4f}",
+        f"  k: {contact.k:g}",
+    ]
+    if calibration.stiffness is not None:
+        lines.append(f"  stiffness: {calibration.stiffness:.0f}          # N/m")
+    lines += [
+        "quality:",
+        f"  mu_std: {calibration.mu_std:.4f}",
+        f"  delta_std_mm: {1e3 * calibration.delta_std:.4f}",
+        f"  gamma_std: {calibration.gamma_std:.4f}",
+        f"  relative_residual: {calibration.residual:.4f}",
+        f"  slides: {calibration.pushes}",
+        f"  stiffness_r2: {calibration.stiffness_r2:.4f}",
+        f"  notes: [{', '.join(repr(note) for note in calibration.notes)}]",
+    ]
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def read_pushes(path: Path) -> list[Push]:
+    """Pushes from a .npz file: arrays `wrenches_0` (n, 2, 6), `width_0` (n,), `wrenches_1` … as `write_pushes` leaves.
+
+    Raises:
+        TooFewPushes: the file holds none.
+    """
+    with np.load(path) as arrays:
+        count = sum(name.startswith("wrenches_") for name in arrays.files)
+        pushes = [Push(arrays[f"wrenches_{i}"], arrays[f"width_{i}"]) for i in range(count)]
+    if not pushes:
+        raise TooFewPushes(0)
+    return pushes
+
+
+def write_pushes(pushes: list[Push], path: Path) -> None:
+    """Keep pushes in a .npz file."""
+    arrays: dict[str, Float64] = {}
+    for i, push in enumerate(pushes):
+        arrays[f"wrenches_{i}"], arrays[f"width_{i}"] = push.wrenches, push.width
+    np.savez_compressed(path, **arrays)  # type: ignore[arg-type]

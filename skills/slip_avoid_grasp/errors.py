@@ -1,0 +1,22 @@
+"""What can go wrong with a grip's algorithms.
+
+GripError
+└── TooFewPushes    a calibration without enough slides
+"""
+
+from __future__ import annotations
+
+
+class GripError(Exception):
+    """Root of what the grip's algorithms raise on purpose."""
+
+
+class TooFewPushes(GripError):
+    """A calibration needs more slides."""
+
+    def __init__(self, found: int) -> None:
+        self.found = found
+        super().__init__(
+            f"only {found} usable slides were found, at least 3 are needed: hold the fruit with a steady force of more"
+            " than 0.6 N and pull or twist it until it slides, at two forces or more"
+        )
