@@ -5,7 +5,7 @@ BIN    := $(VENV)/bin
 STAMP  := $(VENV)/.installed
 
 .DEFAULT_GOAL := help
-.PHONY: help setup run test check bench paper clean
+.PHONY: help setup run test check bench bench-tree bench-detect bench-refine bench-plan bench-grasp bench-devices oracle fuzz clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-16s %s\n", $$1, $$2}'
@@ -36,9 +36,31 @@ bench: $(STAMP) ## the 25 cells of the paper, one seed each, with times per skil
 	rm -rf runs/campaign_pick
 	$(BIN)/pomona campaign benchmarks/pick.yaml
 
-paper: $(STAMP) ## the paper's experiments, with and without refinement, and a report beside its tables
-	$(BIN)/pomona campaign benchmarks/paper.yaml
-	$(BIN)/python benchmarks/paper_report.py runs/campaign_paper docs/paper
+bench-tree: $(STAMP) ## the executive beside bare py_trees: ticks, recording, jitter, checking a large file
+	$(BIN)/python -m benchmarks.bench_tree
+	$(BIN)/python -m benchmarks.bench_runner
+
+bench-detect: $(STAMP) ## the detector on held-out frames; DATA=… adds the real frames
+	$(BIN)/python -m benchmarks.bench_detect $(if $(DATA),--orchard $(DATA))
+
+bench-refine: $(STAMP) ## refinement, both methods side by side
+	$(BIN)/python -m benchmarks.bench_refine
+
+bench-plan: $(STAMP) ## planning over random scenes, beside the paper's way
+	$(BIN)/python -m benchmarks.bench_plan
+
+bench-grasp: $(STAMP) ## grip control over random lifts, baselines beside it
+	$(BIN)/python -m benchmarks.bench_grasp
+
+bench-devices: $(STAMP) ## streams and round trips of the device drivers on emulated devices
+	$(BIN)/python -m benchmarks.bench_devices
+
+oracle: $(STAMP) ## the collision model beside MuJoCo over 10 000 random states
+	$(BIN)/python -m benchmarks.collision_oracle --states 10000
+
+fuzz: $(STAMP) ## 100 000 damaged tree files, a million damaged device streams
+	$(BIN)/python tests/executive/tree_file/fuzz.py --cases 100000
+	$(BIN)/python -m benchmarks.fuzz_codecs
 
 clean: ## remove the virtual environment and caches (records in runs/ stay)
 	find executive skills drivers -name __pycache__ -prune -exec rm -rf {} +

@@ -14,6 +14,7 @@ from typing import Any
 from rich.console import Console
 
 from executive.commands.dashboard import add_address, make_access
+from executive.commands.watch import run_on_save
 from executive.dashboard.server import Dashboard
 from executive.execute import Executed, RunOrder, execute
 from executive.files import find_cell, find_tree
@@ -58,6 +59,7 @@ def add(subparsers: Any) -> None:
         action="store_true",
         help="show the run in the browser, too; in a terminal the page stays until Ctrl-C",
     )
+    parser.add_argument("--watch", action="store_true", help="run again each time the tree file is saved")
     add_address(parser)
     parser.set_defaults(main=main)
 
@@ -82,17 +84,26 @@ def main(options: argparse.Namespace) -> int:
     )
     with contextlib.ExitStack() as stack:
         dashboard = _serve(options, console, stack) if options.dashboard else None
-        with contextlib.closing(LiveTree(console)) as live:
-            executed = _execute(order, live, dashboard, console)
-        executed.summary.print(console, executed.record)
-        if executed.problem:
-            console.print(executed.problem, style="red", markup=False)
-        if options.json:
-            sys.stdout.write(json.dumps(executed.summary.as_json(executed.record), ensure_ascii=False) + "\n")
+
+        def run() -> int:
+            return _run_once(options, order, dashboard, console)
+
+        status = run_on_save(order.tree, order.settings, run, console) if options.watch else run()
         if dashboard is not None and sys.stdin.isatty() and not options.quiet:
             console.print("the page stays open; Ctrl-C ends it")
             with contextlib.suppress(KeyboardInterrupt):
                 threading.Event().wait()
+    return status
+
+
+def _run_once(options: argparse.Namespace, order: RunOrder, dashboard: Dashboard | None, console: Console) -> int:
+    with contextlib.closing(LiveTree(console)) as live:
+        executed = _execute(order, live, dashboard, console)
+    executed.summary.print(console, executed.record)
+    if executed.problem:
+        console.print(executed.problem, style="red", markup=False)
+    if options.json:
+        sys.stdout.write(json.dumps(executed.summary.as_json(executed.record), ensure_ascii=False) + "\n")
     return 130 if executed.result.interrupted else EXIT[executed.result.outcome]
 
 
