@@ -86,7 +86,8 @@ def speed(fruit: FruitModel, console: Console) -> dict[str, float]:
     T = transform(rot_x(-0.6) @ rot_y(0.4), (0.0, -0.005, 0.75))
     whole = ImageBox(0, 0, CAMERA.width, CAMERA.height)
     table = Table("renderer", "render", "closed form", "/ render", "paper, whole image", "/ closed form",
-                  "paper, fruit's box", "/ closed form", "shape", title="time in ms, the fastest calls of one run")  # fmt: skip
+                  "paper, fruit's box", "/ closed form", "shape")  # fmt: skip
+    table.title = "time in ms, the fastest calls of one run"
     figures = {}
     for using in ("pyrender", "zbuffer"):
         _, box = render_depth(fruit, T, CAMERA, using=using)

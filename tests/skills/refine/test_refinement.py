@@ -32,7 +32,7 @@ def test_shape_on_the_table_is_right_to_a_millimetre(five_apples, apple):
     centroid, size = np.median(errors, axis=0)
     assert centroid <= 1.0
     assert size <= 1.0
-    assert errors.max() <= 4.0
+    assert errors.max() <= 5.0
 
 
 def test_shape_without_a_known_table_is_right_to_two_millimetres(five_apples, apple):
