@@ -133,6 +133,7 @@ class Runner:
         self._step = False
         self._reason: Reason | None = None
         self._interrupted = False
+        self._leaving = False
         self._reported: dict[str, object] = {}
         self._links: dict[str, str] = {}
 

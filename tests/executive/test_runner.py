@@ -291,3 +291,37 @@ def outcomes() -> Iterator[str]:
 def test_two_runs_give_the_same_events() -> None:
     first, second = outcomes()
     assert first == second
+
+
+def latched_run(*acts: Callable[[Runner], Any]) -> tuple[FakeCell, list[Event]]:
+    """A run that was safe-stopped, and what is asked for while it holds its latched state."""
+    runner, cell, events = make(TURN, {4: lambda runner, _cell: runner.safe_stop("hand in the cell", "ada")})
+    runner.run()
+    for act in acts:
+        act(runner)
+    runner.hold_latched()
+    return cell, events
+
+
+def test_the_safe_state_is_held_until_somebody_acknowledges_its_reason() -> None:
+    cell, events = latched_run(lambda runner: runner.pause("eve"), lambda runner: runner.acknowledge("ben"))
+    assert cell.latched is None
+    last = events[-1]
+    assert isinstance(last, OperatorActed)
+    assert (last.who, last.action, last.detail) == ("ben", "acknowledge", "hand in the cell")
+
+
+def test_the_process_may_end_without_an_acknowledgement() -> None:
+    cell, _events = latched_run(lambda runner: runner.leave())
+    assert cell.latched == "hand in the cell"
+
+
+def test_leaving_is_remembered_when_it_is_asked_for_during_the_run() -> None:
+    def leave(runner: Runner, _cell: FakeCell) -> None:
+        runner.safe_stop("the end", "ada")
+        runner.leave()
+
+    runner, cell, _events = make(TURN, {4: leave})
+    runner.run()
+    runner.hold_latched()
+    assert cell.latched == "the end"

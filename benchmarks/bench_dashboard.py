@@ -1,0 +1,240 @@
+"""What the dashboard costs and how quick it is: the figures of its issue, measured in one process run.
+
+Needs Chromium. `python benchmarks/bench_dashboard.py [--short]`; `--short` measures less long.
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import multiprocessing
+import shutil
+import socket
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from executive.dashboard.security import Access
+from executive.dashboard.server import Dashboard
+from executive.events import Event, NodeChanged, Published, RunEnded, RunStarted
+from executive.recording.recorder import Recorder
+from executive.views import SeriesView
+
+PERIOD = 0.02
+FLAGS = ["--no-sandbox", "--disable-gpu", "--disable-background-networking", "--disable-component-update",
+         "--disable-sync", "--no-first-run"]  # fmt: skip
+NODES = tuple(
+    {"path": f"root/{n}" if n else "root", "parent": "root" if n else None, "kind": "skill", "type": "Rest",
+     "name": f"node {n}", "description": "", "comment": "", "line": 1, "end_line": 1, "inputs": {}, "outputs": {}}
+    for n in range(1001)
+)  # fmt: skip
+
+
+def started(nodes: int) -> RunStarted:
+    """The first event of a run with a flat tree."""
+    return RunStarted(
+        0.0, 0, "bench", "bench", "bench.yaml", "", "", "bench", "mock", "", "", 0, {}, NODES[:nodes], {}, 0.0, PERIOD
+    )
+
+
+def tick_events(tick: int, feedback: str) -> list[Event]:
+    """What a busy tick tells: a node's feedback, and ten samples of six quantities."""
+    t = tick * PERIOD
+    times = t + np.arange(10) * 0.002
+    values = {f"quantity {i} [N]": np.sin(times * (i + 1)) for i in range(6)}
+    return [
+        NodeChanged(t, tick, f"root/{1 + tick % 10}", "RUNNING", feedback, 1),
+        Published(t, tick, "root/1", "grip", SeriesView(times, values)),
+    ]
+
+
+def ticks(hear: Callable[[Event], None], duration: float) -> np.ndarray[Any, Any]:
+    """Tick as a runner on a real cell does; returns the periods [s]."""
+    beats, tick, following = [], 0, time.perf_counter()
+    end = following + duration
+    while following < end:
+        beats.append(time.perf_counter())
+        for event in tick_events(tick, f"{time.time():.4f}"):
+            hear(event)
+        tick += 1
+        following += PERIOD
+        time.sleep(max(0.0, following - time.perf_counter()))
+    return np.diff(beats)
+
+
+def watch(port: int, viewers: int, stuck: bool, stop: Any) -> None:
+    """Viewers in a process of their own; stuck ones read nothing."""
+    import websockets
+
+    async def one() -> None:
+        async with websockets.connect(f"ws://127.0.0.1:{port}/live", max_queue=1, compression=None) as connection:
+            while not stop.is_set():
+                if stuck:
+                    await asyncio.sleep(0.2)
+                else:
+                    try:
+                        await asyncio.wait_for(connection.recv(), 0.5)
+                    except TimeoutError:
+                        continue
+
+    async def everyone() -> None:
+        await asyncio.gather(*(one() for _ in range(viewers)), return_exceptions=True)
+
+    asyncio.run(everyone())
+
+
+def tick_periods(dashboard: Dashboard, viewers: int, stuck: bool, duration: float) -> np.ndarray[Any, Any]:
+    """Periods of the tick while so many watch."""
+    dashboard.hub.hear(started(20))
+    context = multiprocessing.get_context("spawn")
+    stop = context.Event()
+    process = context.Process(target=watch, args=(dashboard.access.port, viewers, stuck, stop))
+    if viewers:
+        process.start()
+        while dashboard.hub.viewers < viewers:
+            time.sleep(0.05)
+    periods = ticks(dashboard.hub.hear, duration)
+    if viewers:
+        stop.set()
+        process.join(10.0)
+        process.kill()
+        while dashboard.hub.viewers:
+            time.sleep(0.05)
+    return periods
+
+
+def event_to_pixel(page: Any, dashboard: Dashboard, duration: float) -> np.ndarray[Any, Any]:
+    """Seconds from an event in the tick to the frame that shows it: the event carries its time as feedback."""
+    page.evaluate(
+        """() => { window.delays = [];
+        const seen = () => { const now = Date.now() / 1000;
+          for (const e of document.querySelectorAll('.row .detail')) { const sent = Number(e.textContent);
+            if (sent && e.dataset.seen !== e.textContent) { e.dataset.seen = e.textContent;
+              const painted = new MessageChannel();
+              painted.port1.onmessage = () => window.delays.push(Date.now() / 1000 - sent);
+              requestAnimationFrame(() => painted.port2.postMessage(0)); } } };
+        new MutationObserver(seen).observe(document.getElementById('tree'), {subtree: true, childList: true}); }"""
+    )
+    ticks(dashboard.hub.hear, duration)
+    page.wait_for_timeout(500)
+    return np.array(page.evaluate("window.delays"))
+
+
+def half_hour_record(folder: Path) -> None:
+    """90 000 ticks with a change each and samples in a third of them."""
+    folder.mkdir()
+    recorder = Recorder(folder)
+    recorder.hear(started(20))
+    for tick in range(90_000):
+        node, series = tick_events(tick, "on the way")
+        recorder.hear(node)
+        if tick % 3 == 0:
+            recorder.hear(series)
+    recorder.hear(RunEnded(1800.0, 90_000, "success", None, 90_000, 1800.0, 1800.0, None))
+    recorder.close()
+
+
+def memory_kb() -> int:
+    """Resident memory of this process."""
+    status = Path("/proc/self/status").read_text(encoding="ascii")
+    return int(next(line for line in status.splitlines() if line.startswith("VmRSS")).split()[1])
+
+
+def main() -> int:
+    """Measure and print.
+
+    Returns:
+        the exit status: 1 when a figure is missed.
+    """
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--short", action="store_true", help="measure less long; noisier")
+    short = parser.parse_args().short
+    browser_path = next((path for name in ("chromium", "chromium-browser") if (path := shutil.which(name))), None)
+    if browser_path is None:
+        print("no Chromium is installed", file=sys.stderr)
+        return 2
+    from playwright.sync_api import expect, sync_playwright
+
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    table = Table("figure", "measured", "wanted", title="dashboard")
+    missed = 0
+
+    def tell(what: str, value: float, unit: str, most: float) -> None:
+        nonlocal missed
+        missed += value > most
+        table.add_row(what, f"{value:.3g} {unit}", f"≤ {most:g} {unit}", style="" if value <= most else "red")
+
+    with tempfile.TemporaryDirectory() as scratch, sync_playwright() as playwright:
+        dashboard = Dashboard(Access("127.0.0.1", port), Path(scratch))
+        dashboard.start()
+        duration = 6.0 if short else 30.0
+        alone = tick_periods(dashboard, 0, False, duration)
+        many = tick_periods(dashboard, 50, False, duration)
+        stuck = tick_periods(dashboard, 1, True, duration)
+        again = tick_periods(dashboard, 0, False, duration)
+        base = min(np.percentile(alone, 99), np.percentile(again, 99))
+        noise = abs(np.percentile(alone, 99) / np.percentile(again, 99) - 1.0) * 100.0
+        tell("p99 of the tick's period with 50 viewers", (np.percentile(many, 99) / base - 1.0) * 100.0, "%", 10.0)
+        tell("p99 of the tick's period with a viewer that stops reading",
+             (np.percentile(stuck, 99) / base - 1.0) * 100.0, "%", 10.0)  # fmt: skip
+        table.add_row("  two measurements without viewers differ by", f"{noise:.3g} %", "")
+
+        browser = playwright.chromium.launch(executable_path=browser_path, args=FLAGS)
+        page = browser.new_page()
+        page.goto(dashboard.link)
+        page.reload()  # the first start of the browser itself is not the page's
+        timing = page.evaluate("performance.getEntriesByType('navigation')[0].domContentLoadedEventEnd / 1000")
+        tell("page interactive", timing, "s", 1.0)
+        for nodes in (20, 1001):
+            dashboard.hub.hear(started(nodes))
+            expect(page.locator(".row")).to_have_count(nodes)
+            delays = event_to_pixel(page, dashboard, duration)
+            tell(f"event to pixel, p95, {nodes} nodes", float(np.percentile(delays, 95)) * 1000.0, "ms", 150.0)
+
+        half_hour_record(Path(scratch) / "half_hour")
+        size = (Path(scratch) / "half_hour" / "run.mcap").stat().st_size / 1e6
+        page.close()
+        page = browser.new_page()
+        began = time.perf_counter()
+        page.goto(f"{dashboard.link}&run=half_hour")
+        expect(page.locator("#connection")).to_have_text("recorded run", timeout=120_000)
+        tell(f"a record of 30 minutes ({size:.0f} MB) opens", time.perf_counter() - began, "s", 2.0)
+        page.close()
+
+        page = browser.new_page()
+        page.goto(dashboard.link)
+        heaps, memories = [], []
+        client = page.context.new_cdp_session(page)
+        dashboard.hub.hear(started(20))
+        hour = 40_000 if short else 180_000
+        for tick in range(hour):
+            for event in tick_events(tick, "on the way"):
+                dashboard.hub.hear(event)
+            if tick % (hour // 8) == hour // 8 - 1:
+                expect(page.locator("#clock")).to_contain_text(f"{tick * PERIOD:.1f} s", timeout=120_000)
+                client.send("HeapProfiler.collectGarbage")
+                heaps.append(page.evaluate("performance.memory.usedJSHeapSize") / 1e6)
+                memories.append(memory_kb() / 1e3)
+            elif tick % 500 == 499:
+                time.sleep(0.05)  # the hour passes quickly, but the page must be able to follow
+        tell("page's memory, end of an hour against its middle", heaps[-1] / heaps[4] * 100.0 - 100.0, "%", 20.0)
+        tell("server's memory, likewise", memories[-1] / memories[4] * 100.0 - 100.0, "%", 20.0)
+        table.add_row("  heap of the page", f"{heaps[4]:.0f} → {heaps[-1]:.0f} MB", "")
+        table.add_row("  resident memory of the server", f"{memories[4]:.0f} → {memories[-1]:.0f} MB", "")
+        browser.close()
+        dashboard.close()
+    Console().print(table)
+    return 1 if missed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

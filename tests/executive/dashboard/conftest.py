@@ -1,0 +1,72 @@
+"""A dashboard on a free port, and Chromium to look at it."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from shown_runs import GATE, Show
+
+CHROMIUM = ("chromium", "chromium-browser", "google-chrome")
+FLAGS = [
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--no-first-run",
+]
+
+
+@pytest.fixture
+def show(tmp_path: Path) -> Iterator[Show]:
+    """A served dashboard."""
+    GATE.clear()
+    show = Show(tmp_path)
+    show.dashboard.start()
+    yield show
+    show.close()
+
+
+@pytest.fixture(scope="session")
+def chromium() -> Iterator[Any]:
+    """The system's Chromium, headless."""
+    found = next((path for name in CHROMIUM if (path := shutil.which(name))), None)
+    if found is None:
+        words = f"no Chromium here: none of {', '.join(CHROMIUM)} is installed"
+        if os.environ.get("CI") == "true":
+            pytest.fail(words)
+        pytest.skip(words)
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=found, args=FLAGS)
+        yield browser
+        browser.close()
+
+
+@pytest.fixture
+def open_page(chromium: Any, show: Show) -> Iterator[Callable[..., Any]]:
+    """Opens the page; after the test, none of the pages may have had an error or a failed request."""
+    problems: list[str] = []
+    contexts = []
+
+    def open_one(fragment: str = "", **settings: Any) -> Any:
+        context = chromium.new_context(**settings)
+        contexts.append(context)
+        page = context.new_page()
+        page.set_default_timeout(15_000)
+        page.on("console", lambda message: problems.append(message.text) if message.type == "error" else None)
+        page.on("pageerror", lambda error: problems.append(str(error)))
+        page.on("requestfailed", lambda request: problems.append(f"{request.url}: {request.failure}"))
+        page.goto(f"{show.dashboard.link}{fragment and '&' + fragment}")
+        return page
+
+    yield open_one
+    assert problems == []
+    for context in contexts:
+        context.close()

@@ -1,0 +1,245 @@
+"""The page in a real browser: what an operator sees and does, from the start of a run to its explanation."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from shown_runs import GATE, Show
+
+from executive.commands.dashboard import Launcher
+from executive.dashboard.choices import Choices
+from executive.events import OperatorActed
+from executive.recording.read import read_events
+
+pytestmark = pytest.mark.browser
+
+HOLD = "pomona: 1\ntree: demo\nroot:\n  sequence:\n    - Look: {seen: '{seen}'}\n    - Hold: {}\n    - Rest: {}\n"
+JAM = """
+pomona: 1
+tree: jam
+root:
+  fallback:
+    - Jam: {}
+      name: The jam
+    - Rest: {duration: 300 ms}
+      name: The way out
+"""
+BROKEN = """
+pomona: 1
+tree: broken
+root:
+  sequence:
+    - Rest: {}
+    - Jam: {}
+      name: '<img src=x onerror=alert(1)>'
+"""
+Open = Callable[..., Any]
+
+
+def expect(locator: Any) -> Any:
+    from playwright.sync_api import expect as playwright_expect
+
+    return playwright_expect(locator)
+
+
+def row(page: Any, name: str) -> Any:
+    return page.locator(".row", has=page.get_by_text(name, exact=True)).first
+
+
+def take_control(page: Any, name: str) -> None:
+    page.get_by_label("your name").fill(name)
+    page.get_by_role("button", name="Take control").click()
+    expect(page.locator("#holder")).to_have_text("You hold control.")
+
+
+def test_a_run_is_watched_from_start_to_end(show: Show, open_page: Open) -> None:
+    page = open_page()
+    expect(page.locator("#connection")).to_have_text("connected")
+    show.run(HOLD)
+    expect(page.locator("#state")).to_have_text("▶ running")
+    expect(page.locator("#kind")).to_have_text("MOCK")
+    expect(row(page, "Hold").locator(".icon")).to_have_attribute("aria-label", "running")
+    expect(row(page, "Hold").locator(".detail")).to_have_text("waiting at the gate")
+    expect(page.locator("#links")).to_contain_text("● wheel")
+    expect(page.locator("#camera img")).to_be_visible()
+    expect(page.locator("#camera polygon")).to_have_count(1)
+    expect(page.locator("#plots .plot")).to_have_count(2)
+    expect(page.locator("#scene-legend")).to_contain_text("planned path")
+    row(page, "Look").click()
+    expect(page.locator("#node")).to_contain_text("an apple")
+    expect(page.locator("#node pre")).to_contain_text("Look: {seen")
+    GATE.set()
+    expect(page.locator("#state")).to_have_text("✓ success")
+    expect(row(page, "Rest").locator(".icon")).to_have_attribute("aria-label", "success")
+    expect(page.locator("#why")).to_contain_text("The task succeeded")
+
+
+def test_pause_and_resume_show_what_is_acknowledged(show: Show, open_page: Open) -> None:
+    page = open_page()
+    show.run(HOLD)
+    expect(page.locator("#state")).to_have_text("▶ running")
+    pause = page.get_by_role("button", name="Pause")
+    expect(pause).to_be_disabled()
+    take_control(page, "ada")
+    pause.click()
+    expect(page.locator("#ack")).to_contain_text("Acknowledged: paused (at rest) · last action: pause by ada")
+    assert show.cell.paused
+    expect(pause).to_be_disabled()
+    page.get_by_role("button", name="Resume").click()
+    expect(page.locator("#ack")).to_contain_text("Acknowledged: running")
+    assert not show.cell.paused
+
+
+def test_escape_is_a_safe_stop_that_stays_until_it_is_reset(show: Show, open_page: Open) -> None:
+    page, other = open_page(), open_page()
+    show.run(HOLD)
+    expect(page.locator("#state")).to_have_text("▶ running")
+    page.keyboard.press("Escape")  # nobody needs control for this, and nothing asks back
+    expect(page.locator("#latched-reason")).to_have_text("safe stop by operator")
+    expect(other.locator("#latched")).to_be_visible()
+    expect(page.locator("#state")).to_have_text("■ stopped")
+    assert show.cell.latched == "safe stop by operator"
+    reset = page.get_by_role("button", name="Acknowledge and reset")
+    expect(reset).to_be_disabled()
+    take_control(page, "ada")
+    reset.click()
+    expect(page.locator("#latched")).to_be_hidden()
+    expect(other.locator("#latched")).to_be_hidden()
+    assert show.cell.latched is None
+    show.close()
+    acts = [(e.who, e.action) for e in read_events(show.records / "demo_1") if isinstance(e, OperatorActed)]
+    assert acts == [("operator", "safe_stop"), ("ada", "take"), ("ada", "acknowledge")]
+
+
+def test_a_failed_run_is_explained_in_words_with_data(show: Show, open_page: Open) -> None:
+    page = open_page()
+    show.run(BROKEN)
+    why = page.locator("#why")
+    expect(why).to_contain_text("The run ended: failure.")
+    expect(why).to_contain_text("JAMMED the wheel is stuck")
+    expect(why.locator("dl")).to_have_text("angle0.5")
+    expect(why).to_contain_text("<img src=x onerror=alert(1)>")  # a hostile name is text
+    assert page.locator("#tree img, #why img").count() == 0
+
+
+def test_why_says_what_the_tree_did_next(show: Show, open_page: Open) -> None:
+    page = open_page()
+    show.run(JAM)
+    expect(page.locator("#why")).to_contain_text("Then the tree went on with The way out.")
+    expect(page.locator("#why")).to_contain_text("The task succeeded after 1 failure on the way.")
+
+
+def test_a_replay_is_scrubbed_played_and_shared(show: Show, open_page: Open) -> None:
+    show.record(JAM, "old_1")
+    page = open_page("run=old_1")
+    expect(page.locator("#connection")).to_have_text("recorded run")
+    expect(page.locator("#state")).to_have_text("✓ success")
+    timeline = page.locator("#timeline")
+    timeline.press("Home")
+    expect(row(page, "The way out").locator(".icon")).not_to_have_attribute("aria-label", "success")
+    expect(page.locator("#state")).to_have_text("▶ running")
+    timeline.press("ArrowRight")
+    expect(row(page, "The jam").locator(".icon")).to_have_attribute("aria-label", re.compile("failure"))
+    page.get_by_label("speed").select_option("8")
+    page.get_by_role("button", name="play", exact=True).click()
+    expect(page.locator("#state")).to_have_text("✓ success")
+    page.evaluate("location.hash = 'run=old_1&t=0.1'")
+    expect(page.locator("#shown")).to_contain_text("0.1 s of")
+    page.get_by_role("button", name="Back to live").click()
+    expect(page.locator("#run")).to_have_text("no run yet")
+
+
+def test_a_live_run_is_scrubbed_back_and_returned_to_live(show: Show, open_page: Open) -> None:
+    page = open_page()
+    show.run(HOLD)
+    expect(row(page, "Hold").locator(".icon")).to_have_attribute("aria-label", "running")
+    page.locator("#timeline").press("Home")
+    expect(page.locator("body")).to_have_class(re.compile("past"))
+    page.get_by_role("button", name="live", exact=False).first.click()
+    expect(page.locator("body")).not_to_have_class(re.compile("past"))
+
+
+def test_control_is_handed_over_where_everybody_sees_it(show: Show, open_page: Open) -> None:
+    first, second = open_page(), open_page()
+    show.run(HOLD)
+    take_control(first, "ada")
+    expect(second.locator("#holder")).to_have_text("ada holds control.")
+    expect(second.locator("#viewers")).to_have_text("2 watch.")
+    take_control(second, "ben")
+    expect(first.locator("#holder")).to_have_text("ben holds control.")
+    expect(first.get_by_role("button", name="Pause")).to_be_disabled()
+
+
+def test_a_breakpoint_holds_and_is_shown_to_all(show: Show, open_page: Open) -> None:
+    page, other = open_page(), open_page()
+    show.run(HOLD)
+    take_control(page, "ada")
+    row(page, "Rest").click()
+    page.locator("#tree").press("b")
+    expect(other.locator("#breaks")).to_have_text("Breakpoints: Rest")
+    GATE.set()
+    expect(page.locator("#ack")).to_contain_text("Acknowledged: paused")
+    expect(row(page, "Rest").locator(".detail")).to_have_text("held by a breakpoint")
+    page.get_by_role("button", name="Resume").click()
+    expect(page.locator("#state")).to_have_text("✓ success")
+
+
+def test_runs_are_filtered_and_two_are_compared(show: Show, open_page: Open) -> None:
+    show.record(JAM, "old_1", seed=1)
+    show.record(BROKEN, "old_2", seed=2)
+    page = open_page()
+    page.get_by_role("button", name="Runs").click()
+    expect(page.locator("#runs tbody tr")).to_have_count(2)
+    page.get_by_label("compare old_1").check()
+    page.get_by_label("compare old_2").check()
+    page.get_by_role("button", name="Compare two").click()
+    expect(page.locator("#comparison")).to_contain_text("JAMMED the wheel is stuck")
+    expect(page.locator("#comparison tr.differs", has_text="outcome")).to_contain_text("successfailure")
+    page.get_by_label("filter runs").fill("failure seed 2")
+    expect(page.locator("#runs tbody tr")).to_have_count(1)
+    page.get_by_role("button", name="old_2").click()
+    expect(page.locator("#run")).to_contain_text("broken · seed 2")
+
+
+def test_a_thousand_nodes_are_searched_and_folded(show: Show, open_page: Open) -> None:
+    leaves = "".join(f"    - Rest: {{}}\n      name: Rest {n}\n" for n in range(1000))
+    show.record(f"pomona: 1\ntree: wide\nroot:\n  parallel:\n{leaves}", "wide_1")
+    page = open_page("run=wide_1")
+    expect(page.locator(".row")).to_have_count(1001)
+    page.get_by_label("search nodes").fill("rest 99")
+    expect(page.locator(".row:visible")).to_have_count(11)
+    page.get_by_label("search nodes").fill("")
+    page.get_by_role("button", name="Fold done").click()
+    expect(page.locator(".row:visible")).to_have_count(1)
+
+
+def test_a_lost_connection_looks_lost(show: Show, chromium: Any) -> None:
+    page = chromium.new_page()  # its console may complain: the server is gone
+    page.goto(show.dashboard.link)
+    expect(page.locator("#connection")).to_have_text("connected")
+    show.close()
+    expect(page.locator("#connection")).to_contain_text("connection lost")
+    page.close()
+
+
+@pytest.mark.slow
+def test_a_simulated_pick_is_started_from_the_page_and_watched_to_its_end(show: Show, open_page: Open) -> None:
+    choices = Choices.installed()
+    launcher = Launcher(show.dashboard, show.records, choices)
+    show.dashboard.allow_starts(launcher.start, choices)
+    page = open_page()
+    take_control(page, "ada")
+    page.get_by_role("button", name="Runs").click()
+    page.get_by_label("seed").fill("1")
+    page.locator("#start-pace").select_option("fast")
+    page.get_by_role("button", name="Start", exact=True).click()
+    expect(page.locator("#kind")).to_have_text("SIMULATED", timeout=90_000)
+    expect(page.locator("#state")).to_have_text("✓ success", timeout=90_000)
+    expect(page.locator("#camera img")).to_be_visible()
+    expect(page.locator("#plots .plot").first).to_be_visible()
+    assert [path.name for path in Path(show.records).glob("*_pick_apple")]
+    launcher.close()

@@ -1,0 +1,153 @@
+"""A dashboard with small runs to show: on a cell without devices, in threads, held where a test wants them."""
+
+from __future__ import annotations
+
+import socket
+import threading
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from fake_cell import FakeCell, Wheel
+
+from executive.dashboard.security import Access
+from executive.dashboard.server import Dashboard
+from executive.events import EventStream, RunStarted
+from executive.ports import TIME, Port, Ports
+from executive.recording.recorder import Recorder
+from executive.registry import Registry
+from executive.runner import Runner
+from executive.skill import Interrupted, Skill, Work
+from executive.tree_file import build, read
+from executive.views import ImageView, Line2, Line3, Points3, SceneView, SeriesView
+
+GATE = threading.Event()
+"""`Hold` waits for it: a test decides when a run goes on."""
+
+
+class Hold(Skill):
+    """Turn the wheel until the test opens the gate."""
+
+    devices = (Wheel,)
+
+    def run(self) -> Work:
+        wheel = self.device(Wheel)
+        wheel.start()
+        try:
+            while not GATE.is_set():
+                yield "waiting at the gate"
+        except Interrupted:
+            wheel.stop()
+            while wheel.coasting:
+                yield "coasting"
+            raise
+        wheel.stop()
+        return {}
+
+
+class Look(Skill):
+    """Show one view of each kind."""
+
+    outputs = Ports(seen=str)
+
+    def run(self) -> Work:
+        image = np.zeros((48, 64, 3), np.uint8)
+        outline = np.array([[8.0, 8.0], [40.0, 8.0], [40.0, 30.0]])
+        self.publish("camera", ImageView(image, (Line2(outline, "apple", "refined", True),), outline, "one apple"))
+        path = np.array([[0.0, 0.0, 0.0], [0.1, 0.2, 0.3]])
+        self.publish("path", SceneView((Line3(path, "planned path"),), (Points3(path, "tried", "tried"),)))
+        t = np.arange(5) * 0.002
+        self.publish("grip", SeriesView(t, {"grasp force [N]": t, "width [m]": t}, {"limit [N]": 0.005}))
+        yield None
+        return {"seen": "an apple"}
+
+
+class Jam(Skill):
+    """Fail, with facts."""
+
+    failures = ("JAMMED",)
+
+    def run(self) -> Work:
+        yield None
+        raise self.failure("JAMMED", "the wheel is stuck", angle=0.5)
+
+
+class Rest(Skill):
+    """Let time pass."""
+
+    inputs = Ports(duration=Port(TIME, default="100 ms"))
+
+    def run(self, duration: float) -> Work:
+        yield from self.wait(duration)
+        return {}
+
+
+REGISTRY = Registry({"Hold": Hold, "Look": Look, "Jam": Jam, "Rest": Rest})
+
+
+class Show:
+    """A dashboard, and runs of small trees on a cell without devices."""
+
+    def __init__(self, records: Path) -> None:
+        with socket.socket() as free:
+            free.bind(("127.0.0.1", 0))
+            port = free.getsockname()[1]
+        self.dashboard = Dashboard(Access("127.0.0.1", port), records)
+        self.records = records
+        self.cell = FakeCell()
+        self._threads: list[threading.Thread] = []
+
+    def run(self, tree: str, name: str = "demo_1", *, seed: int = 0) -> Runner:
+        """Start a run in a thread of its own; it holds a latched safe state until it is acknowledged."""
+        runner, finish = self._make(tree, name, seed, [self.dashboard.hub.hear])
+        self.dashboard.desk.serve(runner)
+
+        def work() -> None:
+            runner.run()
+            runner.hold_latched()
+            finish()
+
+        self._threads.append(threading.Thread(target=work))
+        self._threads[-1].start()
+        return runner
+
+    def record(self, tree: str, name: str, *, seed: int = 0) -> None:
+        """Leave the record of a whole run."""
+        runner, finish = self._make(tree, name, seed, [])
+        runner.run()
+        finish()
+
+    def _make(self, tree: str, name: str, seed: int, listeners: list[Any]) -> tuple[Runner, Callable[[], None]]:
+        self.cell, events = FakeCell(), EventStream()
+        document = read(tree, "tree.yaml")
+        folder = self.records / name
+        folder.mkdir()
+        recorder = Recorder(folder)
+        for listener in (recorder.hear, *listeners):
+            events.subscribe(listener)
+        runner = Runner(
+            lambda context, board: build(document, REGISTRY, context=context, board=board),
+            self.cell,
+            events,
+            real_time=bool(listeners),
+        )
+        nodes = tuple(node.facts() for node in runner.tree.nodes)
+        events.emit(
+            RunStarted(
+                0.0, 0, name, runner.tree.name, "tree.yaml", tree, f"hash{seed}", "fake", "mock", "fake.yaml", "",
+                seed, {}, nodes, {}, 0.0, 0.02,
+            )
+        )  # fmt: skip
+        return runner, recorder.close
+
+    def close(self) -> None:
+        """End what still runs."""
+        GATE.set()
+        runner = self.dashboard.desk.runner
+        if runner is not None:
+            runner.safe_stop("the test is over")
+            runner.leave()
+        for thread in self._threads:
+            thread.join(10.0)
+        self.dashboard.close()
