@@ -61,7 +61,7 @@ def examine(path: Path, overrides: Mapping[str, str] | None = None) -> list[Chec
         cell = load_cell(path, overrides=overrides, missing=missing.__setitem__)
     except DriverError as error:
         return [*checks, _refused("cell file", error)]
-    checks.append(Check("cell file", True, f"{path}, a {cell.kind} cell"))
+    checks.append(Check("cell file", True, f"{path} ({cell.kind})"))
     checks += [_refused(name, error) for name, error in missing.items()]
     try:
         rates = _watch(cell)

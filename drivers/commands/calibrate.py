@@ -52,7 +52,7 @@ def _fingers(options: argparse.Namespace) -> str:
         seed=options.seed,
     )
     calibration.save(options.out)
-    return f"{report}\\nwritten to {options.out}"
+    return f"{report}\nwritten to {options.out}"
 
 
 def _hand_eye(options: argparse.Namespace) -> str:
@@ -63,4 +63,4 @@ def _hand_eye(options: argparse.Namespace) -> str:
         raise UnusableLooks(f"'{options.board}' is not a board: write the inner corners as 9x6")
     result = calibrate_folder(options.folder, Board(int(columns), int(rows), 1e-3 * options.square))
     result.save(options.out)
-    return f"{result}\\nwritten to {options.out}"
+    return f"{result}\nwritten to {options.out}"

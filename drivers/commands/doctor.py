@@ -36,7 +36,7 @@ def main(options: argparse.Namespace) -> int:
     for check in checks:
         print(check)
     bad = sum(not check.ok for check in checks)
-    print(f"\\n{bad} of {len(checks)} need attention" if bad else f"\\nall {len(checks)} are well")
+    print(f"\n{bad} of {len(checks)} need attention" if bad else f"\nall {len(checks)} are well")
     return 1 if bad else 0
 
 

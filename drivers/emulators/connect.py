@@ -151,7 +151,11 @@ class WireSource:
     def wait(self, timeout: float) -> Pair | None:
         now = time.monotonic()
         if not self._waiting:
-            time.sleep(min(max(self._asked_at + self._period - now, 0.0), timeout))
+            early = self._asked_at + self._period - now
+            if early > timeout:
+                time.sleep(timeout)
+                return None
+            time.sleep(max(early, 0.0))
             self._asked_at, self._waiting = time.monotonic(), True
             self._link.send(b"?")
         self._buffer += self._link.receive(timeout)

@@ -1,10 +1,11 @@
+import argparse
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 
-from drivers.commands.doctor import find_cell
+from drivers.commands.doctor import add, find_cell
 from drivers.doctor import Check, examine
 
 
@@ -56,3 +57,15 @@ def test_installed_cells_are_found_by_name() -> None:
     assert find_cell("frames").name == "frames.yaml"
     assert find_cell("frames").is_file()
     assert find_cell("elsewhere/x.yaml") == Path("elsewhere/x.yaml")
+
+
+def test_the_command_prints_a_line_for_each_check_and_a_sum(
+    frames_cell: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    parser = argparse.ArgumentParser()
+    add(parser.add_subparsers())
+    options = parser.parse_args(["doctor", "--cell", str(frames_cell)])
+    assert options.main(options) == 1
+    lines = capsys.readouterr().out.splitlines()
+    assert any(line.startswith("✓ camera") for line in lines)
+    assert lines[-1].startswith("1 of ")
