@@ -2,12 +2,14 @@
 
 PlanningError
 ├── PlanningFailed    there is no path to give; carries a code of the skill Plan, a sentence and data
-└── BadTrajectory     a trajectory that must not be executed: NaN, or beyond a limit
+├── BadTrajectory     a trajectory that must not be executed: NaN, or beyond a limit
+└── BadProblem        a benchmark's problem file that cannot be used
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 
 
 class PlanningError(Exception):
@@ -27,3 +29,11 @@ class PlanningFailed(PlanningError):
 
 class BadTrajectory(PlanningError):
     """A trajectory that is not executed."""
+
+
+class BadProblem(PlanningError):
+    """A file of a planning benchmark that cannot be used."""
+
+    def __init__(self, path: Path, problem: str) -> None:
+        self.path, self.problem = path, problem
+        super().__init__(f"{path} {problem}")

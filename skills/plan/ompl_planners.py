@@ -23,6 +23,11 @@ Float64 = NDArray[np.float64]
 util.setLogLevel(util.LOG_NONE)
 
 
+RANGE = 0.8
+"""Longest step of a tree [rad], tuned on MotionBenchMaker's sets for the UR5: OMPL's default, a fifth of the space's
+extent, makes steps that are expensive to check and seldom free."""
+
+
 class Kind(Enum):
     """What a planner does with its budget."""
 
@@ -115,6 +120,8 @@ def solve(
         problem.setOptimizationObjective(objective)
     solver = getattr(geometric, planner)(information)
     solver.setProblemDefinition(problem)
+    if hasattr(solver, "setRange"):
+        solver.setRange(RANGE)
     solver.setup()
     ending = _Ending(iterations, deadline)
     solver.solve(base.PlannerTerminationCondition(ending))
