@@ -5,7 +5,7 @@ BIN    := $(VENV)/bin
 STAMP  := $(VENV)/.installed
 
 .DEFAULT_GOAL := help
-.PHONY: help setup run test check bench bench-tree bench-detect bench-refine bench-plan bench-grasp bench-devices oracle fuzz clean
+.PHONY: help setup run test test-realtime check bench bench-tree bench-detect bench-refine bench-plan bench-grasp bench-devices oracle fuzz clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-16s %s\n", $$1, $$2}'
@@ -25,6 +25,9 @@ run: $(STAMP) ## pick an apple on the simulated cell
 test: $(STAMP) ## run the tests
 	@sh scripts/system_libraries.sh chromium
 	$(BIN)/python -m pytest -n 2
+
+test-realtime: $(STAMP) ## the whole pick through emulated devices and wires; needs a machine with nothing else to do
+	$(BIN)/python -m pytest -m realtime
 
 check: test ## what CI runs: tests, lint, types, layer rules
 	$(BIN)/ruff check .

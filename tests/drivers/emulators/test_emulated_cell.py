@@ -64,7 +64,7 @@ def test_a_world_that_cannot_start_is_reported_with_its_place(tmp_path: Path) ->
     assert caught.value.line > 0
 
 
-@pytest.mark.slow
+@pytest.mark.realtime
 def test_the_whole_pick_goes_through_the_wires(tmp_path: Path) -> None:
     settings = [f"--set={key}={value}" for key, value in (free_ports(tmp_path) | {"pace": PACE}).items()]
     command = [sys.executable, "-m", "executive.cli", "run", "pick_apple", "--cell", str(CELL), "--json", "--quiet"]
