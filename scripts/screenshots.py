@@ -1,4 +1,5 @@
-"""Pictures of the dashboard to look at: `python scripts/screenshots.py [FOLDER]` picks an apple and photographs the page.
+"""Pictures of the dashboard to look at: `python scripts/screenshots.py [FOLDER]` an apple is picked and the page
+photographed.
 
 Needs Chromium. The run, its replay, a failed dry run, the list of runs: on a desk's screen in light and dark, and on a
 tablet.
@@ -30,11 +31,11 @@ HARD = """pomona: 1
 tree: long_names
 root:
   fallback:
-    - fail: "the first way is blocked by a branch that nobody has seen before, forty millimetres from the left finger"
-      name: A node with a very long name that nobody would write and somebody will, to see where it ends on a tablet
+    - fail: {code: BLOCKED, message: "a branch that nobody has seen before is in the way, 40 mm from the left finger"}
+      name: A node with a very long name that nobody would write and somebody will do
     - sequence:
         - wait: 200 ms
-        - fail: "the second way is blocked, too"
+        - fail: {code: BLOCKED, message: "the second way is blocked, too"}
           name: The second way
 """
 

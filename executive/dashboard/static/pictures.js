@@ -7,7 +7,7 @@ export const STALE = 3; // seconds after which a stream that should go on looks 
 const SVG = "http://www.w3.org/2000/svg";
 
 export class CameraView {
-  constructor() { this.key = ""; }
+  constructor() { this.key = null; }
 
   update(state) {
     const views = [...state.images.entries()];
@@ -115,7 +115,7 @@ export class PlotsView {
     const chart = { box, names, series, drawn: -1, of: null };
     chart.plot = new uPlot({
       width: box.clientWidth || 400, height: HEIGHT, scales: { x: { time: false } }, cursor: { sync: { key: "run" } },
-      axes: [{ ...axis, values: (_u, v) => v.map((x) => `${x} s`) }, { ...axis, size: 54, values: (_u, v) => v.map((x) => String(Number(x.toPrecision(3)))) }],
+      axes: [{ ...axis, values: (_u, v) => v.map((x) => `${x} s`) }, { ...axis, size: 64, values: (_u, v) => v.map((x) => String(Number(x.toPrecision(3)))) }],
       series: [{ label: "t", value: (_u, v) => (v === null || v === undefined ? "–" : `${v.toFixed(2)} s`) },
         ...names.map((name, i) => ({ label: name.replace(` [${unit}]`, ""), stroke: palette[i % palette.length], width: 2, dash: [undefined, [8, 3], [3, 3], [10, 3, 2, 3]][i % 4], points: { show: false }, value: (_u, v) => (v === null || v === undefined ? "–" : v.toPrecision(3)) }))],
       hooks: { draw: [(u) => annotate(u, chart.series.thresholds, unit, this.marks, this.at, css)] },

@@ -10,7 +10,7 @@ const STYLE = {
 export class SceneView {
   constructor() {
     this.canvas = $("scene");
-    this.yaw = -0.9; this.pitch = 0.5; this.zoom = 1; this.key = "";
+    this.yaw = -0.9; this.pitch = 0.5; this.zoom = 1; this.key = null;
     let drag = null;
     this.canvas.addEventListener("pointerdown", (e) => { drag = [e.clientX, e.clientY]; this.canvas.setPointerCapture(e.pointerId); });
     this.canvas.addEventListener("pointermove", (e) => {
@@ -37,6 +37,8 @@ export class SceneView {
     if (key === this.key) return;
     this.key = key;
     this.views = [...state.scenes.values()];
+    this.canvas.hidden = !this.views.length;
+    if (!this.views.length) { $("scene-legend").replaceChildren("nothing to show yet"); return; }
     const labels = new Map();
     for (const view of this.views) for (const part of [...list(view.lines), ...list(view.points), ...list(view.meshes)]) if (part.label) labels.set(part.label, part.style);
     $("scene-legend").replaceChildren(...[...labels].map(([label, style]) => { const dot = h("i"); dot.style.background = colour(style); return h("span", {}, dot, label); }),

@@ -37,7 +37,7 @@ export class Timeline {
   }
 
   draw(whole, now) {
-    this.length = Math.max(1, whole.t);
+    this.length = Math.max(0.1, whole.t);
     this.now = now;
     const key = `${whole.seq}|${now}|${this.canvas.clientWidth}`;
     if (key === this.key) return;
