@@ -90,7 +90,7 @@ def speed(detector: CompactDetector, frames: FrameFolder, fruit: FruitModel, rou
         [
             "## Speed at 640 × 480, medians of this run",
             "",
-            f"threads: {torch.get_num_threads()}",
+            f"threads: full network {torch.get_num_threads()}, compact 1",
             f"full network: {1e3 * np.median(network_only):.0f} ms",
             f"full network with resize and decoding: {1e3 * np.median(whole):.0f} ms",
             f"compact, all of Detect (resize, networks, decoding, PnP): {1e3 * np.median(compact):.1f} ms",

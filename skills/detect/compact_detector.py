@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import copy
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -92,8 +93,8 @@ class CompactDetector:
     ) -> None:
         self.options = options or DetectorOptions()
         self._type = torch.bfloat16 if has_bfloat16() else torch.float32
-        height = 3 * self.options.working_width // 4
-        self._finder = _ready(finder, torch.zeros(1, 3, height, self.options.working_width), self._type)
+        # Any size will do: the graph that is traced holds no sizes.
+        self._finder = _ready(finder, torch.zeros(1, 3, 12 * MULTIPLE, 16 * MULTIPLE), self._type)
         self._close_look = _ready(close_look, torch.zeros(2, 3, CLOSE_LOOK_SIZE, CLOSE_LOOK_SIZE), self._type)
 
     @classmethod
@@ -122,6 +123,10 @@ class CompactDetector:
         Raises:
             BadFrame: another shape or type.
         """
+        with _one_thread():
+            return self._find(colour)
+
+    def _find(self, colour: U8) -> list[FoundFruit]:
         belief, offsets, factor = self.belief_maps(colour)
         options = self.options
         places = decode_offsets(belief, offsets, options.finder_threshold)[: options.most_fruit]
@@ -179,6 +184,23 @@ class CompactDetector:
             middle, score = centre + row[CENTRE] * half, float(np.sqrt(belief * fruit))
             found.append(FoundFruit(middle, half * scale, axis, spreads, score, float(seen)))
         return found
+
+
+@contextmanager
+def _one_thread() -> Iterator[None]:
+    """Let torch work in one thread: on layers this small threads wait for each other longer than they work.
+
+    On a busy machine two threads were six times slower than one, and one never disturbs a control loop.
+    """
+    before = torch.get_num_threads()
+    if before == 1:
+        yield
+        return
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)
 
 
 def _ready(network: nn.Module, example: Tensor, number: torch.dtype) -> Callable[[Tensor], Any]:

@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from skills.detect.annotations import AnnotatedObject, Annotation
-from skills.detect.compact_detector import CompactDetector
+from skills.detect.compact_detector import CompactDetector, DetectorOptions
 from skills.detect.compact_network import CloseLookNetwork, FinderNetwork
 from skills.detect.errors import BadFrame
 from skills.detect.evaluation import Evaluation, evaluate, table
@@ -86,6 +86,17 @@ def test_the_same_picture_gives_the_same_poses(detector: CompactDetector, apple:
 def test_pictures_of_any_size_are_searched(detector: CompactDetector, size: tuple[int, int]) -> None:
     noise = np.random.default_rng(0).integers(0, 256, (*size, 3), dtype=np.uint8)
     assert all(np.isfinite(found.centre).all() for found in detector.find(noise))
+
+
+@pytest.mark.parametrize("width", [64, 300, 720])
+def test_any_working_width_can_be_asked_for(apple: FruitModel, width: int) -> None:
+    assert apple.weights is not None
+    wide = CompactDetector.load(apple.weights, DetectorOptions(working_width=width))
+    picture = np.random.default_rng(1).integers(0, 256, (270, 480, 3), dtype=np.uint8)
+    belief, offsets, factor = wide.belief_maps(picture)
+    assert belief.shape[2] * 4 >= width
+    assert offsets.shape == (17, *belief.shape[1:])
+    assert factor == pytest.approx(width / 480)
 
 
 def test_pictures_of_another_type_are_refused(detector: CompactDetector) -> None:
