@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from skills.refine.errors import BadDepth, DepthNotInMetres, NoDepth
+from skills.refine.errors import BadDepth, DepthNotInMetres, NoDepth, TooFewInliers
 
 DepthImage = NDArray[np.float32]
 
@@ -71,12 +71,13 @@ def fit_scale(depth: DepthImage, virtual_depth: DepthImage, inlier_band: float =
 
     Raises:
         NoDepth: fewer than `MIN_PIXELS` of the model's pixels, or less than `MIN_VALID` of them, hold a measurement.
+        TooFewInliers: no two measurements agree.
         DepthNotInMetres: the measurements are about a thousand times the virtual depth.
         BadDepth: the shapes differ.
     """
     if depth.shape != virtual_depth.shape:
         raise BadDepth(f"the depth's shape {depth.shape} is not that of the virtual depth, {virtual_depth.shape}")
-    covered = np.flatnonzero(virtual_depth)
+    covered = np.flatnonzero(virtual_depth > 0.0)
     measured = depth.ravel()[covered]
     valid = np.isfinite(measured) & (measured > 0.0)
     pixels = covered[valid]
@@ -92,12 +93,16 @@ def fit_scale(depth: DepthImage, virtual_depth: DepthImage, inlier_band: float =
 
     inlier = np.abs(d - mu * d_hat) <= inlier_band
     for _ in range(_REFITS):
+        if not inlier.any():
+            break
         chosen = d_hat[inlier]
         mu = float(d[inlier] @ chosen / (chosen @ chosen))
         residuals = d - mu * d_hat
         before, inlier = inlier, np.abs(residuals) <= inlier_band
-        if np.array_equal(before, inlier):
+        if not (before ^ inlier).any():
             break
+    if not inlier.any():
+        raise TooFewInliers(0.0, 1.0 / len(pixels))
     chosen, scatter = d_hat[inlier], residuals[inlier]
     mean_square = float(scatter @ scatter) / len(scatter)
     inliers = np.zeros(depth.shape, dtype=np.bool_)

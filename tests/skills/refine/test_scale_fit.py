@@ -11,7 +11,7 @@ from scipy.optimize import minimize_scalar
 
 from drivers.interfaces import Intrinsics
 from skills.geometry import rotation_about, transform
-from skills.refine.errors import BadDepth, DepthNotInMetres, NoDepth
+from skills.refine.errors import BadDepth, DepthNotInMetres, NoDepth, TooFewInliers
 from skills.refine.paper import moved_and_scaled
 from skills.refine.render import image_box, render_depth
 from skills.refine.scale_fit import fit_scale
@@ -135,3 +135,20 @@ def test_box_holds_the_whole_model():
     assert box == image_box(MESHES["egg"], T, CAMERA)
     assert not virtual[[0, -1]].any()
     assert not virtual[:, [0, -1]].any()
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    depths=st.lists(st.floats(0.05, 3.0), min_size=40, max_size=60),
+    band=st.floats(1e-6, 0.05),
+)
+def test_any_depth_gives_a_supported_scale_or_a_refusal(depths, band):
+    depth = np.array(depths, np.float32)[None]
+    virtual = np.linspace(0.4, 0.6, len(depths), dtype=np.float32)[None]
+    try:
+        fit = fit_scale(depth, virtual, band)
+    except TooFewInliers:
+        return
+    assert np.isfinite([fit.mu, fit.variance, fit.residual]).all()
+    assert fit.inliers.any()
+    assert fit.residual <= band
