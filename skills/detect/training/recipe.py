@@ -54,7 +54,7 @@ SHIPPED = Recipe(
         Stage("close_look", 6000, 1.5e-3, 128),
     ),
 )
-"""The recipe of the shipped weights, see docs/model_cards."""
+"""What `make train-detect` carries out; how the weights in the repository came about is in docs/model_cards."""
 
 Say = Callable[[str, Progress], None]
 
