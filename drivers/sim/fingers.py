@@ -20,7 +20,7 @@ LEVER = 0.01
 _NOISE_ROWS = 8192
 
 
-@numba.njit(cache=True)  # type: ignore[untyped-decorator]
+@numba.njit(cache=True)
 def pad_wrench(contact: Float64, site_position: Float64, site_rotation: Float64, wrench: Float64) -> None:
     """What the fruit exerts on a pad, in the pad's frame, from the engine's net contact.
 

@@ -17,7 +17,7 @@ _ROUNDS = 16
 _PRECISION = 1e-10
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def track_poses(
     steps: Float64,
     sliding: NDArray[np.bool_],
