@@ -10,7 +10,7 @@ import { drawControl, drawHeader } from "./control.js";
 import { drawNode, drawPorts, drawWhy, onMoment } from "./panels.js";
 import { drawStart, loadRuns, readRecord, showRuns } from "./runs.js";
 
-const MOST_CHARACTERS = 60e6; // of messages that are kept for scrubbing in a live run; older ones become one state
+const MOST_CHARACTERS = 30e6; // of messages that are kept for scrubbing in a live run; older ones become one state
 
 const toggleBreak = (path) => { if (page.whole.byPath.get(path)?.leaf) act(page.whole.breaks.has(path) ? "unbreak" : "break", path); };
 const tree = new TreeView((path) => { page.selected = path; page.dirty = true; }, toggleBreak);

@@ -25,7 +25,7 @@ export function apply(s, m) {
   if (typeof m.tick === "number") s.tick = m.tick;
   const handler = HANDLERS[m.event];
   if (handler) handler(s, m);
-  for (const list of [s.spans, s.marks, s.failures, s.acts]) if (list.length > MOST_KEPT) list.splice(0, MOST_KEPT / 4);
+  if ((m.seq & 255) === 0) for (const list of [s.spans, s.marks, s.failures, s.acts]) if (list.length > MOST_KEPT) list.splice(0, MOST_KEPT / 4);
   return s;
 }
 
@@ -42,9 +42,11 @@ const HANDLERS = {
     s.marks.push({ t: m.t, kind: "state", text: `${m.state}: ${m.because}` });
   },
   NodeChanged(s, m) {
-    const before = s.node.get(m.path) ?? { status: "INVALID", history: [], since: m.t };
-    const changed = before.status !== m.status || before.starts !== m.starts;
-    const node = { ...before, status: m.status, feedback: m.feedback, starts: m.starts, tick: m.tick, reason: m.reason };
+    let node = s.node.get(m.path);
+    if (!node) { node = { status: "INVALID", history: [], since: m.t, starts: undefined }; s.node.set(m.path, node); }
+    const before = { status: node.status, history: node.history };
+    const changed = node.status !== m.status || node.starts !== m.starts;
+    node.status = m.status; node.feedback = m.feedback; node.starts = m.starts; node.tick = m.tick; node.reason = m.reason;
     const leaf = s.byPath.get(m.path)?.leaf;
     if (changed) {
       node.since = m.t;
@@ -69,7 +71,6 @@ const HANDLERS = {
         if (last && !last.next && m.path !== last.path) last.next = m.path;
       }
     }
-    s.node.set(m.path, node);
   },
   AttemptEnded(s, m) {
     const list = s.attempts.get(m.path) ?? [];
@@ -92,10 +93,11 @@ const HANDLERS = {
       if (have.shift === null || Math.abs(shift - have.shift) > 0.1) have.shift = shift;
       const n = have.t.length;
       const floor = n ? have.t[n - 1] : -Infinity;
-      have.t.push(...times.map((t) => Math.max(floor, t + have.shift)));
+      for (const t of times) have.t.push(Math.max(floor, t + have.shift));
       for (const [name, values] of Object.entries(m.value.values)) {
         have.values[name] ??= new Array(n).fill(null);
-        have.values[name].push(...values);
+        const own = have.values[name];
+        for (const value of values) own.push(value);
       }
       for (const values of Object.values(have.values)) while (values.length < have.t.length) values.push(null);
       if (have.t.length > MOST_SAMPLES) {
