@@ -75,6 +75,7 @@ def settings_for(task: Draw, world: type, law: ForceLaw, uncertain: bool, consta
         contact=contact,
         law=law,
         mu_uncertainty=0.15 if uncertain else 0.0,
+        offset=0.015,
         initial_force=constant if law is ForceLaw.CONSTANT else 2.2,
         loop=ForceLoopSettings(max_force=MAX_FORCE),
     )

@@ -36,8 +36,11 @@ class SlipAvoidGrasp(Skill):
         surface=Port(str, default="exact", choices=("exact", "ellipsoid"), help="limit surface"),
         margin=Port(RATIO, default=1.12, min=1.0, max=3.0, help="on the least force"),
         reserve=Port(FORCE, default="0 N", min="0 N", max="10 N", help="tangential force held beyond the load"),
+        offset=Port(
+            LENGTH, default="5 mm", min="0 mm", max="50 mm", help="the fruit's centre may lie so far off the grip"
+        ),
         initial_force=Port(FORCE, default="2.2 N", min="0.6 N", max="10 N", help="grasp force before the lift"),
-        max_force=Port(FORCE, default="16 N", min="1 N", max="40 N", help="largest grasp force, both fingers"),
+        max_force=Port(FORCE, default="14 N", min="1 N", max="40 N", help="largest grasp force, both fingers"),
         stiffness=Port(RATIO, default=2000.0, min=100.0, max=1e5, help="grasp force per metre of closing [N/m]"),
         law=Port(str, default="slip_avoidance", choices=tuple(law.value for law in ForceLaw), help="for comparison"),
         gentle=Port(bool, default=False, help="answer slip with a tenth of the force"),
@@ -68,6 +71,7 @@ class SlipAvoidGrasp(Skill):
         k: float,
         surface: str,
         margin: float,
+        offset: float,
         reserve: float,
         initial_force: float,
         max_force: float,
@@ -84,6 +88,7 @@ class SlipAvoidGrasp(Skill):
                 law=ForceLaw(law),
                 margin=margin,
                 reserve=reserve,
+                offset=offset,
                 mu_uncertainty=mu_uncertainty,
                 initial_force=initial_force,
                 contact_width=None if fruit is None else float(fruit.dimensions.max()) + CLEARANCE,

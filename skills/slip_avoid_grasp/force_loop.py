@@ -12,6 +12,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
+COMMAND_PERIOD = 0.02
+"""The gripper takes a new speed this often [s]."""
+
 
 @dataclass(frozen=True, slots=True)
 class PadStiffness:
@@ -49,7 +52,7 @@ class ForceLoopSettings:
     gain: float = 20.0
     lag: float = 0.015
     stiffness: PadStiffness = field(default_factory=PadStiffness)
-    max_force: float = 16.0
+    max_force: float = 14.0
     closing_speed: float = 0.2
     opening_speed: float = 0.012
 
@@ -66,7 +69,8 @@ def finger_speed(
         speed_before: the rate that was commanded before this one [m/s].
 
     Returns:
-        0.0 for anything that is not finite, and when the force is beyond twice the limit and would be raised further.
+        Never so fast that the force would be beyond the limit before the next command; 0.0 for anything that is not
+        finite, and when the force is beyond twice the limit and would be raised further.
     """
     if not (math.isfinite(f_ref) and math.isfinite(f_ref_rate) and math.isfinite(f_n)):
         return 0.0
@@ -78,4 +82,6 @@ def finger_speed(
     pads = settings.stiffness
     error = pads.pressed(f_ref) - pads.pressed(f_n) + speed_before * settings.lag
     closing = settings.gain * error + f_ref_rate / pads.slope(f_n)
-    return min(max(-closing, -settings.closing_speed), settings.opening_speed)
+    left = (settings.max_force - f_n) / pads.slope(f_n) + speed_before * settings.lag
+    fastest = min(settings.closing_speed, max(left, 0.0) / COMMAND_PERIOD)
+    return min(max(-closing, -fastest), settings.opening_speed)

@@ -19,7 +19,7 @@ LOW_PASS = 1.0 / (2.0 * math.pi * 50.0)
 EDGE, EDGE_GAIN = 0.95, 10.0
 """Where the least force is beyond this share of the measured one and noise, so many times the excess is added."""
 
-LEAD, QUIET_RISE = 7.0, 0.06
+LEAD, QUIET_RISE = 4.0, 0.06
 """So many times the rise of the least force is added while it rises by more than this share of it."""
 
 PIVOT_MARGIN, PIVOT_RATE = 1.25, 1.5
@@ -27,6 +27,10 @@ PIVOT_MARGIN, PIVOT_RATE = 1.25, 1.5
 
 MOST_URGENT = 10.0
 """Bound of what is added to the static part [N]: enough for the fingers' full speed."""
+
+URGENT_BASE, URGENT_SHARE = 2.0, 1.0
+DOUBTFUL = 3.0
+"""The same once the sensor is not to be trusted [N]."""
 
 CARRIED, CARRIED_AFTER = 0.25, 0.3
 """A tangential load of so much [N] for so long [s] is a fruit that is carried: the initial force has done its work."""
@@ -118,5 +122,6 @@ class ForceReference:
         if self.pivoting:
             return min(EDGE_GAIN * max(sense.coulomb - EDGE * f_n, 0.0), MOST_URGENT)
         missing = max(sense.least - EDGE * f_n - sense.unrest, 0.0)
-        rising = 0.0 if self.frozen else max(sense.rise - QUIET_RISE * sense.least, 0.0)
-        return min(sense.f_nd + LEAD * rising + EDGE_GAIN * missing, MOST_URGENT)
+        rising = max(sense.rise - QUIET_RISE * sense.least, 0.0)
+        bound = DOUBTFUL if self.frozen else min(URGENT_BASE + URGENT_SHARE * sense.least, MOST_URGENT)
+        return min(sense.f_nd + LEAD * rising + EDGE_GAIN * missing, bound)

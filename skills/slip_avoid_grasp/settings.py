@@ -52,7 +52,7 @@ class GripSettings:
     margin: float = 1.12
     mu_uncertainty: float = 0.0
     floor: float = 0.5
-    offset: float = 0.015
+    offset: float = 0.005
     reserve: float = 0.0
     initial_force: float = 2.2
     ramp_rate: float = 6.0

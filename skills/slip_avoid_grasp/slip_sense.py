@@ -16,7 +16,7 @@ from skills.slip_avoid_grasp.limit_surface import SoftContact, least_force_of_fi
 from skills.slip_avoid_grasp.observer import STEP, ObserverSettings, observe
 from skills.slip_avoid_grasp.pads import MIRROR, PRESSING, loads_of_finger, smooth
 
-FAST, SLOW_NORMAL, SLOW_LOAD = 0.005, 0.025, 0.08
+FAST, SLOW_NORMAL, SLOW_LOAD = 0.005, 0.06, 0.08
 """Time constants of the filters [s]."""
 
 RISE_LAG = 0.03
@@ -186,6 +186,9 @@ class SlipSense:
         self._bias, self._noise, self._variance = np.zeros((2, 6)), np.zeros((2, 6)), np.zeros(6)
         self._fast, self._slow, self._smoothed = np.zeros((2, 6)), np.zeros((2, 6)), np.zeros((2, 6))
         self._memory, self._sensed = np.zeros(_MEMORY), np.zeros(_SENSED)
+        self.one_sided_press = (
+            False  # one finger's normal force has just changed alone: the larger one counts meanwhile
+        )
         self._least_before = self._unrest = self._difference_variance = 0.0
         self.f_n = self.least = self.coulomb = self.f_nd = self.omega = self.centre = self.f_t = self.tau_n = 0.0
 
@@ -248,8 +251,8 @@ class SlipSense:
         first, second, tau_0, tau_1, self.least, self.coulomb, self.f_nd, self.omega, self.centre, self.f_t = (
             self._sensed[:10].tolist()
         )
-        one_sided = self._sensed[14] > JUMP  # for a moment the finger that fell is not believed
+        self.one_sided_press = self._sensed[14] > JUMP
         difference = math.sqrt(max((first - second) ** 2 - self._difference_variance, 0.0))
-        self.f_n = max(first + second + (difference if one_sided else -difference), 0.0)
+        self.f_n = max(first + second + (difference if self.one_sided_press else -difference), 0.0)
         self.tau_n = tau_0 + tau_1
         self._least_before += min(periods * self._shares[4], 1.0) * (self.least - self._least_before)
