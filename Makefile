@@ -5,7 +5,7 @@ BIN    := $(VENV)/bin
 STAMP  := $(VENV)/.installed
 
 .DEFAULT_GOAL := help
-.PHONY: help setup run test test-realtime check bench bench-tree bench-detect bench-refine bench-plan bench-grasp bench-devices oracle fuzz clean
+.PHONY: help setup run test test-realtime check bench bench-tree bench-dashboard screenshots train-detect bench-detect bench-refine bench-plan bench-grasp bench-devices oracle fuzz clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-16s %s\n", $$1, $$2}'
@@ -43,6 +43,9 @@ bench-tree: $(STAMP) ## the executive beside bare py_trees: ticks, recording, ji
 	$(BIN)/python -m benchmarks.bench_tree
 	$(BIN)/python -m benchmarks.bench_runner
 
+train-detect: $(STAMP) ## train the detector from nothing and replace the shipped weights (hours on two cores)
+	$(BIN)/pomona train detect --out skills/detect/weights/apple.pt
+
 bench-detect: $(STAMP) ## the detector on held-out frames; DATA=… adds the real frames
 	$(BIN)/python -m benchmarks.bench_detect $(if $(DATA),--orchard $(DATA))
 
@@ -54,6 +57,12 @@ bench-plan: $(STAMP) ## planning over random scenes, beside the paper's way
 
 bench-grasp: $(STAMP) ## grip control over random lifts, baselines beside it
 	$(BIN)/python -m benchmarks.bench_grasp
+
+bench-dashboard: $(STAMP) ## what the dashboard costs and how quick it is
+	$(BIN)/python benchmarks/bench_dashboard.py
+
+screenshots: $(STAMP) ## pictures of the dashboard to look at, in runs/screenshots
+	$(BIN)/python scripts/screenshots.py runs/screenshots
 
 bench-devices: $(STAMP) ## streams and round trips of the device drivers on emulated devices
 	$(BIN)/python -m benchmarks.bench_devices

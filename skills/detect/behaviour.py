@@ -15,9 +15,10 @@ from executive.skill import Skill, Work
 from executive.views import ImageView, Line2
 from skills.detect.compact_detector import CompactDetector, DetectorOptions
 from skills.detect.detection import Detection
-from skills.detect.errors import BadFrame
+from skills.detect.errors import BadFrame, BadWeights
 from skills.detect.instances import POLICIES, Instance, find_instances, rank
 from skills.fruit import FruitModel, load_fruit
+from skills.fruit.catalogue import SHIPPED_WEIGHTS
 from skills.fruit.errors import FruitError
 from skills.robot.model import RobotModel
 
@@ -70,8 +71,11 @@ class Detect(Skill):
     def prepare(self) -> None:
         """Load and warm the apple's detector; another fruit's is loaded at its first use."""
         fruit = load_fruit("apple")
-        if fruit.weights is not None:
-            _detector(fruit.weights, DetectorOptions().working_width)
+        if fruit.weights is None:
+            raise BadWeights(
+                SHIPPED_WEIGHTS / "apple.pt", "the apple's weights are missing: restore them, or make train-detect"
+            )
+        _detector(fruit.weights, DetectorOptions().working_width)
 
     def run(  # type: ignore[override]
         self, fruit: str, target: str, index: int, again: str, score: float, max_age: float, working_width: int
