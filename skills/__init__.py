@@ -1,1 +1,6 @@
 """The skills of a picking task: each a pure algorithm beside a thin py_trees behaviour."""
+
+import os
+
+# PyOpenGL chooses its platform once, when anything imports it first. All that is rendered here is off the screen.
+os.environ.setdefault("PYOPENGL_PLATFORM", "egl")

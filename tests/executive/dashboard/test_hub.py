@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
@@ -110,6 +111,7 @@ def test_a_viewer_that_stops_reading_is_told_so_and_costs_no_memory() -> None:
             await asyncio.sleep(0)
         return viewer, waiting(viewer)
 
-    viewer, messages = asyncio.run(watch())
+    with ThreadPoolExecutor(1) as thread:  # a browser test may have left a loop in this one
+        viewer, messages = thread.submit(lambda: asyncio.run(watch())).result()
     assert viewer.lagged
     assert messages == [{"v": 1, "event": "Lagged"}]
