@@ -29,7 +29,8 @@ _SCENE = """
     </default>
   </default>
   <worldbody>
-    <geom name="table" type="plane" size="1 1 .1" priority="1" contype="2" conaffinity="0" condim="6" friction="0.3 0.005 0.0005"/>
+    <geom name="table" type="plane" size="1 1 .1" priority="1" contype="2" conaffinity="0" condim="6"
+          friction="0.3 0.005 0.0005"/>
     <body name="carriage" gravcomp="1" pos="0 0 {grip}">
       <inertial pos="0 0 0" mass="2" diaginertia=".01 .01 .01"/>
       <joint name="up" type="slide" axis="0 0 1" damping="10"/>

@@ -7,16 +7,16 @@ thread or tree: give `step` each sample, command what it returns.
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 
-from skills.slip_avoid_grasp.force_loop import COMMAND_PERIOD, finger_speed
+from skills.slip_avoid_grasp.force_loop import COMMAND_PERIOD
 from skills.slip_avoid_grasp.grip import Float64, GripPhase, GripProblem, GripReading
 from skills.slip_avoid_grasp.reference import ForceReference
 from skills.slip_avoid_grasp.settings import GripSettings
 from skills.slip_avoid_grasp.slip_sense import SlipSense
 from skills.slip_avoid_grasp.stream_guard import StreamGuard
+from skills.slip_avoid_grasp.tracking import ForceTracker
 
 KEEP_ALIVE = 0.06
 """Rest is commanded again this often, well within the driver's watchdog [s]."""
@@ -42,19 +42,6 @@ SATURATED_AFTER = 0.05
 BEYOND_AFTER = 0.3
 STUCK_AFTER = 0.5
 """How long a condition lasts before it counts [s]."""
-
-QUIET_RATE = 5.0
-"""While holding, changes of the reference up to this are left to the loop's gain [N/s]: noise is not fed forward."""
-
-NEAR = 0.015
-"""While holding, the fingers rest within this share of the reference and noise: shaking makes fruit creep, and resting
-keeps the next command free."""
-
-CALM, CALM_GAIN = 4.0, 8.0
-"""Errors within so many times noise are corrected with this gain [1/s]: their measurement is slow."""
-
-TOO_LITTLE = 0.35
-"""Of noise, so much is allowed where the force is too small."""
 
 CLOSEST = 0.0003
 """So near to its end the gripper's stroke is used up [m]."""
@@ -85,10 +72,8 @@ class GripController:
         self._every = round(COMMAND_PERIOD * settings.rate)
         self._keep_alive = round(KEEP_ALIVE * settings.rate)
         self._since_command = self._keep_alive
-        self._f_ref_commanded = 0.0
+        self._tracker = ForceTracker(settings.loop)
         self._saturated = False
-        self._correcting = 0.0
-        self._calm_loop = replace(settings.loop, gain=min(CALM_GAIN, settings.loop.gain))
         self._lasting = dict.fromkeys(("saturated", "gone", "beyond", "reached", "stuck", "dead"), 0.0)
         self._touched_at = math.nan
         self._last_width = math.nan
@@ -169,7 +154,7 @@ class GripController:
         if resting and self._since_command < self._keep_alive:
             return None  # the next command stays free for the moment when it is needed
         self._since_command = 0
-        self._f_ref_commanded = self.reference.f_ref
+        self._tracker.commanded(self.reference.f_ref)
         self._last_width = self.width
         self.speed = speed
         return speed
@@ -333,24 +318,10 @@ class GripController:
 
     def _track(self, opening: bool) -> float:
         first, second = self.sense.fingers
-        dead = self._lasting["dead"] > 0.0
-        f_n = 2.0 * max(first, second) if dead else self.sense.f_n
+        f_n = 2.0 * max(first, second) if self._lasting["dead"] > 0.0 else self.sense.f_n
         f_ref = self.reference.f_ref
-        rate = (f_ref - self._f_ref_commanded) / COMMAND_PERIOD
-        loop = self.settings.loop
-        if self.phase is not GripPhase.RAMP:
-            rate -= min(max(rate, -QUIET_RATE), QUIET_RATE)
-            if rate == 0.0 and self._rests(f_ref - f_n):
-                return 0.0
-            if abs(f_ref - f_n) < CALM * self.sense.unrest:
-                loop = self._calm_loop
-        speed = finger_speed(f_ref, rate, f_n, loop, self.speed)
+        if self.phase is GripPhase.RAMP:
+            speed = self._tracker.on_ramp(f_ref, f_n, self.speed)
+        else:
+            speed = self._tracker.while_holding(f_ref, f_n, self.speed, self.sense.unrest)
         return speed if opening else min(speed, 0.0)
-
-    def _rests(self, error: float) -> bool:
-        """Whether the fingers rest while holding: until the force has strayed beyond noise, then until it is back."""
-        noise = self.sense.unrest * (1.0 if error < 0.0 else TOO_LITTLE)
-        near = NEAR * self.reference.f_ref + noise
-        if self._correcting * error <= 0.0:
-            self._correcting = 0.0 if abs(error) < near else math.copysign(1.0, error)
-        return self._correcting == 0.0

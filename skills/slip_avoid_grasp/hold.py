@@ -78,8 +78,8 @@ class Hold:
     @property
     def holds(self) -> bool:
         """Whether a fruit is held now: the grip was made, is under control, and the fruit has not gone."""
-        problem = self.problem
-        gone = problem is not None and problem.code in ("LOST", "NO_CONTACT")
+        problem = self.controller.problem
+        gone = problem is not None and problem.code == "LOST"
         return self.phase in (GripPhase.HOLDING, GripPhase.PIVOTING) and not gone
 
     @property

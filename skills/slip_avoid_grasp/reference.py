@@ -29,16 +29,16 @@ MOST_URGENT = 10.0
 """Bound of what is added to the static part [N]: enough for the fingers' full speed."""
 
 URGENT_BASE, URGENT_SHARE = 2.0, 1.0
+"""A light load is answered with less: this many newtons and this share of the least force."""
+
 DOUBTFUL = 3.0
-"""The same once the sensor is not to be trusted [N]."""
+"""The bound once the sensor is not to be trusted [N]."""
 
 CARRIED, CARRIED_AFTER = 0.25, 0.3
 """A tangential load of so much [N] for so long [s] is a fruit that is carried: the initial force has done its work."""
 
-
 RELAXING = 2.5
 """What the reference is too high by falls by this share a second [1/s], and at least at the relax rate."""
-
 
 LEAST_MARGIN = 1.08
 """Margin on top of the worst friction that is possible, where it is uncertain."""
