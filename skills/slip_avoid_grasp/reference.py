@@ -40,7 +40,7 @@ CARRIED, CARRIED_AFTER = 0.25, 0.3
 RELAXING = 2.5
 """What the reference is too high by falls by this share a second [1/s], and at least at the relax rate."""
 
-LEAST_MARGIN = 1.08
+LEAST_MARGIN = 1.065
 """Margin on top of the worst friction that is possible, where it is uncertain."""
 
 
