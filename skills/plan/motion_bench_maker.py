@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from drivers.interfaces import Box
-from skills.collision import CollisionWorld, Convex, Margins
+from skills.collision import CollisionWorld, Convex, Margins, RobotShape
 from skills.geometry import transform
 from skills.plan.errors import BadProblem
 from skills.robot import RobotModel
@@ -68,12 +68,19 @@ def read_problems(folder: Path, robot: RobotModel, limit: int = 0) -> Iterator[P
         BadProblem: a file that cannot be read, a joint that the request lacks, a shape that is not known.
     """
     requests = sorted(path for path in folder.iterdir() if _NUMBER.match(path.name))
+    shapes: dict[frozenset[frozenset[str]], RobotShape] = {}  # one for all scenes that allow the same contacts
     for request in requests[: limit or None]:
         scene = request.with_name(request.name.replace("request", "scene"))
-        yield _problem(f"{folder.name} {request.stem[-4:]}", robot, request, scene)
+        yield _problem(f"{folder.name} {request.stem[-4:]}", robot, request, scene, shapes)
 
 
-def _problem(name: str, robot: RobotModel, request_file: Path, scene_file: Path) -> Problem:
+def _problem(
+    name: str,
+    robot: RobotModel,
+    request_file: Path,
+    scene_file: Path,
+    shapes: dict[frozenset[frozenset[str]], RobotShape],
+) -> Problem:
     request, scene = _read(request_file), _read(scene_file)
     try:
         state = request["start_state"]["joint_state"]
@@ -90,8 +97,9 @@ def _problem(name: str, robot: RobotModel, request_file: Path, scene_file: Path)
         allowed = _allowed(scene)
     except (KeyError, IndexError, TypeError, ValueError) as error:
         raise BadProblem(scene_file, f"does not describe boxes and cylinders: {error}") from error
-    model = replace(robot, excluded=robot.excluded | allowed)
-    world = CollisionWorld.build(model, obstacles=obstacles, margins=Margins(0.0, 0.0, 0.0, 0.0, 0.0))
+    if allowed not in shapes:
+        shapes[allowed] = RobotShape.of(replace(robot, excluded=robot.excluded | allowed))
+    world = CollisionWorld.build(shapes[allowed], obstacles=obstacles, margins=Margins(0.0, 0.0, 0.0, 0.0, 0.0))
     return Problem(name, world, q_start, q_goal)
 
 
