@@ -6,6 +6,7 @@ straight and some with a twist, therefore give mu, delta and gamma; a slow squee
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,6 +14,7 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 from scipy.optimize import least_squares
 
+from drivers.interfaces import WrenchSample
 from skills.slip_avoid_grasp.errors import TooFewPushes
 from skills.slip_avoid_grasp.grip import Float64
 from skills.slip_avoid_grasp.limit_surface import SoftContact, least_force
@@ -45,6 +47,42 @@ class Push:
 
     wrenches: Float64
     width: Float64
+
+
+class PushRecorder:
+    """Hears a live stream and makes a push of it: `sensor.subscribe(recorder.hear)`.
+
+    The first samples are the bias: nothing may touch the fingers until `ready`.
+    """
+
+    def __init__(self, width: Callable[[], float] | None = None, bias_samples: int = 100) -> None:
+        self._width, self._bias_samples = width, bias_samples
+        self._wrenches: list[Float64] = []
+        self._widths: list[float] = []
+
+    def hear(self, sample: WrenchSample) -> None:
+        """Keep one sample; saturated ones and those that are not finite are left out."""
+        if any(sample.saturated) or not np.isfinite(sample.wrenches).all():
+            return
+        self._wrenches.append(np.array(sample.wrenches))
+        self._widths.append(self._width() if self._width is not None else np.nan)
+
+    @property
+    def ready(self) -> bool:
+        """Whether the bias is taken."""
+        return len(self._wrenches) >= self._bias_samples
+
+    def push(self) -> Push:
+        """What was heard since the bias, with the bias removed; hearing goes on.
+
+        Raises:
+            TooFewPushes: the bias is not taken yet.
+        """
+        if not self.ready:
+            raise TooFewPushes(0)
+        heard, widths = np.array(self._wrenches), np.array(self._widths)
+        n = self._bias_samples
+        return Push(heard[n:] - heard[:n].mean(axis=0), widths[n:])
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,8 +10,10 @@ import pytest
 import yaml
 
 from benchmarks.grasp_patch import Fruit, PatchGrasp
+from drivers.interfaces import WrenchSample
 from skills.slip_avoid_grasp.calibration import (
     Push,
+    PushRecorder,
     calibrate_grip,
     read_pushes,
     write_calibration,
@@ -106,3 +108,19 @@ def test_pushes_survive_a_file(tmp_path: Path) -> None:
     write_pushes([], tmp_path / "none.npz")
     with pytest.raises(TooFewPushes):
         read_pushes(tmp_path / "none.npz")
+
+
+def test_a_live_stream_becomes_a_push_without_its_bias() -> None:
+    recorder = PushRecorder(width=lambda: 0.07)
+    for i in range(150):
+        wrenches = np.full((2, 6), 0.1)
+        wrenches[:, 2] -= 1.0 if i >= 100 else 0.0
+        assert recorder.ready == (i >= 100)
+        recorder.hear(WrenchSample(0.002 * i, i, wrenches, (False, i == 120)))
+    push = recorder.push()
+    assert push.wrenches.shape == (49, 2, 6)
+    assert push.wrenches[:, :, 2] == pytest.approx(np.full((49, 2), -1.0))
+    assert push.wrenches[:, :, 0] == pytest.approx(np.zeros((49, 2)))
+    assert (push.width == 0.07).all()
+    with pytest.raises(TooFewPushes):
+        PushRecorder().push()
