@@ -41,6 +41,7 @@ def neighbours() -> tuple[int, int]:
             return port, port + 1
 
 
+@pytest.mark.realtime
 def test_it_moves_over_tcp_with_the_limits_of_the_description(tmp_path: Path) -> None:
     start = np.full(7, 0.1)
     controller = MotomanEmulator(FreeJoints(start), np.full(7, 3.0), ">")
