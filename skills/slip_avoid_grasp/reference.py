@@ -19,7 +19,7 @@ LOW_PASS = 1.0 / (2.0 * math.pi * 50.0)
 EDGE, EDGE_GAIN = 0.95, 10.0
 """Where the least force is beyond this share of the measured one and noise, so many times the excess is added."""
 
-LEAD, QUIET_RISE = 4.0, 0.06
+LEAD, QUIET_RISE = 2.0, 0.06
 """So many times the rise of the least force is added while it rises by more than this share of it."""
 
 PIVOT_MARGIN, PIVOT_RATE = 1.25, 1.5
