@@ -75,6 +75,7 @@ def report(campaign: Campaign, results: Sequence[Result]) -> str:
             rows = [[v, rate([r for r in runs if r["varied"][keys[0]] == v])] for v in campaign.vary[keys[0]]]
             parts.append(table([keys[0], "success"], rows))
         parts.append(_figures(runs))
+        parts.append(_by_skill(runs))
         parts.append(_failures(runs))
     return "\n\n".join(part for part in parts if part) + "\n"
 
@@ -97,6 +98,17 @@ def _figures(runs: Sequence[Result]) -> str:
         if values:
             rows.append([name, quantiles(values)])
     return table(["figure, successful runs", "median (least … most)"], rows) if rows else ""
+
+
+def _by_skill(runs: Sequence[Result]) -> str:
+    """Time of the robot and of computing, skill by skill."""
+    good = [run for run in runs if succeeded(run)]
+    names = sorted({name for run in good for kind in ("robot_time_s", "compute_s") for name in run.get(kind, {})})
+    rows = []
+    for name in names:
+        robot, computing = ([run.get(k, {}).get(name, 0.0) for run in good] for k in ("robot_time_s", "compute_s"))
+        rows.append([name, quantiles(robot), quantiles(computing)])
+    return table(["skill, seconds of a successful run", "robot", "computing"], rows) if rows else ""
 
 
 def _failures(runs: Sequence[Result]) -> str:
