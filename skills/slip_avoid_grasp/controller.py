@@ -74,6 +74,7 @@ class GripController:
         self._since_command = self._keep_alive
         self._tracker = ForceTracker(settings.loop)
         self._saturated = False
+        self._pressed_alone = ""
         self._lasting = dict.fromkeys(("saturated", "gone", "beyond", "reached", "stuck", "dead"), 0.0)
         self._touched_at = math.nan
         self._last_width = math.nan
@@ -92,8 +93,8 @@ class GripController:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        odd = self._guard.findings()
-        return (*odd, self.reference.frozen) if self.reference.frozen else odd
+        told = (self.reference.frozen, self._pressed_alone)
+        return (*self._guard.findings(), *(sentence for sentence in told if sentence))
 
     @property
     def slip_speed(self) -> float:
@@ -279,6 +280,8 @@ class GripController:
         elapsed = periods * s.period
         if sense.one_sided_jump and self.reference.carried:
             self.reference.freeze("one finger's signal jumped alone: the force is not lowered any more")
+        if sense.one_sided_press and self.reference.carried:
+            self._pressed_alone = "one finger's normal force jumped alone: the smaller one counts"
         first, second = sense.fingers
         low, high = min(first, second), max(first, second)
         dead = self._last("dead", low < DEAD * high and high > ALIVE, periods) > 0.0

@@ -17,8 +17,8 @@ keeps the next command free."""
 CALM, CALM_GAIN = 4.0, 8.0
 """Errors within so many times noise are corrected with this gain [1/s]: their measurement is slow."""
 
-TOO_LITTLE = 0.35
-"""Of noise, so much is allowed where the force is too small."""
+TOO_MUCH, TOO_LITTLE = 0.6, 0.35
+"""Of noise, so much is allowed where the force is too large, and where it is too small."""
 
 
 class ForceTracker:
@@ -56,7 +56,7 @@ class ForceTracker:
 
     def _rests(self, f_ref: float, error: float, unrest: float) -> bool:
         """Whether the fingers rest: until the force has strayed beyond noise, then until it is back."""
-        near = NEAR * f_ref + unrest * (1.0 if error < 0.0 else TOO_LITTLE)
+        near = NEAR * f_ref + unrest * (TOO_MUCH if error < 0.0 else TOO_LITTLE)
         if self._correcting * error <= 0.0:
             self._correcting = 0.0 if abs(error) < near else math.copysign(1.0, error)
         return self._correcting == 0.0

@@ -274,6 +274,14 @@ def test_a_jump_of_one_fingers_load_alone_is_reported_and_the_force_never_falls_
     assert controller.reference.f_ref >= before - 0.02
 
 
+def test_a_jump_of_one_fingers_press_alone_is_reported() -> None:
+    controller, wrenches = holding()
+    wrenches[1, 2] -= 1.0
+    for i in range(100):
+        controller.step(1.0 + 0.002 * i, 500 + i, wrenches)
+    assert any("normal force jumped alone" in warning for warning in controller.warnings)
+
+
 def test_a_million_steps_leave_nothing_behind() -> None:
     """In miniature; the bench does the million."""
     controller, wrenches = holding()
