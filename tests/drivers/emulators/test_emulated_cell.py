@@ -29,6 +29,7 @@ def free_ports(folder: Path) -> dict[str, str]:
             return {name: f"127.0.0.1:{port}" for name, port in addresses.items()} | {"wires": str(folder)}
 
 
+@pytest.mark.realtime
 def test_every_device_answers_through_its_own_wire(tmp_path: Path) -> None:
     cell = load_cell(CELL, overrides=free_ports(tmp_path) | {"pace": PACE})
     try:

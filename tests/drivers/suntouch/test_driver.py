@@ -227,6 +227,7 @@ def terminals() -> Iterator[tuple[str, str]]:
     thread.join(2.0)
 
 
+@pytest.mark.realtime
 def test_it_streams_over_real_pseudo_terminals(terminals: tuple[str, str]) -> None:
     clock = SystemClock()
     left, right = (Finger(lambda port=port: SerialLink(port, 1_000_000), CALIBRATION, clock) for port in terminals)

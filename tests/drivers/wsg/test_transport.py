@@ -60,10 +60,12 @@ def moves(gripper: WsgGripper) -> bool:
     return motion.state is MotionState.DONE
 
 
+@pytest.mark.realtime
 def test_it_moves_over_tcp(tmp_path: Path, tcp: str) -> None:
     assert moves(open_gripper(tmp_path, f"tcp: '{tcp}'"))
 
 
+@pytest.mark.realtime
 def test_it_moves_over_a_can_bus_with_the_reply_id_of_the_cell_file(tmp_path: Path, bus: str) -> None:
     assert moves(open_gripper(tmp_path, "can: {interface: virtual, channel: wsg-test, reply_id: 7}"))
 
