@@ -19,8 +19,8 @@ LOW_PASS = 1.0 / (2.0 * math.pi * 50.0)
 EDGE, EDGE_GAIN = 0.95, 10.0
 """Where the least force is beyond this share of the measured one and noise, so many times the excess is added."""
 
-LEAD, QUIET_RISE = 2.0, 0.06
-"""So many times the rise of the least force is added while it rises by more than this share of it."""
+LEAD = 3.0
+"""So many times the rise of the least force beyond noise is added while it rises."""
 
 PIVOT_MARGIN, PIVOT_RATE = 1.25, 1.5
 """While pivoting: on the force that Coulomb's law needs for the weight alone, and how slowly it is let go to [N/s]."""
@@ -122,6 +122,6 @@ class ForceReference:
         if self.pivoting:
             return min(EDGE_GAIN * max(sense.coulomb - EDGE * f_n, 0.0), MOST_URGENT)
         missing = max(sense.least - EDGE * f_n - sense.unrest, 0.0)
-        rising = max(sense.rise - QUIET_RISE * sense.least, 0.0)
+        rising = max(sense.rise - sense.unrest, 0.0)
         bound = DOUBTFUL if self.frozen else min(URGENT_BASE + URGENT_SHARE * sense.least, MOST_URGENT)
         return min(sense.f_nd + LEAD * rising + EDGE_GAIN * missing, bound)

@@ -73,7 +73,13 @@ def test_a_pull_is_answered_before_the_fruit_slides_away() -> None:
     result = lift(lifting=Lifting(hold=2.0, pull=2.0))
     assert result.held
     assert result.pull_slip < 0.002
-    assert result.reaction <= 0.030
+    assert result.reaction <= 0.040
+
+
+def test_a_reserve_bears_a_pull_without_waiting_for_the_fingers() -> None:
+    result = lift(lifting=Lifting(hold=2.0, pull=2.0), settings={"reserve": 2.0, "offset": 0.015})
+    assert result.held
+    assert result.pull_slip < 0.0005
 
 
 def test_first_contact_is_soft_even_off_the_middle() -> None:
