@@ -34,9 +34,6 @@ class RunContext:
         self._paused_for = 0.0
         self._paused_since: float | None = None
         self._start = cell.clock.now()
-        self.breakpoints: set[str] = set()
-        self.broke_at: str | None = None
-        self._let_pass: str | None = None
 
     # --------------------------------------------------------------------------------------- SkillContext
 
@@ -65,11 +62,6 @@ class RunContext:
         for other, _work, _deadline in self._halting:
             if set(other.devices) & set(skill.devices):
                 return f"waiting until {other.name} has stopped"
-        if skill.path in self.breakpoints and self._let_pass != skill.path:
-            self.broke_at = skill.path
-            return "held by a breakpoint"
-        if self._let_pass == skill.path:
-            self._let_pass = None
         return None
 
     def halt(self, skill: Skill, work: Work) -> None:
@@ -95,10 +87,6 @@ class RunContext:
         if self._paused_since is not None:
             self._paused_for += self.cell.clock.now() - self._paused_since
             self._paused_since = None
-
-    def pass_breakpoint(self) -> None:
-        """Let the skill that was held start once."""
-        self._let_pass, self.broke_at = self.broke_at, None
 
     @property
     def halting(self) -> tuple[str, ...]:

@@ -14,7 +14,7 @@ from __future__ import annotations
 import logging
 import queue
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from typing import Any
@@ -22,6 +22,7 @@ from typing import Any
 from py_trees.common import Status
 
 from executive.board import Board, Entry
+from executive.breakpoints import BREAK_ACTIONS, Breakpoints, Side
 from executive.cell import Cell
 from executive.compute import Computations
 from executive.context import RunContext
@@ -42,6 +43,7 @@ from executive.events import (
 from executive.observer import TreeObserver
 from executive.reasons import Reason
 from executive.tree_file import BuiltTree
+from executive.watching import Watch, Watcher
 
 logger = logging.getLogger(__name__)
 
@@ -109,6 +111,7 @@ class Runner:
         seed: int = 0,
         period: float = 0.02,
         real_time: bool = False,
+        watchers: Sequence[Watcher] = (),
     ) -> None:
         """
         Args:
@@ -118,6 +121,7 @@ class Runner:
             seed: every random choice of the skills comes from it.
             period: of a tick [s].
             real_time: pace a simulated cell to the wall's clock; otherwise it runs as fast as the machine allows.
+            watchers: show what the cell looks like.
         """
         self._cell, self._events, self._seed = cell, events, seed
         self._period, self._real_time = period, real_time
@@ -127,6 +131,7 @@ class Runner:
         self.board = Board(cell.clock)
         self.board.subscribe(self._written)
         self.tree = build(self.context, self.board)
+        self._breakpoints = Breakpoints(self.tree.behaviours)
         self._observer = TreeObserver(self.tree, self._emit, self._stamp)
         self._state = RunState.IDLE
         self._ticks = 0
@@ -136,6 +141,7 @@ class Runner:
         self._leaving = False
         self._reported: dict[str, object] = {}
         self._links: dict[str, str] = {}
+        self._watch = Watch(cell, self._published, watchers)
 
     # ------------------------------------------------------------------------------------ from any thread
 
@@ -164,9 +170,15 @@ class Runner:
         self._cell.safe_stop(reason)
         self._commands.put(("safe_stop", who, reason))
 
-    def break_at(self, path: str, on: bool = True, who: str = "operator") -> None:
-        """Pause before the skill at this path starts."""
-        self._commands.put(("break" if on else "unbreak", who, path))
+    def break_at(self, path: str, side: Side = "before", on: bool = True, who: str = "operator") -> None:
+        """Pause before the node at this path starts, or after it has ended; `on=False` takes the breakpoint away.
+
+        Raises:
+            UnknownNodeError: the tree has no such node.
+        """
+        self._breakpoints.check(path)
+        action = next(action for action, change in BREAK_ACTIONS.items() if change == (side, on))
+        self._commands.put((action, who, path))
 
     def note(self, who: str, action: str) -> None:
         """Record that somebody took or released control: it changes nothing in the run."""
@@ -190,6 +202,12 @@ class Runner:
     def progress(self) -> tuple[float, int]:
         """Seconds of the run's clock and the number of the tick: a sign of life."""
         return self._stamp()
+
+    @property
+    def ages(self) -> dict[str, float]:
+        """Seconds since each device was last heard, by its name."""
+        now = self._cell.clock.now()
+        return {device: max(0.0, now - stamp) for device, stamp in self._watch.heard.items()}
 
     # -------------------------------------------------------------------------------------- the tick thread
 
@@ -259,22 +277,25 @@ class Runner:
         return self._state.ended
 
     def _tick(self) -> None:
-        self._ticks += 1
-        self.board.tick = self._ticks
+        if not self._breakpoints.holding:
+            self._ticks += 1
+            self.board.tick = self._ticks
         began = time.perf_counter()
-        self.tree.root.tick_once()
+        held = self._breakpoints.tick(self.tree.root)
         took = time.perf_counter() - began
         self._observer.after_tick()
         if took > self._period and not self._cell.clock.simulated:
             self._emit(TickOverran(*self._stamp(), self._observer.slowest(), took))
+        if held is not None:
+            self._step = False
+            self._pause("breakpoint", f"{held.side} {held.path}")
+            return
         status = self.tree.root.status
         if status is Status.SUCCESS:
             self._set_state(RunState.SUCCEEDED, "the tree succeeded")
         elif status is Status.FAILURE:
             self._reason = self._observer.root_reason()
             self._set_state(RunState.FAILED, "the tree failed")
-        elif self.context.broke_at is not None and not self._step:
-            self._pause("breakpoint", self.context.broke_at)
         if self._step and not self._state.ended:
             self._step = False
             self._pause("step", "")
@@ -296,10 +317,8 @@ class Runner:
                 self._pause(who, detail)
             elif action in ("resume", "step") and self._state is RunState.PAUSED:
                 self._resume(stepping=action == "step")
-            elif action == "break":
-                self.context.breakpoints.add(detail)
-            elif action == "unbreak":
-                self.context.breakpoints.discard(detail)
+            elif action in BREAK_ACTIONS:
+                self._breakpoints.change(detail, *BREAK_ACTIONS[action])
 
     def _pause(self, who: str, detail: str) -> None:
         self.context.freeze()
@@ -309,7 +328,6 @@ class Runner:
     def _resume(self, stepping: bool) -> None:
         self._cell.resume()  # raises when the world is not as it was: that is a fault
         self.context.thaw()
-        self.context.pass_breakpoint()
         self._step = stepping
         self._set_state(RunState.RUNNING, "step" if stepping else "resumed")
 
@@ -318,6 +336,7 @@ class Runner:
         self.context.thaw()
         if self._state in (RunState.PAUSING, RunState.PAUSED):
             self._state = RunState.RUNNING
+        self._breakpoints.drop()
         self.tree.root.stop(Status.INVALID)
         self._observer.after_tick()
         self._stop_deadline = self._cell.clock.now() + STOP_LIMIT
@@ -343,6 +362,7 @@ class Runner:
             if self._links.get(device) != state:
                 self._links[device] = state
                 self._emit(LinkChanged(*self._stamp(), device, state))
+        self._watch.look()
 
     def _wait_for_computations(self) -> bool:
         """On a simulated clock, wait for what was started in this tick; True when there was something."""
@@ -376,6 +396,7 @@ class Runner:
         data = {"exception": type(error).__name__} if error is not None else {}
         self._reason = Reason(node, code, message, data)
         self.context.thaw()
+        self._breakpoints.drop()
         try:
             self.tree.root.stop(Status.INVALID)
             deadline = self._cell.clock.now() + STOP_LIMIT

@@ -94,7 +94,7 @@ class SkillContext(Protocol):
         ...
 
     def not_yet(self, skill: Skill) -> str | None:
-        """Why a skill may not start yet (another one still lets go of its device, a breakpoint), or None."""
+        """Why a skill may not start yet (another one still lets go of its device), or None."""
         ...
 
     def halt(self, skill: Skill, work: Work) -> None:

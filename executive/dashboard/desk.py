@@ -6,10 +6,11 @@ import threading
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from executive.breakpoints import BREAK_ACTIONS, UnknownNodeError
 from executive.errors import PomonaError
 from executive.runner import Runner
 
-ACTIONS = ("pause", "resume", "step", "stop", "break", "unbreak")
+ACTIONS = ("pause", "resume", "step", "stop")
 
 
 class RefusedError(PomonaError):
@@ -119,13 +120,14 @@ class Desk:
             RefusedError: the viewer does not hold control, nothing runs, or there is no such action or node.
         """
         who = self.require(viewer)
-        if action not in ACTIONS:
+        if action not in ACTIONS and action not in BREAK_ACTIONS:
             raise RefusedError(f"'{action}' is no action")
         if self._runner is None or self._runner.state.ended:
             raise RefusedError("nothing is running")
-        if action in ("break", "unbreak"):
-            if detail not in self._runner.tree.behaviours:
-                raise RefusedError("the tree has no such node")
-            self._runner.break_at(detail, action == "break", who)
+        if action in BREAK_ACTIONS:
+            try:
+                self._runner.break_at(detail, *BREAK_ACTIONS[action], who)
+            except UnknownNodeError as error:
+                raise RefusedError(str(error)) from None
         else:
             getattr(self._runner, action)(who)

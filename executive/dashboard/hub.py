@@ -13,6 +13,7 @@ from collections import deque
 from collections.abc import Hashable, Iterable
 from typing import Any
 
+from executive.breakpoints import BREAK_ACTIONS
 from executive.dashboard.messages import VERSION, encode
 from executive.events import (
     AttemptEnded,
@@ -27,7 +28,7 @@ from executive.events import (
     SafeStopped,
     StateChanged,
 )
-from executive.views import ImageView, SceneView, TableView
+from executive.views import BodiesView, ImageView, PosesView, SceneView, TableView
 
 HISTORY_BYTES = 32_000_000
 """Characters of a run's messages that are kept for viewers who come later. Of older ones each key's last word stays."""
@@ -212,10 +213,10 @@ def _key(event: Event) -> Hashable:
             return (PortWritten, event.key)
         case LinkChanged():
             return (LinkChanged, event.device)
-        case OperatorActed(action="break" | "unbreak"):
-            return (OperatorActed, event.detail)
-        case Published(value=TableView()):
-            return (TableView, event.topic)
+        case OperatorActed(action=action) if action in BREAK_ACTIONS:
+            return (OperatorActed, BREAK_ACTIONS[action][0], event.detail)
+        case Published(value=TableView() | BodiesView() | PosesView()):
+            return (type(event.value), event.topic)
         case StateChanged() | SafeStopped() | RunEnded():
             return (type(event),)
     return None

@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 from fake_cell import FakeCell, Wheel
 
+from executive.breakpoints import UnknownNodeError
 from executive.events import (
     Event,
     EventStream,
@@ -227,18 +228,56 @@ def test_step_runs_one_tick_and_pauses_again() -> None:
 def test_a_breakpoint_holds_a_skill_before_it_starts() -> None:
     runner, cell, events = make(TURN, {60: lambda runner, _cell: runner.resume("ada")})
     second = [path for path in runner.tree.behaviours if "Turn" in path][1]
-    runner.context.breakpoints.add(second)
+    runner.break_at(second)
     result = runner.run()
     assert result.outcome == "success"
     assert states(events) == ["running", "pausing", "paused", "running", "succeeded"]
     assert cell.wheel.log.count("start") == 2
 
 
-def test_a_breakpoint_stops_before_not_after() -> None:
+def test_a_breakpoint_before_a_skill_stops_a_run_before_it_has_started() -> None:
     runner, cell, _events = make(TURN, {60: lambda runner, _cell: runner.stop("ada")})
     second = [path for path in runner.tree.behaviours if "Turn" in path][1]
-    runner.context.breakpoints.add(second)
-    runner.run()
+    runner.break_at(second)
+    assert runner.run().outcome == "stopped"
+    assert cell.wheel.log.count("start") == 1
+
+
+def test_a_breakpoint_after_a_skill_holds_before_the_next_one_starts() -> None:
+    runner, cell, events = make(TURN, {60: lambda runner, _cell: runner.resume("ada")})
+    first = next(path for path in runner.tree.behaviours if "Turn" in path)
+    runner.break_at(first, "after", who="ada")
+    result = runner.run()
+    assert result.outcome == "success"
+    held = next(e for e in events if isinstance(e, StateChanged) and e.state == "pausing")
+    assert held.because == f"breakpoint after {first}"
+    ended = next(e for e in events if isinstance(e, NodeChanged) and e.path == first and e.status == "SUCCESS")
+    assert events.index(ended) < events.index(held)
+    started = [e for e in events if isinstance(e, NodeChanged) and e.path != first and e.starts == 1]
+    assert all(events.index(held) < events.index(e) for e in started)
+    assert cell.wheel.log.count("start") == 2
+
+
+def test_a_breakpoint_taken_away_holds_nothing() -> None:
+    runner, _cell, events = make(TURN)
+    first = next(path for path in runner.tree.behaviours if "Turn" in path)
+    for on in (True, False):
+        runner.break_at(first, "after", on)
+    assert runner.run().outcome == "success"
+    assert "paused" not in states(events)
+
+
+def test_a_breakpoint_at_no_node_of_the_tree_is_refused() -> None:
+    runner, _cell, _events = make(TURN)
+    with pytest.raises(UnknownNodeError, match="no node turn/Trun"):
+        runner.break_at("turn/Trun")
+
+
+def test_a_fault_while_a_breakpoint_holds_ends_in_the_safe_state() -> None:
+    runner, cell, _events = make(TURN, {60: lambda runner, _cell: runner.safe_stop("enough", "ada")})
+    runner.break_at(next(path for path in runner.tree.behaviours if "Turn" in path), "after")
+    assert runner.run().outcome == "stopped"
+    assert cell.latched == "enough"
     assert cell.wheel.log.count("start") == 1
 
 
