@@ -141,6 +141,7 @@ class Runner:
         self._leaving = False
         self._reported: dict[str, object] = {}
         self._links: dict[str, str] = {}
+        self._others: dict[str, tuple[Callable[[], str], bool]] = {}
         self._watch = Watch(cell, self._published, watchers)
 
     # ------------------------------------------------------------------------------------ from any thread
@@ -215,6 +216,13 @@ class Runner:
         """Load and warm what the skills need, before the run's clock starts. Progress goes to the log."""
         self.tree.prepare()
         self._computations.pending()  # what was computed to prepare is accounted for before the run
+
+    def look_after(self, name: str, state: Callable[[], str], *, required: bool) -> None:
+        """Watch something beside the cell's devices, too: `state` says 'ok', or what is wrong, and is asked each tick.
+
+        A change is told as a link's; the loss of what is required ends the run in the safe state.
+        """
+        self._others[name] = (state, required)
 
     def run(self) -> RunResult:
         """Run the tree to its end. Never raises for what goes wrong in the run: that is an outcome."""
@@ -359,10 +367,18 @@ class Runner:
         if self._cell.latched is not None:
             raise _SafeStopRequestedError(self._cell.latched)
         for device, state in self._cell.links().items():
-            if self._links.get(device) != state:
-                self._links[device] = state
-                self._emit(LinkChanged(*self._stamp(), device, state))
+            self._note_link(device, state)
+        for name, (ask, required) in self._others.items():
+            state = ask()
+            self._note_link(name, state)
+            if required and state != "ok":
+                raise _SafeStopRequestedError(state)
         self._watch.look()
+
+    def _note_link(self, name: str, state: str) -> None:
+        if self._links.get(name) != state:
+            self._links[name] = state
+            self._emit(LinkChanged(*self._stamp(), name, state))
 
     def _wait_for_computations(self) -> bool:
         """On a simulated clock, wait for what was started in this tick; True when there was something."""

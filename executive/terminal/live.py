@@ -10,7 +10,16 @@ from rich.console import Console
 from rich.live import Live
 from rich.text import Text
 
-from executive.events import AttemptEnded, Event, NodeChanged, RunEnded, RunStarted, SafeStopped, StateChanged
+from executive.events import (
+    AttemptEnded,
+    Event,
+    LinkChanged,
+    NodeChanged,
+    RunEnded,
+    RunStarted,
+    SafeStopped,
+    StateChanged,
+)
 from executive.terminal.words import ICONS, STYLES, say
 
 REFRESH = 0.08
@@ -51,6 +60,8 @@ class LiveTree:
             self._attempts[event.path] = event
         elif isinstance(event, SafeStopped):
             self._console.print(f"[bold red]■ safe stop:[/] {event.reason}", highlight=False)
+        elif isinstance(event, LinkChanged) and event.state != "ok":
+            self._console.print(f"{event.t:7.2f} s  ! {event.device}: {event.state}", style="yellow", markup=False)
         elif isinstance(event, StateChanged) and event.state in ("paused", "running") and self._live is None:
             self._console.print(f"{event.t:7.2f} s  {event.state}: {event.because}", highlight=False)
         elif isinstance(event, RunEnded):
