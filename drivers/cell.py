@@ -77,6 +77,11 @@ class Cell:
         """State of each device's link, by the device's name: 'ok', or what is wrong."""
         return {name: device.link() for name, device in self.devices.items()}
 
+    def heard(self) -> Mapping[str, float]:
+        """When each device was last heard, by its name: the stamp of the newest thing that it sent [s]."""
+        stamps = {name: device.heard() for name, device in self.devices.items()}
+        return {name: stamp for name, stamp in stamps.items() if stamp is not None}
+
     def check(self) -> None:
         """Look after every device; called each tick.
 

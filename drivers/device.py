@@ -14,9 +14,9 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar, Protocol, TypeVar, runtime_checkable
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol, TypeVar, runtime_checkable
 
-from drivers.interfaces import Workspace
+from drivers.interfaces import Arm, Camera, ForceSensor, Gripper, Workspace
 from executive.clock import Clock
 
 if TYPE_CHECKING:
@@ -36,6 +36,16 @@ class Device:
     def link(self) -> str:
         """State of the link: 'ok', or what is wrong with it."""
         return "ok"
+
+    def heard(self) -> float | None:
+        """The stamp [s] of the newest thing that the device sent, or None: nothing yet, or it sends nothing."""
+        device: Any = self
+        newest = None
+        if Arm in self.interfaces or Gripper in self.interfaces:
+            newest = device.state()
+        elif Camera in self.interfaces or ForceSensor in self.interfaces:
+            newest = device.latest()
+        return None if newest is None else float(newest.stamp)
 
     def check(self) -> None:
         """Look after the device; called each tick and must not block.

@@ -45,6 +45,11 @@ class Cell(Protocol):
         """State of each device's link, by the device's name: 'ok', or what is wrong."""
         ...
 
+    def heard(self) -> Mapping[str, float]:
+        """When each device was last heard, by its name: a stamp of the clock [s]. Devices that send nothing are left
+        out."""
+        ...
+
     def check(self) -> None:
         """Look after every device; called each tick.
 

@@ -28,6 +28,9 @@ class DryCell:
     def links(self) -> Mapping[str, str]:
         return {}
 
+    def heard(self) -> Mapping[str, float]:
+        return {}
+
     def check(self) -> None:
         """Nothing can be lost."""
 

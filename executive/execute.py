@@ -26,6 +26,7 @@ from executive.terminal.summary import Summary
 from executive.tree_file import Document, Mocks, build, check, format_findings, read
 from executive.tree_file.mocks import MockPlan
 from executive.tree_file.scenario import read_mocks
+from executive.watching import installed_watchers
 
 PERIOD = 0.02
 """Seconds of a tick."""
@@ -121,6 +122,7 @@ def _run(
         seed=order.seed,
         period=PERIOD,
         real_time=order.real_time,
+        watchers=installed_watchers(cell),
     )
     folder = None if order.record is None else new_record_folder(order.record, runner.tree.name)
     recorder = None if folder is None else Recorder(folder)

@@ -85,6 +85,26 @@ class SceneView:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class BodiesView:
+    """Rigid bodies, each in its own frame, shown once; a `PosesView` of the same topic says where they are."""
+
+    bodies: tuple[Mesh3, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PosesView:
+    """Where the bodies of the topic's `BodiesView` are now.
+
+    Attributes:
+        poses: of each body in the base frame, shape (n, 7): position [m] and quaternion x, y, z, w.
+        trace: a point of theirs, shape (3,) [m], whose way is drawn as the executed path.
+    """
+
+    poses: Float64
+    trace: Float64
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class SeriesView:
     """More samples of quantities over the run's clock; samples of one topic are drawn as one plot.
 
@@ -108,4 +128,4 @@ class TableView:
     caption: str = ""
 
 
-View = ImageView | SceneView | SeriesView | TableView
+View = ImageView | SceneView | BodiesView | PosesView | SeriesView | TableView

@@ -7,9 +7,10 @@ import contextlib
 import json
 import threading
 import time
-from collections.abc import AsyncIterator, Callable, Iterator
+from collections.abc import AsyncIterator, Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 import uvicorn
 from starlette.applications import Starlette
@@ -23,7 +24,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 from executive.dashboard.choices import Choices
 from executive.dashboard.desk import Desk, RefusedError
 from executive.dashboard.hub import Hub, Viewer
-from executive.dashboard.record_messages import record_messages
+from executive.dashboard.record_messages import between, image, overview, record_messages
 from executive.dashboard.records import RecordList
 from executive.dashboard.security import Access, Guard
 from executive.errors import PomonaError, UsageError
@@ -60,6 +61,7 @@ class Dashboard:
                 Route("/api/choices", self._offer),
                 Route("/api/runs", self._runs),
                 Route("/api/runs/{name}/messages", self._messages),
+                Route("/api/runs/{name}/images/{at:int}", self._image),
                 Route("/api/runs/{name}/record", self._download),
                 Route("/api/runs/{name}/picture", self._picture),
                 Route("/api/act", self._act, methods=["POST"]),
@@ -149,7 +151,8 @@ class Dashboard:
             runner = self.desk.runner
             if runner is not None and self.hub.viewers:
                 t, tick = runner.progress
-                self.hub.beat(t=t, tick=tick, state=runner.state.value)
+                ages = {device: round(age, 3) for device, age in runner.ages.items()}
+                self.hub.beat(t=t, tick=tick, state=runner.state.value, ages=ages)
 
     # --------------------------------------------------------------------------------------------- reading
 
@@ -167,13 +170,28 @@ class Dashboard:
         if folder is None:
             return JSONResponse({"error": "no such record"}, 404)
 
+        stretch = _stretch(request.query_params)
+        images = f"/api/runs/{quote(folder.name)}/images/"
+
         def pieces() -> Iterator[bytes]:
             try:
-                yield from record_messages(folder)
+                if stretch is not None:
+                    yield from between(folder, images, *stretch)
+                elif "overview" in request.query_params:
+                    yield from overview(folder, images)
+                else:
+                    yield from record_messages(folder)
             except (PomonaError, ValueError, KeyError) as error:
                 yield json.dumps({"v": 1, "event": "Unreadable", "message": str(error)}).encode() + b"\n"
 
         return StreamingResponse(pieces(), media_type="application/x-ndjson")
+
+    async def _image(self, request: Request) -> Response:
+        folder = self._folder(request)
+        found = folder and await asyncio.to_thread(image, folder, request.path_params["at"])
+        if not found:
+            return JSONResponse({"error": "no such image"}, 404)
+        return Response(found, media_type="image/jpeg", headers={"cache-control": "private, max-age=86400"})
 
     async def _download(self, request: Request) -> Response:
         folder = self._folder(request)
@@ -288,6 +306,14 @@ async def _until_gone(socket: WebSocket) -> None:
     with contextlib.suppress(WebSocketDisconnect, RuntimeError):
         while True:
             await socket.receive_text()
+
+
+def _stretch(query: Mapping[str, str]) -> tuple[float, float] | None:
+    """The part of a record that is asked for, or None: all of it."""
+    try:
+        return float(query["begin"]), float(query["end"])
+    except (KeyError, ValueError):
+        return None
 
 
 def _text(body: dict[str, Any], key: str) -> str:

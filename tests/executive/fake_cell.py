@@ -51,6 +51,9 @@ class FakeCell:
     def links(self) -> Mapping[str, str]:
         return {"wheel": "ok"}
 
+    def heard(self) -> Mapping[str, float]:
+        return {"wheel": self.clock.now()}
+
     def check(self) -> None:
         self.wheel.coasting = max(0, self.wheel.coasting - 1)
         if self.fault is not None:

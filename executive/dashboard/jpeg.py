@@ -1,0 +1,20 @@
+"""How large a JPEG image is, without decoding it."""
+
+from __future__ import annotations
+
+import struct
+
+FRAMES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
+"""Markers of segments that hold the image's size."""
+
+
+def size_of_jpeg(coded: bytes) -> list[int]:
+    """[width, height] in pixels; [0, 0] for what is no JPEG image."""
+    at = 2
+    while at + 9 <= len(coded) and coded[at] == 0xFF:
+        marker, (length,) = coded[at + 1], struct.unpack_from(">H", coded, at + 2)
+        if marker in FRAMES:
+            height, width = struct.unpack_from(">HH", coded, at + 5)
+            return [width, height]
+        at += 2 + length
+    return [0, 0]
