@@ -16,6 +16,7 @@ from rich.console import Console
 from executive.commands.dashboard import add_address, make_access
 from executive.commands.watch import run_on_save
 from executive.dashboard.server import Dashboard
+from executive.errors import UsageError
 from executive.execute import Executed, RunOrder, execute
 from executive.files import find_cell, find_tree
 from executive.runner import Runner
@@ -59,6 +60,14 @@ def add(subparsers: Any) -> None:
         action="store_true",
         help="show the run in the browser, too; in a terminal the page stays until Ctrl-C",
     )
+    for side in ("before", "after"):
+        parser.add_argument(
+            f"--break-{side}",
+            action="append",
+            default=[],
+            metavar="NODE",
+            help=f"pause {side} this node (its name, type or path); go on from the page, so it needs --dashboard",
+        )
     parser.add_argument("--watch", action="store_true", help="run again each time the tree file is saved")
     add_address(parser)
     parser.set_defaults(main=main)
@@ -81,7 +90,13 @@ def main(options: argparse.Namespace) -> int:
         record=None if options.no_record else options.record,
         dry=options.dry is not None,
         mocks=Path(options.dry) if options.dry else None,
+        breaks=(
+            *((name, "before") for name in options.break_before),
+            *((name, "after") for name in options.break_after),
+        ),
     )
+    if order.breaks and not options.dashboard:
+        raise UsageError("nobody could go on after a breakpoint: add --dashboard")
     with contextlib.ExitStack() as stack:
         dashboard = _serve(options, console, stack) if options.dashboard else None
 

@@ -79,3 +79,7 @@ def test_a_cell_without_the_devices_is_refused(capsys: pytest.CaptureFixture[str
     path.write_text("name: x\nkind: mock\nclock: manual\ndevices: {}\n")
     error = refused(capsys, "run", "pick_apple", "--cell", str(path))
     assert "Camera" in error
+
+
+def test_a_breakpoint_that_nobody_could_pass_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    assert "add --dashboard" in refused(capsys, "run", "pick_apple", "--dry", "--break-after", "Refine")
