@@ -4,6 +4,7 @@
 
 `world:` names a simulated world, which gives the clock; without one the clock is the system's. `devices:` are connected
 in the order of the file, so that one can build on those above it. `workspace:` is what skills know of the surroundings.
+`record: required` ends a run in the safe state when its record cannot be written; without it the run goes on.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from drivers.errors import CellFileError, DeviceFault, DriverError
 from drivers.estimate import estimate_errors
 from drivers.hold_watch import HoldWatch
 from drivers.interfaces import Arm, ForceSensor, Workspace
+from drivers.readings import Readings
 from drivers.workspace import read_workspace
 from executive.clock import Clock, ManualClock, SystemClock
 
@@ -43,7 +45,9 @@ class Cell:
         devices: Mapping[str, Device],
         workspace: Workspace | None = None,
         world: World | None = None,
+        record_required: bool = False,
     ) -> None:
+        self.record_required = record_required
         self.name, self.kind, self.clock, self.workspace = name, kind, clock, workspace
         self.devices = dict(devices)
         self._world = world
@@ -51,6 +55,7 @@ class Cell:
         self._lock = threading.Lock()
         self._paused = False
         self._watch = HoldWatch(self._find(Arm), self._find(ForceSensor))
+        self._readings: Readings | None = None
 
     @property
     def latched(self) -> str | None:
@@ -92,6 +97,15 @@ class Cell:
             device.check()
         if self._paused and self.settled():
             self._watch.note()
+        if self._readings is not None:
+            self._readings.note()
+
+    def readings(self) -> Mapping[str, Mapping[str, Any]]:
+        """What the devices measured since the last call, by device and quantity: `Readings.take`. Nothing is gathered
+        before the first call."""
+        if self._readings is None:
+            self._readings = Readings(self.devices)
+        return self._readings.take()
 
     def safe_stop(self, reason: str) -> None:
         """Arm decelerates and holds, gripper keeps its grip; latched until `acknowledge`.
@@ -156,6 +170,8 @@ class Cell:
 
     def close(self) -> None:
         """Bring everything to rest and let go of the devices, those connected last first."""
+        if self._readings is not None:
+            self._readings.close()
         for device in reversed(self.devices.values()):
             with contextlib.suppress(DriverError, OSError):
                 device.close()
@@ -172,6 +188,7 @@ def load_cell(
     seed: int = 0,
     overrides: Mapping[str, str] | None = None,
     missing: Callable[[str, DriverError], None] | None = None,
+    text: str | None = None,
 ) -> Cell:
     """Read a cell file and connect its devices.
 
@@ -181,12 +198,14 @@ def load_cell(
         overrides: values of the file's `options`.
         missing: told of every device that cannot be connected, by name and why, instead of an error: for a look over
             the cell, never for a run.
+        text: the file's content when it is not to be read from the disk; files that it names are still found beside
+            `path`.
 
     Raises:
         CellFileError: the file cannot be used; says where, and what is known instead.
         DeviceError: a device could not be connected; those connected before are let go.
     """
-    settings = read_cell_file(Path(path), overrides)
+    settings = read_cell_file(Path(path), overrides, text)
     name = settings.text("name", Path(path).stem)
     kind = settings.choice("kind", KINDS)
     workspace = read_workspace(settings.section("workspace")) if settings.has("workspace") else None
@@ -206,8 +225,9 @@ def load_cell(
                 if missing is None:
                     raise
                 missing(device, error)
+        required = settings.choice("record", ("required", "optional"), "optional") == "required"
         settings.finish()
-        cell = Cell(name, kind, bench.clock, bench.devices, workspace, world)
+        cell = Cell(name, kind, bench.clock, bench.devices, workspace, world, required)
         _check_poses(settings, cell)
     except BaseException:
         for opened in reversed(bench.devices.values()):

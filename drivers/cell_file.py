@@ -191,14 +191,15 @@ class Settings:
         return CellFileError(self.path, mark.line + 1, mark.column + 1, message, hint)
 
 
-def read_cell_file(path: Path, overrides: Mapping[str, str] | None = None) -> Settings:
-    """Read a cell file; `overrides` replace values of its `options`.
+def read_cell_file(path: Path, overrides: Mapping[str, str] | None = None, text: str | None = None) -> Settings:
+    """Read a cell file; `overrides` replace values of its `options`, `text` is read instead of what is on the disk.
 
     Raises:
         CellFileError: it cannot be read, is no mapping, or an override names no option.
     """
     try:
-        node = yaml.compose(path.read_text(encoding="utf-8"), Loader=yaml.SafeLoader)
+        content = path.read_text(encoding="utf-8") if text is None else text
+        node = yaml.compose(content, Loader=yaml.SafeLoader)
     except (OSError, UnicodeDecodeError) as error:
         raise CellFileError(path, 0, 0, f"cannot be read: {error}") from error
     except yaml.MarkedYAMLError as error:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Protocol, TypeVar
+from typing import Any, Protocol, TypeVar
 
 from executive.clock import Clock
 
@@ -48,6 +48,15 @@ class Cell(Protocol):
     def heard(self) -> Mapping[str, float]:
         """When each device was last heard, by its name: a stamp of the clock [s]. Devices that send nothing are left
         out."""
+        ...
+
+    @property
+    def record_required(self) -> bool:
+        """Whether a run must end in the safe state when its record cannot be written."""
+        ...
+
+    def readings(self) -> Mapping[str, Mapping[str, Any]]:
+        """What the devices measured since the last call, for the record: arrays in SI units by device and quantity."""
         ...
 
     def check(self) -> None:

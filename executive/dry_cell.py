@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from executive.clock import ManualClock
 
@@ -14,6 +14,7 @@ class DryCell:
     """Implements `executive.cell.Cell` without a device."""
 
     name, kind = "dry", "mock"
+    record_required = False
 
     def __init__(self) -> None:
         self.clock = ManualClock()
@@ -29,6 +30,9 @@ class DryCell:
         return {}
 
     def heard(self) -> Mapping[str, float]:
+        return {}
+
+    def readings(self) -> Mapping[str, Mapping[str, Any]]:
         return {}
 
     def check(self) -> None:

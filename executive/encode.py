@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import re
 from collections.abc import Mapping
 from enum import Enum
 from pathlib import Path
@@ -13,6 +14,9 @@ import numpy as np
 
 LARGE = 256
 """Arrays with more elements are described by shape and type, unless they are asked for."""
+
+_ADDRESS = re.compile(r" at 0x[0-9a-f]+")
+"""Where an object lies in memory says nothing, and would make two equal runs look different."""
 
 
 def plain(value: Any, *, arrays: int = LARGE, depth: int = 12) -> Any:
@@ -44,7 +48,7 @@ def plain(value: Any, *, arrays: int = LARGE, depth: int = 12) -> Any:
     if isinstance(value, (list, tuple, set, frozenset)):
         return [plain(item, arrays=arrays, depth=deeper) for item in value]
     if isinstance(value, Path):
-        return str(value)
+        return _ADDRESS.sub("", str(value))
     if isinstance(value, type):
         return value.__name__
-    return str(value)
+    return _ADDRESS.sub("", str(value))

@@ -23,7 +23,11 @@ class Event:
 
 @dataclass(frozen=True, slots=True)
 class RunStarted(Event):
-    """A run begins. `nodes` describes the tree: one mapping per node, in drawing order, with `path` and `parent`."""
+    """A run begins. `nodes` describes the tree: one mapping per node, in drawing order, with `path` and `parent`.
+
+    `tree_files` holds the texts of the files that the tree calls, by their path; of a dry run `cell_text` is the file of
+    mocks.
+    """
 
     run: str
     tree: str
@@ -41,6 +45,7 @@ class RunStarted(Event):
     wall_time: float
     period: float
     settings: Mapping[str, str] = field(default_factory=dict)
+    tree_files: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)

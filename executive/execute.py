@@ -13,17 +13,18 @@ from dataclasses import dataclass, field
 from importlib.metadata import PackageNotFoundError, entry_points, version
 from pathlib import Path
 
+from executive.breakpoints import Side
 from executive.cell import Cell
 from executive.dry_cell import DryCell
 from executive.errors import UsageError
 from executive.events import EventStream, Listener, RunStarted
 from executive.files import installed_trees, read_text
-from executive.recording.picture import Picture
-from executive.recording.recorder import Recorder, new_record_folder
+from executive.recording.keeping import Keeping
 from executive.registry import Registry
 from executive.runner import Runner, RunResult
 from executive.terminal.summary import Summary
 from executive.tree_file import Document, Mocks, build, check, format_findings, read
+from executive.tree_file.findings import did_you_mean
 from executive.tree_file.mocks import MockPlan
 from executive.tree_file.scenario import read_mocks
 from executive.watching import installed_watchers
@@ -44,6 +45,8 @@ class RunOrder:
         record: folder of records, or None for no record.
         dry: replace every skill by a mock and the cell by nothing.
         mocks: a file that says how the mocks behave; without one they all succeed at once.
+        texts: contents of files, by their path, that are not to be read from the disk.
+        breaks: breakpoints that are set from the start: a node's name, type or path, and its side.
     """
 
     tree: Path
@@ -54,6 +57,8 @@ class RunOrder:
     record: Path | None = None
     dry: bool = False
     mocks: Path | None = None
+    texts: Mapping[str, str] = field(default_factory=dict)
+    breaks: tuple[tuple[str, Side], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,7 +90,7 @@ def execute(
         UsageError: the tree, a setting or the cell cannot be used; nothing has moved.
     """
     registry = Registry.installed()
-    document = read_document(order.tree)
+    document = read_document(order.tree, order.texts)
     declared = set(document.main.parameters)
     tree_settings = {key: value for key, value in order.settings.items() if key in declared}
     cell_settings = {key: value for key, value in order.settings.items() if key not in declared}
@@ -93,9 +98,9 @@ def execute(
     if order.dry:
         if cell_settings:
             raise UsageError(f"the tree has no parameter {', '.join(sorted(cell_settings))}, and a dry run has no cell")
-        mocks = _read_mocks(order.mocks, document, registry)
+        mocks = _read_mocks(order.mocks, order.texts, document, registry)
         return _run(order, listeners, on_ready, on_latched, registry, document, tree_settings, DryCell(), mocks)
-    cell = load_cell(order.cell, order.seed, cell_settings, declared)
+    cell = load_cell(order.cell, order.seed, cell_settings, declared, order.texts.get(str(order.cell)))
     with contextlib.closing(cell):
         refuse_errors(document, registry, tree_settings, cell.interfaces())
         return _run(order, listeners, on_ready, on_latched, registry, document, tree_settings, cell, None)
@@ -112,7 +117,7 @@ def _run(
     cell: Cell,
     mocks: Mocks | None,
 ) -> Executed:
-    events, summary, picture = EventStream(), Summary(), Picture()
+    events, summary, keeping = EventStream(), Summary(), Keeping(order.record, cell)
     runner = Runner(
         lambda context, board: build(
             document, registry, overrides=tree_settings, context=context, board=board, mocks=mocks
@@ -122,33 +127,42 @@ def _run(
         seed=order.seed,
         period=PERIOD,
         real_time=order.real_time,
-        watchers=installed_watchers(cell),
+        watchers=[*installed_watchers(cell), keeping],
     )
-    folder = None if order.record is None else new_record_folder(order.record, runner.tree.name)
-    recorder = None if folder is None else Recorder(folder)
-    for listener in (*([recorder.hear] if recorder else []), summary.hear, picture.hear, *listeners):
+    _set_breakpoints(runner, order.breaks)
+    for listener in (summary.hear, *listeners):
         events.subscribe(listener)
+    problem = ""
     try:
         _prepare(runner)
-        events.emit(_started(order, runner, document, cell, folder))
+        keeping.begin(runner, events)
+        events.emit(_started(order, runner, document, cell, keeping.folder))
         on_ready(runner)
         with _terminate_safely(runner):
             result = runner.run()
-        if folder is not None and not picture.empty:
-            picture.save(folder / "picture.png", f"{runner.tree.name}: {result.outcome}, seed {order.seed}")
+        keeping.draw(f"{runner.tree.name}: {result.outcome}, seed {order.seed}")
         if runner.latched is not None:
             on_latched(runner)
     finally:
         runner.close()
-        if recorder is not None:
-            recorder.close()
-    return Executed(result, summary, folder, recorder.problem if recorder else "")
+        problem = keeping.close()
+    return Executed(result, summary, keeping.folder, problem)
 
 
-def _read_mocks(path: Path | None, document: Document, registry: Registry) -> MockPlan:
+def _set_breakpoints(runner: Runner, breaks: Sequence[tuple[str, Side]]) -> None:
+    for name, side in breaks:
+        paths = runner.tree.find(name)
+        if not paths:
+            known = [word for node in runner.tree.nodes for word in (node.name, node.type)]
+            raise UsageError(f"no node '{name}' to break at: {did_you_mean(name, known) or '`pomona show` lists them'}")
+        for path in paths:
+            runner.break_at(path, side, who="command line")
+
+
+def _read_mocks(path: Path | None, texts: Mapping[str, str], document: Document, registry: Registry) -> MockPlan:
     if path is None:
         return MockPlan()
-    plan, findings = read_mocks(read_text(path), path, document, registry)
+    plan, findings = read_mocks(_text_of(path, texts), path, document, registry)
     if findings:
         raise UsageError(f"{format_findings(findings)} Nothing was run.")
     return plan
@@ -161,13 +175,13 @@ def _prepare(runner: Runner) -> None:
         raise UsageError(f"the skills cannot be prepared: {error or type(error).__name__}") from error
 
 
-def read_document(path: Path) -> Document:
-    """Read a tree file.
+def read_document(path: Path, texts: Mapping[str, str] | None = None) -> Document:
+    """Read a tree file, and the files that it calls; those in `texts` are not read from the disk.
 
     Raises:
         UsageError: it cannot be read at all.
     """
-    return read(read_text(path), path, tree_folders=[installed_trees()])
+    return read(_text_of(path, texts or {}), path, tree_folders=[installed_trees()], texts=texts or {})
 
 
 def refuse_errors(
@@ -183,15 +197,21 @@ def refuse_errors(
         raise UsageError(f"{format_findings(findings)} Nothing was run.")
 
 
-def load_cell(path: Path, seed: int, settings: Mapping[str, str], tree_parameters: set[str] | None = None) -> Cell:
-    """Connect a cell.
+def load_cell(
+    path: Path,
+    seed: int,
+    settings: Mapping[str, str],
+    tree_parameters: set[str] | None = None,
+    text: str | None = None,
+) -> Cell:
+    """Connect a cell, as its file says, or a text that is read instead of it.
 
     Raises:
         UsageError: the cell file or a setting is wrong, or a device cannot be reached.
     """
     loader = next(iter(entry_points(group="pomona.cells", name="file"))).load()
     try:
-        cell: Cell = loader(path, seed=seed, overrides=settings)
+        cell: Cell = loader(path, seed=seed, overrides=settings, text=text)
     except Exception as error:  # whatever a driver raises while it connects, nothing has moved
         text = str(error) or type(error).__name__
         if tree_parameters and settings:
@@ -212,8 +232,8 @@ def _started(order: RunOrder, runner: Runner, document: Document, cell: Cell, fo
         tree_hash=hashlib.sha256(document.text.encode()).hexdigest()[:16],
         cell=cell.name,
         cell_kind=cell.kind,
-        cell_path=str(order.cell),
-        cell_text="" if order.dry else read_text(order.cell),
+        cell_path=str((order.mocks or "") if order.dry else order.cell.resolve()),
+        cell_text=_text_of(order.mocks if order.dry else order.cell, order.texts),
         seed=order.seed,
         parameters=runner.tree.parameters,
         nodes=tuple(node.facts() for node in runner.tree.nodes),
@@ -221,7 +241,14 @@ def _started(order: RunOrder, runner: Runner, document: Document, cell: Cell, fo
         wall_time=time.time(),
         period=PERIOD,
         settings=dict(order.settings),
+        tree_files={file.source.path: file.source.text for file in document.files if file is not document.main},
     )
+
+
+def _text_of(path: Path | None, texts: Mapping[str, str]) -> str:
+    if path is None:
+        return ""
+    return texts[str(path)] if str(path) in texts else read_text(path)
 
 
 def _versions() -> dict[str, str]:

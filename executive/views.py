@@ -26,6 +26,17 @@ class Line2:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Pinhole:
+    """How an image was taken: u = fx x / z + cx [px], and the camera's pose in the base frame, 4 x 4, where known."""
+
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    T_base_camera: Float64 | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class ImageView:
     """A camera's image with drawings over it.
 
@@ -34,12 +45,16 @@ class ImageView:
         lines: polylines over it.
         points: marked points, shape (n, 2) [px].
         caption: one line below it.
+        depth: z-depth of the same pixels, shape (h, w) [m], 0 where there is none: for the record, not for a screen.
+        pinhole: how both were taken.
     """
 
     image: NDArray[np.uint8] | None
     lines: tuple[Line2, ...] = ()
     points: Float64 = field(default_factory=lambda: np.empty((0, 2)))
     caption: str = ""
+    depth: NDArray[np.float32] | None = None
+    pinhole: Pinhole | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import difflib
 import json
 from collections.abc import Iterator
 from dataclasses import replace
@@ -17,28 +18,40 @@ from mcap.reader import NonSeekingReader
 from executive.errors import UsageError
 from executive.events import Event, Published
 from executive.recording.decode import ForeignRecordError, event_from
-from executive.recording.recorder import EVENTS_FILE
+from executive.recording.recorder import EVENTS, EVENTS_FILE
 from executive.views import ImageView
 
 
 def find_record(name: str, root: Path) -> Path:
-    """The folder of a record: a path, a name below `root`, or `last`.
+    """The folder of a record: a path (of a folder or of an MCAP file), a name below `root`, or `last`.
 
     Raises:
-        UsageError: there is none.
+        UsageError: there is none; says what there is.
     """
+    records = sorted(path.parent for path in root.glob(f"*/{EVENTS_FILE}"))
     if name == "last":
-        records = sorted(root.glob(f"*/{EVENTS_FILE}"))
         if not records:
-            raise UsageError(f"no records in {root}")
-        return records[-1].parent
-    for folder in (Path(name), root / name):
-        if (folder / EVENTS_FILE).is_file():
-            return folder
-    raise UsageError(f"no record '{name}': neither a folder with {EVENTS_FILE} nor a name in {root}")
+            raise UsageError(f"no records in {root}: `pomona run` leaves one, --record names another folder")
+        return records[-1]
+    for path in (Path(name), root / name):
+        if (path / EVENTS_FILE).is_file():
+            return path
+        if path.is_file():
+            return path.parent if path.name == EVENTS_FILE else path
+    alike = [record.name for record in records if record.name.startswith(name)]
+    if len(alike) == 1:
+        return root / alike[0]
+    close = alike[-5:] or difflib.get_close_matches(name, [record.name for record in records], n=3, cutoff=0.5)
+    hint = f"did you mean {', '.join(close)}?" if close else f"`pomona runs list --record {root}` lists them"
+    raise UsageError(f"no record '{name}' in {root}: {hint}")
 
 
-def read_events(folder: Path) -> Iterator[Event]:
+def events_file(record: Path) -> Path:
+    """The MCAP file of a record: of a folder, or the file itself."""
+    return record / EVENTS_FILE if record.is_dir() else record
+
+
+def read_events(record: Path) -> Iterator[Event]:
     """The events in the order in which they happened, with their images.
 
     A record that was cut off gives the events up to there.
@@ -46,31 +59,54 @@ def read_events(folder: Path) -> Iterator[Event]:
     Raises:
         UsageError: the file is not a record.
     """
-    path = folder / EVENTS_FILE
-    image: np.ndarray[Any, Any] | None = None
-    with path.open("rb") as stream:
+    path = events_file(record)
+    pixels: dict[str, Any] = {}
+    for topic, data in messages(path):
         try:
-            messages = NonSeekingReader(stream).iter_messages(log_time_order=False)
-            for _schema, channel, message in messages:
-                content = json.loads(message.data)
-                if channel.topic.startswith("/images/"):
-                    image = _decode_image(content["data"])
-                    continue
-                event = event_from(content)
-                if isinstance(event, Published) and isinstance(event.value, ImageView) and image is not None:
-                    event = replace(event, value=replace(event.value, image=image))
-                    image = None
+            if topic.startswith(("/images/", "/depth/")):
+                pixels[topic] = decode_image(json.loads(data)["data"])
+            elif topic == EVENTS:
+                event = event_from(json.loads(data))
+                if isinstance(event, Published) and isinstance(event.value, ImageView):
+                    image, depth = pixels.pop(f"/images/{event.topic}", None), pixels.pop(f"/depth/{event.topic}", None)
+                    metres = None if depth is None else depth.astype(np.float32) * np.float32(1e-3)
+                    event = replace(event, value=replace(event.value, image=image, depth=metres))
                 yield event
-        except (ForeignRecordError, InvalidMagic, ValueError, KeyError) as error:
+        except (ForeignRecordError, ValueError, KeyError, TypeError) as error:
             raise UsageError(f"{path}: not a record of a run: {error}") from error
-        except (McapError, EOFError):
-            return
 
 
-def _decode_image(text: str) -> np.ndarray[Any, Any]:
+def messages(path: Path) -> Iterator[tuple[str, bytes]]:
+    """(topic, content) of every message of an MCAP file as far as it is whole.
+
+    Raises:
+        UsageError: it is no MCAP file, or cannot be read.
+    """
+    try:
+        with path.open("rb") as stream:
+            for _schema, channel, message in NonSeekingReader(stream).iter_messages(log_time_order=False):
+                yield channel.topic, message.data
+    except InvalidMagic as error:
+        if path.stat().st_size == 0:
+            return  # killed before the first byte
+        raise UsageError(f"{path}: not a record of a run: it is no MCAP file") from error
+    except (McapError, EOFError):
+        return  # cut off
+    except (ValueError, KeyError, UnicodeDecodeError) as error:
+        raise UsageError(f"{path}: not a record of a run: it is damaged ({error})") from error
+    except OSError as error:
+        raise UsageError(f"{path}: {error.strerror}") from error
+
+
+def decode_image(text: str) -> np.ndarray[Any, Any]:
+    """A JPEG as RGB (h, w, 3) uint8, a PNG of depth as (h, w) uint16 [mm].
+
+    Raises:
+        ValueError: it is neither.
+    """
     coded = np.frombuffer(base64.b64decode(text), np.uint8)
-    image = cv2.imdecode(coded, cv2.IMREAD_COLOR)
+    image = cv2.imdecode(coded, cv2.IMREAD_UNCHANGED) if coded.size else None
     if image is None:
         raise ValueError("an image cannot be decoded")
-    rgb: np.ndarray[Any, Any] = image[..., ::-1]
+    rgb: np.ndarray[Any, Any] = image[..., ::-1] if image.ndim == 3 else image
     return rgb

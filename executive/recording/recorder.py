@@ -1,39 +1,43 @@
 """A run's record: a folder with the events as an MCAP file, the tree and the cell as they were, and a picture.
 
-Written as it happens, in a thread of its own: the tick only puts events into a queue. A process that is killed loses
-what is younger than `FLUSH_EVERY`.
+Written as it happens, in a thread of its own: the tick only puts events into a queue. What was written is with the
+operating system at once, message by message, so a process that is killed loses what still waited in the queue: some
+milliseconds. While a record is written its file is locked, which is how others see that the run is going on.
 """
 
 from __future__ import annotations
 
-import base64
+import contextlib
+import fcntl
+import hashlib
 import json
 import queue
 import threading
-import time
+from collections.abc import Mapping
 from dataclasses import fields, replace
 from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 from mcap.writer import CompressionType, Writer
 
 from executive.encode import plain
-from executive.errors import PomonaError
+from executive.errors import UsageError
 from executive.events import Event, Published, RunEnded, RunStarted
-from executive.recording.schemas import COMPRESSED_IMAGE, EVENT
-from executive.views import ImageView
-
-FLUSH_EVERY = 0.5
-"""Seconds after which what was written is on the disk."""
+from executive.recording.schemas import EVENT, READING, Schema
+from executive.recording.well_known import images, samples, well_known
+from executive.views import ImageView, SeriesView
 
 EVENTS_FILE = "run.mcap"
+EVENTS = "/events"
+DEVICES = "/devices/"
 _CLOSE = object()
+_DECIMALS = 6
+"""Of a reading: micrometres, microradians, micronewtons."""
 
 
-class RecordError(PomonaError):
+class RecordError(UsageError):
     """The record cannot be written."""
 
 
@@ -56,23 +60,49 @@ def new_record_folder(root: Path, tree: str, now: datetime | None = None) -> Pat
     raise RecordError(f"{root} holds a thousand records of this second")
 
 
+def is_being_written(path: Path) -> bool:
+    """Whether some process, this one or another, writes this MCAP file now."""
+    with contextlib.suppress(OSError), path.open("rb") as stream:
+        try:
+            fcntl.flock(stream, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return True
+    return False
+
+
 class Recorder:
     """Writes every event that it hears. Subscribe its `hear` to the run's stream, and close it after the run."""
 
     def __init__(self, folder: Path) -> None:
+        """
+        Raises:
+            RecordError: the file cannot be opened.
+        """
         self.folder = folder
         self.problem = ""
+        """Why the record ends early; empty while all is well. From any thread."""
         self._queue: queue.SimpleQueue[Any] = queue.SimpleQueue()
-        self._file = (folder / EVENTS_FILE).open("wb")
-        self._writer = Writer(self._file, compression=CompressionType.NONE, use_chunking=False)
-        self._writer.start(profile="pomona", library="pomona")
+        self._t = 0.0
         self._channels: dict[str, int] = {}
-        self._thread = threading.Thread(target=self._write, name="pomona-recorder", daemon=True)
+        self._schemas: dict[str, int] = {}
+        try:
+            self._file = (folder / EVENTS_FILE).open("wb")
+            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            raise RecordError(f"cannot write {folder / EVENTS_FILE}: {error.strerror}") from error
+        self._writer = Writer(self._file, compression=CompressionType.NONE, use_chunking=False)
+        self._thread = threading.Thread(target=self._work, name="pomona-recorder", daemon=True)
         self._thread.start()
 
     def hear(self, event: Event) -> None:
         """Take one event; returns at once."""
-        self._queue.put(event)
+        if not self.problem:
+            self._queue.put(event)
+
+    def read(self, t: float, tick: int, readings: Mapping[str, Mapping[str, Any]]) -> None:
+        """Take what the cell's devices measured, by device and quantity; returns at once."""
+        if not self.problem:
+            self._queue.put((t, tick, readings))
 
     def close(self) -> None:
         """Write what is left and close the file. Harmless when closed already."""
@@ -82,65 +112,102 @@ class Recorder:
 
     # ------------------------------------------------------------------------------- the recorder's thread
 
-    def _write(self) -> None:
-        flushed = time.monotonic()
+    def _work(self) -> None:
         try:
-            while True:
-                try:
-                    event = self._queue.get(timeout=FLUSH_EVERY)
-                except queue.Empty:
-                    event = None
-                if event is _CLOSE:
-                    break
-                if event is not None:
-                    self._write_event(event)
-                if time.monotonic() - flushed > FLUSH_EVERY:
-                    self._file.flush()
-                    flushed = time.monotonic()
+            self._writer.start(profile="pomona", library="pomona")
+            self._take_all()
             self._writer.finish()
+            self._file.flush()
         except OSError as error:
-            self.problem = f"the record ends early: {error.strerror or error}"
+            self.problem = f"the record ends at {self._t:.2f} s of the run: {error.strerror or error}"
+        except Exception as error:  # what a skill publishes may be anything: the run goes on, and this is told
+            self.problem = f"the record ends at {self._t:.2f} s of the run: {type(error).__name__}: {error}"
         finally:
-            self._file.close()
+            with contextlib.suppress(OSError):  # what could not be written cannot be written now either
+                self._file.close()
+
+    def _take_all(self) -> None:
+        while True:
+            if self._queue.empty():
+                self._file.flush()
+            taken = self._queue.get()
+            if taken is _CLOSE:
+                return
+            if isinstance(taken, Event):
+                self._t = taken.t
+                self._write_event(taken)
+            else:
+                self._write_readings(*taken)
 
     def _write_event(self, event: Event) -> None:
-        stamp = round(max(event.t, 0.0) * 1e9)
         if isinstance(event, RunStarted):
-            (self.folder / "tree.yaml").write_text(event.tree_text, encoding="utf-8")
-            (self.folder / "cell.yaml").write_text(event.cell_text, encoding="utf-8")
-        if isinstance(event, Published) and isinstance(event.value, ImageView) and event.value.image is not None:
-            self._write_image(f"/images/{event.topic}", stamp, event.value.image)
-            event = replace(event, value=replace(event.value, image=None))
+            self._write_about(event)
+        stamp = _stamp(event.t)
+        if isinstance(event, Published):
+            if isinstance(event.value, ImageView):
+                for topic, schema, message in images(event.topic, event.value, stamp):
+                    self._write(topic, schema, stamp, message)
+            elif isinstance(event.value, SeriesView):
+                for topic, schema, message in samples(event.topic, event.value):
+                    self._write(topic, schema, stamp, message)
+        self._write(EVENTS, EVENT, stamp, message_of(event))
+        for topic, schema, message in well_known(event, stamp):
+            self._write(topic, schema, stamp, message)
         if isinstance(event, RunEnded):
             text = json.dumps(plain(event), ensure_ascii=False, indent=1)
             (self.folder / "summary.json").write_text(text, encoding="utf-8")
-        limit = 4_000_000 if isinstance(event, Published) else 256
-        message = {"event": type(event).__name__}
-        message |= {f.name: plain(getattr(event, f.name), arrays=limit) for f in fields(event)}
-        self._write_message("/events", EVENT, stamp, message)
 
-    def _write_image(self, topic: str, stamp: int, image: np.ndarray[Any, Any]) -> None:
-        ok, coded = cv2.imencode(".jpg", image[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, 90])
-        if ok:
-            seconds, nanoseconds = divmod(stamp, 1_000_000_000)
-            self._write_message(
-                topic,
-                COMPRESSED_IMAGE,
-                stamp,
-                {
-                    "timestamp": {"sec": seconds, "nsec": nanoseconds},
-                    "frame_id": "camera",
-                    "data": base64.b64encode(coded.tobytes()).decode(),
-                    "format": "jpeg",
-                },
-            )
+    def _write_about(self, event: RunStarted) -> None:
+        """Tree and cell as files beside the record and as attachments in it; what is asked most as metadata."""
+        began = round(event.wall_time * 1e9)
+        texts = {"tree.yaml": event.tree_text, "cell.yaml": event.cell_text}
+        for name, text in texts.items():
+            (self.folder / name).write_text(text, encoding="utf-8")
+        for name, text in {**texts, **event.tree_files}.items():
+            self._writer.add_attachment(began, 0, name, "application/yaml", text.encode())
+        about = {
+            "run": event.run, "tree": event.tree, "tree_hash": event.tree_hash, "cell": event.cell,
+            "cell_kind": event.cell_kind, "cell_hash": hash_of(event.cell_text), "seed": str(event.seed),
+            "began": datetime.fromtimestamp(event.wall_time).astimezone().isoformat(timespec="seconds"),
+            "settings": json.dumps(plain(event.settings), ensure_ascii=False),
+            "parameters": json.dumps(plain(event.parameters), ensure_ascii=False),
+            **{f"version.{name}": version for name, version in event.versions.items()},
+        }  # fmt: skip
+        self._writer.add_metadata("pomona.run", about)
 
-    def _write_message(self, topic: str, schema: tuple[str, str], stamp: int, message: Any) -> None:
+    def _write_readings(self, t: float, tick: int, readings: Mapping[str, Mapping[str, Any]]) -> None:
+        stamp = _stamp(t)
+        for device, quantities in readings.items():
+            numbers = {name: np.round(value, _DECIMALS).tolist() for name, value in quantities.items()}
+            self._write(f"{DEVICES}{device}", READING, stamp, {"t": round(t, _DECIMALS), "tick": tick, **numbers})
+
+    def _write(self, topic: str, schema: Schema, stamp: int, message: Any) -> None:
         if topic not in self._channels:
-            name, text = schema
-            schema_id = self._writer.register_schema(name=name, encoding="jsonschema", data=text.encode())
+            if schema.name not in self._schemas:
+                self._schemas[schema.name] = self._writer.register_schema(
+                    name=schema.name, encoding="jsonschema", data=schema.text.encode()
+                )
             self._channels[topic] = self._writer.register_channel(
-                topic=topic, message_encoding="json", schema_id=schema_id
+                topic=topic, message_encoding="json", schema_id=self._schemas[schema.name]
             )
         data = json.dumps(message, ensure_ascii=False, separators=(",", ":")).encode()
         self._writer.add_message(self._channels[topic], log_time=stamp, publish_time=stamp, data=data)
+
+
+def message_of(event: Event) -> dict[str, Any]:
+    """An event as its message on `/events`. An image's pixels are messages of their own, before it."""
+    if isinstance(event, Published) and isinstance(event.value, ImageView):
+        event = replace(event, value=replace(event.value, image=None, depth=None))
+    limit = 4_000_000 if isinstance(event, Published) else 256
+    message = {"event": type(event).__name__}
+    return message | {f.name: plain(getattr(event, f.name), arrays=limit) for f in fields(event)}
+
+
+def _stamp(t: float) -> int:
+    """A message's time: nanoseconds of the run's clock."""
+    return round(max(t, 0.0) * 1e9)
+
+
+def hash_of(text: str) -> str:
+    """What names a tree's or a cell's text."""
+    return hashlib.sha256(text.encode()).hexdigest()[:16]

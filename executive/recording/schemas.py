@@ -1,42 +1,126 @@
-"""JSON schemas of what a record holds: (name, text) each. Well-known ones where they exist."""
+"""JSON schemas of what a record holds. Foxglove's well-known ones where they fit, so that other tools draw a record.
+
+docs/records.md describes every topic.
+"""
 
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
 
-COMPRESSED_IMAGE = (
-    "foxglove.CompressedImage",
-    json.dumps(
-        {
-            "title": "foxglove.CompressedImage",
-            "type": "object",
-            "properties": {
-                "timestamp": {
-                    "type": "object",
-                    "title": "time",
-                    "properties": {"sec": {"type": "integer"}, "nsec": {"type": "integer"}},
-                },
-                "frame_id": {"type": "string"},
-                "data": {"type": "string", "contentEncoding": "base64"},
-                "format": {"type": "string"},
-            },
-        }
+Json = Mapping[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class Schema:
+    """A named JSON schema, as an MCAP file holds it."""
+
+    name: str
+    content: Json
+
+    @property
+    def text(self) -> str:
+        return json.dumps(self.content, ensure_ascii=False)
+
+
+def _object(**properties: Json) -> dict[str, Any]:
+    return {"type": "object", "properties": properties}
+
+
+def _list(items: Json, **limits: int) -> dict[str, Any]:
+    return {"type": "array", "items": items, **limits}
+
+
+def _foxglove(title: str, /, **properties: Json) -> Schema:
+    return Schema(f"foxglove.{title}", {"title": f"foxglove.{title}", **_object(**properties)})
+
+
+NUMBER: Json = {"type": "number"}
+WHOLE: Json = {"type": "integer"}
+TEXT: Json = {"type": "string"}
+BYTES: Json = {"type": "string", "contentEncoding": "base64"}
+NANOSECONDS: Json = {"type": "integer", "minimum": 0, "maximum": 999_999_999}
+TIME: Json = {"title": "time", **_object(sec={"type": "integer", "minimum": 0}, nsec=NANOSECONDS)}
+DURATION: Json = {"title": "duration", **_object(sec=WHOLE, nsec=NANOSECONDS)}
+XYZ: Json = _object(x=NUMBER, y=NUMBER, z=NUMBER)
+QUATERNION: Json = _object(x=NUMBER, y=NUMBER, z=NUMBER, w=NUMBER)
+POSE: Json = _object(position=XYZ, orientation=QUATERNION)
+COLOUR: Json = _object(r=NUMBER, g=NUMBER, b=NUMBER, a=NUMBER)
+
+COMPRESSED_IMAGE = _foxglove("CompressedImage", timestamp=TIME, frame_id=TEXT, data=BYTES, format=TEXT)
+CAMERA_CALIBRATION = _foxglove(
+    "CameraCalibration", timestamp=TIME, frame_id=TEXT, width=WHOLE, height=WHOLE, distortion_model=TEXT,
+    D=_list(NUMBER), K=_list(NUMBER, minItems=9, maxItems=9), R=_list(NUMBER, minItems=9, maxItems=9),
+    P=_list(NUMBER, minItems=12, maxItems=12),
+)  # fmt: skip
+POSE_IN_FRAME = _foxglove("PoseInFrame", timestamp=TIME, frame_id=TEXT, pose=POSE)
+POSES_IN_FRAME = _foxglove("PosesInFrame", timestamp=TIME, frame_id=TEXT, poses=_list(POSE))
+FRAME_TRANSFORMS = _foxglove(
+    "FrameTransforms",
+    transforms=_list(
+        _object(timestamp=TIME, parent_frame_id=TEXT, child_frame_id=TEXT, translation=XYZ, rotation=QUATERNION)
     ),
 )
-
-EVENT = (
-    "pomona.Event",
-    json.dumps(
-        {
-            "title": "pomona.Event",
-            "description": "One event of a run; its fields are those of the dataclass of the same name.",
-            "type": "object",
-            "properties": {
-                "event": {"type": "string"},
-                "t": {"type": "number", "description": "seconds of the run's clock"},
-                "tick": {"type": "integer"},
-            },
-            "required": ["event", "t", "tick"],
-        }
+POINT_CLOUD = _foxglove(
+    "PointCloud", timestamp=TIME, frame_id=TEXT, pose=POSE, point_stride=WHOLE,
+    fields=_list(_object(name=TEXT, offset=WHOLE, type=WHOLE)), data=BYTES,
+)  # fmt: skip
+_LINE = _object(
+    type=WHOLE, pose=POSE, thickness=NUMBER, scale_invariant={"type": "boolean"}, points=_list(XYZ), color=COLOUR,
+    colors=_list(COLOUR), indices=_list(WHOLE),
+)  # fmt: skip
+_TRIANGLES = _object(pose=POSE, points=_list(XYZ), color=COLOUR, colors=_list(COLOUR), indices=_list(WHOLE))
+_NONE: Json = _list(_object())
+SCENE_UPDATE = _foxglove(
+    "SceneUpdate",
+    deletions=_list(_object(timestamp=TIME, type=WHOLE, id=TEXT)),
+    entities=_list(
+        _object(
+            timestamp=TIME, frame_id=TEXT, id=TEXT, lifetime=DURATION, frame_locked={"type": "boolean"},
+            metadata=_list(_object(key=TEXT, value=TEXT)), arrows=_NONE, cubes=_NONE, spheres=_NONE, cylinders=_NONE,
+            lines=_list(_LINE), triangles=_list(_TRIANGLES), texts=_NONE, models=_NONE,
+        )
     ),
+)  # fmt: skip
+LOG = _foxglove(
+    "Log", timestamp=TIME, level={"type": "integer", "minimum": 0, "maximum": 5}, message=TEXT, name=TEXT, file=TEXT,
+    line={"type": "integer", "minimum": 0},
+)  # fmt: skip
+
+EVENT = Schema(
+    "pomona.Event",
+    {
+        "title": "pomona.Event",
+        "description": "One event of a run; its fields are those of the dataclass of the same name (docs/records.md).",
+        **_object(
+            event={**TEXT, "description": "the event's name"},
+            t={**NUMBER, "description": "seconds of the run's clock since the run began, pauses left out"},
+            tick={**WHOLE, "description": "number of the tick, from 1; 0 before the first"},
+        ),
+        "required": ["event", "t", "tick"],
+    },
+)
+
+SERIES = Schema(
+    "pomona.Sample",
+    {
+        "title": "pomona.Sample",
+        "description": "One sample of the plotted quantities; names end with the unit: grasp_force_N",
+        **_object(t={**NUMBER, "description": "seconds on the cell's clock"}),
+        "additionalProperties": NUMBER,
+        "required": ["t"],
+    },
+)
+
+READING = Schema(
+    "pomona.Reading",
+    {
+        "title": "pomona.Reading",
+        "description": "What one device of the cell measured since the tick before, SI units, by quantity",
+        **_object(t={**NUMBER, "description": "seconds of the run's clock"}, tick=WHOLE),
+        "additionalProperties": True,
+        "required": ["t", "tick"],
+    },
 )

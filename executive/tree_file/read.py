@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from executive.tree_file.expression import SPECIAL
@@ -21,15 +21,18 @@ _DECLARED = ("type", "default", "min", "max", "choices", "help")
 _NAME = re.compile(r"[a-z][a-z0-9_]*")
 
 
-def read(text: str, path: str | Path, *, tree_folders: Sequence[Path] = ()) -> Document:
+def read(
+    text: str, path: str | Path, *, tree_folders: Sequence[Path] = (), texts: Mapping[str, str] | None = None
+) -> Document:
     """The document of a tree file's text. Raises nothing: what is wrong is in its findings.
 
     Args:
         text: the file's content.
         path: where it stands; files that it calls are found beside it or below.
         tree_folders: folders of installed trees, in which called files are looked for as well.
+        texts: contents of called files, by the path that findings show, that are not to be read from the disk.
     """
-    return _Reader(tree_folders).document(text, Path(path))
+    return _Reader(tree_folders, texts or {}).document(text, Path(path))
 
 
 def read_file(path: str | Path, *, tree_folders: Sequence[Path] = ()) -> Document:
@@ -64,8 +67,9 @@ def _load(path: Path, shown: str, findings: Findings, where: YamlNode | None = N
 
 
 class _Reader:
-    def __init__(self, tree_folders: Sequence[Path]) -> None:
+    def __init__(self, tree_folders: Sequence[Path], texts: Mapping[str, str]) -> None:
         self.findings = Findings()
+        self.texts = texts
         self.folders = [folder.resolve() for folder in tree_folders]
         self.files: dict[Path, TreeFile] = {}
 
@@ -197,12 +201,15 @@ class _Reader:
         if len(self.files) >= MAX_FILES:
             self.findings.error(written, "too-large", f"a tree calls at most {MAX_FILES} files")
             return None
+        shown = str(Path(caller.source.path).parent / written.text)
+        if shown in self.texts:
+            known = self.files.get(Path(shown))
+            return (known or self.file(self.texts[shown], shown, Path(shown))).main
         path = self.find(written, folder)
         if path is None:
             return None
         file = self.files.get(path)
         if file is None:
-            shown = str(Path(caller.source.path).parent / written.text)
             text = _load(path, shown, self.findings, written)
             if text is None:
                 return None

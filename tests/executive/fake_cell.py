@@ -32,6 +32,7 @@ class FakeCell:
     """What `executive.cell.Cell` asks for."""
 
     name, kind = "fake", "mock"
+    record_required = False
 
     def __init__(self) -> None:
         self.clock = ManualClock()
@@ -53,6 +54,9 @@ class FakeCell:
 
     def heard(self) -> Mapping[str, float]:
         return {"wheel": self.clock.now()}
+
+    def readings(self) -> Mapping[str, Mapping[str, Any]]:
+        return {"wheel": {"turning": float(self.wheel.turning)}}
 
     def check(self) -> None:
         self.wheel.coasting = max(0, self.wheel.coasting - 1)

@@ -1,0 +1,61 @@
+"""What a cell's devices measure, gathered for the record: nobody else needs every sample."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import numpy as np
+
+from drivers.device import Device
+from drivers.interfaces import Arm, ForceSensor, Gripper, WrenchSample
+
+MOST = 5000
+"""Samples of one device that are kept until somebody takes them: ten seconds at 500 Hz."""
+
+
+class Readings:
+    """Subscribes to the fingers, and notes arm and gripper whenever it is asked to."""
+
+    def __init__(self, devices: Mapping[str, Device]) -> None:
+        self._arms = {name: device for name, device in devices.items() if Arm in device.interfaces}
+        self._grippers = {name: device for name, device in devices.items() if Gripper in device.interfaces}
+        self._fingers = {name: device for name, device in devices.items() if ForceSensor in device.interfaces}
+        self._noted: dict[str, deque[Any]] = {
+            name: deque(maxlen=MOST) for name in (*self._arms, *self._grippers, *self._fingers)
+        }
+        sensors: Any = self._fingers
+        self._subscriptions = [sensor.subscribe(self._noted[name].append) for name, sensor in sensors.items()]
+
+    def note(self) -> None:
+        """Read arm and gripper once; they are asked for what they know already, so this does not wait."""
+        moving: Any
+        for name, moving in (*self._arms.items(), *self._grippers.items()):
+            state, noted = moving.state(), self._noted[name]
+            if not noted or noted[-1].stamp != state.stamp:
+                noted.append(state)
+
+    def take(self) -> dict[str, dict[str, Any]]:
+        """What was measured since the last call, by device and quantity.
+
+        Every device gives `stamp` (n,) [s on the cell's clock]; arms `q` (n, dof) [rad], grippers `width` (n,) [m],
+        fingers `wrenches` (n, 2, 6) [N, N·m] in the pads' frames.
+        """
+        taken = {name: [noted.popleft() for _ in range(len(noted))] for name, noted in self._noted.items()}
+        return {name: self._columns(name, samples) for name, samples in taken.items() if samples}
+
+    def close(self) -> None:
+        """Listen no more."""
+        for subscription in self._subscriptions:
+            subscription.close()
+
+    def _columns(self, name: str, samples: Iterable[Any]) -> dict[str, Any]:
+        samples = list(samples)
+        stamps = {"stamp": np.array([sample.stamp for sample in samples])}
+        if name in self._arms:
+            return {**stamps, "q": np.array([sample.q for sample in samples])}
+        if name in self._grippers:
+            return {**stamps, "width": np.array([sample.width for sample in samples])}
+        wrenches: list[WrenchSample] = samples
+        return {**stamps, "wrenches": np.array([sample.wrenches for sample in wrenches])}

@@ -1,0 +1,88 @@
+"""The record of one run, whatever goes wrong with it.
+
+When it cannot be written, the run goes on unrecorded, or ends in the safe state where the cell's file says
+`record: required`; both are said. A run that has not begun yet is refused instead.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+from executive.cell import Cell
+from executive.events import EventStream
+from executive.recording.picture import Picture
+from executive.recording.recorder import Recorder, RecordError, new_record_folder
+from executive.runner import Runner
+
+
+class Keeping:
+    """Keeps the record of one run, or none for `root=None`.
+
+    Attributes:
+        folder: of the record, or None while there is none.
+    """
+
+    def __init__(self, root: Path | None, cell: Cell) -> None:
+        self._root, self._cell = root, cell
+        self._recorder: Recorder | None = None
+        self._runner: Runner | None = None
+        self._picture = Picture()
+        self._trouble = ""
+        self.folder: Path | None = None
+
+    def begin(self, runner: Runner, events: EventStream) -> None:
+        """Open the record, before the run's first event.
+
+        Raises:
+            RecordError: it cannot be opened, and the cell's file says that it is required.
+        """
+        if self._root is None:
+            return
+        runner.look_after("record", self._state, required=self._cell.record_required)
+        try:
+            self.folder = new_record_folder(self._root, runner.tree.name)
+            self._recorder = Recorder(self.folder)
+        except RecordError as error:
+            if self._cell.record_required:
+                raise
+            self._trouble = str(error)
+            return
+        self._runner = runner
+        events.subscribe(self._recorder.hear)
+        events.subscribe(self._picture.hear)
+
+    def look(self) -> Iterable[tuple[str, object]]:
+        """Hand what the devices measured to the recorder: called by the run as a watcher, and shows nothing itself."""
+        if self._recorder is not None and self._runner is not None:
+            self._recorder.read(*self._runner.progress, self._cell.readings())
+        return ()
+
+    def draw(self, title: str) -> None:
+        """Draw the run's picture."""
+        if self._recorder is None or self._picture.empty:
+            return
+        try:
+            self._picture.save(self._recorder.folder / "picture.png", title)
+        except OSError as error:
+            self._trouble = f"the picture cannot be written: {error.strerror or error}"
+
+    def close(self) -> str:
+        """Write what is left.
+
+        Returns:
+            what is wrong with the record, as a sentence; empty when all is well.
+        """
+        self.look()
+        if self._recorder is not None:
+            self._recorder.close()
+        return self._problem()
+
+    def _problem(self) -> str:
+        return (self._recorder.problem if self._recorder is not None else "") or self._trouble
+
+    def _state(self) -> str:
+        problem = self._problem()
+        if not problem:
+            return "ok"
+        return problem if self._cell.record_required else f"{problem}; the run goes on unrecorded"
