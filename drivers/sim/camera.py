@@ -51,6 +51,12 @@ class SimCamera(FaultyDevice):
         self._frame = self._expose(now, sequence)
         return self._frame
 
+    def heard(self) -> float | None:
+        """Every moment has its view, and asking for its stamp takes no picture: a picture is a look that is scored."""
+        if self.fault is None:
+            return self._world.clock.now()
+        return None if self._frame is None else self._frame.stamp
+
     def check(self) -> None:
         if self.fault is not None and self._world.clock.now() - self._fault_since > STALE:
             raise DeviceLost(self.name, f"no new frame for {self._world.clock.now() - self._fault_since:.1f} s")

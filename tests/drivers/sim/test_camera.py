@@ -147,3 +147,18 @@ def test_every_observe_pose_sees_all_places_whole(open_cell, pose):
 
 def robot_geoms(model):
     return [i for i in range(model.ngeom) if model.geom_contype[i] == 2]
+
+
+def test_asking_when_the_camera_was_heard_takes_no_picture(open_cell):
+    cell = open_cell(seed=1)
+    camera = cell.device(Camera)
+    looked = []
+    camera._world.looked = lambda: looked.append(cell.clock.now())
+    cell.clock.advance(0.2)
+    assert cell.heard()["camera"] == cell.clock.now()
+    assert looked == []
+    camera.latest()
+    assert looked == [cell.clock.now()]
+    camera.inject_fault("lost")
+    cell.clock.advance(0.2)
+    assert cell.heard()["camera"] < cell.clock.now()
