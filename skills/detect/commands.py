@@ -48,7 +48,7 @@ def add_train(subparsers: Any) -> None:
 def data_main(options: argparse.Namespace) -> int:
     """Render frames; returns 0."""
     from skills.detect.synthetic.dataset import render_dataset
-    from skills.detect.synthetic.scene import SceneOptions
+    from skills.detect.synthetic.options import SceneOptions
 
     base = SceneOptions()
     factor = options.width / base.width

@@ -12,7 +12,8 @@ from pathlib import Path
 import cv2
 
 from skills.detect.annotations import AnnotatedObject, Annotation, write_annotation
-from skills.detect.synthetic.scene import RenderedFrame, SceneOptions, render_scene
+from skills.detect.synthetic.options import SceneOptions
+from skills.detect.synthetic.scene import RenderedFrame, render_scene
 from skills.fruit import FruitModel, load_fruit
 
 CHUNK = 20

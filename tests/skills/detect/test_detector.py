@@ -11,7 +11,8 @@ from skills.detect.errors import BadFrame
 from skills.detect.evaluation import Evaluation, evaluate, table
 from skills.detect.instances import find_instances
 from skills.detect.synthetic.dataset import annotate
-from skills.detect.synthetic.scene import SceneOptions, render_scene
+from skills.detect.synthetic.options import SceneOptions
+from skills.detect.synthetic.scene import render_scene
 from skills.fruit import FruitModel, load_fruit
 
 SEED = 31_000_000

@@ -9,7 +9,8 @@ import pytest
 from skills.detect.annotations import read_annotation
 from skills.detect.symmetry import STEM_AXIS, label_rotation
 from skills.detect.synthetic.dataset import frame_paths, render_dataset
-from skills.detect.synthetic.scene import SceneKind, SceneOptions, render_scene
+from skills.detect.synthetic.options import SceneKind, SceneOptions
+from skills.detect.synthetic.scene import render_scene
 from skills.fruit import FruitModel, load_fruit
 
 SMALL = SceneOptions(width=320, height=240, camera=(305.3, 305.3, 158.6, 118.8))

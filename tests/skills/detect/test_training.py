@@ -9,7 +9,7 @@ import torch
 from skills.detect.cuboid import MIRRORED
 from skills.detect.errors import BadTraining
 from skills.detect.synthetic.dataset import render_dataset
-from skills.detect.synthetic.scene import SceneOptions
+from skills.detect.synthetic.options import SceneOptions
 from skills.detect.training.loop import Progress, Schedule
 from skills.detect.training.losses import close_look_loss, dope_loss, finder_loss
 from skills.detect.training.samples import CloseLookBatches, FinderBatches, FrameFolder

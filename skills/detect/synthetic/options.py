@@ -1,0 +1,40 @@
+"""What a data set of synthetic scenes is made of."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+
+class SceneKind(StrEnum):
+    """What a frame looks like: a robot's table, a domain-randomised heap, or an orchard row."""
+
+    TABLE = "table"
+    RANDOM = "random"
+    ORCHARD = "orchard"
+
+
+@dataclass(frozen=True, slots=True)
+class SceneOptions:
+    """What a data set is made of.
+
+    Attributes:
+        width, height: picture size [px].
+        camera: fx, fy, cx, cy [px].
+        instances: fewest and most fruit in a frame.
+        distractors: things that are no fruit, per frame.
+        scale: range of the fruit's size against the CAD model.
+        height_ratio: range of height over width against the CAD model's; an apple's is then 0.75 to 1.0.
+        exact: part of the instances that keep the CAD model's own size and proportions.
+        kinds: how often each kind of scene appears.
+    """
+
+    width: int = 640
+    height: int = 480
+    camera: tuple[float, float, float, float] = (610.6, 610.6, 317.7, 238.1)
+    instances: tuple[int, int] = (5, 10)
+    distractors: int = 5
+    scale: tuple[float, float] = (0.6, 1.15)
+    height_ratio: tuple[float, float] = (0.85, 1.133)
+    exact: float = 0.15
+    kinds: tuple[float, float, float] = (0.5, 0.3, 0.2)
