@@ -30,11 +30,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except UsageError as error:
         Console(stderr=True).print(str(error), style="red", markup=False, highlight=False, soft_wrap=True)
         return 2
-    except KeyboardInterrupt:
-        return 130
     except BrokenPipeError:  # `pomona … | head`
         sys.stderr.close()
         return 1
+    except OSError as error:  # a folder that is not there, a disk that is full: which file, and what is wrong with it
+        if error.filename is None:
+            raise
+        Console(stderr=True).print(f"{error.filename}: {error.strerror}", style="red", markup=False, soft_wrap=True)
+        return 2
+    except KeyboardInterrupt:
+        return 130
     return status
 
 

@@ -9,7 +9,7 @@ from typing import Any
 
 from executive.errors import UsageError
 from executive.execute import read_document, refuse_errors
-from executive.files import find_tree, read_text
+from executive.files import find_tree, read_text, write_text
 from executive.registry import Registry
 from executive.tree_file import format_findings
 from executive.tree_file.groot_export import export_groot
@@ -20,7 +20,8 @@ def add(subparsers: Any) -> None:
     """Register both subcommands."""
     out = subparsers.add_parser("export", help="write a tree as XML for Groot2 and BehaviorTree.CPP")
     out.add_argument("tree", help="a tree file, or the name of an installed tree")
-    out.add_argument("--groot", type=Path, metavar="FILE", help="file to write (default: standard output)")
+    out.add_argument("--groot", action="store_true", default=True, help="the format; there is no other")
+    out.add_argument("--out", type=Path, metavar="FILE", help="file to write (default: standard output)")
     out.set_defaults(main=export)
     into = subparsers.add_parser("import", help="read such XML and print a tree file")
     into.add_argument("xml", type=Path)
@@ -37,7 +38,7 @@ def export(options: argparse.Namespace) -> int:
     registry = Registry.installed()
     document = read_document(find_tree(options.tree))
     refuse_errors(document, registry, {}, None)
-    _put(export_groot(document, registry), options.groot)
+    write_text(export_groot(document, registry), options.out)
     return 0
 
 
@@ -52,12 +53,5 @@ def import_(options: argparse.Namespace) -> int:
         raise UsageError(format_findings(findings))
     if findings:
         sys.stderr.write(format_findings(findings) + "\n")
-    _put(text, options.out)
+    write_text(text, options.out)
     return 0
-
-
-def _put(text: str, path: Path | None) -> None:
-    if path is None:
-        sys.stdout.write(text if text.endswith("\n") else text + "\n")
-    else:
-        path.write_text(text, encoding="utf-8")

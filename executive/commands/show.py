@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import argparse
 import shutil
-import sys
 from pathlib import Path
 from typing import Any
 
 from executive.errors import UsageError
 from executive.execute import read_document
-from executive.files import find_tree
+from executive.files import find_tree, write_text
 from executive.tree_file import format_findings
 from executive.tree_file.show import show_svg, show_text
 
@@ -33,8 +32,8 @@ def main(options: argparse.Namespace) -> int:
     errors = [finding for finding in document.findings if finding.severity == "error"]
     if document.main.main is None or errors:
         raise UsageError(format_findings(document.findings))
-    if options.svg is not None:
-        options.svg.write_text(show_svg(document), encoding="utf-8")
+    if options.svg is None:
+        write_text(show_text(document, width=shutil.get_terminal_size((120, 40)).columns), None)
     else:
-        sys.stdout.write(show_text(document, width=shutil.get_terminal_size((120, 40)).columns) + "\n")
+        write_text(show_svg(document), options.svg)
     return 0

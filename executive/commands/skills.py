@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from executive.errors import UsageError
@@ -41,15 +42,34 @@ def main(options: argparse.Namespace) -> int:
     if options.name:
         _print_one(console, listing[0])
     else:
-        table = Table(box=None, padding=(0, 2, 0, 0))
-        for column in ("skill", "what it does", "devices"):
-            table.add_column(column)
         for skill in listing:
-            table.add_row(skill.name, skill.summary, ", ".join(skill.devices))
-        console.print(table)
+            _print_short(console, skill)
+        console.print("`pomona skills NAME` shows one with ranges and help.", highlight=False)
     for name, problem in registry.problems.items():
         console.print(f"{name}: {problem}", style="red", markup=False)
     return 0
+
+
+def _print_short(console: Console, skill: SkillListing) -> None:
+    console.print(f"[bold]{skill.name}[/]  {escape(skill.summary)}", highlight=False)
+    rows = Table(box=None, show_header=False, padding=(0, 2, 0, 0))
+    rows.add_column(min_width=11, no_wrap=True, style="dim")
+    rows.add_column()
+    for title, words in (
+        ("  inputs", [_port(port) for port in skill.inputs]),
+        ("  outputs", [_port(port) for port in skill.outputs]),
+        ("  devices", skill.devices),
+        ("  failures", skill.failures),
+    ):
+        if words:
+            rows.add_row(title, escape(", ".join(words)))
+    console.print(rows)
+
+
+def _port(port: Mapping[str, Any]) -> str:
+    """`inlier_band: length = 4 mm`."""
+    default = port.get("default")
+    return f"{port['name']}: {port['type']}" + ("" if default in (None, "") else f" = {default}")
 
 
 def _print_one(console: Console, skill: SkillListing) -> None:

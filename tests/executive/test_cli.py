@@ -83,3 +83,24 @@ def test_a_cell_without_the_devices_is_refused(capsys: pytest.CaptureFixture[str
 
 def test_a_breakpoint_that_nobody_could_pass_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
     assert "add --dashboard" in refused(capsys, "run", "pick_apple", "--dry", "--break-after", "Refine")
+
+
+def test_a_file_that_cannot_be_written_is_named(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    out = tmp_path / "no folder" / "tree.svg"
+    assert main(["show", "pick_apple", "--svg", str(out)]) == 2
+    assert capsys.readouterr().err.replace("\n", "") == f"{out}: No such file or directory"
+
+
+def test_export_and_import_give_a_tree_file_again(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    xml, again = tmp_path / "tree.xml", tmp_path / "tree.yaml"
+    assert main(["export", "--groot", "pick_apple", "--out", str(xml)]) == 0
+    assert main(["import", str(xml), "--out", str(again)]) == 0
+    assert main(["check", str(again)]) == 0
+    assert "nothing is wrong" in capsys.readouterr().out
+
+
+def test_skills_are_listed_with_ports_units_and_codes(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["skills"]) == 0
+    listed = " ".join(capsys.readouterr().out.split())
+    assert "inlier_band: length = 4 mm" in listed
+    assert "TOO_FEW_INLIERS" in listed
