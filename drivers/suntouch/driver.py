@@ -25,6 +25,8 @@ FIRST_SAMPLE = 1.0
 """Deadline of the first sample after opening [s]."""
 ANSWER = 0.004
 """A late answer is still a sample; after so long it is given up and the line started over [s]."""
+CATCH_UP = 2
+"""Periods that this thread may oversleep and still ask for each of them, one right after the other."""
 DROPPED, AVERAGED = 10, 100
 """Samples left out before and taken for the bias."""
 
@@ -168,13 +170,13 @@ class SunTouchFingers(Device):
         self._deliver(asked, left, right)
 
     def _await_period(self) -> None:
-        """Sleep until the next period; periods that were overslept are lost samples."""
+        """Sleep until the next period; periods that were overslept by more than a moment are lost samples."""
         self._sequence += 1
         self._due += self._period
         late = self._clock.now() - self._due
         if late < 0.0:
             self._clock.advance(-late)
-        elif late > self._period:
+        elif late > CATCH_UP * self._period:
             missed = int(late / self._period)
             self._sequence += missed
             self.lost_samples += missed

@@ -145,6 +145,26 @@ def test_bytes_too_many_are_thrown_away(rig: Rig) -> None:
     assert rig.fingers.fingers[0].resynchronised == 1
 
 
+def test_a_thread_that_oversleeps_a_moment_catches_up(rig: Rig) -> None:
+    rig.run(0.02)
+    rig.clock.advance(0.0045)
+    rig.run(0.1)
+    assert np.all(np.diff([sample.sequence for sample in rig.samples]) == 1)
+    assert rig.fingers.lost_samples == 0
+    stamps = [sample.stamp for sample in rig.samples]
+    assert np.all(np.diff(stamps) > 0.0)
+    assert np.diff(stamps)[-20:] == pytest.approx(0.002, abs=1e-9)
+
+
+def test_a_thread_that_oversleeps_for_longer_leaves_a_gap_in_the_sequence(rig: Rig) -> None:
+    rig.run(0.02)
+    rig.clock.advance(0.0205)
+    rig.run(0.1)
+    sequence = [sample.sequence for sample in rig.samples]
+    assert max(np.diff(sequence)) == pytest.approx(10, abs=1)
+    assert rig.fingers.lost_samples == max(np.diff(sequence)) - 1
+
+
 def test_a_spike_is_left_out(rig: Rig) -> None:
     rig.run(0.02)
     rig.left.device.spike = 0.3
