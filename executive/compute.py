@@ -125,6 +125,16 @@ class _Isolated:
             self._release(None)
 
 
+_spare: list[Worker] | None = None
+
+
+def keep_workers_warm() -> None:
+    """Keep this process's workers for its next run: it does many, and starting a worker takes longer than a pick."""
+    global _spare
+    if _spare is None:
+        _spare = []
+
+
 class Computations:
     """All work of a run that goes on beside its tick."""
 
@@ -190,15 +200,20 @@ class Computations:
         self._threads.shutdown(wait=False, cancel_futures=True)
         with self._lock:
             for worker in self._idle:
-                worker.kill()
+                if _spare is None:
+                    worker.kill()
+                else:
+                    _spare.append(worker)
             self._idle.clear()
 
     def _take(self) -> Worker:
         with self._lock:
-            while self._idle:
-                worker = self._idle.pop()
-                if worker.process.is_alive():
-                    return worker
+            for kept in (self._idle, _spare or []):
+                while kept:
+                    worker = kept.pop()
+                    if worker.process.is_alive():
+                        return worker
+                    worker.kill()
         return Worker()
 
     def _give_back(self, worker: Worker | None) -> None:

@@ -1,4 +1,4 @@
-"""What a campaign showed: success by what was varied, failures by code, figures with their spread. Markdown."""
+"""What a campaign showed: success by what was varied, arms compared, figures with their spread, failures by code."""
 
 from __future__ import annotations
 
@@ -7,128 +7,269 @@ from collections import Counter, defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+from executive.campaign.document import Bullets, Document, Heading, Picture, Table, Text
+from executive.campaign.plots import Plot, rate_map, spread
+from executive.campaign.run import succeeded
 from executive.campaign.spec import Campaign
+from executive.campaign.statistics import Estimate, mean, median, paired_p, wilson
 
 Result = Mapping[str, Any]
+Figures = Mapping[str, Callable[[Result], Any]]
 
-
-def wilson(successes: int, of: int, z: float = 1.96) -> tuple[float, float]:
-    """95 % interval of a success rate (Wilson's score interval: honest near 0 and 1)."""
-    if of == 0:
-        return 0.0, 1.0
-    p = successes / of
-    centre = (p + z * z / (2 * of)) / (1 + z * z / of)
-    half = z * math.sqrt(p * (1 - p) / of + z * z / (4 * of * of)) / (1 + z * z / of)
-    return max(0.0, centre - half), min(1.0, centre + half)
-
-
-def succeeded(result: Result) -> bool:
-    """The tree succeeded and, where there is a simulated world, the world agrees."""
-    truth = result.get("truth") or {}
-    return result.get("outcome") == "success" and bool(truth.get("lifted", True))
-
-
-def rate(results: Sequence[Result]) -> str:
-    """`24/25 = 96 % (80–99)`."""
-    good = sum(map(succeeded, results))
-    low, high = wilson(good, len(results))
-    return f"{good}/{len(results)} = {100 * good / max(1, len(results)):.0f} % ({100 * low:.0f}–{100 * high:.0f})"
-
-
-def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """A Markdown table."""
-    lines = ["| " + " | ".join(header) + " |", "|" + "---|" * len(header)]
-    return "\n".join(lines + ["| " + " | ".join(row) + " |" for row in rows])
-
-
-def quantiles(values: Sequence[float]) -> str:
-    """`median 1.2 (0.9 … 3.4)`: median, smallest and largest."""
-    if not values:
-        return "–"
-    ordered = sorted(values)
-    return f"{ordered[len(ordered) // 2]:.3g} ({ordered[0]:.3g} … {ordered[-1]:.3g})"
-
-
-FIGURES: Mapping[str, Callable[[Result], Any]] = {
+RUN_FIGURES: Figures = {
     "robot time [s]": lambda r: r.get("time_s"),
     "computing [s]": lambda r: sum(r.get("compute_s", {}).values()),
     "wall time [s]": lambda r: r.get("wall_s"),
-    "peak force [N]": lambda r: (r.get("truth") or {}).get("peak_force_n"),
-    "least force [N]": lambda r: (r.get("truth") or {}).get("least_force_n"),
-    "slip [mm]": lambda r: (r.get("truth") or {}).get("slip_mm"),
     "attempts": lambda r: max((a["number"] for a in r.get("attempts", []) if a["succeeded"]), default=None),
 }
+WORLD_FIGURES = ("position_error_mm", "size_error_mm", "slip_mm", "rotation_deg", "peak_force_n", "least_force_n")
+"""What is shown of a simulated world's truth, where it is there, whatever a campaign file asks for."""
+MAX_PLOTTED = 4
 
 
-def report(campaign: Campaign, results: Sequence[Result]) -> str:
+def from_truth(name: str) -> Callable[[Result], Any]:
+    """Reads a figure of the simulated world's truth."""
+    return lambda result: (result.get("truth") or {}).get(name)
+
+
+def figures_of(campaign: Campaign) -> Figures:
+    """The figures that a campaign's report shows, by title."""
+    world = dict.fromkeys((*campaign.score.figures, *WORLD_FIGURES))
+    return {**{title(name): from_truth(name) for name in world}, **RUN_FIGURES}
+
+
+def title(name: str) -> str:
+    """`slip_mm` -> slip [mm]."""
+    units = {"mm": "mm", "m": "m", "n": "N", "s": "s", "deg": "°", "kg": "kg", "kpa": "kPa"}
+    words, _, unit = name.rpartition("_")
+    return f"{words.replace('_', ' ')} [{units[unit]}]" if unit in units and words else name.replace("_", " ")
+
+
+def numbers(results: Sequence[Result], pick: Callable[[Result], Any]) -> list[float]:
+    """A figure's values, where it is there and a finite number."""
+    found = (pick(result) for result in results)
+    return [float(v) for v in found if isinstance(v, (int, float)) and math.isfinite(v)]
+
+
+def percent(rate: float) -> str:
+    """`98.7 %`; whole percentages without a decimal."""
+    text = f"{100 * rate:.1f}"
+    return f"{text.removesuffix('.0')} %"
+
+
+def rate(results: Sequence[Result], conditions: tuple[str, ...]) -> str:
+    """`24/25 = 96 % (80–99)`."""
+    good = sum(succeeded(result, conditions) for result in results)
+    low, high = wilson(good, len(results))
+    share = percent(good / max(1, len(results)))
+    return f"{good}/{len(results)} = {share} ({percent(low)[:-2]}–{percent(high)[:-2]})"
+
+
+def say(estimate: Estimate, digits: int = 3) -> str:
+    """`1.32 (1.2 … 1.4)`."""
+    if not estimate.count:
+        return "–"
+    return f"{estimate.value:.{digits}g} ({estimate.low:.{digits}g} … {estimate.high:.{digits}g})"
+
+
+def commits(results: Sequence[Result]) -> str:
+    """Which commits the runs were made at; a + stands for changed files."""
+    found = Counter(str(result.get("commit") or "unknown") for result in results)
+    if len(found) == 1:
+        return f"commit `{next(iter(found))}`"
+    return "commits " + ", ".join(f"`{commit}` ({count} runs)" for commit, count in found.most_common())
+
+
+def report(campaign: Campaign, results: Sequence[Result]) -> Document:
     """The whole report."""
-    parts = [f"# Campaign {campaign.name}", campaign.description, f"{len(results)} of {len(campaign.runs)} runs."]
-    by_arm: dict[str, list[Result]] = defaultdict(list)
+    document = Document(
+        f"Campaign {campaign.name}",
+        f"{len(results)} of {len(campaign.runs)} runs, made at {commits(results)}." if results else "No runs yet.",
+    )
+    if campaign.description:
+        document.add(Text(campaign.description))
+    by_arm: dict[str, list[Result]] = {name: [] for name in campaign.arms}
     for result in results:
         by_arm[result["arm"]].append(result)
+    by_arm = {name: runs for name, runs in by_arm.items() if runs}
+    if not by_arm:
+        return document
+    document.add(Heading("Success"), overview(campaign, by_arm))
+    if len(by_arm) > 1:
+        document.add(*comparison(campaign, by_arm))
+    document.add(*success_maps(campaign, by_arm))
+    document.add(Heading("Figures of successful runs"), *spreads(campaign, by_arm), *figures(campaign, by_arm))
+    document.add(Heading("Time, skill by skill"), *(by_skill(campaign, name, runs) for name, runs in by_arm.items()))
+    document.add(Heading("Failures"), *failures(campaign, results))
+    document.add(
+        Text(
+            "Rates stand with Wilson's 95 % interval, medians with that of the percentile bootstrap "
+            "(2000 resamples), means with Student's.",
+            note=True,
+        )
+    )
+    return document
+
+
+def overview(campaign: Campaign, by_arm: Mapping[str, Sequence[Result]]) -> Table:
+    """One line an arm."""
+    rows = []
+    for name, runs in by_arm.items():
+        times = median(numbers(runs, RUN_FIGURES["robot time [s]"]))
+        walls = median(numbers(runs, RUN_FIGURES["wall time [s]"]))
+        rows.append((name, rate(runs, campaign.score.success), say(times), say(walls)))
+    return Table(("arm", "success", "robot time, median [s]", "wall time, median [s]"), tuple(rows))
+
+
+def comparison(campaign: Campaign, by_arm: Mapping[str, Sequence[Result]]) -> list[Text | Bullets]:
+    """Each arm beside the first, on the same seeds of the same combinations."""
+    first, *others = by_arm
+    good = {
+        name: {_place(run): succeeded(run, campaign.score.success) for run in runs} for name, runs in by_arm.items()
+    }
+    lines = []
+    for other in others:
+        shared = good[first].keys() & good[other].keys()
+        only_first = sum(good[first][place] and not good[other][place] for place in shared)
+        only_other = sum(good[other][place] and not good[first][place] for place in shared)
+        lines.append(
+            f"**{first}** beside **{other}** on the same {len(shared)} tables: {only_first} were picked only by "
+            f"the first, {only_other} only by the second (exact McNemar test, p = {paired_p(only_first, only_other):.2g})"
+        )
+    return [Bullets(tuple(lines))]
+
+
+def _place(run: Result) -> tuple[object, ...]:
+    return (*sorted(run["varied"].items()), run.get("number"))
+
+
+def success_maps(campaign: Campaign, by_arm: Mapping[str, Sequence[Result]]) -> list[Picture | Table]:
+    """Success over the first two things that vary, as a picture and as tables."""
     keys = list(campaign.vary)
+    if not keys:
+        return []
+    blocks: list[Picture | Table] = []
+    if len(keys) >= 2:
+        rows, columns = campaign.vary[keys[0]], campaign.vary[keys[1]]
+        across = min(2, len(by_arm))
+        down = -(-len(by_arm) // across)
+        with Plot(down, across, height=0.6 + down * (0.7 + 0.3 * len(rows))) as plot:
+            for axes, (name, runs) in zip(plot.axes, by_arm.items(), strict=False):
+                rate_map(axes, rate_grid(campaign, runs), rows, columns, name)
+            for axes in plot.axes[len(by_arm) :]:
+                axes.set_visible(False)
+        caption = f"Success in per cent: {keys[0]} down, {keys[1]} across."
+        blocks.append(Picture("success", plot.svg, caption))
+    for name, runs in by_arm.items():
+        blocks.append(_rates(campaign, name, runs, keys))
+    return blocks
+
+
+def rate_grid(campaign: Campaign, runs: Sequence[Result]) -> list[list[float]]:
+    """Success rates over the first two things that vary; NaN where nothing ran."""
+    row_key, column_key = list(campaign.vary)[:2]
+    found: dict[tuple[str, str], list[bool]] = defaultdict(list)
+    for run in runs:
+        found[run["varied"][row_key], run["varied"][column_key]].append(succeeded(run, campaign.score.success))
+    return [
+        [sum(cell) / len(cell) if (cell := found[row, column]) else math.nan for column in campaign.vary[column_key]]
+        for row in campaign.vary[row_key]
+    ]
+
+
+def _rates(campaign: Campaign, name: str, runs: Sequence[Result], keys: Sequence[str]) -> Table:
+    conditions = campaign.score.success
+    columns = campaign.vary[keys[1]] if len(keys) >= 2 else ()
+    rows = []
+    for value in campaign.vary[keys[0]]:
+        of_row = [r for r in runs if r["varied"][keys[0]] == value]
+        cells = [[r for r in of_row if r["varied"][keys[1]] == column] for column in columns]
+        counts = [f"{sum(succeeded(r, conditions) for r in cell)}/{len(cell)}" if cell else "–" for cell in cells]
+        rows.append((value, *counts, rate(of_row, conditions) if of_row else "–"))
+    corner = f"{keys[0]} \\ {keys[1]}" if len(keys) >= 2 else keys[0]
+    return Table((corner, *columns, "all"), tuple(rows), name)
+
+
+def spreads(campaign: Campaign, by_arm: Mapping[str, Sequence[Result]]) -> list[Picture]:
+    """The first figures, arm beside arm."""
+    good = {name: _good(campaign, runs) for name, runs in by_arm.items()}
+    shown = [
+        (name, groups)
+        for name, pick in figures_of(campaign).items()
+        if any((groups := {arm: numbers(runs, pick) for arm, runs in good.items()}).values())
+    ][:MAX_PLOTTED]
+    if not shown:
+        return []
+    with Plot(1, len(shown), height=2.8) as plot:
+        for axes, (name, groups) in zip(plot.axes, shown, strict=True):
+            spread(axes, groups, name)
+            axes.set_ylim(bottom=min(0.0, *(min(v) for v in groups.values() if v)))
+    return [
+        Picture(
+            "figures", plot.svg, "Each dot a successful run; the line is the median, the box holds the middle half."
+        )
+    ]
+
+
+def figures(campaign: Campaign, by_arm: Mapping[str, Sequence[Result]]) -> list[Table]:
+    """Median, mean and extremes of every figure."""
+    tables = []
     for arm, runs in by_arm.items():
-        parts.append(f"## {arm}: {rate(runs)}")
-        if len(keys) >= 2:
-            parts.append(_grid(campaign, runs, keys[0], keys[1]))
-        elif keys:
-            rows = [[v, rate([r for r in runs if r["varied"][keys[0]] == v])] for v in campaign.vary[keys[0]]]
-            parts.append(table([keys[0], "success"], rows))
-        parts.append(_figures(runs))
-        parts.append(_by_skill(runs))
-        parts.append(_failures(runs))
-    return "\n\n".join(part for part in parts if part) + "\n"
+        rows = []
+        for name, pick in figures_of(campaign).items():
+            values = numbers(_good(campaign, runs), pick)
+            if values:
+                extremes = f"{min(values):.3g} … {max(values):.3g}"
+                rows.append((name, say(median(values)), say(mean(values)), extremes, str(len(values))))
+        if rows:
+            tables.append(Table(("figure", "median", "mean", "least … most", "runs"), tuple(rows), arm))
+    return tables
 
 
-def _grid(campaign: Campaign, runs: Sequence[Result], row_key: str, column_key: str) -> str:
-    columns = campaign.vary[column_key]
-    rows = []
-    for value in campaign.vary[row_key]:
-        of_row = [r for r in runs if r["varied"][row_key] == value]
-        cells = [[r for r in of_row if r["varied"][column_key] == column] for column in columns]
-        rows.append([value, *(f"{sum(map(succeeded, cell))}/{len(cell)}" for cell in cells), rate(of_row)])
-    return table([f"{row_key} \\ {column_key}", *columns, "all"], rows)
-
-
-def _figures(runs: Sequence[Result]) -> str:
-    good = [run for run in runs if succeeded(run)]
-    rows = []
-    for name, pick in FIGURES.items():
-        values = [float(value) for run in good if isinstance(value := pick(run), (int, float))]
-        if values:
-            rows.append([name, quantiles(values)])
-    return table(["figure, successful runs", "median (least … most)"], rows) if rows else ""
-
-
-def _by_skill(runs: Sequence[Result]) -> str:
+def by_skill(campaign: Campaign, arm: str, runs: Sequence[Result]) -> Table:
     """Time of the robot and of computing, skill by skill."""
-    good = [run for run in runs if succeeded(run)]
+    good = _good(campaign, runs)
     names = sorted({name for run in good for kind in ("robot_time_s", "compute_s") for name in run.get(kind, {})})
     rows = []
     for name in names:
         robot, computing = ([run.get(k, {}).get(name, 0.0) for run in good] for k in ("robot_time_s", "compute_s"))
-        rows.append([name, quantiles(robot), quantiles(computing)])
-    return table(["skill, seconds of a successful run", "robot", "computing"], rows) if rows else ""
+        rows.append((name, say(median(robot)), say(median(computing))))
+    return Table(("skill", "robot, median [s]", "computing, median [s]"), tuple(rows), arm)
 
 
-def _failures(runs: Sequence[Result]) -> str:
-    bad = [run for run in runs if not succeeded(run)]
+def failures(campaign: Campaign, results: Sequence[Result]) -> list[Table | Text]:
+    """Failures by arm and code, each with an instance and the command that repeats it."""
+    orders = {run.name: run.order for run in campaign.runs}
+    bad = [run for run in results if not succeeded(run, campaign.score.success)]
     if not bad:
-        return "No failures."
-    codes = Counter(_code(run) for run in bad)
-    rows = [
-        [code, str(count), next(_message(run) for run in bad if _code(run) == code)]
-        for code, count in codes.most_common()
-    ]
-    return table(["failure", "runs", "for instance"], rows)
+        return [Text("None.")]
+    rows = []
+    for (arm, code), count in Counter((run["arm"], failure_code(run)) for run in bad).most_common():
+        example = next(run for run in bad if run["arm"] == arm and failure_code(run) == code)
+        rows.append((code, str(count), arm, failure_message(example), _command(example, orders)))
+    header = ("code", "runs", "arm", "for instance", "to see it")
+    return [Table(header, tuple(rows), words=True)]
 
 
-def _code(run: Result) -> str:
+def failure_code(run: Result) -> str:
+    """The code of what went wrong; NOT_LIFTED when the tree was content and the world is not."""
     reason = run.get("reason")
     return str(reason.get("code")) if reason else "NOT_LIFTED"
 
 
-def _message(run: Result) -> str:
+def failure_message(run: Result) -> str:
+    """What went wrong, in words."""
     reason = run.get("reason")
-    text = str(reason.get("message")) if reason else "the tree succeeded, the fruit was not lifted"
-    return f"{run['name']}: {text}".replace("|", "/").replace("\n", " ")
+    return str(reason.get("message")) if reason else "the tree succeeded, the simulated world says otherwise"
+
+
+def _command(run: Result, orders: Mapping[str, Any]) -> str:
+    order = orders.get(run["name"])
+    if order is None:
+        return str(run["name"])
+    settings = "".join(f" --set {key}={value}" for key, value in order.settings.items())
+    return f"`pomona run {order.tree.stem} --cell {order.cell.stem} --seed {order.seed}{settings}`"
+
+
+def _good(campaign: Campaign, runs: Sequence[Result]) -> list[Result]:
+    return [run for run in runs if succeeded(run, campaign.score.success)]

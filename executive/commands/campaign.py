@@ -1,27 +1,35 @@
-"""`pomona campaign`: many runs from one file, on local processes, resumable."""
+"""`pomona campaign`: many runs from one file, here or on a cluster, resumable, with a report."""
 
 from __future__ import annotations
 
 import argparse
-import os
+import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from executive.campaign.report import report, succeeded
-from executive.campaign.run import run_campaign
-from executive.campaign.spec import read_campaign
+from executive.campaign.report import failure_code, failure_message, report
+from executive.campaign.run import RESULTS, finished_runs, run_campaign, succeeded
+from executive.campaign.spec import Campaign, CampaignRun, read_campaign
+from executive.engine import add_engine_options, open_engine
+from executive.errors import UsageError
 
 
 def add(subparsers: Any) -> None:
     """Register the subcommand."""
     parser = subparsers.add_parser("campaign", help="run a campaign file: many runs, a report")
     parser.add_argument("file", type=Path)
-    parser.add_argument("--out", type=Path, help="folder of results (default: runs/campaign_NAME)")
-    parser.add_argument("--workers", type=int, default=os.cpu_count() or 1, help="processes (default: one per core)")
+    parser.add_argument("--out", type=Path, help="folder of results (default: runs/campaign_NAME); a campaign that was "
+                        "stopped goes on there")  # fmt: skip
+    add_engine_options(parser)
+    parser.add_argument("--seeds", type=int, metavar="N", help="the first N seeds of every combination only")
+    parser.add_argument("--only", action="append", default=[], metavar="KEY=VALUE", help="runs with this value of what "
+                        "varies, or arm=NAME; may be repeated")  # fmt: skip
     parser.add_argument("--record", action="store_true", help="keep a record of every run, too")
+    parser.add_argument("--report", action="store_true", help="run nothing; write the report of what is there")
     parser.set_defaults(main=main)
 
 
@@ -32,22 +40,87 @@ def main(options: argparse.Namespace) -> int:
         the exit status.
     """
     console = Console()
-    planned = read_campaign(options.file, None)
-    out = options.out or Path("runs") / f"campaign_{planned.name}"
-    campaign = read_campaign(options.file, out / "records") if options.record else planned
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=console) as bar:
-        task = bar.add_task(campaign.name, total=len(campaign.runs))
+    planned = read_campaign(options.file)
+    campaign = planned.only(subset(planned, options.seeds, options.only))
+    out: Path = options.out or Path("runs") / f"campaign_{campaign.name}"
+    interrupted = False
+    if not options.report:
+        try:
+            with (
+                open_engine(options.engine, options.workers, options.address) as engine,
+                _Shown(campaign, console) as shown,
+            ):
+                run_campaign(campaign, out, engine, shown.ended, options.record)
+        except KeyboardInterrupt:
+            interrupted = True
+            console.print("interrupted; the same command goes on from here", highlight=False)
+    results = list(finished_runs(campaign, out).values())
+    if not results:
+        raise UsageError(f"{out / RESULTS} holds no results of this campaign yet")
+    markdown, page = report(campaign, results).write(out)
+    console.print(markdown.read_text(encoding="utf-8"), markup=False, highlight=False)
+    console.print(f"written to {page} and {markdown}", markup=False, highlight=False, soft_wrap=True)
+    return 130 if interrupted else 0
 
-        def progress(result: dict[str, Any], done: int, of: int) -> None:
-            bar.update(task, completed=done, total=of)
-            if not succeeded(result):
-                reason = result.get("reason") or {}
-                bar.console.print(f"✗ {result['name']}  {reason.get('code')}: {reason.get('message')}", markup=False)
 
-        results = run_campaign(campaign, out, options.workers, progress)
-    text = report(campaign, list(results.values()))
-    (out / "report.md").write_text(text, encoding="utf-8")
-    console.print(text, markup=False, highlight=False)
-    console.print(f"written to {out / 'report.md'}", markup=False, highlight=False)
-    return 0
+def subset(campaign: Campaign, seeds: int | None, only: Sequence[str]) -> list[CampaignRun]:
+    """The runs that `--seeds` and `--only` leave.
+
+    Raises:
+        UsageError: an option is malformed, or leaves none.
+    """
+    wanted: dict[str, set[str]] = {}
+    for text in only:
+        key, equals, value = text.partition("=")
+        known = {"arm": campaign.arms, **campaign.vary}
+        if not equals or key not in known:
+            raise UsageError(f"--only {text}: write KEY=VALUE with a key of {', '.join(known)}")
+        if value not in known[key]:
+            raise UsageError(f"--only {text}: {key} is one of {', '.join(known[key])}")
+        wanted.setdefault(key, set()).add(value)
+    if seeds is not None and seeds < 1:
+        raise UsageError(f"--seeds {seeds}: at least one seed is needed")
+    runs = [
+        run
+        for run in campaign.runs
+        if (seeds is None or run.number < seeds)
+        and all({"arm": run.arm, **run.varied}[key] in values for key, values in wanted.items())
+    ]
+    if not runs:
+        raise UsageError("--only and --seeds leave no run of this campaign")
+    return runs
+
+
+class _Shown:
+    """Progress: a bar in a terminal, else a line a run."""
+
+    def __init__(self, campaign: Campaign, console: Console) -> None:
+        self._campaign, self._console = campaign, console
+        columns = (BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn())
+        self._bar = Progress(
+            TextColumn("{task.description}"), *columns, console=console, disable=not console.is_terminal
+        )
+        self._task = self._bar.add_task(campaign.name, total=len(campaign.runs))
+        self._good = self._ended = 0
+
+    def __enter__(self) -> _Shown:
+        self._bar.start()
+        self._started = time.monotonic()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._bar.stop()
+
+    def ended(self, result: dict[str, Any], done: int, of: int) -> None:
+        good = succeeded(result, self._campaign.score.success)
+        self._good += good
+        self._ended += 1
+        self._bar.update(self._task, completed=done, description=f"{self._campaign.name} {self._good}/{self._ended} ✓")
+        left = (time.monotonic() - self._started) / self._ended * (of - done) / 60.0
+        line = f"{'✓' if good else '✗'} {result['name']}"
+        if not good:
+            line += f"  {failure_code(result)}: {failure_message(result)}"
+        if not self._console.is_terminal:
+            line = f"[{done}/{of}] {line}   {self._good}/{self._ended} succeeded, {left:.0f} min left"
+        if not good or not self._console.is_terminal:
+            self._bar.console.print(line, markup=False, highlight=False, soft_wrap=True)

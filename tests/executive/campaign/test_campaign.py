@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import json
+import re
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
-from executive.campaign.report import report, wilson
-from executive.campaign.run import RESULTS, read_results, run_campaign
+from executive.campaign.document import to_html, to_markdown
+from executive.campaign.report import report
+from executive.campaign.run import RESULTS, finished_runs, read_results, run_campaign, succeeded
 from executive.campaign.spec import Campaign, read_campaign
+from executive.commands.campaign import subset
+from executive.engine import OrderLost, OrderTooLong
 from executive.errors import UsageError
 
 FILE = """
@@ -20,11 +23,12 @@ pomona: 1
 campaign: demo
 tree: pick_apple
 cell: sim
-repetitions: 2
+seeds: 2
 vary: {fruit: [apple_1, apple_2], place: [1, 2, 3]}
 arms:
   refined: {}
-  unrefined: {refine: none}
+  unrefined: {set: {refine: none}, seeds: 1, only: {place: [2]}}
+  paper: {tree: pick_apple_paper, seeds: [7]}
 set: {others: 0}
 """
 
@@ -32,73 +36,169 @@ set: {others: 0}
 def campaign(tmp_path: Path, text: str = FILE) -> Campaign:
     path = tmp_path / "demo.yaml"
     path.write_text(text)
-    return read_campaign(path, None)
+    return read_campaign(path)
+
+
+class Here:
+    """An engine without processes; `answer` stands in for the run."""
+
+    workers = 1
+
+    def __init__(self, answer: Callable[[int], Any]) -> None:
+        self.answer, self.asked = answer, 0
+
+    def map(
+        self, function: Callable[..., Any], orders: Sequence[tuple[Any, ...]], limit: float
+    ) -> Iterator[tuple[int, Any]]:
+        for index in range(len(orders)):
+            self.asked += 1
+            yield index, self.answer(index)
 
 
 def test_every_combination_is_planned_once_with_its_settings(tmp_path: Path) -> None:
     planned = campaign(tmp_path)
-    assert len(planned.runs) == 2 * 2 * 3 * 2
-    assert len({run.name for run in planned.runs}) == len(planned.runs)
-    last = planned.runs[-1]
-    assert last.name == "unrefined/fruit=apple_2/place=3/seed=1"
-    assert last.order.settings == {"others": "0", "fruit": "apple_2", "place": "3", "refine": "none"}
-    assert last.order.seed == 1
+    names = [run.name for run in planned.runs]
+    assert len(set(names)) == len(names) == 2 * 6 + 2 + 6
+    by_name = {run.name: run.order for run in planned.runs}
+    assert by_name["refined/fruit=apple_1/place=2/seed=1001"].settings == {
+        "others": "0",
+        "fruit": "apple_1",
+        "place": "2",
+    }
+    assert by_name["unrefined/fruit=apple_2/place=2/seed=4000"].settings["refine"] == "none"
+    assert by_name["paper/fruit=apple_2/place=3/seed=7"].tree.stem == "pick_apple_paper"
+
+
+def test_all_arms_meet_the_same_seeds_and_every_combination_has_seeds_of_its_own(tmp_path: Path) -> None:
+    planned = campaign(tmp_path, FILE.replace(", seeds: 1, only: {place: [2]}", ""))
+    seeds = {
+        arm: {(run.number, *run.varied.values()): run.order.seed for run in planned.runs if run.arm == arm}
+        for arm in planned.arms
+    }
+    assert seeds["refined"] == seeds["unrefined"]
+    assert len(set(seeds["refined"].values())) == 12
+    assert set(seeds["paper"].values()) == {7}
+
+
+def test_a_campaign_that_is_stopped_early_has_as_many_runs_of_every_combination(tmp_path: Path) -> None:
+    numbers = [run.number for run in campaign(tmp_path).runs]
+    assert numbers == sorted(numbers)
 
 
 @pytest.mark.parametrize(
-    ("text", "expected"),
+    ("text", "place", "expected"),
     [
-        ("campaign: [", "not YAML"),
-        ("just text", "a campaign is a mapping"),
-        (FILE + "vari: {}\n", "unknown key 'vari'"),
-        (FILE.replace("campaign: demo", "description: x"), "'campaign' is missing"),
-        (FILE.replace("[1, 2, 3]", "3"), "a list of values"),
-        (FILE.replace("repetitions: 2", "repetitions: 0"), "at least 1"),
-        (FILE.replace("pick_apple", "pick_aple"), "no tree file 'pick_aple'"),
+        ("campaign: [", "2:1", "not YAML"),
+        ("just text", "1:1", "a campaign file is a mapping"),
+        (FILE + "vari: {}\n", "13:1", "has no 'vari'"),
+        (FILE.replace("campaign: demo", "description: x"), "2:1", "'campaign' is missing"),
+        (FILE.replace("[1, 2, 3]", "3"), "7:42", "a list of values"),
+        (FILE.replace("[1, 2, 3]", "[1, 1]"), "7:46", "given twice"),
+        (FILE.replace("seeds: 2", "seeds: 0"), "6:8", "a count from 1"),
+        (FILE.replace("seeds: 2", "seeds: [1, -4]"), "6:12", "a whole number of at least 0"),
+        (FILE.replace("tree: pick_apple\n", "tree: pick_aple\n"), "4:7", "no tree file 'pick_aple'"),
+        (FILE.replace("{others: 0}", "{other: 0}"), "12:7", "did you mean 'others'"),
+        (FILE.replace("refine: none", "refined: none"), "10:21", "did you mean 'refine'"),
+        (FILE.replace("only: {place", "onyl: {place"), "10:46", "an arm has no 'onyl'"),
+        (FILE.replace("{place: [2]}", "{place: [4]}"), "10:61", "'place' is never '4'"),
+        (FILE + "score: {sucess: [lifted]}\n", "13:9", "did you mean 'success'"),
     ],
 )
-def test_a_wrong_file_is_refused_in_words(tmp_path: Path, text: str, expected: str) -> None:
-    with pytest.raises(UsageError, match=expected):
+def test_a_wrong_file_is_refused_with_line_and_column(tmp_path: Path, text: str, place: str, expected: str) -> None:
+    with pytest.raises(UsageError, match=f"demo.yaml:{place}: error.*(?s:.*){re.escape(expected)}"):
         campaign(tmp_path, text)
 
 
-def test_one_run_that_cannot_start_never_stops_the_rest_and_is_not_repeated(tmp_path: Path) -> None:
-    text = FILE.replace("repetitions: 2", "repetitions: 1").replace(
-        "arms:\n  refined: {}\n  unrefined: {refine: none}\n", ""
-    )
-    planned = campaign(tmp_path, text.replace("others: 0", "no_such_option: 1"))
-    first = run_campaign(planned, tmp_path / "out", 1)
-    assert [result["outcome"] for result in first.values()] == ["unusable"] * 6
+def test_a_key_that_varies_must_be_known(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match=r"demo.yaml:7:8: error\[unknown-setting\].*neither the tree"):
+        campaign(tmp_path, FILE.replace("{fruit:", "{friut:").replace("tree: pick_apple_paper, ", ""))
+
+
+def test_one_run_that_goes_wrong_never_stops_the_rest_and_is_not_repeated(tmp_path: Path) -> None:
+    answers = [{"outcome": "success"}, OrderLost("died"), OrderTooLong("late"), ValueError("wrong")]
+    engine = Here(lambda index: answers[min(index, 3)])
+    planned = campaign(tmp_path)
+    first = run_campaign(planned, tmp_path / "out", engine)
+    codes = [(result.get("reason") or {}).get("code") for result in first.values()]
+    assert codes[:4] == [None, "WORKER_DIED", "TIMEOUT", "ValueError"]
+    assert len(first) == engine.asked == len(planned.runs)
     lines = (tmp_path / "out" / RESULTS).read_text().splitlines()
-    assert run_campaign(planned, tmp_path / "out", 1) == first
+    assert run_campaign(planned, tmp_path / "out", engine) == first
     assert (tmp_path / "out" / RESULTS).read_text().splitlines() == lines
 
 
-def test_a_result_that_was_cut_off_by_a_kill_is_run_again(tmp_path: Path) -> None:
-    (tmp_path / RESULTS).write_text(json.dumps({"name": "a", "outcome": "success"}) + "\n" + '{"name": "b", "outc')
-    assert list(read_results(tmp_path)) == ["a"]
+def test_a_result_that_was_cut_off_by_a_kill_is_run_again_and_spoils_no_other(tmp_path: Path) -> None:
+    planned = campaign(tmp_path)
+    engine = Here(lambda index: {"outcome": "success"})
+    run_campaign(planned.only(planned.runs[:2]), tmp_path, engine)
+    with (tmp_path / RESULTS).open("a") as stream:
+        stream.write('{"name": "refined/fru')
+    assert len(read_results(tmp_path)) == 2
+    run_campaign(planned.only(planned.runs[:3]), tmp_path, engine)
+    assert [json.loads(line)["name"] for line in (tmp_path / RESULTS).read_text().splitlines()] == [
+        run.name for run in planned.runs[:3]
+    ]
+
+
+def test_results_of_other_settings_are_not_taken_for_this_campaigns(tmp_path: Path) -> None:
+    run_campaign(campaign(tmp_path), tmp_path / "out", Here(lambda index: {"outcome": "success"}))
+    changed = campaign(tmp_path, FILE.replace("others: 0", "others: 2"))
+    with pytest.raises(UsageError, match="with another tree, cell or setting"):
+        finished_runs(changed, tmp_path / "out")
+
+
+def test_two_campaigns_never_write_one_folder(tmp_path: Path) -> None:
+    planned = campaign(tmp_path)
+
+    def again(_index: int) -> Any:
+        with pytest.raises(UsageError, match="another campaign is writing there"):
+            run_campaign(planned, tmp_path / "out", Here(lambda index: {}))
+        return {"outcome": "success"}
+
+    run_campaign(planned.only(planned.runs[:1]), tmp_path / "out", Here(again))
+
+
+def test_a_part_of_a_campaign_is_named_by_seeds_and_values(tmp_path: Path) -> None:
+    planned = campaign(tmp_path)
+    assert {run.number for run in subset(planned, 1, [])} == {0}
+    some = subset(planned, None, ["arm=refined", "place=1", "place=2"])
+    assert {(run.arm, run.varied["place"]) for run in some} == {("refined", "1"), ("refined", "2")}
+    for wrong in (["place"], ["plaec=1"], ["place=9"]):
+        with pytest.raises(UsageError, match="--only"):
+            subset(planned, None, wrong)
 
 
 def result(name: str, fruit: str, place: str, lifted: bool, **more: Any) -> dict[str, Any]:
     reason = None if lifted else {"code": "LOST", "message": "it slipped"}
     return {
-        "name": name, "arm": "refined", "varied": {"fruit": fruit, "place": place}, "reason": reason,
-        "outcome": "success" if lifted else "failure", "truth": {"lifted": lifted}, "attempts": [], **more,
+        "name": name, "arm": "refined", "varied": {"fruit": fruit, "place": place}, "reason": reason, "number": 0,
+        "outcome": "success" if lifted else "failure", "truth": {"lifted": lifted, "slip_mm": 0.5}, "attempts": [],
+        "commit": "abc", **more,
     }  # fmt: skip
 
 
 def test_the_report_counts_what_the_world_says_not_what_the_tree_says(tmp_path: Path) -> None:
     lied = {**result("c", "apple_2", "1", False), "outcome": "success", "reason": None}
     results = [result("a", "apple_1", "1", True), result("b", "apple_1", "2", False), lied]
-    text = report(campaign(tmp_path), results)
-    assert "1/3 = 33 %" in text
-    assert "| LOST | 1 | b: it slipped |" in text
+    document = report(campaign(tmp_path), results)
+    text, page = to_markdown(document), to_html(document)
+    assert "1/3 = 33.3 %" in text
+    assert "| LOST | 1 | refined | it slipped |" in text
     assert "| NOT_LIFTED | 1 |" in text
+    assert "commit `abc`" in text
+    assert "slip [mm]" in text
+    assert page.count("<svg") == 2
+    assert "<script" not in page
+    assert "http" not in re.sub(r'(xmlns(:\w+)?|rdf:\w+)="[^"]*"', "", page)
 
 
-@given(of=st.integers(1, 5000), data=st.data())
-def test_wilsons_interval_holds_the_rate_and_stays_within_0_and_1(of: int, data: st.DataObject) -> None:
-    successes = data.draw(st.integers(0, of))
-    low, high = wilson(successes, of)
-    assert 0.0 <= low <= successes / of + 1e-12
-    assert successes / of - 1e-12 <= high <= 1.0
+def test_arms_are_compared_on_the_same_seeds(tmp_path: Path) -> None:
+    arms = [{**result("x", "apple_1", "2", False), "arm": "unrefined"}, result("y", "apple_1", "2", True)]
+    text = to_markdown(report(campaign(tmp_path), arms))
+    assert "on the same 1 tables: 1 were picked only by the first, 0 only by the second" in text
+
+
+def test_without_a_simulated_world_the_trees_word_counts() -> None:
+    assert succeeded({"outcome": "success", "truth": None})
+    assert not succeeded({"outcome": "success", "truth": {"lifted": True, "drops": 0}}, ("lifted", "unknown"))
+    assert succeeded({"outcome": "success", "truth": {"lifted": False}}, ())

@@ -1,0 +1,1 @@
+"""Engines: processes on this machine, and a Ray cluster."""

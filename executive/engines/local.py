@@ -1,0 +1,111 @@
+"""Many processes on this machine."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from multiprocessing.connection import wait
+from typing import Any
+
+from executive.compute import Worker
+from executive.engine import ONE_THREAD, TRIES, Engine, OrderLost, OrderTooLong, one_per_core
+from executive.errors import UsageError
+
+
+@dataclass(slots=True)
+class _Running:
+    worker: Worker
+    index: int
+    tries: int
+    ends: float
+
+
+class LocalEngine:
+    """Worker processes that stay warm from one order to the next."""
+
+    def __init__(self, workers: int) -> None:
+        self.workers = workers
+        self._idle: list[Worker] = []
+        self._busy: dict[Any, _Running] = {}
+
+    def map(
+        self, function: Callable[..., Any], orders: Sequence[tuple[Any, ...]], limit: float
+    ) -> Iterator[tuple[int, Any]]:
+        """See `Engine.map`."""
+        queue = [(index, 1) for index in reversed(range(len(orders)))]
+        try:
+            while queue or self._busy:
+                while queue and len(self._busy) < self.workers:
+                    index, tries = queue.pop()
+                    self._start(function, orders[index], index, tries, limit)
+                nearest = min(running.ends for running in self._busy.values())
+                for connection in wait(list(self._busy), timeout=max(0.0, nearest - time.monotonic())):
+                    running = self._busy.pop(connection)
+                    try:
+                        _succeeded, answer = running.worker.connection.recv()
+                    except (EOFError, OSError):
+                        code = self._bury(running.worker)
+                        if running.tries < TRIES:
+                            queue.append((running.index, running.tries + 1))
+                        else:
+                            yield running.index, OrderLost(f"its process died {TRIES} times (exit code {code})")
+                    else:
+                        self._idle.append(running.worker)
+                        yield running.index, answer
+                for running in [r for r in self._busy.values() if r.ends <= time.monotonic()]:
+                    del self._busy[running.worker.connection]
+                    running.worker.kill()
+                    yield running.index, OrderTooLong(f"not done within {limit:.0f} s")
+        finally:
+            for running in self._busy.values():
+                running.worker.kill()
+            self._busy.clear()
+
+    def close(self) -> None:
+        """End the processes."""
+        for worker in self._idle:
+            worker.kill()
+        self._idle.clear()
+
+    def _start(
+        self, function: Callable[..., Any], order: tuple[Any, ...], index: int, tries: int, limit: float
+    ) -> None:
+        worker = self._idle.pop() if self._idle else _spawn()
+        worker.connection.send((function, order))
+        self._busy[worker.connection] = _Running(worker, index, tries, time.monotonic() + limit)
+
+    @staticmethod
+    def _bury(worker: Worker) -> int | None:
+        worker.process.join(5.0)
+        code = worker.process.exitcode
+        worker.kill()
+        return code
+
+
+def _spawn() -> Worker:
+    """A worker in the environment of one thread; this process keeps its own."""
+    before = {name: os.environ.get(name) for name in ONE_THREAD}
+    os.environ.update(ONE_THREAD)
+    try:
+        return Worker(daemon=False)
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
+
+
+@contextmanager
+def open_local(workers: int | None, address: str | None) -> Iterator[Engine]:
+    """The engine `local`."""
+    if address is not None:
+        raise UsageError("--address is for --engine ray; local processes have none")
+    engine = LocalEngine(workers or one_per_core())
+    try:
+        yield engine
+    finally:
+        engine.close()
