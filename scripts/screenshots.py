@@ -1,8 +1,8 @@
 """Pictures of the dashboard to look at: `python scripts/screenshots.py [FOLDER]` an apple is picked and the page
 photographed.
 
-Needs Chromium. The run, its replay, a failed dry run, the list of runs: on a desk's screen in light and dark, and on a
-tablet.
+Needs Chromium. A live run (running, paused, stopped safely), replays of a pick, of a pick that failed and of a tree
+with long names, the list of runs and a comparison: on a desk's screen in light and dark, and on a tablet.
 """
 
 from __future__ import annotations
@@ -11,9 +11,10 @@ import shutil
 import socket
 import sys
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
 
-from playwright.sync_api import Page, expect, sync_playwright
+from playwright.sync_api import Browser, Page, expect, sync_playwright
 
 from executive.commands.dashboard import Launcher
 from executive.dashboard.choices import Choices
@@ -25,7 +26,7 @@ from executive.files import find_cell, find_tree
 FLAGS = ["--no-sandbox", "--disable-gpu", "--disable-background-networking", "--disable-component-update",
          "--disable-sync", "--no-first-run"]  # fmt: skip
 SCREENS = {
-    "desk_light": (1600, 1000, "light"), "desk_dark": (1600, 1000, "dark"), "tablet": (1024, 768, "light")
+    "desk_light": (1600, 1000, "light"), "desk_dark": (1600, 1000, "dark"), "tablet": (1180, 820, "light")
 }  # fmt: skip
 HARD = """pomona: 1
 tree: long_names
@@ -40,11 +41,79 @@ root:
 """
 
 
-def photograph(page: Page, into: Path, name: str) -> None:
-    """One picture, once the page has drawn what it was told."""
-    page.evaluate("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
-    page.screenshot(path=into / f"{name}.png")
-    print(into / f"{name}.png")
+class Photographer:
+    """The same page on every screen."""
+
+    def __init__(self, browser: Browser, into: Path) -> None:
+        self._into = into
+        self._contexts = {
+            name: browser.new_context(viewport={"width": width, "height": height}, color_scheme=scheme)  # type: ignore[arg-type]
+            for name, (width, height, scheme) in SCREENS.items()
+        }
+        self.pages: dict[str, Page] = {}
+
+    def open(self, address: str, ready: Callable[[Page], None]) -> None:
+        """Open an address everywhere, and wait until it is ready."""
+        for page in self.pages.values():
+            page.close()
+        self.pages = {name: context.new_page() for name, context in self._contexts.items()}
+        for page in self.pages.values():
+            page.goto(address)
+        for page in self.pages.values():
+            ready(page)
+
+    def take(self, what: str) -> None:
+        """A picture on every screen, once the page has drawn what it was told."""
+        for screen, page in self.pages.items():
+            page.evaluate("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+            page.screenshot(path=self._into / f"{screen}_{what}.png")
+            print(self._into / f"{screen}_{what}.png")
+
+
+def recorded(page: Page) -> None:
+    """Wait until a record has been read."""
+    expect(page.locator("#connection")).to_have_text("recorded run", timeout=60_000)
+
+
+def photograph_live(photographer: Photographer, dashboard: Dashboard) -> None:
+    """A pick at real pace: running, paused before the grasp, stopped safely."""
+    photographer.open(dashboard.link, lambda page: expect(page.locator("#connection")).to_have_text("connected"))
+    page = next(iter(photographer.pages.values()))
+    page.get_by_label("your name").fill("Ada")
+    page.get_by_role("button", name="Take control").click()
+    page.get_by_role("button", name="Runs").click()
+    expect(page.locator("#start-fields .field").first).to_be_visible()
+    page.get_by_label("seed").fill("1")
+    page.get_by_role("button", name="Start", exact=True).click()
+    gripping = page.locator(".row", has=page.get_by_text("SlipAvoidGrasp", exact=True)).first
+    expect(page.locator(".row", has=page.get_by_text("Approach", exact=True)).locator(".icon")).to_have_attribute(
+        "aria-label", "running", timeout=120_000
+    )
+    for other in photographer.pages.values():
+        other.locator(".row", has=other.get_by_text("Approach", exact=True)).first.click()
+    photographer.take("running")
+    expect(gripping.locator(".icon")).to_have_attribute("aria-label", "running", timeout=60_000)
+    page.get_by_role("button", name="Pause").click()
+    expect(page.locator("#state")).to_have_text("❚❚ paused", timeout=20_000)
+    photographer.take("paused")
+    page.get_by_role("button", name="Resume").click()
+    page.wait_for_timeout(300)
+    page.keyboard.press("Escape")
+    expect(page.locator("#latched")).to_be_visible(timeout=20_000)
+    expect(page.locator("#state")).to_have_text("■ stopped", timeout=20_000)
+    photographer.take("stopped")
+    page.get_by_role("button", name="Acknowledge and reset").click()
+    expect(page.locator("#latched")).to_be_hidden()
+
+
+def photograph_runs(page: Page) -> None:
+    """Compare the two oldest of the listed runs."""
+    page.get_by_role("button", name="Runs").click()
+    expect(page.locator("#start-fields .field").first).to_be_visible()
+    for box in page.locator("#runs input[type=checkbox]").all()[-2:]:
+        box.check()
+    page.get_by_role("button", name="Compare two").click()
+    expect(page.locator("#comparison table")).to_be_visible()
 
 
 def main(into: Path) -> None:
@@ -58,36 +127,35 @@ def main(into: Path) -> None:
         port = free.getsockname()[1]
     with tempfile.TemporaryDirectory() as scratch, sync_playwright() as playwright:
         records = Path(scratch) / "runs"
-        picked = execute(RunOrder(find_tree("pick_apple"), find_cell("sim"), seed=1, record=records)).record
         hard = Path(scratch) / "long_names.yaml"
         hard.write_text(HARD, encoding="utf-8")
-        failed = execute(RunOrder(hard, find_cell("sim"), dry=True, record=records)).record
-        assert picked is not None
-        assert failed is not None
+        orders = {
+            "pick": RunOrder(find_tree("pick_apple"), find_cell("sim"), seed=1, record=records),
+            "failed": RunOrder(
+                find_tree("pick_apple"), find_cell("sim"), seed=1, settings={"height": "1200 mm"}, record=records
+            ),
+            "names": RunOrder(hard, find_cell("sim"), dry=True, record=records),
+        }
+        names = {what: record.name for what, order in orders.items() if (record := execute(order).record) is not None}
         dashboard = Dashboard(Access("127.0.0.1", port), records)
         choices = Choices.installed()
-        dashboard.allow_starts(Launcher(dashboard, records, choices).start, choices)
+        launcher = Launcher(dashboard, records, choices)
+        dashboard.allow_starts(launcher.start, choices)
         dashboard.start()
         browser = playwright.chromium.launch(executable_path=browser_path, args=FLAGS)
-        for screen, (width, height, scheme) in SCREENS.items():
-            context = browser.new_context(viewport={"width": width, "height": height}, color_scheme=scheme)  # type: ignore[arg-type]
-            for name, run in (("pick", picked.name), ("failed", failed.name)):
-                page = context.new_page()
-                page.goto(f"{dashboard.link}&run={run}")
-                expect(page.locator("#connection")).to_have_text("recorded run", timeout=60_000)
-                page.locator(".row").last.click()
-                photograph(page, into, f"{screen}_{name}")
-            page = context.new_page()
-            page.goto(dashboard.link)
-            page.get_by_role("button", name="Runs").click()
-            expect(page.locator("#start-fields .field").first).to_be_visible()
-            for box in page.locator("#runs input[type=checkbox]").all():
-                box.check()
-            page.get_by_role("button", name="Compare two").click()
-            expect(page.locator("#comparison table")).to_be_visible()
-            photograph(page, into, f"{screen}_runs")
-            context.close()
+        photographer = Photographer(browser, into)
+        for what, name in names.items():
+            photographer.open(f"{dashboard.link}&run={name}", recorded)
+            for page in photographer.pages.values():
+                page.locator(".row", has_text="Refine" if what == "pick" else "").last.click()
+            photographer.take(what)
+        photographer.open(f"{dashboard.link}&run={names['pick']}&t=1.5", recorded)
+        photographer.take("scrubbed")
+        photographer.open(dashboard.link, photograph_runs)
+        photographer.take("runs")
+        photograph_live(photographer, dashboard)
         browser.close()
+        launcher.close()
         dashboard.close()
 
 

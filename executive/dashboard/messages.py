@@ -44,7 +44,8 @@ def encode(event: Event, seq: int) -> str:
 
 def _view(value: Any) -> Any:
     if isinstance(value, ImageView) and value.image is not None:
-        message = plain(dataclasses.replace(value, image=None, depth=None), arrays=MOST_SCENE_ELEMENTS)
+        message = plain(dataclasses.replace(value, image=None), arrays=MOST_SCENE_ELEMENTS)
+        message.pop("depth", None)
         message["image"] = _data_url(value.image)
         message["size"] = [value.image.shape[1], value.image.shape[0]]
         return message

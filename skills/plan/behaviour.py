@@ -18,6 +18,7 @@ from skills.plan.planning import PLANNING_FAILURES, patience, planned
 from skills.plan.warm import prepare_planning
 from skills.robot import RobotModel
 from skills.sample_grasp.grasp import Grasp, GraspCandidates
+from skills.sample_grasp.grasp_view import grasp_picture
 
 OPTIMISING = tuple(name for name, planner in PLANNERS.items() if planner.kind is Kind.OPTIMISING)
 
@@ -97,3 +98,4 @@ class Plan(Skill):
         self.publish(
             "path", SceneView(lines=(Line3(tcp, "planned path", "planned"),), points=(chosen,), caption=caption)
         )
+        self.publish("grasp", grasp_picture(grasp))

@@ -53,7 +53,9 @@ def _points(geom: Geom) -> Float64:
 def _ball(straight: float) -> Float64:
     """Points on a ball of radius 1 whose halves are moved apart along z."""
     angles = np.radians([0.0, 30.0, 60.0])
-    upper = [_ring(float(np.cos(a)), float(np.sin(a)) + straight) for a in angles] + [np.array([[0, 0, 1.0 + straight]])]
+    upper = [_ring(float(np.cos(a)), float(np.sin(a)) + straight) for a in angles] + [
+        np.array([[0, 0, 1.0 + straight]])
+    ]
     half = np.vstack(upper)
     return np.vstack((half, half * (1.0, 1.0, -1.0)))
 

@@ -16,6 +16,7 @@ from skills.plan.arm_space import arm_space, usable_field
 from skills.refine.measured_fruit import MeasuredFruit
 from skills.robot import RobotModel
 from skills.sample_grasp.grasp import Grasp, GraspCandidates, RuledOut
+from skills.sample_grasp.grasp_view import fruit_mesh
 from skills.sample_grasp.sample import GraspRules, sample_pre_grasps, warm_up
 from skills.sample_grasp.sphere import Sphere, pre_grasp_position
 from skills.sample_grasp.tried import Tried, direction
@@ -126,7 +127,7 @@ class SampleGrasp(Skill):
         )
         points = tuple(Points3(np.array(p), label, style) for label, style, p in groups if p)
         caption = f"{len(left)} of {len(grasps) + len(ruled_out)} pre-grasps left"
-        self.publish("candidates", SceneView(points=points, caption=caption))
+        self.publish("candidates", SceneView(points=points, meshes=(fruit_mesh(fruit),), caption=caption))
 
 
 def summary(ruled_out: Sequence[RuledOut]) -> str:

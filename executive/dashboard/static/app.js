@@ -1,4 +1,4 @@
-// The page: messages in, state, views. A live run streams over the WebSocket; a recorded one is read whole. Both can be scrubbed.
+// The page: messages in, state, views. A live run streams over the WebSocket; a recorded one is read. Both can be scrubbed.
 import { $, seconds } from "./dom.js";
 import { apply, emptyState } from "./store.js";
 import { act, page, readAddress, say, withToken } from "./page.js";
@@ -7,12 +7,13 @@ import { CameraView, PlotsView, drawTables } from "./pictures.js";
 import { SceneView } from "./scene.js";
 import { Timeline } from "./timeline.js";
 import { drawControl, drawHeader } from "./control.js";
-import { drawNode, drawPorts, drawWhy, onMoment } from "./panels.js";
-import { drawStart, loadRuns, readRecord, showRuns } from "./runs.js";
+import { drawLog, drawNode, drawPorts, drawWhy, onMoment } from "./panels.js";
+import { openOverview, recordAddress, wantDetail } from "./record.js";
+import { drawStart, loadRuns, showRuns } from "./runs.js";
 
 const MOST_CHARACTERS = 30e6; // of messages that are kept for scrubbing in a live run; older ones become one state
 
-const toggleBreak = (path) => { if (page.whole.byPath.get(path)?.leaf) act(page.whole.breaks.has(path) ? "unbreak" : "break", path); };
+const toggleBreak = (path, side) => act(`${page.whole.breaks[side].has(path) ? "un" : ""}break${side === "after" ? "_after" : ""}`, path);
 const tree = new TreeView((path) => { page.selected = path; page.dirty = true; }, toggleBreak);
 const camera = new CameraView();
 const plots = new PlotsView();
@@ -26,6 +27,7 @@ const beginning = () => (page.base ? structuredClone(page.base) : emptyState());
 
 function momentState() {
   if (page.at === null) return page.whole;
+  wantDetail(page.at);
   if (page.shownState.t > page.at || !page.shownState.run) { page.shownState = beginning(); page.shownIndex = 0; }
   const s = page.shownState;
   while (page.shownIndex < page.messages.length && (page.messages[page.shownIndex].t ?? 0) <= page.at + 1e-9) apply(s, page.messages[page.shownIndex++]);
@@ -44,11 +46,12 @@ function render() {
   tree.update(s);
   camera.update(s);
   scene.update(s);
-  plots.update(s, page.at);
+  plots.update(s, page.at, page.whole.t);
   drawTables(s);
   drawWhy(s);
   drawNode(s, toggleBreak);
   drawPorts(s);
+  drawLog(s);
   timeline.draw(page.whole, page.at ?? page.whole.t);
   $("live").classList.toggle("on", page.at === null);
   $("live").hidden = Boolean(page.recorded);
@@ -80,7 +83,7 @@ function goLive() { if (!page.recorded) { page.at = null; page.playing = false; 
 // ----------------------------------------------------------------------------------------------- connection
 
 function forget() {
-  Object.assign(page, { messages: [], size: 0, whole: emptyState(), base: null, shownState: emptyState(), shownIndex: 0, at: null, playing: false });
+  Object.assign(page, { messages: [], size: 0, whole: emptyState(), base: null, overview: null, shownState: emptyState(), shownIndex: 0, at: null, playing: false });
 }
 
 function receive(message, size) {
@@ -90,7 +93,8 @@ function receive(message, size) {
     page.stream = message.stream;
   } else if (message.event === "Control") page.control = message;
   else if (message.event === "Beat") {
-    page.beat = { tick: message.tick, moved: page.beat?.tick === message.tick ? page.beat.moved : performance.now() };
+    const now = performance.now();
+    page.beat = { tick: message.tick, ages: message.ages ?? {}, heard: now, moved: page.beat?.tick === message.tick ? page.beat.moved : now };
     if (page.whole.run && !page.whole.ended) page.whole.t = Math.max(page.whole.t, message.t);
   } else if (message.event !== "Lagged") {
     if (message.event === "RunStarted") { forget(); page.beat = null; }
@@ -136,16 +140,9 @@ async function openRecord(name, t) {
   say(`reading ${name} …`);
   forget();
   document.body.classList.remove("offline");
-  $("download").href = withToken(`/api/runs/${encodeURIComponent(name)}/record`);
-  let problem = "";
-  try {
-    await readRecord(name, (message) => {
-      if (page.recorded !== name) return; // another one was opened meanwhile
-      if (message.event === "Unreadable") problem = message.message;
-      page.messages.push(message);
-      apply(page.whole, message);
-    });
-  } catch (error) { problem = error.message; }
+  $("download").href = withToken(recordAddress(name, "record"));
+  const problem = await openOverview(name);
+  if (page.recorded !== name) return;
   page.at = t ?? page.whole.t;
   if (problem) say(problem, "bad"); else say("recorded run");
   page.dirty = true;
@@ -164,9 +161,17 @@ function openAddress() {
 function showTab(name) {
   for (const tab of document.querySelectorAll("[role=tab]")) tab.setAttribute("aria-selected", tab.dataset.tab === name);
   for (const panel of document.querySelectorAll("[role=tabpanel]")) panel.hidden = panel.id !== name;
+  page.dirty = true;
 }
 
-for (const tab of document.querySelectorAll("[role=tab]")) tab.addEventListener("click", () => showTab(tab.dataset.tab));
+const tabs = [...document.querySelectorAll("[role=tab]")];
+for (const [i, tab] of tabs.entries()) {
+  tab.addEventListener("click", () => showTab(tab.dataset.tab));
+  tab.addEventListener("keydown", (event) => {
+    const step = { ArrowLeft: -1, ArrowRight: 1 }[event.key];
+    if (step) { const next = tabs[(i + step + tabs.length) % tabs.length]; next.focus(); next.click(); event.preventDefault(); }
+  });
+}
 $("safe-stop").addEventListener("click", () => act("safe_stop"));
 $("play").addEventListener("click", togglePlay);
 $("live").addEventListener("click", goLive);

@@ -1,9 +1,10 @@
 // The control bar, the banner of the safe state, and the header: what is acknowledged, never what was clicked.
-import { $, h } from "./dom.js";
+import { $, h, seconds } from "./dom.js";
 import { act, holdsControl, page } from "./page.js";
 
-export const STATUS_WORD = { success: "✓", failure: "✗", stopped: "■", error: "■", running: "▶", paused: "❚❚" };
+export const STATUS_WORD = { success: "✓", failure: "✗", stopped: "■", error: "■", running: "▶", paused: "❚❚", pausing: "❚❚" };
 const KIND = { simulated: "SIMULATED", emulated: "EMULATED", real: "REAL", frames: "RECORDED FRAMES", mock: "MOCK" };
+const OLD = 1; // seconds without a word from a device that look wrong
 
 $("who").value = localStorage.getItem("pomona-who") || "";
 $("who").addEventListener("change", (event) => localStorage.setItem("pomona-who", event.target.value));
@@ -15,30 +16,40 @@ export function drawControl(s) {
   const running = s.state === "running" && !s.ended, paused = s.state === "paused" && !s.ended;
   const enabled = { take: live && !mine, release: mine, pause: mine && running, resume: mine && paused, step: mine && paused, stop: mine && (running || paused), acknowledge: mine && Boolean(s.ended) };
   for (const button of document.querySelectorAll("[data-action]")) {
-    const action = button.dataset.action;
+    const { action } = button.dataset;
     if (action in enabled) button.disabled = !enabled[action];
+    if (action === "take" || action === "release") button.hidden = !enabled[action];
   }
   $("live-control").hidden = !live;
   $("record-control").hidden = live;
   const { held_by: holder, viewers } = page.control;
   $("holder").textContent = mine ? "You hold control." : holder ? `${holder} holds control.` : "Nobody holds control.";
+  $("holder").dataset.mine = mine;
   $("viewers").textContent = viewers > 1 ? `${viewers} watch.` : "";
   const last = s.acts.findLast((a) => a.action !== "note");
-  $("ack").hidden = !live;
-  $("ack").textContent = `Acknowledged: ${s.ended ? s.ended.outcome : s.state}${s.because && !s.ended ? ` (${s.because})` : ""}${last ? ` · last action: ${last.action.replace("_", " ")} by ${last.who}` : ""}`;
-  const breaks = [...s.breaks].map((path) => s.byPath.get(path)?.name ?? path);
-  $("breaks").textContent = breaks.length ? `Breakpoints: ${breaks.join(", ")}` : "";
+  $("ack").hidden = !live || !s.run;
+  $("ack").textContent = `Acknowledged: ${s.ended ? s.ended.outcome : s.state}${s.because && !s.ended ? ` (${wordsOf(s, s.because)})` : ""}${last ? ` · last: ${last.action.replaceAll("_", " ")} by ${last.who}` : ""}`;
+  const name = (path) => s.byPath.get(path)?.name ?? path;
+  const breaks = [...[...s.breaks.before].map((path) => `before ${name(path)}`), ...[...s.breaks.after].map((path) => `after ${name(path)}`)];
+  $("breaks").textContent = breaks.length ? `⦿ Breakpoints: ${breaks.join(", ")}` : "";
   $("latched").hidden = !s.safeStop || !live;
   $("latched-reason").textContent = s.safeStop ?? "";
   $("reset-hint").textContent = mine ? "" : "Take control to reset it.";
+}
+
+// A pause at a breakpoint names the node's path; people know its name.
+function wordsOf(s, because) {
+  const [, side, path] = because.match(/^breakpoint (before|after) (.+)$/) ?? [];
+  return side ? `breakpoint ${side} ${s.byPath.get(path)?.name ?? path}` : because;
 }
 
 export function drawHeader(s) {
   const kind = s.run?.cell_kind ?? "";
   $("kind").textContent = KIND[kind] ?? "NO CELL";
   $("kind").dataset.kind = kind;
-  $("run").textContent = s.run ? `${s.run.tree} · seed ${s.run.seed} · cell ${s.run.cell}` : "no run yet";
-  $("run").title = s.run ? `${s.run.run}\ntree ${s.run.tree_path} (${s.run.tree_hash})\ncell ${s.run.cell_path}` : "";
+  $("run").textContent = s.run ? `${s.run.tree} · seed ${s.run.seed}` : "no run yet";
+  $("run-facts").textContent = s.run ? `cell ${s.run.cell} · ${s.run.run}` : "";
+  $("run").parentElement.title = s.run ? `${s.run.run}\ntree ${s.run.tree_path} (${s.run.tree_hash})\ncell ${s.run.cell_path}` : "";
   const state = s.ended ? s.ended.outcome : s.state;
   $("state").textContent = `${STATUS_WORD[state] ?? ""} ${state}`.trim();
   $("state").dataset.state = state;
@@ -46,10 +57,22 @@ export function drawHeader(s) {
   const still = page.beat && !page.recorded && s.state === "running" && !s.ended ? (performance.now() - page.beat.moved) / 1000 : 0;
   $("clock").textContent = `${(page.at ?? s.t).toFixed(1)} s${still > 3 ? ` · no tick for ${still.toFixed(0)} s` : ""}`;
   $("clock").classList.toggle("stale", still > 3);
-  const key = [...s.links].join("|");
-  if ($("links").dataset.key !== key) {
-    $("links").dataset.key = key;
-    $("links").replaceChildren(...[...s.links].map(([device, link]) => h("span", { class: link === "ok" ? "link ok" : "link bad", title: `${device}: ${link}` }, `${link === "ok" ? "●" : "▲"} ${device}${link === "ok" ? "" : `: ${link}`}`)));
-  }
+  drawLinks(s);
   document.title = s.run ? `${STATUS_WORD[state] ?? ""} ${s.run.tree} – Pomona` : "Pomona";
+}
+
+// Each device: what its link says, and how long ago the device was heard; in a record, since when it says so.
+function drawLinks(s) {
+  const live = !page.recorded && page.at === null && page.beat && !s.ended;
+  const since = live ? (performance.now() - page.beat.heard) / 1000 : 0;
+  const links = [...s.links].map(([device, { state, t }]) => {
+    const age = live && device in page.beat.ages ? page.beat.ages[device] + (since > 1.5 ? since : 0) : null;
+    const rank = state !== "ok" ? "bad" : age !== null && age > OLD ? "old" : "ok";
+    const words = state !== "ok" ? `: ${state}, for ${seconds(Math.max(0, s.t - t))}` : "";
+    return { device, rank, words, age: age === null ? "" : seconds(age), title: `${device}: link ${state} since ${seconds(t)}${age === null ? "" : `, last heard ${seconds(age)} ago`}` };
+  });
+  const key = JSON.stringify(links);
+  if ($("links").dataset.key === key) return;
+  $("links").dataset.key = key;
+  $("links").replaceChildren(...links.map((l) => h("span", { class: `link ${l.rank}`, title: l.title }, l.device, l.words, l.age ? h("span", { class: "age" }, ` ${l.age}`) : null)));
 }

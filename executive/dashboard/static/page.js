@@ -4,7 +4,7 @@ import { emptyState } from "./store.js";
 
 export const page = {
   messages: [], size: 0, whole: emptyState(), base: null, shownState: emptyState(), shownIndex: 0, at: null, playing: false,
-  recorded: null, stream: "", token: "", viewer: "", grant: Number(sessionStorage.getItem("pomona-grant") ?? -1),
+  recorded: null, overview: null, stream: "", token: "", viewer: "", grant: Number(sessionStorage.getItem("pomona-grant") ?? -1),
   control: { held_by: "", grant: 0, viewers: 0, starts: false }, beat: null, selected: null, dirty: true, socket: null,
 };
 

@@ -1,83 +1,105 @@
 // Camera images with what was found drawn over them, time series, and tables.
 import uPlot from "./vendor/uplot.js";
 import { $, h, seconds } from "./dom.js";
+import { withToken } from "./page.js";
 
-const LINE = { found: "--warn", refined: "--good", muted: "--muted", chosen: "--good", ruled_out: "--bad" };
+const LINE = new Set(["found", "refined", "muted", "chosen", "ruled_out"]);
 export const STALE = 3; // seconds after which a stream that should go on looks stale
 const SVG = "http://www.w3.org/2000/svg";
 
+const svgElement = (tag, attributes) => {
+  const element = document.createElementNS(SVG, tag);
+  for (const [name, value] of Object.entries(attributes)) element.setAttribute(name, value);
+  return element;
+};
+
 export class CameraView {
-  constructor() { this.key = null; }
+  constructor() { this.key = null; this.at = null; }
 
   update(state) {
     const views = [...state.images.entries()];
-    const key = views.map(([topic, v]) => `${topic}@${v.t}`).join("|");
+    const key = `${state.run?.run}|${views.map(([topic, v]) => `${topic}@${v.t}`).join("|")}`;
     if (key !== this.key) {
       this.key = key;
-      const base = views.filter(([, v]) => v.image).at(-1)?.[1];
-      if (!base) { this.age = null; $("camera").replaceChildren(h("p", { class: "muted" }, "no image yet")); return; }
-      const [w, ht] = base.size;
-      const svg = document.createElementNS(SVG, "svg");
-      svg.setAttribute("viewBox", `0 0 ${w} ${ht}`);
-      for (const [, view] of views) {
-        for (const line of view.lines ?? []) {
-          for (const run of runs(line.points)) {
-            const shape = document.createElementNS(SVG, line.closed ? "polygon" : "polyline");
-            shape.setAttribute("points", run.map((p) => p.join(",")).join(" "));
-            shape.setAttribute("class", `line ${LINE[line.style] ? line.style : "found"}`);
-            svg.append(shape);
-          }
-        }
-        for (const p of Array.isArray(view.points) ? view.points : []) {
-          if (p[0] === null) continue;
-          const dot = document.createElementNS(SVG, "circle");
-          dot.setAttribute("cx", p[0]); dot.setAttribute("cy", p[1]); dot.setAttribute("r", Math.max(3, w / 200));
-          dot.setAttribute("class", "keypoint");
-          svg.append(dot);
+      this.draw(views);
+    }
+    showAge($("camera-age"), this.at, state);
+    $("camera").classList.toggle("stale-picture", $("camera-age").classList.contains("stale"));
+  }
+
+  draw(views) {
+    const base = views.filter(([, v]) => v.image).sort(([, a], [, b]) => a.t - b.t).at(-1)?.[1];
+    this.at = base ? base.t : null;
+    if (!base) { $("camera").replaceChildren(h("p", { class: "empty" }, "No image yet")); return; }
+    const [w, ht] = base.size;
+    const svg = svgElement("svg", { viewBox: `0 0 ${w} ${ht}` });
+    for (const [, view] of views) {
+      for (const line of view.lines ?? []) {
+        for (const run of runs(line.points)) {
+          const shape = svgElement(line.closed ? "polygon" : "polyline", { points: run.map((p) => p.join(",")).join(" "), class: `line ${LINE.has(line.style) ? line.style : "found"}` });
+          if (line.label) { const title = svgElement("title", {}); title.textContent = line.label; shape.append(title); }
+          svg.append(shape);
         }
       }
-      this.age = h("span", { class: "age" });
-      this.at = base.t;
-      $("camera").replaceChildren(h("div", { class: "picture" }, h("img", { src: base.image, alt: "camera image with what was found" }), svg, this.age),
-        h("p", { class: "caption" }, views.map(([, v]) => v.caption).filter(Boolean).join(" · ")));
+      for (const p of Array.isArray(view.points) ? view.points : []) {
+        if (p[0] !== null) svg.append(svgElement("circle", { cx: p[0], cy: p[1], r: Math.max(2.5, w / 240), class: "keypoint" }));
+      }
     }
-    if (this.age) {
-      const old = state.t - this.at;
-      const stale = old > STALE && !state.ended;
-      this.age.textContent = `${seconds(Math.max(0, old))} old${stale ? ", stale" : ""}`;
-      this.age.classList.toggle("stale", stale);
-      $("camera").classList.toggle("stale-picture", stale);
-    }
+    const captions = views.map(([, v]) => v.caption).filter(Boolean).join(" · ");
+    const source = base.image.startsWith("/api/") ? withToken(base.image).href : base.image;
+    $("camera").replaceChildren(h("div", { class: "picture" }, h("img", { src: source, alt: `camera image. ${captions}` }), svg), h("p", { class: "caption", title: captions }, captions));
   }
 }
 
 function runs(points) {
   const out = [[]];
-  for (const p of points) { if (p[0] === null || p[1] === null) out.push([]); else out.at(-1).push(p); }
+  for (const p of Array.isArray(points) ? points : []) { if (p[0] === null || p[1] === null) out.push([]); else out.at(-1).push(p); }
   return out.filter((r) => r.length > 1);
 }
 
 // How old a stream is, beside its title.
 export function showAge(element, t, state) {
-  const old = Math.max(0, state.t - t);
-  const stale = old > STALE && !state.ended;
-  element.textContent = t === null ? "" : `${seconds(old)} old${stale ? ", stale" : ""}`;
-  element.classList.toggle("stale", stale && t !== null);
+  const old = t === null ? 0 : Math.max(0, state.t - t);
+  const stale = t !== null && old > STALE && !state.ended;
+  element.textContent = t === null ? "" : `${seconds(old)} old${stale ? ": stale" : ""}`;
+  element.classList.toggle("stale", stale);
 }
 
+const FINER = { m: ["mm", 1e3], "m/s": ["mm/s", 1e3], "m/s²": ["mm/s²", 1e3] }; // what a hand does is small
+const figure = (v) => (v === null || v === undefined ? "–" : Math.abs(v) < 5e-4 ? "0" : String(Number(v.toPrecision(3))));
 const unitOf = (name) => name.match(/\[(.+)\]/)?.[1] ?? "";
+const HEIGHT = 132;
+const DASHES = [undefined, [8, 3], [3, 3], [10, 3, 2, 3]];
 
 // One chart for each unit of each topic: quantities of different units share no axis.
 export class PlotsView {
-  constructor() { this.charts = new Map(); this.marks = []; this.at = null; }
+  constructor() {
+    this.charts = new Map(); this.marks = []; this.at = null; this.span = 60; this.end = 0;
+    for (const button of document.querySelectorAll("[data-span]")) button.addEventListener("click", () => {
+      this.span = Number(button.dataset.span);
+      for (const other of document.querySelectorAll("[data-span]")) other.setAttribute("aria-pressed", other === button);
+      this.at = NaN; // whatever the moment is, it is drawn anew
+      for (const chart of this.charts.values()) chart.drawn = -1;
+    });
+  }
 
   forget() {
     for (const chart of this.charts.values()) chart.box.remove();
     this.charts.clear();
   }
 
-  update(state, at) {
+  // The stretch of time that is shown: it ends a little after the moment that is looked at.
+  range() {
+    if (!this.span || this.end <= this.span) return [0, Math.max(0.1, this.end)];
+    const to = Math.min(this.end, (this.at ?? this.end) + this.span / 6);
+    return [Math.max(0, to - this.span), Math.max(to, this.span)];
+  }
+
+  update(state, at, end) {
+    const moved = this.at !== at;
     this.marks = state.marks.filter((mark) => mark.kind !== "state");
+    this.end = end;
+    this.at = at;
     const wanted = new Set();
     for (const [topic, series] of state.series) {
       const names = Object.keys(series.values);
@@ -91,43 +113,73 @@ export class PlotsView {
         }
         const chart = this.charts.get(key);
         chart.series = series;
-        if (chart.drawn !== series.writes || chart.of !== series) {
-          chart.drawn = series.writes; chart.of = series;
-          chart.plot.setData(thin(series, mine));
-        } else if (this.at !== at) chart.plot.redraw(false);
+        const ended = this.span === 0 || end < this.span || at !== null ? "" : end.toFixed(1);
+        if (chart.drawn !== series.writes || chart.of !== series || chart.ended !== ended || moved) {
+          Object.assign(chart, { drawn: series.writes, of: series, ended });
+          chart.plot.setData(thin(series, mine, this.range(), chart.scale));
+          this.tell(chart);
+        }
         const width = chart.box.clientWidth;
-        if (width && Math.abs(chart.plot.width - width) > 8) chart.plot.setSize({ width, height: HEIGHT });
+        if (width && Math.abs(chart.plot.width - width) > 4) chart.plot.setSize({ width, height: HEIGHT });
       }
     }
-    this.at = at;
     for (const [key, chart] of this.charts) if (!wanted.has(key)) { chart.box.remove(); this.charts.delete(key); }
     $("plots").classList.toggle("empty", this.charts.size === 0);
+    $("spans").hidden = this.charts.size === 0;
     showAge($("series-age"), state.series.size ? Math.max(...[...state.series.values()].map((s) => s.last)) : null, state);
+  }
+
+  // Each quantity's value under the cursor, else at the moment that is shown.
+  tell(chart) {
+    const { plot, values } = chart;
+    const last = plot.data[0].length - 1;
+    const index = plot.cursor.idx ?? (this.at === null ? last : plot.data[0].findLastIndex((t) => t <= this.at + 1e-6));
+    values.forEach((element, i) => { const v = plot.data[i + 1][index]; element.textContent = figure(v); });
   }
 
   make(topic, unit, names, series) {
     const css = getComputedStyle(document.documentElement);
     const palette = ["--s1", "--s2", "--s3", "--s4", "--s5", "--s6"].map((n) => css.getPropertyValue(n).trim());
-    const text = css.getPropertyValue("--text").trim(), grid = css.getPropertyValue("--line").trim();
-    const axis = { stroke: text, grid: { stroke: grid, width: 1 }, ticks: { stroke: grid, width: 1 } };
-    const box = h("div", { class: "plot" }, h("h3", {}, `${topic}${unit ? ` [${unit}]` : ""}`));
+    const text = css.getPropertyValue("--muted").trim(), grid = css.getPropertyValue("--floor").trim();
+    const axis = { stroke: text, grid: { stroke: grid, width: 1 }, ticks: { show: false }, font: "11px system-ui, sans-serif" };
+    const values = names.map(() => h("b", {}, "–"));
+    const keys = names.map((name, i) => {
+      const sample = svgElement("svg", { viewBox: "0 0 18 8" });
+      sample.append(svgElement("path", { d: "M0 4H18", stroke: palette[i % palette.length], "stroke-width": 2, "stroke-dasharray": DASHES[i % 4]?.join(" ") ?? "none" }));
+      return h("span", {}, sample, `${name.replace(` [${unit}]`, "")} `, values[i]);
+    });
+    const [shown, scale] = FINER[unit] ?? [unit, 1];
+    const canvas = h("div");
+    const box = h("div", { class: names.length > 2 ? "plot many" : "plot" }, h("h3", {}, `${topic}${shown ? ` [${shown}]` : ""}`), h("div", { class: "keys" }, keys), canvas);
     $("plots").append(box);
-    const chart = { box, names, series, drawn: -1, of: null };
+    const chart = { box, names, series, values, scale, drawn: -1, of: null };
     chart.plot = new uPlot({
-      width: box.clientWidth || 400, height: HEIGHT, scales: { x: { time: false } }, cursor: { sync: { key: "run" } },
-      axes: [{ ...axis, values: (_u, v) => v.map((x) => `${x} s`) }, { ...axis, size: 64, values: (_u, v) => v.map((x) => String(Number(x.toPrecision(3)))) }],
-      series: [{ label: "t", value: (_u, v) => (v === null || v === undefined ? "–" : `${v.toFixed(2)} s`) },
-        ...names.map((name, i) => ({ label: name.replace(` [${unit}]`, ""), stroke: palette[i % palette.length], width: 2, dash: [undefined, [8, 3], [3, 3], [10, 3, 2, 3]][i % 4], points: { show: false }, value: (_u, v) => (v === null || v === undefined ? "–" : v.toPrecision(3)) }))],
-      hooks: { draw: [(u) => annotate(u, chart.series.thresholds, unit, this.marks, this.at, css)] },
-    }, thin(series, names), box);
+      width: box.clientWidth || 300, height: HEIGHT, padding: [8, 4, 0, 0], legend: { show: false }, cursor: { sync: { key: "run" }, drag: { x: false, y: false }, y: false },
+      scales: { x: { time: false, range: () => this.range() }, y: { range: (_u, low, high) => padded(low, high, chart.series.thresholds, unit, scale) } },
+      axes: [{ ...axis, size: 24, values: (_u, v) => v.map((x) => `${Number(x.toFixed(2))} s`), space: 60 }, { ...axis, size: 48, space: 28, values: (_u, v) => v.map((x) => String(Number(x.toPrecision(3)))) }],
+      series: [{}, ...names.map((_name, i) => ({ stroke: palette[i % palette.length], width: 1.75, dash: DASHES[i % 4], points: { show: false } }))],
+      hooks: { draw: [(u) => annotate(u, chart.series.thresholds, unit, scale, this.marks, this.at, css)], setCursor: [() => this.tell(chart)] },
+    }, thin(series, names, this.range(), scale), canvas);
     return chart;
   }
 }
 
-const HEIGHT = 170;
+// The values' range with some air; a threshold that is not far off is in sight.
+function padded(low, high, thresholds, unit, scale) {
+  if (low === null || high === null) return [0, 1];
+  for (const [name, limit] of Object.entries(thresholds)) {
+    if (unitOf(name) !== unit) continue;
+    const value = limit * scale;
+    const wide = Math.max(high - low, Math.abs(high) * 0.5);
+    if (value > high && value - high < wide) high = value;
+    if (value < low && low - value < wide) low = value;
+  }
+  const air = (high - low || Math.abs(high) || 1) * 0.06;
+  return [low - air, high + air];
+}
 
 // Thresholds of this unit, what happened, and the moment that is shown.
-function annotate(u, thresholds, unit, marks, at, css) {
+function annotate(u, thresholds, unit, scale, marks, at, css) {
   const g = u.ctx;
   const { left, top, width, height } = u.bbox;
   const colour = (name) => css.getPropertyValue(name).trim();
@@ -138,20 +190,39 @@ function annotate(u, thresholds, unit, marks, at, css) {
   for (const mark of marks) if (mark.t >= u.scales.x.min && mark.t <= u.scales.x.max) vertical(mark.t, colour(mark.kind === "good" ? "--good" : mark.kind === "act" ? "--accent" : "--bad"), [2, 4]);
   for (const [name, value] of Object.entries(thresholds)) {
     if (unitOf(name) !== unit) continue;
-    const y = u.valToPos(value, "y", true);
+    const y = u.valToPos(value * scale, "y", true);
     g.strokeStyle = g.fillStyle = colour("--text");
     g.setLineDash([6, 4]);
     g.beginPath(); g.moveTo(left, y); g.lineTo(left + width, y); g.stroke();
-    g.fillText(name, left + 6, y - 4);
+    g.fillText(name.replace(` [${unit}]`, ""), left + 6, y - 4);
   }
   if (at !== null) vertical(at, colour("--text"), []);
   g.restore();
 }
 
-function thin(series, names) {
-  const step = Math.max(1, Math.floor(series.t.length / 3000));
-  const pick = (values) => (step === 1 ? values : values.filter((_v, i) => i % step === 0));
-  return [pick(series.t), ...names.map((name) => pick(series.values[name]))];
+// What a screen can show of the shown stretch: of every step its least and its greatest sample.
+function thin(series, names, [from, to], scale) {
+  const first = Math.max(0, lowerBound(series.t, from) - 1), last = Math.min(series.t.length, lowerBound(series.t, to) + 1);
+  const step = Math.floor((last - first) / 1500);
+  if (step < 2) return [series.t.slice(first, last), ...names.map((name) => series.values[name].slice(first, last).map((v) => (v === null ? null : v * scale)))];
+  const t = [], out = names.map(() => []);
+  for (let i = first; i < last; i += step) {
+    const end = Math.min(last, i + step);
+    t.push(series.t[i], series.t[end - 1]);
+    names.forEach((name, k) => {
+      let low = null, high = null;
+      const values = series.values[name];
+      for (let j = i; j < end; j++) { const v = values[j]; if (v !== null) { if (low === null || v < low) low = v; if (high === null || v > high) high = v; } }
+      out[k].push(low === null ? null : low * scale, high === null ? null : high * scale);
+    });
+  }
+  return [t, ...out];
+}
+
+function lowerBound(sorted, value) {
+  let low = 0, high = sorted.length;
+  while (low < high) { const middle = (low + high) >> 1; if (sorted[middle] < value) low = middle + 1; else high = middle; }
+  return low;
 }
 
 let tablesKey = "";

@@ -2,6 +2,7 @@
 import { $, h, seconds, show } from "./dom.js";
 import { holdsControl, page, post, read, say, withToken } from "./page.js";
 import { STATUS_WORD } from "./control.js";
+import { readRecord, recordAddress } from "./record.js";
 import { apply, emptyState, leavesOf } from "./store.js";
 
 let runs = [];
@@ -16,6 +17,7 @@ export async function loadRuns() {
 export function showRuns(on) {
   $("runs-view").hidden = !on;
   $("run-view").hidden = on;
+  document.body.classList.toggle("runs", on);
   $("show-runs").setAttribute("aria-pressed", on);
   if (on) { loadRuns(); if (!choices.trees.length) loadChoices(); }
 }
@@ -24,8 +26,6 @@ $("show-runs").addEventListener("click", () => showRuns($("runs-view").hidden));
 $("runs-filter").addEventListener("input", drawRuns);
 $("compare").addEventListener("click", compare);
 
-const recordAddress = (run, what) => `/api/runs/${encodeURIComponent(run)}/${what}`;
-
 function drawRuns() {
   const wanted = $("runs-filter").value.toLowerCase().split(/\s+/).filter(Boolean);
   const text = (r) => [r.run, r.outcome ?? "cut off", r.tree, r.tree_hash, r.cell, r.cell_kind, `seed ${r.seed}`, r.code, r.message].join(" ").toLowerCase();
@@ -33,31 +33,19 @@ function drawRuns() {
   const row = (r) => h("tr", {},
     h("td", {}, h("input", { type: "checkbox", "aria-label": `compare ${r.run}`, checked: chosen.has(r.run), onchange: (e) => { if (e.target.checked) chosen.add(r.run); else chosen.delete(r.run); mayCompare(); } })),
     h("td", { class: r.outcome === "success" ? "good" : "bad" }, `${STATUS_WORD[r.outcome] ?? "?"} ${r.outcome ?? "cut off"}`),
-    h("td", {}, h("button", { class: "moment open-run", onclick: () => { location.hash = `run=${encodeURIComponent(r.run)}`; } }, r.run)),
+    h("td", {}, h("button", { class: "moment open-run", onclick: () => { location.hash = `run=${encodeURIComponent(r.run)}`; showRuns(false); } }, r.run)),
     h("td", {}, r.tree ?? "", " ", h("span", { class: "muted" }, (r.tree_hash ?? "").slice(0, 8))),
-    h("td", {}, `${r.cell ?? ""} ${r.cell_kind && r.cell_kind !== r.cell ? r.cell_kind : ""}`), h("td", {}, r.seed ?? ""),
-    h("td", {}, typeof r.time === "number" ? seconds(r.time) : ""), h("td", { title: r.message ?? "" }, r.code ?? ""),
-    h("td", {}, h("a", { href: withToken(recordAddress(r.run, "record")) }, `${(r.bytes / 1e6).toFixed(1)} MB`)));
+    h("td", {}, `${r.cell ?? ""} `, h("span", { class: "muted" }, r.cell_kind && r.cell_kind !== r.cell ? r.cell_kind : "")), h("td", { class: "number" }, r.seed ?? ""),
+    h("td", { class: "number" }, typeof r.time === "number" ? seconds(r.time) : ""), h("td", { class: "words" }, r.code ? h("code", {}, r.code) : "", ` ${r.message ?? ""}`),
+    h("td", { class: "number" }, h("a", { href: withToken(recordAddress(r.run, "record")), title: "Download the record" }, `${(r.bytes / 1e6).toFixed(1)} MB`)));
   $("runs-count").textContent = `${rows.length} of ${runs.length}`;
-  $("runs").replaceChildren(h("table", {}, h("thead", {}, h("tr", {}, ["", "outcome", "run", "tree", "cell", "seed", "duration", "code", "record"].map((c) => h("th", {}, c)))), h("tbody", {}, rows.slice(0, 300).map(row))));
+  $("runs").replaceChildren(h("table", {}, h("thead", {}, h("tr", {}, ["", "outcome", "run", "tree", "cell", "seed", "duration", "why", "record"].map((c) => h("th", {}, c)))), h("tbody", {}, rows.slice(0, 300).map(row))));
   mayCompare();
 }
 
 function mayCompare() { $("compare").disabled = chosen.size !== 2; }
 
 // ------------------------------------------------------------------------------------------------- comparing
-
-export async function readRecord(name, take) {
-  const answer = await read(recordAddress(name, "messages"));
-  if (!answer.ok) throw new Error(`there is no record ${name}`);
-  const text = await answer.text();
-  for (let from = 0; from < text.length;) { // line by line, without a second copy of the whole
-    let to = text.indexOf("\n", from);
-    if (to < 0) to = text.length;
-    if (to > from) take(JSON.parse(text.slice(from, to)), to - from);
-    from = to + 1;
-  }
-}
 
 async function summary(name) {
   const s = emptyState();
@@ -75,16 +63,18 @@ async function summary(name) {
 }
 
 async function compare() {
+  $("comparison").hidden = false;
   $("comparison").replaceChildren(h("p", { class: "muted" }, "reading …"));
   let a, b;
   try { [a, b] = await Promise.all([...chosen].sort().map(summary)); } catch (error) { $("comparison").replaceChildren(h("p", { class: "bad" }, String(error.message))); return; }
   const row = (what, x, y) => h("tr", { class: x === y ? "" : "differs" }, h("th", {}, what), h("td", {}, x), h("td", {}, y), h("td", {}, x === y ? "" : "≠"));
   const both = (what, of) => row(what, of(a), of(b));
-  const settings = ({ s }) => show({ ...s.run?.parameters, ...s.run?.settings }) || "–";
+  const settings = ({ s }) => ({ ...s.run?.settings, ...s.run?.parameters });
+  const given = [...new Set([a, b].flatMap((x) => Object.keys(settings(x))))];
   const skill = (name) => (x) => { const k = x.skills.get(name); return k ? `${k.starts}×, ${seconds(k.time)}${k.failures ? `, ${k.failures} failed` : ""}` : "–"; };
-  $("comparison").replaceChildren(h("h2", {}, "Comparison"), h("table", {}, h("thead", {}, h("tr", {}, ["", a.s.run?.run ?? "?", b.s.run?.run ?? "?", ""].map((c) => h("th", {}, c)))), h("tbody", {},
+  $("comparison").replaceChildren(h("div", { class: "head" }, h("h2", {}, "Comparison"), h("button", { onclick: () => { $("comparison").hidden = true; } }, "Close")), h("table", {}, h("thead", {}, h("tr", {}, ["", a.s.run?.run ?? "?", b.s.run?.run ?? "?", ""].map((c) => h("th", {}, c)))), h("tbody", {},
     both("outcome", (x) => x.s.ended?.outcome ?? "cut off"), both("why", (x) => (x.s.ended?.reason ? leavesOf(x.s.ended.reason).map((l) => `${l.code} ${l.message}`).join("; ") : "–")),
-    both("tree", (x) => `${x.s.run?.tree} ${x.s.run?.tree_hash}`), both("cell", (x) => x.s.run?.cell ?? "–"), both("seed", (x) => String(x.s.run?.seed ?? "–")), both("parameters", settings),
+    both("tree", (x) => `${x.s.run?.tree} ${x.s.run?.tree_hash}`), both("cell", (x) => x.s.run?.cell ?? "–"), both("seed", (x) => String(x.s.run?.seed ?? "–")), ...given.map((name) => both(name, (x) => show(settings(x)[name]))),
     both("duration", (x) => seconds(x.s.ended?.time ?? x.s.t)), both("failures on the way", (x) => String(x.s.failures.length)), both("operator", (x) => x.s.acts.map((m) => `${m.who}: ${m.action}`).join(", ") || "–"),
     [...new Set([...a.skills.keys(), ...b.skills.keys()])].map((name) => both(name, skill(name))))));
   $("comparison").scrollIntoView({ block: "nearest" });
@@ -107,10 +97,11 @@ function drawFields() {
   const field = (name, type, fallback, hint, values) => h("label", { class: "field", title: hint || null }, h("span", {}, name, type ? h("small", {}, ` ${type}`) : null),
     values?.length ? h("select", { "data-setting": name, "data-default": fallback }, values.map((v) => h("option", { selected: v === fallback }, v))) : h("input", { "data-setting": name, "data-default": fallback, value: fallback, maxlength: 200 }));
   $("start-about").textContent = tree?.problem ?? tree?.description ?? "";
+  const group = (title, fields) => (fields.length ? [h("h3", {}, title), h("div", { class: "fields" }, fields)] : []);
   $("start-fields").replaceChildren(
-    ...(tree?.parameters ?? []).map((p) => field(p.name, p.type, p.default, p.help, p.choices)),
-    ...(cell?.options ?? []).map((o) => field(o.name, `of ${cell.name}`, o.default, "")));
-  $("start-kind").textContent = cell?.kind ? `The cell is ${cell.kind.toUpperCase()}.` : "";
+    ...group("Parameters of the tree", (tree?.parameters ?? []).map((p) => field(p.name, p.type, p.default, p.help, p.choices))),
+    ...group("Options of the cell", (cell?.options ?? []).map((o) => field(o.name, "", o.default, ""))));
+  $("start-kind").textContent = cell?.kind ? `on a ${cell.kind.toUpperCase()} cell` : "";
 }
 
 for (const id of ["start-tree", "start-cell"]) $(id).addEventListener("change", drawFields);

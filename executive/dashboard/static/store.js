@@ -9,13 +9,14 @@ export const STATUS = {
 
 const MOST_SAMPLES = 40000; // of a series; older ones are thinned, so that an hour of samples stays small
 const MOST_KEPT = 4000; // spans, marks, failures, acts
+const MOST_TRACE = 900; // points of an executed path
 
 export function emptyState() {
   return {
     t: 0, tick: 0, seq: 0, run: null, nodes: [], byPath: new Map(), state: "idle", because: "",
     node: new Map(), attempts: new Map(), ports: new Map(), images: new Map(), scenes: new Map(),
-    series: new Map(), tables: new Map(), spans: [], marks: [], links: new Map(), failures: [], acts: [], ended: null,
-    safeStop: null, breaks: new Set(),
+    series: new Map(), tables: new Map(), bodies: new Map(), poses: new Map(), spans: [], marks: [], links: new Map(), failures: [], acts: [], ended: null,
+    safeStop: null, breaks: { before: new Set(), after: new Set() },
   };
 }
 
@@ -39,7 +40,7 @@ const HANDLERS = {
   StateChanged(s, m) {
     s.state = m.state;
     s.because = m.because;
-    s.marks.push({ t: m.t, kind: "state", text: `${m.state}: ${m.because}` });
+    s.marks.push({ t: m.t, kind: "state", text: m.because ? `${m.state}: ${m.because}` : m.state });
   },
   NodeChanged(s, m) {
     let node = s.node.get(m.path);
@@ -85,6 +86,13 @@ const HANDLERS = {
     if (type === "ImageView") s.images.set(m.topic, { ...m.value, t: m.t });
     else if (type === "SceneView") s.scenes.set(m.topic, { ...m.value, t: m.t });
     else if (type === "TableView") s.tables.set(m.topic, m.value);
+    else if (type === "BodiesView") s.bodies.set(m.topic, m.value.bodies);
+    else if (type === "PosesView") {
+      const trace = s.poses.get(m.topic)?.trace ?? [];
+      trace.push(m.value.trace);
+      if (trace.length > MOST_TRACE) trace.splice(0, MOST_TRACE / 4);
+      s.poses.set(m.topic, { poses: m.value.poses, trace, t: m.t });
+    }
     else if (type === "SeriesView") {
       const times = m.value.t;
       if (!Array.isArray(times) || !times.length) return;
@@ -113,15 +121,17 @@ const HANDLERS = {
     }
   },
   LinkChanged(s, m) {
-    s.links.set(m.device, m.state);
+    s.links.set(m.device, { state: m.state, t: m.t });
     if (m.state !== "ok") s.marks.push({ t: m.t, kind: "bad", text: `${m.device}: ${m.state}` });
   },
   OperatorActed(s, m) {
     s.acts.push(m);
-    if (m.action === "break") s.breaks.add(m.detail);
-    else if (m.action === "unbreak") s.breaks.delete(m.detail);
+    const [, un, after] = m.action.match(/^(un)?break(_after)?$/) ?? [null];
+    const side = s.breaks[after ? "after" : "before"];
+    if (un) side.delete(m.detail);
+    else if (m.action.startsWith("break")) side.add(m.detail);
     else if (m.action === "acknowledge") s.safeStop = null;
-    s.marks.push({ t: m.t, kind: "act", text: `${m.who}: ${m.action} ${m.detail}` });
+    s.marks.push({ t: m.t, kind: "act", text: `${m.who}: ${m.action.replaceAll("_", " ")} ${s.byPath.get(m.detail)?.name ?? m.detail}`.trim() });
   },
   SafeStopped(s, m) {
     s.safeStop = m.reason;

@@ -1,16 +1,17 @@
-// A lane per skill, marks for what happened, and a cursor that scrubs.
+// A lane per skill, marks for what happened, and a cursor that scrubs; the wheel zooms.
 import { $, seconds } from "./dom.js";
 
 const MOST_LANES = 60; // those that ran last
-const LEFT = 150;
-const RANK = { SUCCESS: "--good", FAILURE: "--bad", RUNNING: "--busy", INVALID: "--muted" };
+const LEFT = 150, RIGHT = 14, TOP = 30;
+const LANE = 15;
+const RANK = { SUCCESS: "--good", FAILURE: "--bad", RUNNING: "--busy", INVALID: "--idle" };
 const MARK = { failure: "--bad", bad: "--bad", good: "--good", act: "--accent", state: "--muted" };
 
 // Never colour alone: failures are crosses, operators diamonds, the rest triangles.
-const path = (g, points) => { g.beginPath(); points.forEach(([x, y], i) => (i ? g.lineTo(x, y) : g.moveTo(x, y))); g.fill(); };
-const triangle = (g, x) => path(g, [[x, 12], [x - 4, 4], [x + 4, 4]]);
-const cross = (g, x) => { g.strokeStyle = g.fillStyle; g.lineWidth = 2; for (const d of [-1, 1]) { g.beginPath(); g.moveTo(x - 4, 8 - 4 * d); g.lineTo(x + 4, 8 + 4 * d); g.stroke(); } };
-const diamond = (g, x) => path(g, [[x, 3], [x + 5, 8], [x, 13], [x - 5, 8]]);
+const shape = (g, points) => { g.beginPath(); points.forEach(([x, y], i) => (i ? g.lineTo(x, y) : g.moveTo(x, y))); g.fill(); };
+const triangle = (g, x, y) => shape(g, [[x, y + 4], [x - 4, y - 4], [x + 4, y - 4]]);
+const cross = (g, x, y) => { g.strokeStyle = g.fillStyle; g.lineWidth = 2; for (const d of [-1, 1]) { g.beginPath(); g.moveTo(x - 4, y - 4 * d); g.lineTo(x + 4, y + 4 * d); g.stroke(); } };
+const diamond = (g, x, y) => shape(g, [[x, y - 5], [x + 5, y], [x, y + 5], [x - 5, y]]);
 const SHAPE = { failure: cross, bad: cross, good: triangle, state: triangle, act: diamond };
 
 export class Timeline {
@@ -18,61 +19,131 @@ export class Timeline {
     this.canvas = $("timeline");
     this.onScrub = onScrub;
     this.length = 1;
+    this.now = 0;
+    this.part = null; // the stretch that is shown, or null: all of it
     let down = false;
     const seek = (event) => this.onScrub(this.timeAt(event.offsetX));
     this.canvas.addEventListener("pointerdown", (e) => { down = true; this.canvas.setPointerCapture(e.pointerId); seek(e); });
     this.canvas.addEventListener("pointermove", (e) => { if (down) seek(e); });
     this.canvas.addEventListener("pointerup", () => { down = false; });
+    this.canvas.addEventListener("wheel", (e) => {
+      if (Math.abs(e.deltaX) < Math.abs(e.deltaY) && !e.ctrlKey && $("timeline").parentElement.scrollHeight > $("timeline").parentElement.clientHeight && !e.shiftKey && e.offsetX < LEFT) return; // over the names it scrolls the lanes
+      e.preventDefault();
+      if (e.shiftKey || Math.abs(e.deltaX) > Math.abs(e.deltaY)) this.pan((e.deltaX || e.deltaY) / 500);
+      else this.zoom(Math.exp(e.deltaY * 0.002), this.timeAt(e.offsetX));
+    }, { passive: false });
     this.canvas.addEventListener("keydown", (e) => {
+      if (e.key === "+" || e.key === "-") { this.zoom(e.key === "+" ? 0.7 : 1 / 0.7, this.now); return; }
       const step = { ArrowLeft: -0.1, ArrowRight: 0.1, PageUp: -1, PageDown: 1 }[e.key];
       if (step === undefined && e.key !== "Home" && e.key !== "End") return;
-      this.onScrub(e.key === "Home" ? 0 : e.key === "End" ? this.length : Math.max(0, this.now + step * (e.shiftKey ? 10 : 1)));
+      this.onScrub(e.key === "Home" ? 0 : e.key === "End" ? this.length : Math.max(0, Math.min(this.length, this.now + step * (e.shiftKey ? 10 : 1))));
       e.preventDefault();
     });
+    $("whole").addEventListener("click", () => { this.part = null; this.key = ""; this.draw(this.whole, this.now); });
     new ResizeObserver(() => { this.key = ""; }).observe(this.canvas);
   }
 
+  get shown() { return this.part ?? [0, this.length]; }
+
+  zoom(factor, around) {
+    const [from, to] = this.shown;
+    const wide = Math.max(0.5, (to - from) * factor);
+    if (wide >= this.length) this.part = null;
+    else {
+      const start = Math.max(0, Math.min(this.length - wide, around - ((around - from) / (to - from)) * wide));
+      this.part = [start, start + wide];
+    }
+    this.key = "";
+    this.draw(this.whole, this.now);
+  }
+
+  pan(share) {
+    if (!this.part) return;
+    const wide = this.part[1] - this.part[0];
+    const start = Math.max(0, Math.min(this.length - wide, this.part[0] + share * wide));
+    this.part = [start, start + wide];
+    this.key = "";
+    this.draw(this.whole, this.now);
+  }
+
   timeAt(x) {
-    return Math.max(0, Math.min(this.length, ((x - LEFT) / Math.max(1, this.canvas.clientWidth - LEFT - 12)) * this.length));
+    const [from, to] = this.shown;
+    return Math.max(0, Math.min(this.length, from + ((x - LEFT) / Math.max(1, this.canvas.clientWidth - LEFT - RIGHT)) * (to - from)));
   }
 
   draw(whole, now) {
+    if (!whole) return;
+    this.whole = whole;
     this.length = Math.max(0.1, whole.t);
     this.now = now;
-    const key = `${whole.seq}|${now}|${this.canvas.clientWidth}`;
+    const key = `${whole.seq}|${whole.t.toFixed(2)}|${now}|${this.canvas.clientWidth}|${whole.run?.run}`;
     if (key === this.key) return;
     this.key = key;
+    if (this.part && (now < this.part[0] || now > this.part[1])) { // the cursor stays in sight
+      const wide = this.part[1] - this.part[0];
+      const start = Math.max(0, Math.min(this.length - wide, now - wide / 2));
+      this.part = [start, start + wide];
+    }
+    $("whole").hidden = !this.part;
     const css = getComputedStyle(document.documentElement);
     const colour = (name) => css.getPropertyValue(name).trim();
     const lanes = [...new Set(whole.spans.map((s) => s.path))].slice(-MOST_LANES);
     const lane = new Map(lanes.map((path, i) => [path, i]));
-    this.canvas.style.height = `${Math.max(50, 24 + lanes.length * 16)}px`;
+    this.canvas.style.height = `${TOP + Math.max(1, lanes.length) * LANE + 4}px`;
     const ratio = devicePixelRatio || 1;
     const w = this.canvas.clientWidth, ht = this.canvas.clientHeight;
     this.canvas.width = w * ratio; this.canvas.height = ht * ratio;
     const g = this.canvas.getContext("2d");
     g.scale(ratio, ratio);
-    g.font = "11px system-ui, sans-serif";
-    const x = (t) => LEFT + (t / this.length) * (w - LEFT - 12);
-    const step = (ht - 20) / Math.max(1, lanes.length);
+    g.font = "12px system-ui, sans-serif";
+    const [from, to] = this.shown;
+    const x = (t) => LEFT + ((t - from) / (to - from)) * (w - LEFT - RIGHT);
+    this.ruler(g, x, from, to, ht, colour);
+    const laneTop = (i) => TOP + i * LANE;
+    g.textBaseline = "middle";
     lanes.forEach((path, i) => {
       g.fillStyle = colour("--text");
       const name = whole.byPath.get(path)?.name ?? path;
-      g.fillText(name.length > 24 ? `${name.slice(0, 23)}…` : name, 4, 16 + i * step + step / 2);
+      g.fillText(name.length > 22 ? `${name.slice(0, 21)}…` : name, 2, laneTop(i) + LANE / 2);
     });
+    g.save();
+    g.beginPath(); g.rect(LEFT - 6, 0, w - LEFT - RIGHT + 12, ht); g.clip();
     for (const span of whole.spans) {
       const i = lane.get(span.path);
-      if (i === undefined) continue;
+      const end = span.end ?? whole.t;
+      if (i === undefined || end < from || span.start > to) continue;
       g.fillStyle = colour(RANK[span.status] ?? "--muted");
-      g.fillRect(x(span.start), 14 + i * step, Math.max(2, x(span.end ?? whole.t) - x(span.start)), Math.max(3, step - 4));
+      const wide = Math.max(2.5, x(end) - x(span.start));
+      g.fillRect(x(span.start), laneTop(i) + 2, wide, LANE - 4);
+      if (span.status === "FAILURE" && wide > 8) { g.strokeStyle = colour("--panel"); g.lineWidth = 1.5; g.beginPath(); g.moveTo(x(end) - 7, laneTop(i) + 4.5); g.lineTo(x(end) - 2, laneTop(i) + LANE - 4.5); g.moveTo(x(end) - 2, laneTop(i) + 4.5); g.lineTo(x(end) - 7, laneTop(i) + LANE - 4.5); g.stroke(); }
     }
     for (const mark of whole.marks) {
+      if (mark.t < from || mark.t > to) continue;
       g.fillStyle = colour(MARK[mark.kind] ?? "--muted");
-      SHAPE[mark.kind]?.(g, x(mark.t));
+      SHAPE[mark.kind]?.(g, x(mark.t), 21);
     }
     g.strokeStyle = colour("--text");
     g.lineWidth = 1.5;
-    g.beginPath(); g.moveTo(x(now), 0); g.lineTo(x(now), ht); g.stroke();
+    g.beginPath(); g.moveTo(x(now), 4); g.lineTo(x(now), ht); g.stroke();
+    g.fillStyle = colour("--text");
+    shape(g, [[x(now) - 5, 2], [x(now) + 5, 2], [x(now), 9]]);
+    g.restore();
+    this.tell(whole, now);
+  }
+
+  ruler(g, x, from, to, height, colour) {
+    const rough = (to - from) / 10;
+    const step = [0.1, 0.2, 0.5, 1, 2, 5, 10, 30, 60, 120, 300, 600, 1800, 3600].find((s) => s >= rough) ?? 7200;
+    g.strokeStyle = colour("--floor"); g.lineWidth = 1; g.fillStyle = colour("--muted"); g.textBaseline = "alphabetic"; g.textAlign = "center";
+    for (let t = Math.ceil(from / step) * step; t <= to + 1e-9; t += step) {
+      g.beginPath(); g.moveTo(x(t), 14); g.lineTo(x(t), height); g.stroke();
+      const words = t >= 60 ? `${Math.floor(t / 60)}:${String(Math.round(t % 60)).padStart(2, "0")}` : `${Number(t.toFixed(1))} s`;
+      if (x(t) < this.canvas.clientWidth - 30) g.fillText(words, x(t), 11);
+    }
+    g.textAlign = "left";
+  }
+
+  tell(whole, now) {
     $("shown").textContent = `${seconds(now)} of ${seconds(this.length)}`;
     const near = whole.marks.findLast((mark) => mark.t <= now + 1e-9);
     $("mark").textContent = near ? `${seconds(near.t)}: ${near.text}` : "";

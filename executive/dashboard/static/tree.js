@@ -37,11 +37,12 @@ export class TreeView {
       const detail = h("span", { class: "detail" });
       const attempt = h("span", { class: "attempt" });
       const time = h("span", { class: "time" });
+      const stop = h("span", { class: "break" });
       const fold = h("button", { class: "fold", tabindex: "-1", "aria-label": "fold", onclick: (e) => { e.stopPropagation(); this.toggle(node.path); } }, inner ? "▾" : "");
       const row = h("div", { class: "row", role: "treeitem", "data-path": node.path, "aria-level": level + 1, title: node.description || node.comment || node.kind, onclick: () => this.select(node.path) },
-        fold, icon, h("span", { class: "name" }, node.name), h("span", { class: "type" }, node.type === node.name || node.kind === node.name ? "" : node.type), attempt, detail, time);
+        fold, icon, h("span", { class: "name" }, node.name), h("span", { class: "type" }, node.type === node.name || node.kind === node.name ? "" : node.type), stop, attempt, detail, time);
       row.style.setProperty("--level", level);
-      this.rows.set(node.path, { node, row, icon, detail, attempt, time, fold, text: node.name.toLowerCase(), last: "" });
+      this.rows.set(node.path, { node, row, icon, detail, attempt, time, stop, fold, text: node.name.toLowerCase(), last: "" });
       return row;
     });
     this.root.replaceChildren(...children);
@@ -64,19 +65,20 @@ export class TreeView {
       const attempts = state.attempts.get(path);
       const n = attempts?.length ? `${attempts.at(-1).number}/${attempts.at(-1).of}` : "";
       const age = status === "RUNNING" ? seconds(Math.max(0, state.t - node.since)) : duration(node);
-      const stopped = state.breaks.has(path);
-      const signature = `${status}|${icon}|${fresh}|${node?.feedback}|${n}|${age}|${stopped}|${path === this.selected}|${row.hidden}`;
+      const stops = [state.breaks.before.has(path) ? "before" : "", state.breaks.after.has(path) ? "after" : ""].filter(Boolean).join(", ");
+      const signature = `${status}|${icon}|${fresh}|${node?.feedback}|${n}|${age}|${stops}|${path === this.selected}|${row.hidden}`;
       if (signature === row.last) continue;
       row.last = signature;
-      row.row.className = `row ${rank}${fresh ? " fresh" : ""}${path === this.selected ? " selected" : ""}${stopped ? " breakpoint" : ""}${row.hidden ? " hidden" : ""}`;
+      row.row.className = `row ${rank}${leaf ? " leaf" : ""}${fresh ? " fresh" : ""}${path === this.selected ? " selected" : ""}${row.hidden ? " hidden" : ""}`;
       row.row.setAttribute("aria-selected", path === this.selected);
       row.icon.textContent = icon;
       row.icon.setAttribute("aria-label", past ? `idle, last result ${word}` : word);
       row.icon.title = past ? `idle; last result: ${word}` : `${word}${fresh ? " in this tick" : ""}`;
-      row.detail.textContent = node?.feedback ?? "";
+      row.detail.textContent = n ? "" : node?.feedback ?? ""; // the feedback of a retry says the same
       row.detail.title = node?.feedback ?? "";
       row.attempt.textContent = n ? `attempt ${n}` : "";
       row.time.textContent = age;
+      row.stop.textContent = stops ? `⦿ ${stops}` : "";
     }
     if (running && running !== this.running && $("follow").checked) this.rows.get(running).row.scrollIntoView({ block: "nearest" });
     this.running = running;
@@ -96,7 +98,7 @@ export class TreeView {
 
   fit() {
     const visible = [...this.rows.values()].filter((row) => !row.hidden).length;
-    this.zoom(this.root.clientHeight / Math.max(1, visible * 25));
+    this.zoom(this.root.clientHeight / Math.max(1, visible * 25.5));
   }
 
   select(path) {
@@ -139,7 +141,7 @@ export class TreeView {
     else if (event.key === "ArrowUp") this.select(visible[Math.max(index - 1, 0)]);
     else if (event.key === "ArrowLeft" && this.selected) { this.closed.add(this.selected); this.filter(); }
     else if (event.key === "ArrowRight" && this.selected) { this.closed.delete(this.selected); this.filter(); }
-    else if (event.key === "b" && this.selected) this.onBreak(this.selected);
+    else if ((event.key === "b" || event.key === "a") && this.selected) this.onBreak(this.selected, event.key === "b" ? "before" : "after");
     else return;
     event.preventDefault();
   }
