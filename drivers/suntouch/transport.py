@@ -18,12 +18,19 @@ class SerialLink:
         Raises:
             OSError: it cannot be opened.
         """
-        self._port = serial.Serial(port, baud, timeout=0, write_timeout=0.05, exclusive=True)
+        self._port = serial.Serial(port, baud, timeout=0, exclusive=True)
         self._descriptor = self._port.fileno()
         self._port.reset_input_buffer()
 
     def send(self, chunk: bytes) -> None:
-        self._port.write(chunk)
+        """Hand bytes to the port.
+
+        Raises:
+            OSError: the port is gone, or its buffer is full because nobody takes anything.
+        """
+        # Not `Serial.write`: its timeout also strikes when this thread was held up after the bytes had gone.
+        if os.write(self._descriptor, chunk) != len(chunk):
+            raise BlockingIOError("the serial port takes no more bytes")
 
     def receive(self, timeout: float) -> bytes:
         ready, _, _ = select.select([self._descriptor], [], [], max(timeout, 0.0))

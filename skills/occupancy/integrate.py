@@ -78,7 +78,7 @@ def integrate(
     how = sensing or Sensing()
     if frame.depth is None:
         raise NoDepth(frame.label, 0, 0)
-    depth = np.ascontiguousarray(frame.depth, dtype=np.float32)
+    depth = np.require(frame.depth, np.float32, ["C", "W"])  # a read-only image would be compiled for once more
     states, last_look = previous.states.copy(), previous.last_look.copy()
     look = len(previous.stamps)
     labels = np.empty(depth.shape, np.uint8)
