@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from drivers.device import Device
-from drivers.interfaces import Arm, ForceSensor, Gripper, WrenchSample
+from drivers.interfaces import Arm, ForceSensor, Gripper
+
+WRENCH = ("force_x_N", "force_y_N", "force_z_N", "torque_x_Nm", "torque_y_Nm", "torque_z_Nm")
 
 MOST = 5000
 """Samples of one device that are kept until somebody takes them: ten seconds at 500 Hz."""
@@ -39,8 +41,8 @@ class Readings:
     def take(self) -> dict[str, dict[str, Any]]:
         """What was measured since the last call, by device and quantity.
 
-        Every device gives `stamp` (n,) [s on the cell's clock]; arms `q` (n, dof) [rad], grippers `width` (n,) [m],
-        fingers `wrenches` (n, 2, 6) [N, N·m] in the pads' frames.
+        Every device gives `stamp_s` on the cell's clock, arms their joints, grippers their width, fingers force and
+        torque of each in its pad's frame; shape (n,) each, the name carries the unit.
         """
         taken = {name: [noted.popleft() for _ in range(len(noted))] for name, noted in self._noted.items()}
         return {name: self._columns(name, samples) for name, samples in taken.items() if samples}
@@ -50,12 +52,15 @@ class Readings:
         for subscription in self._subscriptions:
             subscription.close()
 
-    def _columns(self, name: str, samples: Iterable[Any]) -> dict[str, Any]:
-        samples = list(samples)
-        stamps = {"stamp": np.array([sample.stamp for sample in samples])}
+    def _columns(self, name: str, samples: list[Any]) -> dict[str, Any]:
+        columns = {"stamp_s": np.array([sample.stamp for sample in samples])}
         if name in self._arms:
-            return {**stamps, "q": np.array([sample.q for sample in samples])}
+            joints = np.array([sample.q for sample in samples])
+            return columns | {f"q_{k + 1}_rad": q for k, q in enumerate(joints.T)}
         if name in self._grippers:
-            return {**stamps, "width": np.array([sample.width for sample in samples])}
-        wrenches: list[WrenchSample] = samples
-        return {**stamps, "wrenches": np.array([sample.wrenches for sample in wrenches])}
+            return columns | {"width_m": np.array([sample.width for sample in samples])}
+        wrenches = np.array([sample.wrenches for sample in samples])
+        for finger in range(wrenches.shape[1]):
+            for k, part in enumerate(WRENCH):
+                columns[f"finger_{finger + 1}_{part}"] = wrenches[:, finger, k]
+        return columns

@@ -25,8 +25,7 @@ class Event:
 class RunStarted(Event):
     """A run begins. `nodes` describes the tree: one mapping per node, in drawing order, with `path` and `parent`.
 
-    `tree_files` holds the texts of the files that the tree calls, by their path; of a dry run `cell_text` is the file of
-    mocks.
+    `tree_files` holds the texts of the files that the tree calls, by their path; of a dry run `cell_text` is its mocks.
     """
 
     run: str

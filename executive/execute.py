@@ -10,10 +10,12 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from importlib.metadata import PackageNotFoundError, entry_points, version
 from pathlib import Path
 
 from executive.breakpoints import Side
+from executive.campaign.commit import commit_here
 from executive.cell import Cell
 from executive.dry_cell import DryCell
 from executive.errors import UsageError
@@ -237,7 +239,7 @@ def _started(order: RunOrder, runner: Runner, document: Document, cell: Cell, fo
         seed=order.seed,
         parameters=runner.tree.parameters,
         nodes=tuple(node.facts() for node in runner.tree.nodes),
-        versions=_versions(),
+        versions=versions(),
         wall_time=time.time(),
         period=PERIOD,
         settings=dict(order.settings),
@@ -251,8 +253,12 @@ def _text_of(path: Path | None, texts: Mapping[str, str]) -> str:
     return texts[str(path)] if str(path) in texts else read_text(path)
 
 
-def _versions() -> dict[str, str]:
-    found = {"python": platform.python_version(), "platform": platform.platform(terse=True)}
+@cache
+def versions() -> Mapping[str, str]:
+    """What runs here: the commit of Pomona in a git checkout, Python, packages."""
+    commit = commit_here()
+    found = {"git": commit} if commit else {}
+    found |= {"python": platform.python_version(), "platform": platform.platform(terse=True)}
     for package in ("pomona", "py-trees", "numpy", "torch", "ompl", "mujoco-core"):
         with contextlib.suppress(PackageNotFoundError):
             found[package] = version(package)

@@ -5,14 +5,15 @@ from __future__ import annotations
 import base64
 import difflib
 import json
+import struct
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import cv2
 import numpy as np
-from mcap.exceptions import InvalidMagic, McapError
+from mcap.exceptions import McapError
 from mcap.reader import NonSeekingReader
 
 from executive.errors import UsageError
@@ -20,6 +21,8 @@ from executive.events import Event, Published
 from executive.recording.decode import ForeignRecordError, event_from
 from executive.recording.recorder import EVENTS, EVENTS_FILE
 from executive.views import ImageView
+
+MAGIC = b"\x89MCAP0\r\n"
 
 
 def find_record(name: str, root: Path) -> Path:
@@ -84,18 +87,29 @@ def messages(path: Path) -> Iterator[tuple[str, bytes]]:
     """
     try:
         with path.open("rb") as stream:
+            if not has_begun(path, stream):
+                return
+            stream.seek(0)
             for _schema, channel, message in NonSeekingReader(stream).iter_messages(log_time_order=False):
                 yield channel.topic, message.data
-    except InvalidMagic as error:
-        if path.stat().st_size == 0:
-            return  # killed before the first byte
-        raise UsageError(f"{path}: not a record of a run: it is no MCAP file") from error
-    except (McapError, EOFError):
+    except (McapError, EOFError, struct.error):
         return  # cut off
-    except (ValueError, KeyError, UnicodeDecodeError) as error:
+    except (ValueError, KeyError) as error:
         raise UsageError(f"{path}: not a record of a run: it is damaged ({error})") from error
     except OSError as error:
         raise UsageError(f"{path}: {error.strerror}") from error
+
+
+def has_begun(path: Path, stream: BinaryIO) -> bool:
+    """Whether the head of an MCAP file stands in the stream; False when the process was killed before that.
+
+    Raises:
+        UsageError: it is no MCAP file.
+    """
+    start = stream.read(len(MAGIC))
+    if start != MAGIC and not MAGIC.startswith(start):
+        raise UsageError(f"{path}: not a record of a run: it is no MCAP file")
+    return start == MAGIC
 
 
 def decode_image(text: str) -> np.ndarray[Any, Any]:

@@ -128,7 +128,8 @@ class Summary:
             parts = "  ".join(f"{n} {seconds(v)}" for n, v in sorted(self.compute_time.items(), key=lambda i: -i[1]))
             _row(console, "computing", f"{seconds(total)} in all: {parts}")
         if record is not None:
-            _row(console, "record", f"{record}   [dim](picture: {record / 'picture.png'})[/]")
+            picture = record / "picture.png"
+            _row(console, "record", f"{record}   [dim](picture: {picture})[/]" if picture.is_file() else str(record))
 
     def _headline(self) -> str:
         assert self.ended is not None

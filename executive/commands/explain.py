@@ -1,0 +1,37 @@
+"""`pomona explain`: what happened in a run and why, in a few sentences."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+
+from executive.commands.runs import RUN
+from executive.recording.read import events_file, find_record, read_events
+from executive.recording.recorder import is_being_written
+from executive.terminal.explain import explain
+
+
+def add(subparsers: Any) -> None:
+    """Register the subcommand."""
+    parser = subparsers.add_parser("explain", help="what happened in a recorded run and why, in a few sentences")
+    parser.add_argument("run", nargs="?", default="last", help=f"{RUN} (default: last)")
+    parser.add_argument(
+        "--record", type=Path, default=Path("runs"), metavar="DIR", help="where records are (default: runs)"
+    )
+    parser.set_defaults(main=main)
+
+
+def main(options: argparse.Namespace) -> int:
+    """Explain it.
+
+    Returns:
+        the exit status.
+    """
+    record = find_record(options.run, options.record)
+    console = Console()
+    for paragraph in explain(read_events(record), is_being_written(events_file(record))):
+        console.print(paragraph, highlight=False, markup=False)
+    return 0

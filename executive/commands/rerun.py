@@ -1,0 +1,121 @@
+"""`pomona rerun`: repeat a simulated run from its own record and confirm that the same happens."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import tempfile
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+
+from executive.commands.runs import RUN
+from executive.errors import UsageError
+from executive.events import OperatorActed, RunEnded, RunStarted
+from executive.execute import RunOrder, execute, versions
+from executive.files import installed_trees
+from executive.recording.difference import first_difference
+from executive.recording.read import find_record, read_events
+from executive.terminal.explain import describe
+from executive.terminal.live import LiveTree
+from executive.terminal.words import seconds
+
+REPEATABLE = ("simulated", "frames", "mock")
+
+
+def add(subparsers: Any) -> None:
+    """Register the subcommand."""
+    parser = subparsers.add_parser(
+        "rerun",
+        help="repeat a simulated run from its own record and confirm the same events",
+        description="Repeats a simulated run with the tree and the cell that are in its record, whatever has become of "
+        "the files, and compares every event. Exit status: 0 the same, 1 it differs.",
+    )
+    parser.add_argument("run", help=RUN)
+    parser.add_argument(
+        "--record", type=Path, default=Path("runs"), metavar="DIR", help="where records are (default: runs)"
+    )
+    parser.set_defaults(main=main)
+
+
+def main(options: argparse.Namespace) -> int:
+    """Repeat it.
+
+    Returns:
+        the exit status.
+    """
+    record = find_record(options.run, options.record)
+    console = Console()
+    started, remarks = _beginning(record)
+    with tempfile.TemporaryDirectory(prefix="pomona-rerun-") as folder:
+        order = _order(started, Path(folder))
+        with contextlib.closing(LiveTree(console)) as live:
+            executed = execute(order, [live.hear])
+        if executed.problem or executed.record is None:
+            raise UsageError(f"the repetition could not be compared: {executed.problem}")
+        count, difference = first_difference(record, executed.record)
+    if difference is None:
+        console.print(
+            f"[green]✓[/] the same {count} events, {seconds(executed.result.time)} of the run, "
+            f"{seconds(executed.result.wall)} here",
+            highlight=False,
+        )
+        return 0
+    console.print(f"[red]✗[/] {count} events are the same, then", highlight=False)
+    for line in [*describe(difference, "recorded", "now"), *remarks, *_versions_differ(started)]:
+        console.print(f"  {line}", highlight=False, markup=False, soft_wrap=True)
+    return 1
+
+
+def _beginning(record: Path) -> tuple[RunStarted, list[str]]:
+    """How the recorded run began, and what in it nobody can repeat."""
+    started: RunStarted | None = None
+    ended = False
+    acts: list[OperatorActed] = []
+    for event in read_events(record):
+        if isinstance(event, RunStarted):
+            started = event
+        elif isinstance(event, OperatorActed):
+            acts.append(event)
+        elif isinstance(event, RunEnded):
+            ended = True
+    if started is None:
+        raise UsageError(f"{record}: the record does not say how the run began")
+    kind = started.cell_kind
+    if kind not in REPEATABLE:
+        raise UsageError(f"{record}: only a simulated run can be repeated, this one was on a cell of kind {kind}")
+    remarks = [f"{act.who} did {act.action} at {act.t:.2f} s: a repetition has no operator" for act in acts]
+    if not ended:
+        remarks.append("the record was cut off: the repetition goes on where it ends")
+    return started, remarks
+
+
+def _order(started: RunStarted, folder: Path) -> RunOrder:
+    """The order that was given then, with the contents of then."""
+    dry = started.cell == "dry" and started.cell_kind == "mock"
+    cell = Path(started.cell_path)
+    if not dry and not cell.parent.is_dir():  # recorded on another machine: robots and fruit are found by the cell
+        cell = installed_trees() / "cells" / cell.name
+        if not cell.parent.is_dir():
+            raise UsageError(f"{started.cell_path}: its folder is needed for the robot and the fruit, and is not here")
+    texts = {started.tree_path: started.tree_text, str(cell): started.cell_text, **started.tree_files}
+    return RunOrder(
+        tree=Path(started.tree_path),
+        cell=cell,
+        seed=started.seed,
+        settings=dict(started.settings),
+        record=folder,
+        dry=dry,
+        mocks=cell if dry and started.cell_path else None,
+        texts=texts,
+    )
+
+
+def _versions_differ(started: RunStarted) -> list[str]:
+    now = versions()
+    return [
+        f"{name} was {then}, is {now.get(name, 'missing')}"
+        for name, then in started.versions.items()
+        if now.get(name) != then
+    ]

@@ -1,0 +1,258 @@
+"""`pomona runs`: list, show, compare, export, prune, repair recorded runs, and extract what they hold."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+
+from executive.errors import UsageError
+from executive.recording import prune as pruning
+from executive.recording.copy import is_whole
+from executive.recording.digest import Digest, digest
+from executive.recording.export import FORMATS, export
+from executive.recording.extract import extract
+from executive.recording.index import RunIndex
+from executive.recording.read import find_record, read_events
+from executive.recording.recorder import EVENTS_FILE, is_being_written
+from executive.recording.repair import repair
+from executive.terminal.explain import explain_parting
+from executive.terminal.run_list import how, print_comparison, print_list, size, wide_console
+from executive.terminal.run_sheet import print_sheet
+from executive.terminal.summary import Summary
+
+RUN = "a record's folder or MCAP file, its name (or the beginning of it) below --record, or 'last'"
+
+
+def add(subparsers: Any) -> None:
+    """Register the subcommand."""
+    parser = subparsers.add_parser("runs", help="list, show, compare, export, prune, repair recorded runs")
+    commands = parser.add_subparsers(metavar="WHAT", required=True)
+
+    listing = _command(commands, "list", _list, "the recorded runs, newest first")
+    listing.add_argument("words", nargs="*", help="only runs with all of these words in name, cell, settings or code")
+    listing.add_argument("--failed", action="store_true", help="only runs that did not succeed")
+    listing.add_argument("--limit", type=_positive, default=30, metavar="N", help="at most so many (default: 30)")
+    listing.add_argument("--all", action="store_true", help="no limit")
+    listing.add_argument("--rebuild", action="store_true", help="make the index afresh from the records")
+    listing.add_argument("--json", action="store_true", help="one JSON object a line")
+
+    show = _command(commands, "show", _show, "one run: what it was, how it went, what its record holds")
+    show.add_argument("run", help=RUN)
+    show.add_argument("--json", action="store_true", help="one JSON object")
+
+    compare = _command(commands, "compare", _compare, "runs side by side, and where two of the same kind part")
+    compare.add_argument("runs", nargs="+", metavar="RUN", help=RUN)
+
+    exporting = _command(commands, "export", _export, "a run as one portable file")
+    exporting.add_argument("run", help=RUN)
+    exporting.add_argument(
+        "file", nargs="?", type=Path,
+        help="default: RUN.zip here. The ending says what it becomes: "
+        + ", ".join(f"{ending} {what}" for ending, (_write, what) in FORMATS.items()),
+    )  # fmt: skip
+
+    frames = _command(commands, "frames", _frames, "images, wrenches, joints, paths as PNG, CSV and JSON")
+    frames.add_argument("run", help=RUN)
+    frames.add_argument("folder", nargs="?", type=Path, help="default: RUN_frames here")
+
+    prune = _command(commands, "prune", _prune, "throw away old records; asks first, spares a run that is going on")
+    prune.add_argument("--older", metavar="AGE", help="older than this: 30 d, 12 h, 4 w")
+    prune.add_argument("--keep", type=_positive, metavar="N", help="all but the newest N")
+    prune.add_argument("--total", metavar="SIZE", help="the oldest, until the rest fits into this: 20 GB")
+    prune.add_argument("--dry", action="store_true", help="only say what would go")
+    prune.add_argument("--yes", action="store_true", help="do not ask")
+
+    repairing = _command(commands, "repair", _repair, "make records whole whose process was killed")
+    repairing.add_argument("runs", nargs="*", metavar="RUN", help=f"{RUN}; default: all that need it")
+
+
+def _command(commands: Any, name: str, main: Any, text: str) -> argparse.ArgumentParser:
+    parser: argparse.ArgumentParser = commands.add_parser(name, help=text, description=text.capitalize())
+    parser.add_argument(
+        "--record", type=Path, default=Path("runs"), metavar="DIR", help="folder of records (default: runs)"
+    )
+    parser.set_defaults(main=main)
+    return parser
+
+
+def _positive(text: str) -> int:
+    value = int(text)
+    if value < 1:
+        raise ValueError
+    return value
+
+
+# --------------------------------------------------------------------------------------------------- list
+
+
+def _list(options: argparse.Namespace) -> int:
+    if not options.record.is_dir():
+        raise UsageError(f"no folder {options.record}: `pomona run` makes it, --record names another")
+    index = RunIndex(options.record)
+    runs = index.rebuild() if options.rebuild else index.read()
+    if index.problem:
+        Console(stderr=True).print(index.problem, style="yellow", markup=False, soft_wrap=True)
+    chosen = [run for run in runs if _wanted(run, options)]
+    shown = chosen if options.all else chosen[: options.limit]
+    if options.json:
+        for run in shown:
+            sys.stdout.write(json.dumps(run.as_json(), ensure_ascii=False) + "\n")
+        return 0
+    print_list(wide_console(), shown, len(runs), sum(run.bytes for run in runs))
+    return 0
+
+
+def _wanted(run: Digest, options: argparse.Namespace) -> bool:
+    if options.failed and how(run) in ("success", "running"):
+        return False
+    settings = (f"{key}={value}" for key, value in run.settings.items())
+    text = " ".join((run.run, run.tree, run.cell, run.cell_kind, how(run), run.code or "", *run.codes, *settings))
+    return all(word.lower() in text.lower() for word in options.words)
+
+
+# ------------------------------------------------------------------------------------------- show, compare
+
+
+def _show(options: argparse.Namespace) -> int:
+    record = find_record(options.run, options.record)
+    if options.json:
+        sys.stdout.write(json.dumps(_digest(record).as_json(), ensure_ascii=False) + "\n")
+        return 0
+    print_sheet(wide_console(), record, _digest(record), _summary(record))
+    return 0
+
+
+def _compare(options: argparse.Namespace) -> int:
+    if len(options.runs) < 2:
+        raise UsageError("compare at least two runs: pomona runs compare RUN RUN")
+    records = [find_record(name, options.record) for name in options.runs]
+    console = wide_console()
+    summaries = [_summary(record) for record in records]
+    digests = [_digest(record) for record in records]
+    print_comparison(console, digests, [summary.robot_time for summary in summaries])
+    if len(records) == 2 and _same_start(digests[0]) == _same_start(digests[1]):
+        for line in explain_parting(records[0], records[1]):
+            console.print(line, highlight=False, markup=False, soft_wrap=True)
+    return 0
+
+
+def _same_start(run: Digest) -> tuple[Any, ...]:
+    """What two runs must share to be expected to happen alike."""
+    return run.tree_hash, run.cell_hash, run.seed, dict(run.settings)
+
+
+def _digest(record: Path) -> Digest:
+    """A run's digest.
+
+    Raises:
+        UsageError: its record cannot be read.
+    """
+    found = digest(record)
+    if found.state == "unreadable":
+        raise UsageError(found.message or f"{record} cannot be read")
+    return found
+
+
+def _summary(record: Path) -> Summary:
+    summary = Summary()
+    for event in read_events(record):
+        summary.hear(event)
+    return summary
+
+
+# ------------------------------------------------------------------------------------------ export, frames
+
+
+def _export(options: argparse.Namespace) -> int:
+    record = find_record(options.run, options.record)
+    target = options.file or Path(f"{_name(record)}.zip")
+    export(record, target)
+    Console().print(f"{target}  {size(target.stat().st_size)}", highlight=False, markup=False)
+    return 0
+
+
+def _frames(options: argparse.Namespace) -> int:
+    record = find_record(options.run, options.record)
+    folder = options.folder or Path(f"{_name(record)}_frames")
+    written = extract(record, folder)
+    console = Console()
+    console.print(f"{folder}", style="bold", markup=False)
+    for name, what in written.items():
+        console.print(f"  {name:<18} {what}", highlight=False, markup=False, soft_wrap=True)
+    return 0
+
+
+def _name(record: Path) -> str:
+    return record.stem if record.is_file() else record.resolve().name
+
+
+# ------------------------------------------------------------------------------------------- prune, repair
+
+
+def _prune(options: argparse.Namespace) -> int:
+    if options.older is None and options.keep is None and options.total is None:
+        raise UsageError("say what may go: --older 30d, --keep 100, --total 20GB")
+    runs = RunIndex(options.record).read()
+    older = None if options.older is None else pruning.parse_age(options.older)
+    total = None if options.total is None else pruning.parse_size(options.total)
+    chosen = pruning.choose(runs, older=older, keep=options.keep, total=total)
+    console = wide_console()
+    sizes = {run.run: run.bytes for run in runs}
+    for run, why in chosen.items():
+        console.print(f"  {run:<44} {size(sizes[run]):>9}   {why}", highlight=False, markup=False)
+    amount = f"{len(chosen)} of {len(runs)} records, {size(sum(sizes[run] for run in chosen))}"
+    if options.dry or not chosen:
+        console.print(f"{amount} would go" if chosen else "nothing to throw away", highlight=False)
+        return 0
+    if not options.yes and not _agreed(f"throw away {amount}? [y/N] "):
+        console.print("nothing was thrown away")
+        return 1
+    removed = [run for run in chosen if pruning.remove(options.record, run)]
+    console.print(f"threw away {len(removed)} records, {size(sum(sizes[run] for run in removed))}", highlight=False)
+    return 0
+
+
+def _agreed(question: str) -> bool:
+    if not sys.stdin.isatty():
+        raise UsageError("there is nobody to ask: --yes throws them away without asking, --dry only lists them")
+    return input(question).strip().lower() in ("y", "yes")
+
+
+def _repair(options: argparse.Namespace) -> int:
+    console = Console()
+    if options.runs:
+        records: Iterable[Path] = [find_record(name, options.record) for name in options.runs]
+    else:
+        records = sorted(path.parent for path in options.record.glob(f"*/{EVENTS_FILE}") if _needs_repair(path))
+    status, count = 0, 0
+    for record in records:
+        count += 1
+        try:
+            done = repair(record)
+        except UsageError as error:
+            console.print(f"✗ {error}", style="red", markup=False, soft_wrap=True)
+            status = 2
+            continue
+        if done is None:
+            console.print(f"· {record}: whole already", highlight=False, markup=False, soft_wrap=True)
+            continue
+        copied = done.copied
+        parts = [f"{copied.messages} messages, up to {copied.seconds:.2f} s of the run"]
+        if copied.cut:
+            parts.append(f"{size(copied.cut)} of a half-written one kept in {EVENTS_FILE}.tail")
+        if done.made:
+            parts.append(f"made {', '.join(done.made)}")
+        console.print(f"✓ {record}: {'; '.join(parts)}", highlight=False, markup=False, soft_wrap=True)
+    if not count:
+        console.print("every record is whole")
+    return status
+
+
+def _needs_repair(path: Path) -> bool:
+    return not is_whole(path) and not is_being_written(path)

@@ -1,0 +1,276 @@
+"""What happened in a run and why, in a few plain sentences."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+from executive.encode import plain
+from executive.events import (
+    AttemptEnded,
+    Event,
+    LinkChanged,
+    NodeChanged,
+    OperatorActed,
+    RunEnded,
+    RunStarted,
+    SafeStopped,
+)
+from executive.reasons import Reason
+from executive.recording.difference import Difference, first_difference
+from executive.terminal.summary import Summary
+from executive.terminal.words import seconds
+
+ORDINALS = ("first", "second", "third", "fourth", "fifth", "sixth", "seventh", "eighth", "ninth", "tenth")
+UNITS = {"mm": "mm", "m": "m", "n": "N", "nm": "N·m", "kg": "kg", "deg": "°", "s": "s"}
+MOST_ATTEMPTS = 4
+"""Attempts that are told one by one; of more, the first and the last are."""
+
+
+def explain(events: Iterable[Event], going_on: bool = False) -> list[str]:
+    """Paragraphs for a person.
+
+    Args:
+        events: of the run, from its start.
+        going_on: the record has no end because the run is still going on.
+    """
+    story = _Story()
+    for event in events:
+        story.hear(event)
+    return [paragraph for paragraph in story.tell(going_on) if paragraph]
+
+
+class _Story:
+    def __init__(self) -> None:
+        self.summary = Summary()
+        self.nodes: dict[str, Mapping[str, Any]] = {}
+        self.failures: list[NodeChanged] = []
+        self.acts: list[OperatorActed] = []
+        self.stops: list[SafeStopped] = []
+        self.links: list[LinkChanged] = []
+        self.running: dict[str, float] = {}
+        self.t = 0.0
+
+    def hear(self, event: Event) -> None:
+        self.summary.hear(event)
+        self.t = max(self.t, event.t)
+        if isinstance(event, RunStarted):
+            self.nodes = {node["path"]: node for node in event.nodes}
+        elif isinstance(event, NodeChanged):
+            if event.status == "RUNNING":
+                self.running.setdefault(event.path, event.t)
+            else:
+                self.running.pop(event.path, None)
+            if event.reason is not None and not event.reason.causes:
+                self.failures.append(event)
+        elif isinstance(event, OperatorActed):
+            self.acts.append(event)
+        elif isinstance(event, SafeStopped):
+            self.stops.append(event)
+        elif isinstance(event, LinkChanged) and event.state != "ok":
+            self.links.append(event)
+
+    # ------------------------------------------------------------------------------------------ paragraphs
+
+    def tell(self, going_on: bool) -> Iterator[str]:
+        started, ended = self.summary.started, self.summary.ended
+        if started is None:
+            yield "The record holds no beginning of a run: it was cut off before anything happened."
+            return
+        yield f"{self._opening(started)} {self._outcome(ended, going_on)}"
+        if ended is not None and ended.reason is not None:
+            yield self._why(ended.reason)
+        yield self._attempts()
+        yield self._on_the_way(ended)
+        yield self._interventions()
+        yield " ".join(
+            f"{name.capitalize()}: {_sentence(re.sub(' {2,}', ', ', told))}"
+            for name, told in self.summary.notes.items()
+        )
+        yield self._time(ended)
+        if ended is not None and ended.truth:
+            yield _world(ended.truth)
+
+    def _opening(self, started: RunStarted) -> str:
+        settings = ", ".join(f"{key} = {value}" for key, value in started.settings.items())
+        with_what = f"seed {started.seed}" + (f" and {settings}" if settings else "")
+        kind = {"real": "real", "mock": "mocked"}.get(started.cell_kind, started.cell_kind)
+        day = f"{datetime.fromtimestamp(started.wall_time):%d %B %Y at %H:%M}".lstrip("0")
+        return f"{started.tree} ran on the {kind} cell {started.cell} with {with_what}, on {day}."
+
+    def _outcome(self, ended: RunEnded | None, going_on: bool) -> str:
+        if ended is None:
+            at = " and ".join(sorted({self._name(path) for path in self.running if path in self._leaves()}))
+            where = f", while {at} was running" if at else ""
+            if going_on:
+                return f"It is still going on: {seconds(self.t)} so far{where}."
+            return f"The record ends after {seconds(self.t)}{where}: the process was killed or lost its power."
+        tries = [attempt for attempt in self.summary.attempts if attempt.succeeded]
+        if ended.outcome == "success":
+            most = max(tries, key=lambda attempt: attempt.number, default=None)
+            which = "" if most is None else f", on the {_ordinal(most.number)} attempt of {most.of}"
+            return f"It succeeded after {seconds(ended.time)}{which if most and most.number > 1 else ''}."
+        word = {"failure": "failed", "stopped": "was stopped"}.get(ended.outcome, "ended in the safe state")
+        return f"It {word} after {seconds(ended.time)}."
+
+    def _why(self, reason: Reason) -> str:
+        leaf = list(reason.leaves())[-1]
+        where = self._place(leaf.node_path)
+        text = f"The reason is {leaf.code}" + (f" of {where}" if where else "") + f": {_sentence(leaf.message)}"
+        text += _figures(leaf.data)
+        chain = list(dict.fromkeys(self._name(step.node_path) for step in _last_chain(reason)))
+        if len(chain) > 2:
+            text += f" With it failed {', then '.join(reversed(chain[:-1]))}."
+        return text
+
+    def _attempts(self) -> str:
+        failed = self._failed_attempts()
+        told: list[AttemptEnded | None] = list(failed)
+        if len(failed) > MOST_ATTEMPTS:
+            told = [*failed[: MOST_ATTEMPTS - 1], None, failed[-1]]
+        sentences = []
+        for attempt in told:
+            if attempt is None:
+                sentences.append(f"So it went on, {len(failed) - MOST_ATTEMPTS} attempts more.")
+                continue
+            leaf = _leaf(attempt)
+            why = "" if leaf is None else f": {self._name(leaf.node_path)} said {leaf.code}, {_sentence(leaf.message)}"
+            name = self._name(attempt.path.partition(":")[0])
+            sentences.append(
+                f"Attempt {attempt.number} of {attempt.of} ({name}) ended at {attempt.t:.1f} s{why or '.'}"
+            )
+        return " ".join(sentences)
+
+    def _failed_attempts(self) -> list[AttemptEnded]:
+        """Attempts that failed, without those around them that failed for the same reason in the same moment."""
+        failed: list[AttemptEnded] = []
+        for attempt in self.summary.attempts:
+            before = failed[-1] if failed else None
+            if attempt.succeeded or (before and before.t == attempt.t and _leaf(before) == _leaf(attempt)):
+                continue
+            failed.append(attempt)
+        return failed
+
+    def _on_the_way(self, ended: RunEnded | None) -> str:
+        counted = Counter((self._name(f.path), f.reason.code) for f in self.failures if f.reason is not None)
+        if not counted:
+            return "Nothing failed on the way." if ended is not None and ended.outcome == "success" else ""
+        parts = [f"{name} {code}{_times(number)}" for (name, code), number in counted.most_common()]
+        return f"What failed on the way: {', '.join(parts)}."
+
+    def _interventions(self) -> str:
+        parts = [f"At {link.t:.1f} s, {link.device}: {_sentence(link.state)}" for link in self.links]
+        parts += [f"At {act.t:.1f} s {act.who} asked for {act.action} {act.detail}".rstrip() + "." for act in self.acts]
+        parts += [f"At {stop.t:.1f} s the cell went to its safe state: {_sentence(stop.reason)}" for stop in self.stops]
+        return " ".join(parts)
+
+    def _time(self, ended: RunEnded | None) -> str:
+        shares = sorted(self.summary.robot_time.items(), key=lambda item: -item[1])
+        longest = [f"{name} ({seconds(value)})" for name, value in shares[:3] if value >= 0.01]
+        text = f"Most of its time went to {_and(longest)}." if longest else ""
+        computing = sum(self.summary.compute_time.values())
+        if computing and ended is not None:
+            text += f" It computed for {seconds(computing)}; the whole run took {seconds(ended.wall)} here."
+        return text.strip()
+
+    # ----------------------------------------------------------------------------------------------- words
+
+    def _leaves(self) -> set[str]:
+        return set(self.nodes) - {node["parent"] for node in self.nodes.values()}
+
+    def _name(self, path: str) -> str:
+        node = self.nodes.get(path)
+        return str(node["name"]) if node is not None else path.rsplit("/", 1)[-1].partition(":")[0]
+
+    def _place(self, path: str) -> str:
+        node = self.nodes.get(path)
+        if node is None:
+            return path
+        line = f" (line {node['line']} of the tree)" if node.get("line") else ""
+        return f"{node['name']}{line}"
+
+
+def _leaf(attempt: AttemptEnded) -> Reason | None:
+    return list(attempt.reason.leaves())[-1] if attempt.reason is not None else None
+
+
+def _last_chain(reason: Reason) -> Iterator[Reason]:
+    """From the root to the leaf that failed last."""
+    yield reason
+    if reason.causes:
+        yield from _last_chain(reason.causes[-1])
+
+
+def _world(truth: Mapping[str, Any]) -> str:
+    """The simulated world's score, as far as it is figures."""
+    parts = []
+    for name, value in truth.items():
+        if isinstance(value, bool):
+            parts.append(f"{name.replace('_', ' ')}: {'yes' if value else 'no'}")
+        elif isinstance(value, (int, float)) and math.isfinite(value):
+            parts.append(_figure(name, value))
+    return f"The simulated world says {', '.join(parts)}." if parts else ""
+
+
+def _figure(name: str, value: float) -> str:
+    """slip_mm, 0.1392 -> 'slip 0.139 mm'"""
+    found = re.fullmatch(r"(.+)_([a-z]+)", name)
+    if found and found[2] in UNITS:
+        return f"{found[1].replace('_', ' ')} {value:.3g} {UNITS[found[2]]}"
+    return f"{name.replace('_', ' ')} {value:.3g}"
+
+
+def _figures(data: Mapping[str, Any]) -> str:
+    numbers = {k: plain(v) for k, v in data.items() if isinstance(v, (int, float)) and not isinstance(v, bool)}
+    if not numbers:
+        return ""
+    return f" ({', '.join(_figure(name, value) for name, value in numbers.items() if value is not None)})"
+
+
+def _note(name: str, told: str) -> str:
+    """What a value says of itself; its columns become commas."""
+    return f"{name.capitalize()}: {_sentence(re.sub(' {2,}', ', ', told))}"
+
+
+def _sentence(text: str) -> str:
+    text = text.strip()
+    return text if text.endswith((".", "!", "?")) else f"{text}."
+
+
+def _ordinal(number: int) -> str:
+    return ORDINALS[number - 1] if number <= len(ORDINALS) else f"{number}th"
+
+
+def _times(number: int) -> str:
+    return "" if number == 1 else f" {number} times"
+
+
+def _and(words: list[str]) -> str:
+    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
+
+
+# ------------------------------------------------------------------------------------------ two of a kind
+
+
+def explain_parting(before: Path, now: Path) -> list[str]:
+    """Where the events of two runs part, for people."""
+    count, difference = first_difference(before, now)
+    if difference is None:
+        return [f"both runs consist of the same {count} events"]
+    return describe(difference, before.name, now.name)
+
+
+def describe(difference: Difference, before: str, now: str) -> list[str]:
+    """A difference as lines; `before` and `now` are what the two runs are called."""
+    where = f", {difference.where}" if difference.where else ""
+    width = max(len(before), len(now))
+    return [
+        f"they part at event {difference.number}, at {difference.t:.2f} s: {difference.what}{where}",
+        f"  {before:<{width}}  {difference.before}",
+        f"  {now:<{width}}  {difference.now}",
+    ]

@@ -1,0 +1,62 @@
+"""One recorded run on one page."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from pathlib import Path
+
+from rich.console import Console
+from rich.table import Table
+
+from executive.recording.digest import Digest
+from executive.recording.read import events_file
+from executive.recording.recorder import is_being_written
+from executive.recording.scan import scan
+from executive.terminal.run_list import MARKS, ending, how, size, when
+from executive.terminal.summary import Summary
+
+
+def print_sheet(console: Console, record: Path, run: Digest, summary: Summary) -> None:
+    """What it was, how it went, and what its record holds."""
+    if summary.started is not None and summary.ended is not None:
+        summary.print(console, None)
+    else:
+        going_on = is_being_written(events_file(record))
+        sign, style = MARKS["running" if going_on else "cut off"]
+        console.print(f"[{style}]{sign} {run.tree or record.name}[/]  {'running' if going_on else ending(run)}")
+    started = summary.started
+    console.print()
+    rows = {"record": str(record), "began": when(run.wall_time) if run.wall_time else "unknown", "how": how(run)}
+    if started is not None:
+        rows |= {
+            "tree": f"{run.tree}  {started.tree_path}  ({run.tree_hash})",
+            "cell": f"{run.cell}, {run.cell_kind}  {started.cell_path}  ({run.cell_hash})",
+            "seed": str(run.seed),
+            "settings": "  ".join(f"{key}={value}" for key, value in run.settings.items()) or "none",
+            "parameters": "  ".join(f"{k}={json.dumps(v, ensure_ascii=False)}" for k, v in run.parameters.items()),
+            "versions": "  ".join(f"{name} {version}" for name, version in started.versions.items()),
+        }
+    if run.codes:
+        rows["failures"] = "  ".join(f"{code} × {number}" for code, number in run.codes.items())
+    for name, value in rows.items():
+        if value:
+            console.print(f"  [bold]{name:<11}[/] ", end="")
+            console.print(value, markup=False, highlight=False, soft_wrap=True)
+    console.print()
+    console.print(_topics(record))
+
+
+def _topics(record: Path) -> Table:
+    counts: Counter[str] = Counter()
+    sizes: Counter[str] = Counter()
+    for topic, content in scan(events_file(record)):
+        counts[topic] += 1
+        sizes[topic] += len(content)
+    table = Table(box=None, padding=(0, 3, 0, 2), header_style="dim")
+    table.add_column("topic")
+    table.add_column("messages", justify="right")
+    table.add_column("size", justify="right")
+    for topic, number in sorted(counts.items()):
+        table.add_row(topic, str(number), size(sizes[topic]))
+    return table

@@ -1,0 +1,180 @@
+"""What is left when the process is killed, or the disk is full: a real kill, a real limit."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from executive.errors import UsageError
+from executive.events import StateChanged
+from executive.recording.copy import is_whole
+from executive.recording.digest import digest
+from executive.recording.index import RunIndex
+from executive.recording.read import read_events
+from executive.recording.recorder import EVENTS_FILE, Recorder, is_being_written
+from executive.recording.repair import repair
+
+RECORD_FOR_EVER = """
+import sys, time
+from pathlib import Path
+from executive.events import StateChanged
+from executive.recording.recorder import Recorder
+recorder = Recorder(Path(sys.argv[1]))
+began = time.monotonic()
+for tick in range(1_000_000):
+    recorder.hear(StateChanged(time.monotonic() - began, tick, "running", "x" * 500))
+    print(tick, flush=True)
+    time.sleep(0.01)
+"""
+
+LIMITED = """
+import resource, sys
+from executive.cli import main
+resource.setrlimit(resource.RLIMIT_FSIZE, (16_000, 16_000))
+sys.exit(main(sys.argv[1:]))
+"""
+
+TREE = "pomona: 1\ntree: slow\nroot:\n  sequence:\n    - wait: 1 s\n    - wait: 60 s\n"
+
+
+def kill_a_recording_process(folder: Path) -> int:
+    """Kill it after it has recorded an event every 10 ms for a while; the number of the last one that it handed over."""
+    with subprocess.Popen(
+        [sys.executable, "-c", RECORD_FOR_EVER, str(folder)], stdout=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stdout is not None
+        last = 0
+        for line in process.stdout:
+            last = int(line)
+            if last == 150:
+                break
+        process.send_signal(signal.SIGKILL)
+        assert process.wait() == -signal.SIGKILL
+    return last
+
+
+def test_a_killed_process_loses_at_most_the_last_second_and_repair_makes_its_record_whole(tmp_path: Path) -> None:
+    folder = tmp_path / "killed"
+    folder.mkdir()
+    last = kill_a_recording_process(folder)
+    path = folder / EVENTS_FILE
+    assert not is_whole(path)
+    assert not is_being_written(path)  # the system has taken the dead process's lock away
+    before = list(read_events(folder))
+    assert before[-1].tick > last - 100  # a second's
+
+    done = repair(folder)
+    assert done is not None
+    assert is_whole(path)
+    assert list(read_events(folder)) == before
+    assert [event.tick for event in before] == list(range(len(before)))
+    assert repair(folder) is None
+
+
+def test_what_is_no_whole_message_is_kept_beside_the_repaired_file(tmp_path: Path) -> None:
+    recorder = Recorder(tmp_path)
+    for tick in range(20):
+        recorder.hear(StateChanged(0.1 * tick, tick, "running", "x" * 200))
+    recorder.close()
+    path = tmp_path / EVENTS_FILE
+    whole = path.read_bytes()
+    path.write_bytes(whole[:5003])
+    done = repair(tmp_path)
+    assert done is not None
+    assert 0 < done.copied.cut < 400
+    tail = path.with_name("run.mcap.tail").read_bytes()
+    assert whole[:5003].endswith(tail)
+    assert len(tail) == done.copied.cut
+
+
+@pytest.mark.parametrize("length", [0, 3, 8, 20])
+def test_a_file_that_was_killed_at_birth_is_repaired_too(tmp_path: Path, length: int) -> None:
+    Recorder(tmp_path).close()
+    path = tmp_path / EVENTS_FILE
+    path.write_bytes(path.read_bytes()[:length])
+    assert list(read_events(tmp_path)) == []
+    repair(tmp_path)
+    assert is_whole(path)
+
+
+def test_a_foreign_file_is_not_repaired_and_not_touched(tmp_path: Path) -> None:
+    path = tmp_path / EVENTS_FILE
+    path.write_bytes(b"something else entirely, and long enough")
+    with pytest.raises(UsageError, match="no MCAP file"):
+        repair(tmp_path)
+    assert path.read_bytes() == b"something else entirely, and long enough"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_run_that_is_going_on_is_seen_and_not_repaired(tmp_path: Path) -> None:
+    folder = tmp_path / "now"
+    folder.mkdir()
+    recorder = Recorder(folder)
+    try:
+        assert RunIndex(tmp_path).read()[0].state == "running"
+        with pytest.raises(UsageError, match="still going on"):
+            repair(folder)
+    finally:
+        recorder.close()
+    assert RunIndex(tmp_path).read()[0].state == "cut off"
+
+
+def run_on_a_full_disk(folder: Path, record: str) -> subprocess.CompletedProcess[str]:
+    """A whole run whose record may not become larger than 16 kB."""
+    clock = "clock: manual\n"
+    (folder / "bench.yaml").write_text(f"name: bench\nkind: mock\n{clock}record: {record}\ndevices: {{}}\n")
+    arguments = [
+        "run",
+        str(folder / "slow.yaml"),
+        "--cell",
+        str(folder / "bench.yaml"),
+        "--record",
+        str(folder / "runs"),
+    ]
+    return subprocess.run([sys.executable, "-c", LIMITED, *arguments], capture_output=True, text=True, timeout=120)
+
+
+def test_on_a_full_disk_a_run_goes_on_unrecorded_and_says_so(tmp_path: Path) -> None:
+    done = run_on_a_full_disk(tmp_path, "optional")
+    said = " ".join((done.stdout + done.stderr).split())
+    assert done.returncode == 0, said
+    assert "goes on unrecorded" in said
+    assert "File too large" in said
+    assert "Traceback" not in said
+    (folder,) = (tmp_path / "runs").iterdir()
+    assert digest(folder).tree == "slow"  # what was written before is there
+    assert repair(folder) is not None
+
+
+def test_on_a_full_disk_a_run_that_needs_its_record_ends_in_the_safe_state(tmp_path: Path) -> None:
+    done = run_on_a_full_disk(tmp_path, "required")
+    said = " ".join((done.stdout + done.stderr).split())
+    assert done.returncode == 3, said
+    assert "safe stop: the record ends" in said
+    assert "Traceback" not in said
+
+
+def test_a_folder_that_cannot_be_made_refuses_a_run_that_needs_its_record(tmp_path: Path) -> None:
+    (tmp_path / "runs").write_text("a file")
+    done = run_on_a_full_disk(tmp_path, "required")
+    assert done.returncode == 2
+    assert "cannot make the record's folder" in done.stderr
+    done = run_on_a_full_disk(tmp_path, "optional")
+    assert done.returncode == 0
+    assert "goes on unrecorded" in " ".join(done.stdout.split())
+
+
+def test_what_is_written_is_with_the_system_within_a_moment(tmp_path: Path) -> None:
+    recorder = Recorder(tmp_path)
+    recorder.hear(StateChanged(0.0, 0, "running", "started"))
+    deadline = time.monotonic() + 5.0
+    while not list(read_events(tmp_path)) and time.monotonic() < deadline:
+        os.sched_yield()
+    assert len(list(read_events(tmp_path))) == 1
+    recorder.close()

@@ -1,0 +1,219 @@
+"""What other tools find in a record: every message obeys its schema, frames hang together, poses are right."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from mcap.reader import make_reader
+from scipy.spatial.transform import Rotation
+
+from executive.events import (
+    AttemptEnded,
+    Event,
+    LinkChanged,
+    NodeChanged,
+    OperatorActed,
+    PortWritten,
+    Published,
+    RunEnded,
+    RunStarted,
+    SafeStopped,
+    StateChanged,
+)
+from executive.reasons import Reason
+from executive.recording.read import read_events
+from executive.recording.recorder import EVENTS_FILE, Recorder
+from executive.recording.well_known import plain_name, quaternion
+from executive.views import (
+    BodiesView,
+    ImageView,
+    Line3,
+    Mesh3,
+    Pinhole,
+    Points3,
+    PosesView,
+    SceneView,
+    SeriesView,
+)
+
+TRIANGLE = Mesh3(np.eye(3), np.array([[0, 1, 2]], np.int32), "forearm")
+REASON = Reason("a/Plan", "NO_PATH", "there is no path", {"tries": 3})
+
+
+@dataclass(frozen=True)
+class Candidate:
+    T_base_grasp: np.ndarray[Any, Any]
+
+
+@dataclass(frozen=True)
+class Measured:
+    T_base_camera: np.ndarray[Any, Any]
+    T_camera_object: np.ndarray[Any, Any]
+    T_mount_camera: np.ndarray[Any, Any]
+    candidates: tuple[Candidate, ...]
+
+
+def pose(x: float, turn: float = 0.0) -> np.ndarray[Any, Any]:
+    T = np.eye(4)
+    T[:3, :3] = Rotation.from_euler("z", turn).as_matrix()
+    T[0, 3] = x
+    return T
+
+
+def started(**changes: Any) -> RunStarted:
+    about: dict[str, Any] = {
+        "run": "one", "tree": "pick", "tree_path": "pick.yaml", "tree_text": "pomona: 1\n", "tree_hash": "abc",
+        "cell": "sim", "cell_kind": "simulated", "cell_path": "sim.yaml", "cell_text": "name: sim\n", "seed": 3,
+        "parameters": {"height": 0.15}, "nodes": (), "versions": {"git": "0123abc", "pomona": "1"}, "wall_time": 1e9,
+        "period": 0.02, "settings": {"fruit": "apple_5"}, "tree_files": {"look.yaml": "pomona: 1\ntree: look\n"},
+    }  # fmt: skip
+    return RunStarted(0.0, 0, **(about | changes))
+
+
+def everything() -> list[Event]:
+    image = np.full((48, 64, 3), (200, 40, 30), np.uint8)
+    depth = np.full((48, 64), 0.7504, np.float32)
+    depth[0, 0] = np.nan
+    view = ImageView(image, depth=depth, pinhole=Pinhole(60.0, 61.0, 31.5, 23.5, pose(0.3)))
+    value = Measured(pose(0.5, 0.2), pose(0.4, -0.1), pose(1.0), (Candidate(pose(0.1)), Candidate(pose(0.2))))
+    scene = SceneView((Line3(np.eye(3), "planned path"),), (Points3(np.eye(3), "left to try"),), (TRIANGLE,), "path")
+    slip = SeriesView(np.array([0.5, 0.6]), {"slip speed [m/s]": np.array([0.1, np.nan])})
+    return [
+        started(),
+        StateChanged(0.0, 0, "running", "started"),
+        Published(0.1, 5, "", "robot", BodiesView((TRIANGLE,))),
+        Published(0.1, 5, "", "robot", PosesView(np.array([[0.1, 0.2, 0.3, 0, 0, 0, 1.0]]), np.zeros(3))),
+        Published(0.2, 6, "a/Detect", "detection", view),
+        PortWritten(0.3, 7, "/perceive/detection", value, "a/Detect", "an apple"),
+        Published(0.4, 8, "a/Plan", "path", scene),
+        Published(0.5, 9, "a/Grip", "grip", slip),
+        NodeChanged(0.6, 10, "a/Plan", "FAILURE", "no path", 1, REASON),
+        AttemptEnded(0.6, 10, "a", 1, 3, False, REASON),
+        LinkChanged(0.7, 11, "arm", "no answer for 0.5 s"),
+        OperatorActed(0.7, 11, "anna", "stop"),
+        SafeStopped(0.8, 12, "stopped"),
+        RunEnded(0.8, 12, "failure", REASON, 12, 0.8, 1.0, {"T_base_fruit": pose(0.9), "lifted": False}),
+    ]  # fmt: skip
+
+
+def record(folder: Path, events: list[Event]) -> Path:
+    recorder = Recorder(folder)
+    for event in events:
+        recorder.hear(event)
+    recorder.read(0.8, 12, {"arm": {"stamp_s": np.array([0.1, 0.2]), "q_1_rad": np.array([0.0, 0.5])}})
+    recorder.close()
+    assert recorder.problem == ""
+    return folder / EVENTS_FILE
+
+
+def contents(path: Path) -> list[tuple[str, str, dict[str, Any], dict[str, Any]]]:
+    """Topic, schema's name, schema, content, as any reader of MCAP files sees them."""
+    with path.open("rb") as stream:
+        return [
+            (channel.topic, schema.name, json.loads(schema.data), json.loads(message.data))
+            for schema, channel, message in make_reader(stream).iter_messages()
+            if schema is not None
+        ]
+
+
+def strict(schema: Any) -> Any:
+    """The schema with nothing allowed beside what it names, so that a misspelt field is seen."""
+    if isinstance(schema, dict):
+        closed = {key: strict(value) for key, value in schema.items()}
+        if schema.get("type") == "object" and schema.get("properties"):
+            closed = {"additionalProperties": False, "required": list(schema["properties"]), **closed}
+        return closed
+    return [strict(item) for item in schema] if isinstance(schema, list) else schema
+
+
+def test_every_message_obeys_its_schema_to_the_letter(tmp_path: Path) -> None:
+    seen = set()
+    for topic, name, schema, content in contents(record(tmp_path, everything())):
+        jsonschema.validate(content, schema if name == "pomona.Event" else strict(schema))
+        seen.add(name)
+        assert topic.startswith("/")
+    assert seen == {
+        "pomona.Event", "pomona.Sample", "pomona.Reading", "foxglove.CompressedImage", "foxglove.CameraCalibration",
+        "foxglove.PoseInFrame", "foxglove.PosesInFrame", "foxglove.FrameTransforms", "foxglove.PointCloud",
+        "foxglove.SceneUpdate", "foxglove.Log",
+    }  # fmt: skip
+
+
+def test_every_frame_hangs_on_the_base(tmp_path: Path) -> None:
+    parents, used = {}, set()
+    for _topic, name, _schema, content in contents(record(tmp_path, everything())):
+        if name == "foxglove.FrameTransforms":
+            parents |= {t["child_frame_id"]: t["parent_frame_id"] for t in content["transforms"]}
+        used |= {content[key] for key in ("frame_id",) if key in content}
+        used |= {entity["frame_id"] for entity in content.get("entities", ())}
+    assert parents == {
+        "robot/0": "base", "camera/detection": "base", "detection/camera": "base", "truth/fruit": "base",
+        "detection/object": "detection/camera",
+    }  # fmt: skip
+    assert used <= {"base", *parents}
+
+
+def test_poses_are_those_of_the_values(tmp_path: Path) -> None:
+    found = {topic: content for topic, _name, _schema, content in contents(record(tmp_path, everything()))}
+    camera = found["/poses/detection/camera"]["pose"]
+    assert camera["position"]["x"] == pytest.approx(0.5)
+    assert camera["orientation"]["z"] == pytest.approx(np.sin(0.1))
+    assert [p["position"]["x"] for p in found["/poses/detection/candidates"]["poses"]] == pytest.approx([0.1, 0.2])
+
+
+def test_tree_cell_parameters_seed_versions_and_commit_are_inside(tmp_path: Path) -> None:
+    with record(tmp_path, everything()).open("rb") as stream:
+        reader = make_reader(stream)
+        attachments = {attachment.name: attachment.data.decode() for attachment in reader.iter_attachments()}
+        (about,) = [metadata.metadata for metadata in reader.iter_metadata() if metadata.name == "pomona.run"]
+    assert attachments["tree.yaml"] == "pomona: 1\n"
+    assert attachments["cell.yaml"] == "name: sim\n"
+    assert attachments["look.yaml"] == "pomona: 1\ntree: look\n"
+    assert about["seed"] == "3"
+    assert about["version.git"] == "0123abc"
+    assert json.loads(about["parameters"]) == {"height": 0.15}
+    assert json.loads(about["settings"]) == {"fruit": "apple_5"}
+
+
+def test_depth_comes_back_to_the_millimetre(tmp_path: Path) -> None:
+    record(tmp_path, everything())
+    (view,) = [e.value for e in read_events(tmp_path) if isinstance(e, Published) and e.topic == "detection"]
+    assert view.depth[0, 0] == 0.0
+    np.testing.assert_allclose(view.depth[1:], 0.750, atol=1e-6)
+    assert view.pinhole.fx == 60.0
+    np.testing.assert_allclose(view.pinhole.T_base_camera, pose(0.3))
+
+
+def test_the_log_tells_what_a_person_would_be_told(tmp_path: Path) -> None:
+    found = contents(record(tmp_path, everything()))
+    log = [(content["level"], content["message"]) for topic, _n, _s, content in found if topic == "/log"]
+    assert (3, "NO_PATH: there is no path") in log
+    assert (2, "detection: an apple") in log
+    assert log[-1] == (4, "failure: NO_PATH: there is no path")
+
+
+def test_a_samples_gap_is_left_out(tmp_path: Path) -> None:
+    found = [content for topic, _n, _s, content in contents(record(tmp_path, everything())) if topic == "/series/grip"]
+    assert found == [{"t": 0.5, "slip_speed_m_per_s": 0.1}, {"t": 0.6}]
+
+
+@given(st.lists(st.floats(-1.0, 1.0), min_size=4, max_size=4).filter(lambda q: np.linalg.norm(q) > 1e-3))
+def test_a_quaternion_is_scipys(q: list[float]) -> None:
+    R = Rotation.from_quat(q)
+    ours, theirs = np.array(quaternion(R.as_matrix())), R.as_quat(canonical=True)
+    assert np.linalg.norm(ours) == pytest.approx(1.0)
+    assert abs(float(ours @ theirs)) == pytest.approx(1.0, abs=1e-12)
+    assert ours[3] >= 0.0
+
+
+def test_names_fit_into_a_plots_path() -> None:
+    assert plain_name("grasp force [N]") == "grasp_force_N"
+    assert plain_name("slip speed [m/s]") == "slip_speed_m_per_s"
