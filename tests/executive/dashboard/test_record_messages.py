@@ -8,14 +8,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from executive.dashboard import record_messages as reading
 from executive.dashboard.messages import encode
-from executive.dashboard.record_messages import first_event, record_messages
+from executive.dashboard.record_messages import between, first_event, image, overview, record_messages
 from executive.dashboard.records import RecordList
 from executive.errors import UsageError
 from executive.events import Event, NodeChanged, Published, RunEnded, StateChanged
 from executive.reasons import Reason
 from executive.recording.recorder import Recorder
-from executive.views import ImageView, Line2, Points3, SceneView
+from executive.views import ImageView, Line2, Points3, SceneView, SeriesView
 
 REASON = Reason("a/b", "JAMMED", 'stuck \u2028 "here"', {"angle": 0.5}, (Reason("c", "X", "y"),))
 EVENTS: tuple[Event, ...] = (
@@ -76,3 +77,51 @@ def test_the_list_says_how_runs_ended_and_reads_each_once(tmp_path: Path) -> Non
     assert (newest["run"], newest.get("outcome")) == ("run_2", None)
     assert (oldest["outcome"], oldest["code"]) == ("failure", "JAMMED")
     assert records.read()[0] is newest
+
+
+def long_run(ticks: int) -> tuple[Event, ...]:
+    """Feedback and samples in every tick, and a result in the middle."""
+    events: list[Event] = []
+    for tick in range(1, ticks):
+        t = tick * 0.02
+        status = "RUNNING" if tick < ticks // 2 else "SUCCESS"
+        events.append(NodeChanged(t, tick, "a", status, f"at {tick}", 1))
+        events.append(Published(t, tick, "a", "grip", SeriesView(np.array([t]), {"force [N]": np.array([1.0])})))
+    return (*events, RunEnded(ticks * 0.02, ticks, "success", None, ticks, ticks * 0.02, 2.0, None))
+
+
+def test_a_long_record_is_thinned_for_the_eye_and_no_result_is_lost(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name, value in (("WHOLE", 10), ("WHOLE_BYTES", 10), ("MOMENTS", 20)):
+        monkeypatch.setattr(reading, name, value)
+    folder = write(tmp_path / "r", long_run(400))
+    note, *messages = (json.loads(line) for line in b"".join(overview(folder, "/images/")).splitlines())
+    assert note == {"v": 1, "event": "Overview", "interval": pytest.approx(0.4)}
+    assert [m["seq"] for m in messages] == sorted(m["seq"] for m in messages)
+    changes = [m for m in messages if m["event"] == "NodeChanged"]
+    assert len(changes) < 25
+    assert [m["tick"] for m in changes if m["status"] == "SUCCESS"][0] == 200  # where it changed, to the tick
+    assert changes[-1]["feedback"] == "at 399"  # and what was said last
+    assert len([m for m in messages if m["event"] == "Published"]) <= 21
+    assert messages[-1]["event"] == "RunEnded"
+
+
+def test_a_stretch_of_a_record_is_whole(tmp_path: Path) -> None:
+    folder = write(tmp_path / "r", long_run(100))
+    messages = [json.loads(line) for line in b"".join(between(folder, "/images/", 0.5, 0.6)).splitlines()]
+    assert [m["tick"] for m in messages if m["event"] == "NodeChanged"] == [25, 26, 27, 28, 29, 30]
+
+
+def test_an_image_stays_behind_until_it_is_asked_for(tmp_path: Path) -> None:
+    view = ImageView(np.zeros((48, 64, 3), np.uint8))
+    folder = write(tmp_path / "r", (Published(0.0, 1, "n", "camera", view),))
+    (line,) = b"".join(overview(folder, "/images/")).splitlines()
+    value = json.loads(line)["value"]
+    assert value["size"] == [64, 48]
+    at = int(value["image"].removeprefix("/images/"))
+    found = image(folder, at)
+    assert found is not None
+    assert found.startswith(b"\xff\xd8")
+    for wrong in (0, at + 1, 10**30, (folder / "run.mcap").stat().st_size):
+        assert image(folder, wrong) is None

@@ -1,0 +1,145 @@
+"""Another address than this machine's own, for real: TLS with a certificate of our own, and what is refused without it.
+
+127.0.0.2 is not this machine's usual name, so the rules for other addresses hold there; no packet leaves the machine.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import socket
+import ssl
+import urllib.error
+import urllib.request
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import trustme
+from websockets.exceptions import InvalidStatus
+from websockets.sync.client import connect
+
+from executive.commands.dashboard import add_address, make_access
+from executive.dashboard.server import Dashboard
+
+ADDRESS = "127.0.0.2"
+Serve = Callable[..., Dashboard]
+
+
+@pytest.fixture(scope="module")
+def authority() -> trustme.CA:
+    return trustme.CA()
+
+
+@pytest.fixture
+def trusting(authority: trustme.CA) -> ssl.SSLContext:
+    """A client that knows who signed our certificate."""
+    context = ssl.create_default_context()
+    authority.configure_trust(context)
+    return context
+
+
+@pytest.fixture
+def certificate(authority: trustme.CA, tmp_path: Path) -> list[str]:
+    """The options that name a certificate for the address."""
+    issued = authority.issue_cert(ADDRESS)
+    issued.cert_chain_pems[0].write_to_path(tmp_path / "cert.pem")
+    issued.private_key_pem.write_to_path(tmp_path / "key.pem")
+    return ["--tls-cert", str(tmp_path / "cert.pem"), "--tls-key", str(tmp_path / "key.pem")]
+
+
+@pytest.fixture
+def serve(tmp_path: Path) -> Iterator[Serve]:
+    """A dashboard on the other address, with options of the command line."""
+    served: list[Dashboard] = []
+
+    def start(*options: str) -> Dashboard:
+        with socket.socket() as free:
+            free.bind((ADDRESS, 0))
+            port = free.getsockname()[1]
+        parser = argparse.ArgumentParser()
+        add_address(parser)
+        access = make_access(parser.parse_args(["--host", ADDRESS, "--port", str(port), *options]))
+        served.append(Dashboard(access, tmp_path))
+        served[-1].start()
+        return served[-1]
+
+    yield start
+    for dashboard in served:
+        dashboard.close()
+
+
+def ask(
+    dashboard: Dashboard, path: str, *, token: bool = True, body: Any = None, context: ssl.SSLContext | None = None
+) -> int:
+    """The status of an answer."""
+    headers = {"x-pomona-token": dashboard.access.token} if token else {}
+    data = None if body is None else json.dumps(body).encode()
+    request = urllib.request.Request(
+        dashboard.access.address.rstrip("/") + path, data, {**headers, "content-type": "application/json"}
+    )
+    try:
+        with urllib.request.urlopen(request, timeout=10.0, context=context) as answer:
+            status: int = answer.status
+            return status
+    except urllib.error.HTTPError as refused:
+        refused.close()
+        return refused.code
+
+
+TAKE = {"viewer": "v", "who": "ada", "action": "take"}
+
+
+def test_with_tls_another_address_watches_and_acts_with_the_token(
+    serve: Serve, certificate: list[str], trusting: ssl.SSLContext
+) -> None:
+    dashboard = serve(*certificate)
+    assert dashboard.link.startswith("https://127.0.0.2:")
+    assert ask(dashboard, "/", token=False, context=trusting) == 200
+    assert ask(dashboard, "/api/runs", token=False, context=trusting) == 403
+    assert ask(dashboard, "/api/runs", context=trusting) == 200
+    assert ask(dashboard, "/api/act", token=False, body=TAKE, context=trusting) == 403
+    assert ask(dashboard, "/api/act", body=TAKE, context=trusting) == 200
+    assert dashboard.desk.holder.who == "ada"
+    live = dashboard.access.address.replace("https", "wss") + "live"
+    with connect(f"{live}?token={dashboard.access.token}", ssl=trusting) as socket_:
+        assert json.loads(str(socket_.recv()).split("\n")[0])["event"] == "Hello"
+    with pytest.raises(InvalidStatus), connect(live, ssl=trusting):
+        pass
+
+
+def test_who_does_not_know_the_certificate_is_warned_and_plain_http_gets_nothing(
+    serve: Serve, certificate: list[str]
+) -> None:
+    dashboard = serve(*certificate)
+    with pytest.raises(urllib.error.URLError, match="certificate verify failed"):
+        ask(dashboard, "/")
+    plain = urllib.request.Request(dashboard.access.address.replace("https", "http"))
+    with pytest.raises(OSError, match=r"."):
+        urllib.request.urlopen(plain, timeout=5.0)
+
+
+@pytest.mark.parametrize(("options", "status"), [((), 403), (("--insecure-act",), 200)])
+def test_without_tls_another_address_acts_only_with_the_explicit_flag(
+    serve: Serve, options: tuple[str, ...], status: int
+) -> None:
+    dashboard = serve(*options)
+    assert ask(dashboard, "/api/runs") == 200
+    assert ask(dashboard, "/api/act", body=TAKE) == status
+
+
+@pytest.mark.browser
+def test_a_browser_works_over_tls(serve: Serve, certificate: list[str], chromium: Any) -> None:
+    from playwright.sync_api import expect
+
+    dashboard = serve(*certificate)
+    context = chromium.new_context(ignore_https_errors=True)  # nobody has told Chromium of our authority
+    page = context.new_page()
+    page.goto(dashboard.link)
+    expect(page.locator("#connection")).to_have_text("connected")
+    page.get_by_label("your name").fill("ada")
+    page.get_by_role("button", name="Take control").click()
+    expect(page.locator("#holder")).to_have_text("You hold control.")
+    assert "token" not in page.url
+    context.close()
