@@ -109,17 +109,22 @@ class Settings:
         return int(value)
 
     def span(self, key: str, kind: str = "number", default: tuple[float, float] | None = None) -> tuple[float, float]:
-        """A value or a range: 0.8 gives (0.8, 0.8), [0.7, 0.9] gives (0.7, 0.9)."""
+        """A value or a range: 0.8 gives (0.8, 0.8), [0.7, 0.9] and 0.7..0.9 give (0.7, 0.9)."""
         if default is not None and key not in self._values:
             self._seen.add(key)
             return default
         if isinstance(self._values.get(key), yaml.SequenceNode):
-            low, high = self.vector(key, 2, kind)
-            if low > high:
-                raise self.error(f"{self._name(key)} is a range from {low:g} down to {high:g}", key)
-            return float(low), float(high)
-        value = self.number(key, kind)
-        return value, value
+            low, high = map(float, self.vector(key, 2, kind))
+        else:
+            first, dots, last = self.text(key).partition("..")
+            try:
+                low = parse_quantity(first, kind)
+                high = parse_quantity(last, kind) if dots else low
+            except ValueError as error:
+                raise self.error(f"{self._name(key)}: {error}", key) from error
+        if low > high:
+            raise self.error(f"{self._name(key)} is a range from {low:g} down to {high:g}", key)
+        return low, high
 
     def vector(self, key: str, size: int | None, kind: str = "number") -> NDArray[np.float64]:
         """A list of numbers in SI units, shape (size,); any number of them for None."""
@@ -131,11 +136,16 @@ class Settings:
         except ValueError as error:
             raise self.error(f"{self._name(key)}: {error}", key) from error
 
-    def file(self, key: str) -> Path:
-        """An existing file or folder; a relative path is meant from the cell file's folder."""
+    def file(self, key: str, hint: str = "") -> Path:
+        """An existing file or folder; a relative path is meant from the cell file's folder.
+
+        Args:
+            key: in this mapping.
+            hint: what to do when there is no such file.
+        """
         path = self.path.parent / Path(self.text(key)).expanduser()
         if not path.exists():
-            raise self.error(f"{self._name(key)}: {path} does not exist", key)
+            raise self.error(f"{self._name(key)}: {path} does not exist", key, hint)
         return path.resolve()
 
     def section(self, key: str) -> Settings:

@@ -65,7 +65,7 @@ def read_hand_eye(settings: Settings) -> Float64:
     """
     if not settings.has("hand_eye"):
         raise settings.error("the camera needs 'hand_eye'", "hand_eye", "pomona calibrate hand-eye makes the file")
-    path: Path = settings.file("hand_eye")
+    path: Path = settings.file("hand_eye", "make it with `pomona calibrate hand-eye`")
     try:
         T = np.array(json.loads(path.read_text(encoding="utf-8"))["T_mount_camera"], dtype=np.float64)
     except (OSError, ValueError, KeyError, TypeError) as error:

@@ -60,7 +60,7 @@ def connect(settings: Settings, bench: Bench) -> SunTouchFingers:
 
 def _read_finger(settings: Settings, baud: int, bench: Bench) -> Finger:
     port = settings.text("port")
-    path = settings.file("calibration")
+    path = settings.file("calibration", "make it with `pomona calibrate fingers`")
     try:
         calibration = FingerCalibration.load(path)
     except UnusableCalibration as error:

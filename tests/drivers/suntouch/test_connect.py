@@ -30,7 +30,9 @@ def test_a_missing_port_is_refused_with_its_place_and_the_ports_that_are_there(t
 
 
 def test_a_missing_or_wrong_calibration_is_refused_with_what_makes_one(tmp_path: Path) -> None:
-    assert "does not exist" in refuse(tmp_path, "left: {port: p, calibration: none.json}").message
+    missing = refuse(tmp_path, "left: {port: p, calibration: none.json}")
+    assert "does not exist" in missing.message
+    assert "pomona calibrate fingers" in str(missing)
     (tmp_path / "empty.json").write_text("{}")
     error = refuse(tmp_path, "left: {port: p, calibration: empty.json}")
     assert "no calibration of a finger" in error.message
