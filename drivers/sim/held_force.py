@@ -1,0 +1,50 @@
+"""How hard a fruit was pressed while it hung in the fingers, beside the least force that would have held it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+END = 0.1
+"""The last so many seconds of a hold are its end [s]."""
+LEAST = 0.2
+"""Below this least force [N] a ratio to it says nothing."""
+
+
+@dataclass(slots=True)
+class HeldForce:
+    """Normal forces of one grip, as the simulator has them.
+
+    Attributes:
+        stamps, forces, least: while the fruit hung free: time [s], force summed over both fingers [N], and the least
+            such force with which the contact model holds the load of that moment [N].
+        finger_peak: largest force of one finger, from the first touch on [N].
+    """
+
+    stamps: list[float] = field(default_factory=list)
+    forces: list[float] = field(default_factory=list)
+    least: list[float] = field(default_factory=list)
+    finger_peak: float = 0.0
+
+    def note(self, now: float, force: float, least: float) -> None:
+        """The fruit hangs free at this moment."""
+        self.stamps.append(now)
+        self.forces.append(force)
+        self.least.append(least)
+
+    def report(self) -> dict[str, float | None]:
+        """Median force and median ratio to the least while it hung, both at the end, and one finger's peak."""
+        stamps, forces, least = map(np.asarray, (self.stamps, self.forces, self.least))
+        loaded = least > LEAST
+        figures: dict[str, float | None] = dict.fromkeys(
+            ("hold_force_n", "hold_ratio", "end_force_n", "end_ratio"), None
+        )
+        if loaded.any():
+            late = loaded & (stamps >= stamps[-1] - END)
+            figures["hold_force_n"] = float(np.median(forces[loaded]))
+            figures["hold_ratio"] = float(np.median(forces[loaded] / least[loaded]))
+            if late.any():
+                figures["end_force_n"] = float(np.mean(forces[late]))
+                figures["end_ratio"] = float(np.mean(forces[late]) / np.mean(least[late]))
+        return {**figures, "finger_peak_n": self.finger_peak}
