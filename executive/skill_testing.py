@@ -21,13 +21,16 @@ T = TypeVar("T")
 
 @dataclass
 class _Finished:
-    """A computation that was done when it was asked for."""
+    """A computation that was done when it was asked for, and is said to be done after so many more looks."""
 
     value: Any = None
     error: BaseException | None = None
+    looks: int = 0
+    cancelled: bool = False
 
     def done(self) -> bool:
-        return True
+        self.looks -= 1
+        return self.looks < 0
 
     def result(self) -> Any:
         if self.error is not None:
@@ -35,16 +38,18 @@ class _Finished:
         return self.value
 
     def cancel(self) -> None:
-        pass
+        self.cancelled = True
 
 
 @dataclass
 class BenchContext:
-    """A `SkillContext` whose computations run at once, in the caller."""
+    """A `SkillContext` whose computations run at once, in the caller; `computing` ticks later they are done."""
 
     clock: Clock = field(default_factory=ManualClock)
     devices: Mapping[type, object] = field(default_factory=dict)
     run_seed: int = 0
+    computing: int = 0
+    computations: list[_Finished] = field(default_factory=list)
     published: list[tuple[str, object]] = field(default_factory=list)
     halting: list[Work] = field(default_factory=list)
 
@@ -56,9 +61,10 @@ class BenchContext:
 
     def compute(self, node: str, function: Callable[..., Any], *arguments: Any, isolated: bool) -> Computation:
         try:
-            return _Finished(function(*arguments))
+            self.computations.append(_Finished(function(*arguments), looks=self.computing))
         except Exception as error:
-            return _Finished(error=error)
+            self.computations.append(_Finished(error=error, looks=self.computing))
+        return self.computations[-1]
 
     def publish(self, node: str, topic: str, value: object) -> None:
         self.published.append((topic, value))
@@ -79,7 +85,10 @@ class BenchContext:
 
 @dataclass(frozen=True)
 class Outcome:
-    """How a driven skill ended: its status, outputs, reason of failure, what it published, seconds on the clock."""
+    """How a driven skill ended: its status, outputs, reason of failure, what it published, seconds on the clock.
+
+    `cancelled` counts the computations that it gave up.
+    """
 
     status: Status
     outputs: Mapping[str, Any]
@@ -87,6 +96,7 @@ class Outcome:
     published: tuple[tuple[str, object], ...]
     duration: float
     feedback: str
+    cancelled: int = 0
 
 
 def drive(
@@ -100,6 +110,7 @@ def drive(
     interrupt_after: int | None = None,
     each_tick: Callable[[int], None] | None = None,
     seed: int = 0,
+    computing: int = 0,
 ) -> Outcome:
     """Tick a skill until it ends.
 
@@ -111,8 +122,10 @@ def drive(
         limit: seconds on the clock after which the skill is interrupted and `TimeoutError` is raised.
         interrupt_after: interrupt it after so many ticks and drive it until it has let go; the status is then INVALID.
         each_tick: called with the number of the tick before it, to script what devices do meanwhile.
+        seed: of the run.
+        computing: ticks that every computation takes, to interrupt one.
     """
-    context = BenchContext(clock=clock or ManualClock(), devices=devices or {}, run_seed=seed)
+    context = BenchContext(clock=clock or ManualClock(), devices=devices or {}, run_seed=seed, computing=computing)
     given = dict(inputs or {})
     values = {name: given.pop(name, port.default_value) for name, port in skill.inputs.items()}
     if given:
@@ -137,7 +150,7 @@ def drive(
         if ended:
             return Outcome(
                 skill.status, outputs, skill.reason, tuple(context.published), context.clock.now() - start,
-                skill.feedback_message,
+                skill.feedback_message, sum(computation.cancelled for computation in context.computations),
             )  # fmt: skip
         context.clock.advance(period)
         if context.clock.now() - start > limit:

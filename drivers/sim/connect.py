@@ -17,7 +17,7 @@ from drivers.sim.world import SimWorld
 
 def connect_world(settings: Settings, bench: Bench) -> SimWorld:
     """`driver: mujoco`"""
-    layout = read_layout(settings, bench.seed)
+    layout = read_layout(settings, bench.seed, bench.workspace.obstacles if bench.workspace else ())
     poses = bench.workspace.poses if bench.workspace else {}
     start = settings.choice("start", poses)
     return SimWorld(build_scene(layout, bench.seed), layout.robot, poses[start], bench.seed)

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from drivers.cell_file import Settings
-from drivers.interfaces import Float64
+from drivers.interfaces import Box, Float64
 from drivers.sim.fruit_shape import SKINS
 
 FRICTION = (0.7, 0.9)
@@ -17,7 +17,8 @@ FRICTION = (0.7, 0.9)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FruitOnTable:
-    """One fruit: kind, size (d_x, d_y, d_z) [m], mass [kg], place on the table (x, y) [m], yaw and tilt of its stem."""
+    """One fruit: kind, size (d_x, d_y, d_z) [m], mass [kg], place on the table (x, y) [m], yaw and tilt of its stem,
+    skin, and how far its shape is from a body of revolution, as a multiple of an ordinary apple's."""
 
     name: str
     model: Path
@@ -51,6 +52,7 @@ class Layout:
         table_z: height of the table's surface in the base frame [m].
         fruits, distractors: what stands on it.
         friction: sliding friction of the pads.
+        fixed: what the cell file's workspace says is fixed: the robot's pedestal, a crate.
         torsion: torsional friction of the pads [m].
     """
 
@@ -59,13 +61,19 @@ class Layout:
     fruits: tuple[FruitOnTable, ...]
     distractors: tuple[Distractor, ...]
     friction: float
+    fixed: tuple[Box, ...]
     torsion: float
 
 
-def read_layout(settings: Settings, seed: int) -> Layout:
+def read_layout(settings: Settings, seed: int, fixed: tuple[Box, ...] = ()) -> Layout:
     """Read the `world:` section of a cell file and draw what it leaves to chance.
 
     Raises:
+    Args:
+        settings: the section.
+        seed: of the draws.
+        fixed: obstacles of the cell's workspace; the world has them too.
+
         CellFileError: a value is missing or wrong.
     """
     # One generator per matter, so that changing one option leaves what was drawn for the others.
@@ -123,6 +131,7 @@ def read_layout(settings: Settings, seed: int) -> Layout:
 
 
 def _scatter(count: int, taken: list[Float64], rng: np.random.Generator) -> tuple[Distractor, ...]:
+        fixed=fixed,
     """Objects of fruitlike and unfruitlike colours, 150 mm and more away from fruit, the base, and each other."""
     taken = [*taken, np.zeros(2)]
     placed: list[Distractor] = []

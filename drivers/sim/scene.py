@@ -8,7 +8,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from drivers.interfaces import Float64
+from drivers.interfaces import Box, Float64
 from drivers.sim.fruit_shape import FruitShape, make_fruit
 from drivers.sim.gl import load_mujoco
 from drivers.sim.layout import Distractor, FruitOnTable, Layout
@@ -17,6 +17,8 @@ TIMESTEP = 0.002
 """Step of the physics [s]; contact, sensing and force control share it."""
 
 TABLE_FRICTION = (0.6, 0.005, 0.0005)
+LINING = (0.8, 0.02, 0.01)
+"""Friction of what is fixed in the cell: a crate is lined with foam, on which fruit does not roll."""
 PADS = ("pad_left", "pad_right")
 FINGERS = ("finger_left", "finger_right")
 
@@ -28,6 +30,7 @@ class Scene:
     model: Any
     fruits: tuple[FruitOnTable, ...]
     shapes: tuple[FruitShape, ...]
+    fixed: tuple[Box, ...]
     friction: float
     torsion: float
     table_z: float
@@ -41,6 +44,7 @@ def build_scene(layout: Layout, seed: int) -> Scene:
     _set_physics(mujoco, spec)
     _add_lights(spec, rng)
     _add_table(mujoco, spec, layout.table_z, rng)
+    _add_fixed(mujoco, spec, layout.fixed)
     for pad in PADS:
         spec.geom(pad).friction = [layout.friction, layout.torsion, 0.0001]
     shapes = []
@@ -49,9 +53,9 @@ def build_scene(layout: Layout, seed: int) -> Scene:
         _add_fruit(mujoco, spec, f"fruit_{i}", fruit, shapes[-1], layout.table_z)
     for i, distractor in enumerate(layout.distractors):
         _add_distractor(mujoco, spec, f"distractor_{i}", distractor, layout.table_z)
-    _add_contact_sensors(mujoco, spec, len(layout.fruits), len(layout.distractors))
+    _add_contact_sensors(mujoco, spec, layout)
     model = spec.compile()
-    return Scene(model, layout.fruits, tuple(shapes), layout.friction, layout.torsion, layout.table_z)
+    return Scene(model, layout.fruits, tuple(shapes), layout.fixed, layout.friction, layout.torsion, layout.table_z)
 
 
 def _set_physics(mujoco: Any, spec: Any) -> None:
@@ -108,16 +112,6 @@ def _add_table(mujoco: Any, spec: Any, table_z: float, rng: np.random.Generator)
         condim=6,
         friction=TABLE_FRICTION,
     )
-    if table_z < 0.0:
-        world.add_geom(
-            name="pedestal",
-            type=mujoco.mjtGeom.mjGEOM_BOX,
-            pos=[0.0, 0.0, table_z / 2.0],
-            size=[0.08, 0.08, -table_z / 2.0],
-            rgba=[0.3, 0.3, 0.32, 1.0],
-            contype=1,
-            conaffinity=3,
-        )
     floor = np.array([0.30, 0.29, 0.28]) * rng.uniform(0.7, 1.2)
     world.add_geom(
         name="floor",
@@ -131,6 +125,25 @@ def _add_table(mujoco: Any, spec: Any, table_z: float, rng: np.random.Generator)
 
 
 def _add_fruit(mujoco: Any, spec: Any, name: str, fruit: FruitOnTable, shape: FruitShape, table_z: float) -> None:
+def _add_fixed(mujoco: Any, spec: Any, fixed: tuple[Box, ...]) -> None:
+    """One body for all boxes of a name."""
+    bodies: dict[str, Any] = {}
+    for box in fixed:
+        if box.name not in bodies:
+            bodies[box.name] = spec.worldbody.add_body(name=f"fixed_{box.name}")
+        bodies[box.name].add_geom(
+            type=mujoco.mjtGeom.mjGEOM_BOX,
+            pos=box.T_base_box[:3, 3],
+            quat=_quaternion(mujoco, box.T_base_box),
+            size=box.half_extents,
+            rgba=[0.3, 0.3, 0.32, 1.0],
+            contype=1,
+            conaffinity=3,
+            condim=6,
+            friction=LINING,
+        )
+
+
     """A free body whose frame is the fruit's object frame; its convex hull touches, its skin is seen."""
     mesh = spec.add_mesh(name=name)
     mesh.uservert, mesh.userface = shape.vertices.ravel(), shape.faces.ravel()
@@ -188,8 +201,13 @@ def _add_material(mujoco: Any, spec: Any, name: str, picture: Float64, repeat: t
     material.textures = roles
 
 
-def _add_contact_sensors(mujoco: Any, spec: Any, fruits: int, distractors: int) -> None:
-    """Net contact wrenches, summed by the engine: pads with all, fruit with the table, the robot with others."""
+def fixed_names(fixed: tuple[Box, ...]) -> tuple[str, ...]:
+    """Names of what is fixed, each once, in order."""
+    return tuple(dict.fromkeys(box.name for box in fixed))
+
+
+def _add_contact_sensors(mujoco: Any, spec: Any, layout: Layout) -> None:
+    """Net contact wrenches, summed by the engine: pads with all, fruit with what carries it, the robot with others."""
     geom, body, subtree = mujoco.mjtObj.mjOBJ_GEOM, mujoco.mjtObj.mjOBJ_BODY, mujoco.mjtObj.mjOBJ_XBODY
     force, torque, found, pos = 2, 4, 1, 16
     net = 3  # reduce: one wrench for all contacts, in the global frame
@@ -210,14 +228,19 @@ def _add_contact_sensors(mujoco: Any, spec: Any, fruits: int, distractors: int) 
 
     for pad in PADS:
         sensor(f"wrench_{pad}", geom, pad, None, "", force | torque | pos)
-    for i in range(fruits):
-        sensor(f"support_{i}", body, f"fruit_{i}", body, "table", found | force)
+    fruits, fixed = range(len(layout.fruits)), fixed_names(layout.fixed)
+    for i in fruits:
+        sensor(f"support_{i}_table", body, f"fruit_{i}", body, "table", found | force)
+        for name in fixed:
+            sensor(f"support_{i}_{name}", body, f"fruit_{i}", body, f"fixed_{name}", found | force)
     sensor("robot_table", subtree, arm, body, "table", found | force)
-    for i in range(fruits):
+    for name in fixed:
+        sensor(f"robot_fixed_{name}", subtree, arm, body, f"fixed_{name}", found | force)
+    for i in fruits:
         sensor(f"robot_fruit_{i}", subtree, arm, body, f"fruit_{i}", found | force)
         for pad in PADS:
             sensor(f"{pad}_fruit_{i}", geom, pad, body, f"fruit_{i}", found | force)
-    for i in range(distractors):
+    for i in range(len(layout.distractors)):
         sensor(f"robot_distractor_{i}", subtree, arm, body, f"distractor_{i}", found | force)
     sensor("robot_robot", subtree, arm, subtree, arm, found | force)
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from drivers.interfaces import Float64
-from drivers.sim.scene import PADS, Scene
+from drivers.sim.scene import PADS, Scene, fixed_names
 
 LIFTED = 0.03
 """A fruit counts as lifted this far above where it stood [m]."""
@@ -44,7 +44,7 @@ class Grip:
 
 @dataclass(slots=True)
 class FruitRecord:
-    """What happened to one fruit."""
+    """What happened to one fruit; bumps are touches by the robot while it held another one."""
 
     rest: Float64
     looked: Float64
@@ -56,17 +56,22 @@ class FruitRecord:
     touching: bool = False
 
 
+    bumps: int = 0
 @dataclass(slots=True)
 class _Sensors:
     """Live views of the engine's contact sensors for one fruit."""
 
-    support: Float64
+    support: tuple[Float64, ...]
     robot: Float64
     pads: tuple[Float64, ...]
 
 
 @dataclass(slots=True)
 class Score:
+    @property
+    def supported(self) -> bool:
+        return any(view[0] > 0.0 for view in self.support)
+
     """Watches the state at 100 Hz. Reads the simulator's truth and changes nothing."""
 
     scene: Scene
@@ -79,19 +84,19 @@ class Score:
     _wrenches: list[Float64] = field(init=False)
 
     def __post_init__(self) -> None:
-        count = len(self.scene.fruits)
+        count, carriers = len(self.scene.fruits), ("table", *fixed_names(self.scene.fixed))
         self._fruits = [FruitRecord(self._pose(i), self._pose(i)) for i in range(count)]
         self._sensors = [
             _Sensors(
-                self._view(f"support_{i}"),
+                tuple(self._view(f"support_{i}_{name}") for name in carriers),
                 self._view(f"robot_fruit_{i}"),
                 tuple(self._view(f"{pad}_fruit_{i}") for pad in PADS),
             )
             for i in range(count)
         ]
         names = [self.scene.model.sensor(i).name for i in range(self.scene.model.nsensor)]
-        watched = [n for n in names if n in ("robot_table", "robot_robot") or n.startswith("robot_distractor")]
-        self._forbidden = {name.removeprefix("robot_"): self._view(name) for name in watched}
+        watched = [n for n in names if n.startswith("robot_") and not n.startswith("robot_fruit")]
+        self._forbidden = {n.removeprefix("robot_").removeprefix("fixed_"): self._view(n) for n in watched}
         self._wrenches = [self._view(f"wrench_{pad}") for pad in PADS]
 
     # ------------------------------------------------------------------------------------------- watching
@@ -105,7 +110,9 @@ class Score:
             self._touching[name] = touching
         for i, (record, sensors) in enumerate(zip(self._fruits, self._sensors, strict=True)):
             touching = bool(sensors.robot[0] > 0.0)
-            record.touches += touching and not record.touching
+            begins = touching and not record.touching
+            record.touches += begins
+            record.bumps += begins and any(other.grip is not None for other in self._fruits if other is not record)
             record.touching = touching
             if touching or record.grip is not None:
                 self._watch_grip(i, record, sensors)
@@ -122,10 +129,10 @@ class Score:
             if record.grip is not None:
                 record.last_grip, record.grip = record.grip, None
                 record.lost_at = float(self.state.time)
-                record.drops += bool(record.last_grip.hung and sensors.support[0] == 0.0)
+                record.drops += bool(record.last_grip.hung and not sensors.supported)
             return
         T_base_tool, T_base_fruit = self._tool(), self._pose(i)
-        supported = bool(sensors.support[0] > 0.0)
+        supported = sensors.supported
         if record.grip is None:
             again = record.last_grip is not None and self.state.time - record.lost_at < REGAINED
             record.grip = record.last_grip if again else self._take_hold(T_base_tool, T_base_fruit)
@@ -177,12 +184,11 @@ class Score:
         pose = self._pose(index)
         grip = record.grip or record.last_grip
         risen = float(pose[2, 3] - record.rest[2, 3])
-        others = {
-            f"{self.scene.fruits[i].name}": other.touches
-            for i, other in enumerate(self._fruits)
-            if i != index and other.touches
-        }
-        hits = self._hits | others
+        hits = dict(self._hits)
+        for i, other in enumerate(self._fruits):
+            never_gripped = other.grip is None and other.last_grip is None and i != index
+            if wrong := other.touches if never_gripped else other.bumps:
+                hits[self.scene.fruits[i].name] = wrong
         return {
             "lifted": bool(risen > LIFTED and record.grip is not None),
             "fruit": fruit.name,
@@ -219,12 +225,24 @@ class Score:
             if record.grip is not None:
                 return i
         gripped = [i for i, record in enumerate(self._fruits) if record.last_grip is not None]
-        return gripped[0] if gripped else 0
+        return max(gripped, key=lambda i: self._fruits[i].lost_at, default=0)
+
+    def _inside(self, i: int) -> str:
+        """Name of the crate that a fruit lies in; its first box is the floor."""
+        for name in fixed_names(self.scene.fixed):
+            boxes = [box for box in self.scene.fixed if box.name == name]
+            floor = boxes[0]
+            x, y, z = np.linalg.inv(floor.T_base_box)[:3] @ np.append(self._pose(i)[:3, 3], 1.0)
+            if len(boxes) > 1 and abs(x) < floor.half_extents[0] and abs(y) < floor.half_extents[1] and z > 0.0:
+                return name
+        return ""
 
     def _pose(self, i: int) -> Float64:
+                    "inside": self._inside(i),
         body = self.state.body(f"fruit_{i}")
         return _pose(body.xpos, body.xmat)
 
+            "put_away": sum(bool(self._inside(i)) for i in range(len(self._fruits))),
     def _tool(self) -> Float64:
         body = self.state.body("tool0")
         return _pose(body.xpos, body.xmat)

@@ -34,7 +34,7 @@ class Detect(Skill):
     """Find the fruit in the camera's newest frame and choose one as the target.
 
     A fruit that this node chose before is chosen again only when `again` allows it: that the tree comes back here means
-    that it did not work out.
+    that it did not work out. With `never`, `times` says how often one fruit is chosen, those chosen less often first.
     """
 
     inputs = Ports(
@@ -47,6 +47,7 @@ class Detect(Skill):
             choices=("freely", "last", "never"),
             help="fruit chosen before: like any other, only when nothing else is left, or not at all",
         ),
+        times=Port(int, default=1, min=1, help="how often one fruit may be chosen, for again: never"),
         score=Port(RATIO, default=0.6, min=0.0, max=1.0, help="least belief that it is this fruit"),
         max_age=Port(TIME, default="500 ms", min="1 ms", max="60 s", help="older frames are refused"),
         working_width=Port(
@@ -78,7 +79,15 @@ class Detect(Skill):
         _detector(fruit.weights, DetectorOptions().working_width)
 
     def run(  # type: ignore[override]
-        self, fruit: str, target: str, index: int, again: str, score: float, max_age: float, working_width: int
+        self,
+        fruit: str,
+        target: str,
+        index: int,
+        again: str,
+        times: int,
+        score: float,
+        max_age: float,
+        working_width: int,
     ) -> Work:
         model = self._model(fruit)
         frame = self._frame(max_age)
@@ -87,7 +96,7 @@ class Detect(Skill):
             instances = yield from self.compute(find_in_frame, frame, model, working_width)
         except BadFrame as error:
             raise self.failure("NO_FRAME", f"the camera's frame cannot be used: {error}") from error
-        chosen = self._choose(instances, frame, T_base_camera, target, index, again, score)
+        chosen = self._choose(instances, frame, T_base_camera, target, index, again, times, score)
         self.publish("detection", picture(frame, instances, chosen, score))
         if isinstance(chosen, str):
             code, sentence = chosen.split(": ", 1)
@@ -147,6 +156,7 @@ class Detect(Skill):
         target: str,
         index: int,
         again: str,
+        times: int,
         score: float,
     ) -> int | str:
         """The target's index, or a failure as "CODE: sentence"."""
@@ -164,19 +174,23 @@ class Detect(Skill):
             return f"NOTHING_FOUND: there are {len(posed)} fruit in the frame, number {index} was asked for"
         if again == "freely" or target == "index":
             return order[0]
-        fresh = [k for k in order if not self._was_chosen(instances[k], frame, T_base_camera)]
-        if fresh:
-            return fresh[0]
+        before = {k: self._times_chosen(instances[k], frame, T_base_camera) for k in order}
+        rarest = min(order, key=lambda k: before[k])  # the first of those, in the policy's order
+        if before[rarest] == 0:
+            return rarest
         if again == "never":
-            return f"NOTHING_FOUND: all {len(order)} fruit in the frame were chosen before"
+            if before[rarest] < times:
+                return rarest
+            often = "before" if times == 1 else f"{times} times"
+            return f"NOTHING_FOUND: all {len(order)} fruit in the frame were chosen {often}"
         return order[0]
 
-    def _was_chosen(self, instance: Instance, frame: Frame, T_base_camera: F64) -> bool:
+    def _times_chosen(self, instance: Instance, frame: Frame, T_base_camera: F64) -> int:
         place = _place(instance, frame, T_base_camera)
         eye = T_base_camera[:3, 3]
         ray = (place - eye) / np.linalg.norm(place - eye)
         # The pose's distance is that of a CAD-sized fruit: compare across the line of sight.
-        return any(np.linalg.norm(np.cross(ray, before - eye)) < SAME_FRUIT for before in self._chosen)
+        return sum(bool(np.linalg.norm(np.cross(ray, before - eye)) < SAME_FRUIT) for before in self._chosen)
 
 
 def _place(instance: Instance, frame: Frame, T_base_camera: F64) -> F64:

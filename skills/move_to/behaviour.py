@@ -9,6 +9,7 @@ from skills.motion import MOTION_FAILURES, MovingSkill
 from skills.move_to.moving import POSE_FAILURES, move_to_pose
 from skills.occupancy import OccupancyMap
 from skills.plan.warm import prepare_planning
+from skills.refine.measured_fruit import MeasuredFruit
 from skills.sample_grasp.grasp import Grasp
 
 
@@ -24,6 +25,7 @@ class MoveTo(MovingSkill):
         variation=Port(int, default=1, min=1, help="1 is the pose itself, 2 its pose_2 and so on, around"),
         map=optional(OccupancyMap, "what is in the way"),
         carrying=optional(Grasp, "the grasp by which a fruit is held"),
+        avoiding=optional(MeasuredFruit, "a fruit that was left out of the map and is still there"),
         clearance=Port(LENGTH, default="10 mm", min="2 mm", help="kept by the links; gripper and fingers keep a share"),
         budget=Port(TIME, default="500 ms", min="1 ms", help="planning time"),
     )
@@ -39,8 +41,9 @@ class MoveTo(MovingSkill):
         variation: int,
         map: OccupancyMap | None,
         carrying: Grasp | None,
+        avoiding: MeasuredFruit | None,
         clearance: float,
         budget: float,
     ) -> Work:
-        yield from move_to_pose(self, pose, variation, map, carrying, clearance, budget)
+        yield from move_to_pose(self, pose, variation, map, carrying, clearance, budget, avoiding)
         return {}

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from drivers.interfaces import Arm, Gripper, Trajectory, Workspace
+from skills.collision import Convex
 from skills.motion import MovingSkill, Watching
 from skills.move_to.named_pose import named_pose
 from skills.occupancy import OccupancyMap
@@ -12,6 +15,7 @@ from skills.plan.arm_space import arm_space, usable_field
 from skills.plan.plan import PlanRequest
 from skills.plan.planning import PLANNING_FAILURES, patience, planned
 from skills.plan.timing import stretched
+from skills.refine.measured_fruit import MeasuredFruit
 from skills.robot import RobotModel
 from skills.sample_grasp.grasp import Grasp
 
@@ -33,6 +37,7 @@ def move_to_pose(
     carrying: Grasp | None = None,
     clearance: float = 1e-2,
     budget: float = 0.5,
+    avoiding: MeasuredFruit | None = None,
 ) -> Watching:
     """Plan to a named pose of the cell file and go there.
 
@@ -43,6 +48,7 @@ def move_to_pose(
         carrying: the grasp by which a fruit is held; the fruit is then part of the robot.
         clearance: kept by the arm's links [m], as in `arm_space`.
         budget: of planning [s].
+        avoiding: a fruit that was left out of the map and is still there.
     """
     arm, workspace = skill.device(Arm), skill.device(Workspace)
     try:
@@ -55,6 +61,8 @@ def move_to_pose(
         return
     field = usable_field(skill, map)
     space = arm_space(arm, workspace, field, skill.device(Gripper).state().width, clearance, held=carrying)
+    if avoiding is not None:
+        space = replace(space, world=space.world.with_obstacles(Convex.of_fruit(avoiding, "fruit")))
     request = PlanRequest(
         space,
         q,

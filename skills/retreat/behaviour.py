@@ -8,12 +8,14 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.interfaces import Arm, ForceSensor, Gripper
+from drivers.interfaces import Arm, ForceSensor, Gripper, Workspace
 from executive.ports import ACCELERATION, FORCE, SPEED, Port, Ports, optional
 from executive.skill import Work
 from skills.approach.straight_line import straight_line
 from skills.geometry import inverse
 from skills.motion import MOTION_FAILURES, MovingSkill, Watching
+from skills.plan.arm_space import arm_space
+from skills.plan.rounding import first_blocked
 from skills.plan.timing import time_curve
 from skills.plan.warm import prepare_moving
 from skills.robot import RobotModel
@@ -50,7 +52,7 @@ class Retreat(MovingSkill):
 
     Safe from any point where an attempt can fail. The fingers open only where the fruit is supported: a lifted fruit is
     first lowered along the line on which it came up. Nothing is held and nothing is near: nothing moves. The ways back
-    are the ways that the attempt came, so they are free.
+    are the ways that the attempt came; all the same they are checked against what is fixed and the arm itself.
     """
 
     inputs = Ports(
@@ -59,7 +61,7 @@ class Retreat(MovingSkill):
         acceleration=Port(ACCELERATION, default="1 m/s²", min="0.01 m/s²", max="3 m/s²"),
         contact=Port(FORCE, default="0.8 N", min="0.2 N", help="change of force at which a lowered fruit stands"),
     )
-    devices = (Arm, Gripper, ForceSensor)
+    devices = (Arm, Gripper, ForceSensor, Workspace)
     failures = (*MOTION_FAILURES, "NO_WAY_BACK")
 
     def prepare(self) -> None:
@@ -120,6 +122,11 @@ class Retreat(MovingSkill):
                 f"{line.reason} after {1e3 * line.reached * line.length:.0f} of {1e3 * line.length:.0f} mm",
                 reached_m=line.reached * line.length,
             )
+        space = arm_space(arm, self.device(Workspace), None, self.device(Gripper).state().width, 0.0).leaving_table()
+        blocked = first_blocked(space, line.q)
+        if blocked is not None:
+            reason, found = space.explain(line.q[blocked + 1])
+            raise self.failure("NO_WAY_BACK", f"on the way back {reason}", **found)
         if line.length > 1e-4:
             trajectory = time_curve(line.q, line.length, arm.limits, speed, acceleration, acceleration / JERK_TIME)
             yield from self.travel(trajectory, watch)

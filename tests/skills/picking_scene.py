@@ -1,6 +1,7 @@
 """A table with an apple, the shipped robot and mock devices: what the tests of moving skills share."""
 
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -9,6 +10,7 @@ from drivers.mock import MockArm, MockClock, MockForceSensor, MockGripper
 from drivers.mock.arm import ROBOT
 from skills.fruit import load_fruit
 from skills.geometry import rot_z, transform
+from skills.occupancy import OccupancyMap
 from skills.plan.arm_space import ArmSpace
 from skills.refine.measured_fruit import MeasuredFruit
 from skills.robot import RobotModel
@@ -71,16 +73,17 @@ class Bench:
 
     q: np.ndarray = field(default_factory=OBSERVE.copy)
     width: float = 0.10
+    workspace: Workspace = WORKSPACE
+    clock: MockClock = field(default_factory=MockClock)
 
     def __post_init__(self) -> None:
-        self.clock = MockClock()
         self.arm = MockArm(self.clock, self.q)
         self.gripper = MockGripper(self.clock, self.width)
         self.fingers = MockForceSensor(self.clock)
 
     @property
     def devices(self) -> dict[type, object]:
-        return {Arm: self.arm, Gripper: self.gripper, ForceSensor: self.fingers, Workspace: WORKSPACE}
+        return {Arm: self.arm, Gripper: self.gripper, ForceSensor: self.fingers, Workspace: self.workspace}
 
     @property
     def tcp(self) -> np.ndarray:
@@ -92,3 +95,66 @@ class Bench:
         wrenches[:, 2] = -force
         self.fingers.feel = lambda _now: wrenches
         self.clock.advance(0.01)
+
+    def arm_trouble(self, code: str) -> Callable[[int], None]:
+        """For `drive(each_tick=…)`: what makes a skill that moves the arm fail with a code of `MOTION_FAILURES`."""
+        if code == "REFUSED":
+            self.arm.refuse_next("servo off")
+        elif code == "MOTION_FAILED":
+            self.arm.fail_at(0.5, "following error at joint 3")
+
+        def stop(_tick: int) -> None:
+            if code == "STOPPED" and self.arm.followed and not self.arm.settled():
+                self.arm.safe_stop("somebody pressed stop")
+
+        return stop
+
+
+class RealTimeClock(MockClock):
+    """A clock on which waiting for a computation takes time, as on a real cell."""
+
+    simulated = False
+
+
+def seen_map(stamp: float = 0.0, blocked: tuple[np.ndarray, ...] = ()) -> OccupancyMap:
+    """A map of the whole workspace that saw nothing but a lump of 8 cm around each of some points."""
+    empty = OccupancyMap.empty(WORKSPACE.lower, WORKSPACE.upper, 0.02)
+    states = np.ones_like(empty.states)
+    for point in blocked:
+        i, j, k = empty.cell_of(point)
+        states[i - 2 : i + 2, j - 2 : j + 2, k - 2 : k + 2] = 2
+    return replace(empty, states=states, last_look=np.zeros_like(empty.last_look), stamps=(stamp,))
+
+
+ASIDE = OBSERVE + 2.2 * np.eye(7)[0]
+"""The observe pose, turned about the arm's base."""
+CELLS = (
+    Box("wall", transform(rot_z(-np.pi / 3.0), [0.47, -0.814, 0.6]), (0.82, 0.02, 0.8)),
+    Box("wall", transform(rot_z(5.0 * np.pi / 6.0), [-0.814, 0.47, 0.6]), (0.82, 0.02, 0.8)),
+    Box("ceiling", transform(None, [0.0, 0.0, 0.82]), (1.5, 1.5, 0.02)),
+)
+"""Two walls from beside the base outwards, and a ceiling: OBSERVE and ASIDE are in different cells."""
+
+
+def bench_with_pose(code: str, **bench: object) -> tuple[Bench, dict[str, object]]:
+    """A bench on which going to the pose "there" fails with a code, and the inputs and settings of `drive` for it."""
+    poses = dict(WORKSPACE.poses) | {"there": HOME}
+    workspace, inputs, settings = replace(WORKSPACE, poses=poses), {}, {}
+    if code == "GOAL_UNREACHABLE":
+        poses["there"] = HOME + 7.0
+    elif code == "GOAL_IN_COLLISION":
+        lamp = Box("lamp", transform(None, ROBOT_MODEL.tcp(HOME)[:3, 3]), (0.06, 0.06, 0.06))
+        workspace = replace(workspace, obstacles=(*WORKSPACE.obstacles, lamp))
+    elif code == "START_IN_COLLISION":
+        inputs["map"] = seen_map(blocked=(ROBOT_MODEL.tcp(OBSERVE)[:3, 3],))
+    elif code == "MAP_STALE":
+        inputs["map"] = seen_map(stamp=-1000.0)
+    elif code == "NO_PATH":
+        poses["there"] = ASIDE
+        workspace = replace(workspace, obstacles=(*WORKSPACE.obstacles, *CELLS))
+    elif code == "TIMEOUT":
+        settings = {"computing": 10**9}
+    elif code == "UNKNOWN_POSE":
+        del poses["there"]
+    made = Bench(workspace=workspace, clock=RealTimeClock() if code == "TIMEOUT" else MockClock(), **bench)
+    return made, {"inputs": inputs, "settings": settings}

@@ -1,10 +1,13 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from py_trees.common import Status
 
 from executive.skill_testing import drive
 from skills.approach.behaviour import Approach
-from tests.skills.picking_scene import Bench, a_grasp
+from skills.geometry import transform
+from tests.skills.picking_scene import Bench, a_grasp, seen_map
 
 GRASP = a_grasp(theta=np.pi / 12.0)
 
@@ -92,3 +95,41 @@ def test_interrupted_it_stops_on_the_line():
     approach = GRASP.T_base_grasp[:3, 2]
     assert 0.005 < offset @ approach < 0.115
     np.testing.assert_allclose(offset, (offset @ approach) * approach, atol=1e-4)
+
+
+@pytest.mark.parametrize("code", ["REFUSED", "STOPPED", "MOTION_FAILED"])
+def test_an_arm_that_does_not_move_as_asked_is_a_reason(code):
+    bench = at_pre_grasp()
+    trouble = bench.arm_trouble(code)
+    outcome = drive(Approach(), {"grasp": GRASP}, bench.devices, clock=bench.clock, each_tick=trouble)
+    assert outcome.reason.code == code
+    assert bench.arm.settled()
+
+
+def test_a_grasp_out_of_reach_is_known_before_anything_moves():
+    bench = at_pre_grasp()
+    deep = GRASP.T_base_grasp @ transform(None, [0.0, 0.0, 0.6])
+    outcome = drive(Approach(), {"grasp": replace(GRASP, T_base_grasp=deep)}, bench.devices, clock=bench.clock)
+    assert outcome.reason.code == "NO_STRAIGHT_LINE"
+    assert 0.0 < outcome.reason.data["reached_m"] < 0.72
+    assert bench.arm.followed == []
+    assert bench.gripper.moves == []
+
+
+def test_something_on_the_way_is_known_before_anything_moves():
+    bench = at_pre_grasp()
+    finger = GRASP.T_base_pre_grasp @ transform(None, [0.0, GRASP.width / 2.0, 0.06])
+    outcome = drive(
+        Approach(), {"grasp": GRASP, "map": seen_map(blocked=(finger[:3, 3],))}, bench.devices, clock=bench.clock
+    )
+    assert outcome.reason.code == "IN_COLLISION"
+    assert outcome.reason.data["obstacle"] == "map"
+    assert bench.arm.followed == []
+    assert bench.gripper.moves == []
+
+
+def test_a_stale_map_is_not_free():
+    bench = at_pre_grasp()
+    outcome = drive(Approach(), {"grasp": GRASP, "map": seen_map(-1000.0)}, bench.devices, clock=bench.clock)
+    assert outcome.reason.code == "MAP_STALE"
+    assert bench.arm.followed == []

@@ -147,3 +147,14 @@ def test_ranking_is_total_for_equal_instances() -> None:
     for policy in ("nearest", "largest", "most_visible"):
         assert rank(same, policy) == [0, 1]
     assert rank(same, "index", 5) == []
+
+
+def test_a_fruit_is_chosen_so_many_times_and_the_others_first(scripted: list[Instance]) -> None:
+    scripted += [instance(0.1, 0.5), instance(-0.1, 0.6)]
+    skill = Detect()
+    chosen = [look(skill, again="never", times=2).outputs["detection"].index for _ in range(4)]
+    assert chosen == [0, 1, 0, 1]
+    outcome = look(skill, again="never", times=2)
+    assert outcome.reason is not None
+    assert outcome.reason.code == "NOTHING_FOUND"
+    assert outcome.reason.message == "all 2 fruit in the frame were chosen 2 times"

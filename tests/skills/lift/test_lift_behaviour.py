@@ -5,7 +5,7 @@ from py_trees.common import Status
 from executive.skill_testing import drive
 from skills.approach.straight_line import straight_line
 from skills.lift.behaviour import Lift
-from tests.skills.picking_scene import ROBOT_MODEL, Bench, a_grasp
+from tests.skills.picking_scene import ROBOT_MODEL, Bench, a_grasp, seen_map
 
 GRASP = a_grasp()
 Q_GRASP = straight_line(ROBOT_MODEL, GRASP.q_pre_grasp[0], GRASP.T_base_grasp).q[-1]
@@ -80,3 +80,42 @@ def test_interrupted_it_stops_and_the_fingers_are_not_moved():
     assert bench.arm.settled()
     assert bench.gripper.moves == []
     assert bench.gripper.speeds == []
+
+
+@pytest.mark.parametrize("code", ["REFUSED", "STOPPED", "MOTION_FAILED"])
+def test_an_arm_that_does_not_move_as_asked_is_a_reason(code):
+    bench = holding()
+    outcome = drive(Lift(), {}, bench.devices, clock=bench.clock, each_tick=bench.arm_trouble(code))
+    assert outcome.reason.code == code
+    assert bench.arm.settled()
+    assert bench.gripper.moves == []
+
+
+def test_something_above_is_known_before_anything_moves():
+    bench = holding()
+    above = bench.tcp[:3, 3] + [0.0, 0.0, 0.25]
+    outcome = drive(
+        Lift(), {"grasp": GRASP, "map": seen_map(blocked=(above,))}, bench.devices, clock=bench.clock
+    )  # fmt: skip
+    assert outcome.reason.code == "IN_COLLISION"
+    assert outcome.reason.data["obstacle"] == "map"
+    assert bench.arm.followed == []
+
+
+def test_the_held_fruit_is_part_of_the_robot():
+    bench = holding()
+    beside = (bench.tcp @ [0.078, 0.0, -0.06, 1.0])[:3]
+    without = drive(Lift(), {"map": seen_map(blocked=(beside,))}, bench.devices, clock=bench.clock)
+    bench = holding()
+    given = {"grasp": GRASP, "map": seen_map(blocked=(beside,))}
+    outcome = drive(Lift(), given, bench.devices, clock=bench.clock)
+    assert without.status is Status.SUCCESS
+    assert outcome.reason.code == "IN_COLLISION"
+    assert outcome.reason.data["link"] == "held fruit"
+
+
+def test_a_stale_map_is_not_free():
+    bench = holding()
+    outcome = drive(Lift(), {"map": seen_map(-1000.0)}, bench.devices, clock=bench.clock)
+    assert outcome.reason.code == "MAP_STALE"
+    assert bench.arm.followed == []

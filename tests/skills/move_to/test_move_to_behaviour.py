@@ -3,9 +3,19 @@ import pytest
 from py_trees.common import Status
 
 from executive.skill_testing import drive
+from skills.collision import CollisionWorld, Convex
 from skills.move_to.behaviour import MoveTo
 from skills.move_to.named_pose import named_pose
-from tests.skills.picking_scene import HOME, OBSERVE, ROBOT_MODEL, Bench, a_grasp
+from tests.skills.picking_scene import (
+    HOME,
+    OBSERVE,
+    ROBOT_MODEL,
+    WORKSPACE,
+    Bench,
+    a_grasp,
+    apple_at,
+    bench_with_pose,
+)
 
 
 def test_it_moves_to_the_named_pose():
@@ -60,3 +70,33 @@ def test_a_held_fruit_is_avoided_for_and_moved_gently():
     p = np.array([ROBOT_MODEL.tcp(q)[:3, 3] for q in path.q])
     acceleration = np.gradient(np.gradient(p, path.t, axis=0), path.t, axis=0)
     assert 1.5 < np.linalg.norm(acceleration, axis=1).max() <= 2.0 + 1e-3
+
+
+@pytest.mark.parametrize("code", ["REFUSED", "STOPPED", "MOTION_FAILED"])
+def test_an_arm_that_does_not_move_as_asked_is_a_reason(code):
+    bench = Bench()
+    outcome = drive(MoveTo(), {"pose": "home"}, bench.devices, clock=bench.clock, each_tick=bench.arm_trouble(code))
+    assert outcome.reason.code == code
+    assert bench.arm.settled()
+
+
+@pytest.mark.parametrize("code", ["GOAL_UNREACHABLE", "GOAL_IN_COLLISION", "NO_PATH", "TIMEOUT", "MAP_STALE"])
+def test_a_pose_that_cannot_be_reached_is_a_reason_and_nothing_moves(code):
+    bench, given = bench_with_pose(code)
+    inputs = {"pose": "there", "budget": 0.05, **given["inputs"]}
+    outcome = drive(MoveTo(), inputs, bench.devices, clock=bench.clock, **given["settings"])
+    assert outcome.reason.code == code
+    assert outcome.cancelled == (code == "TIMEOUT")
+    assert bench.arm.followed == []
+
+
+def test_a_fruit_that_the_map_leaves_out_is_avoided():
+    bench = Bench(q=HOME.copy())
+    apple = apple_at(1, 3)
+    apple.T_base_fruit[:3, 3] = ROBOT_MODEL.tcp((HOME + OBSERVE) / 2.0)[:3, 3]
+    outcome = drive(MoveTo(), {"pose": "observe", "avoiding": apple}, bench.devices, clock=bench.clock)
+    assert outcome.status is Status.SUCCESS
+    world = CollisionWorld.build(ROBOT_MODEL, WORKSPACE, obstacles=(Convex.of_fruit(apple),))
+    path = bench.arm.followed[0]
+    assert world.check_trajectory(path, bench.width) is None
+    assert world.check_path(np.array([HOME, OBSERVE]), bench.width) is not None

@@ -152,3 +152,17 @@ def test_a_measurement_whose_camera_was_elsewhere_is_refused() -> None:
     assert outcome.reason is not None
     assert outcome.reason.code == "POSE_MISMATCH"
     assert "10.0 mm" in outcome.reason.message
+
+
+def test_interrupted_it_gives_up_and_the_previous_map_stays_as_it_was() -> None:
+    frame, _ = table_with_apple()
+    previous = run(frame, resolution=0.02).outputs["map"]
+    before = previous.states.copy()
+    devices = {Camera: OneFrame(frame), Arm: StillArm(OBSERVE), Gripper: OpenGripper(), Workspace: WORKSPACE}
+    inputs = {"previous": previous}
+    outcome = drive(UpdateMap(), inputs, devices, clock=ManualClock(0.1), computing=10, interrupt_after=5)
+    assert outcome.status is Status.INVALID
+    assert outcome.cancelled == 1
+    assert outcome.outputs == {}
+    assert outcome.published == ()
+    assert np.array_equal(previous.states, before)

@@ -12,14 +12,9 @@ from skills.occupancy.occupancy_map import OCCUPIED
 from skills.plan.behaviour import Plan
 from skills.plan.trajectory_check import check_trajectory
 from skills.sample_grasp.grasp import GraspCandidates
-from tests.skills.picking_scene import OBSERVE, ROBOT_MODEL, WORKSPACE, Bench, a_grasp
+from tests.skills.picking_scene import OBSERVE, ROBOT_MODEL, WORKSPACE, Bench, RealTimeClock, a_grasp, seen_map
 
 GRASPS = (a_grasp(1, 3), a_grasp(1, 3, theta=np.pi / 6.0))
-
-
-def seen_map(stamp: float = 0.0) -> OccupancyMap:
-    empty = OccupancyMap.empty(WORKSPACE.lower, WORKSPACE.upper, 0.02)
-    return replace(empty, states=np.ones_like(empty.states), last_look=np.zeros_like(empty.last_look), stamps=(stamp,))
 
 
 def candidates(*grasps) -> GraspCandidates:
@@ -97,3 +92,24 @@ def test_a_map_that_is_empty_or_old_is_not_planned_in(seen):
     old = OccupancyMap.empty(WORKSPACE.lower, WORKSPACE.upper, 0.02) if seen is None else seen_map(seen)
     outcome = plan(bench, map=old)
     assert outcome.reason.code == "MAP_STALE"
+
+
+def test_planning_that_takes_too_long_is_cancelled_and_told():
+    bench = Bench(clock=RealTimeClock())
+    given = {"to": candidates(*GRASPS), "map": seen_map(), "budget": 0.2}
+    outcome = drive(Plan(), given, bench.devices, clock=bench.clock, computing=10**9)
+    assert outcome.reason.code == "TIMEOUT"
+    assert outcome.cancelled == 1
+    assert 5.0 < outcome.duration < 5.5  # the budget and a cold start
+
+
+def test_interrupted_planning_is_cancelled_and_leaves_nothing_behind():
+    bench = Bench()
+    given = {"to": candidates(*GRASPS), "map": seen_map()}
+    skill = Plan()
+    outcome = drive(skill, given, bench.devices, clock=bench.clock, computing=10, interrupt_after=5)
+    assert outcome.status is Status.INVALID
+    assert outcome.cancelled == 1
+    assert outcome.outputs == {}
+    assert outcome.published == ()
+    assert drive(skill, given, bench.devices, clock=bench.clock, computing=10).status is Status.SUCCESS

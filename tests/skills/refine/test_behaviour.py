@@ -195,3 +195,13 @@ def test_an_earlier_measurement_is_fused_in(scene, apple):
             assert measured.earlier[-1][0] is before.frame
     assert len(measured.earlier) == 2
     assert s.errors(inverse(s.T_base_camera) @ measured.T_base_fruit, measured.dimensions)[1] < 4.0
+
+
+def test_interrupted_it_gives_up(detection):
+    skill, devices = Refine(), {Workspace: Workspace(None, np.full(3, -1.0), np.full(3, 1.0))}
+    outcome = drive(skill, {"detection": detection}, devices, computing=10, interrupt_after=5)
+    assert outcome.status is Status.INVALID
+    assert outcome.cancelled == 1
+    assert outcome.outputs == {}
+    assert outcome.published == ()
+    assert drive(skill, {"detection": detection}, devices, computing=10).status is Status.SUCCESS

@@ -4,7 +4,7 @@ from py_trees.common import Status
 
 from executive.skill_testing import drive
 from skills.release.behaviour import Release
-from tests.skills.picking_scene import HOME, Bench, a_grasp
+from tests.skills.picking_scene import HOME, WORKSPACE, Bench, a_grasp, bench_with_pose, seen_map
 
 GRASP = a_grasp()
 START = GRASP.q_pre_grasp[0]
@@ -82,3 +82,60 @@ def test_interrupted_while_lowering_the_fruit_stays_held():
     assert outcome.status is Status.INVALID
     assert bench.arm.settled()
     assert bench.gripper.moves == []
+
+
+@pytest.mark.parametrize("code", ["REFUSED", "STOPPED", "MOTION_FAILED"])
+def test_an_arm_that_does_not_move_as_asked_is_a_reason_and_the_fruit_stays_held(code):
+    bench = over_ground(None)
+    outcome = drive(Release(), {}, bench.devices, clock=bench.clock, each_tick=bench.arm_trouble(code))
+    assert outcome.reason.code == code
+    assert bench.gripper.moves == []
+
+
+@pytest.mark.parametrize(
+    "code",
+    ["START_IN_COLLISION", "GOAL_UNREACHABLE", "GOAL_IN_COLLISION", "NO_PATH", "TIMEOUT", "UNKNOWN_POSE", "MAP_STALE"],
+)
+def test_a_pose_that_cannot_be_reached_is_a_reason_and_the_fruit_stays_held(code):
+    bench, given = bench_with_pose(code, width=0.08)
+    bench.hold_fruit()
+    inputs = {"into": "there", **given["inputs"]}
+    outcome = drive(Release(), inputs, bench.devices, clock=bench.clock, **given["settings"])
+    assert outcome.reason.code == code
+    assert bench.arm.followed == []
+    assert bench.gripper.moves == []
+
+
+def test_variations_of_a_pose_are_places_for_one_fruit_after_the_other():
+    bench = over_ground(None)
+    inputs = {"into": "observe", "variation": 2, "depth": 0.02}
+    drive(Release(), inputs, bench.devices, clock=bench.clock)
+    np.testing.assert_allclose(bench.arm.followed[0].q[-1], WORKSPACE.poses["observe_2"], atol=1e-9)
+
+
+def test_where_the_gripper_cannot_go_down_nothing_moves():
+    bench = over_ground(None)
+    below_finger = (bench.tcp @ [0.0, 0.045, 0.055, 1.0])[:3]
+    outcome = drive(Release(), {"map": seen_map(blocked=(below_finger,))}, bench.devices, clock=bench.clock)
+    assert outcome.reason.code == "NO_WAY_DOWN"
+    assert "map" in outcome.reason.message
+    assert bench.arm.followed == []
+
+
+def test_it_ends_before_the_gripper_would_touch_the_table():
+    bench = over_ground(None)
+    outcome = drive(Release(), {"depth": 0.5}, bench.devices, clock=bench.clock)
+    assert outcome.reason.code == "NO_CONTACT"
+    assert -0.12 + 0.012 < bench.tcp[2, 3] < -0.12 + 0.025  # the pads' tips are 12 mm below the TCP
+    assert bench.gripper.moves == []
+
+
+def test_it_is_quick_until_the_fruit_is_near_to_what_is_known():
+    slow, quick = over_ground(-0.085), over_ground(-0.085)
+    outcomes = [
+        drive(Release(), inputs, bench.devices, clock=bench.clock)
+        for bench, inputs in ((slow, {}), (quick, {"grasp": GRASP}))
+    ]
+    assert [outcome.status for outcome in outcomes] == [Status.SUCCESS] * 2
+    assert outcomes[1].duration < 0.6 * outcomes[0].duration
+    assert quick.arm.followed[1].duration > 0.5  # the last two centimetres

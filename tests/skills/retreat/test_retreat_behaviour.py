@@ -1,11 +1,15 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from py_trees.common import Status
 
+from drivers.interfaces import Box
 from executive.skill_testing import drive
 from skills.approach.straight_line import straight_line
+from skills.geometry import transform
 from skills.retreat.behaviour import Retreat
-from tests.skills.picking_scene import HOME, OBSERVE, ROBOT_MODEL, Bench, a_grasp
+from tests.skills.picking_scene import HOME, OBSERVE, ROBOT_MODEL, WORKSPACE, Bench, a_grasp
 
 GRASP = a_grasp(theta=np.pi / 6.0)
 LINE = straight_line(ROBOT_MODEL, GRASP.q_pre_grasp[0], GRASP.T_base_grasp).q
@@ -101,7 +105,31 @@ def test_interrupted_while_lowering_the_fingers_stay_closed():
     assert bench.gripper.moves == []
 
 
-def test_an_arm_that_refuses_is_a_reason():
+@pytest.mark.parametrize("code", ["REFUSED", "STOPPED", "MOTION_FAILED"])
+def test_an_arm_that_does_not_move_as_asked_is_a_reason(code):
     bench = Bench(q=LINE[-1].copy(), width=GRASP.width)
-    bench.arm.refuse_next("servo off")
-    assert retreat(bench).reason.code == "REFUSED"
+    outcome = drive(
+        Retreat(), {"grasp": GRASP}, bench.devices, clock=bench.clock, each_tick=bench.arm_trouble(code)
+    )  # fmt: skip
+    assert outcome.reason.code == code
+    assert bench.arm.settled()
+
+
+def test_a_pre_grasp_out_of_reach_is_no_way_back():
+    bench = Bench(q=LINE[-1].copy(), width=GRASP.width)
+    far = GRASP.T_base_pre_grasp @ transform(None, [0.0, 0.0, -0.9])
+    outcome = drive(
+        Retreat(), {"grasp": replace(GRASP, T_base_pre_grasp=far)}, bench.devices, clock=bench.clock
+    )  # fmt: skip
+    assert outcome.reason.code == "NO_WAY_BACK"
+    assert bench.arm.followed == []
+
+
+def test_something_fixed_on_the_way_back_stops_it_before_it_moves():
+    behind = GRASP.T_base_pre_grasp @ transform(None, [0.0, 0.0, -0.1])
+    box = Box("lamp", behind, (0.02, 0.15, 0.02))
+    bench = Bench(q=LINE[-1].copy(), width=GRASP.width, workspace=replace(WORKSPACE, obstacles=(box,)))
+    outcome = retreat(bench)
+    assert outcome.reason.code == "NO_WAY_BACK"
+    assert outcome.reason.data["obstacle"] == "lamp"
+    assert bench.arm.followed == []

@@ -1,19 +1,10 @@
-from dataclasses import replace
-
-import numpy as np
 from py_trees.common import Status
 
 from executive.skill_testing import drive
 from executive.views import SceneView
 from skills.occupancy import OccupancyMap
 from skills.sample_grasp.behaviour import SampleGrasp
-from tests.skills.picking_scene import WORKSPACE, Bench, apple_at
-
-
-def seen_map(stamp: float = 0.0) -> OccupancyMap:
-    """A map that has seen the whole empty table."""
-    empty = OccupancyMap.empty(WORKSPACE.lower, WORKSPACE.upper, 0.02)
-    return replace(empty, states=np.ones_like(empty.states), last_look=np.zeros_like(empty.last_look), stamps=(stamp,))
+from tests.skills.picking_scene import WORKSPACE, Bench, apple_at, seen_map
 
 
 def sample(skill: SampleGrasp, bench: Bench, **inputs: object):
@@ -77,3 +68,16 @@ def test_a_stale_or_empty_map_is_not_free():
     assert sample(SampleGrasp(), bench).reason.code == "MAP_STALE"
     empty = OccupancyMap.empty(WORKSPACE.lower, WORKSPACE.upper, 0.02)
     assert sample(SampleGrasp(), Bench(), map=empty).reason.code == "MAP_STALE"
+
+
+def test_interrupted_it_gives_up_and_the_next_start_counts_as_another_attempt():
+    bench, skill = Bench(), SampleGrasp()
+    given = {"around": apple_at(5, 2), "map": seen_map(), "thetas": 1, "alphas": 4}
+    outcome = drive(skill, given, bench.devices, clock=bench.clock, computing=10, interrupt_after=5)
+    assert outcome.status is Status.INVALID
+    assert outcome.cancelled == 1
+    assert outcome.outputs == {}
+    assert outcome.published == ()
+    again = drive(skill, given, bench.devices, clock=bench.clock, computing=10)
+    assert again.outputs["candidates"].attempt == 2
+    assert len(again.outputs["candidates"].grasps) + len(again.outputs["candidates"].ruled_out) == 4

@@ -1,0 +1,1 @@
+"""Tally: what became of every fruit of a task."""
