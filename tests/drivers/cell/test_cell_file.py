@@ -25,7 +25,7 @@ def place(error):
 
 
 def test_values_come_in_si_units(read):
-    settings = read("a: 120 mm\nb: 30 deg\nc: 0.5\nd: [1 mm, 2 mm]\ne: yes it is\nf: true\ng: [0.7, 0.9]\nh: 3\n")
+    settings = read("a: 120 mm\nb: 30 deg\nc: 0.5\nd: [1 mm, 2 mm]\ne: yes it is\nf: true\ng: [0.7, 0.9]\nh: 3\ni: 80 g..0.1\n")
     assert settings.number("a", "length") == pytest.approx(0.12)
     assert settings.number("b", "angle") == pytest.approx(np.pi / 6)
     assert settings.number("c") == 0.5
@@ -34,6 +34,7 @@ def test_values_come_in_si_units(read):
     assert settings.boolean("f") is True
     assert settings.span("g") == (0.7, 0.9)
     assert settings.span("h") == (3.0, 3.0)
+    assert settings.span("i", "mass") == (0.08, 0.1)
     assert settings.integer("h") == 3
     assert settings.number("missing", default=2.5) == 2.5
     settings.finish()
@@ -52,6 +53,8 @@ def test_values_come_in_si_units(read):
         ("x: [1, q]\n", lambda s: s.vector("x", 2), 1, 4, "'q' is not a number"),
         ("x: 2.5\n", lambda s: s.integer("x"), 1, 4, "whole number"),
         ("x: [3, 1]\n", lambda s: s.span("x"), 1, 4, "from 3 down to 1"),
+        ("x: 3..1\n", lambda s: s.span("x"), 1, 4, "from 3 down to 1"),
+        ("x: 1..\n", lambda s: s.span("x"), 1, 4, "'' is not a number"),
         ("x: reel\n", lambda s: s.choice("x", ("real", "mock")), 1, 4, "did you mean 'real'"),
         ("x: nowhere.xml\n", lambda s: s.file("x"), 1, 4, "does not exist"),
         ("x: 1\n", lambda s: s.section("x"), 1, 4, "must be a mapping"),
