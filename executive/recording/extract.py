@@ -27,7 +27,7 @@ from executive.events import Event, Published
 from executive.recording.read import events_file, read_events
 from executive.recording.recorder import DEVICES
 from executive.recording.scan import scan
-from executive.recording.well_known import plain_name
+from executive.recording.well_known import SERIES_TOPIC, plain_name
 from executive.views import ImageView, PosesView, SceneView
 
 
@@ -122,8 +122,8 @@ def _measurements(record: Path, folder: Path) -> dict[str, str]:
             reading = json.loads(content)
             columns = {name: values for name, values in reading.items() if name not in ("t", "tick")}
             rows[plain_name(topic.removeprefix(DEVICES))].extend(_by_row(columns))
-        elif topic.startswith("/series/"):
-            rows[plain_name(topic[1:])].append(json.loads(content))
+        elif topic.startswith(SERIES_TOPIC):
+            rows[f"series_{plain_name(topic.removeprefix(SERIES_TOPIC))}"].append(json.loads(content))
     for name, samples in rows.items():
         _write_csv(folder / f"{name}.csv", samples)
     return {f"{name}.csv": f"{len(samples)} samples of {_quantities(samples[0])}" for name, samples in rows.items()}

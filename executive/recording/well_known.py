@@ -47,6 +47,7 @@ from executive.views import BodiesView, ImageView, Mesh3, Points3, PosesView, Sc
 Message = tuple[str, Schema, dict[str, Any]]
 """Topic, schema and content of one message."""
 
+SERIES_TOPIC = "/series/"
 INFO, WARNING, ERROR = 2, 3, 4
 FLOAT32 = 7
 IDENTITY = {"position": {"x": 0.0, "y": 0.0, "z": 0.0}, "orientation": {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}}
@@ -106,7 +107,7 @@ def samples(topic: str, view: SeriesView) -> Iterator[Message]:
     columns = {names[name]: np.asarray(values, float) for name, values in view.values.items()}
     for i, t in enumerate(view.t):
         sample = {name: float(f"{values[i]:.6g}") for name, values in columns.items() if np.isfinite(values[i])}
-        yield f"/series/{topic}", SERIES, {"t": float(t), **sample}
+        yield f"{SERIES_TOPIC}{topic}", SERIES, {"t": float(t), **sample}
 
 
 def plain_name(name: str) -> str:
@@ -164,7 +165,11 @@ def _poses(key: str, value: Any, at: Mapping[str, int]) -> Iterator[Message]:
 
 def _rooted(key: str, fields: Mapping[str, Any]) -> Iterator[tuple[str, tuple[str, Any]]]:
     """(frame, (parent, T)) of the poses among `fields` that are tied to the base frame, directly or by one another."""
-    found = {m[2]: (m[1], T) for name, T in fields.items() if (m := _T.fullmatch(name)) and _is_pose(T)}
+    found: dict[str, tuple[str, Any]] = {}
+    for name, T in fields.items():
+        match = _T.fullmatch(name)
+        if match and _is_pose(T) and (match[1] == "base" or match[2] not in found):
+            found[match[2]] = (match[1], T)
     for child, (parent, T) in found.items():
         if parent == "base":
             yield f"{key}/{child}", ("base", T)

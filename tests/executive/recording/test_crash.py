@@ -44,7 +44,7 @@ TREE = "pomona: 1\ntree: slow\nroot:\n  sequence:\n    - wait: 1 s\n    - wait: 
 
 
 def kill_a_recording_process(folder: Path) -> int:
-    """Kill it after it has recorded an event every 10 ms for a while; the number of the last one that it handed over."""
+    """Kill it after it has recorded an event every 10 ms for a while; the number of the last one handed over."""
     with subprocess.Popen(
         [sys.executable, "-c", RECORD_FOR_EVER, str(folder)], stdout=subprocess.PIPE, text=True
     ) as process:
@@ -127,16 +127,10 @@ def test_a_run_that_is_going_on_is_seen_and_not_repaired(tmp_path: Path) -> None
 
 def run_on_a_full_disk(folder: Path, record: str) -> subprocess.CompletedProcess[str]:
     """A whole run whose record may not become larger than 16 kB."""
-    clock = "clock: manual\n"
-    (folder / "bench.yaml").write_text(f"name: bench\nkind: mock\n{clock}record: {record}\ndevices: {{}}\n")
-    arguments = [
-        "run",
-        str(folder / "slow.yaml"),
-        "--cell",
-        str(folder / "bench.yaml"),
-        "--record",
-        str(folder / "runs"),
-    ]
+    tree, cell, runs = folder / "slow.yaml", folder / "bench.yaml", folder / "runs"
+    tree.write_text(TREE)
+    cell.write_text(f"name: bench\nkind: mock\nclock: manual\nrecord: {record}\ndevices: {{}}\n")
+    arguments = ["run", str(tree), "--cell", str(cell), "--record", str(runs)]
     return subprocess.run([sys.executable, "-c", LIMITED, *arguments], capture_output=True, text=True, timeout=120)
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -13,115 +12,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from mcap.reader import make_reader
+from recorded_events import contents, everything, pose, record
 from scipy.spatial.transform import Rotation
 
-from executive.events import (
-    AttemptEnded,
-    Event,
-    LinkChanged,
-    NodeChanged,
-    OperatorActed,
-    PortWritten,
-    Published,
-    RunEnded,
-    RunStarted,
-    SafeStopped,
-    StateChanged,
-)
-from executive.reasons import Reason
+from executive.events import Published
 from executive.recording.read import read_events
-from executive.recording.recorder import EVENTS_FILE, Recorder
 from executive.recording.well_known import plain_name, quaternion
-from executive.views import (
-    BodiesView,
-    ImageView,
-    Line3,
-    Mesh3,
-    Pinhole,
-    Points3,
-    PosesView,
-    SceneView,
-    SeriesView,
-)
-
-TRIANGLE = Mesh3(np.eye(3), np.array([[0, 1, 2]], np.int32), "forearm")
-REASON = Reason("a/Plan", "NO_PATH", "there is no path", {"tries": 3})
-
-
-@dataclass(frozen=True)
-class Candidate:
-    T_base_grasp: np.ndarray[Any, Any]
-
-
-@dataclass(frozen=True)
-class Measured:
-    T_base_camera: np.ndarray[Any, Any]
-    T_camera_object: np.ndarray[Any, Any]
-    T_mount_camera: np.ndarray[Any, Any]
-    candidates: tuple[Candidate, ...]
-
-
-def pose(x: float, turn: float = 0.0) -> np.ndarray[Any, Any]:
-    T = np.eye(4)
-    T[:3, :3] = Rotation.from_euler("z", turn).as_matrix()
-    T[0, 3] = x
-    return T
-
-
-def started(**changes: Any) -> RunStarted:
-    about: dict[str, Any] = {
-        "run": "one", "tree": "pick", "tree_path": "pick.yaml", "tree_text": "pomona: 1\n", "tree_hash": "abc",
-        "cell": "sim", "cell_kind": "simulated", "cell_path": "sim.yaml", "cell_text": "name: sim\n", "seed": 3,
-        "parameters": {"height": 0.15}, "nodes": (), "versions": {"git": "0123abc", "pomona": "1"}, "wall_time": 1e9,
-        "period": 0.02, "settings": {"fruit": "apple_5"}, "tree_files": {"look.yaml": "pomona: 1\ntree: look\n"},
-    }  # fmt: skip
-    return RunStarted(0.0, 0, **(about | changes))
-
-
-def everything() -> list[Event]:
-    image = np.full((48, 64, 3), (200, 40, 30), np.uint8)
-    depth = np.full((48, 64), 0.7504, np.float32)
-    depth[0, 0] = np.nan
-    view = ImageView(image, depth=depth, pinhole=Pinhole(60.0, 61.0, 31.5, 23.5, pose(0.3)))
-    value = Measured(pose(0.5, 0.2), pose(0.4, -0.1), pose(1.0), (Candidate(pose(0.1)), Candidate(pose(0.2))))
-    scene = SceneView((Line3(np.eye(3), "planned path"),), (Points3(np.eye(3), "left to try"),), (TRIANGLE,), "path")
-    slip = SeriesView(np.array([0.5, 0.6]), {"slip speed [m/s]": np.array([0.1, np.nan])})
-    return [
-        started(),
-        StateChanged(0.0, 0, "running", "started"),
-        Published(0.1, 5, "", "robot", BodiesView((TRIANGLE,))),
-        Published(0.1, 5, "", "robot", PosesView(np.array([[0.1, 0.2, 0.3, 0, 0, 0, 1.0]]), np.zeros(3))),
-        Published(0.2, 6, "a/Detect", "detection", view),
-        PortWritten(0.3, 7, "/perceive/detection", value, "a/Detect", "an apple"),
-        Published(0.4, 8, "a/Plan", "path", scene),
-        Published(0.5, 9, "a/Grip", "grip", slip),
-        NodeChanged(0.6, 10, "a/Plan", "FAILURE", "no path", 1, REASON),
-        AttemptEnded(0.6, 10, "a", 1, 3, False, REASON),
-        LinkChanged(0.7, 11, "arm", "no answer for 0.5 s"),
-        OperatorActed(0.7, 11, "anna", "stop"),
-        SafeStopped(0.8, 12, "stopped"),
-        RunEnded(0.8, 12, "failure", REASON, 12, 0.8, 1.0, {"T_base_fruit": pose(0.9), "lifted": False}),
-    ]  # fmt: skip
-
-
-def record(folder: Path, events: list[Event]) -> Path:
-    recorder = Recorder(folder)
-    for event in events:
-        recorder.hear(event)
-    recorder.read(0.8, 12, {"arm": {"stamp_s": np.array([0.1, 0.2]), "q_1_rad": np.array([0.0, 0.5])}})
-    recorder.close()
-    assert recorder.problem == ""
-    return folder / EVENTS_FILE
-
-
-def contents(path: Path) -> list[tuple[str, str, dict[str, Any], dict[str, Any]]]:
-    """Topic, schema's name, schema, content, as any reader of MCAP files sees them."""
-    with path.open("rb") as stream:
-        return [
-            (channel.topic, schema.name, json.loads(schema.data), json.loads(message.data))
-            for schema, channel, message in make_reader(stream).iter_messages()
-            if schema is not None
-        ]
 
 
 def strict(schema: Any) -> Any:

@@ -1,0 +1,216 @@
+"""`pomona runs`, `rerun` and `explain` as a person uses them."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+from recorded_events import FAILED, SUCCEEDED, write
+
+from executive.cli import main
+from executive.recording.recorder import EVENTS_FILE, Recorder
+
+TREE = """\
+pomona: 1
+tree: try_thrice
+parameters:
+  pauses: {type: int, default: 3}
+subtrees:
+  look: {file: parts/look.yaml}
+root:
+  sequence:
+    - look: {}
+    - sequence:
+        - wait: 1 s
+        - MoveTo: {pose: home}
+      name: Attempt
+      retry: "{pauses}"
+"""
+LOOK = "pomona: 1\ntree: look\nroot:\n  wait: 500 ms\n"
+MOCKS = "mocks:\n  MoveTo: [NO_PATH, NO_PATH, success]\n"
+ALWAYS = "mocks:\n  MoveTo: [NO_PATH]\n"
+
+
+@pytest.fixture(autouse=True)
+def inside(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Commands look for records in runs/ here."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "parts").mkdir()
+    (tmp_path / "parts" / "look.yaml").write_text(LOOK)
+    (tmp_path / "tree.yaml").write_text(TREE)
+    (tmp_path / "mocks.yaml").write_text(MOCKS)
+    (tmp_path / "always.yaml").write_text(ALWAYS)
+
+
+def say(capsys: pytest.CaptureFixture[str], *arguments: str, status: int = 0) -> str:
+    """What a command prints, with its line breaks taken out."""
+    capsys.readouterr()
+    assert main(list(arguments)) == status
+    captured = capsys.readouterr()
+    assert "Traceback" not in captured.out + captured.err
+    return " ".join((captured.out + captured.err).split())
+
+
+def run(mocks: str = "mocks.yaml", *more: str, status: int = 0) -> None:
+    assert main(["run", "tree.yaml", "--dry", mocks, "--quiet", *more]) == status
+
+
+def test_list_shows_how_each_run_ended(capsys: pytest.CaptureFixture[str]) -> None:
+    write(Path("runs/2026-01-01_failed"), FAILED)
+    write(Path("runs/2026-01-02_good"), SUCCEEDED)
+    Path("runs/2026-01-03_now").mkdir()
+    recorder = Recorder(Path("runs/2026-01-03_now"))
+    said = say(capsys, "runs", "list")
+    recorder.close()
+    assert "NO_PATH: there is no path" in said
+    assert "▶ 2026-01-03_now" in said
+    assert "3 runs" in said
+    assert "1 running, 1 success, 1 failure" in said
+    assert "2026-01-02_good" not in say(capsys, "runs", "list", "--failed")
+    assert "1 of 3 runs" in say(capsys, "runs", "list", "apple_5", "no_path")
+    rows = [json.loads(line) for line in _lines(capsys, "runs", "list", "--json", "--limit", "2")]
+    assert [row["run"] for row in rows] == ["2026-01-03_now", "2026-01-02_good"]
+
+
+def _lines(capsys: pytest.CaptureFixture[str], *arguments: str) -> list[str]:
+    capsys.readouterr()
+    assert main(list(arguments)) == 0
+    return capsys.readouterr().out.splitlines()
+
+
+def test_show_tells_everything_about_a_run(capsys: pytest.CaptureFixture[str]) -> None:
+    run("mocks.yaml", "--set", "pauses=4", "--seed", "5")
+    said = say(capsys, "runs", "show", "last")
+    for words in ("try_thrice", "seed 5", "pauses=4", "NO_PATH × 2", "py-trees", "/events", "/log"):
+        assert words in said
+    assert json.loads(_lines(capsys, "runs", "show", "last", "--json")[0])["codes"] == {"NO_PATH": 2}
+
+
+def test_compare_puts_runs_side_by_side_and_finds_where_two_of_a_kind_part(capsys: pytest.CaptureFixture[str]) -> None:
+    run()
+    run("always.yaml", status=1)
+    first, second = sorted(path.name for path in Path("runs").iterdir() if path.is_dir())
+    said = say(capsys, "runs", "compare", first, second)
+    assert "outcome success failure" in said
+    assert "× NO_PATH 2 3" in said
+    assert "they part" not in said  # other mocks: nobody expects the same
+    shutil.copytree(Path("runs") / first, "runs/again")
+    assert "consist of the same" in say(capsys, "runs", "compare", first, "again")
+
+
+def test_explain_says_what_happened_and_why(capsys: pytest.CaptureFixture[str]) -> None:
+    run("always.yaml", "--set", "pauses=2", status=1)
+    said = say(capsys, "explain")
+    assert "try_thrice ran on the mocked cell dry with seed 0 and pauses = 2" in said
+    assert "It failed after" in said
+    assert "The reason is NO_PATH of MoveTo (line 12 of the tree)" in said
+    assert "Attempt 1 of 2 (Attempt) ended at 1.5 s: MoveTo said NO_PATH" in said
+    assert "What failed on the way: MoveTo NO_PATH 2 times." in said
+
+
+def test_explain_tells_a_success_with_the_attempt_that_made_it(capsys: pytest.CaptureFixture[str]) -> None:
+    run()
+    assert "It succeeded after 3.5 s, on the third attempt of 3." in say(capsys, "explain", "last")
+
+
+def test_explain_says_that_a_record_was_cut_off_and_where(capsys: pytest.CaptureFixture[str]) -> None:
+    run()
+    (path,) = Path("runs").glob(f"*/{EVENTS_FILE}")
+    path.write_bytes(path.read_bytes()[: path.stat().st_size * 6 // 10])
+    said = say(capsys, "explain", "last")
+    assert "The record ends after" in said
+    assert "the process was killed" in said
+    assert "✓" in say(capsys, "runs", "repair")
+    assert "every record is whole" in say(capsys, "runs", "repair")
+
+
+def test_rerun_repeats_a_run_from_its_record_alone(capsys: pytest.CaptureFixture[str]) -> None:
+    run("mocks.yaml", "--set", "pauses=4", "--seed", "7")
+    for path in (Path("tree.yaml"), Path("parts/look.yaml"), Path("mocks.yaml")):
+        path.unlink()
+    assert "✓ the same" in say(capsys, "rerun", "last")
+    assert len(list(Path("runs").glob("*/"))) == 1  # it leaves no record of its own
+
+
+def test_rerun_shows_the_first_difference(capsys: pytest.CaptureFixture[str]) -> None:
+    run()
+    (path,) = Path("runs").glob(f"*/{EVENTS_FILE}")
+    before, after = b'"feedback":"0.5 s left"', b'"feedback":"0.6 s left"'
+    content = path.read_bytes()
+    assert content.count(before) >= 1
+    path.write_bytes(content.replace(before, after, 1))
+    said = say(capsys, "rerun", "last", status=1)
+    assert "they part at event" in said
+    assert 'NodeChanged try_thrice/look/wait, feedback recorded "0.6 s left" now "0.5 s left"' in said
+
+
+def test_rerun_refuses_a_run_of_a_real_cell(capsys: pytest.CaptureFixture[str]) -> None:
+    from recorded_events import started
+
+    write(Path("runs/real"), (started(cell_kind="real"),))
+    assert "only a simulated run can be repeated" in say(capsys, "rerun", "real", status=2)
+
+
+def test_frames_and_export_say_what_they_wrote(capsys: pytest.CaptureFixture[str]) -> None:
+    write(Path("runs/one"), SUCCEEDED)
+    assert "one.zip" in say(capsys, "runs", "export", "one")
+    assert "one.jsonl" in say(capsys, "runs", "export", "one", "one.jsonl")
+    assert "is there already" in say(capsys, "runs", "export", "one", status=2)
+    assert "one_frames" in say(capsys, "runs", "frames", "one")
+
+
+def test_prune_lists_asks_and_spares(capsys: pytest.CaptureFixture[str]) -> None:
+    for name in ("a", "b", "c"):
+        write(Path("runs") / name, SUCCEEDED)
+    assert "say what may go" in say(capsys, "runs", "prune", status=2)
+    assert "2 of 3 records" in say(capsys, "runs", "prune", "--keep", "1", "--dry")
+    assert "nobody to ask" in say(capsys, "runs", "prune", "--keep", "1", status=2)
+    assert len(list(Path("runs").glob("*/"))) == 3
+    assert "threw away 2 records" in say(capsys, "runs", "prune", "--keep", "1", "--yes")
+    assert [path.name for path in Path("runs").glob("*/")] == ["c"]
+    assert "nothing to throw away" in say(capsys, "runs", "prune", "--keep", "1", "--yes")
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ("runs", "show"), ("runs", "export"), ("runs", "frames"), ("runs", "repair"), ("replay",), ("rerun",),
+        ("explain",), ("runs", "compare", "a"),
+    ],
+)  # fmt: skip
+def test_an_unknown_run_is_refused_in_words(capsys: pytest.CaptureFixture[str], command: tuple[str, ...]) -> None:
+    write(Path("runs/a"), SUCCEEDED)
+    assert "no record 'nonsense'" in say(capsys, *command, "nonsense", status=2)
+
+
+@pytest.mark.parametrize("content", [b"", b"not an mcap file", b"\x89MCAP0\r\n" + b"\xff" * 100, b"\x89MCAP0\r\n"])
+@pytest.mark.parametrize(
+    "command", [("runs", "show"), ("runs", "frames"), ("replay",), ("rerun",), ("explain",), ("runs", "export")]
+)
+def test_a_foreign_or_broken_file_gets_words_and_no_traceback(
+    capsys: pytest.CaptureFixture[str], command: tuple[str, ...], content: bytes
+) -> None:
+    Path("runs/odd").mkdir(parents=True)
+    Path("runs/odd", EVENTS_FILE).write_bytes(content)
+    capsys.readouterr()
+    assert main([*command, "odd"]) in (0, 2)
+    captured = capsys.readouterr()
+    assert captured.out + captured.err
+    assert "Traceback" not in captured.out + captured.err
+
+
+def test_another_programs_mcap_is_refused_in_words(capsys: pytest.CaptureFixture[str]) -> None:
+    from mcap.writer import Writer
+
+    with Path("foreign.mcap").open("wb") as stream:
+        writer = Writer(stream)
+        writer.start()
+        schema = writer.register_schema("other", "jsonschema", b"{}")
+        channel = writer.register_channel("/events", "json", schema)
+        writer.add_message(channel, 0, b'{"event": "Launched"}', 0)
+        writer.finish()
+    assert "'Launched' is no event of a run" in say(capsys, "replay", "foreign.mcap", status=2)
+    assert "'Launched' is no event of a run" in say(capsys, "explain", "foreign.mcap", status=2)
+    assert say(capsys, "runs", "show", "foreign.mcap", status=2)
