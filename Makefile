@@ -23,7 +23,7 @@ run: $(STAMP) ## pick an apple on the simulated cell
 	$(BIN)/pomona run trees/pick_apple.yaml
 
 test: $(STAMP) ## run the tests
-	@sh scripts/system_libraries.sh chromium
+	@sh scripts/system_libraries.sh tests
 	$(BIN)/python -m pytest -n 2
 
 test-realtime: $(STAMP) ## the whole pick through emulated devices and wires; needs a machine with nothing else to do

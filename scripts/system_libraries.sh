@@ -36,13 +36,15 @@ egl)
     }
     [ -z "$missing" ] || install $missing
     ;;
-chromium)
-    for browser in chromium chromium-browser google-chrome; do
-        command -v $browser >/dev/null && exit 0
-    done
-    install chromium || {
+tests)
+    libraries=$(ldconfig -p 2>/dev/null || /sbin/ldconfig -p)
+    missing=""
+    echo "$libraries" | grep -q libusb-1.0.so.0 || missing=libusb-1.0-0
+    command -v chromium >/dev/null || command -v chromium-browser >/dev/null || command -v google-chrome >/dev/null \
+        || missing="$missing chromium"
+    [ -z "$missing" ] || install $missing || {
         [ -z "${CI:-}" ] || exit 1
-        echo "Without Chromium the dashboard's browser tests are left out."
+        echo "Without them the tests of the dashboard in a browser and of RealSense's frames are left out."
     }
     ;;
 esac

@@ -64,7 +64,7 @@ class SoftwareCamera:
 
 @pytest.fixture(scope="module")
 def rs() -> Any:
-    return pytest.importorskip("pyrealsense2")
+    return pytest.importorskip("pyrealsense2", exc_type=ImportError)
 
 
 def frames_of(camera: SoftwareCamera) -> Any:
