@@ -23,7 +23,8 @@ from executive.events import EventStream, Listener, RunStarted
 from executive.files import installed_trees, read_text
 from executive.recording.keeping import Keeping
 from executive.registry import Registry
-from executive.runner import Runner, RunResult
+from executive.run_state import RunResult
+from executive.runner import Runner
 from executive.terminal.summary import Summary
 from executive.tree_file import Document, Mocks, build, check, format_findings, read
 from executive.tree_file.findings import did_you_mean

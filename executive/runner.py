@@ -14,16 +14,14 @@ from __future__ import annotations
 import logging
 import queue
 import time
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from enum import Enum
-from typing import Any
+from collections.abc import Callable, Sequence
 
 from py_trees.common import Status
 
 from executive.board import Board, Entry
 from executive.breakpoints import BREAK_ACTIONS, Breakpoints, Side
 from executive.cell import Cell
+from executive.cell_watch import CellWatch, SafeStopRequestedError
 from executive.compute import Computations
 from executive.context import RunContext
 from executive.errors import PomonaError
@@ -42,6 +40,7 @@ from executive.events import (
 )
 from executive.observer import TreeObserver
 from executive.reasons import Reason
+from executive.run_state import RunResult, RunState
 from executive.tree_file import BuiltTree
 from executive.watching import Watch, Watcher
 
@@ -49,50 +48,6 @@ logger = logging.getLogger(__name__)
 
 STOP_LIMIT = 10.0
 """Seconds of the cell's clock that a stop may take before it becomes a safe stop."""
-
-
-class RunState(Enum):
-    """Where a run stands."""
-
-    IDLE = "idle"
-    RUNNING = "running"
-    PAUSING = "pausing"
-    PAUSED = "paused"
-    STOPPING = "stopping"
-    STOPPED = "stopped"
-    SUCCEEDED = "succeeded"
-    FAILED = "failed"
-    FAULTED = "faulted"
-
-    @property
-    def ended(self) -> bool:
-        return self in (RunState.STOPPED, RunState.SUCCEEDED, RunState.FAILED, RunState.FAULTED)
-
-
-@dataclass(frozen=True, slots=True)
-class RunResult:
-    """How a run ended.
-
-    Attributes:
-        outcome: success, failure, stopped or error.
-        reason: why it did not succeed.
-        ticks: number of ticks.
-        time, wall: seconds on the run's clock (pauses left out) and really.
-        truth: the simulated world's score.
-        interrupted: it was ended by Ctrl-C.
-    """
-
-    outcome: str
-    reason: Reason | None
-    ticks: int
-    time: float
-    wall: float
-    truth: Mapping[str, Any] | None
-    interrupted: bool = False
-
-
-class _SafeStopRequestedError(PomonaError):
-    """Carries a safe stop from the command queue into the loop."""
 
 
 Build = Callable[[RunContext, Board], BuiltTree]
@@ -140,9 +95,7 @@ class Runner:
         self._interrupted = False
         self._leaving = False
         self._reported: dict[str, object] = {}
-        self._links: dict[str, str] = {}
-        self._others: dict[str, tuple[Callable[[], str], bool]] = {}
-        self._watch = Watch(cell, self._published, watchers)
+        self._watch = CellWatch(cell, self._linked, Watch(cell, self._published, watchers))
 
     # ------------------------------------------------------------------------------------ from any thread
 
@@ -222,7 +175,7 @@ class Runner:
 
         A change is told as a link's; the loss of what is required ends the run in the safe state.
         """
-        self._others[name] = (state, required)
+        self._watch.look_after(name, state, required=required)
 
     def run(self) -> RunResult:
         """Run the tree to its end. Never raises for what goes wrong in the run: that is an outcome."""
@@ -235,7 +188,7 @@ class Runner:
         except KeyboardInterrupt:
             self._interrupted = True
             self._fault("INTERRUPTED", "interrupted from the keyboard", None)
-        except _SafeStopRequestedError as request:
+        except SafeStopRequestedError as request:
             self._fault("SAFE_STOP", str(request), None)
         except Exception as error:
             self._fault(type(error).__name__, str(error) or type(error).__name__, error)
@@ -269,7 +222,7 @@ class Runner:
             self._take_commands()
             if self._has_ended():
                 return
-            self._look_after_cell()
+            self._watch.look()
             ticking = self._state is RunState.RUNNING
             if ticking:
                 self._tick()
@@ -318,7 +271,7 @@ class Runner:
                 continue
             self._emit(OperatorActed(*self._stamp(), who, action, detail))
             if action == "safe_stop":
-                raise _SafeStopRequestedError(detail)
+                raise SafeStopRequestedError(detail)
             if action == "stop":
                 self._stop(f"stopped by {who}")
             elif action == "pause" and self._state is RunState.RUNNING:
@@ -361,24 +314,6 @@ class Runner:
             elif self._cell.clock.now() > self._stop_deadline:
                 still = ", ".join(self.context.halting) or "the cell"
                 raise PomonaError(f"{still} has not come to rest within {STOP_LIMIT:.0f} s of a stop")
-
-    def _look_after_cell(self) -> None:
-        self._cell.check()
-        if self._cell.latched is not None:
-            raise _SafeStopRequestedError(self._cell.latched)
-        for device, state in self._cell.links().items():
-            self._note_link(device, state)
-        for name, (ask, required) in self._others.items():
-            state = ask()
-            self._note_link(name, state)
-            if required and state != "ok":
-                raise _SafeStopRequestedError(state)
-        self._watch.look()
-
-    def _note_link(self, name: str, state: str) -> None:
-        if self._links.get(name) != state:
-            self._links[name] = state
-            self._emit(LinkChanged(*self._stamp(), name, state))
 
     def _wait_for_computations(self) -> bool:
         """On a simulated clock, wait for what was started in this tick; True when there was something."""
@@ -460,6 +395,9 @@ class Runner:
     def _computed(self, node: str, function: str, wall: float) -> None:
         if self._state is not RunState.IDLE:  # what is prepared before the run is not the run's time
             self._emit(Computed(*self._stamp(), node, function, wall))
+
+    def _linked(self, name: str, state: str) -> None:
+        self._emit(LinkChanged(*self._stamp(), name, state))
 
     def _written(self, key: str, entry: Entry) -> None:
         about = type(entry.value)  # asked of the class: a mock's placeholder has no attributes at all

@@ -22,7 +22,8 @@ from executive.events import (
 )
 from executive.ports import TIME, Port, Ports
 from executive.registry import Registry
-from executive.runner import Runner, RunState
+from executive.run_state import RunState
+from executive.runner import Runner
 from executive.skill import Interrupted, Skill, Work
 from executive.tree_file import build, read
 
