@@ -1,6 +1,7 @@
-"""What the dashboard costs and how quick it is: the figures of its issue, measured in one process run.
+"""What the dashboard costs and how quick it is.
 
-Needs Chromium. `python benchmarks/bench_dashboard.py [--short]`; `--short` measures less long.
+Needs Chromium. `python benchmarks/bench_dashboard.py [--short] [--only viewers|page|record|memory]`; `--short` measures
+less long.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from executive.dashboard.security import Access
 from executive.dashboard.server import Dashboard
 from executive.events import Event, NodeChanged, Published, RunEnded, RunStarted
 from executive.recording.recorder import Recorder
-from executive.views import SeriesView
+from executive.views import BodiesView, ImageView, Mesh3, Points3, PosesView, SceneView, SeriesView
 
 PERIOD = 0.02
 FLAGS = ["--no-sandbox", "--disable-gpu", "--disable-background-networking", "--disable-component-update",
@@ -141,10 +142,131 @@ def half_hour_record(folder: Path) -> None:
     recorder.close()
 
 
-def memory_kb() -> int:
+def pictures(tick: int) -> list[Event]:
+    """What else an hour of picking shows: a moving robot, and now and then an image and a map."""
+    t, events = tick * PERIOD, []
+    rng = np.random.default_rng(tick)
+    if tick == 0:
+        vertices, faces = rng.uniform(size=(60, 3)), rng.integers(0, 60, (100, 3), np.int32)
+        events.append(Published(t, tick, "", "robot", BodiesView((Mesh3(vertices, faces, "arm", "robot"),) * 12)))
+    if tick % 5 == 0:
+        events.append(Published(t, tick, "", "robot", PosesView(rng.uniform(size=(12, 7)), rng.uniform(size=3))))
+    if tick % 200 == 0:
+        image = rng.integers(0, 255, (240, 320, 3), np.uint8)
+        events.append(Published(t, tick, "root/1", "look", ImageView(image)))
+        events.append(Published(t, tick, "root/1", "map", SceneView(points=(Points3(rng.uniform(size=(300, 3))),))))
+    return events
+
+
+def memory_mb() -> float:
     """Resident memory of this process."""
     status = Path("/proc/self/status").read_text(encoding="ascii")
-    return int(next(line for line in status.splitlines() if line.startswith("VmRSS")).split()[1])
+    return int(next(line for line in status.splitlines() if line.startswith("VmRSS")).split()[1]) / 1e3
+
+
+class Report:
+    """The figures, and how many are missed."""
+
+    def __init__(self) -> None:
+        self.table = Table("figure", "measured", "wanted", title="dashboard")
+        self.missed = 0
+
+    def tell(self, what: str, value: float, unit: str, most: float) -> None:
+        """A figure that has a limit."""
+        self.missed += value > most
+        self.table.add_row(what, f"{value:.3g} {unit}", f"≤ {most:g} {unit}", style="" if value <= most else "red")
+
+    def note(self, what: str, words: str) -> None:
+        """What helps to judge the figures."""
+        self.table.add_row(f"  {what}", words, "")
+
+
+def bench_viewers(report: Report, dashboard: Dashboard, _browser: Any, duration: float) -> None:
+    """What viewers cost the tick."""
+    alone = tick_periods(dashboard, 0, False, duration)
+    many = tick_periods(dashboard, 50, False, duration)
+    stuck = tick_periods(dashboard, 1, True, duration)
+    again = tick_periods(dashboard, 0, False, duration)
+    base = (np.percentile(alone, 99) + np.percentile(again, 99)) / 2.0
+    for periods, what in ((many, "with 50 viewers"), (stuck, "with a viewer that stops reading")):
+        change = abs(np.percentile(periods, 99) / base - 1.0) * 100.0
+        report.tell(f"change of the tick's p99 period {what}", change, "%", 10.0)
+    p99 = " / ".join(f"{np.percentile(p, 99) * 1e3:.2f}" for p in (alone, many, stuck, again))
+    report.note("p99 period alone / 50 viewers / stuck / alone again", f"{p99} ms")
+
+
+def bench_page(report: Report, dashboard: Dashboard, browser: Any, duration: float) -> None:
+    """How soon the page can be used, and how soon it shows what happens."""
+    from playwright.sync_api import expect
+
+    page = browser.new_page()
+    page.goto(dashboard.link)
+    page.reload()  # the first start of the browser itself is not the page's
+    timing = page.evaluate("performance.getEntriesByType('navigation')[0].domContentLoadedEventEnd / 1000")
+    report.tell("page interactive", timing, "s", 1.0)
+    for nodes in (20, 1001):
+        dashboard.hub.hear(started(nodes))
+        expect(page.locator(".row")).to_have_count(nodes)
+        delays = event_to_pixel(page, dashboard, duration)
+        p95 = float(np.percentile(delays, 95)) * 1000.0
+        report.tell(f"event to pixel, p95 of {len(delays)}, {nodes} nodes", p95, "ms", 150.0)
+    page.close()
+
+
+def bench_record(report: Report, dashboard: Dashboard, browser: Any, _duration: float) -> None:
+    """How soon a long record can be looked at, and a moment in its middle in full."""
+    from playwright.sync_api import expect
+
+    folder = dashboard.records / "half_hour"
+    half_hour_record(folder)
+    size = (folder / "run.mcap").stat().st_size / 1e6
+    page = browser.new_page()
+    began = time.perf_counter()
+    page.goto(f"{dashboard.link}&run=half_hour")
+    expect(page.locator("#connection")).to_have_text("recorded run", timeout=120_000)
+    report.tell(f"a record of 30 minutes ({size:.0f} MB) opens", time.perf_counter() - began, "s", 2.0)
+    page.evaluate("location.hash = 'run=half_hour&t=900'")
+    began = time.perf_counter()
+    with page.expect_response("**/messages?begin=*") as answer:
+        pass
+    answer.value.finished()
+    report.note("everything around a moment is there after", f"{time.perf_counter() - began:.2f} s")
+    page.close()
+
+
+def bench_memory(report: Report, dashboard: Dashboard, browser: Any, duration: float) -> None:
+    """An hour of a busy run, as fast as the page can follow."""
+    from playwright.sync_api import expect
+
+    page = browser.new_page()
+    page.goto(dashboard.link)
+    client = page.context.new_cdp_session(page)
+    client.send("Performance.enable")
+    dashboard.hub.hear(started(20))
+    hour = 180_000 if duration > 10.0 else 40_000
+    heaps, elements, memories = [], [], []
+    for tick in range(hour):
+        for event in tick_events(tick, "on the way") + pictures(tick):
+            dashboard.hub.hear(event)
+        if tick % (hour // 8) == hour // 8 - 1:
+            expect(page.locator("#clock")).to_contain_text(f"{tick * PERIOD:.1f} s", timeout=120_000)
+            client.send("HeapProfiler.collectGarbage")
+            metrics = {metric["name"]: metric["value"] for metric in client.send("Performance.getMetrics")["metrics"]}
+            heaps.append(metrics["JSHeapUsedSize"] / 1e6)
+            elements.append(metrics["Nodes"])
+            memories.append(memory_mb())
+        elif tick % 500 == 499:
+            time.sleep(0.05)  # the hour passes quickly, but the page must be able to follow
+    for what, values in (("page's heap", heaps), ("server's memory", memories)):
+        report.tell(f"{what}, end of the run against its middle", values[-1] / values[3] * 100.0 - 100.0, "%", 10.0)
+    minutes = hour * PERIOD / 60.0
+    report.note(f"heap after each eighth of {minutes:.0f} min, collected", f"{', '.join(f'{h:.0f}' for h in heaps)} MB")
+    report.note("resident memory of the server", f"{', '.join(f'{m:.0f}' for m in memories)} MB")
+    report.note("nodes of the document", f"{', '.join(f'{n:.0f}' for n in elements)}")
+    page.close()
+
+
+PARTS = {"viewers": bench_viewers, "page": bench_page, "record": bench_record, "memory": bench_memory}
 
 
 def main() -> int:
@@ -155,85 +277,29 @@ def main() -> int:
     """
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--short", action="store_true", help="measure less long; noisier")
-    short = parser.parse_args().short
+    parser.add_argument("--only", choices=PARTS, help="measure this part only")
+    options = parser.parse_args()
     browser_path = next((path for name in ("chromium", "chromium-browser") if (path := shutil.which(name))), None)
     if browser_path is None:
         print("no Chromium is installed", file=sys.stderr)
         return 2
-    from playwright.sync_api import expect, sync_playwright
+    from playwright.sync_api import sync_playwright
 
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
-    table = Table("figure", "measured", "wanted", title="dashboard")
-    missed = 0
-
-    def tell(what: str, value: float, unit: str, most: float) -> None:
-        nonlocal missed
-        missed += value > most
-        table.add_row(what, f"{value:.3g} {unit}", f"≤ {most:g} {unit}", style="" if value <= most else "red")
-
+    report = Report()
     with tempfile.TemporaryDirectory() as scratch, sync_playwright() as playwright:
         dashboard = Dashboard(Access("127.0.0.1", port), Path(scratch))
         dashboard.start()
-        duration = 6.0 if short else 30.0
-        alone = tick_periods(dashboard, 0, False, duration)
-        many = tick_periods(dashboard, 50, False, duration)
-        stuck = tick_periods(dashboard, 1, True, duration)
-        again = tick_periods(dashboard, 0, False, duration)
-        base = min(np.percentile(alone, 99), np.percentile(again, 99))
-        noise = abs(np.percentile(alone, 99) / np.percentile(again, 99) - 1.0) * 100.0
-        tell("p99 of the tick's period with 50 viewers", (np.percentile(many, 99) / base - 1.0) * 100.0, "%", 10.0)
-        tell("p99 of the tick's period with a viewer that stops reading",
-             (np.percentile(stuck, 99) / base - 1.0) * 100.0, "%", 10.0)  # fmt: skip
-        table.add_row("  two measurements without viewers differ by", f"{noise:.3g} %", "")
-
         browser = playwright.chromium.launch(executable_path=browser_path, args=FLAGS)
-        page = browser.new_page()
-        page.goto(dashboard.link)
-        page.reload()  # the first start of the browser itself is not the page's
-        timing = page.evaluate("performance.getEntriesByType('navigation')[0].domContentLoadedEventEnd / 1000")
-        tell("page interactive", timing, "s", 1.0)
-        for nodes in (20, 1001):
-            dashboard.hub.hear(started(nodes))
-            expect(page.locator(".row")).to_have_count(nodes)
-            delays = event_to_pixel(page, dashboard, duration)
-            tell(f"event to pixel, p95, {nodes} nodes", float(np.percentile(delays, 95)) * 1000.0, "ms", 150.0)
-
-        half_hour_record(Path(scratch) / "half_hour")
-        size = (Path(scratch) / "half_hour" / "run.mcap").stat().st_size / 1e6
-        page.close()
-        page = browser.new_page()
-        began = time.perf_counter()
-        page.goto(f"{dashboard.link}&run=half_hour")
-        expect(page.locator("#connection")).to_have_text("recorded run", timeout=120_000)
-        tell(f"a record of 30 minutes ({size:.0f} MB) opens", time.perf_counter() - began, "s", 2.0)
-        page.close()
-
-        page = browser.new_page()
-        page.goto(dashboard.link)
-        heaps, memories = [], []
-        client = page.context.new_cdp_session(page)
-        dashboard.hub.hear(started(20))
-        hour = 40_000 if short else 180_000
-        for tick in range(hour):
-            for event in tick_events(tick, "on the way"):
-                dashboard.hub.hear(event)
-            if tick % (hour // 8) == hour // 8 - 1:
-                expect(page.locator("#clock")).to_contain_text(f"{tick * PERIOD:.1f} s", timeout=120_000)
-                client.send("HeapProfiler.collectGarbage")
-                heaps.append(page.evaluate("performance.memory.usedJSHeapSize") / 1e6)
-                memories.append(memory_kb() / 1e3)
-            elif tick % 500 == 499:
-                time.sleep(0.05)  # the hour passes quickly, but the page must be able to follow
-        tell("page's memory, end of an hour against its middle", heaps[-1] / heaps[4] * 100.0 - 100.0, "%", 20.0)
-        tell("server's memory, likewise", memories[-1] / memories[4] * 100.0 - 100.0, "%", 20.0)
-        table.add_row("  heap of the page", f"{heaps[4]:.0f} → {heaps[-1]:.0f} MB", "")
-        table.add_row("  resident memory of the server", f"{memories[4]:.0f} → {memories[-1]:.0f} MB", "")
+        for name, part in PARTS.items():
+            if options.only in (None, name):
+                part(report, dashboard, browser, 6.0 if options.short else 30.0)
         browser.close()
         dashboard.close()
-    Console().print(table)
-    return 1 if missed else 0
+    Console().print(report.table)
+    return 1 if report.missed else 0
 
 
 if __name__ == "__main__":

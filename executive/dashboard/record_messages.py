@@ -13,9 +13,8 @@ import mmap
 import re
 import struct
 from collections.abc import Callable, Hashable, Iterable, Iterator
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from executive.dashboard.jpeg import size_of_jpeg
 from executive.dashboard.messages import VERSION, encode, encode_number
@@ -58,9 +57,8 @@ class _ChunkedError(Exception):
     """A record that another program has written with chunks."""
 
 
-@dataclass(frozen=True, slots=True)
-class Line:
-    """One message of a record: its number, its time [s], where it stands, and how to write it."""
+class Line(NamedTuple):
+    """One event of a record: its number, its time [s], its text, and where its image stands in the file, or -1."""
 
     seq: int
     t: float

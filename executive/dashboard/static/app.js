@@ -176,6 +176,7 @@ $("safe-stop").addEventListener("click", () => act("safe_stop"));
 $("play").addEventListener("click", togglePlay);
 $("live").addEventListener("click", goLive);
 $("back-to-live").addEventListener("click", () => { location.hash = ""; });
+$("show-keys").addEventListener("click", () => $("keys").showModal());
 $("running").addEventListener("click", () => tree.jumpToRunning());
 $("share").addEventListener("click", () => {
   const run = page.recorded ?? page.whole.run?.run ?? "";
@@ -184,13 +185,15 @@ $("share").addEventListener("click", () => {
   if (navigator.clipboard) navigator.clipboard.writeText(link).then(() => say(told), () => say(link)); else say(link);
 });
 document.addEventListener("keydown", (event) => {
-  if (event.key === "Escape") { act("safe_stop"); event.preventDefault(); return; }
+  if (event.key === "Escape") { act("safe_stop"); return; } // an open dialog closes, too
   if (/^(INPUT|SELECT|TEXTAREA|BUTTON|SUMMARY)$/.test(event.target.tagName) || event.ctrlKey || event.metaKey || event.altKey) return;
   if (event.key === "/") { $("search").focus(); event.preventDefault(); }
   else if (event.key === " ") { togglePlay(); event.preventDefault(); }
   else if (event.key === "l") goLive();
   else if (event.key === "j") tree.jumpToRunning();
   else if (event.key === "f") $("follow").click();
+  else if (event.key === "r") $("show-runs").click();
+  else if (event.key === "?") $("keys").showModal();
 });
 window.addEventListener("hashchange", openAddress);
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { plots.forget(); scene.draw(); timeline.key = ""; page.dirty = true; });

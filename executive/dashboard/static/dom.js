@@ -19,8 +19,9 @@ export const $ = (id) => document.getElementById(id);
 
 export function seconds(value) {
   if (value < 0.0995) return `${(value * 1000).toFixed(0)} ms`;
-  if (value < 60) return `${value.toFixed(1)} s`;
-  return `${Math.floor(value / 60)} min ${Math.round(value % 60)} s`;
+  if (value < 59.95) return `${value.toFixed(1)} s`;
+  const whole = Math.round(value);
+  return `${Math.floor(whole / 60)} min ${whole % 60} s`;
 }
 
 export function show(value, depth = 0) {

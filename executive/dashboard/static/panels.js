@@ -19,7 +19,8 @@ function reasonTree(reason, s, crumbs = []) {
     crumbs.length ? h("span", { class: "crumbs" }, crumbs.filter(Boolean).map((crumb) => `${crumb} › `)) : null,
     h("strong", {}, name || "run"), " ", h("code", {}, reason.code), ` ${reason.message} `,
     facts.length ? h("dl", { class: "data" }, facts.map(([k, v]) => h("div", {}, h("dt", {}, k.replaceAll("_", " ")), h("dd", {}, show(v))))) : null,
-    causes.length ? h("ol", {}, causes.map((cause) => reasonTree(cause, s))) : null);
+    causes.length ? h("ol", {}, reasonTree(causes.at(-1), s)) : null,
+    causes.length > 1 ? h("details", {}, h("summary", {}, causes.length === 2 ? "The cause before it" : `The ${causes.length - 1} causes before it`), h("ol", {}, causes.slice(0, -1).map((cause) => reasonTree(cause, s)))) : null);
 }
 
 let whyKey = "";
@@ -47,7 +48,8 @@ function written(s, wired) {
   return entry ? h("span", { class: "muted" }, `${entry.sentence || brief(entry.value)} · ${ago(s, entry.t)}`) : null;
 }
 
-const brief = (value) => (typeof value === "object" && value?.type ? value.type : show(value).replaceAll("\n", ", ").slice(0, 100));
+const brief = (value) => (typeof value === "object" && value?.type ? value.type : plain(show(value)).replaceAll("\n", ", ").slice(0, 100));
+const plain = (text) => text.replace(/^<.*\.(\w+) object.*$/s, "$1"); // what Python says of a thing that says nothing of itself
 
 let nodeKey = "";
 export function drawNode(s, onBreak) {
@@ -89,7 +91,7 @@ export function drawPorts(s) {
 
 function compact(value) {
   const text = show(value);
-  if (typeof value !== "object" || value === null || text.length < 60) return text.replace(/^<.*\.(\w+) object.*$/s, "$1");
+  if (typeof value !== "object" || value === null || text.length < 60) return plain(text);
   return h("details", {}, h("summary", {}, value.type ?? text.slice(0, 40)), h("pre", {}, text));
 }
 

@@ -27,7 +27,7 @@ export async function openOverview(name) {
     await readRecord(name, (message) => {
       if (page.recorded !== name) return; // another one was opened meanwhile
       if (message.event === "Unreadable") problem = message.message;
-      if (message.event === "Overview") { page.overview = { all: [], detail: null, reading: null }; return; }
+      if (message.event === "Overview") page.overview = { all: [], detail: null, reading: null };
       page.overview?.all.push(message);
       page.messages.push(message);
       apply(page.whole, message);
@@ -48,6 +48,6 @@ export async function wantDetail(t) {
   try { await readRecord(recorded, (message) => inside.push(message), `?begin=${begin}&end=${end}`); } catch { overview.reading = null; return; }
   if (page.overview !== overview) return;
   Object.assign(overview, { detail: [begin, end], reading: null });
-  page.messages = [...overview.all.filter((m) => m.t < begin), ...inside, ...overview.all.filter((m) => m.t > end)];
+  page.messages = [...overview.all.filter((m) => !(m.t >= begin)), ...inside, ...overview.all.filter((m) => m.t > end)];
   Object.assign(page, { shownState: emptyState(), shownIndex: 0, dirty: true });
 }

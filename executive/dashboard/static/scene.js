@@ -8,7 +8,7 @@ const STYLE = {
 };
 const MOST_CUBES = 1500; // more cells are drawn as squares
 const SUN = normal([0.35, -0.5, 0.8]);
-const HOME = { yaw: -0.7, pitch: 0.45, zoom: 1 };
+const HOME = { yaw: -0.7, pitch: 0.45, zoom: 1.2 };
 
 export class SceneView {
   constructor() {
@@ -48,18 +48,17 @@ export class SceneView {
     const anything = this.views.length || this.robots.length;
     this.canvas.hidden = !anything;
     $("scene-home").hidden = !anything;
+    $("scene-caption").textContent = "";
     if (!anything) { $("scene-legend").replaceChildren(h("p", { class: "empty" }, "Nothing to show yet")); return; }
     const labels = new Map();
     for (const view of this.views) for (const part of [...list(view.lines), ...list(view.points), ...list(view.meshes)]) if (part.label) labels.set(part.label, part.style);
     if (this.robots.some((robot) => robot.trace.length > 1)) labels.set("executed path", "executed");
-    $("scene-legend").replaceChildren(...[...labels].map(([label, style]) => { const dot = h("i"); dot.style.background = colour(style); return h("span", {}, dot, label); }),
-      h("p", { class: "caption", title: this.captions() }, this.captions()));
+    $("scene-legend").replaceChildren(...[...labels].map(([label, style]) => { const dot = h("i"); dot.style.background = colour(style); return h("span", {}, dot, label); }));
+    $("scene-caption").textContent = $("scene-caption").title = this.views.map((v) => v.caption).filter(Boolean).join(" · ");
     if (this.run !== state.run?.run) { this.run = state.run?.run; this.box = [[Infinity, Infinity, Infinity], [-Infinity, -Infinity, -Infinity]]; }
     grow(this.box, this.views, this.robots); // and never shrink: what moves must not make the rest move
     this.draw();
   }
-
-  captions() { return this.views.map((v) => v.caption).filter(Boolean).join(" · "); }
 
   draw() {
     const { canvas } = this;
@@ -76,17 +75,18 @@ export class SceneView {
     const [cy, sy, cp, sp] = [Math.cos(this.yaw), Math.sin(this.yaw), Math.cos(this.pitch), Math.sin(this.pitch)];
     const half = high.map((v, i) => (v - low[i]) / 2);
     const wide = Math.abs(cy) * half[0] + Math.abs(sy) * half[1], tall = cp * half[2] + Math.abs(sp) * (Math.abs(sy) * half[0] + Math.abs(cy) * half[1]);
-    const scale = Math.min((w / 2 - 10) / Math.max(wide, 0.05), (ht / 2 - 10) / Math.max(tall, 0.05)) * this.zoom;
+    const left = w > 340 ? 140 : 0; // the legend's
+    const scale = Math.min(((w - left) / 2 - 10) / Math.max(wide, 0.05), (ht / 2 - 10) / Math.max(tall, 0.05)) * this.zoom;
     const project = ([x, y, z]) => {
       const [dx, dy, dz] = [x - centre[0], y - centre[1], z - centre[2]];
       const [rx, ry] = [cy * dx - sy * dy, sy * dx + cy * dy];
-      return [w / 2 + rx * scale, ht / 2 - (cp * dz + sp * ry) * scale, cp * ry - sp * dz];
+      return [(w + left) / 2 + rx * scale, ht / 2 - (cp * dz + sp * ry) * scale, cp * ry - sp * dz];
     };
     floor(g, low, high, project);
     const things = [];
-    const line = (points, tint, width) => {
+    const line = (points, tint, width) => { // paths are seen through what hides them
       const ps = points.map(project);
-      for (let i = 1; i < ps.length; i++) things.push({ depth: (ps[i][2] + ps[i - 1][2]) / 2 - 0.015, line: [ps[i - 1], ps[i]], tint, width });
+      for (let i = 1; i < ps.length; i++) things.push({ depth: (ps[i][2] + ps[i - 1][2]) / 2 - 0.3, line: [ps[i - 1], ps[i]], tint, width });
     };
     const mesh = (vertices, faces, style) => {
       const shade = shades(style);

@@ -16,7 +16,7 @@ export function emptyState() {
     t: 0, tick: 0, seq: 0, run: null, nodes: [], byPath: new Map(), state: "idle", because: "",
     node: new Map(), attempts: new Map(), ports: new Map(), images: new Map(), scenes: new Map(),
     series: new Map(), tables: new Map(), bodies: new Map(), poses: new Map(), spans: [], marks: [], links: new Map(), failures: [], acts: [], ended: null,
-    safeStop: null, breaks: { before: new Set(), after: new Set() },
+    safeStop: null, gap: 1.5, breaks: { before: new Set(), after: new Set() },
   };
 }
 
@@ -31,8 +31,9 @@ export function apply(s, m) {
 }
 
 const HANDLERS = {
+  Overview(s, m) { s.gap = Math.max(s.gap, 3 * m.interval); },
   RunStarted(s, m) {
-    Object.assign(s, emptyState(), { run: m, seq: m.seq });
+    Object.assign(s, emptyState(), { run: m, seq: m.seq, gap: s.gap });
     s.nodes = m.nodes;
     const parents = new Set(m.nodes.map((n) => n.parent));
     for (const n of m.nodes) s.byPath.set(n.path, { ...n, leaf: !parents.has(n.path) });
@@ -99,8 +100,12 @@ const HANDLERS = {
       const have = s.series.get(m.topic) ?? { t: [], values: {}, thresholds: {}, last: 0, shift: null };
       const shift = m.t - times.at(-1); // samples carry the cell's clock, everything else the run's
       if (have.shift === null || Math.abs(shift - have.shift) > 0.1) have.shift = shift;
+      const floor = have.t.length ? have.t.at(-1) : -Infinity;
+      if (times[0] + have.shift - floor > s.gap && have.t.length) { // nothing was measured meanwhile: no line joins the two
+        have.t.push(floor);
+        for (const values of Object.values(have.values)) values.push(null);
+      }
       const n = have.t.length;
-      const floor = n ? have.t[n - 1] : -Infinity;
       for (const t of times) have.t.push(Math.max(floor, t + have.shift));
       for (const [name, values] of Object.entries(m.value.values)) {
         have.values[name] ??= new Array(n).fill(null);

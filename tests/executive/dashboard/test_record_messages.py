@@ -101,7 +101,7 @@ def test_a_long_record_is_thinned_for_the_eye_and_no_result_is_lost(
     assert [m["seq"] for m in messages] == sorted(m["seq"] for m in messages)
     changes = [m for m in messages if m["event"] == "NodeChanged"]
     assert len(changes) < 25
-    assert [m["tick"] for m in changes if m["status"] == "SUCCESS"][0] == 200  # where it changed, to the tick
+    assert next(m["tick"] for m in changes if m["status"] == "SUCCESS") == 200  # where it changed, to the tick
     assert changes[-1]["feedback"] == "at 399"  # and what was said last
     assert len([m for m in messages if m["event"] == "Published"]) <= 21
     assert messages[-1]["event"] == "RunEnded"
