@@ -25,13 +25,15 @@ from executive.dashboard.choices import Choices
 from executive.dashboard.desk import Desk, RefusedError
 from executive.dashboard.hub import Hub, Viewer
 from executive.dashboard.record_messages import between, image, overview, record_messages
-from executive.dashboard.records import RecordList
 from executive.dashboard.security import Access, Guard
 from executive.errors import PomonaError, UsageError
+from executive.recording.index import RunIndex
 from executive.recording.recorder import EVENTS_FILE
 
 STATIC = Path(__file__).parent / "static"
 MOST_VIEWERS = 200
+MOST_RUNS = 2000
+"""The newest ones are listed."""
 MOST_BODY = 16_384
 LAST_WORDS = 1.0
 """Seconds in which viewers may still read when the server ends."""
@@ -50,7 +52,7 @@ class Dashboard:
         self.access, self.records = access, records
         self.hub = Hub()
         self.desk = Desk(self._announce)
-        self._list = RecordList(records)
+        self._index = RunIndex(records)
         self._start_run: StartRun | None = None
         self._choices = Choices({}, {})
         self._server: uvicorn.Server | None = None
@@ -163,7 +165,8 @@ class Dashboard:
         return JSONResponse(await asyncio.to_thread(self._choices.describe))
 
     async def _runs(self, _request: Request) -> Response:
-        return JSONResponse(await asyncio.to_thread(self._list.read))
+        runs = await asyncio.to_thread(self._index.read)
+        return JSONResponse([run.as_json() for run in runs[:MOST_RUNS]])
 
     async def _messages(self, request: Request) -> Response:
         folder = self._folder(request)

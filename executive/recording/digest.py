@@ -96,7 +96,7 @@ def digest(record: Path) -> Digest:
 def _events_of_interest(path: Path) -> Iterator[dict[str, Any]]:
     for topic, content in scan(path):
         if topic == EVENTS and (content.startswith(_HEADS) or (content.startswith(_NODE) and _FAILURE in content)):
-            yield json.loads(content)
+            yield json.loads(content, parse_constant=lambda _name: None)
 
 
 def _beginning(event: Mapping[str, Any]) -> dict[str, Any]:

@@ -182,8 +182,8 @@ def _many(field: Any) -> list[dict[str, Any]]:
     if not isinstance(field, (list, tuple)) or not field or not dataclasses.is_dataclass(field[0]):
         return []
     names = [f.name for f in dataclasses.fields(field[0]) if f.name.startswith("T_base_")]
-    poses = [T for item in field if names and _is_pose(T := getattr(item, names[0], None))]
-    return [_pose(T) for T in poses]
+    poses = [getattr(item, names[0], None) for item in field] if names else []
+    return [_pose(T) for T in poses if T is not None and _is_pose(T)]
 
 
 def _transforms(rooted: Mapping[str, tuple[str, Any]], at: Mapping[str, int]) -> Iterator[Message]:

@@ -28,11 +28,11 @@ $("compare").addEventListener("click", compare);
 
 function drawRuns() {
   const wanted = $("runs-filter").value.toLowerCase().split(/\s+/).filter(Boolean);
-  const text = (r) => [r.run, r.outcome ?? "cut off", r.tree, r.tree_hash, r.cell, r.cell_kind, `seed ${r.seed}`, r.code, r.message].join(" ").toLowerCase();
+  const text = (r) => [r.run, r.outcome ?? r.state, r.tree, r.tree_hash, r.cell, r.cell_kind, `seed ${r.seed}`, r.code, r.message].join(" ").toLowerCase();
   const rows = runs.filter((r) => wanted.every((word) => text(r).includes(word)));
   const row = (r) => h("tr", {},
     h("td", {}, h("input", { type: "checkbox", "aria-label": `compare ${r.run}`, checked: chosen.has(r.run), onchange: (e) => { if (e.target.checked) chosen.add(r.run); else chosen.delete(r.run); mayCompare(); } })),
-    h("td", { class: r.outcome === "success" ? "good" : "bad" }, `${STATUS_WORD[r.outcome] ?? "?"} ${r.outcome ?? "cut off"}`),
+    h("td", { class: r.outcome === "success" ? "good" : "bad" }, `${STATUS_WORD[r.outcome] ?? "?"} ${r.outcome ?? r.state}`),
     h("td", {}, h("button", { class: "moment open-run", onclick: () => { location.hash = `run=${encodeURIComponent(r.run)}`; showRuns(false); } }, r.run)),
     h("td", {}, r.tree ?? "", " ", h("span", { class: "muted" }, (r.tree_hash ?? "").slice(0, 8))),
     h("td", {}, `${r.cell ?? ""} `, h("span", { class: "muted" }, r.cell_kind && r.cell_kind !== r.cell ? r.cell_kind : "")), h("td", { class: "number" }, r.seed ?? ""),

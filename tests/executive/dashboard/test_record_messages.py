@@ -11,7 +11,6 @@ import pytest
 from executive.dashboard import record_messages as reading
 from executive.dashboard.messages import encode
 from executive.dashboard.record_messages import between, first_event, image, overview, record_messages
-from executive.dashboard.records import RecordList
 from executive.errors import UsageError
 from executive.events import Event, NodeChanged, Published, RunEnded, StateChanged
 from executive.reasons import Reason
@@ -67,16 +66,6 @@ def test_a_file_that_is_no_record_is_refused(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="not a record"):
         list(record_messages(path.parent))
     assert first_event(path.parent) == {}
-
-
-def test_the_list_says_how_runs_ended_and_reads_each_once(tmp_path: Path) -> None:
-    write(tmp_path / "run_1", EVENTS)
-    write(tmp_path / "run_2", EVENTS[:2])
-    records = RecordList(tmp_path)
-    newest, oldest = records.read()
-    assert (newest["run"], newest.get("outcome")) == ("run_2", None)
-    assert (oldest["outcome"], oldest["code"]) == ("failure", "JAMMED")
-    assert records.read()[0] is newest
 
 
 def long_run(ticks: int) -> tuple[Event, ...]:
