@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from drivers.interfaces import Arm, Camera, Frame
 from executive.ports import RATIO, TIME, Port, Ports
 from executive.skill import Skill, Work
-from executive.views import ImageView, Line2
+from executive.views import ImageView, Line2, Pinhole
 from skills.detect.compact_detector import CompactDetector, DetectorOptions
 from skills.detect.detection import Detection
 from skills.detect.errors import BadFrame, BadWeights
@@ -97,7 +97,7 @@ class Detect(Skill):
         except BadFrame as error:
             raise self.failure("NO_FRAME", f"the camera's frame cannot be used: {error}") from error
         chosen = self._choose(instances, frame, T_base_camera, target, index, again, times, score)
-        self.publish("detection", picture(frame, instances, chosen, score))
+        self.publish("detection", picture(frame, T_base_camera, instances, chosen, score))
         if isinstance(chosen, str):
             code, sentence = chosen.split(": ", 1)
             raise self.failure(
@@ -220,7 +220,9 @@ def find_in_frame(frame: Frame, fruit: FruitModel, working_width: int) -> list[I
     return find_instances(_detector(fruit.weights, working_width), frame.colour, frame.intrinsics.K, fruit)
 
 
-def picture(frame: Frame, instances: list[Instance], chosen: int | str, score: float) -> ImageView:
+def picture(
+    frame: Frame, T_base_camera: F64, instances: list[Instance], chosen: int | str, score: float
+) -> ImageView:
     """The frame with the cuboids that were found; `chosen` is the target's index, or why there is none."""
     lines = []
     for k, instance in enumerate(instances):
@@ -230,4 +232,6 @@ def picture(frame: Frame, instances: list[Instance], chosen: int | str, score: f
         lines.append(Line2(instance.keypoints[_EDGES], f"{k}: {instance.score:.2f}", style))
     centres = np.array([i.keypoints[8] for i in instances if i.score >= score]).reshape(-1, 2)
     target = f"target {chosen}" if isinstance(chosen, int) else chosen
-    return ImageView(frame.colour, tuple(lines), centres, f"{len(lines)} found, {target}")
+    optics = frame.intrinsics
+    pinhole = Pinhole(optics.fx, optics.fy, optics.cx, optics.cy, T_base_camera)
+    return ImageView(frame.colour, tuple(lines), centres, f"{len(lines)} found, {target}", frame.depth, pinhole)

@@ -47,7 +47,7 @@ class DetectAll(Detect):
             instances = yield from self.compute(find_in_frame, frame, model, working_width)
         except BadFrame as error:
             raise self.failure("NO_FRAME", f"the camera's frame cannot be used: {error}") from error
-        self.publish("detection", picture(frame, instances, "", score))
+        self.publish("detection", picture(frame, T_base_camera, instances, "", score))
         sure = [i for i in instances if i.score >= score and i.T_camera_object is not None]
         if not sure:
             raise self.failure("NOTHING_FOUND", f"no fruit in {frame.label or 'the frame'}", found=len(instances))
