@@ -30,6 +30,7 @@ class FruitOnTable:
     tilt: float
     tilt_azimuth: float
     skin: str
+    lumps: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,8 +52,8 @@ class Layout:
         robot: MJCF of the robot.
         table_z: height of the table's surface in the base frame [m].
         fruits, distractors: what stands on it.
-        friction: sliding friction of the pads.
         fixed: what the cell file's workspace says is fixed: the robot's pedestal, a crate.
+        friction: sliding friction of the pads.
         torsion: torsional friction of the pads [m].
     """
 
@@ -60,20 +61,20 @@ class Layout:
     table_z: float
     fruits: tuple[FruitOnTable, ...]
     distractors: tuple[Distractor, ...]
-    friction: float
     fixed: tuple[Box, ...]
+    friction: float
     torsion: float
 
 
 def read_layout(settings: Settings, seed: int, fixed: tuple[Box, ...] = ()) -> Layout:
     """Read the `world:` section of a cell file and draw what it leaves to chance.
 
-    Raises:
     Args:
         settings: the section.
         seed: of the draws.
         fixed: obstacles of the cell's workspace; the world has them too.
 
+    Raises:
         CellFileError: a value is missing or wrong.
     """
     # One generator per matter, so that changing one option leaves what was drawn for the others.
@@ -94,16 +95,20 @@ def read_layout(settings: Settings, seed: int, fixed: tuple[Box, ...] = ()) -> L
     mass = settings.number("mass", "mass", 0.0, 0.0, 5.0)
     tilt = settings.number("tilt", "angle", 0.1, 0.0, np.pi)
     jitter = settings.number("jitter", "length", 0.0, 0.0, 0.05)
+    weight = settings.span("weight", default=(0.95, 1.10))
+    spread = settings.number("spread", default=0.0, low=0.0, high=0.3)
+    lumps = settings.number("lumps", default=1.0, low=0.0, high=3.0)
     fruits = []
     for i, (name, spot) in enumerate(zip(picked, [place, *free], strict=True)):
         kind = kinds.section(name)
         rng = np.random.default_rng([seed, 2, i])
-        drawn_mass = kind.number("mass", "mass", low=1e-3) * rng.uniform(0.95, 1.10)
+        drawn_mass = kind.number("mass", "mass", low=1e-3) * rng.uniform(*weight)
         drawn_skin = str(rng.choice(list(SKINS)))
         model = kind.file("model")
         if not (model / "fruit.yaml").is_file():
             raise kind.error(f"{model} holds no fruit.yaml", "model")
-        dimensions = kind.vector("dimensions", 3, "length")
+        width, height = np.random.default_rng([seed, 6, i]).uniform(1.0 - spread, 1.0 + spread, 2)
+        dimensions = kind.vector("dimensions", 3, "length") * (width, height, width)
         kind.finish()
         fruits.append(
             FruitOnTable(
@@ -117,6 +122,7 @@ def read_layout(settings: Settings, seed: int, fixed: tuple[Box, ...] = ()) -> L
                 tilt=rng.uniform(0.0, tilt),
                 tilt_azimuth=rng.uniform(-np.pi, np.pi),
                 skin=skin if i == 0 and skin != "any" else drawn_skin,
+                lumps=lumps,
             )
         )
     count = settings.integer("distractors", 0, 0, 20)
@@ -125,13 +131,13 @@ def read_layout(settings: Settings, seed: int, fixed: tuple[Box, ...] = ()) -> L
         table_z=settings.number("table_z", "length"),
         fruits=tuple(fruits),
         distractors=_scatter(count, [fruit.xy for fruit in fruits], drawn["scatter"]),
+        fixed=fixed,
         friction=float(drawn["friction"].uniform(*friction)),
         torsion=settings.number("torsion", "length", 0.003, 0.0, 0.1),
     )
 
 
 def _scatter(count: int, taken: list[Float64], rng: np.random.Generator) -> tuple[Distractor, ...]:
-        fixed=fixed,
     """Objects of fruitlike and unfruitlike colours, 150 mm and more away from fruit, the base, and each other."""
     taken = [*taken, np.zeros(2)]
     placed: list[Distractor] = []

@@ -49,7 +49,8 @@ def build_scene(layout: Layout, seed: int) -> Scene:
         spec.geom(pad).friction = [layout.friction, layout.torsion, 0.0001]
     shapes = []
     for i, fruit in enumerate(layout.fruits):
-        shapes.append(make_fruit(fruit.model, fruit.dimensions, fruit.skin, np.random.default_rng([seed, 5, i])))
+        drawn = np.random.default_rng([seed, 5, i])
+        shapes.append(make_fruit(fruit.model, fruit.dimensions, fruit.skin, drawn, fruit.lumps))
         _add_fruit(mujoco, spec, f"fruit_{i}", fruit, shapes[-1], layout.table_z)
     for i, distractor in enumerate(layout.distractors):
         _add_distractor(mujoco, spec, f"distractor_{i}", distractor, layout.table_z)
@@ -124,7 +125,6 @@ def _add_table(mujoco: Any, spec: Any, table_z: float, rng: np.random.Generator)
     )
 
 
-def _add_fruit(mujoco: Any, spec: Any, name: str, fruit: FruitOnTable, shape: FruitShape, table_z: float) -> None:
 def _add_fixed(mujoco: Any, spec: Any, fixed: tuple[Box, ...]) -> None:
     """One body for all boxes of a name."""
     bodies: dict[str, Any] = {}
@@ -144,6 +144,7 @@ def _add_fixed(mujoco: Any, spec: Any, fixed: tuple[Box, ...]) -> None:
         )
 
 
+def _add_fruit(mujoco: Any, spec: Any, name: str, fruit: FruitOnTable, shape: FruitShape, table_z: float) -> None:
     """A free body whose frame is the fruit's object frame; its convex hull touches, its skin is seen."""
     mesh = spec.add_mesh(name=name)
     mesh.uservert, mesh.userface = shape.vertices.ravel(), shape.faces.ravel()

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from drivers.interfaces import Float64
+from drivers.sim.held_force import HeldForce
 from drivers.sim.scene import PADS, Scene, fixed_names
 
 LIFTED = 0.03
@@ -31,6 +32,7 @@ class Grip:
         peak: largest force, summed over both fingers [N].
         least: largest value of the least force that the contact model needs for the load while the fruit hung free [N].
         hung: whether the fruit was clear of the table.
+        held: the fingers' normal forces, over time.
     """
 
     T_tool_fruit: Float64
@@ -40,6 +42,7 @@ class Grip:
     peak: float = 0.0
     least: float = 0.0
     hung: bool = False
+    held: HeldForce = field(default_factory=HeldForce)
 
 
 @dataclass(slots=True)
@@ -53,10 +56,10 @@ class FruitRecord:
     lost_at: float = -1.0
     drops: int = 0
     touches: int = 0
+    bumps: int = 0
     touching: bool = False
 
 
-    bumps: int = 0
 @dataclass(slots=True)
 class _Sensors:
     """Live views of the engine's contact sensors for one fruit."""
@@ -65,13 +68,13 @@ class _Sensors:
     robot: Float64
     pads: tuple[Float64, ...]
 
-
-@dataclass(slots=True)
-class Score:
     @property
     def supported(self) -> bool:
         return any(view[0] > 0.0 for view in self.support)
 
+
+@dataclass(slots=True)
+class Score:
     """Watches the state at 100 Hz. Reads the simulator's truth and changes nothing."""
 
     scene: Scene
@@ -139,6 +142,8 @@ class Score:
         grip = record.grip
         assert grip is not None
         grip.peak = max(grip.peak, sum(forces))
+        normal = self._normal_forces(sensors)
+        grip.held.finger_peak = max(grip.held.finger_peak, *normal)
         if supported and not grip.hung and self._tool_speed() < REST:
             fresh = self._take_hold(T_base_tool, T_base_fruit)
             grip.T_tool_fruit, grip.point = fresh.T_tool_fruit, fresh.point
@@ -146,7 +151,9 @@ class Score:
         self._measure_slip(grip, np.linalg.inv(T_base_tool) @ T_base_fruit)
         if not supported:
             grip.hung = True
-            grip.least = max(grip.least, self._least_force())
+            least = self._least_force()
+            grip.least = max(grip.least, least)
+            grip.held.note(float(self.state.time), sum(normal), least)
 
     def _take_hold(self, T_base_tool: Float64, T_base_fruit: Float64) -> Grip:
         T_tool_fruit = np.linalg.inv(T_base_tool) @ T_base_fruit
@@ -160,6 +167,11 @@ class Score:
         grip.slip = max(grip.slip, float(np.hypot(now[0] - before[0], now[2] - before[2])))
         cosine = (np.trace(T_tool_fruit[:3, :3].T @ grip.T_tool_fruit[:3, :3]) - 1.0) / 2.0
         grip.turn = max(grip.turn, float(np.arccos(np.clip(cosine, -1.0, 1.0))))
+
+    def _normal_forces(self, sensors: _Sensors) -> tuple[float, ...]:
+        """Of each pad on this fruit, across its face [N]."""
+        faces = [self.state.site(pad).xmat.reshape(3, 3)[:, 2] for pad in PADS]
+        return tuple(abs(float(face @ pad[1:4])) for face, pad in zip(faces, sensors.pads, strict=True))
 
     def _least_force(self) -> float:
         """Force of both fingers at which the ellipsoidal limit surface of the contact model just holds this load [N].
@@ -199,6 +211,7 @@ class Score:
             "rotation_deg": float(np.degrees(grip.turn)) if grip else None,
             "peak_force_n": grip.peak if grip else None,
             "least_force_n": grip.least if grip and grip.hung else None,
+            **(grip.held if grip else HeldForce()).report(),
             "drops": sum(each.drops for each in self._fruits),
             "collisions": sum(hits.values()),
             "collided_with": sorted(hits),
@@ -215,9 +228,11 @@ class Score:
                     "dimensions_m": [float(d) for d in each.dimensions],
                     "T_base_fruit": self._pose(i).tolist(),
                     "T_base_fruit_at_look": self._fruits[i].looked.tolist(),
+                    "inside": self._inside(i),
                 }
                 for i, each in enumerate(self.scene.fruits)
             ],
+            "put_away": sum(bool(self._inside(i)) for i in range(len(self._fruits))),
         }
 
     def _judged(self) -> int:
@@ -238,11 +253,9 @@ class Score:
         return ""
 
     def _pose(self, i: int) -> Float64:
-                    "inside": self._inside(i),
         body = self.state.body(f"fruit_{i}")
         return _pose(body.xpos, body.xmat)
 
-            "put_away": sum(bool(self._inside(i)) for i in range(len(self._fruits))),
     def _tool(self) -> Float64:
         body = self.state.body("tool0")
         return _pose(body.xpos, body.xmat)
