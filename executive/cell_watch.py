@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 from executive.cell import Cell
 from executive.errors import PomonaError
@@ -26,6 +26,11 @@ class CellWatch:
         self._cell, self._linked, self._watch = cell, linked, watch
         self._links: dict[str, str] = {}
         self._others: dict[str, tuple[Callable[[], str], bool]] = {}
+
+    @property
+    def heard(self) -> Mapping[str, float]:
+        """When each device was last heard [s], as of the last look."""
+        return self._watch.heard
 
     def look_after(self, name: str, state: Callable[[], str], *, required: bool) -> None:
         """Watch something beside the cell's devices, too; `state` says 'ok', or what is wrong."""
