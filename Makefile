@@ -5,7 +5,7 @@ BIN    := $(VENV)/bin
 STAMP  := $(VENV)/.installed
 
 .DEFAULT_GOAL := help
-.PHONY: help setup run test test-realtime check bench bench-tree bench-dashboard screenshots train-detect bench-detect bench-refine bench-plan bench-grasp bench-devices oracle fuzz clean
+.PHONY: help setup run test test-realtime check bench bench-tree bench-dashboard bench-record screenshots train-detect bench-detect bench-refine bench-plan bench-grasp bench-devices oracle fuzz clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-16s %s\n", $$1, $$2}'
@@ -57,6 +57,9 @@ bench-plan: $(STAMP) ## planning over random scenes, beside the paper's way
 
 bench-grasp: $(STAMP) ## grip control over random lifts, baselines beside it
 	$(BIN)/python -m benchmarks.bench_grasp
+
+bench-record: $(STAMP) ## what recording costs, and how large a pick's record is
+	$(BIN)/python -m benchmarks.bench_record
 
 bench-dashboard: $(STAMP) ## what the dashboard costs and how quick it is
 	$(BIN)/python benchmarks/bench_dashboard.py

@@ -1,0 +1,72 @@
+"""What recording costs: whole picks with and without a record, in turns, in one process.
+
+    python -m benchmarks.bench_record [--pairs 8]
+
+Prints, with and without: the run's wall time, its processor time, and the wall time of everything from reading the tree
+to the closed record (with the picture that is drawn after the run); then how large the record of a pick is, by topic.
+"""
+
+from __future__ import annotations
+
+import argparse
+import statistics
+import tempfile
+import time
+from collections import Counter
+from pathlib import Path
+
+from executive.execute import RunOrder, execute
+from executive.files import find_cell, find_tree
+from executive.recording.recorder import EVENTS_FILE
+from executive.recording.scan import scan
+
+Times = tuple[float, float, float]
+
+
+def one(seed: int, record: Path | None) -> tuple[Times, Path | None]:
+    """Wall, processor and whole wall time of one pick [s], and its record."""
+    order = RunOrder(find_tree("pick_apple"), find_cell("sim"), seed, record=record)
+    processor: list[float] = []
+    began = time.perf_counter()
+    executed = execute(order, on_ready=lambda _runner: processor.append(time.process_time()))
+    whole = time.perf_counter() - began
+    assert executed.result.outcome == "success", executed.result.reason
+    assert executed.problem == ""
+    return (executed.result.wall, time.process_time() - processor[0], whole), executed.record
+
+
+def main() -> None:
+    """Print the figures."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--pairs", type=int, default=8)
+    pairs = parser.parse_args().pairs
+    with tempfile.TemporaryDirectory() as folder:
+        one(0, Path(folder))  # compile, load, warm
+        without, recorded, sizes = [], [], []
+        newest: Path | None = None
+        for seed in range(1, pairs + 1):
+            for keep in (False, True) if seed % 2 else (True, False):  # whoever comes first may find a colder machine
+                times, record = one(seed, Path(folder) if keep else None)
+                (recorded if keep else without).append(times)
+                if record is not None:
+                    newest = record
+                    sizes.append((record / EVENTS_FILE).stat().st_size)
+        for k, name in enumerate(("run, wall", "run and after, processor", "everything, wall")):
+            ratios = [with_[k] / bare[k] for with_, bare in zip(recorded, without, strict=True)]
+            bare, kept = (statistics.median(times[k] for times in many) for many in (without, recorded))
+            print(f"{name:26} without {bare:6.3f} s   with {kept:6.3f} s   median of the ratios {_percent(ratios)}")
+        print(f"a pick's record: median {statistics.median(sizes) / 1e6:.2f} MB, largest {max(sizes) / 1e6:.2f} MB")
+        if newest is not None:
+            topics: Counter[str] = Counter()
+            for topic, content in scan(newest / EVENTS_FILE):
+                topics["/".join(topic.split("/")[:2])] += len(content)
+            print("of which " + ", ".join(f"{topic} {size / 1e6:.2f} MB" for topic, size in topics.most_common()))
+
+
+def _percent(ratios: list[float]) -> str:
+    middle, least, most = (100 * (value - 1) for value in (statistics.median(ratios), min(ratios), max(ratios)))
+    return f"{middle:+.1f} % ({least:+.1f} … {most:+.1f})"
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,92 @@
+"""A whole pick's record: repeated, explained, taken apart, and cut off by a real kill."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import pytest
+
+from executive.cli import main
+from executive.execute import RunOrder, execute
+from executive.files import find_cell, find_tree
+from executive.recording.copy import is_whole
+from executive.recording.digest import digest
+from executive.recording.recorder import EVENTS_FILE
+
+pytestmark = pytest.mark.slow
+
+PICKS_RECORD = 20e6
+"""Bytes that the record of a pick may have."""
+
+
+@pytest.fixture(scope="module")
+def record(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    runs = tmp_path_factory.mktemp("runs")
+    order = RunOrder(find_tree("pick_apple"), find_cell("sim"), 5, {"fruit": "apple_4", "place": "2"}, record=runs)
+    executed = execute(order)
+    assert executed.result.outcome == "success", executed.result.reason
+    assert executed.record is not None
+    return executed.record
+
+
+def said(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
+    capsys.readouterr()
+    assert main(list(arguments)) == 0
+    return " ".join(capsys.readouterr().out.split())
+
+
+def test_a_pick_is_repeated_from_its_record_event_for_event(record: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert "✓ the same" in said(capsys, "rerun", str(record))
+
+
+def test_a_picks_record_is_small_and_its_index_entry_is_right(record: Path) -> None:
+    entry = digest(record)
+    assert entry.bytes < PICKS_RECORD
+    assert (entry.outcome, entry.seed, entry.settings) == ("success", 5, {"fruit": "apple_4", "place": "2"})
+    assert entry.truth is not None
+    assert entry.truth["lifted"] is True
+
+
+def test_a_pick_is_explained_in_sentences(record: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    text = said(capsys, "explain", str(record))
+    assert "pick_apple ran on the simulated cell sim with seed 5 and fruit = apple_4, place = 2" in text
+    assert "It succeeded" in text
+    assert "lifted: yes" in text
+
+
+def test_the_frames_of_a_pick_are_measured_again_by_another_cell(
+    record: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    said(capsys, "runs", "frames", str(record), str(tmp_path / "out"))
+    assert (tmp_path / "out" / "fingers.csv").stat().st_size > 100_000
+    frames = ["--cell", "frames", "--set", f"folder={tmp_path / 'out' / 'frames'}", "--no-record", "--quiet"]
+    assert main(["run", "measure_fruit", *frames]) == 0
+
+
+def test_a_pick_travels_in_one_file(record: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    said(capsys, "runs", "export", str(record), str(tmp_path / "pick.zip"))
+    with zipfile.ZipFile(tmp_path / "pick.zip") as archive:
+        archive.extractall(tmp_path / "there")
+    assert "✓ pick_apple" in said(capsys, "replay", "last", "--record", str(tmp_path / "there"))
+    assert "1 success" in said(capsys, "runs", "list", "--record", str(tmp_path / "there"))
+
+
+def test_a_pick_whose_process_is_killed_is_recovered(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    command = [sys.executable, "-m", "executive.cli", "run", "pick_apple", "--pace", "real", "--record", str(tmp_path)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as process:
+        assert process.stdout is not None
+        for line in process.stdout:
+            if "Follow" in line:
+                process.send_signal(signal.SIGKILL)
+                break
+        process.wait(60)
+    (folder,) = (path for path in tmp_path.iterdir() if path.is_dir())
+    assert digest(folder).state == "cut off"
+    assert "picture.png" in said(capsys, "runs", "repair", "--record", str(tmp_path))
+    assert is_whole(folder / EVENTS_FILE)
+    text = said(capsys, "explain", "last", "--record", str(tmp_path))
+    assert "The record ends after" in text
