@@ -37,7 +37,7 @@ class SlipAvoidGrasp(Skill):
         margin=Port(RATIO, default=1.12, min=1.0, max=3.0, help="on the least force"),
         reserve=Port(FORCE, default="0 N", min="0 N", max="10 N", help="tangential force held beyond the load"),
         offset=Port(
-            LENGTH, default="5 mm", min="0 mm", max="50 mm", help="the fruit's centre may lie so far off the grip"
+            LENGTH, default="3 mm", min="0 mm", max="50 mm", help="the fruit's centre may lie so far off the grip"
         ),
         initial_force=Port(FORCE, default="2.2 N", min="0.6 N", max="10 N", help="grasp force before the lift"),
         max_force=Port(FORCE, default="14 N", min="1 N", max="40 N", help="largest grasp force, both fingers"),

@@ -326,5 +326,7 @@ class GripController:
         if self.phase is GripPhase.RAMP:
             speed = self._tracker.on_ramp(f_ref, f_n, self.speed)
         else:
-            speed = self._tracker.while_holding(f_ref, f_n, self.speed, self.sense.unrest)
+            # A moment shows late and grows fast: rather too much force than too little.
+            hurry = min(self.sense.twist, 1.0)
+            speed = self._tracker.while_holding(f_ref, f_n, self.speed, self.sense.unrest, hurry)
         return speed if opening else min(speed, 0.0)

@@ -4,7 +4,7 @@
 
 φ⁻¹(f) is how far the opening has closed on the pads under the grasp force f. The fingers' position integrates the
 speed, so a constant reference is reached without droop; the reference's own rate is fed forward, so a rising one is
-tracked without lag.
+tracked without lag, and the gain acts on what was missing before it rose, so that nothing is made up for twice.
 """
 
 from __future__ import annotations
@@ -58,7 +58,12 @@ class ForceLoopSettings:
 
 
 def finger_speed(
-    f_ref: float, f_ref_rate: float, f_n: float, settings: ForceLoopSettings, speed_before: float = 0.0
+    f_ref: float,
+    f_ref_rate: float,
+    f_n: float,
+    settings: ForceLoopSettings,
+    speed_before: float = 0.0,
+    hurry: float = 1.0,
 ) -> float:
     """Rate of the opening to command [m/s]; negative closes.
 
@@ -67,6 +72,7 @@ def finger_speed(
         f_n: measured grasp force [N].
         settings: gain and limits.
         speed_before: the rate that was commanded before this one [m/s].
+        hurry: 0 … 1; with 1 the gain acts on the whole error although its rise is fed forward, which overshoots.
 
     Returns:
         Never so fast that the force would be beyond the limit before the next command; 0.0 for anything that is not
@@ -80,7 +86,9 @@ def finger_speed(
     if f_n > settings.max_force or f_ref > settings.max_force:
         f_ref, f_ref_rate = min(f_ref, settings.max_force), min(f_ref_rate, 0.0)
     pads = settings.stiffness
-    error = pads.pressed(f_ref) - pads.pressed(f_n) + speed_before * settings.lag
+    # What is fed forward is no error any more: the gain acts on what was missing before the reference changed.
+    before = f_ref - (1.0 - hurry) * f_ref_rate * COMMAND_PERIOD
+    error = pads.pressed(before) - pads.pressed(f_n) + speed_before * settings.lag
     closing = settings.gain * error + f_ref_rate / pads.slope(f_n)
     left = (settings.max_force - f_n) / pads.slope(f_n) + speed_before * settings.lag
     fastest = min(settings.closing_speed, max(left, 0.0) / COMMAND_PERIOD)

@@ -16,11 +16,12 @@ from skills.slip_avoid_grasp.slip_sense import SlipSense
 LOW_PASS = 1.0 / (2.0 * math.pi * 50.0)
 """Time constant of the reference [s]."""
 
-EDGE, EDGE_GAIN = 0.95, 10.0
+EDGE, EDGE_GAIN = 0.95, 5.0
 """Where the least force is beyond this share of the measured one and noise, so many times the excess is added."""
 
-LEAD = 3.0
-"""So many times the rise of the least force beyond noise is added while it rises."""
+LEAD = 2.0
+"""So many times the rise of the least force beyond noise is added while it rises, and more where the load twists the
+fruit: what it will be when the fingers answer, and no more, since they would have to be opened again."""
 
 PIVOT_MARGIN, PIVOT_RATE = 1.25, 1.5
 """While pivoting: on the force that Coulomb's law needs for the weight alone, and how slowly it is let go to [N/s]."""
@@ -28,17 +29,26 @@ PIVOT_MARGIN, PIVOT_RATE = 1.25, 1.5
 MOST_URGENT = 10.0
 """Bound of what is added to the static part [N]: enough for the fingers' full speed."""
 
-URGENT_BASE, URGENT_SHARE = 2.0, 1.0
+URGENT_BASE, URGENT_SHARE = 1.0, 1.0
 """A light load is answered with less: this many newtons and this share of the least force."""
 
 DOUBTFUL = 3.0
 """The bound once the sensor is not to be trusted [N]."""
 
-CARRIED, CARRIED_AFTER = 0.25, 0.3
-"""A tangential load of so much [N] for so long [s] is a fruit that is carried: the initial force has done its work."""
+CARRIED, CARRIED_AFTER, RISING = 0.25, 0.1, 0.05
+"""A tangential load of so much [N] for so long [s], while the least force rises by less than this share beyond noise,
+is a fruit that is carried: the initial force and the caution have done their work."""
 
 RELAXING = 2.5
 """What the reference is too high by falls by this share a second [1/s], and at least at the relax rate."""
+
+EXCESS, EXCESS_RELAXING, EXCESS_LAG = 1.2, 12.0, 0.15
+"""What is beyond so many times the wanted force, averaged over the last [s], falls faster [1/s]: noise does not reach
+that far."""
+
+DOUBT = 1.0
+"""So many standard deviations of the bias are covered too where friction is uncertain and the margin beyond the worst
+one is slim: they weigh on light fruit."""
 
 LEAST_MARGIN = 1.065
 """Margin on top of the worst friction that is possible, where it is uncertain."""
@@ -57,7 +67,8 @@ class ForceReference:
         self.frozen = ""
         self.pivoting = False
         self._margin = max(settings.margin, LEAST_MARGIN * (1.0 + settings.mu_uncertainty))
-        self._held = self._urgent = 0.0
+        self._doubts = DOUBT if self._margin > settings.margin else 0.0
+        self._held = self._urgent = self._averaged = 0.0
         self._loaded_for = 0.0
         self.carried = False
 
@@ -89,21 +100,31 @@ class ForceReference:
             elapsed: since the last call [s].
         """
         s = self.settings
-        self._loaded_for = self._loaded_for + elapsed if sense.f_t > CARRIED else 0.0
+        if sense.f_t < CARRIED:
+            self._loaded_for = 0.0
+        elif sense.rise < RISING * sense.least + sense.unrest:
+            self._loaded_for += elapsed
         self.wanted = PIVOT_MARGIN * sense.coulomb if self.pivoting else self._static(sense)
         target = max(self.wanted, s.floor)
         if self._loaded_for < CARRIED_AFTER and not self.carried:
             target = max(target, s.initial_force)
         else:
             self.carried = True
+        self._averaged += (1.0 - math.exp(-elapsed / EXCESS_LAG)) * (target - self._averaged)
         share = 1.0 - math.exp(-elapsed / LOW_PASS)
         if target >= self._held:
             self._held += share * (target - self._held)
         elif not self.frozen:
-            fall = PIVOT_RATE if self.pivoting else max(s.relax_rate, RELAXING * (self._held - target))
-            self._held = max(target, self._held - fall * elapsed)
+            self._held = max(target, self._held - self._fall(target) * elapsed)
         self._urgent += share * (self._answer(sense, f_n) - self._urgent)
         self.f_ref = min(self._held + self._urgent, s.loop.max_force)
+
+    def _fall(self, target: float) -> float:
+        """How fast the held part comes down to what is wanted [N/s]."""
+        if self.pivoting:
+            return PIVOT_RATE
+        near = max(self.settings.relax_rate, RELAXING * (self._held - target))
+        return near + EXCESS_RELAXING * max(self._held - EXCESS * max(target, self._averaged), 0.0)
 
     def _static(self, sense: SlipSense) -> float:
         s = self.settings
@@ -111,9 +132,9 @@ class ForceReference:
             return s.initial_force
         if s.law is ForceLaw.COULOMB:
             return self._margin * sense.coulomb
-        if s.law is ForceLaw.SLIP_AVOIDANCE and not self.carried:
-            return self._margin * sense.cautious
-        return self._margin * (sense.reserved if s.law is ForceLaw.SLIP_AVOIDANCE else sense.least)
+        if s.law is ForceLaw.STATIC:
+            return self._margin * sense.least
+        return self._margin * (sense.reserved if self.carried else sense.cautious) + self._doubts * sense.doubt
 
     def _answer(self, sense: SlipSense, f_n: float) -> float:
         """What is added for a moment [N]."""
@@ -124,4 +145,4 @@ class ForceReference:
         missing = max(sense.least - EDGE * f_n - sense.unrest, 0.0)
         rising = max(sense.rise - sense.unrest, 0.0)
         bound = DOUBTFUL if self.frozen else min(URGENT_BASE + URGENT_SHARE * sense.least, MOST_URGENT)
-        return min(sense.f_nd + LEAD * rising + EDGE_GAIN * missing, bound)
+        return min(sense.f_nd + LEAD * (1.0 + sense.twist) * rising + EDGE_GAIN * missing, bound)

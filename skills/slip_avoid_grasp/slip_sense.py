@@ -31,6 +31,9 @@ FARTHEST_CENTRE = 0.02
 CENTRE_LAG = 0.1
 """Time constant with which the estimated centre of rotation moves [s]."""
 
+TWIST_BOUND = 2.0
+"""A twist beyond this counts as this much."""
+
 JUMP = 0.4
 """A force that changes on one finger alone by so much more than noise at once is no load [N]."""
 
@@ -189,7 +192,7 @@ class SlipSense:
         self.one_sided_press = (
             False  # one finger's normal force has just changed alone: the larger one counts meanwhile
         )
-        self._least_before = self._unrest = self._difference_variance = 0.0
+        self._least_before = self._unrest = self._doubt = self._difference_variance = 0.0
         self.f_n = self.least = self.coulomb = self.f_nd = self.omega = self.centre = self.f_t = self.tau_n = 0.0
 
     @property
@@ -200,6 +203,11 @@ class SlipSense:
     def rise(self) -> float:
         """How much the least force has risen just now [N]; negative while it falls."""
         return self.least - self._least_before
+
+    @property
+    def twist(self) -> float:
+        """How much more force the moment asks for than the weight alone, as a share of that; 0 … `TWIST_BOUND`."""
+        return min(max(self.least / max(self.coulomb, 0.1) - 1.0, 0.0), TWIST_BOUND)
 
     @property
     def one_sided_jump(self) -> bool:
@@ -221,6 +229,11 @@ class SlipSense:
         """How far noise alone carries the measured grasp force from the true one, twice its standard deviation [N]."""
         return self._unrest
 
+    @property
+    def doubt(self) -> float:
+        """Standard deviation of the error that the bias, itself a mean of noise, puts on the least force [N]."""
+        return self._doubt
+
     def settle(self, samples: Float64) -> None:
         """Take the bias, and how noisy the fingers are, from samples with nothing touching, shape (n, 2, 6)."""
         self._bias[:] = samples.mean(axis=0)
@@ -233,6 +246,8 @@ class SlipSense:
         normal_share = self._shares[1]
         apart = float(modes[:, 1, 2].var()) * normal_share / (2.0 - normal_share)
         self._difference_variance = 4.0 * apart
+        mean_of = samples.var(axis=0).sum(axis=0) / len(samples)
+        self._doubt = math.sqrt(float(mean_of[2] + 0.5 * (mean_of[0] + mean_of[1]) / self._contact[0] ** 2))
         self._unrest = 4.0 * math.sqrt(float(modes[:, :, 2].var(axis=0).sum()) * normal_share / (2.0 - normal_share))
         for state in (self._fast, self._slow, self._smoothed, self._memory):
             state[:] = 0.0

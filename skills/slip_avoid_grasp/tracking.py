@@ -39,20 +39,21 @@ class ForceTracker:
         rate = (f_ref - self._f_ref_commanded) / COMMAND_PERIOD
         return finger_speed(f_ref, rate, f_n, self._loop, speed_before)
 
-    def while_holding(self, f_ref: float, f_n: float, speed_before: float, unrest: float) -> float:
+    def while_holding(self, f_ref: float, f_n: float, speed_before: float, unrest: float, hurry: float) -> float:
         """Rate of the opening [m/s] while holding; 0.0 while the force is where it should be but for noise.
 
         Args:
             f_ref, f_n: reference and measured grasp force [N].
             speed_before: what was commanded before [m/s].
             unrest: how far noise carries the measured force [N].
+            hurry: as in `finger_speed`.
         """
         rate = (f_ref - self._f_ref_commanded) / COMMAND_PERIOD
         rate -= min(max(rate, -QUIET_RATE), QUIET_RATE)
         if rate == 0.0 and self._rests(f_ref, f_ref - f_n, unrest):
             return 0.0
         calm = abs(f_ref - f_n) < CALM * unrest
-        return finger_speed(f_ref, rate, f_n, self._calm_loop if calm else self._loop, speed_before)
+        return finger_speed(f_ref, rate, f_n, self._calm_loop if calm else self._loop, speed_before, hurry)
 
     def _rests(self, f_ref: float, error: float, unrest: float) -> bool:
         """Whether the fingers rest: until the force has strayed beyond noise, then until it is back."""
