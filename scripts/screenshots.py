@@ -7,6 +7,7 @@ with long names, the list of runs and a comparison: on a desk's screen in light 
 
 from __future__ import annotations
 
+import re
 import shutil
 import socket
 import sys
@@ -14,7 +15,7 @@ import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
-from playwright.sync_api import Browser, Page, expect, sync_playwright
+from playwright.sync_api import Browser, Locator, Page, expect, sync_playwright
 
 from executive.commands.dashboard import Launcher
 from executive.dashboard.choices import Choices
@@ -28,6 +29,7 @@ FLAGS = ["--no-sandbox", "--disable-gpu", "--disable-background-networking", "--
 SCREENS = {
     "desk_light": (1600, 1000, "light"), "desk_dark": (1600, 1000, "dark"), "tablet": (1180, 820, "light")
 }  # fmt: skip
+ANY_WORD = re.compile("running|success")
 HARD = """pomona: 1
 tree: long_names
 root:
@@ -70,13 +72,18 @@ class Photographer:
             print(self._into / f"{screen}_{what}.png")
 
 
+def row(page: Page, name: str) -> Locator:
+    """The row of a node."""
+    return page.locator(".row", has=page.get_by_text(name, exact=True)).first
+
+
 def recorded(page: Page) -> None:
     """Wait until a record has been read."""
     expect(page.locator("#connection")).to_have_text("recorded run", timeout=60_000)
 
 
 def photograph_live(photographer: Photographer, dashboard: Dashboard) -> None:
-    """A pick at real pace: running, paused before the grasp, stopped safely."""
+    """A pick at real pace: running, paused at a breakpoint, stopped safely."""
     photographer.open(dashboard.link, lambda page: expect(page.locator("#connection")).to_have_text("connected"))
     page = next(iter(photographer.pages.values()))
     page.get_by_label("your name").fill("Ada")
@@ -85,16 +92,12 @@ def photograph_live(photographer: Photographer, dashboard: Dashboard) -> None:
     expect(page.locator("#start-fields .field").first).to_be_visible()
     page.get_by_label("seed").fill("1")
     page.get_by_role("button", name="Start", exact=True).click()
-    gripping = page.locator(".row", has=page.get_by_text("SlipAvoidGrasp", exact=True)).first
-    expect(page.locator(".row", has=page.get_by_text("Approach", exact=True)).locator(".icon")).to_have_attribute(
-        "aria-label", "running", timeout=120_000
-    )
+    expect(row(page, "Follow").locator(".icon")).to_have_attribute("aria-label", ANY_WORD, timeout=120_000)
     for other in photographer.pages.values():
-        other.locator(".row", has=other.get_by_text("Approach", exact=True)).first.click()
+        row(other, "Lift").click()
+    page.locator("#tree").press("b")
     photographer.take("running")
-    expect(gripping.locator(".icon")).to_have_attribute("aria-label", "running", timeout=60_000)
-    page.get_by_role("button", name="Pause").click()
-    expect(page.locator("#state")).to_have_text("❚❚ paused", timeout=20_000)
+    expect(page.locator("#state")).to_have_text("❚❚ paused", timeout=60_000)
     photographer.take("paused")
     page.get_by_role("button", name="Resume").click()
     page.wait_for_timeout(300)

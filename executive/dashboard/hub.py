@@ -76,7 +76,7 @@ class Hub:
         self._history_size = 0
         self._forgotten = 0  # number of the newest message that has left the history
         self._last_words: dict[Hashable, Kept] = {}
-        self._pictures: dict[str, Kept] = {}
+        self._pictures: dict[tuple[type, str], Kept] = {}
         self._control = ""
         self._seq = 0
         self._lock = threading.Lock()
@@ -170,7 +170,10 @@ class Hub:
                 self._history_size = 0
                 self._start, self._forgotten = (seq, text), 0
             elif isinstance(event, Published) and isinstance(event.value, (ImageView, SceneView)):
-                self._pictures[event.topic] = (seq, text)  # only the newest picture of a topic is worth keeping
+                self._pictures[type(event.value), event.topic] = (
+                    seq,
+                    text,
+                )  # only the newest picture of a topic is worth keeping
             else:
                 self._history.append((seq, text, _key(event)))
                 self._history_size += len(text)

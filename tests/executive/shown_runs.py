@@ -20,7 +20,7 @@ from executive.registry import Registry
 from executive.runner import Runner
 from executive.skill import Interrupted, Skill, Work
 from executive.tree_file import build, read
-from executive.views import ImageView, Line2, Line3, Points3, SceneView, SeriesView
+from executive.views import BodiesView, ImageView, Line2, Line3, Mesh3, Points3, PosesView, SceneView, SeriesView
 
 GATE = threading.Event()
 """`Hold` waits for it: a test decides when a run goes on."""
@@ -57,6 +57,12 @@ class Look(Skill):
         self.publish("camera", ImageView(image, (Line2(outline, "apple", "refined", True),), outline, "one apple"))
         path = np.array([[0.0, 0.0, 0.0], [0.1, 0.2, 0.3]])
         self.publish("path", SceneView((Line3(path, "planned path"),), (Points3(path, "tried", "tried"),)))
+        triangle = Mesh3(
+            np.array([[0.0, 0.0, 0.1], [0.2, 0.0, 0.1], [0.0, 0.2, 0.1]]), np.array([[0, 1, 2]]), "arm", "robot"
+        )
+        self.publish("robot", BodiesView((triangle,)))
+        for x in (0.0, 0.1):
+            self.publish("robot", PosesView(np.array([[x, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]]), np.array([x, 0.0, 0.1])))
         t = np.arange(5) * 0.002
         self.publish("grip", SeriesView(t, {"grasp force [N]": t, "width [m]": t}, {"limit [N]": 0.005}))
         yield None

@@ -70,14 +70,15 @@ async function compare() {
   const row = (what, x, y) => h("tr", { class: x === y ? "" : "differs" }, h("th", {}, what), h("td", {}, x), h("td", {}, y), h("td", {}, x === y ? "" : "≠"));
   const both = (what, of) => row(what, of(a), of(b));
   const settings = ({ s }) => ({ ...s.run?.settings, ...s.run?.parameters });
+  const why = (reason) => { const leaves = reason ? leavesOf(reason) : []; const last = leaves.at(-1); return last ? `${last.code} ${last.message}${leaves.length > 1 ? ` (and ${leaves.length - 1} before it)` : ""}` : "–"; };
   const given = [...new Set([a, b].flatMap((x) => Object.keys(settings(x))))];
   const skill = (name) => (x) => { const k = x.skills.get(name); return k ? `${k.starts}×, ${seconds(k.time)}${k.failures ? `, ${k.failures} failed` : ""}` : "–"; };
-  $("comparison").replaceChildren(h("div", { class: "head" }, h("h2", {}, "Comparison"), h("button", { onclick: () => { $("comparison").hidden = true; } }, "Close")), h("table", {}, h("thead", {}, h("tr", {}, ["", a.s.run?.run ?? "?", b.s.run?.run ?? "?", ""].map((c) => h("th", {}, c)))), h("tbody", {},
-    both("outcome", (x) => x.s.ended?.outcome ?? "cut off"), both("why", (x) => (x.s.ended?.reason ? leavesOf(x.s.ended.reason).map((l) => `${l.code} ${l.message}`).join("; ") : "–")),
+  $("comparison").replaceChildren(h("div", { class: "head" }, h("h2", {}, "Comparison"), h("label", { class: "check" }, h("input", { type: "checkbox", class: "only", checked: true }), " only what differs"), h("button", { onclick: () => { $("comparison").hidden = true; } }, "Close")), h("table", {}, h("thead", {}, h("tr", {}, ["", a.s.run?.run ?? "?", b.s.run?.run ?? "?", ""].map((c) => h("th", {}, c)))), h("tbody", {},
+    both("outcome", (x) => x.s.ended?.outcome ?? "cut off"), both("why", (x) => why(x.s.ended?.reason)),
     both("tree", (x) => `${x.s.run?.tree} ${x.s.run?.tree_hash}`), both("cell", (x) => x.s.run?.cell ?? "–"), both("seed", (x) => String(x.s.run?.seed ?? "–")), ...given.map((name) => both(name, (x) => show(settings(x)[name]))),
     both("duration", (x) => seconds(x.s.ended?.time ?? x.s.t)), both("failures on the way", (x) => String(x.s.failures.length)), both("operator", (x) => x.s.acts.map((m) => `${m.who}: ${m.action}`).join(", ") || "–"),
     [...new Set([...a.skills.keys(), ...b.skills.keys()])].map((name) => both(name, skill(name))))));
-  $("comparison").scrollIntoView({ block: "nearest" });
+  $("comparison").parentElement.scrollTop = 0;
 }
 
 // -------------------------------------------------------------------------------------------------- starting

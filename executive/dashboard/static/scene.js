@@ -75,7 +75,7 @@ export class SceneView {
     const [cy, sy, cp, sp] = [Math.cos(this.yaw), Math.sin(this.yaw), Math.cos(this.pitch), Math.sin(this.pitch)];
     const half = high.map((v, i) => (v - low[i]) / 2);
     const wide = Math.abs(cy) * half[0] + Math.abs(sy) * half[1], tall = cp * half[2] + Math.abs(sp) * (Math.abs(sy) * half[0] + Math.abs(cy) * half[1]);
-    const left = w > 340 ? 140 : 0; // the legend's
+    const left = getComputedStyle($("scene-legend")).position === "absolute" ? 140 : 0; // the legend's
     const scale = Math.min(((w - left) / 2 - 10) / Math.max(wide, 0.05), (ht / 2 - 10) / Math.max(tall, 0.05)) * this.zoom;
     const project = ([x, y, z]) => {
       const [dx, dy, dz] = [x - centre[0], y - centre[1], z - centre[2]];

@@ -7,13 +7,29 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+from fake_cell import FakeCell
 from shown_runs import GATE, Show
 
 from executive.commands.dashboard import Launcher
+from executive.dashboard import record_messages
 from executive.dashboard.choices import Choices
-from executive.events import OperatorActed
+from executive.events import (
+    LinkChanged,
+    NodeChanged,
+    OperatorActed,
+    PortWritten,
+    Published,
+    RunEnded,
+    RunStarted,
+    SafeStopped,
+    StateChanged,
+)
+from executive.reasons import Reason
 from executive.recording.read import read_events
+from executive.recording.recorder import Recorder
+from executive.views import ImageView, Line2, Points3, SceneView, SeriesView, TableView
 
 pytestmark = pytest.mark.browser
 
@@ -56,6 +72,16 @@ def take_control(page: Any, name: str) -> None:
     expect(page.locator("#holder")).to_have_text("You hold control.")
 
 
+def painted(page: Any) -> int:
+    """How many pixels of the scene are not empty."""
+    count: int = page.evaluate(
+        "() => { const c = document.getElementById('scene');"
+        " const { data } = c.getContext('2d').getImageData(0, 0, c.width, c.height);"
+        " return data.filter((v, i) => i % 4 === 3 && v).length }"
+    )
+    return count
+
+
 def test_a_run_is_watched_from_start_to_end(show: Show, open_page: Open) -> None:
     page = open_page()
     expect(page.locator("#connection")).to_have_text("connected")
@@ -69,8 +95,11 @@ def test_a_run_is_watched_from_start_to_end(show: Show, open_page: Open) -> None
     expect(page.locator("#camera polygon")).to_have_count(1)
     expect(page.locator("#plots .plot")).to_have_count(2)
     expect(page.locator("#scene-legend")).to_contain_text("planned path")
+    expect(page.locator("#scene-legend")).to_contain_text("executed path")
+    assert painted(page) > 500  # the robot's triangle, the floor, the paths
     row(page, "Look").click()
-    expect(page.locator("#node")).to_contain_text("an apple")
+    expect(page.locator("#node .wires")).to_contain_text(re.compile(r"seen.*an apple · .* ago"))
+    expect(page.locator("#node .history")).to_contain_text("✓ success")
     expect(page.locator("#node pre")).to_contain_text("Look: {seen")
     GATE.set()
     expect(page.locator("#state")).to_have_text("✓ success")
@@ -186,6 +215,127 @@ def test_a_breakpoint_holds_and_is_shown_to_all(show: Show, open_page: Open) -> 
     expect(row(page, "Rest").locator(".detail")).to_have_text("held by a breakpoint")
     page.get_by_role("button", name="Resume").click()
     expect(page.locator("#state")).to_have_text("✓ success")
+
+
+def test_a_breakpoint_after_a_node_holds_when_it_has_ended(show: Show, open_page: Open) -> None:
+    page = open_page()
+    show.run(HOLD)
+    take_control(page, "ada")
+    row(page, "Hold").click()
+    page.get_by_role("button", name="Break after (a)").click()
+    expect(page.locator("#breaks")).to_have_text("⦿ Breakpoints: after Hold")
+    expect(row(page, "Hold").locator(".break")).to_have_text("⦿ after")
+    GATE.set()
+    expect(page.locator("#ack")).to_contain_text("Acknowledged: paused")
+    expect(row(page, "Hold").locator(".icon")).to_have_attribute("aria-label", "success")
+    expect(row(page, "Rest").locator(".icon")).to_have_attribute("aria-label", "idle")
+    page.locator("#tree").press("a")
+    expect(page.locator("#breaks")).to_be_hidden()
+    page.get_by_role("button", name="Resume").click()
+    expect(page.locator("#state")).to_have_text("✓ success")
+
+
+def test_a_device_that_falls_silent_is_seen_in_the_banner(
+    show: Show, open_page: Open, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(FakeCell, "heard", lambda _cell: {"wheel": 0.0})  # since the run began, nothing
+    page = open_page()
+    show.run(HOLD)
+    expect(page.locator("#links .link.old")).to_have_text(re.compile(r"wheel [2-9]\.\d s"), timeout=10_000)
+
+
+def test_a_link_to_a_moment_leads_there_and_carries_no_token(show: Show, open_page: Open) -> None:
+    show.record(JAM, "old_1")
+    page = open_page("run=old_1", permissions=["clipboard-read", "clipboard-write"])
+    expect(page.locator("#connection")).to_have_text("recorded run")
+    page.locator("#timeline").press("Home")
+    page.locator("#timeline").press("ArrowRight")
+    page.get_by_role("button", name="Link to this moment").click()
+    expect(page.locator("#connection")).to_contain_text("copied")
+    link = page.evaluate("navigator.clipboard.readText()")
+    assert link.endswith("#run=old_1&t=0.10")
+    other = open_page("")
+    other.goto(link)
+    expect(other.locator("#shown")).to_contain_text("0.1 s of")
+    expect(row(other, "The jam").locator(".icon")).to_have_attribute("aria-label", re.compile("failure"))
+
+
+def test_everything_is_reached_by_keys(show: Show, open_page: Open) -> None:
+    page = open_page()
+    show.run(HOLD)
+    expect(row(page, "Hold").locator(".icon")).to_have_attribute("aria-label", "running")
+    page.keyboard.press("j")
+    expect(page.locator("#node")).to_contain_text("Hold")
+    page.keyboard.press("/")
+    expect(page.get_by_label("search nodes")).to_be_focused()
+    page.keyboard.press("Tab")
+    page.locator("#tree").focus()
+    page.keyboard.press("ArrowDown")
+    expect(page.locator("#node")).to_contain_text("Rest")
+    page.keyboard.press("r")
+    expect(page.locator("#runs-view")).to_be_visible()
+    page.keyboard.press("r")
+    expect(page.locator("#run-view")).to_be_visible()
+    page.keyboard.press("?")
+    expect(page.locator("#keys")).to_be_visible()
+    page.get_by_role("button", name="Close").press("Enter")
+    expect(page.locator("#keys")).to_be_hidden()
+    page.get_by_role("tab", name="Node").press("ArrowRight")
+    expect(page.locator("#ports")).to_contain_text("an apple")
+
+
+def test_hostile_words_of_a_run_stay_words(show: Show, open_page: Open) -> None:
+    hostile = "<img src=x onerror=alert(1)>"
+    show.dashboard.hub.hear(
+        RunStarted(
+            0.0, 0, hostile, hostile, hostile, hostile, hostile, hostile, hostile, hostile, hostile, 0,
+            {hostile: hostile}, ({"path": "a", "parent": None, "kind": hostile, "type": hostile, "name": hostile,
+            "description": hostile, "comment": hostile, "line": 1, "end_line": 1, "inputs": {hostile: hostile},
+            "outputs": {}},), {}, 0.0, 0.02,
+        )
+    )  # fmt: skip
+    reason = Reason("a", hostile, hostile, {hostile: hostile})
+    outline = np.zeros((3, 2))
+    view = ImageView(np.zeros((8, 8, 3), np.uint8), (Line2(outline, hostile, hostile),), caption=hostile)
+    scene = SceneView(points=(Points3(np.zeros((1, 3)), hostile, hostile),), caption=hostile)
+    series = SeriesView(np.zeros(2), {hostile: np.zeros(2)}, {hostile: 1.0})
+    table = TableView((hostile,), ((hostile,),), hostile)
+    for event in (
+        NodeChanged(0.1, 1, "a", "FAILURE", hostile, 1, reason),
+        PortWritten(0.1, 1, hostile, hostile, hostile, hostile),
+        StateChanged(0.1, 1, hostile, hostile), LinkChanged(0.1, 1, hostile, hostile),
+        OperatorActed(0.1, 1, hostile, hostile, hostile), SafeStopped(0.1, 1, hostile),
+        *(Published(0.1, 1, "a", hostile, shown) for shown in (view, scene, series, table)),
+    ):  # fmt: skip
+        show.dashboard.hub.hear(event)
+    page = open_page()
+    expect(page.locator("#why")).to_contain_text(hostile)
+    expect(page.locator("#latched-reason")).to_have_text(hostile)
+    expect(page.locator("#tables")).to_contain_text(hostile)
+    page.locator(".row").first.click()
+    for tab in ("Values", "Events", "Node"):
+        page.get_by_role("tab", name=tab).click()
+    assert page.locator("img").count() == 2  # the mark and the camera's picture
+
+
+def test_a_long_record_gives_its_details_where_one_looks(
+    show: Show, open_page: Open, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name, value in (("WHOLE", 10), ("WHOLE_BYTES", 10), ("MOMENTS", 4)):
+        monkeypatch.setattr(record_messages, name, value)
+    (show.records / "long_1").mkdir()
+    recorder = Recorder(show.records / "long_1")
+    node = {"path": "a", "parent": None, "kind": "skill", "type": "Rest", "name": "Walk", "line": 1}
+    recorder.hear(RunStarted(0.0, 0, "long", "long", "", "", "", "fake", "mock", "", "", 0, {}, (node,), {}, 0.0, 0.02))
+    for tick in range(500):
+        recorder.hear(NodeChanged(tick * 0.2, tick, "a", "RUNNING", f"step {tick}", 1))
+    recorder.hear(RunEnded(100.0, 500, "success", None, 500, 100.0, 100.0, None))
+    recorder.close()
+    page = open_page("run=long_1&t=50.1")
+    expect(page.locator("#connection")).to_have_text("recorded run")
+    expect(row(page, "Walk").locator(".detail")).to_have_text("step 250")
+    page.evaluate("location.hash = 'run=long_1&t=3.3'")
+    expect(row(page, "Walk").locator(".detail")).to_have_text("step 16")
 
 
 def test_runs_are_filtered_and_two_are_compared(show: Show, open_page: Open) -> None:
