@@ -12,6 +12,8 @@ from typing import Any
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
+from executive.engine import add_engine_options, open_engine
+
 
 def add_data(subparsers: Any) -> None:
     """Register `pomona data`."""
@@ -22,7 +24,7 @@ def add_data(subparsers: Any) -> None:
     detect.add_argument("--frames", type=int, default=1000, help="how many (1000)")
     detect.add_argument("--seed", type=int, default=1, help="seed of the data set (1); weights ship with seed 1")
     detect.add_argument("--fruit", default="apple", help="name in the catalogue, or a path (apple)")
-    detect.add_argument("--workers", type=int, default=None, help="processes (one per core)")
+    add_engine_options(detect)
     detect.add_argument("--width", type=int, default=640, help="picture width [px] (640)")
     detect.set_defaults(main=data_main)
 
@@ -55,9 +57,9 @@ def data_main(options: argparse.Namespace) -> int:
     fx, fy, cx, cy = base.camera
     camera = (fx * factor, fy * factor, (cx + 0.5) * factor - 0.5, (cy + 0.5) * factor - 0.5)
     scene = dataclasses.replace(base, width=options.width, height=round(base.height * factor), camera=camera)
-    with _bar("frames") as show:
+    with open_engine(options.engine, options.workers, options.address) as engine, _bar("frames") as show:
         made = render_dataset(
-            options.out, options.frames, options.seed, options.fruit, scene, options.workers, progress=show
+            options.out, options.frames, options.seed, options.fruit, scene, progress=show, engine=engine
         )
     Console().print(f"{made.rendered} frames rendered, {made.kept} kept, in {options.out}")
     return 0

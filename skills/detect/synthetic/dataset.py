@@ -2,22 +2,26 @@
 
 from __future__ import annotations
 
-import multiprocessing
-import os
-from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from collections.abc import Callable, Iterator
+from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
 
+from executive.engine import Engine, one_per_core, open_engine
 from skills.detect.annotations import AnnotatedObject, Annotation, write_annotation
 from skills.detect.synthetic.options import SceneOptions
 from skills.detect.synthetic.scene import RenderedFrame, render_scene
 from skills.fruit import FruitModel, load_fruit
 
 CHUNK = 20
+CHUNK_LIMIT = 1800.0
+"""Seconds after which a chunk that is not done is given up."""
 JPEG_QUALITY = 95
+
+Rendered = tuple[int, bytes, Annotation]
+"""Index of a frame, its JPEG file and its annotation."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,6 +63,7 @@ def render_dataset(
     workers: int | None = None,
     first: int = 0,
     progress: Callable[[int, int], None] | None = None,
+    engine: Engine | None = None,
 ) -> DatasetReport:
     """Render frames `first` to `first + frames` of a seed into `folder`: NNNNNN.jpg beside NNNNNN.json.
 
@@ -71,30 +76,41 @@ def render_dataset(
         seed: seed of the data set; training and held-out sets take different ones.
         fruit: name in the catalogue, or path.
         options: what the scenes are made of.
-        workers: processes; None for one per core.
+        workers: processes on this machine; None for one per core.
         first: index of the first frame.
         progress: called with (frames done, frames in all).
+        engine: renders elsewhere instead, a Ray cluster for instance; files are written by this process alone.
     """
     options = options or SceneOptions()
     folder.mkdir(parents=True, exist_ok=True)
     wanted = [i for i in range(first, first + frames) if not frame_paths(folder, i)[1].is_file()]
     kept, done = frames - len(wanted), 0
-    chunks = [wanted[i : i + CHUNK] for i in range(0, len(wanted), CHUNK)]
-    count = max(1, min(workers or os.cpu_count() or 1, len(chunks)))
-    if count == 1:
-        for chunk in chunks:
-            done += _render_chunk(folder, chunk, seed, fruit, options)
-            if progress is not None:
-                progress(kept + done, frames)
-        return DatasetReport(done, kept)
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(count, mp_context=context) as pool:
-        jobs = [pool.submit(_render_chunk, folder, chunk, seed, fruit, options) for chunk in chunks]
-        for job in as_completed(jobs):
-            done += job.result()
-            if progress is not None:
-                progress(kept + done, frames)
+    orders = [(wanted[i : i + CHUNK], seed, fruit, options) for i in range(0, len(wanted), CHUNK)]
+    for chunk in _rendered(orders, workers, engine):
+        for index, picture, annotation in chunk:
+            picture_path, annotation_path = frame_paths(folder, index)
+            picture_path.write_bytes(picture)
+            write_annotation(annotation_path, annotation)
+        done += len(chunk)
+        if progress is not None:
+            progress(kept + done, frames)
     return DatasetReport(done, kept)
+
+
+def _rendered(
+    orders: list[tuple[list[int], int, str, SceneOptions]], workers: int | None, engine: Engine | None
+) -> Iterator[list[Rendered]]:
+    """The chunks as they are done: in this process when one is enough, else on an engine."""
+    count = min(workers or one_per_core(), len(orders))
+    if engine is None and count <= 1:
+        for order in orders:
+            yield render_chunk(*order)
+        return
+    with nullcontext(engine) if engine is not None else open_engine("local", count) as door:
+        for _index, answer in door.map(render_chunk, orders, CHUNK_LIMIT):
+            if isinstance(answer, BaseException):
+                raise answer
+            yield answer
 
 
 def frame_seed(seed: int, index: int) -> int:
@@ -102,12 +118,13 @@ def frame_seed(seed: int, index: int) -> int:
     return seed * 10_000_000 + index
 
 
-def _render_chunk(folder: Path, indices: list[int], seed: int, fruit: str, options: SceneOptions) -> int:
+def render_chunk(indices: list[int], seed: int, fruit: str, options: SceneOptions) -> list[Rendered]:
+    """Render some frames: their indices, JPEG files and annotations. Writes nothing: it may be on another machine."""
     cv2.setNumThreads(1)
     model = load_fruit(fruit)
+    rendered = []
     for index in indices:
         frame = render_scene(model, options, frame_seed(seed, index))
-        picture, annotation = frame_paths(folder, index)
-        cv2.imwrite(str(picture), frame.colour[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
-        write_annotation(annotation, annotate(frame, model, options))
-    return len(indices)
+        _, picture = cv2.imencode(".jpg", frame.colour[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
+        rendered.append((index, picture.tobytes(), annotate(frame, model, options)))
+    return rendered
