@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from drivers.interfaces import Arm, Workspace
-from executive.ports import ANGLE, LENGTH, Port, Ports, optional
+from executive.ports import ANGLE, LENGTH, RATIO, Port, Ports, optional
 from executive.skill import Skill, Work
 from executive.views import Points3, SceneView
 from skills.occupancy import OccupancyMap
@@ -45,6 +45,7 @@ class SampleGrasp(Skill):
         alpha_max=Port(ANGLE, default="360 deg"),
         alphas=Port(int, default=12, min=1),
         clearance=Port(LENGTH, default="10 mm", min="2 mm", help="kept by the links; gripper and fingers keep a share"),
+        sigmas=Port(RATIO, default=2.0, min=0.0, max=10.0, help="standard deviations of the measurement kept as air"),
         count=Port(int, default=0, min=0, help="how many candidates to give at most; 0 gives all"),
         check=Port(bool, default=True, help="rule out what cannot be approached; the paper leaves that to planning"),
     )
@@ -72,6 +73,7 @@ class SampleGrasp(Skill):
         alpha_max: float,
         alphas: int,
         clearance: float,
+        sigmas: float,
         count: int,
         check: bool,
     ) -> Work:
@@ -83,7 +85,7 @@ class SampleGrasp(Skill):
         field = usable_field(self, map)
         space = arm_space(arm, workspace, field, robot.width_max, clearance, target=around)
         sphere = Sphere(radius, (theta_min, theta_max), (alpha_min, alpha_max), thetas, alphas)
-        rules, tried_before = GraspRules(check=check), self._tried.directions
+        rules, tried_before = GraspRules(sigmas=sigmas, check=check), self._tried.directions
         for level in range(1 + FINER):
             grasps, ruled_out = yield from self.compute(
                 sample_pre_grasps, around, robot, space, arm.state().q, workspace.table_z, sphere, rules
