@@ -162,10 +162,10 @@ def _html_table(table: Table) -> str:
         return f"<tr><th>{_inline(first)}</th>" + "".join(f"<td>{_inline(cell)}</td>" for cell in rest) + "</tr>"
 
     head = "".join(f"<th>{_inline(cell)}</th>" for cell in table.header)
-    caption = f"<caption>{_inline(table.caption)}</caption>" if table.caption else ""
+    caption = f"<p class=caption>{_inline(table.caption)}</p>" if table.caption else ""
     kind = ' class="words"' if table.words else ""
     rows = "".join(map(row, table.rows))
-    return f'<div class="wide"><table{kind}>{caption}<thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table></div>'
+    return f'{caption}<div class="wide"><table{kind}><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table></div>'
 
 
 def _html_tile(tile: Tile) -> str:
@@ -201,31 +201,32 @@ _STYLE = """
 :root { --ink: #1d2a22; --soft: #5d6b62; --line: #dfe5df; --leaf: #2f7d4f; --apple: #b83a2b; --paper: #fbfbf8; }
 * { box-sizing: border-box; }
 body { margin: 0; background: var(--paper); color: var(--ink); font: 16px/1.55 system-ui, "Segoe UI", sans-serif; }
-main { max-width: 62rem; margin: 0 auto; padding: 3rem 1.5rem 5rem; }
+main { max-width: 70rem; margin: 0 auto; padding: 3rem 1.5rem 5rem; }
 header { border-bottom: 3px solid var(--leaf); margin-bottom: 2rem; padding-bottom: .6rem; }
 h1 { font-size: 2.1rem; line-height: 1.2; margin: 0 0 .4rem; letter-spacing: -.01em; }
 h2 { font-size: 1.4rem; margin: 3rem 0 .6rem; border-bottom: 1px solid var(--line); padding-bottom: .25rem; }
 h3 { font-size: 1.08rem; margin: 2rem 0 .4rem; color: var(--leaf); }
-p, ul { max-width: 46rem; }
-.about, .note, figcaption, caption { color: var(--soft); font-size: .88rem; }
+p, ul { max-width: 50rem; }
+.about, .note, figcaption, .caption { color: var(--soft); font-size: .88rem; }
 code { background: #eef1ec; border-radius: 3px; padding: .05em .3em; font-size: .88em; overflow-wrap: anywhere; }
-.wide { overflow-x: auto; margin: 1rem 0 1.4rem; }
+.wide { overflow-x: auto; margin: 0 0 1.4rem; }
 table { border-collapse: collapse; font-size: .88rem; font-variant-numeric: tabular-nums; background: #fff; }
-caption { text-align: left; padding-bottom: .4rem; caption-side: top; }
-th, td { padding: .34rem .7rem; border-bottom: 1px solid var(--line); text-align: right; white-space: nowrap; }
+.caption { margin: 1.6rem 0 .4rem; max-width: none; }
+th, td { padding: .34rem .6rem; border-bottom: 1px solid var(--line); text-align: right; white-space: nowrap; }
 thead th { border-bottom: 2px solid var(--ink); font-weight: 600; vertical-align: bottom; }
 tbody th, thead th:first-child { text-align: left; font-weight: 600; }
 tbody tr:hover { background: #f3f7f2; }
 table.words th, table.words td { text-align: left; white-space: normal; vertical-align: top; }
 table.words td { min-width: 6rem; }
-.tiles { display: grid; grid-template-columns: repeat(auto-fit, minmax(11rem, 1fr)); gap: .8rem; margin: 1.5rem 0; }
+.tiles { display: grid; grid-template-columns: repeat(auto-fit, minmax(18rem, 1fr)); gap: .8rem; margin: 1.5rem 0; }
 .tile { background: #fff; border: 1px solid var(--line); border-left: 4px solid var(--soft); border-radius: 6px;
   padding: .8rem 1rem; display: flex; flex-direction: column; }
 .tile.met { border-left-color: var(--leaf); } .tile.missed { border-left-color: var(--apple); }
 .tile b { font-size: 1.55rem; line-height: 1.2; } .tile.met b { color: var(--leaf); }
 .tile.missed b { color: var(--apple); }
 .tile span { font-size: .92rem; } .tile small { color: var(--soft); }
-figure { margin: 1.5rem 0; } figure svg { width: 100%; height: auto; background: #fff; border: 1px solid var(--line);
+figure { margin: 1.5rem 0; } figure svg { width: 100%; height: auto; background: #fff; padding: .8rem;
+  border: 1px solid var(--line);
   border-radius: 6px; }
 @media print { main { max-width: none; padding: 0; } h2 { break-after: avoid; } figure, table { break-inside: avoid; } }
 """

@@ -134,7 +134,8 @@ def comparison(campaign: Campaign, by_arm: Mapping[str, Sequence[Result]]) -> li
         only_other = sum(good[other][place] and not good[first][place] for place in shared)
         lines.append(
             f"**{first}** beside **{other}** on the same {len(shared)} tables: {only_first} were picked only by "
-            f"the first, {only_other} only by the second (exact McNemar test, p = {paired_p(only_first, only_other):.2g})"
+            f"the first, {only_other} only by the second "
+            f"(exact McNemar test, p = {paired_p(only_first, only_other):.2g})"
         )
     return [Bullets(tuple(lines))]
 
