@@ -160,7 +160,7 @@ def _thinned(lines: Iterable[Line]) -> Iterable[Line | bytes]:
     state: dict[bytes, tuple[bytes, bytes]] = {}
     for line in everything:
         kept[_place(line, interval, state)] = line
-    chosen: list[Line | bytes] = sorted(kept.values(), key=lambda line: line.seq)  # type: ignore[arg-type,return-value]
+    chosen = sorted(kept.values(), key=lambda line: line.seq)
     note = {"v": VERSION, "event": "Overview", "interval": interval}
     return [json.dumps(note, separators=(",", ":")).encode(), *chosen]
 

@@ -191,8 +191,8 @@ class Dashboard:
 
     async def _image(self, request: Request) -> Response:
         folder = self._folder(request)
-        found = folder and await asyncio.to_thread(image, folder, request.path_params["at"])
-        if not found:
+        found = None if folder is None else await asyncio.to_thread(image, folder, request.path_params["at"])
+        if found is None:
             return JSONResponse({"error": "no such image"}, 404)
         return Response(found, media_type="image/jpeg", headers={"cache-control": "private, max-age=86400"})
 

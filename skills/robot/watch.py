@@ -54,7 +54,8 @@ class RobotWatch:
                 faces.append(triangles + start)
                 start += len(points)
             style = "robot" if part.group == "arm" else "tool"
-            bodies.append(Mesh3(np.round(np.vstack(vertices), 4), np.vstack(faces).astype(np.int32), part.name, style))
+            corners: Float64 = np.vstack(vertices).round(4)
+            bodies.append(Mesh3(corners, np.vstack(faces).astype(np.int32), part.name, style))
         return BodiesView(tuple(bodies))
 
     def _poses(self, q: Float64, width: float) -> PosesView:
