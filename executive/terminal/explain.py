@@ -133,25 +133,32 @@ class _Story:
         told: list[AttemptEnded | None] = list(failed)
         if len(failed) > MOST_ATTEMPTS:
             told = [*failed[: MOST_ATTEMPTS - 1], None, failed[-1]]
+        ended = self.summary.ended
+        known = {_kind(leaf) for leaf in (ended.reason.leaves() if ended and ended.reason else ())}
         sentences = []
         for attempt in told:
             if attempt is None:
                 sentences.append(f"So it went on, {len(failed) - MOST_ATTEMPTS} attempts more.")
                 continue
             leaf = _leaf(attempt)
-            why = "" if leaf is None else f": {self._name(leaf.node_path)} said {leaf.code}, {_sentence(leaf.message)}"
-            name = self._name(attempt.path.partition(":")[0])
-            sentences.append(
-                f"Attempt {attempt.number} of {attempt.of} ({name}) ended at {attempt.t:.1f} s{why or '.'}"
-            )
+            which = f"Attempt {attempt.number} of {attempt.of} ({self._name(attempt.path.partition(':')[0])})"
+            if leaf is None:
+                sentences.append(f"{which} ended at {attempt.t:.1f} s.")
+            elif _kind(leaf) in known:
+                sentences.append(f"{which} ended at {attempt.t:.1f} s with {leaf.code}, too.")
+            else:
+                known.add(_kind(leaf))
+                why = f"{self._name(leaf.node_path)} said {leaf.code}: {_sentence(leaf.message)}"
+                sentences.append(f"{which} ended at {attempt.t:.1f} s: {why}")
         return " ".join(sentences)
 
     def _failed_attempts(self) -> list[AttemptEnded]:
-        """Attempts that failed, without those around them that failed for the same reason in the same moment."""
+        """Attempts that failed, without those around them that failed with them."""
         failed: list[AttemptEnded] = []
         for attempt in self.summary.attempts:
             before = failed[-1] if failed else None
-            if attempt.succeeded or (before and before.t == attempt.t and _leaf(before) == _leaf(attempt)):
+            around = before is not None and before.path != attempt.path and _leaf(before) == _leaf(attempt)
+            if attempt.succeeded or around:
                 continue
             failed.append(attempt)
         return failed
@@ -197,6 +204,11 @@ class _Story:
 
 def _leaf(attempt: AttemptEnded) -> Reason | None:
     return list(attempt.reason.leaves())[-1] if attempt.reason is not None else None
+
+
+def _kind(leaf: Reason) -> tuple[str, str, str]:
+    """What a failure is, whatever its figures."""
+    return leaf.node_path, leaf.code, re.sub(r"[\d.]+", "#", leaf.message)
 
 
 def _last_chain(reason: Reason) -> Iterator[Reason]:

@@ -26,7 +26,7 @@ MARKS = {
 def wide_console() -> Console:
     """A console that cuts nothing off when its output goes into a file or a pipe."""
     console = Console()
-    return console if console.is_terminal else Console(width=240)
+    return console if console.is_terminal else Console(width=2000)
 
 
 def print_list(console: Console, runs: Sequence[Digest], of: int, total: int) -> None:
@@ -43,7 +43,8 @@ def print_list(console: Console, runs: Sequence[Digest], of: int, total: int) ->
         ("", "left"), ("run", "left"), ("cell", "left"), ("seed", "right"), ("time", "right"), ("size", "right"),
         ("how it ended", "left"),
     ):  # fmt: skip
-        table.add_column(name, justify=justify, no_wrap=True, overflow="ellipsis")  # type: ignore[arg-type]
+        table.add_column(name, justify=justify, no_wrap=True)  # type: ignore[arg-type]
+    room = console.width - 40 - max((len(run.run) + len(run.cell) for run in runs), default=0)
     for run in runs:
         sign, style = MARKS[how(run)]
         table.add_row(
@@ -53,13 +54,17 @@ def print_list(console: Console, runs: Sequence[Digest], of: int, total: int) ->
             "–" if run.seed is None else str(run.seed),
             "–" if run.time is None else seconds(run.time),
             size(run.bytes),
-            Text(ending(run), style if how(run) != "success" else ""),
+            Text(_shortened(ending(run), max(room, 20)), style if how(run) != "success" else ""),
         )
     console.print(table)
     counted = Counter(map(how, runs))
     words = ", ".join(f"{number} {word}" for word, number in counted.most_common())
     shown = f"{len(runs)} runs" if len(runs) == of else f"{len(runs)} of {of} runs"
     console.print(f"{shown}, {size(total)} in all: {words or 'none'}", style="dim", highlight=False)
+
+
+def _shortened(text: str, width: int) -> str:
+    return text if len(text) <= width else f"{text[: width - 1]}…"
 
 
 def how(run: Digest) -> str:

@@ -106,7 +106,7 @@ def test_explain_says_what_happened_and_why(capsys: pytest.CaptureFixture[str]) 
     assert "try_thrice ran on the mocked cell dry with seed 0 and pauses = 2" in said
     assert "It failed after" in said
     assert "The reason is NO_PATH of MoveTo (line 12 of the tree)" in said
-    assert "Attempt 1 of 2 (Attempt) ended at 1.5 s: MoveTo said NO_PATH" in said
+    assert "Attempt 1 of 2 (Attempt) ended at 1.5 s with NO_PATH, too." in said
     assert "What failed on the way: MoveTo NO_PATH 2 times." in said
 
 
