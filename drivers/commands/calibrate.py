@@ -1,18 +1,21 @@
-"""`pomona calibrate fingers | hand-eye`: calibration files from recordings."""
+"""`pomona calibrate fingers | hand-eye | …`: calibration files. Others add theirs by entry point `pomona.calibrate`."""
 
 from __future__ import annotations
 
 import argparse
 import sys
+from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
 
 from drivers.errors import DriverError
 
+GROUP = "pomona.calibrate"
+
 
 def add(subparsers: Any) -> None:
     """Register the subcommand."""
-    parser = subparsers.add_parser("calibrate", help="make calibration files from recordings")
+    parser = subparsers.add_parser("calibrate", help="make calibration files")
     kinds = parser.add_subparsers(metavar="WHAT", required=True)
     fingers = kinds.add_parser("fingers", help="fit a finger's network to recorded voltages and wrenches")
     fingers.add_argument("recording", type=Path, help=".npz with volts and wrenches, or .csv with 31 columns")
@@ -28,6 +31,8 @@ def add(subparsers: Any) -> None:
     hand_eye.add_argument("--square", type=float, required=True, help="side of a square [mm]")
     hand_eye.add_argument("--out", type=Path, required=True, help="the file to write")
     hand_eye.set_defaults(main=lambda options: _guarded(_hand_eye, options))
+    for entry in sorted(entry_points(group=GROUP), key=lambda entry: entry.name):
+        entry.load()(kinds)
 
 
 def _guarded(calibrate: Any, options: argparse.Namespace) -> int:

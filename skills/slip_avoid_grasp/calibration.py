@@ -9,13 +9,15 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
+from zipfile import BadZipFile
 
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 from scipy.optimize import least_squares
 
 from drivers.interfaces import WrenchSample
-from skills.slip_avoid_grasp.errors import TooFewPushes
+from skills.slip_avoid_grasp.errors import TooFewPushes, UnusableRecording
 from skills.slip_avoid_grasp.grip import Float64
 from skills.slip_avoid_grasp.limit_surface import SoftContact, least_force
 from skills.slip_avoid_grasp.pads import pad_loads
@@ -25,6 +27,9 @@ WINDOW = 25
 
 SLIDING_SHARE = 0.05
 """The most loaded share of a push is where it slid."""
+
+FEW = 10
+"""Samples over which the force is averaged while somebody presses."""
 
 LEAST_FORCE = 0.3
 """Samples with less normal force on a finger are left out [N]."""
@@ -59,11 +64,14 @@ class PushRecorder:
         self._width, self._bias_samples = width, bias_samples
         self._wrenches: list[Float64] = []
         self._widths: list[float] = []
+        self._bias: Float64 | None = None
+        self.stamp = -np.inf
 
     def hear(self, sample: WrenchSample) -> None:
         """Keep one sample; saturated ones and those that are not finite are left out."""
         if any(sample.saturated) or not np.isfinite(sample.wrenches).all():
             return
+        self.stamp = sample.stamp
         self._wrenches.append(np.array(sample.wrenches))
         self._widths.append(self._width() if self._width is not None else np.nan)
 
@@ -72,8 +80,22 @@ class PushRecorder:
         """Whether the bias is taken."""
         return len(self._wrenches) >= self._bias_samples
 
-    def push(self) -> Push:
-        """What was heard since the bias, with the bias removed; hearing goes on.
+    @property
+    def heard(self) -> int:
+        """How many samples were kept so far."""
+        return len(self._wrenches)
+
+    def grasp_force(self) -> float:
+        """2 * min over the fingers of the last few samples, bias removed [N]; 0 before the bias is taken."""
+        if len(self._wrenches) <= self._bias_samples:
+            return 0.0
+        if self._bias is None:
+            self._bias = np.array(self._wrenches[: self._bias_samples]).mean(axis=0)
+        pressing = -(np.array(self._wrenches[-FEW:]).mean(axis=0) - self._bias)[:, 2]
+        return 2.0 * float(pressing.min())
+
+    def push(self, start: int | None = None) -> Push:
+        """What was heard since the bias, or since `start` samples were heard, bias removed; hearing goes on.
 
         Raises:
             TooFewPushes: the bias is not taken yet.
@@ -82,7 +104,8 @@ class PushRecorder:
             raise TooFewPushes(0)
         heard, widths = np.array(self._wrenches), np.array(self._widths)
         n = self._bias_samples
-        return Push(heard[n:] - heard[:n].mean(axis=0), widths[n:])
+        first = max(n, start or n)
+        return Push(heard[first:] - heard[:n].mean(axis=0), widths[first:])
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,6 +131,18 @@ class GripCalibration:
     stiffness: float | None
     stiffness_r2: float
     notes: tuple[str, ...]
+
+    def __str__(self) -> str:
+        contact = self.contact
+        lines = [
+            f"mu     {contact.mu:.3f} ± {self.mu_std:.3f}",
+            f"delta  {1e3 * contact.delta:.3f} ± {1e3 * self.delta_std:.3f} mm",
+            f"gamma  {contact.gamma:.3f} ± {self.gamma_std:.3f}",
+            f"fit    {100.0 * self.residual:.1f} % of the force over {self.pushes} slides",
+        ]
+        if self.stiffness is not None:
+            lines.append(f"pads   {self.stiffness:.0f} N/m, R² {self.stiffness_r2:.4f}")
+        return "\n".join([*lines, *(f"note   {note}" for note in self.notes)])
 
 
 def calibrate_grip(
@@ -231,23 +266,51 @@ def write_calibration(calibration: GripCalibration, path: Path, fruit: str = "")
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
-def read_pushes(path: Path) -> list[Push]:
-    """Pushes from a .npz file: arrays `wrenches_0` (n, 2, 6), `width_0` (n,), `wrenches_1` … as `write_pushes` leaves.
+def read_recording(path: Path) -> tuple[list[Push], Push | None]:
+    """Pushes and the squeeze, if there is one, from a .npz file as `write_pushes` leaves it.
+
+    Arrays: `wrenches_0` (n, 2, 6) and `width_0` (n,), `wrenches_1` …; of the squeeze `squeeze_wrenches`,
+    `squeeze_width`. Widths may be left out where they are not known.
 
     Raises:
+        UnusableRecording: it is no such file, or an array has another shape or holds values that are not finite.
         TooFewPushes: the file holds none.
     """
-    with np.load(path) as arrays:
-        count = sum(name.startswith("wrenches_") for name in arrays.files)
-        pushes = [Push(arrays[f"wrenches_{i}"], arrays[f"width_{i}"]) for i in range(count)]
+    try:
+        with np.load(path, allow_pickle=False) as loaded:
+            arrays = {name: np.asarray(loaded[name]) for name in loaded.files}
+    except (OSError, ValueError, EOFError, AttributeError, TypeError, BadZipFile) as error:
+        raise UnusableRecording(f"{path}: not a readable .npz file of pushes ({error})") from error
+    count = sum(name.startswith("wrenches_") for name in arrays)
+    pushes = [_push_of(arrays, f"wrenches_{i}", f"width_{i}", path) for i in range(count)]
     if not pushes:
         raise TooFewPushes(0)
-    return pushes
+    squeezed = "squeeze_wrenches" in arrays
+    return pushes, _push_of(arrays, "squeeze_wrenches", "squeeze_width", path) if squeezed else None
 
 
-def write_pushes(pushes: list[Push], path: Path) -> None:
-    """Keep pushes in a .npz file."""
+def _push_of(arrays: dict[str, np.ndarray[Any, Any]], wrenches: str, width: str, path: Path) -> Push:
+    if wrenches not in arrays:
+        raise UnusableRecording(f"{path}: there is no '{wrenches}': number the pushes 0, 1, 2 …")
+    both = arrays[wrenches]
+    if both.dtype.kind not in "fiu" or both.ndim != 3 or both.shape[1:] != (2, 6) or not np.isfinite(both).all():
+        raise UnusableRecording(f"{path}: '{wrenches}' must hold finite numbers of shape (n, 2, 6), not {both.shape}")
+    opening = arrays.get(width, np.full(len(both), np.nan))
+    if opening.dtype.kind not in "fiu" or opening.shape != (len(both),):
+        raise UnusableRecording(f"{path}: '{width}' must hold numbers of shape ({len(both)},), not {opening.shape}")
+    return Push(np.asarray(both, np.float64), np.asarray(opening, np.float64))
+
+
+def read_pushes(path: Path) -> list[Push]:
+    """The pushes of a .npz file without its squeeze; raises as `read_recording`."""
+    return read_recording(path)[0]
+
+
+def write_pushes(pushes: list[Push], path: Path, squeeze: Push | None = None) -> None:
+    """Keep pushes, and perhaps a squeeze, in a .npz file."""
     arrays: dict[str, Float64] = {}
     for i, push in enumerate(pushes):
         arrays[f"wrenches_{i}"], arrays[f"width_{i}"] = push.wrenches, push.width
+    if squeeze is not None:
+        arrays["squeeze_wrenches"], arrays["squeeze_width"] = squeeze.wrenches, squeeze.width
     np.savez_compressed(path, **arrays)  # type: ignore[arg-type]

@@ -1,7 +1,9 @@
 """What can go wrong with a grip's algorithms.
 
 GripError
-└── TooFewPushes    a calibration without enough slides
+├── TooFewPushes        a calibration without enough slides
+├── UnusableRecording   a file that holds no pushes
+└── GuidanceEnded       pushes at a cell that cannot be made
 """
 
 from __future__ import annotations
@@ -20,3 +22,11 @@ class TooFewPushes(GripError):
             f"only {found} usable slides were found, at least 3 are needed: hold the fruit with a steady force of more"
             " than 0.6 N and pull or twist it until it slides, at two forces or more"
         )
+
+
+class UnusableRecording(GripError):
+    """A file of pushes cannot be read."""
+
+
+class GuidanceEnded(GripError):
+    """Pushes at a cell cannot be made, or not be gone on with."""
