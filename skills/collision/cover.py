@@ -32,14 +32,14 @@ class Cover:
     Attributes:
         spheres: centres and radii whose union covers the shape, shape (n, 4) [m].
         inner: radii about the same centres within the shape, shape (n,) [m]; 0 for a centre outside.
-        support: points, shape (k, 3), and `rounding` [m]: the hull of the points grown by it contains the shape; for
-            exact distances to planes.
+        support: points, shape (k, 3), and `rounding` [m], of all or of each: the hull of the points grown by it contains
+            the shape; for exact distances to planes.
     """
 
     spheres: Float64
     inner: Float64
     support: Float64
-    rounding: float
+    rounding: float | Float64
 
 
 def cover(geom: Geom) -> Cover:

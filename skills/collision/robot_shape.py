@@ -16,6 +16,9 @@ from skills.robot import Body, RobotModel
 Float64 = NDArray[np.float64]
 Int64 = NDArray[np.int64]
 
+FEW_SPHERES = 3
+"""Spheres of one body that are kept apart; more of them become one shape."""
+
 _POSTURES = 64
 """Random postures in which a pair of bodies must overlap, every time, to count as always overlapping."""
 
@@ -131,8 +134,8 @@ class RobotShape:
 
 @lru_cache(maxsize=16)
 def _shape_of(model: RobotModel) -> RobotShape:
-    covers = [_in_link(cover(geom), geom.T_link_geom) for geom in model.geoms]
-    bodies = [model.bodies[geom.body] for geom in model.geoms]
+    parts = _parts(model)
+    covers, bodies = [part.cover for part in parts], [part.body for part in parts]
     # A finger is covered where it is when closed, and shifted in the kernel; its reach must hold for every opening.
     travel = model.width_max - model.width_min
     swept = [
@@ -162,10 +165,42 @@ def _shape_of(model: RobotModel) -> RobotShape:
     return RobotShape(
         model,
         arrays,
-        tuple(geom.name for geom in model.geoms),
+        tuple(part.name for part in parts),
         tuple(body.name for body in bodies),
         tuple(body.group for body in bodies),
     )
+
+
+class _Part(NamedTuple):
+    """What the kernels know as one geom: its name, its body, its cover in the link's frame, fingers closed."""
+
+    name: str
+    body: Body
+    cover: Cover
+
+
+def _parts(model: RobotModel) -> list[_Part]:
+    """The model's geoms; a body that is described by many spheres is one part with all of them.
+
+    Each part, and each pair of parts, costs the proof of a segment a step of its own: one for every single sphere
+    would be a hundred times as many.
+    """
+    parts: list[_Part] = []
+    for number, body in enumerate(model.bodies):
+        own = [geom for geom in model.geoms if geom.body == number]
+        spheres = [geom for geom in own if geom.kind == "sphere"]
+        covers = {geom.name: _in_link(cover(geom), geom.T_link_geom) for geom in own}
+        if len(spheres) > FEW_SPHERES:
+            members = [covers.pop(geom.name) for geom in spheres]
+            whole = Cover(
+                np.vstack([c.spheres for c in members]),
+                np.concatenate([c.inner for c in members]),
+                np.vstack([c.support for c in members]),
+                np.concatenate([np.broadcast_to(c.rounding, len(c.support)) for c in members]),
+            )
+            parts.append(_Part(f"{body.name}'s spheres", body, whole))
+        parts += [_Part(name, body, shape) for name, shape in covers.items()]
+    return parts
 
 
 def _in_link(shape: Cover, T_link_geom: Float64) -> Cover:
@@ -184,7 +219,7 @@ def _bounding_sphere(spheres: Float64) -> Float64:
 
 
 def _support_of(shape: Cover) -> Float64:
-    return np.column_stack((shape.support, np.full(len(shape.support), shape.rounding)))
+    return np.column_stack((shape.support, np.broadcast_to(shape.rounding, len(shape.support))))
 
 
 def _reach(model: RobotModel, link: int, spheres: Float64) -> Float64:

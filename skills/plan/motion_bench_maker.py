@@ -24,6 +24,9 @@ from skills.robot import RobotModel
 
 Float64 = NDArray[np.float64]
 
+ROUNDING = 1e-3
+"""How far a file's joint may lie beyond its limit [rad or m]: files round, and limits too."""
+
 _NUMBER = re.compile(r"request(\d+)\.yaml$")
 _LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
@@ -88,8 +91,8 @@ def _problem(
         goal = start | {
             joint["joint_name"]: joint["position"] for joint in request["goal_constraints"][0]["joint_constraints"]
         }
-        q_start = np.array([float(start[joint]) for joint in robot.joint_names])
-        q_goal = np.array([float(goal[joint]) for joint in robot.joint_names])
+        q_start = _joints(robot, start)
+        q_goal = _joints(robot, goal)
     except (KeyError, IndexError, TypeError, ValueError) as error:
         raise BadProblem(request_file, f"does not state start and goal of every joint: {error}") from error
     try:
@@ -101,6 +104,13 @@ def _problem(
         shapes[allowed] = RobotShape.of(replace(robot, excluded=robot.excluded | allowed))
     world = CollisionWorld.build(shapes[allowed], obstacles=obstacles, margins=Margins(0.0, 0.0, 0.0, 0.0, 0.0))
     return Problem(name, world, q_start, q_goal)
+
+
+def _joints(robot: RobotModel, values: Mapping[str, Any]) -> Float64:
+    """Joints by name as an array; rounding beyond a limit is taken back, which planners would refuse."""
+    q = np.array([float(values[joint]) for joint in robot.joint_names])
+    within = np.clip(q, robot.lower, robot.upper)
+    return np.where(np.abs(within - q) < ROUNDING, within, q)
 
 
 def _read(path: Path) -> Mapping[str, Any]:
