@@ -61,6 +61,30 @@ def test_a_mock_cell_has_everything_a_pick_needs(load):
     cell.close()
 
 
+def test_an_obstacle_with_a_wall_is_a_crate_open_at_the_top(load):
+    crate = "{name: crate, centre: [0.4, 0.1, 0.05], size: [0.3, 0.2, 0.1], wall: 1 cm, yaw: 90 deg}"
+    boxes = load(MOCK.replace("yaw: 90 deg}]", f"yaw: 90 deg}}, {crate}]")).device(Workspace).obstacles[1:]
+    assert [box.name for box in boxes] == ["crate"] * 5
+
+    def filled(point: list[float]) -> bool:
+        inside = [np.linalg.inv(box.T_base_box) @ [*point, 1.0] for box in boxes]
+        return any((np.abs(p[:3]) <= box.half_extents).all() for p, box in zip(inside, boxes, strict=True))
+
+    assert filled([0.4, 0.1, 0.005])  # the floor
+    assert not filled([0.4, 0.1, 0.011])
+    assert not filled([0.4 + 0.089, 0.1 + 0.139, 0.099])  # turned by a quarter: 0.2 along x, 0.3 along y
+    assert filled([0.4 + 0.091, 0.1, 0.099])
+    assert filled([0.4, 0.1 - 0.141, 0.099])
+    assert not filled([0.4, 0.1, 0.101])
+
+
+@pytest.mark.parametrize("wall", ["0 mm", "10 cm", "-1 mm", "soon"])
+def test_a_crate_whose_walls_leave_no_room_is_refused_with_its_line(load, wall):
+    crate = f"{{name: crate, centre: [0, 0, 0], size: [0.2, 0.2, 0.1], wall: {wall}}}"
+    with pytest.raises(CellFileError, match=r"cell\.yaml:8:.*wall"):
+        load(MOCK.replace("{name: wall, centre: [0, 1, 0], size: [2, 20 mm, 1], yaw: 90 deg}", crate))
+
+
 def test_the_shipped_simulated_cell_loads():
     cell = load_cell(CELLS / "sim.yaml", seed=1)
     assert cell.kind == "simulated"

@@ -1,5 +1,6 @@
 """Physics decides: friction lifts the fruit, and too little of it does not."""
 
+import numpy as np
 import pytest
 
 
@@ -51,3 +52,28 @@ def test_touching_the_table_is_counted_as_a_collision(open_cell, probe_of):
     truth = cell.truth()
     assert truth["collisions"] >= 1
     assert truth["collided_with"] == ["table"]
+
+
+def test_a_fruit_that_stands_in_the_crate_is_put_away_and_not_dropped(open_cell, probe_of, pick_with):
+    cell = open_cell(seed=4, fruit="apple_4")
+    world = probe_of(cell).world
+    assert world.truth()["put_away"] == 0
+    world.state.joint("fruit_0").qpos[:3] = [0.395, 0.045, -0.07]
+    cell.clock.advance(1.0)
+    truth = world.truth()
+    assert truth["put_away"] == 1
+    assert truth["fruits"][0]["inside"] == "crate"
+    assert truth["drops"] == 0
+    assert abs(truth["fruits"][0]["T_base_fruit"][2][3] - (-0.112 + 0.032)) < 0.004  # on the floor, 8 mm thick
+
+
+def test_touching_what_is_fixed_is_counted_as_a_collision(open_cell, probe_of, plan_rest_to_rest):
+    cell = open_cell(seed=1, place="1")
+    probe = probe_of(cell)
+    above = [-0.618, 0.363, 0.493, -0.447, 0.233, -0.814, -0.009]
+    onto_the_wall = [-0.466, 0.681, 0.319, -0.472, 0.44, -0.483, -0.18]
+    way = np.array([probe.set_point(), above, onto_the_wall])
+    probe.arm.follow(plan_rest_to_rest(way, probe.arm.limits))
+    end = cell.clock.now() + 6.0
+    probe.wait(lambda: cell.clock.now() >= end)
+    assert cell.truth()["collided_with"] == ["crate"]

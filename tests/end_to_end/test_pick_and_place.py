@@ -1,0 +1,42 @@
+"""A table is cleared on the simulated cell: every fruit ends in the crate, nothing is dropped or bumped into."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from executive.events import Event, Published
+from executive.execute import RunOrder, execute
+from executive.files import find_cell, find_tree
+from executive.views import TableView
+
+pytestmark = pytest.mark.slow
+
+
+def test_two_apples_are_put_into_the_crate():
+    heard: list[Event] = []
+    settings = {"others": "1", "distractors": "0", "fruit": "apple_4", "place": "2", "looks": "1"}
+    executed = execute(RunOrder(find_tree("pick_and_place"), find_cell("sim"), 3, settings), [heard.append])
+    assert executed.result.outcome == "success", executed.result.reason
+    truth = executed.result.truth
+    assert truth is not None
+    assert truth["put_away"] == 2
+    assert truth["drops"] == 0
+    assert truth["collided_with"] == []
+    assert [fruit["inside"] for fruit in truth["fruits"]] == ["crate", "crate"]
+    apart = np.subtract(*(np.array(fruit["T_base_fruit"])[:2, 3] for fruit in truth["fruits"]))
+    assert np.linalg.norm(apart) > 0.08  # each has a place of its own
+    tables = [event.value for event in heard if isinstance(event, Published) and isinstance(event.value, TableView)]
+    assert tables[-1].caption == "2 of 2 fruit put away"
+
+
+def test_what_cannot_be_lifted_is_left_and_named_and_the_task_ends():
+    settings = {"distractors": "0", "friction": "0.06", "tries": "1", "looks": "1"}  # nothing so slippery can be lifted
+    executed = execute(RunOrder(find_tree("pick_and_place"), find_cell("sim"), 0, settings))
+    assert executed.result.outcome == "success", executed.result.reason
+    tally = executed.summary.facts["tally"]
+    assert tally["done"] == 0
+    assert [left["outcome"] for left in tally["left"]] == ["left"]
+    assert tally["left"][0]["why"]
+    assert executed.result.truth is not None
+    assert executed.result.truth["put_away"] == 0
