@@ -7,15 +7,15 @@ with long names, the list of runs and a comparison: on a desk's screen in light 
 
 from __future__ import annotations
 
-import re
 import shutil
 import socket
 import sys
 import tempfile
+import threading
 from collections.abc import Callable
 from pathlib import Path
 
-from playwright.sync_api import Browser, Locator, Page, expect, sync_playwright
+from playwright.sync_api import Browser, Page, expect, sync_playwright
 
 from executive.commands.dashboard import Launcher
 from executive.dashboard.choices import Choices
@@ -23,13 +23,13 @@ from executive.dashboard.security import Access
 from executive.dashboard.server import Dashboard
 from executive.execute import RunOrder, execute
 from executive.files import find_cell, find_tree
+from executive.runner import Runner
 
 FLAGS = ["--no-sandbox", "--disable-gpu", "--disable-background-networking", "--disable-component-update",
          "--disable-sync", "--no-first-run"]  # fmt: skip
 SCREENS = {
     "desk_light": (1600, 1000, "light"), "desk_dark": (1600, 1000, "dark"), "tablet": (1180, 820, "light")
 }  # fmt: skip
-ANY_WORD = re.compile("running|success")
 HARD = """pomona: 1
 tree: long_names
 root:
@@ -72,11 +72,6 @@ class Photographer:
             print(self._into / f"{screen}_{what}.png")
 
 
-def row(page: Page, name: str) -> Locator:
-    """The row of a node."""
-    return page.locator(".row", has=page.get_by_text(name, exact=True)).first
-
-
 def recorded(page: Page) -> None:
     """Wait until a record has been read."""
     expect(page.locator("#connection")).to_have_text("recorded run", timeout=60_000)
@@ -85,28 +80,40 @@ def recorded(page: Page) -> None:
 def photograph_live(photographer: Photographer, dashboard: Dashboard) -> None:
     """A pick at real pace: running, paused at a breakpoint, stopped safely."""
     photographer.open(dashboard.link, lambda page: expect(page.locator("#connection")).to_have_text("connected"))
+    order = RunOrder(
+        find_tree("pick_apple"),
+        find_cell("sim"),
+        seed=1,
+        real_time=True,
+        breaks=(("Follow", "before"), ("Lift", "before")),
+    )
+    run = threading.Thread(
+        target=execute,
+        args=(order, [dashboard.hub.hear]),
+        kwargs={"on_ready": dashboard.desk.serve, "on_latched": Runner.hold_latched},
+    )
+    run.start()
     page = next(iter(photographer.pages.values()))
     page.get_by_label("your name").fill("Ada")
     page.get_by_role("button", name="Take control").click()
-    page.get_by_role("button", name="Runs").click()
-    expect(page.locator("#start-fields .field").first).to_be_visible()
-    page.get_by_label("seed").fill("1")
-    page.get_by_role("button", name="Start", exact=True).click()
-    expect(row(page, "Follow").locator(".icon")).to_have_attribute("aria-label", ANY_WORD, timeout=120_000)
+    paused = "❚❚ paused"
+    expect(page.locator("#state")).to_have_text(paused, timeout=120_000)
     for other in photographer.pages.values():
-        row(other, "Lift").click()
-    page.locator("#tree").press("b")
+        other.locator(".row", has=other.get_by_text("SlipAvoidGrasp", exact=True)).first.click()
+    page.get_by_role("button", name="Resume").click()
+    expect(page.locator("#state")).to_have_text("▶ running")
     photographer.take("running")
-    expect(page.locator("#state")).to_have_text("❚❚ paused", timeout=60_000)
+    expect(page.locator("#state")).to_have_text(paused, timeout=60_000)
     photographer.take("paused")
     page.get_by_role("button", name="Resume").click()
-    page.wait_for_timeout(300)
+    expect(page.locator("#state")).to_have_text("▶ running")
     page.keyboard.press("Escape")
     expect(page.locator("#latched")).to_be_visible(timeout=20_000)
     expect(page.locator("#state")).to_have_text("■ stopped", timeout=20_000)
     photographer.take("stopped")
     page.get_by_role("button", name="Acknowledge and reset").click()
     expect(page.locator("#latched")).to_be_hidden()
+    run.join()
 
 
 def photograph_runs(page: Page) -> None:

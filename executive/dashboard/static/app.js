@@ -143,7 +143,7 @@ async function openRecord(name, t) {
   $("download").href = withToken(recordAddress(name, "record"));
   const problem = await openOverview(name);
   if (page.recorded !== name) return;
-  page.at = t ?? page.whole.t;
+  page.at = Math.min(t ?? page.whole.t, page.whole.t);
   if (problem) say(problem, "bad"); else say("recorded run");
   page.dirty = true;
 }

@@ -31,7 +31,7 @@ export function drawControl(s) {
   $("ack").textContent = `Acknowledged: ${s.ended ? s.ended.outcome : s.state}${s.because && !s.ended ? ` (${wordsOf(s, s.because)})` : ""}${last ? ` · last: ${last.action.replaceAll("_", " ")} by ${last.who}` : ""}`;
   const name = (path) => s.byPath.get(path)?.name ?? path;
   const breaks = [...[...s.breaks.before].map((path) => `before ${name(path)}`), ...[...s.breaks.after].map((path) => `after ${name(path)}`)];
-  $("breaks").textContent = breaks.length ? `⦿ Breakpoints: ${breaks.join(", ")}` : "";
+  $("breaks").textContent = breaks.length ? `◉ Breakpoints: ${breaks.join(", ")}` : "";
   $("latched").hidden = !s.safeStop || !live;
   $("latched-reason").textContent = s.safeStop ?? "";
   $("reset-hint").textContent = mine ? "" : "Take control to reset it.";

@@ -66,7 +66,7 @@ export function drawNode(s, onBreak) {
   const { line: from, end_line: to } = about;
   const source = from && s.run.tree_text ? s.run.tree_text.split("\n").slice(from - 1, Math.min(to ?? from, from + 14)).map((text, i) => `${String(from + i).padStart(3)}  ${text}`).join("\n").trimEnd() : "";
   const wires = (title, ports) => (Object.keys(ports ?? {}).length ? [h("h3", {}, title), h("dl", { class: "wires" }, Object.entries(ports).flatMap(([port, wired]) => [h("dt", {}, port), h("dd", {}, String(wired), written(s, wired))]))] : []);
-  const breakButton = (side, set, key) => h("button", { "aria-pressed": set, onclick: () => onBreak(path, side) }, `${set ? "⦿" : "○"} Break ${side} (${key})`);
+  const breakButton = (side, set, key) => h("button", { "aria-pressed": set, onclick: () => onBreak(path, side) }, `${set ? "◉" : "○"} Break ${side} (${key})`);
   $("node").replaceChildren(...[
     h("p", { class: "about" }, h("strong", {}, about.name), ` ${about.type === about.name ? about.kind : about.type} `, h("span", { class: "muted" }, path)),
     about.description || about.comment ? h("p", {}, about.description || about.comment) : null,

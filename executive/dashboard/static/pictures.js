@@ -156,7 +156,7 @@ export class PlotsView {
     chart.plot = new uPlot({
       width: box.clientWidth || 300, height: HEIGHT, padding: [8, 14, 0, 0], legend: { show: false }, cursor: { sync: { key: "run" }, drag: { x: false, y: false }, y: false },
       scales: { x: { time: false, range: () => this.range() }, y: { range: (_u, low, high) => padded(low, high, chart.series.thresholds, unit, scale) } },
-      axes: [{ ...axis, size: 24, values: (_u, v) => v.map((x) => `${Number(x.toFixed(2))} s`), space: 60 }, { ...axis, size: 48, space: 28, values: (_u, v) => v.map((x) => String(Number(x.toPrecision(3)))) }],
+      axes: [{ ...axis, size: 24, values: (_u, v) => v.map((x) => `${Number(x.toFixed(2))} s`), space: 60 }, { ...axis, size: 48, space: 28, values: (_u, v) => v.map((x) => (x && Math.abs(x) < 1e-3 ? Number(x.toPrecision(2)).toExponential() : String(Number(x.toPrecision(3))))) }],
       series: [{}, ...names.map((_name, i) => ({ stroke: palette[i % palette.length], width: 1.75, dash: DASHES[i % 4], points: { show: false } }))],
       hooks: { draw: [(u) => annotate(u, chart.series.thresholds, unit, scale, this.marks, this.at, css)], setCursor: [() => this.tell(chart)] },
     }, thin(series, names, this.range(), scale), canvas);
@@ -187,7 +187,10 @@ function annotate(u, thresholds, unit, scale, marks, at, css) {
   g.beginPath(); g.rect(left, top, width, height); g.clip();
   g.font = `${11 * devicePixelRatio}px system-ui, sans-serif`;
   const vertical = (t, stroke, dash) => { const x = u.valToPos(t, "x", true); g.strokeStyle = stroke; g.setLineDash(dash); g.beginPath(); g.moveTo(x, top); g.lineTo(x, top + height); g.stroke(); };
+  g.lineWidth = devicePixelRatio;
+  g.globalAlpha = 0.6;
   for (const mark of marks) if (mark.t >= u.scales.x.min && mark.t <= u.scales.x.max) vertical(mark.t, colour(mark.kind === "good" ? "--good" : mark.kind === "act" ? "--accent" : "--bad"), [2, 4]);
+  g.globalAlpha = 1;
   for (const [name, value] of Object.entries(thresholds)) {
     if (unitOf(name) !== unit) continue;
     const y = u.valToPos(value * scale, "y", true);

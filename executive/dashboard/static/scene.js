@@ -8,7 +8,7 @@ const STYLE = {
 };
 const MOST_CUBES = 1500; // more cells are drawn as squares
 const SUN = normal([0.35, -0.5, 0.8]);
-const HOME = { yaw: -0.7, pitch: 0.45, zoom: 1.2 };
+const HOME = { yaw: -0.7, pitch: 0.45, zoom: 1 };
 
 export class SceneView {
   constructor() {
@@ -56,8 +56,22 @@ export class SceneView {
     $("scene-legend").replaceChildren(...[...labels].map(([label, style]) => { const dot = h("i"); dot.style.background = colour(style); return h("span", {}, dot, label); }));
     $("scene-caption").textContent = $("scene-caption").title = this.views.map((v) => v.caption).filter(Boolean).join(" · ");
     if (this.run !== state.run?.run) { this.run = state.run?.run; this.box = [[Infinity, Infinity, Infinity], [-Infinity, -Infinity, -Infinity]]; }
-    grow(this.box, this.views, this.robots); // and never shrink: what moves must not make the rest move
+    const [low, high] = this.box;
+    eachPoint(this.views, this.robots, (p, by) => { for (let i = 0; i < 3; i++) { low[i] = Math.min(low[i], p[i] - by); high[i] = Math.max(high[i], p[i] + by); } });
     this.draw();
+  }
+
+  // What there is to see, as it lies on the screen. It only grows while one looks from the same side: what moves must not
+  // make the rest move.
+  extent(turned) {
+    const side = `${this.run}|${this.yaw}|${this.pitch}`;
+    if (this.side !== side) { this.side = side; this.seen = [Infinity, -Infinity, Infinity, -Infinity]; }
+    const { seen } = this;
+    eachPoint(this.views, this.robots, (p, by) => {
+      const [u, v] = turned(p);
+      seen[0] = Math.min(seen[0], u - by); seen[1] = Math.max(seen[1], u + by); seen[2] = Math.min(seen[2], v - by); seen[3] = Math.max(seen[3], v + by);
+    });
+    return seen;
   }
 
   draw() {
@@ -71,17 +85,13 @@ export class SceneView {
     if (!this.views.length && !this.robots.length) return;
     const [low, high] = this.box;
     if (!Number.isFinite(low[0])) return;
-    const centre = low.map((v, i) => (v + high[i]) / 2);
     const [cy, sy, cp, sp] = [Math.cos(this.yaw), Math.sin(this.yaw), Math.cos(this.pitch), Math.sin(this.pitch)];
-    const half = high.map((v, i) => (v - low[i]) / 2);
-    const wide = Math.abs(cy) * half[0] + Math.abs(sy) * half[1], tall = cp * half[2] + Math.abs(sp) * (Math.abs(sy) * half[0] + Math.abs(cy) * half[1]);
-    const left = getComputedStyle($("scene-legend")).position === "absolute" ? 140 : 0; // the legend's
-    const scale = Math.min(((w - left) / 2 - 10) / Math.max(wide, 0.05), (ht / 2 - 10) / Math.max(tall, 0.05)) * this.zoom;
-    const project = ([x, y, z]) => {
-      const [dx, dy, dz] = [x - centre[0], y - centre[1], z - centre[2]];
-      const [rx, ry] = [cy * dx - sy * dy, sy * dx + cy * dy];
-      return [(w + left) / 2 + rx * scale, ht / 2 - (cp * dz + sp * ry) * scale, cp * ry - sp * dz];
-    };
+    const turned = ([x, y, z]) => { const ry = sy * x + cy * y; return [cy * x - sy * y, cp * z + sp * ry, cp * ry - sp * z]; };
+    const [left, right, bottom, top] = this.extent(turned);
+    const legend = getComputedStyle($("scene-legend")).position === "absolute" ? 130 : 0;
+    const scale = Math.min((w - legend) / (right - left), ht / (top - bottom)) * this.zoom;
+    const [cu, cv] = [(left + right) / 2, (bottom + top) / 2];
+    const project = (p) => { const [u, v, depth] = turned(p); return [(w + legend) / 2 + (u - cu) * scale, ht / 2 - (v - cv) * scale, depth]; };
     floor(g, low, high, project);
     const things = [];
     const line = (points, tint, width) => { // paths are seen through what hides them
@@ -185,10 +195,11 @@ function floor(g, low, high, project) {
 
 const list = (v) => (Array.isArray(v) ? v : []);
 
-function grow([low, high], views, robots) {
-  const add = (ps, by = 0) => { for (const p of list(ps)) for (let i = 0; i < 3; i++) { low[i] = Math.min(low[i], p[i] - by); high[i] = Math.max(high[i], p[i] + by); } };
-  for (const v of views) { list(v.lines).forEach((l) => add(l.points)); list(v.points).forEach((c) => add(c.points)); list(v.meshes).forEach((m) => add(m.vertices)); }
-  for (const robot of robots) { add(robot.poses, 0.06); add(robot.trace); }
+// Every point that should be in sight, and how far what belongs to it reaches [m].
+function eachPoint(views, robots, take) {
+  const all = (points, by) => { for (const p of list(points)) take(p, by); };
+  for (const v of views) { list(v.lines).forEach((l) => all(l.points, 0.02)); list(v.points).forEach((c) => all(c.points, 0.02)); list(v.meshes).forEach((m) => all(m.vertices, 0)); }
+  for (const robot of robots) { all(robot.poses, 0.09); all(robot.trace, 0.02); }
 }
 
 export function colour(style) {

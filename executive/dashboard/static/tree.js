@@ -78,7 +78,7 @@ export class TreeView {
       row.detail.title = node?.feedback ?? "";
       row.attempt.textContent = n ? `attempt ${n}` : "";
       row.time.textContent = age;
-      row.stop.textContent = stops ? `⦿ ${stops}` : "";
+      row.stop.textContent = stops ? `◉ ${stops}` : "";
     }
     if (running && running !== this.running && $("follow").checked) this.rows.get(running).row.scrollIntoView({ block: "nearest" });
     this.running = running;
