@@ -2,8 +2,9 @@
 
     python -m benchmarks.bench_record [--pairs 8]
 
-Prints, with and without: the run's wall time, its processor time, and the wall time of everything from reading the tree
-to the closed record (with the picture that is drawn after the run); then how large the record of a pick is, by topic.
+Prints, with and without: the run's wall time, and that of everything from reading the tree to the closed record, with
+the picture that is drawn after the run. Then the recorder's and the picture's processor time alone, from the same
+events, and how large the record of a pick is, by topic.
 """
 
 from __future__ import annotations
@@ -17,22 +18,40 @@ from pathlib import Path
 
 from executive.execute import RunOrder, execute
 from executive.files import find_cell, find_tree
-from executive.recording.recorder import EVENTS_FILE
+from executive.recording.picture import Picture
+from executive.recording.read import read_events
+from executive.recording.recorder import EVENTS_FILE, Recorder
 from executive.recording.scan import scan
 
-Times = tuple[float, float, float]
+Times = tuple[float, float]
 
 
 def one(seed: int, record: Path | None) -> tuple[Times, Path | None]:
-    """Wall, processor and whole wall time of one pick [s], and its record."""
+    """Wall time of one pick and of everything [s], and its record."""
     order = RunOrder(find_tree("pick_apple"), find_cell("sim"), seed, record=record)
-    processor: list[float] = []
     began = time.perf_counter()
-    executed = execute(order, on_ready=lambda _runner: processor.append(time.process_time()))
+    executed = execute(order)
     whole = time.perf_counter() - began
     assert executed.result.outcome == "success", executed.result.reason
     assert executed.problem == ""
-    return (executed.result.wall, time.process_time() - processor[0], whole), executed.record
+    return (executed.result.wall, whole), executed.record
+
+
+def alone(record: Path, folder: Path) -> tuple[float, float]:
+    """Processor time of recording a run's events again (not its readings), and of drawing its picture [s]."""
+    events = list(read_events(record))
+    folder.mkdir()
+    began = time.process_time()
+    recorder = Recorder(folder)
+    for event in events:
+        recorder.hear(event)
+    recorder.close()
+    recorded = time.process_time()
+    picture = Picture()
+    for event in events:
+        picture.hear(event)
+    picture.save(folder / "picture.png", "a pick")
+    return recorded - began, time.process_time() - recorded
 
 
 def main() -> None:
@@ -51,16 +70,18 @@ def main() -> None:
                 if record is not None:
                     newest = record
                     sizes.append((record / EVENTS_FILE).stat().st_size)
-        for k, name in enumerate(("run, wall", "run and after, processor", "everything, wall")):
+        for k, name in enumerate(("run, wall", "everything, wall")):
             ratios = [with_[k] / bare[k] for with_, bare in zip(recorded, without, strict=True)]
             bare, kept = (statistics.median(times[k] for times in many) for many in (without, recorded))
             print(f"{name:26} without {bare:6.3f} s   with {kept:6.3f} s   median of the ratios {_percent(ratios)}")
+        assert newest is not None
+        recording, drawing = alone(newest, Path(folder) / "again")
+        print(f"alone, processor: recording {1e3 * recording:.0f} ms, drawing the picture {1e3 * drawing:.0f} ms")
         print(f"a pick's record: median {statistics.median(sizes) / 1e6:.2f} MB, largest {max(sizes) / 1e6:.2f} MB")
-        if newest is not None:
-            topics: Counter[str] = Counter()
-            for topic, content in scan(newest / EVENTS_FILE):
-                topics["/".join(topic.split("/")[:2])] += len(content)
-            print("of which " + ", ".join(f"{topic} {size / 1e6:.2f} MB" for topic, size in topics.most_common()))
+        topics: Counter[str] = Counter()
+        for topic, content in scan(newest / EVENTS_FILE):
+            topics["/".join(topic.split("/")[:2])] += len(content)
+        print("of which " + ", ".join(f"{topic} {size / 1e6:.2f} MB" for topic, size in topics.most_common()))
 
 
 def _percent(ratios: list[float]) -> str:

@@ -7,6 +7,7 @@ import math
 import re
 from collections.abc import Mapping
 from enum import Enum
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,12 @@ LARGE = 256
 
 _ADDRESS = re.compile(r" at 0x[0-9a-f]+")
 """Where an object lies in memory says nothing, and would make two equal runs look different."""
+
+
+@cache
+def _fields(kind: type) -> tuple[str, ...] | None:
+    """Names of a dataclass's fields; None for any other class."""
+    return tuple(field.name for field in dataclasses.fields(kind)) if dataclasses.is_dataclass(kind) else None
 
 
 def plain(value: Any, *, arrays: int = LARGE, depth: int = 12) -> Any:
@@ -39,10 +46,13 @@ def plain(value: Any, *, arrays: int = LARGE, depth: int = 12) -> Any:
     if isinstance(value, np.ndarray):
         if value.size > arrays:
             return {"array": f"{value.dtype} {'×'.join(map(str, value.shape))}"}
+        if value.dtype.kind in "iub" or (value.dtype.kind == "f" and np.isfinite(value).all()):
+            return value.tolist()  # nothing in it needs another look
         return plain(value.tolist(), arrays=arrays, depth=depth)
-    if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        fields = {f.name: plain(getattr(value, f.name), arrays=arrays, depth=deeper) for f in dataclasses.fields(value)}
-        return {"type": type(value).__name__, **fields}
+    if (names := _fields(type(value))) is not None:
+        return {"type": type(value).__name__} | {
+            name: plain(getattr(value, name), arrays=arrays, depth=deeper) for name in names
+        }
     if isinstance(value, Mapping):
         return {str(key): plain(item, arrays=arrays, depth=deeper) for key, item in value.items()}
     if isinstance(value, (list, tuple, set, frozenset)):
