@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections import deque
 from collections.abc import Mapping
 from typing import Any
@@ -9,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from drivers.device import Device
+from drivers.errors import DriverError
 from drivers.interfaces import Arm, ForceSensor, Gripper
 
 WRENCH = ("force_x_N", "force_y_N", "force_z_N", "torque_x_Nm", "torque_y_Nm", "torque_z_Nm")
@@ -34,9 +36,11 @@ class Readings:
         """Read arm and gripper once; they are asked for what they know already, so this does not wait."""
         moving: Any
         for name, moving in (*self._arms.items(), *self._grippers.items()):
-            state, noted = moving.state(), self._noted[name]
-            if not noted or noted[-1].stamp != state.stamp:
-                noted.append(state)
+            noted = self._noted[name]
+            with contextlib.suppress(DriverError):  # whether a silent device ends the run is not for the record to say
+                state = moving.state()
+                if not noted or noted[-1].stamp != state.stamp:
+                    noted.append(state)
 
     def take(self) -> dict[str, dict[str, Any]]:
         """What was measured since the last call, by device and quantity.
