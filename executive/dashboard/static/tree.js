@@ -29,7 +29,7 @@ export class TreeView {
     this.shown = state.run;
     const depth = new Map();
     const parents = new Set(state.nodes.map((node) => node.parent));
-    const children = state.nodes.map((node) => {
+    const children = state.nodes.map((node, number) => {
       const level = node.parent === null || node.parent === undefined ? 0 : (depth.get(node.parent) ?? 0) + 1;
       depth.set(node.path, level);
       const inner = parents.has(node.path);
@@ -39,7 +39,7 @@ export class TreeView {
       const time = h("span", { class: "time" });
       const stop = h("span", { class: "break" });
       const fold = h("button", { class: "fold", tabindex: "-1", "aria-label": "fold", onclick: (e) => { e.stopPropagation(); this.toggle(node.path); } }, inner ? "▾" : "");
-      const row = h("div", { class: "row", role: "treeitem", "data-path": node.path, "aria-level": level + 1, title: node.description || node.comment || node.kind, onclick: () => this.select(node.path) },
+      const row = h("div", { class: "row", id: `node-${number}`, role: "treeitem", "aria-expanded": inner ? "true" : null, "data-path": node.path, "aria-level": level + 1, title: node.description || node.comment || node.kind, onclick: () => this.select(node.path) },
         fold, icon, h("span", { class: "name" }, node.name), h("span", { class: "type" }, node.type === node.name || node.kind === node.name ? "" : node.type), stop, attempt, detail, time);
       row.style.setProperty("--level", level);
       this.rows.set(node.path, { node, row, icon, detail, attempt, time, stop, fold, text: node.name.toLowerCase(), last: "" });
@@ -105,6 +105,7 @@ export class TreeView {
     if (path === undefined) return;
     this.selected = path;
     this.rows.get(path)?.row.scrollIntoView({ block: "nearest" });
+    this.root.setAttribute("aria-activedescendant", this.rows.get(path)?.row.id ?? "");
     this.onSelect(path);
   }
 
@@ -131,6 +132,7 @@ export class TreeView {
       row.hidden = wanted ? !row.text.includes(wanted) : folded;
       row.row.classList.toggle("hidden", row.hidden);
       row.fold.textContent = row.fold.textContent && (this.closed.has(path) ? "▸" : "▾");
+      if (row.fold.textContent) row.row.setAttribute("aria-expanded", !this.closed.has(path));
     }
   }
 

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import argparse
+import json
 from pathlib import Path
 
 import pytest
+from shown_runs import Show
 from starlette.testclient import TestClient
 from starlette.websockets import WebSocketDisconnect
+from websockets.exceptions import ConnectionClosedError
+from websockets.sync.client import connect
 
 from executive.commands.dashboard import Launcher, add_address, make_access
 from executive.dashboard import server
@@ -162,7 +166,7 @@ def test_only_offered_files_can_be_started(dashboard: Dashboard, client: TestCli
 @pytest.mark.parametrize("name", ["..", "%2e%2e", "..%2f..%2fetc", "%2fetc%2fpasswd", "a%00b", ".", "nothing"])
 def test_no_path_outside_the_records_can_be_read(client: TestClient, tmp_path: Path, name: str) -> None:
     (tmp_path.parent / "run.mcap").write_bytes(b"secret")
-    for what in ("messages", "record", "picture"):
+    for what in ("messages", "messages?overview", "messages?begin=0&end=1", "record", "picture", "images/0"):
         assert client.get(f"/api/runs/{name}/{what}").status_code in (404, 405)
     (tmp_path.parent / "run.mcap").unlink()
 
@@ -199,3 +203,33 @@ def test_the_page_builds_no_markup_from_text() -> None:
         text = script.read_text(encoding="utf-8")
         for sink in ("innerHTML", "outerHTML", "insertAdjacentHTML", "document.write", "eval("):
             assert sink not in text, f"{script.name} uses {sink}"
+
+
+def test_a_viewer_that_sends_too_much_is_cut_off(show: Show) -> None:
+    address = show.dashboard.access.address.replace("http", "ws") + "live"
+    with connect(address) as viewer:
+        assert json.loads(str(viewer.recv()).split("\n")[0])["event"] == "Hello"
+        viewer.send("x" * (server.MOST_BODY + 1))
+        with pytest.raises(ConnectionClosedError):
+            list(viewer)
+    assert viewer.close_code == 1009  # too big
+
+
+@pytest.mark.parametrize("at", ["-1", "x", "1.5", "99999999999999999999999999", "8", "0"])
+def test_an_image_is_an_image_of_the_record_or_nothing(client: TestClient, tmp_path: Path, at: str) -> None:
+    (tmp_path / "run_1").mkdir()
+    recorder = Recorder(tmp_path / "run_1")
+    recorder.hear(StateChanged(0.0, 0, "running", "started"))
+    recorder.close()
+    assert client.get(f"/api/runs/run_1/images/{at}").status_code == 404
+
+
+@pytest.mark.parametrize(
+    "query", ["begin=x&end=y", "begin=nan&end=nan", "begin=-inf&end=inf", "begin=1", "overview=" * 99]
+)
+def test_odd_questions_about_a_record_do_no_harm(client: TestClient, tmp_path: Path, query: str) -> None:
+    (tmp_path / "run_1").mkdir()
+    recorder = Recorder(tmp_path / "run_1")
+    recorder.hear(StateChanged(0.0, 0, "running", "started"))
+    recorder.close()
+    assert client.get(f"/api/runs/run_1/messages?{query}").status_code == 200
