@@ -367,6 +367,31 @@ def test_a_thousand_nodes_are_searched_and_folded(show: Show, open_page: Open) -
     expect(page.locator(".row:visible")).to_have_count(1)
 
 
+def test_a_connection_that_comes_back_goes_on_where_it_was(show: Show, open_page: Open) -> None:
+    page = open_page()
+    sockets: list[Any] = []
+
+    def through(socket: Any) -> None:
+        sockets.append(socket)
+        socket.connect_to_server()
+
+    page.route_web_socket("**/live*", through)
+    page.reload()
+    show.run(HOLD)
+    expect(row(page, "Hold").locator(".icon")).to_have_attribute("aria-label", "running")
+    sockets[0].close(code=4000)
+    expect(page.locator("#connection")).to_contain_text("connection lost")
+    GATE.set()
+    expect(page.locator("#state")).to_have_text("✓ success")
+    expect(row(page, "Rest").locator(".icon")).to_have_attribute("aria-label", "success")
+    first, second = (re.search(r"since=(\d+)&stream=(\w*)", socket.url) for socket in sockets)
+    assert first is not None
+    assert second is not None
+    assert int(first[1]) == 0
+    assert int(second[1]) > 5
+    assert second[2] == show.dashboard.hub.stream
+
+
 def test_a_lost_connection_looks_lost(show: Show, chromium: Any) -> None:
     page = chromium.new_page()  # its console may complain: the server is gone
     page.goto(show.dashboard.link)
