@@ -5,7 +5,7 @@ BIN    := $(VENV)/bin
 STAMP  := $(VENV)/.installed
 
 .DEFAULT_GOAL := help
-.PHONY: help setup run test test-realtime check bench bench-tree bench-dashboard bench-record screenshots train-detect bench-detect bench-refine bench-plan bench-grasp bench-devices oracle fuzz clean
+.PHONY: help setup run test test-realtime check bench paper paper-large ablations bench-tree bench-dashboard bench-record screenshots train-detect bench-detect bench-refine bench-plan bench-grasp bench-devices oracle fuzz clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-16s %s\n", $$1, $$2}'
@@ -38,6 +38,19 @@ check: test ## what CI runs: tests, lint, types, layer rules
 bench: $(STAMP) ## the 25 cells of the paper, one seed each, with times per skill
 	rm -rf runs/campaign_pick
 	$(BIN)/pomona campaign benchmarks/pick.yaml
+
+paper: $(STAMP) ## the paper's experiment, its tables beside ours in docs/reports/paper; goes on where it was stopped
+	$(BIN)/pomona campaign benchmarks/paper.yaml $(CAMPAIGN)
+	$(BIN)/python -m benchmarks.paper_report benchmarks/paper.yaml runs/campaign_paper --out docs/reports/paper
+
+paper-large: $(STAMP) ## the same with 40 randomised runs a cell; CAMPAIGN="--seeds 10 --workers 4" for a part, or elsewhere
+	$(BIN)/pomona campaign benchmarks/paper_large.yaml $(CAMPAIGN)
+	$(BIN)/python -m benchmarks.paper_report benchmarks/paper_large.yaml runs/campaign_paper_large --out docs/reports/paper_large
+
+ablations: $(STAMP) ## refinement, planning and force beside their baselines, in docs/reports
+	for part in refine planner force; do \
+	  $(BIN)/pomona campaign benchmarks/ablation_$$part.yaml --report-to docs/reports/ablation_$$part $(CAMPAIGN) || exit 1; \
+	done
 
 bench-tree: $(STAMP) ## the executive beside bare py_trees: ticks, recording, jitter, checking a large file
 	$(BIN)/python -m benchmarks.bench_tree

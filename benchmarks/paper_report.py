@@ -120,7 +120,7 @@ def _differences() -> Bullets:
         (
             "The paper's figures come from a real arm, camera and fruit, one look each for its tables of errors; ours "
             "from a simulated cell of the same arm, gripper and camera: MuJoCo's contacts, a stereo camera's depth "
-            "noise and holes, noisy fingers, lumpy fruit of four kinds of skin, two distractors on the table.",
+            "noise and holes, noisy fingers, lumpy fruit of four kinds of skin, on tables of many colours.",
             "The network never saw this simulator: it was trained on frames of another renderer.",
             "Skills see what devices see. Success and errors are the simulator's own account, written after the run; a "
             "pick counts when the fruit hangs in the fingers at least 30 mm above where it stood.",

@@ -30,6 +30,7 @@ def add(subparsers: Any) -> None:
                         "varies, or arm=NAME; may be repeated")  # fmt: skip
     parser.add_argument("--record", action="store_true", help="keep a record of every run, too")
     parser.add_argument("--report", action="store_true", help="run nothing; write the report of what is there")
+    parser.add_argument("--report-to", type=Path, metavar="DIR", help="folder of the report (default: that of results)")
     parser.set_defaults(main=main)
 
 
@@ -57,7 +58,7 @@ def main(options: argparse.Namespace) -> int:
     results = list(finished_runs(campaign, out).values())
     if not results:
         raise UsageError(f"{out / RESULTS} holds no results of this campaign yet")
-    markdown, page = report(campaign, results).write(out)
+    markdown, page = report(campaign, results).write(options.report_to or out)
     console.print(markdown.read_text(encoding="utf-8"), markup=False, highlight=False)
     console.print(f"written to {page} and {markdown}", markup=False, highlight=False, soft_wrap=True)
     return 130 if interrupted else 0
