@@ -13,10 +13,12 @@ from typing import Any
 import numpy as np
 
 from skills.plan.arm_space import ArmSpace
+from skills.plan.errors import BadProblem
 from skills.plan.motion_bench_maker import Problem, problem_sets, read_problems
 from skills.plan.ompl_planners import PLANNERS, solve
 from skills.plan.shortcut import path_length, shortcut
 from skills.robot import RobotModel
+from skills.robot.errors import RobotError
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,6 +51,15 @@ def main(options: argparse.Namespace) -> int:
     Returns:
         the exit status.
     """
+    try:
+        _run_and_print(options)
+    except (BadProblem, RobotError) as unusable:
+        sys.stderr.write(f"{unusable}\n")
+        return 2
+    return 0
+
+
+def _run_and_print(options: argparse.Namespace) -> None:
     robot = RobotModel.load(options.robot, tool=options.tool, tcp=options.tool)
     everything: list[Attempt] = []
     for folder in problem_sets(options.problems):
@@ -57,7 +68,6 @@ def main(options: argparse.Namespace) -> int:
         sys.stdout.write(f"{folder.name:32} {summary(attempts)}\n")
         sys.stdout.flush()
     sys.stdout.write(f"{'all':32} {summary(everything)}\n")
-    return 0
 
 
 def run_set(problems: Iterable[Problem], planner: str, budget: float, seed: int) -> list[Attempt]:

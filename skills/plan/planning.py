@@ -32,7 +32,13 @@ def planned(skill: Skill, request: PlanRequest) -> Generator[str | None, None, P
             yield next(work)
             if skill.context.elapsed() > deadline:
                 work.close()
-                raise skill.failure("TIMEOUT", f"planning took longer than {request.patience + COLD_START:.1f} s")
+                raise skill.failure(
+                    "TIMEOUT",
+                    f"planning took longer than {request.patience + COLD_START:.1f} s",
+                    planner=request.planner,
+                    goals=len(request.q_goals),
+                    budget_s=request.budget,
+                )
     except StopIteration as done:
         result: PlanResult = done.value
         return result

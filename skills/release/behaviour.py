@@ -88,7 +88,6 @@ class Release(MovingSkill):
         way = self._vertical(-depth, map, clearance)
         slow_from = self._near(way, grasp, map, clearance)
         yield from self._lower((way[: slow_from + 1], fast), (way[slow_from:], speed), hold, contact)
-        take_over(gripper)
         width = self._opening(map, clearance)
         yield from self.move_fingers(width, min(OPENING_SPEED, gripper.limits.speed_max))
         yield from self._along(self._vertical(before - self._tcp()[2, 3]), fast)
@@ -113,6 +112,7 @@ class Release(MovingSkill):
                 if not self._held():
                     raise self.failure("NOT_HELD", "the fruit was lost on the way down")
                 if touch.change > contact:
+                    take_over(self.device(Gripper))  # or the grip answers the floor's push by pressing harder
                     raise _Grounded
 
             try:

@@ -95,3 +95,34 @@ def test_a_file_that_is_wrong_is_named(tmp_path, name, content, says):
 def test_an_empty_folder_is_told(tmp_path):
     with pytest.raises(BadProblem, match=r"holds no request\*\.yaml"):
         problem_sets(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("changed", "says"),
+    [
+        (["--robot", "nowhere.urdf"], "there is no such file"),
+        (["--tool", "nose"], "has no site or body named 'nose'"),
+        (["--problems", "nowhere"], "holds no request"),
+    ],
+)
+def test_bad_input_of_the_command_is_told_in_one_line(tmp_path, capsys, changed, says):
+    write(tmp_path / "shelf", 1, HOME)
+    parser = argparse.ArgumentParser()
+    add(parser.add_subparsers())
+    given = ["bench", "plan", "--problems", str(tmp_path), "--robot", str(ROBOT_MODEL.path), *changed]
+    options = parser.parse_args(given)
+    assert options.main(options) == 2
+    told = capsys.readouterr().err
+    assert says in told
+    assert told.count("\n") == 1
+
+
+def test_a_joint_that_is_rounded_beyond_its_limit_is_put_back_to_it(tmp_path):
+    folder, beyond = tmp_path / "shelf", HOME.copy()
+    beyond[0] = ROBOT_MODEL.upper[0] + 5e-4
+    write(folder, 1, beyond)
+    beyond[0] = ROBOT_MODEL.upper[0] + 0.1
+    write(folder, 2, beyond)
+    rounded, wrong = read_problems(folder, ROBOT_MODEL)
+    assert rounded.q_goal[0] == ROBOT_MODEL.upper[0]
+    assert wrong.q_goal[0] == beyond[0]
