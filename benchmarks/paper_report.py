@@ -90,7 +90,8 @@ def _tiles(cells: Cells) -> Tiles:
         Tile(
             f"in the worst of the {len(of_cells)} cells",
             percent(worst),
-            f"{sum(r >= CELL_GOAL for r in of_cells)} of {len(of_cells)} reach {percent(CELL_GOAL)}; the paper's worst: 33 %",
+            f"{sum(r >= CELL_GOAL for r in of_cells)} of {len(of_cells)} reach {percent(CELL_GOAL)}; "
+            "the paper's worst: 33 %",
             worst >= CELL_GOAL,
         ),
         Tile(
