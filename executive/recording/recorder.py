@@ -1,8 +1,8 @@
 """A run's record: a folder with the events as an MCAP file, the tree and the cell as they were, and a picture.
 
-Written as it happens, in a thread of its own: the tick only puts events into a queue. What was written is with the
-operating system at once, message by message, so a process that is killed loses what still waited in the queue: some
-milliseconds. While a record is written its file is locked, which is how others see that the run is going on.
+Written as it happens, in a thread of its own: the tick only puts events into a queue, and what is in it is handed to
+the operating system every `BATCH` seconds, message by message. A process that is killed loses no more. While a record
+is written its file is locked, which is how others see that the run is going on.
 """
 
 from __future__ import annotations
@@ -32,7 +32,13 @@ from executive.views import ImageView, SeriesView
 EVENTS_FILE = "run.mcap"
 EVENTS = "/events"
 DEVICES = "/devices/"
-_CLOSE = object()
+BATCH = 0.1
+"""Seconds between two times that what was heard is written."""
+
+WHOLE, PART = 4_000_000, 48
+"""Elements of arrays that are written out: of views all, of values of ports those of poses, covariances, joints. Thirty
+candidates with all their joint solutions would be half of a pick's record, and half of the work."""
+
 _DECIMALS = 6
 """Of a reading: micrometres, microradians, micronewtons."""
 
@@ -82,6 +88,7 @@ class Recorder:
         self.problem = ""
         """Why the record ends early; empty while all is well. From any thread."""
         self._queue: queue.SimpleQueue[Any] = queue.SimpleQueue()
+        self._closing = threading.Event()
         self._t = 0.0
         self._channels: dict[str, int] = {}
         self._schemas: dict[str, int] = {}
@@ -106,9 +113,8 @@ class Recorder:
 
     def close(self) -> None:
         """Write what is left and close the file. Harmless when closed already."""
-        if self._thread.is_alive():
-            self._queue.put(_CLOSE)
-            self._thread.join()
+        self._closing.set()
+        self._thread.join()
 
     # ------------------------------------------------------------------------------- the recorder's thread
 
@@ -127,17 +133,21 @@ class Recorder:
                 self._file.close()
 
     def _take_all(self) -> None:
-        while True:
-            if self._queue.empty():
-                self._file.flush()
-            taken = self._queue.get()
-            if taken is _CLOSE:
-                return
-            if isinstance(taken, Event):
-                self._t = taken.t
-                self._write_event(taken)
-            else:
-                self._write_readings(*taken)
+        """Write in batches: waking up for every event would cost the tick more than the writing does."""
+        closing = False
+        while not closing:
+            closing = self._closing.wait(BATCH)
+            with contextlib.suppress(queue.Empty):
+                while True:
+                    self._take(self._queue.get_nowait())
+            self._file.flush()
+
+    def _take(self, taken: Any) -> None:
+        if isinstance(taken, Event):
+            self._t = taken.t
+            self._write_event(taken)
+        else:
+            self._write_readings(*taken)
 
     def _write_event(self, event: Event) -> None:
         if isinstance(event, RunStarted):
@@ -198,7 +208,7 @@ def message_of(event: Event) -> dict[str, Any]:
     """An event as its message on `/events`. An image's pixels are messages of their own, before it."""
     if isinstance(event, Published) and isinstance(event.value, ImageView):
         event = replace(event, value=replace(event.value, image=None, depth=None))
-    limit = 4_000_000 if isinstance(event, Published) else 256
+    limit = WHOLE if isinstance(event, Published) else PART
     message = {"event": type(event).__name__}
     return message | {f.name: plain(getattr(event, f.name), arrays=limit) for f in fields(event)}
 

@@ -36,11 +36,11 @@ for tick in range(1_000_000):
 LIMITED = """
 import resource, sys
 from executive.cli import main
-resource.setrlimit(resource.RLIMIT_FSIZE, (16_000, 16_000))
+resource.setrlimit(resource.RLIMIT_FSIZE, (6_000, 6_000))
 sys.exit(main(sys.argv[1:]))
 """
 
-TREE = "pomona: 1\ntree: slow\nroot:\n  sequence:\n    - wait: 1 s\n    - wait: 60 s\n"
+TREE = "pomona: 1\ntree: slow\nroot:\n  sequence:\n    - wait: 1 s\n    - wait: 3 s\n"
 
 
 def kill_a_recording_process(folder: Path) -> int:
@@ -126,11 +126,11 @@ def test_a_run_that_is_going_on_is_seen_and_not_repaired(tmp_path: Path) -> None
 
 
 def run_on_a_full_disk(folder: Path, record: str) -> subprocess.CompletedProcess[str]:
-    """A whole run whose record may not become larger than 16 kB."""
+    """A whole run, in real time, whose record may not become larger than 6 kB."""
     tree, cell, runs = folder / "slow.yaml", folder / "bench.yaml", folder / "runs"
     tree.write_text(TREE)
     cell.write_text(f"name: bench\nkind: mock\nclock: manual\nrecord: {record}\ndevices: {{}}\n")
-    arguments = ["run", str(tree), "--cell", str(cell), "--record", str(runs)]
+    arguments = ["run", str(tree), "--cell", str(cell), "--record", str(runs), "--pace", "real"]
     return subprocess.run([sys.executable, "-c", LIMITED, *arguments], capture_output=True, text=True, timeout=120)
 
 
