@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Hashable, Mapping
 from enum import Enum
 from functools import cache
 from pathlib import Path
@@ -21,7 +21,7 @@ _ADDRESS = re.compile(r" at 0x[0-9a-f]+")
 
 
 @cache
-def _fields(kind: type) -> tuple[str, ...] | None:
+def _fields(kind: Any) -> tuple[str, ...] | None:
     """Names of a dataclass's fields; None for any other class."""
     return tuple(field.name for field in dataclasses.fields(kind)) if dataclasses.is_dataclass(kind) else None
 
@@ -49,7 +49,8 @@ def plain(value: Any, *, arrays: int = LARGE, depth: int = 12) -> Any:
         if value.dtype.kind in "iub" or (value.dtype.kind == "f" and np.isfinite(value).all()):
             return value.tolist()  # nothing in it needs another look
         return plain(value.tolist(), arrays=arrays, depth=depth)
-    if (names := _fields(type(value))) is not None:
+    kind: Hashable = type(value)
+    if (names := _fields(kind)) is not None:
         return {"type": type(value).__name__} | {
             name: plain(getattr(value, name), arrays=arrays, depth=deeper) for name in names
         }
