@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import re
-from collections.abc import Hashable, Mapping
+from collections.abc import Mapping
 from enum import Enum
 from functools import cache
 from pathlib import Path
@@ -49,7 +49,7 @@ def plain(value: Any, *, arrays: int = LARGE, depth: int = 12) -> Any:
         if value.dtype.kind in "iub" or (value.dtype.kind == "f" and np.isfinite(value).all()):
             return value.tolist()  # nothing in it needs another look
         return plain(value.tolist(), arrays=arrays, depth=depth)
-    kind: Hashable = type(value)
+    kind: Any = type(value)
     if (names := _fields(kind)) is not None:
         return {"type": type(value).__name__} | {
             name: plain(getattr(value, name), arrays=arrays, depth=deeper) for name in names
