@@ -6,14 +6,16 @@ For every scene: does an exhaustive search find any grasp that can be approached
 to one; how long does that take from the refined fruit to a checked, timed trajectory; does MuJoCo's own collision
 detection, on the robot's own shapes, find any contact on the path and on the approach. On the first scenes the paper's
 way is run as well: one candidate after the other, unchecked, RRT* to one goal with its whole budget of 1 s each.
-In every other scene the arm starts from a random free posture instead of the observe pose. Times are processor time.
+In every other scene the arm starts from a random free posture instead of the observe pose. A third of the scenes is
+obstructed by a wall, a shelf, posts or a crate, and the arm starts low over the table. Times are processor time.
 """
 
 from __future__ import annotations
 
 import argparse
+import contextlib
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,6 +54,18 @@ class Run:
     goals: int = 0
 
 
+@dataclass(slots=True)
+class Tally:
+    """What happened in all scenes so far; `ours` has those in which anything is possible."""
+
+    scenes: int = 0
+    obstructed: int = 0
+    ours: list[Run] = field(default_factory=list)
+    paper: list[tuple[Run, Run]] = field(default_factory=list)
+    collisions: int = 0
+    states: int = 0
+
+
 def clock() -> float:
     """Processor time of this process [s]: everything here computes in one thread, and others may use the machine."""
     return time.process_time()
@@ -69,28 +83,36 @@ def main() -> None:
     limits = ArmLimits(robot.lower, robot.upper, robot.velocity, robot.acceleration, robot.jerk)
     warm_scene = random_scene(10**6)
     set_based(robot, limits, warm_scene, OBSERVE, 0)
-    ours: list[Run] = []
-    paper: list[tuple[Run, Run]] = []
-    solvable, collisions, states = 0, 0, 0
-    for seed in range(chosen.first, chosen.first + chosen.scenes):
-        scene = random_scene(seed)
-        q_start = OBSERVE if seed % 2 == 0 else free_posture(robot, scene, seed)
-        run, found, grasp = set_based(robot, limits, scene, q_start, seed)
-        possible = run.solved or exhaustive(robot, scene)
-        solvable += possible
-        if possible:
-            ours.append(run)
-        if found is not None and grasp is not None:
-            check_trajectory(found.path, limits)
-            hits, looked = oracle_contacts(robot, scene, found, grasp)
-            collisions, states = collisions + hits, states + looked
-        if possible and len(paper) < chosen.paper:
-            paper.append((run, paper_way(robot, limits, scene, q_start, seed)))
-        if possible and not run.solved:
-            print(f"scene {seed}: not solved ({len(scene.fruits)} other fruits, {len(scene.boxes)} boxes)")
-    report(chosen.scenes, solvable, ours, collisions, states)
-    compare(paper)
+    tally = Tally()
+    with contextlib.suppress(KeyboardInterrupt):  # what was done so far is reported
+        for seed in range(chosen.first, chosen.first + chosen.scenes):
+            one_scene(robot, limits, seed, chosen.paper, tally)
+    report(tally)
+    compare(tally.paper)
     time_map()
+
+
+def one_scene(robot: RobotModel, limits: ArmLimits, seed: int, paper: int, tally: Tally) -> None:
+    """Plan in one scene, ask the oracle, and run the paper's way in the first `paper` scenes."""
+    obstructed = seed % 3 == 2
+    scene = random_scene(seed, obstructed)
+    if obstructed:
+        q_start = low_posture(robot, scene, seed)
+    else:
+        q_start = OBSERVE if seed % 2 == 0 else free_posture(robot, scene, seed)
+    run, found, grasp = set_based(robot, limits, scene, q_start, seed)
+    possible = run.solved or exhaustive(robot, scene)
+    if found is not None and grasp is not None:
+        check_trajectory(found.path, limits)
+        hits, looked = oracle_contacts(robot, scene, found, grasp)
+        tally.collisions, tally.states = tally.collisions + hits, tally.states + looked
+    if possible and len(tally.paper) < paper:
+        tally.paper.append((run, paper_way(robot, limits, scene, q_start, seed)))
+    if possible and not run.solved:
+        print(f"scene {seed}: not solved ({len(scene.fruits)} other fruits, {len(scene.boxes)} boxes)")
+    tally.scenes, tally.obstructed = tally.scenes + 1, tally.obstructed + obstructed
+    if possible:
+        tally.ours.append(run)
 
 
 def free_posture(robot: RobotModel, scene: PlanningScene, seed: int) -> Float64:
@@ -99,6 +121,18 @@ def free_posture(robot: RobotModel, scene: PlanningScene, seed: int) -> Float64:
     while True:
         q: Float64 = rng.uniform(robot.lower, robot.upper)
         if space.free(q):
+            return q
+
+
+def low_posture(robot: RobotModel, scene: PlanningScene, seed: int) -> Float64:
+    """A free posture with the gripper low over the table, as after a failed attempt; higher where it does not fit."""
+    rng, space = np.random.default_rng(seed), scene.space(robot)
+    height = 0.06
+    while True:
+        q: Float64 = rng.uniform(robot.lower, robot.upper)
+        T = robot.tcp(q)
+        height += 1e-4
+        if T[1, 3] < -0.15 and T[2, 3] < height and T[2, 2] < 0.3 and space.free(q):
             return q
 
 
@@ -165,22 +199,28 @@ def oracle_contacts(robot: RobotModel, scene: PlanningScene, found: PlanResult, 
     return touched, len(found.path.q) + len(line)
 
 
-def report(scenes: int, solvable: int, runs: list[Run], collisions: int, states: int) -> None:
+def report(tally: Tally) -> None:
     """The figures of this project's way."""
-    solved = [run for run in runs if run.solved]
-    first = 1e3 * np.array([run.seconds for run in solved])
+    solvable, solved = len(tally.ours), [run for run in tally.ours if run.solved]
+    planner = [run for run in solved if run.found_by != "straight"]
     print(
-        f"{scenes} scenes, {solvable} of them with a grasp that an exhaustive search finds.\n"
-        f"solved          {len(solved)} of {solvable} ({100.0 * len(solved) / max(solvable, 1):.1f} %)\n"
-        f"first path      median {np.median(first):.1f} ms, p95 {np.percentile(first, 95):.1f} ms from the refined "
-        f"fruit to a checked, timed trajectory (median {np.median([r.goals for r in solved]):.0f} goals)\n"
+        f"{tally.scenes} scenes, {tally.obstructed} of them obstructed, {solvable} with a grasp that an exhaustive "
+        f"search finds.\nsolved          {len(solved)} of {solvable} ({100.0 * len(solved) / max(solvable, 1):.1f} %), "
+        f"{len(solved) - len(planner)} straight, {len(planner)} by a planner\n"
+        f"first path      {_times(solved)} from the refined fruit to a checked, timed trajectory "
+        f"(median {np.median([r.goals for r in solved]):.0f} goals); by a planner {_times(planner)}\n"
         f"with the budget median {1e3 * np.median([r.improved_s for r in solved]):.0f} ms\n"
-        f"found           {sum(r.found_by == 'straight' for r in solved)} straight, "
-        f"{sum(r.found_by != 'straight' for r in solved)} by a planner\n"
         f"trajectory      median {np.median([r.duration for r in solved]):.2f} s, "
         f"{np.median([r.length for r in solved]):.2f} rad\n"
-        f"oracle          {collisions} of {states} executed states touch anything"
+        f"oracle          {tally.collisions} of {tally.states} executed states touch anything"
     )
+
+
+def _times(runs: list[Run]) -> str:
+    if not runs:
+        return "never"
+    first = 1e3 * np.array([run.seconds for run in runs])
+    return f"median {np.median(first):.1f} ms, p95 {np.percentile(first, 95):.1f} ms"
 
 
 def compare(pairs: list[tuple[Run, Run]]) -> None:

@@ -27,6 +27,8 @@ PEDESTAL = Box("pedestal", transform(None, [0.0, 0.0, -0.06]), (0.08, 0.08, 0.06
 WORKSPACE = Workspace(TABLE_Z, LOWER, UPPER, (PEDESTAL,))
 UPRIGHT = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 FIELD_LIMIT = 0.3
+ARM = 0.13
+"""Distance from the base's axis within which the arm always is [m]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -52,8 +54,12 @@ class PlanningScene:
         return ArmSpace(world.allowing(TARGET, "fingers"), robot.width_max)
 
 
-def random_scene(seed: int) -> PlanningScene:
-    """1 to 8 fruits in reach of the arm, the first one the target, and up to four boxes or posts between them."""
+def random_scene(seed: int, obstructed: bool = False) -> PlanningScene:
+    """1 to 8 fruits in reach of the arm, the first one the target, and up to four boxes or posts between them.
+
+    Obstructed, there is also what a straight joint motion often meets: a wall, a shelf over the table, posts, or a
+    crate around the target.
+    """
     rng = np.random.default_rng(seed)
     count = int(rng.integers(1, 9))
     fruits: list[MeasuredFruit] = []
@@ -79,9 +85,53 @@ def random_scene(seed: int) -> PlanningScene:
             continue
         R = rotation_about((0.0, 0.0, 1.0), rng.uniform(0.0, np.pi))
         box = Box(f"clutter {len(boxes)}", transform(R, [*place, TABLE_Z + half[2]]), (half[0], half[1], half[2]))
-        _block(grid, Convex.of_box(box))
         boxes.append(box)
+    if obstructed:
+        boxes += _obstruction(fruits[0], np.random.default_rng([seed, 1]))
+    for box in boxes:
+        _block(grid, Convex.of_box(box))
     return PlanningScene(fruits[0], tuple(fruits[1:]), tuple(boxes), grid)
+
+
+def _obstruction(target: MeasuredFruit, rng: np.random.Generator) -> list[Box]:
+    """A wall, a shelf, posts or a crate by the target, none of it where the arm stands."""
+    while True:
+        boxes = _somewhere(target, rng)
+        if all(Convex.of_box(box).distance([[0.0, 0.0, z] for z in (0.0, 0.15, 0.3)]).min() > ARM for box in boxes):
+            return boxes
+
+
+def _somewhere(target: MeasuredFruit, rng: np.random.Generator) -> list[Box]:
+    x, y = target.T_base_fruit[:2, 3]
+    turn = rng.uniform(0.0, np.pi)
+    R = rotation_about((0.0, 0.0, 1.0), turn)
+    kind = rng.choice(["wall", "shelf", "posts", "crate"])
+
+    def box(name: str, offset: tuple[float, float], low: float, half: tuple[float, float, float]) -> Box:
+        """`offset` from the target in the obstruction's own axes, `low` above the table."""
+        dx, dy = R[:2, :2] @ offset
+        return Box(name, transform(R, [x + dx, y + dy, TABLE_Z + low + half[2]]), half)
+
+    if kind == "wall":
+        return [box("wall", (0.0, rng.uniform(0.09, 0.14)), 0.0, (0.25, 0.008, rng.uniform(0.10, 0.20)))]
+    if kind == "shelf":
+        return [box("shelf", (0.0, rng.uniform(0.17, 0.24)), rng.uniform(0.18, 0.30), (0.20, 0.12, 0.008))]
+    if kind == "posts":
+        angles = turn + np.arange(6) * np.pi / 3.0 + rng.uniform(-0.3, 0.3, 6)
+        away = rng.uniform(0.10, 0.20, 6)
+        tops = rng.uniform(0.10, 0.20, 6)
+        return [
+            box(f"post {k}", (d * np.cos(a), d * np.sin(a)), 0.0, (0.010, 0.010, h))
+            for k, (a, d, h) in enumerate(zip(angles, away, tops, strict=True))
+        ]
+    inside, height = rng.uniform(0.085, 0.11), rng.uniform(0.025, 0.045)
+    sides = (
+        (inside, 0.0, 0.005, inside),
+        (-inside, 0.0, 0.005, inside),
+        (0.0, inside, inside, 0.005),
+        (0.0, -inside, inside, 0.005),
+    )
+    return [box(f"crate {k}", (dx, dy), 0.0, (hx, hy, height)) for k, (dx, dy, hx, hy) in enumerate(sides)]
 
 
 def _block(grid: NDArray[np.bool_], shape: Convex) -> None:
