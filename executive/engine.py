@@ -21,6 +21,9 @@ GROUP = "pomona.engines"
 TRIES = 2
 """An order whose process dies is given to another one; when that dies too, the order is given up."""
 
+RENEWED_AFTER = 40
+"""Orders after which a worker gives way to a fresh one: simulators and renderers leave some 25 MB behind each run."""
+
 ONE_THREAD = dict.fromkeys(
     ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS", "LP_NUM_THREADS"), "1"
 ) | {"OPENCV_FOR_THREADS_NUM": "1"}

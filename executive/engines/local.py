@@ -9,9 +9,10 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from multiprocessing.connection import wait
 from typing import Any
+from weakref import WeakKeyDictionary
 
 from executive.compute import Worker
-from executive.engine import ONE_THREAD, TRIES, Engine, OrderLost, OrderTooLong, one_per_core
+from executive.engine import ONE_THREAD, RENEWED_AFTER, TRIES, Engine, OrderLost, OrderTooLong, one_per_core
 from executive.errors import UsageError
 
 
@@ -24,11 +25,12 @@ class _Running:
 
 
 class LocalEngine:
-    """Worker processes that stay warm from one order to the next."""
+    """Worker processes that stay warm from one order to the next, and give way to fresh ones after some."""
 
-    def __init__(self, workers: int) -> None:
-        self.workers = workers
+    def __init__(self, workers: int, renewed_after: int = RENEWED_AFTER) -> None:
+        self.workers, self._renewed_after = workers, renewed_after
         self._idle: list[Worker] = []
+        self._done: WeakKeyDictionary[Worker, int] = WeakKeyDictionary()
         self._busy: dict[Any, _Running] = {}
 
     def map(
@@ -53,7 +55,7 @@ class LocalEngine:
                         else:
                             yield running.index, OrderLost(f"its process died {TRIES} times (exit code {code})")
                     else:
-                        self._idle.append(running.worker)
+                        self._rest(running.worker)
                         yield running.index, answer
                 for running in [r for r in self._busy.values() if r.ends <= time.monotonic()]:
                     del self._busy[running.worker.connection]
@@ -76,6 +78,13 @@ class LocalEngine:
         worker = self._idle.pop() if self._idle else _spawn()
         worker.connection.send((function, order))
         self._busy[worker.connection] = _Running(worker, index, tries, time.monotonic() + limit)
+
+    def _rest(self, worker: Worker) -> None:
+        self._done[worker] = self._done.get(worker, 0) + 1
+        if self._done[worker] < self._renewed_after:
+            self._idle.append(worker)
+        else:
+            worker.kill()
 
     @staticmethod
     def _bury(worker: Worker) -> int | None:

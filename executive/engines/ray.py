@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
-from executive.engine import ONE_THREAD, TRIES, Engine, OrderLost, OrderTooLong, one_per_core
+from executive.engine import ONE_THREAD, RENEWED_AFTER, TRIES, Engine, OrderLost, OrderTooLong, one_per_core
 from executive.errors import UsageError
 
 LOOK = 1.0
@@ -39,7 +39,8 @@ class RayEngine:
         """See `Engine.map`."""
         ray, exceptions = self._ray, self._ray.exceptions
         # Retries are counted here, as for local processes: an order that kills its process must come to an end.
-        task = ray.remote(num_cpus=1, max_retries=0, runtime_env={"env_vars": ONE_THREAD})(function)
+        options = {"num_cpus": 1, "max_retries": 0, "max_calls": RENEWED_AFTER}
+        task = ray.remote(runtime_env={"env_vars": ONE_THREAD}, **options)(function)
         queue = [(index, 1) for index in reversed(range(len(orders)))]
         busy: dict[Any, _Running] = {}
         try:

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from executive.engine import ONE_THREAD, OrderLost, OrderTooLong, open_engine
+from executive.engines.local import LocalEngine
 from executive.errors import UsageError
 
 
@@ -31,6 +32,10 @@ def die_once(mark: str) -> str:
 
 def wait_for_ever(_number: int) -> None:
     signal.pause()
+
+
+def process(_number: int) -> int:
+    return os.getpid()
 
 
 def environment(name: str) -> str | None:
@@ -70,6 +75,13 @@ def test_a_worker_computes_with_one_thread_and_this_process_keeps_its_own() -> N
     with open_engine("local", workers=1) as engine:
         assert dict(engine.map(environment, [(name,) for name in ONE_THREAD], 60.0)) == dict.fromkeys(range(6), "1")
     assert dict(os.environ) == before
+
+
+def test_a_worker_gives_way_to_a_fresh_one_after_some_orders() -> None:
+    engine = LocalEngine(1, renewed_after=2)
+    processes = [answer for _, answer in engine.map(process, [(i,) for i in range(5)], 60.0)]
+    engine.close()
+    assert [processes.count(each) for each in dict.fromkeys(processes)] == [2, 2, 1]
 
 
 @pytest.mark.parametrize(
