@@ -32,8 +32,8 @@ class Cover:
     Attributes:
         spheres: centres and radii whose union covers the shape, shape (n, 4) [m].
         inner: radii about the same centres within the shape, shape (n,) [m]; 0 for a centre outside.
-        support: points, shape (k, 3), and `rounding` [m], of all or of each: the hull of the points grown by it contains
-            the shape; for exact distances to planes.
+        support: points, shape (k, 3), and `rounding` [m], of all or of each: the hull of the points grown by it
+            contains the shape; for exact distances to planes.
     """
 
     spheres: Float64
