@@ -34,17 +34,17 @@ def success(cells: Cells) -> list[Table | Picture | Text]:
         for i, (name, fruit) in enumerate(zip(APPLES, FRUITS, strict=True)):
             runs = [run for run in cells.arm(arm) if run["varied"]["fruit"] == fruit]
             each = [
-                f"{100 * paper[i, j]:.0f} | **{_percent(cells.rate(arm, fruit, place))}**"
+                f"{100 * paper[i, j]:.0f} / **{_percent(cells.rate(arm, fruit, place))}**"
                 for j, place in enumerate(PLACES)
             ]
             rows.append((name, *each, f"{100 * paper[i].mean():.1f} %", rate(runs, cells.campaign.score.success)))
         everything = rate(cells.arm(arm), cells.campaign.score.success)
         columns = [f"{_percent(cells.rate(arm, None, place))}" for place in PLACES]
         of_paper = [f"{100 * paper[:, j].mean():.0f}" for j in range(5)]
-        means = [f"{a} | **{b}**" for a, b in zip(of_paper, columns, strict=True)]
+        means = [f"{a} / **{b}**" for a, b in zip(of_paper, columns, strict=True)]
         rows.append(("All", *means, f"{100 * paper.mean():.1f} %", everything))
         header = ("", *(f"att. {j} [%]" for j in range(1, 6)), "paper, all", "ours, all (95 %)")
-        blocks.append(Table(header, tuple(rows), f"{title}: paper | **ours**"))
+        blocks.append(Table(header, tuple(rows), f"{title}: paper / **ours**"))
     blocks.append(
         Text(
             f"The paper made {printed.REPETITIONS} repetitions a cell, we {_repetitions(cells)}. "
@@ -127,7 +127,7 @@ def unrefined(cells: Cells) -> list[Table | Text]:
                 _vector(cells.mean_true_position(runs)),
                 _signed(1e3 * printed.UNREFINED_CENTROID_ERROR[i], 0),
                 _signed(1e3 * recomputed[i]),
-                _mean(mean(numbers(runs, cells.truth("centroid_error_mm")))),
+                _mean(mean(numbers(runs, cells.truth("centroid_error_mm"))), 1),
             )
         )
     header = (
