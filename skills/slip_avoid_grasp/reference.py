@@ -19,7 +19,7 @@ LOW_PASS = 1.0 / (2.0 * math.pi * 50.0)
 EDGE, EDGE_GAIN = 0.95, 5.0
 """Where the least force is beyond this share of the measured one and noise, so many times the excess is added."""
 
-LEAD = 2.0
+LEAD = 1.5
 """So many times the rise of the least force beyond noise is added while it rises, and more where the load twists the
 fruit: what it will be when the fingers answer, and no more, since they would have to be opened again."""
 

@@ -14,8 +14,9 @@ NEAR = 0.015
 """While holding, the fingers rest within this share of the reference and noise: shaking makes fruit creep, and resting
 keeps the next command free."""
 
-CALM, CALM_GAIN = 4.0, 8.0
-"""Errors within so many times noise are corrected with this gain [1/s]: their measurement is slow."""
+CALM, CALM_GAIN = 4.0, 3.0
+"""Errors within so many times noise are corrected with this gain [1/s]: their measurement is slow, and a larger one
+makes the fingers swing."""
 
 TOO_MUCH, TOO_LITTLE = 0.6, 0.35
 """Of noise, so much is allowed where the force is too large, and where it is too small."""
