@@ -16,21 +16,18 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from skills.detect.close_look import MARGIN, crop_matrix
+from skills.detect.close_look import REFERENCE_LENGTH, look_at
 from skills.detect.compact_network import (
-    AXIS,
-    CENTRE,
     CLOSE_LOOK_SIZE,
     KIND,
     SEEN,
-    SIZE,
     SPREAD,
     CloseLookNetwork,
     FinderNetwork,
     to_input,
 )
 from skills.detect.frame_check import check_picture
-from skills.detect.peaks import decode_offsets
+from skills.detect.peaks import Place, decode_offsets
 from skills.detect.processor import has_bfloat16
 from skills.detect.weights import load_compact
 
@@ -70,7 +67,7 @@ class FoundFruit:
     Attributes:
         centre: centroid [px].
         size: what `REFERENCE_LENGTH` of a CAD-sized fruit measures in the picture [px].
-        axis: stem axis in the frame of the ray through the centre, unit vector (3,).
+        stem: stem axis in the camera frame, unit vector (3,).
         spreads: deviations of centre [px], of the logarithm of size, and of the axis [rad], as the network expects
             them, (3,).
         score: belief that this is fruit, 0..1: geometric mean of the finder's and the close look's.
@@ -79,7 +76,7 @@ class FoundFruit:
 
     centre: F64
     size: float
-    axis: F64
+    stem: F64
     spreads: F64
     score: float
     visibility: float
@@ -111,32 +108,33 @@ class CompactDetector:
         """Run once for every size of batch, so that the first picture is not slower than the rest."""
         blank = np.zeros((height, width, 3), np.uint8)
         self.belief_maps(blank)
+        K = np.array([[width, 0.0, 0.5 * width], [0.0, width, 0.5 * height], [0.0, 0.0, 1.0]])
         for count in range(1, 9):
-            self._look(blank, [(np.array([0.5 * width, 0.5 * height]), 40.0)] * count, [0.0] * count)
+            self._look(blank, K, [(K[:2, 2], 40.0)] * count, [0.0] * count)
 
-    def find(self, colour: U8) -> list[FoundFruit]:
+    def find(self, colour: U8, K: F64) -> list[FoundFruit]:
         """All fruit in a picture, by falling score.
 
         Args:
             colour: (h, w, 3) uint8 RGB.
+            K: camera matrix (3, 3) [px].
 
         Raises:
             BadFrame: another shape or type.
         """
         with _one_thread():
-            return self._find(colour)
+            return self._find(colour, K)
 
-    def _find(self, colour: U8) -> list[FoundFruit]:
-        belief, offsets, factor = self.belief_maps(colour)
+    def _find(self, colour: U8, K: F64) -> list[FoundFruit]:
         options = self.options
-        places = decode_offsets(belief, offsets, options.finder_threshold)[: options.most_fruit]
+        places = self.places(colour, options.finder_threshold)[: options.most_fruit]
         if not places:
             return []
-        spots = [((place.keypoints[8] + 0.5) / factor - 0.5, place.size / factor) for place in places]
+        spots = [(place.keypoints[8], place.size) for place in places]
         beliefs = [min(1.0, place.belief) for place in places]
         seen: list[FoundFruit] = []
         for _ in range(options.looks):
-            seen = self._look(colour, spots, beliefs)
+            seen = self._look(colour, K, spots, beliefs)
             spots = [(fruit.centre, fruit.size) for fruit in seen]
         kept: list[FoundFruit] = []
         for fruit in sorted(seen, key=lambda fruit: -fruit.score):
@@ -146,6 +144,18 @@ class CompactDetector:
             ):
                 kept.append(fruit)
         return kept
+
+    def places(self, colour: U8, threshold: float) -> list[Place]:
+        """Where the finder sees fruit, strongest first, in pixels of the picture.
+
+        Raises:
+            BadFrame: another shape or type.
+        """
+        belief, offsets, factor = self.belief_maps(colour)
+        return [
+            Place((place.keypoints + 0.5) / factor - 0.5, place.size / factor, place.belief)
+            for place in decode_offsets(belief, offsets, threshold)
+        ]
 
     def belief_maps(self, colour: U8) -> tuple[NDArray[np.float32], NDArray[np.float32], float]:
         """The finder's belief (9, h, w) and offsets (17, h, w), and the factor by which the picture was shrunk.
@@ -166,23 +176,26 @@ class CompactDetector:
             belief, offsets = self._finder(to_input(torch.from_numpy(shrunk[None])).to(self._type))
         return belief[0].float().numpy(), offsets[0].float().numpy(), factor
 
-    def _look(self, colour: U8, places: list[tuple[F64, float]], beliefs: list[float]) -> list[FoundFruit]:
-        side = CLOSE_LOOK_SIZE
-        matrices = [crop_matrix(centre, size) for centre, size in places]
-        crops = np.stack([cv2.warpAffine(colour, m, (side, side), flags=cv2.INTER_LINEAR) for m in matrices])
+    def _look(self, colour: U8, K: F64, places: list[tuple[F64, float]], beliefs: list[float]) -> list[FoundFruit]:
+        side = (CLOSE_LOOK_SIZE, CLOSE_LOOK_SIZE)
+        looks = [look_at(K, centre, size) for centre, size in places]
+        flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+        pictures = np.stack([cv2.warpPerspective(colour, look.picture_from_look, side, flags=flags) for look in looks])
         with torch.inference_mode():
             output = (
-                self._close_look(to_input(torch.from_numpy(crops)).to(self._type)).float().numpy().astype(np.float64)
+                self._close_look(to_input(torch.from_numpy(pictures)).to(self._type)).float().numpy().astype(np.float64)
             )
         found = []
-        for row, (centre, size), belief in zip(output, places, beliefs, strict=True):
-            half = MARGIN * max(size, 2.0)
+        for row, look, belief in zip(output, looks, beliefs, strict=True):
+            p_camera, stem = look.place(row[: SPREAD.start])
+            # A fruit beside the look cannot be placed behind the camera, however wide the look.
+            p_camera[2] = max(p_camera[2], 1e-3)
+            size = K[0, 0] * REFERENCE_LENGTH / p_camera[2]
+            centre = p_camera[:2] / p_camera[2] * (K[0, 0], K[1, 1]) + K[:2, 2]
+            half = 0.5 * CLOSE_LOOK_SIZE * K[0, 0] / look.focal
             spreads = np.sqrt(2.0) * np.exp(np.clip(row[SPREAD], -6.0, 2.0)) * (half, 1.0, 1.0)
-            axis = row[AXIS] / max(float(np.linalg.norm(row[AXIS])), 1e-9)
             fruit, seen = 1.0 / (1.0 + np.exp(-row[[KIND, SEEN]]))
-            scale = float(np.exp(np.clip(row[SIZE], -2.0, 2.0)))
-            middle, score = centre + row[CENTRE] * half, float(np.sqrt(belief * fruit))
-            found.append(FoundFruit(middle, half * scale, axis, spreads, score, float(seen)))
+            found.append(FoundFruit(centre, size, stem, spreads, float(np.sqrt(belief * fruit)), float(seen)))
         return found
 
 

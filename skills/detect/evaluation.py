@@ -24,6 +24,9 @@ SAME = 0.5
 
 CLEARLY_VISIBLE = 0.6
 
+END_IN_SIGHT = 20.0
+"""Stem or calyx is turned to the camera when the axis is at least this far out of the picture's plane [deg]."""
+
 
 class Frames(Protocol):
     """Annotated frames by number."""
@@ -47,6 +50,8 @@ class Match:
         axis: angle between the solved and the true stem axis [deg]; NaN without a pose.
         add: mean distance of the model's points [mm], for CAD-sized fruit; NaN for others.
         depth: relative error of the distance for CAD-sized fruit; NaN for others.
+        turned: angle between the true stem axis and the plane across the line of sight [deg]; at 0 both ends are seen
+            alike from the side, at 90 one of them faces the camera.
     """
 
     visibility: float
@@ -60,6 +65,7 @@ class Match:
     axis: float
     add: float
     depth: float
+    turned: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,6 +170,7 @@ def compare(found: Instance, truth: AnnotatedObject, fruit: FruitModel, scene: s
         axis,
         add,
         depth,
+        abs(90.0 - _angle(T_true[:3, 1], T_true[:3, 3])),
     )
 
 
@@ -186,12 +193,21 @@ def table(result: Evaluation, score: float = 0.6) -> str:
         lines.append(
             _row(f"{100 * low:.0f}–{min(100, 100 * high):.0f} % visible", _only(sure, "visibility", low, high))
         )
+    in_sight = [m for m in clear if m.turned >= END_IN_SIGHT]
+    lines.append(_row(f"clear, stem or calyx at least {END_IN_SIGHT:.0f}° towards the camera", in_sight))
+    lines.append(_row("clear, seen from the side", [m for m in clear if m.turned < END_IN_SIGHT]))
     for low, high in ((0.2, 0.45), (0.45, 0.65), (0.65, 0.85), (0.85, 2.0)):
         lines.append(_row(f"clear, at {low}–{high} m", _only(clear, "distance", low, high)))
     for low, high in ((0.0, 40.0), (40.0, 60.0), (60.0, 80.0), (80.0, 1e3)):
         lines.append(_row(f"clear, size {low:.0f}–{high:.0f} px", _only(clear, "size", low, high)))
     for scene in sorted({m.scene for m in clear}):
         lines.append(_row(f"clear, scene {scene}", [m for m in clear if m.scene == scene]))
+    lines += ["", "Turned over, calyx for stem (axis more than 90° off), clear fruit by how its axis lies:", ""]
+    lines += ["| axis out of the picture's plane | fruit | turned over |", "|---|---|---|"]
+    for low, high in ((0.0, 10.0), (10.0, 20.0), (20.0, 40.0), (40.0, 60.0), (60.0, 90.1)):
+        some = _only(clear, "turned", low, high)
+        share = f"{np.mean([m.axis > 90.0 for m in some]):.3f}" if some else ""
+        lines.append(f"| {low:.0f}–{high:.0f}° | {len(some)} | {share} |")
     return "\n".join(lines)
 
 

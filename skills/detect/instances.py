@@ -59,7 +59,7 @@ def find_instances(detector: CompactDetector, colour: NDArray[np.uint8], K: F64,
         BadFrame: the picture has another shape or type.
     """
     instances = []
-    for found in detector.find(colour):
+    for found in detector.find(colour, K):
         keypoints = cuboid_in_picture(found, fruit.dimensions, K)
         try:
             solved = solve_pose(keypoints, fruit.dimensions, K)

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from skills.detect.close_look import REFERENCE_LENGTH
 from skills.detect.compact_detector import FoundFruit
 from skills.detect.cuboid import cuboid_keypoints
-from skills.detect.symmetry import label_rotation, minimal_rotation
+from skills.detect.symmetry import label_rotation
 
 F64 = NDArray[np.float64]
 
@@ -25,8 +25,7 @@ def cuboid_in_picture(found: FoundFruit, dimensions: F64, K: F64) -> F64:
     """
     ray = _ray(found, K)
     z = K[0, 0] * REFERENCE_LENGTH / found.size
-    stem = minimal_rotation((0.0, 0.0, 1.0), ray / np.linalg.norm(ray)) @ found.axis
-    points = cuboid_keypoints(dimensions) @ label_rotation(stem, ray).T + z * ray
+    points = cuboid_keypoints(dimensions) @ label_rotation(found.stem, ray).T + z * ray
     # A fruit nearer than its own cuboid is deep has no picture; keep the corners before the camera.
     depth = np.maximum(points[:, 2:], 0.1 * z)
     keypoints: F64 = points[:, :2] / depth * (K[0, 0], K[1, 1]) + (K[0, 2], K[1, 2])

@@ -12,7 +12,7 @@ from skills.detect.compact_network import CloseLookNetwork, FinderNetwork
 from skills.detect.dope_network import DopeNetwork
 from skills.detect.errors import BadWeights
 
-FORMAT = "pomona compact detector 1"
+FORMAT = "pomona compact detector 2"
 
 
 def load_weights(path: Path | str) -> DopeNetwork:
@@ -28,16 +28,19 @@ def load_weights(path: Path | str) -> DopeNetwork:
     return network.eval()
 
 
-def save_compact(path: Path, finder: nn.Module, close_look: nn.Module, about: dict[str, str] | None = None) -> None:
+def save_compact(
+    path: Path, finder: FinderNetwork, close_look: CloseLookNetwork, about: dict[str, str] | None = None
+) -> None:
     """Write both networks of the compact detector into one file, in half precision.
 
     Args:
         path: written atomically.
-        finder, close_look: networks with the shipped widths.
+        finder, close_look: of any widths; these travel along.
         about: text that travels along: how the weights were made.
     """
-    content: dict[str, Any] = {"format": FORMAT, "about": dict(about or {})}
+    content: dict[str, Any] = {"format": FORMAT, "about": dict(about or {}), "widths": {}}
     for name, network in (("finder", finder), ("close_look", close_look)):
+        content["widths"][name] = list(network.widths)
         content[name] = {
             key: value.half() if value.dtype == torch.float32 else value
             for key, value in network.state_dict().items()
@@ -58,7 +61,11 @@ def load_compact(path: Path | str) -> tuple[FinderNetwork, CloseLookNetwork, dic
     content = _read(path)
     if not isinstance(content, dict) or content.get("format") != FORMAT:
         raise BadWeights(path, f"is not a '{FORMAT}' file")
-    finder, close_look = FinderNetwork(), CloseLookNetwork()
+    try:
+        finder = FinderNetwork(_widths(content, "finder", 4))
+        close_look = CloseLookNetwork(_widths(content, "close_look", 5))
+    except (KeyError, TypeError, ValueError) as error:
+        raise BadWeights(path, f"does not say how wide its networks are: {error!r}") from error
     for name, network in (("finder", finder), ("close_look", close_look)):
         counters = {key: value for key, value in network.state_dict().items() if key.endswith("num_batches_tracked")}
         tensors = {key: value.float() for key, value in _tensors(path, content.get(name)).items()}
@@ -86,6 +93,13 @@ def fill(network: nn.Module, tensors: dict[str, Tensor], path: Path | str) -> No
         if not torch.isfinite(tensors[key].float()).all():
             raise BadWeights(path, f"{key} holds values that are not finite")
     network.load_state_dict(tensors)
+
+
+def _widths(content: dict[str, Any], name: str, count: int) -> Any:
+    widths = tuple(int(width) for width in content["widths"][name])
+    if len(widths) != count or not all(1 <= width <= 1024 for width in widths):
+        raise ValueError(f"expected {count} widths, not {widths}")
+    return widths
 
 
 def _read(path: Path | str) -> Any:

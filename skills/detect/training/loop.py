@@ -93,8 +93,11 @@ def train_network(
     average = {k: v.detach().clone() for k, v in network.state_dict().items()}
     first = _resume(checkpoint, network, optimiser, average, schedule, place)
     remaining = Subset(batches, range(first, schedule.steps))
-    loader = DataLoader(remaining, batch_size=None, num_workers=workers, prefetch_factor=4 if workers else None)
-    low_precision = place.type == "cuda" or has_bfloat16()
+    on_gpu = place.type == "cuda"
+    loader = DataLoader(
+        remaining, batch_size=None, num_workers=workers, prefetch_factor=4 if workers else None, pin_memory=on_gpu
+    )
+    low_precision = on_gpu or has_bfloat16()
     started, mean_loss = time.monotonic(), 0.0
     for step, batch in _counted(loader, first):
         for group in optimiser.param_groups:

@@ -50,7 +50,7 @@ def close_look_loss(output: Tensor, target: Tensor, kind: Tensor, visibility: Te
     return (
         (placed * share).sum() / total
         + 0.2 * (likelihood * share).sum() / total
-        + 1.5 * is_fruit
+        + 3.0 * is_fruit
         + 0.3 * (seen * fruit).sum() / fruit.sum().clamp(min=1.0)
     )
 

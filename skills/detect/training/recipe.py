@@ -5,13 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import torch
-from torch import nn
 
+from skills.detect.compact_detector import CompactDetector
 from skills.detect.compact_network import CloseLookNetwork, FinderNetwork
 from skills.detect.synthetic.dataset import render_dataset
 from skills.detect.training.loop import Progress, Schedule
+from skills.detect.training.places import find_places, save_places
+from skills.detect.training.samples import FrameFolder
 from skills.detect.training.train import Part, TrainingRun, train_part
 from skills.detect.weights import save_compact
 
@@ -50,8 +53,8 @@ SHIPPED = Recipe(
     stages=(
         Stage("finder", 1000, 2e-3, 16),
         Stage("finder", 1500, 1.2e-3, 16),
-        Stage("close_look", 2900, 2e-3, 128),
-        Stage("close_look", 6000, 1.5e-3, 128),
+        Stage("close_look", 1800, 2e-3, 192),
+        Stage("close_look", 4000, 1.5e-3, 192),
     ),
 )
 """What `make train-detect` carries out; how the weights in the repository came about is in docs/model_cards."""
@@ -90,10 +93,14 @@ def make_weights(
     render_dataset(held_out, recipe.held_out, HELD_OUT_SEED, fruit, workers=workers)
     if data is None:
         render_dataset(frames, recipe.frames, TRAINING_SEED, fruit, workers=workers, progress=rendered)
-    networks: dict[str, nn.Module] = {"finder": FinderNetwork(), "close_look": CloseLookNetwork()}
+    networks: dict[str, Any] = {"finder": FinderNetwork(), "close_look": CloseLookNetwork()}
     started: set[str] = set()
+    places = work / "places.npz"
     for number, stage in enumerate(recipe.stages):
         start = networks[stage.part].state_dict() if stage.part in started else None
+        if stage.part == "close_look" and not places.is_file():
+            detector = CompactDetector(networks["finder"].cpu(), networks["close_look"])
+            save_places(places, find_places(detector, FrameFolder([frames]), rendered))
         run = TrainingRun(
             stage.part,
             (frames,),
@@ -102,9 +109,11 @@ def make_weights(
             stage.batch,
             Schedule(stage.steps, stage.rate),
             seed=number,
+            places=places if stage.part == "close_look" else None,
             start_from=start,
             device=device,
-            workers=max(1, workers // 2),
+            # On a CPU the network itself needs a core; a GPU waits for its batches.
+            workers=workers if device == "cuda" else max(1, workers // 2),
         )
         name = f"{stage.part} {number + 1}/{len(recipe.stages)}"
         networks[stage.part] = train_part(run, None if say is None else lambda p, name=name: say(name, p))  # type: ignore[misc]

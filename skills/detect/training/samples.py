@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import cv2
@@ -12,12 +13,11 @@ from torch import Tensor
 from torch.utils.data import Dataset
 
 from skills.detect.annotations import AnnotatedObject, Annotation, read_annotation
-from skills.detect.close_look import MARGIN, REFERENCE_LENGTH, crop_matrix, keypoint_size
+from skills.detect.close_look import REFERENCE_LENGTH, Look, keypoint_size, look_at
 from skills.detect.compact_network import CLOSE_LOOK_SIZE, FINDER_STRIDE
 from skills.detect.cuboid import MIRRORED
 from skills.detect.dope_network import IMAGENET_MEAN, IMAGENET_STD, STRIDE
 from skills.detect.errors import BadTraining
-from skills.detect.symmetry import STEM_AXIS, minimal_rotation
 from skills.detect.training.augmentation import change_look, cover
 from skills.detect.training.targets import dope_targets, finder_targets
 
@@ -43,6 +43,11 @@ class FrameFolder:
 
     def __len__(self) -> int:
         return len(self.pictures)
+
+    def name(self, index: int) -> str:
+        """The frame's name in all folders: folder and picture without ending."""
+        picture = self.pictures[index]
+        return f"{picture.parent.name}/{picture.stem}"
 
     def annotation(self, index: int) -> Annotation:
         return read_annotation(self.pictures[index].with_suffix(".json"))
@@ -152,11 +157,22 @@ class CloseLookBatches(Dataset[tuple[Tensor, ...]]):
 
     Each holds pictures (n, 96, 96, 3) uint8, targets (n, 6): centroid and log size in half sides, stem axis in the
     frame of the ray; kind (n,) with 1 fruit and 0 not fruit; and visibility (n,).
+
+    Args:
+        places: where the finder sees fruit in each frame, rightly or wrongly; empty without a finder.
     """
 
-    def __init__(self, frames: FrameFolder, batch: int, seed: int, steps: int, augment: bool = True) -> None:
+    def __init__(
+        self,
+        frames: FrameFolder,
+        batch: int,
+        seed: int,
+        steps: int,
+        augment: bool = True,
+        places: Mapping[str, F64] | None = None,
+    ) -> None:
         self.frames, self.batch, self.seed, self.steps, self.augment = frames, batch, seed, steps, augment
-        self.per_frame = 10
+        self.places = places or {}
 
     def __len__(self) -> int:
         return self.steps
@@ -171,71 +187,68 @@ class CloseLookBatches(Dataset[tuple[Tensor, ...]]):
         return tuple(torch.from_numpy(np.stack(part)) for part in zip(*chosen, strict=True))
 
     def _samples(self, index: int, rng: np.random.Generator) -> list[tuple[NDArray[np.generic], ...]]:
-        annotation = self.frames.annotation(index)
-        picture = self.frames.picture(index, halved=False)
-        if self.augment:
-            picture = change_look(picture, rng)
+        annotation, picture = self.frames.annotation(index), self.frames.picture(index, halved=False)
+        fx, fy, cx, cy = annotation.camera
+        K = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
         seen = [item for item in annotation.objects if item.visibility >= 0.12]
         samples = []
         for item in seen:
             if item.visibility < 0.25 or max(item.box or (0, 0, 1, 1)) < 1:
                 continue
-            size = keypoint_size(item.keypoints)
-            centre = item.keypoints[8] + rng.normal(0.0, 0.06, 2) * size
-            samples.append(
-                self._look(picture, centre, size * np.exp(rng.normal(0.0, 0.13)), item, annotation.camera[0], rng)
-            )
-        wrong = [(np.array([u, v]), max(r, 8.0) * rng.uniform(0.9, 1.6)) for u, v, r in annotation.decoys]
-        for _ in range(1):
-            place = rng.uniform((0.0, 0.0), (annotation.width, annotation.height))
-            wrong.append((place, np.exp(rng.uniform(np.log(18.0), np.log(110.0)))))
-        for item in seen[:1]:  # beside a fruit is not on it
-            size = keypoint_size(item.keypoints)
-            angle = rng.uniform(0.0, 2.0 * np.pi)
-            away = rng.uniform(0.55, 1.3) * size
-            wrong.append(
-                (
-                    item.keypoints[8] + away * np.array([np.cos(angle), np.sin(angle)]),
-                    size * np.exp(rng.normal(0.0, 0.4)),
-                )
-            )
-        for place, size in wrong:
+            size = fx * item.scale * REFERENCE_LENGTH / item.T_camera_object[2, 3]
+            for _ in range(1 if item.visibility < 0.5 else 2):
+                # A further look is aimed by the one before it, three times as well as the first by the finder.
+                doubt = 1.0 if rng.random() < 0.7 else 0.35
+                centre = item.keypoints[8] + rng.normal(0.0, 0.06 * doubt, 2) * size
+                look = look_at(K, centre, size * np.exp(rng.normal(0.0, 0.13 * doubt)), self._roll(rng))
+                samples.append(self._look(picture, look, item, rng))
+        for place, size in self._elsewhere(annotation, seen, self.frames.name(index), rng):
             inside = (place > -0.3 * size).all() and (
                 place < np.array([annotation.width, annotation.height]) + 0.3 * size
             ).all()
             if inside and all(not _on_fruit(place, size, item.keypoints) for item in annotation.objects):
-                samples.append(self._look(picture, place, size, None, annotation.camera[0], rng))
+                samples.append(self._look(picture, look_at(K, place, size, self._roll(rng)), None, rng))
         return samples
 
+    def _roll(self, rng: np.random.Generator) -> float:
+        """The label turns with the look exactly; still, most fruit is taught as cameras see it."""
+        return float(rng.normal(0.0, np.deg2rad(10.0))) if self.augment else 0.0
+
+    def _elsewhere(
+        self, annotation: Annotation, seen: list[AnnotatedObject], name: str, rng: np.random.Generator
+    ) -> list[tuple[F64, float]]:
+        """Where a look could be aimed at that is no fruit: what deceives the finder, decoys, beside fruit, anywhere."""
+        wrong = [(row[:2], float(row[2])) for row in self.places.get(name, np.empty((0, 4)))]
+        decoys = [annotation.decoys[k] for k in rng.permutation(len(annotation.decoys))[: 2 if wrong else 4]]
+        wrong += [(np.array([u, v]), max(r, 8.0) * rng.uniform(0.9, 1.6)) for u, v, r in decoys]
+        if rng.random() < 0.4:
+            place = rng.uniform((0.0, 0.0), (annotation.width, annotation.height))
+            wrong.append((place, np.exp(rng.uniform(np.log(18.0), np.log(110.0)))))
+        if seen:  # beside a fruit is not on it
+            item = seen[int(rng.integers(len(seen)))]
+            size, angle = keypoint_size(item.keypoints), rng.uniform(0.0, 2.0 * np.pi)
+            away = rng.uniform(0.55, 1.3) * size * np.array([np.cos(angle), np.sin(angle)])
+            wrong.append((item.keypoints[8] + away, size * np.exp(rng.normal(0.0, 0.4))))
+        return wrong
+
     def _look(
-        self,
-        picture: U8,
-        centre: F64,
-        size: float,
-        item: AnnotatedObject | None,
-        focal: float,
-        rng: np.random.Generator,
+        self, picture: U8, look: Look, item: AnnotatedObject | None, rng: np.random.Generator
     ) -> tuple[NDArray[np.generic], ...]:
-        matrix, side = crop_matrix(centre, size), CLOSE_LOOK_SIZE
-        colour = [int(c) for c in rng.integers(0, 256, 3)] if rng.random() < 0.5 else [0, 0, 0]
-        look = cv2.warpAffine(picture, matrix, (side, side), flags=cv2.INTER_LINEAR, borderValue=colour)
+        colour = [int(c) for c in rng.integers(0, 256, 3)] if self.augment and rng.random() < 0.3 else [0, 0, 0]
+        flags, side = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP, (CLOSE_LOOK_SIZE, CLOSE_LOOK_SIZE)
+        view = np.asarray(
+            cv2.warpPerspective(picture, look.picture_from_look, side, flags=flags, borderValue=colour), np.uint8
+        )
         target = np.zeros(6, np.float32)
         if item is not None:
-            middle = matrix[:, :2] @ item.keypoints[8] + matrix[:, 2]
-            T = item.T_camera_object
-            apparent = focal * item.scale * REFERENCE_LENGTH / T[2, 3]
-            target[:2] = (middle - 0.5 * (side - 1)) / (0.5 * side)
-            target[2] = np.log(apparent / (MARGIN * size))
-            target[3:] = (
-                minimal_rotation((0.0, 0.0, 1.0), T[:3, 3] / np.linalg.norm(T[:3, 3])).T @ T[:3, :3] @ STEM_AXIS
-            )
+            target[:] = look.label(item.T_camera_object, item.scale)
         if self.augment and rng.random() < 0.5:
-            look = np.ascontiguousarray(look[:, ::-1])
+            view = np.ascontiguousarray(view[:, ::-1])
             target[[0, 3]] *= -1.0
         if self.augment:
-            look = cover(look, rng, 0.10, (0.08, 0.35))
-        seen = 0.0 if item is None else item.visibility
-        return look, target, np.asarray(np.float32(item is not None)), np.asarray(np.float32(seen))
+            view = cover(change_look(view, rng), rng, 0.08, (0.08, 0.35))
+        visibility = 0.0 if item is None else item.visibility
+        return view, target, np.asarray(np.float32(item is not None)), np.asarray(np.float32(visibility))
 
 
 def _on_fruit(place: F64, size: float, keypoints: F64) -> bool:

@@ -14,6 +14,7 @@ from skills.detect.compact_network import AXIS, CENTRE, KIND, SIZE, CloseLookNet
 from skills.detect.dope_network import DopeNetwork
 from skills.detect.training.loop import Loss, Progress, Schedule, train_network
 from skills.detect.training.losses import close_look_loss, dope_loss, finder_loss
+from skills.detect.training.places import load_places
 from skills.detect.training.samples import CloseLookBatches, DopeBatches, FinderBatches, FrameFolder
 
 Part = Literal["finder", "close_look", "dope"]
@@ -32,6 +33,7 @@ class TrainingRun:
         part: which network.
         data: folders of annotated frames.
         held_out: folder of validation frames, None for none.
+        places: file of where the finder sees fruit in `data`, for the close look; None without a finder.
         out: folder of checkpoints.
         batch: samples a step.
         schedule: length and rates.
@@ -48,6 +50,7 @@ class TrainingRun:
     batch: int
     schedule: Schedule
     seed: int = 0
+    places: Path | None = None
     start_from: dict[str, Tensor] | None = None
     device: str = "cpu"
     workers: int = 1
@@ -59,7 +62,8 @@ def train_part(run: TrainingRun, report: Callable[[Progress], None] | None = Non
     frames = FrameFolder(list(run.data))
     kind, batches_of, loss = _PARTS[run.part]
     network = kind()
-    batches = batches_of(frames, run.batch, run.seed, run.schedule.steps)
+    extra = {} if run.places is None else {"places": load_places(run.places)}
+    batches = batches_of(frames, run.batch, run.seed, run.schedule.steps, **extra)
     if run.start_from is not None:
         network.load_state_dict(run.start_from)
     validate = _validation(run) if run.held_out is not None else None

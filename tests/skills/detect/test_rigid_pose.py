@@ -9,7 +9,7 @@ from skills.detect.compact_detector import FoundFruit
 from skills.detect.cuboid import cuboid_keypoints
 from skills.detect.pose import solve_pose
 from skills.detect.rigid_pose import cuboid_in_picture, pose_covariance
-from skills.detect.symmetry import STEM_AXIS, label_rotation, minimal_rotation
+from skills.detect.symmetry import STEM_AXIS, label_rotation
 
 K = np.array([[610.6, 0.0, 317.7], [0.0, 610.6, 238.1], [0.0, 0.0, 1.0]])
 APPLE = np.array([0.09756, 0.08539, 0.09590])
@@ -18,12 +18,11 @@ APPLE = np.array([0.09756, 0.08539, 0.09590])
 def seen(T: np.ndarray, **changes: float) -> FoundFruit:
     """What a perfect close look would say about a CAD-sized fruit."""
     p = T[:3, 3]
-    ray = p / np.linalg.norm(p)
-    axis = minimal_rotation((0.0, 0.0, 1.0), ray).T @ T[:3, :3] @ STEM_AXIS
+    stem = T[:3, :3] @ STEM_AXIS
     centre = p[:2] / p[2] * (K[0, 0], K[1, 1]) + (K[0, 2], K[1, 2])
     size = K[0, 0] * REFERENCE_LENGTH / p[2]
     spreads = np.array([changes.get("centre", 1.0), changes.get("size", 0.02), changes.get("axis", 0.1)])
-    return FoundFruit(centre, size, axis, spreads, 0.9, 1.0)
+    return FoundFruit(centre, size, stem, spreads, 0.9, 1.0)
 
 
 @settings(max_examples=80, deadline=None)

@@ -6,12 +6,15 @@ import numpy as np
 import pytest
 import torch
 
+from skills.detect.compact_detector import CompactDetector
+from skills.detect.compact_network import CloseLookNetwork, FinderNetwork
 from skills.detect.cuboid import MIRRORED
 from skills.detect.errors import BadTraining
 from skills.detect.synthetic.dataset import render_dataset
 from skills.detect.synthetic.options import SceneOptions
 from skills.detect.training.loop import Progress, Schedule
 from skills.detect.training.losses import close_look_loss, dope_loss, finder_loss
+from skills.detect.training.places import find_places, load_places, save_places
 from skills.detect.training.samples import CloseLookBatches, FinderBatches, FrameFolder
 from skills.detect.training.train import Part, TrainingRun, train_part
 
@@ -92,6 +95,23 @@ def test_close_looks_hold_the_fruit_they_are_labelled_with(frames: Path) -> None
     assert float(target[fruit][:, 2].abs().max()) < 0.8
     assert torch.allclose(target[fruit][:, 3:].norm(dim=1), torch.ones(int(fruit.sum())), atol=1e-4)
     assert float(visibility[~fruit].abs().max()) == 0.0
+
+
+def test_places_are_kept_and_what_deceives_the_finder_is_taught_as_no_fruit(frames: Path, tmp_path: Path) -> None:
+    folder = FrameFolder([frames])
+    torch.manual_seed(0)
+    found = find_places(CompactDetector(FinderNetwork(), CloseLookNetwork()), folder)
+    assert set(found) == {folder.name(k) for k in range(4)}
+    fruit = folder.annotation(0).objects[0]
+    deceiving = {folder.name(k): np.array([[*np.array([600.0, 20.0]), 30.0, 0.9]] * 30) for k in range(4)}
+    deceiving[folder.name(0)] = np.array([[*fruit.keypoints[8], 50.0, 0.9]])
+    save_places(tmp_path / "places.npz", deceiving)
+    again = load_places(tmp_path / "places.npz")
+    assert again.keys() == deceiving.keys()
+    assert all(np.array_equal(again[name], rows) for name, rows in deceiving.items())
+    without = CloseLookBatches(folder, 200, 0, 1)[0][2]
+    taught = CloseLookBatches(folder, 200, 0, 1, places=again)[0][2]
+    assert float(taught.mean()) < 0.7 * float(without.mean())
 
 
 def test_losses_are_least_at_the_target_and_grow_away_from_it() -> None:

@@ -48,3 +48,16 @@ def test_tensors_that_do_not_fit_or_are_not_finite_are_named(tmp_path: Path) -> 
     torch.save(content, path)
     with pytest.raises(BadWeights, match=r"1 missing \(at_4\.second\.weight\)"):
         load_compact(path)
+
+
+def test_networks_of_other_widths_load_as_wide_as_they_were_saved(tmp_path: Path) -> None:
+    path = tmp_path / "small.pt"
+    save_compact(path, FinderNetwork((8, 12, 16, 24)), CloseLookNetwork((16, 24, 32, 8, 20)))
+    finder, close_look, _ = load_compact(path)
+    assert (finder.widths, close_look.widths) == ((8, 12, 16, 24), (16, 24, 32, 8, 20))
+    content = torch.load(path, weights_only=True)
+    for widths in ([8, 12], [8, 12, 16, -1], [8, 12, 16, 10**9], None, ["a", 1, 1, 1]):
+        content["widths"]["finder"] = widths
+        torch.save(content, path)
+        with pytest.raises(BadWeights, match="how wide its networks are"):
+            load_compact(path)
