@@ -69,7 +69,7 @@ bench-plan: $(STAMP) ## planning over random scenes, beside the paper's way
 	$(BIN)/python -m benchmarks.bench_plan
 
 bench-grasp: $(STAMP) ## grip control over random lifts, baselines beside it
-	$(BIN)/python -m benchmarks.bench_grasp
+	$(BIN)/python -m benchmarks.bench_grasp --plots runs/bench_grasp --picture docs/images/grip.png
 
 bench-record: $(STAMP) ## what recording costs, and how large a pick's record is
 	$(BIN)/python -m benchmarks.bench_record

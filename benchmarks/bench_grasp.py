@@ -1,6 +1,6 @@
 """Grip control over many random lifts, beside its baselines, on two contact models that share no code with it.
 
-    python -m benchmarks.bench_grasp [--lifts 200] [--world lugre|mujoco|both] [--plots DIR] [--quick]
+    python -m benchmarks.bench_grasp [--lifts 200] [--world lugre|mujoco|both] [--plots DIR] [--picture FILE] [--quick]
 
 Fruits of 0.05 to 0.4 kg with friction 0.3 to 0.9, the centre of mass up to 15 mm off the grasp axis and up to 3 mm off
 the fingers' middle, 0.2 N of white noise on every force, lifts of up to 3 m/s². The gripper can press with 20 N a
@@ -22,6 +22,7 @@ import numpy as np
 
 from benchmarks.grasp_mujoco import TORSION, MujocoGrasp
 from benchmarks.grasp_patch import Fruit, PatchGrasp
+from benchmarks.grasp_picture import draw
 from benchmarks.grasp_trial import Lifting, Result, least_grasp_force, run_trial
 from skills.slip_avoid_grasp.controller import GripController
 from skills.slip_avoid_grasp.force_loop import ForceLoopSettings
@@ -193,6 +194,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--lifts", type=int, default=200, help="random lifts of the controller in each contact model")
     parser.add_argument("--plots", type=Path, help="leave a picture of every run of the controller here")
+    parser.add_argument("--picture", type=Path, help="draw one lift and the first contact model's table here")
     parser.add_argument("--world", choices=tuple(WORLDS), default="both", help="contact model")
     parser.add_argument("--quick", action="store_true", help="a tenth of everything")
     arguments = parser.parse_args()
@@ -200,29 +202,35 @@ def main() -> None:
     steps = 10**5 if arguments.quick else 10**6
     tasks, too_heavy = draw_tasks(lifts)
     print(f"{lifts} random lifts, {too_heavy} drawn again because {MAX_FORCE:.0f} N would not bear them")
-    for world, name in WORLDS[arguments.world]:
-        print(f"\n{name}\n{HEADER}")
+    for world, model in WORLDS[arguments.world]:
+        print(f"\n{model}\n{HEADER}")
+        rows: list[str] = []
+
+        def tell(name: str, results: Sequence[Result], rows: list[str] = rows) -> None:
+            rows.append(row(name, results))
+            print(rows[-1], flush=True)
+
         law = ForceLaw.SLIP_AVOIDANCE
         results = lift_all(tasks, world, law)
-        print(row("slip avoidance, mu known", results), flush=True)
-        print(row("slip avoidance, mu ± 15 %", lift_all(tasks, world, law, uncertain=True)), flush=True)
+        tell("slip avoidance, mu known", results)
+        tell("slip avoidance, mu ± 15 %", lift_all(tasks, world, law, uncertain=True))
         for baseline in (ForceLaw.STATIC, ForceLaw.COULOMB):
-            print(row(f"{baseline.value} only, mu known", lift_all(tasks, world, baseline)), flush=True)
+            tell(f"{baseline.value} only, mu known", lift_all(tasks, world, baseline))
         for constant in (5.0, 10.0, 20.0):
-            print(
-                row(f"constant {constant:.0f} N", lift_all(tasks, world, ForceLaw.CONSTANT, constant=constant)),
-                flush=True,
-            )
+            tell(f"constant {constant:.0f} N", lift_all(tasks, world, ForceLaw.CONSTANT, constant=constant))
         for reserve in (0.0, 2.0):
-            name = f"pulled by 2 N, reserve {reserve:.0f} N"
             pulled = lift_all(tasks[: lifts // 2], world, law, pull=2.0, reserve=reserve)
             slip = [1e3 * r.pull_slip for r in pulled if r.grasped]
             reaction = [1e3 * r.reaction for r in pulled if r.grasped]
-            print(row(name, pulled))
+            tell(f"pulled by 2 N, reserve {reserve:.0f} N", pulled)
             print(
                 f"  of the pull alone: slip p50 {np.median(slip):.2f}, p95 {np.percentile(slip, 95):.2f} mm; "
                 f"reaction p50 {np.nanmedian(reaction):.0f}, p95 {np.nanpercentile(reaction, 95):.0f} ms",
                 flush=True,
+            )
+        if arguments.picture is not None and world is WORLDS[arguments.world][0][0]:
+            draw(
+                rows, f"{lifts} random lifts, {model},\n{NOISE:g} N of noise; slip and turn are p95", arguments.picture
             )
         if arguments.plots is not None:
             arguments.plots.mkdir(parents=True, exist_ok=True)

@@ -23,6 +23,7 @@ TORQUE_LEVER = 0.005
 """Noise of a torque is the noise of a force at this lever [m]."""
 
 Corrupt = Callable[[int, float, Float64], list[tuple[int, float, Float64]]]
+Watch = Callable[[float, GripController, PatchGrasp | MujocoGrasp], None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,6 +131,7 @@ def run_trial(
     seed: int = 0,
     corrupt: Corrupt | None = None,
     world: type[PatchGrasp] | type[MujocoGrasp] = PatchGrasp,
+    watch: Watch | None = None,
 ) -> Result:
     """Grasp, lift and hold a fruit.
 
@@ -139,6 +141,7 @@ def run_trial(
         seed: of the noise and the bias.
         world: the contact model.
         corrupt: turns a sample (sequence, stamp, wrenches) into those that arrive, after the grip was made.
+        watch: sees time, controller and world after every sample.
     """
     rng = np.random.default_rng(seed)
     scale = np.array([1.0, 1.0, 1.0, TORQUE_LEVER, TORQUE_LEVER, TORQUE_LEVER])
@@ -165,6 +168,8 @@ def run_trial(
                 grasp.command, commanded_at = speed, t
         if t - commanded_at > 0.1:
             grasp.command = 0.0  # the driver's watchdog
+        if watch is not None:
+            watch(t, controller, grasp)
         f_n = grasp.f_n
         if controller.phase in (GripPhase.BIAS, GripPhase.CLOSING):
             contact_peak = max(contact_peak, float(-true[:, 2].min()))

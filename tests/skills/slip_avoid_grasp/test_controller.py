@@ -299,3 +299,11 @@ def test_a_million_steps_leave_nothing_behind() -> None:
     grown = tracemalloc.get_traced_memory()[0] - before
     tracemalloc.stop()
     assert grown < 8000  # less than three bytes a step: other threads of the test run allocate, too
+
+
+def test_a_pushed_fruit_that_hops_from_one_finger_to_the_other_is_still_grasped() -> None:
+    fruit = Fruit(mass=0.3895, width=0.0583, mu=0.604, offset=(-0.0001, 0.0124), off_centre=-0.0028)
+    for seed in (0, 50):  # with the second the fruit hops
+        trial = run_trial(fruit, settings_of(fruit), Lifting(hold=0.2), noise=0.2, seed=seed)
+        assert trial.grasped
+        assert trial.held
