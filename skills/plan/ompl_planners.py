@@ -47,8 +47,8 @@ PLANNERS: dict[str, PlannerKind] = {
     "RRTConnect": PlannerKind(Kind.FEASIBLE, 10_000.0),
     "RRT": PlannerKind(Kind.FEASIBLE, 10_000.0),
     "KPIECE1": PlannerKind(Kind.FEASIBLE, 10_000.0),
-    "RRTstar": PlannerKind(Kind.OPTIMISING, 1_500.0),
-    "InformedRRTstar": PlannerKind(Kind.OPTIMISING, 4_000.0),
+    "RRTstar": PlannerKind(Kind.OPTIMISING, 4_400.0),
+    "InformedRRTstar": PlannerKind(Kind.OPTIMISING, 2_600.0),
     "BITstar": PlannerKind(Kind.OPTIMISING, 50_000.0),
 }
 
