@@ -16,7 +16,7 @@ from skills.fruit import FruitModel
 
 F64 = NDArray[np.float64]
 
-POLICIES = ("nearest", "largest", "most_visible", "index")
+POLICIES = ("nearest", "largest", "most_visible", "surest", "index")
 """How a target is chosen among the instances of a frame."""
 
 
@@ -76,7 +76,8 @@ def rank(instances: list[Instance], policy: str, index: int = 0) -> list[int]:
 
     Args:
         instances: with poses.
-        policy: nearest (to the camera), largest (in the picture), most_visible, or index (by falling score).
+        policy: nearest (to the camera), largest (in the picture), most_visible, surest (highest score), or index (by
+            falling score).
         index: which one for the policy "index"; the list is empty when there are not so many.
     """
     order = range(len(instances))
@@ -84,6 +85,8 @@ def rank(instances: list[Instance], policy: str, index: int = 0) -> list[int]:
         return [index] if 0 <= index < len(instances) else []
     if policy == "nearest":
         return sorted(order, key=lambda i: (_distance(instances[i]), i))
+    if policy == "surest":
+        return sorted(order, key=lambda i: (-instances[i].score, i))
     if policy == "largest":
         return sorted(order, key=lambda i: (-instances[i].size, i))
     # Estimates of visibility within a few percent are equal; then the surer one is better.

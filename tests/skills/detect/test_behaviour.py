@@ -75,7 +75,9 @@ def test_the_detection_says_all_about_its_fruit(scripted: list[Instance]) -> Non
     assert [line.style for line in view.lines] == ["muted", "found"]
 
 
-@pytest.mark.parametrize(("policy", "expected"), [("nearest", 1), ("largest", 2), ("most_visible", 0), ("index", 2)])
+@pytest.mark.parametrize(
+    ("policy", "expected"), [("nearest", 1), ("largest", 2), ("most_visible", 0), ("surest", 0), ("index", 2)]
+)
 def test_policies_choose(scripted: list[Instance], policy: str, expected: int) -> None:
     wide = instance(0.2, 0.55)
     wide = replace(wide, keypoints=(wide.keypoints - wide.keypoints[8]) * 2 + wide.keypoints[8])
@@ -144,7 +146,7 @@ def test_a_frame_that_cannot_be_used_is_no_frame(monkeypatch: pytest.MonkeyPatch
 
 def test_ranking_is_total_for_equal_instances() -> None:
     same = [instance(0.0, 0.5), instance(0.0, 0.5)]
-    for policy in ("nearest", "largest", "most_visible"):
+    for policy in ("nearest", "largest", "most_visible", "surest"):
         assert rank(same, policy) == [0, 1]
     assert rank(same, "index", 5) == []
 
