@@ -47,9 +47,7 @@ class FruitShape:
     stem: tuple[Float64, NDArray[np.int32]] | None
 
 
-def make_fruit(
-    model: Path, dimensions: Float64, skin: str, rng: np.random.Generator, lumps: float = 1.0
-) -> FruitShape:
+def make_fruit(model: Path, dimensions: Float64, skin: str, rng: np.random.Generator, lumps: float = 1.0) -> FruitShape:
     """A fruit after the model in a folder with fruit.yaml, of the given size (d_x, d_y, d_z) [m]; with 0 for `lumps` it
     keeps the model's form, with 1 it is as uneven as an ordinary one."""
     entry: dict[str, Any] = yaml.safe_load((model / "fruit.yaml").read_text(encoding="utf-8"))

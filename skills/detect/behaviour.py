@@ -220,9 +220,7 @@ def find_in_frame(frame: Frame, fruit: FruitModel, working_width: int) -> list[I
     return find_instances(_detector(fruit.weights, working_width), frame.colour, frame.intrinsics.K, fruit)
 
 
-def picture(
-    frame: Frame, T_base_camera: F64, instances: list[Instance], chosen: int | str, score: float
-) -> ImageView:
+def picture(frame: Frame, T_base_camera: F64, instances: list[Instance], chosen: int | str, score: float) -> ImageView:
     """The frame with the cuboids that were found; `chosen` is the target's index, or why there is none."""
     lines = []
     for k, instance in enumerate(instances):

@@ -25,7 +25,9 @@ def place(error):
 
 
 def test_values_come_in_si_units(read):
-    settings = read("a: 120 mm\nb: 30 deg\nc: 0.5\nd: [1 mm, 2 mm]\ne: yes it is\nf: true\ng: [0.7, 0.9]\nh: 3\ni: 80 g..0.1\n")
+    settings = read(
+        "a: 120 mm\nb: 30 deg\nc: 0.5\nd: [1 mm, 2 mm]\ne: yes it is\nf: true\ng: [0.7, 0.9]\nh: 3\ni: 80 g..0.1\n"
+    )
     assert settings.number("a", "length") == pytest.approx(0.12)
     assert settings.number("b", "angle") == pytest.approx(np.pi / 6)
     assert settings.number("c") == 0.5
