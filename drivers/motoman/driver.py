@@ -145,7 +145,7 @@ class MotomanArm(Device):
                 raise DeviceFault(self.name, refusal(ready))
             session.demand(Control.START_TRAJECTORY_MODE, SERVO_ON)
             session.demand(Control.CHECK_READY)
-        session.status = None  # of before; the next push tells the present one
+        session.forget_status()  # pushed while the servos were still off
 
     def step(self) -> None:
         """Serve both connections for a few milliseconds; the arm's own thread calls this without end."""

@@ -54,8 +54,22 @@ class Session:
             OSError: the connection failed.
             Nonsense: bytes that are no message.
         """
+        return self._hear(self._state.receive(patience))
+
+    def forget_status(self) -> None:
+        """Take in all that was pushed until now and forget the status in it: the next push tells the present one.
+
+        Raises:
+            OSError: the connection failed.
+            Nonsense: bytes that are no message.
+        """
+        while chunk := self._state.receive(0.0):
+            self._hear(chunk)
+        self.status = None
+
+    def _hear(self, chunk: bytes) -> bool:
         fresh = False
-        for message in self._decode(self._state_decoder, self._state.receive(patience)):
+        for message in self._decode(self._state_decoder, chunk):
             if isinstance(message.body, JointFeedback) and message.body.group == self._group:
                 self.feedback, self.heard, fresh = message.body, self._clock.now(), True
             elif isinstance(message.body, RobotStatus):

@@ -13,6 +13,7 @@ import pytest
 from drivers.emulators.motoman import FreeJoints, MotomanEmulator
 from drivers.errors import DeviceFault, DeviceLost, MotionRefused
 from drivers.interfaces import ArmLimits, Motion, MotionState, Trajectory
+from drivers.motoman.codec import Communication, Message, RobotStatus, encode
 from drivers.motoman.driver import RECONNECT, MotomanArm, MotomanOptions
 from drivers.wire import Nonsense
 from executive.clock import ManualClock
@@ -129,6 +130,21 @@ def test_a_trajectory_is_followed_to_its_end_without_a_gap(order: str) -> None:
     assert arm.settled()
     assert arm.state().q == pytest.approx(START + CHANGE, abs=1e-6)
     assert cell.controller.gaps == 0
+
+
+def test_a_status_from_before_the_servos_came_on_is_no_fault() -> None:
+    cell = Cell()
+    off = RobotStatus(drives_powered=0, e_stopped=0, error_code=0, in_error=0, in_motion=0, mode=2, motion_possible=0)
+    answer = cell.controller.motion.received
+
+    def answered_before_the_status_was_read(peer: Any, chunk: bytes) -> None:
+        answer(peer, chunk)
+        cell.opened[0].arrived += encode(Message(off, Communication.TOPIC), "<")
+
+    cell.controller.motion.received = answered_before_the_status_was_read  # type: ignore[method-assign]
+    arm = connected(cell)
+    serve(arm, cell, 0.2)
+    arm.check()
 
 
 def test_the_controller_moves_along_the_path_and_not_beside_it() -> None:
