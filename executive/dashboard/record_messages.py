@@ -14,7 +14,7 @@ import re
 import struct
 from collections.abc import Callable, Hashable, Iterable, Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from executive.dashboard.jpeg import size_of_jpeg
 from executive.dashboard.messages import VERSION, encode, encode_number
@@ -57,13 +57,11 @@ class _ChunkedError(Exception):
     """A record that another program has written with chunks."""
 
 
-class Line(NamedTuple):
-    """One event of a record: its number, its time [s], its text, and where its image stands in the file, or -1."""
+Line = tuple[int, float, bytes, int]
+"""One event of a record: its number, its time [s], its text, and where its image stands in the file, or -1.
 
-    seq: int
-    t: float
-    content: bytes
-    image_at: int = -1
+A plain tuple, since a record has 100 000 of them: Python's garbage collector does not follow plain tuples of numbers.
+"""
 
 
 def record_messages(folder: Path, images: str = "") -> Iterator[bytes]:
@@ -91,7 +89,7 @@ def overview(folder: Path, images: str) -> Iterator[bytes]:
 
 def between(folder: Path, images: str, begin: float, end: float) -> Iterator[bytes]:
     """Every message of a stretch of a record: begin ≤ t ≤ end [s]."""
-    return _pieces(_written(folder, images, lambda lines: (line for line in lines if begin <= line.t <= end)))
+    return _pieces(_written(folder, images, lambda lines: (line for line in lines if begin <= line[1] <= end)))
 
 
 def image(folder: Path, at: int) -> bytes | None:
@@ -111,8 +109,8 @@ def image(folder: Path, at: int) -> bytes | None:
 def first_event(folder: Path) -> dict[str, Any]:
     """The record's first event as it was written: a RunStarted, unless the record was cut off before."""
     try:
-        for line in _lines(folder / EVENTS_FILE):
-            event: dict[str, Any] = json.loads(line.content)
+        for _seq, _t, content, _image_at in _lines(folder / EVENTS_FILE):
+            event: dict[str, Any] = json.loads(content)
             return event
     except (UsageError, _ChunkedError, ValueError):
         pass
@@ -139,12 +137,14 @@ def _written(folder: Path, images: str, choose: Choose) -> Iterator[bytes]:
         for line in choose(_lines(path)):
             if isinstance(line, bytes):
                 yield line
-            elif line.image_at >= 0:
+                continue
+            seq, _t, content, image_at = line
+            if image_at >= 0:
                 yield _with_image(path, line, images)
-            elif len(line.content) > LARGE:
-                yield encode(event_from(json.loads(line.content)), line.seq).encode()
+            elif len(content) > LARGE:
+                yield encode(event_from(json.loads(content)), seq).encode()
             else:
-                yield b"%b%b" % (encode_number(line.seq), line.content[1:])
+                yield b"%b%b" % (encode_number(seq), content[1:])
     except _ChunkedError:
         for number, event in enumerate(read_events(folder), start=1):
             yield encode(event, number).encode()
@@ -155,42 +155,44 @@ def _thinned(lines: Iterable[Line]) -> Iterable[Line | bytes]:
     everything = list(lines)
     if len(everything) <= WHOLE:
         return everything
-    interval = max(line.t for line in everything[-1:]) / MOMENTS
+    interval = everything[-1][1] / MOMENTS
     kept: dict[Hashable, Line] = {}
     state: dict[bytes, tuple[bytes, bytes]] = {}
     for line in everything:
         kept[_place(line, interval, state)] = line
-    chosen = sorted(kept.values(), key=lambda line: line.seq)
+    chosen = sorted(kept.values())
     note = {"v": VERSION, "event": "Overview", "interval": interval}
     return [json.dumps(note, separators=(",", ":")).encode(), *chosen]
 
 
 def _place(line: Line, interval: float, state: dict[bytes, tuple[bytes, bytes]]) -> Hashable:
     """Lines that share a place replace each other; one that says something new has a place of its own."""
-    found = FREQUENT.match(line.content)
+    seq, t, content, _image_at = line
+    found = FREQUENT.match(content)
     if found is None:
-        return line.seq
+        return seq
     kind, key = found.groups()
     if kind == b"NodeChanged":
-        status, starts = STATUS.search(line.content), STARTS.search(line.content)
+        status, starts = STATUS.search(content, found.end()), STARTS.search(content, found.end())
         now = (status[1] if status else b"", starts[1] if starts else b"")
         if state.get(key) != now:
             state[key] = now
-            return line.seq
+            return seq
     elif kind == b"Published":
-        view = TOPIC.search(line.content)
+        view = TOPIC.search(content, found.start(2))
         if view is None or view[2] not in STREAMED:
-            return line.seq
+            return seq
         key = view[1] + b"|" + view[2]
-    return kind, key, int(line.t / interval)
+    return kind, key, int(t / interval)
 
 
 def _with_image(path: Path, line: Line, images: str) -> bytes:
-    event = json.loads(line.content)
-    coded = image(path.parent, line.image_at) or b""
-    address = f"{images}{line.image_at}" if images else f"data:image/jpeg;base64,{base64.b64encode(coded).decode()}"
+    seq, _t, content, image_at = line
+    event = json.loads(content)
+    coded = image(path.parent, image_at) or b""
+    address = f"{images}{image_at}" if images else f"data:image/jpeg;base64,{base64.b64encode(coded).decode()}"
     event["value"] |= {"image": address, "size": size_of_jpeg(coded)}
-    return json.dumps({"v": VERSION, "seq": line.seq, **event}, ensure_ascii=False, separators=(",", ":")).encode()
+    return json.dumps({"v": VERSION, "seq": seq, **event}, ensure_ascii=False, separators=(",", ":")).encode()
 
 
 def _lines(path: Path) -> Iterator[Line]:
@@ -221,7 +223,7 @@ def _walk(buffer: mmap.mmap) -> Iterator[Line]:
                 image_at = -1
                 if pictures and (view := TOPIC.search(content)) is not None:
                     image_at = pictures.pop(IMAGES + view[1], -1)
-                yield Line(seq, stamp / 1e9, content, image_at)
+                yield seq, stamp / 1e9, content, image_at
             elif topic.startswith(IMAGES):
                 pictures[topic] = at
         elif opcode == CHANNEL:

@@ -103,7 +103,7 @@ function receive(message, size) {
     page.size += size;
     apply(page.whole, message);
     if (page.size > MOST_CHARACTERS) shorten();
-    if (message.event === "RunEnded") loadRuns();
+    if (message.event === "RunEnded" && !$("runs-view").hidden) loadRuns();
   }
   page.dirty = true;
 }
@@ -199,6 +199,5 @@ window.addEventListener("hashchange", openAddress);
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { plots.forget(); scene.draw(); timeline.key = ""; page.dirty = true; });
 
 if (!openAddress()) connect();
-loadRuns();
 setInterval(() => { page.dirty = true; }, 500);
 render();
