@@ -25,12 +25,19 @@ HELD_OUT_SEED = 9001
 
 @dataclass(frozen=True, slots=True)
 class Stage:
-    """One stretch of training; a later stage of a network starts from the averaged weights of the one before."""
+    """One stretch of training; a later stage of a network starts from the averaged weights of the one before.
+
+    Attributes:
+        part: which network.
+        steps, rate, batch: as in `Schedule` and `TrainingRun`.
+        turned: share of the close looks that are turned anyhow about their axis.
+    """
 
     part: Part
     steps: int
     rate: float
     batch: int
+    turned: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,6 +121,7 @@ def make_weights(
             device=device,
             # On a CPU the network itself needs a core; a GPU waits for its batches.
             workers=workers if device == "cuda" else max(1, workers // 2),
+            turned=stage.turned,
         )
         name = f"{stage.part} {number + 1}/{len(recipe.stages)}"
         networks[stage.part] = train_part(run, None if say is None else lambda p, name=name: say(name, p))  # type: ignore[misc]

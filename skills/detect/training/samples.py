@@ -160,6 +160,7 @@ class CloseLookBatches(Dataset[tuple[Tensor, ...]]):
 
     Args:
         places: where the finder sees fruit in each frame, rightly or wrongly; empty without a finder.
+        turned: share of the looks that are turned anyhow about their axis; the others are nearly upright.
     """
 
     def __init__(
@@ -170,9 +171,10 @@ class CloseLookBatches(Dataset[tuple[Tensor, ...]]):
         steps: int,
         augment: bool = True,
         places: Mapping[str, F64] | None = None,
+        turned: float = 0.0,
     ) -> None:
         self.frames, self.batch, self.seed, self.steps, self.augment = frames, batch, seed, steps, augment
-        self.places = places or {}
+        self.places, self.turned = places or {}, turned
 
     def __len__(self) -> int:
         return self.steps
@@ -211,8 +213,16 @@ class CloseLookBatches(Dataset[tuple[Tensor, ...]]):
         return samples
 
     def _roll(self, rng: np.random.Generator) -> float:
-        """The label turns with the look exactly; still, most fruit is taught as cameras see it."""
-        return float(rng.normal(0.0, np.deg2rad(10.0))) if self.augment else 0.0
+        """The label turns with the look exactly.
+
+        Most fruit is taught as cameras see it; a look that is turned anyhow teaches what a stem looks like, not only
+        where it mostly is.
+        """
+        if not self.augment:
+            return 0.0
+        if self.turned > 0.0 and rng.random() < self.turned:
+            return float(rng.uniform(-np.pi, np.pi))
+        return float(rng.normal(0.0, np.deg2rad(10.0)))
 
     def _elsewhere(
         self, annotation: Annotation, seen: list[AnnotatedObject], name: str, rng: np.random.Generator

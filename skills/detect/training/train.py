@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import torch
 from torch import Tensor, nn
@@ -41,6 +41,7 @@ class TrainingRun:
         start_from: weights to begin with, None for random ones.
         device: "cpu" or "cuda".
         workers: processes that prepare batches.
+        turned: share of the close looks that are turned anyhow about their axis.
     """
 
     part: Part
@@ -54,6 +55,7 @@ class TrainingRun:
     start_from: dict[str, Tensor] | None = None
     device: str = "cpu"
     workers: int = 1
+    turned: float = 0.0
 
 
 def train_part(run: TrainingRun, report: Callable[[Progress], None] | None = None) -> nn.Module:
@@ -62,7 +64,9 @@ def train_part(run: TrainingRun, report: Callable[[Progress], None] | None = Non
     frames = FrameFolder(list(run.data))
     kind, batches_of, loss = _PARTS[run.part]
     network = kind()
-    extra = {} if run.places is None else {"places": load_places(run.places)}
+    extra: dict[str, Any] = {}
+    if run.part == "close_look":
+        extra = {"places": None if run.places is None else load_places(run.places), "turned": run.turned}
     batches = batches_of(frames, run.batch, run.seed, run.schedule.steps, **extra)
     if run.start_from is not None:
         network.load_state_dict(run.start_from)

@@ -114,6 +114,32 @@ def test_places_are_kept_and_what_deceives_the_finder_is_taught_as_no_fruit(fram
     assert float(taught.mean()) < 0.7 * float(without.mean())
 
 
+def test_only_the_share_that_is_asked_for_is_turned_anyhow(frames: Path) -> None:
+    folder, rng = FrameFolder([frames]), np.random.default_rng(5)
+    for turned, low, high in ((0.0, 0.0, 0.0), (0.2, 0.09, 0.20), (1.0, 0.65, 0.79)):
+        batches = CloseLookBatches(folder, 4, 0, 1, turned=turned)
+        rolls = np.abs([batches._roll(rng) for _ in range(600)])
+        assert rolls.max() <= np.pi
+        assert low <= (rolls > np.deg2rad(50.0)).mean() <= high
+    assert CloseLookBatches(folder, 4, 0, 1, augment=False, turned=1.0)._roll(rng) == 0.0
+
+
+def test_a_turned_look_keeps_its_label_true(frames: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = FrameFolder([frames])
+    upright = CloseLookBatches(folder, 30, 0, 1, augment=False)
+    straight, target, kind, _ = upright[0]
+    monkeypatch.setattr(upright, "_roll", lambda rng: 0.5 * np.pi)
+    turned, turned_target, _, _ = upright[0]
+    fruit = kind > 0.5
+    # A quarter turn of the camera: what pointed along y of the look points along x then.
+    assert torch.allclose(turned_target[fruit, 0], target[fruit, 1], atol=1e-3)
+    assert torch.allclose(turned_target[fruit, 2], target[fruit, 2], atol=1e-3)
+    assert torch.allclose(turned_target[fruit, 3], target[fruit, 4], atol=1e-3)
+    assert torch.allclose(turned_target[fruit, 4], -target[fruit, 3], atol=1e-3)
+    same = np.rot90(straight.numpy(), 1, (1, 2)).astype(float) - turned.numpy()
+    assert np.abs(same).mean() < 2.0
+
+
 def test_losses_are_least_at_the_target_and_grow_away_from_it() -> None:
     torch.manual_seed(0)
     belief, offsets = torch.rand(2, 9, 6, 8), torch.rand(2, 17, 6, 8)
