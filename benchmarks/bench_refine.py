@@ -15,6 +15,7 @@ import json
 import time
 from collections.abc import Callable
 from pathlib import Path
+from unittest import mock
 
 import numpy as np
 import trimesh
@@ -23,6 +24,7 @@ from rich.console import Console
 from rich.table import Table
 
 from benchmarks.refine_orchard import orchard_errors
+from benchmarks.refine_pyrender import render_with_plain_pyrender
 from benchmarks.refine_scenes import CAMERA, View, cell_views, leaf_over, stretched_views
 from skills.fruit import FruitModel, load_fruit
 from skills.geometry import rot_x, rot_y, transform
@@ -85,42 +87,48 @@ def speed(fruit: FruitModel, console: Console) -> dict[str, float]:
     depth = as_d435i(true_depth([apple], T_base_camera, CAMERA), np.random.default_rng(0), CAMERA)
     T = transform(rot_x(-0.6) @ rot_y(0.4), (0.0, -0.005, 0.75))
     whole = ImageBox(0, 0, CAMERA.width, CAMERA.height)
-    table = Table("renderer", "render", "closed form", "/ render", "paper, whole image", "/ closed form",
+    table = Table("renderer of all methods", "render", "closed form", "/ render", "paper, whole image", "/ closed form",
                   "paper, fruit's box", "/ closed form", "shape")  # fmt: skip
     table.title = "time in ms, the fastest calls of one run"
-    figures = {}
-    for using in ("pyrender", "zbuffer"):
+
+    def times(using: RendererName) -> dict[str, float]:
         _, box = render_depth(fruit, T, CAMERA, using=using)
-        render = milliseconds(lambda using=using: render_depth(fruit, T, CAMERA, using=using), 60)
-        exact = milliseconds(lambda using=using: refine(depth, CAMERA, T, fruit, method="uniform", using=using), 60)
-        shape = milliseconds(lambda using=using: refine(depth, CAMERA, T, fruit, using=using), 15)
-        paper = [
-            milliseconds(
-                lambda part=part, using=using: fit_scale_by_rendering(
-                    depth[part.slices], fruit, T, CAMERA, part, using=using
-                ),
-                10,
-            )
-            for part in (whole, box)
-        ]
-        row = (render, exact, exact / render, paper[0], paper[0] / exact, paper[1], paper[1] / exact, shape)
-        table.add_row(using, *(f"{value:.2f}" for value in row))
-        names = ("render_ms", "exact_ms", "exact_per_render", "paper_ms", "paper_per_exact", "paper_box_ms",
-                 "paper_box_per_exact", "shape_ms")  # fmt: skip
-        figures |= {f"{using}_{name}": value for name, value in zip(names, row, strict=True)}
+        render, exact, paper, paper_box, shape = milliseconds(
+            lambda: render_depth(fruit, T, CAMERA, using=using),
+            lambda: refine(depth, CAMERA, T, fruit, method="uniform", using=using),
+            lambda: fit_scale_by_rendering(depth, fruit, T, CAMERA, whole, using=using),
+            lambda: fit_scale_by_rendering(depth[box.slices], fruit, T, CAMERA, box, using=using),
+            lambda: refine(depth, CAMERA, T, fruit, using=using),
+        )
+        return {
+            "render_ms": render, "exact_ms": exact, "exact_per_render": exact / render, "paper_ms": paper,
+            "paper_per_exact": paper / exact, "paper_box_ms": paper_box, "paper_box_per_exact": paper_box / exact,
+            "shape_ms": shape,
+        }  # fmt: skip
+
+    measured = {"pyrender": times("pyrender"), "zbuffer": times("zbuffer")}
+    with mock.patch("skills.refine.gl.render_with_gl", render_with_plain_pyrender):
+        measured["pyrender as it comes"] = times("pyrender")
+    for name, row in measured.items():
+        table.add_row(name, *(f"{value:.2f}" for value in row.values()))
     console.print(table)
-    return figures
+    factor = measured["pyrender as it comes"]["paper_ms"] / measured["pyrender"]["exact_ms"]
+    console.print(f"the paper's method by pyrender as it comes takes {factor:.0f} times the closed form's time\n")
+    figures = {f"{name}_{key}": value for name, row in measured.items() for key, value in row.items()}
+    return {**figures, "paper_as_it_comes_per_exact": factor}
 
 
-def milliseconds(function: Callable[[], object], repeats: int) -> float:
-    """Shortest duration of a call: whatever else runs on the machine only adds to it."""
-    function()
-    durations = []
-    for _ in range(repeats):
-        start = time.perf_counter()
-        function()
-        durations.append(time.perf_counter() - start)
-    return 1e3 * min(durations)
+def milliseconds(*functions: Callable[[], object], rounds: int = 12, seconds: float = 0.03) -> list[float]:
+    """Shortest durations of calls, by turns: whatever else runs on the machine only adds to them, and to all alike."""
+    shortest = [np.inf] * len(functions)
+    for _ in range(rounds):
+        for i, function in enumerate(functions):
+            function()
+            until = time.perf_counter() + seconds
+            while (start := time.perf_counter()) < until:
+                function()
+                shortest[i] = min(shortest[i], time.perf_counter() - start)
+    return [1e3 * duration for duration in shortest]
 
 
 # ------------------------------------------------------------------------------------------------------- bias

@@ -19,6 +19,7 @@ from skills.refine.measure import measure, outline
 from skills.refine.measured_fruit import MeasuredFruit
 from skills.refine.refinement import Limits, Method
 from skills.refine.render import RendererName, render_depth
+from skills.refine.scale_fit import fit_scale
 
 _SMALL_CAMERA = Intrinsics(100.0, 100.0, 50.0, 50.0, 101, 101)
 
@@ -46,9 +47,10 @@ class Refine(Skill):
     failures = ("NO_DEPTH", "TOO_FEW_INLIERS", "SIZE_OUT_OF_RANGE", "AT_BOUND", "RENDER_FAILED")
 
     def prepare(self) -> None:
-        """Start the renderer: importing and compiling it takes seconds. A renderer that fails says so at the start."""
+        """Importing and compiling what measures takes seconds. A renderer that fails says so when it is used."""
         with suppress(RefineError):
-            render_depth(load_fruit("apple"), transform(translation=(0.0, 0.0, 0.5)), _SMALL_CAMERA)
+            depth, _ = render_depth(load_fruit("apple"), transform(translation=(0.0, 0.0, 0.5)), _SMALL_CAMERA)
+            fit_scale(depth, depth)
 
     def run(  # type: ignore[override]
         self,

@@ -53,12 +53,22 @@ def extents(mesh: Triangles) -> Float64:
     size: Float64 = np.ptp(vertices[np.unique(faces)], axis=0).astype(np.float64)
     if size.min() <= 0.0:
         raise BadMesh(f"the mesh measures {size.tolist()} m: it must have a size in all three directions")
-    _, welded = np.unique(vertices, axis=0, return_inverse=True)
-    corners = welded.reshape(-1)[faces]
-    directed = np.concatenate([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [2, 0]]])
-    there = np.unique(directed, axis=0, return_counts=True)
-    back = np.unique(directed[:, ::-1], axis=0)
-    if not np.array_equal(there[0], back) or there[1].max() > 1:
+    if winding(mesh) == 0:
         raise BadMesh("the mesh is not watertight: every edge must belong to exactly two faces, wound alike")
     size.flags.writeable = False
     return size
+
+
+@lru_cache(maxsize=32)
+def winding(mesh: Triangles) -> int:
+    """1: the mesh encloses a volume and its faces look outwards; -1: they look inwards; 0: it is not watertight."""
+    vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
+    _, welded = np.unique(vertices, axis=0, return_inverse=True)
+    corners = welded.reshape(-1)[faces]
+    directed = np.concatenate([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [2, 0]]])
+    there, times = np.unique(directed, axis=0, return_counts=True)
+    back = np.unique(directed[:, ::-1], axis=0)
+    if not np.array_equal(there, back) or times.max() > 1:
+        return 0
+    a, b, c = np.moveaxis(vertices[faces], 1, 0)
+    return int(np.sign(np.sum(np.cross(a, b) * c)))

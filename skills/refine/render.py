@@ -91,11 +91,11 @@ def image_box(mesh: Triangles, T_camera_mesh: Float64, intrinsics: Intrinsics, m
     Raises:
         RenderFailed: the mesh is behind the camera, or outside the image.
     """
-    points = mesh.vertices @ T_camera_mesh[:3, :3].T + T_camera_mesh[:3, 3]
-    if points[:, 2].min() <= NEAR:
+    K = np.array([[intrinsics.fx, 0.0, intrinsics.cx], [0.0, intrinsics.fy, intrinsics.cy], [0.0, 0.0, 1.0]])
+    x, y, z = K @ T_camera_mesh[:3, :3] @ mesh.vertices.T + (K @ T_camera_mesh[:3, 3])[:, np.newaxis]
+    if z.min() <= NEAR:
         raise RenderFailed("the fruit's pose is behind the camera or touches it: the detection is wrong")
-    u = intrinsics.fx * points[:, 0] / points[:, 2] + intrinsics.cx
-    v = intrinsics.fy * points[:, 1] / points[:, 2] + intrinsics.cy
+    u, v = x / z, y / z
     left, right = max(u.min(), -1e6), min(u.max(), 1e6)
     top, bottom = max(v.min(), -1e6), min(v.max(), 1e6)
     box = ImageBox(int(np.floor(left)), int(np.floor(top)), int(np.ceil(right)) + 1, int(np.ceil(bottom)) + 1)

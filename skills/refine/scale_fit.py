@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -77,39 +78,63 @@ def fit_scale(depth: DepthImage, virtual_depth: DepthImage, inlier_band: float =
     """
     if depth.shape != virtual_depth.shape:
         raise BadDepth(f"the depth's shape {depth.shape} is not that of the virtual depth, {virtual_depth.shape}")
-    covered = np.flatnonzero(virtual_depth > 0.0)
-    measured = depth.ravel()[covered]
-    valid = np.isfinite(measured) & (measured > 0.0)
-    pixels = covered[valid]
-    d = measured[valid].astype(np.float64)
-    d_hat = virtual_depth.ravel()[pixels].astype(np.float64)
-    if len(pixels) < max(MIN_PIXELS, MIN_VALID * len(covered)):
-        raise NoDepth(len(pixels), len(covered))
+    model_pixels, pixels, d, d_hat = _measured(np.ascontiguousarray(depth), virtual_depth)
+    if len(pixels) < max(MIN_PIXELS, MIN_VALID * model_pixels):
+        raise NoDepth(len(pixels), model_pixels)
 
-    ratio = d / d_hat
-    mu = _largest_consensus(ratio, inlier_band / float(d_hat.mean()))
+    mu = _largest_consensus(d / d_hat, inlier_band / float(d_hat.mean()))
     if mu > TOO_DEEP:
         raise DepthNotInMetres(float(np.median(d)), float(np.median(d_hat)))
 
-    inlier = np.abs(d - mu * d_hat) <= inlier_band
-    for _ in range(_REFITS):
-        if not inlier.any():
-            break
-        chosen = d_hat[inlier]
-        mu = float(d[inlier] @ chosen / (chosen @ chosen))
-        residuals = d - mu * d_hat
-        before, inlier = inlier, np.abs(residuals) <= inlier_band
-        if not (before ^ inlier).any():
-            break
+    mu, inlier = _least_squares(d, d_hat, mu, inlier_band)
     if not inlier.any():
         raise TooFewInliers(0.0, 1.0 / len(pixels))
-    chosen, scatter = d_hat[inlier], residuals[inlier]
+    chosen = d_hat[inlier]
+    scatter = d[inlier] - mu * chosen
     mean_square = float(scatter @ scatter) / len(scatter)
     inliers = np.zeros(depth.shape, dtype=np.bool_)
     inliers.ravel()[pixels[inlier]] = True
     return ScaleFit(
-        mu, mean_square / float(chosen @ chosen), inliers, len(covered), len(pixels), float(np.sqrt(mean_square))
+        mu, mean_square / float(chosen @ chosen), inliers, model_pixels, len(pixels), float(np.sqrt(mean_square))
     )
+
+
+@numba.njit(cache=True, nogil=True)
+def _measured(
+    depth: DepthImage, virtual_depth: DepthImage
+) -> tuple[int, NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
+    """How many pixels the model covers; of those that hold a measurement the flat indices, the depths d and d_hat."""
+    pixels = np.empty(depth.size, dtype=np.int64)
+    d, d_hat = np.empty(depth.size), np.empty(depth.size)
+    covered = valid = 0
+    for i in range(depth.size):
+        if virtual_depth.flat[i] > 0.0:
+            covered += 1
+            if 0.0 < depth.flat[i] < np.inf:
+                pixels[valid], d[valid], d_hat[valid] = i, depth.flat[i], virtual_depth.flat[i]
+                valid += 1
+    return covered, pixels[:valid], d[:valid], d_hat[:valid]
+
+
+@numba.njit(cache=True, nogil=True, fastmath={"reassoc", "contract"})
+def _least_squares(
+    d: NDArray[np.float64], d_hat: NDArray[np.float64], mu: float, band: float
+) -> tuple[float, NDArray[np.bool_]]:
+    """mu = sum(d d_hat) / sum(d_hat^2) over the inliers of the mu before, until they no longer change; the inliers."""
+    inlier = np.zeros(len(d), dtype=np.bool_)
+    for _ in range(_REFITS):
+        changes = 0
+        product = square = 0.0
+        for i in range(len(d)):
+            agrees = abs(d[i] - mu * d_hat[i]) <= band
+            changes += agrees != inlier[i]
+            inlier[i] = agrees
+            product += d[i] * d_hat[i] if agrees else 0.0
+            square += d_hat[i] * d_hat[i] if agrees else 0.0
+        if changes == 0 or square == 0.0:
+            break
+        mu = product / square
+    return mu, inlier
 
 
 def _largest_consensus(ratio: NDArray[np.float64], half_width: float) -> float:

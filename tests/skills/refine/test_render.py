@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import trimesh
 
+from benchmarks.refine_pyrender import render_with_plain_pyrender
 from skills.geometry import rot_x, rot_y, transform
 from skills.refine.errors import RenderFailed
 from skills.refine.render import ImageBox, image_box, render_depth, renderer
@@ -58,6 +59,29 @@ def test_renderers_agree(apple, camera):
         both = (one > 0) & (other > 0)
         assert np.count_nonzero((one > 0) != (other > 0)) <= 3
         assert np.quantile(np.abs(one - other)[both], 0.99) < 1e-6
+
+
+def test_the_picture_is_pyrenders_own(apple, camera):
+    for angle in np.linspace(0.0, 3.0, 7):
+        T = transform(rot_x(angle) @ rot_y(2.0 * angle), (0.08, -0.05, 0.5))
+        depth, box = render_depth(apple, T, camera)
+        expected = render_with_plain_pyrender(apple, T, camera, box)
+        both = (depth > 0) & (expected > 0)
+        assert np.count_nonzero((depth > 0) != (expected > 0)) <= 3
+        assert np.quantile(np.abs(depth - expected)[both], 0.99) < 1e-6
+
+
+def test_winding_does_not_matter(apple, camera):
+    """Neither of a closed mesh turned inside out, nor of an open one seen from behind."""
+    T = transform(rot_x(0.4), (0.0, 0.0, 0.5))
+    outwards, _ = render_depth(apple, T, camera)
+    inwards, _ = render_depth(trimesh.Trimesh(apple.vertices, apple.faces[:, ::-1], process=False), T, camera)
+    np.testing.assert_allclose(inwards, outwards, atol=1e-6)
+    corners = np.array([[-0.1, -0.1, 0.0], [0.1, -0.1, 0.0], [0.1, 0.1, 0.0], [-0.1, 0.1, 0.0]])
+    sheet = trimesh.Trimesh(corners, [[0, 1, 2], [0, 2, 3]], process=False)
+    seen = [render_depth(sheet, transform(rot_x(turn), (0.0, 0.0, 0.5)), camera)[0] for turn in (0.0, np.pi)]
+    assert np.count_nonzero(seen[0]) > 10_000
+    np.testing.assert_allclose(seen[0], seen[1], atol=1e-6)
 
 
 @pytest.mark.parametrize("using", RENDERERS)
@@ -113,6 +137,41 @@ def test_any_thread_may_render(apple, camera):
         thread.join(20.0)
     assert len(seen) == 4
     assert all(np.array_equal(depth, expected) for depth in seen)
+
+
+def test_what_was_current_in_the_callers_thread_stays_current():
+    program = """
+import numpy as np, trimesh
+from drivers.interfaces import Intrinsics
+from skills.geometry import transform
+from skills.refine.gl import load_pyrender
+from skills.refine.render import render_depth
+
+other = load_pyrender().OffscreenRenderer(64, 64)
+from OpenGL import EGL, GL
+before = EGL.eglGetCurrentContext().address
+GL.glViewport(0, 0, 64, 64)
+ball = trimesh.creation.icosphere(subdivisions=3, radius=0.05)
+camera = Intrinsics(600.0, 600.0, 320.0, 240.0, 640, 480)
+for _ in range(3):
+    depth, _ = render_depth(ball, transform(translation=(0.0, 0.0, 0.5)), camera)
+    assert abs(depth[depth > 0].min() - 0.45) < 1e-3
+    assert EGL.eglGetCurrentContext().address == before
+    assert list(GL.glGetIntegerv(GL.GL_VIEWPORT)) == [0, 0, 64, 64]
+print("still current")
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=False)
+    assert done.stdout.strip() == "still current", done.stderr[-2000:]
+
+
+def test_more_sizes_than_buffers_are_kept(camera):
+    ball = trimesh.creation.icosphere(subdivisions=3, radius=0.05)
+    whole, _ = render_depth(ball, transform(translation=(0.0, 0.0, 0.5)), camera, ImageBox(0, 0, 640, 480))
+    for _ in range(2):
+        for size in range(40, 440, 40):
+            box = ImageBox(320 - size // 2, 240 - size // 2, 320 + size // 2, 240 + size // 2)
+            depth, _ = render_depth(ball, transform(translation=(0.0, 0.0, 0.5)), camera, box)
+            np.testing.assert_allclose(depth, whole[box.slices], atol=3e-6)
 
 
 def test_more_meshes_than_are_kept(camera):
