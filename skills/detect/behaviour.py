@@ -35,6 +35,7 @@ class Detect(Skill):
 
     A fruit that this node chose before is chosen again only when `again` allows it: that the tree comes back here means
     that it did not work out. With `never`, `times` says how often one fruit is chosen, those chosen less often first.
+    From its second look on it may choose what it doubts (`unsure`), when nothing surer is left that was not chosen before.
     """
 
     inputs = Ports(
@@ -49,6 +50,13 @@ class Detect(Skill):
         ),
         times=Port(int, default=1, min=1, help="how often one fruit may be chosen, for again: never"),
         score=Port(RATIO, default=0.6, min=0.0, max=1.0, help="least belief that it is this fruit"),
+        unsure=Port(
+            RATIO,
+            default=1.0,
+            min=0.0,
+            max=1.0,
+            help="least belief of what is chosen when nothing surer is left, after a look that came to nothing; 1: never",
+        ),
         max_age=Port(TIME, default="500 ms", min="1 ms", max="60 s", help="older frames are refused"),
         working_width=Port(
             int, default=320, min=64, max=4096, help="width at which the whole picture is searched [px]"
@@ -68,6 +76,7 @@ class Detect(Skill):
     def __init__(self, name: str = "") -> None:
         super().__init__(name)
         self._chosen: list[F64] = []
+        self._looks = 0
 
     def prepare(self) -> None:
         """Load and warm the apple's detector; another fruit's is loaded at its first use."""
@@ -86,6 +95,7 @@ class Detect(Skill):
         again: str,
         times: int,
         score: float,
+        unsure: float,
         max_age: float,
         working_width: int,
     ) -> Work:
@@ -96,6 +106,9 @@ class Detect(Skill):
             instances = yield from self.compute(find_in_frame, frame, model, working_width)
         except BadFrame as error:
             raise self.failure("NO_FRAME", f"the camera's frame cannot be used: {error}") from error
+        self._looks += 1
+        if self._looks > 1 and unsure < score and not self._sure_and_new(instances, frame, T_base_camera, score):
+            score = unsure
         chosen = self._choose(instances, frame, T_base_camera, target, index, again, times, score)
         self.publish("detection", picture(frame, T_base_camera, instances, chosen, score))
         if isinstance(chosen, str):
@@ -184,6 +197,15 @@ class Detect(Skill):
             often = "before" if times == 1 else f"{times} times"
             return f"NOTHING_FOUND: all {len(order)} fruit in the frame were chosen {often}"
         return order[0]
+
+    def _sure_and_new(self, instances: list[Instance], frame: Frame, T_base_camera: F64, score: float) -> bool:
+        """Whether a fruit can be chosen that has not been before."""
+        return any(
+            instance.score >= score
+            and instance.T_camera_object is not None
+            and self._times_chosen(instance, frame, T_base_camera) == 0
+            for instance in instances
+        )
 
     def _times_chosen(self, instance: Instance, frame: Frame, T_base_camera: F64) -> int:
         place = _place(instance, frame, T_base_camera)

@@ -6,7 +6,7 @@ import copy
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +18,8 @@ from torch import Tensor, nn
 
 from skills.detect.close_look import REFERENCE_LENGTH, look_at
 from skills.detect.compact_network import (
+    AXIS,
+    CENTRE,
     CLOSE_LOOK_SIZE,
     KIND,
     SEEN,
@@ -37,6 +39,13 @@ F64 = NDArray[np.float64]
 WORKING_WIDTH = 320
 """Width to which pictures are shrunk for the finder [px]."""
 
+MIRROR = np.ones(SEEN + 1)
+MIRROR[[CENTRE.start, AXIS.start]] = -1.0
+"""What the close look says of a mirrored picture, times this, is true of the picture."""
+
+HOPELESS = 0.2
+"""A fruit with less score after a look is not looked at again: a quarter of the places, and hardly any fruit."""
+
 MULTIPLE = 16
 """The finder's input sides are multiples of this [px]."""
 
@@ -48,13 +57,15 @@ class DetectorOptions:
     Attributes:
         finder_threshold: least belief for which a place gets a second look.
         looks: how often each fruit is looked at closely; every further look is centred by the one before.
+        mirrored: the last look is taken in a mirror too, and the mean of both answers is used.
         most_fruit: places that get a second look, strongest first.
         apart: two fruit are at least this part of the larger one's keypoint size apart.
         working_width: width to which pictures are shrunk for the finder [px].
     """
 
     finder_threshold: float = 0.25
-    looks: int = 1
+    looks: int = 2
+    mirrored: bool = True
     most_fruit: int = 16
     apart: float = 0.35
     working_width: int = WORKING_WIDTH
@@ -70,7 +81,7 @@ class FoundFruit:
         stem: stem axis in the camera frame, unit vector (3,).
         spreads: deviations of centre [px], of the logarithm of size, and of the axis [rad], as the network expects
             them, (3,).
-        score: belief that this is fruit, 0..1: geometric mean of the finder's and the close look's.
+        score: belief that this is fruit, 0..1: geometric mean of the finder's and the close look's, and over looks.
         visibility: part of its silhouette that is seen, 0..1, as the network estimates it.
     """
 
@@ -110,7 +121,8 @@ class CompactDetector:
         self.belief_maps(blank)
         K = np.array([[width, 0.0, 0.5 * width], [0.0, width, 0.5 * height], [0.0, 0.0, 1.0]])
         for count in range(1, 9):
-            self._look(blank, K, [(K[:2, 2], 40.0)] * count, [0.0] * count)
+            for mirrored in {False, self.options.mirrored}:
+                self._look(blank, K, [(K[:2, 2], 40.0)] * count, [0.0] * count, mirrored)
 
     def find(self, colour: U8, K: F64) -> list[FoundFruit]:
         """All fruit in a picture, by falling score.
@@ -132,10 +144,17 @@ class CompactDetector:
             return []
         spots = [(place.keypoints[8], place.size) for place in places]
         beliefs = [min(1.0, place.belief) for place in places]
-        seen: list[FoundFruit] = []
-        for _ in range(options.looks):
-            seen = self._look(colour, K, spots, beliefs)
-            spots = [(fruit.centre, fruit.size) for fruit in seen]
+        seen = self._look(colour, K, spots, beliefs, options.mirrored and options.looks == 1)
+        for number in range(2, options.looks + 1):
+            again = [k for k, fruit in enumerate(seen) if fruit.score >= HOPELESS]
+            if not again:
+                break
+            spots = [(seen[k].centre, seen[k].size) for k in again]
+            better = self._look(
+                colour, K, spots, [beliefs[k] for k in again], options.mirrored and number == options.looks
+            )
+            for k, fruit in zip(again, better, strict=True):
+                seen[k] = replace(fruit, score=float(np.sqrt(seen[k].score * fruit.score)))
         kept: list[FoundFruit] = []
         for fruit in sorted(seen, key=lambda fruit: -fruit.score):
             if all(
@@ -176,15 +195,21 @@ class CompactDetector:
             belief, offsets = self._finder(to_input(torch.from_numpy(shrunk[None])).to(self._type))
         return belief[0].float().numpy(), offsets[0].float().numpy(), factor
 
-    def _look(self, colour: U8, K: F64, places: list[tuple[F64, float]], beliefs: list[float]) -> list[FoundFruit]:
+    def _look(
+        self, colour: U8, K: F64, places: list[tuple[F64, float]], beliefs: list[float], mirrored: bool
+    ) -> list[FoundFruit]:
         side = (CLOSE_LOOK_SIZE, CLOSE_LOOK_SIZE)
         looks = [look_at(K, centre, size) for centre, size in places]
         flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
         pictures = np.stack([cv2.warpPerspective(colour, look.picture_from_look, side, flags=flags) for look in looks])
+        if mirrored:
+            pictures = np.concatenate([pictures, pictures[:, :, ::-1]])
         with torch.inference_mode():
             output = (
                 self._close_look(to_input(torch.from_numpy(pictures)).to(self._type)).float().numpy().astype(np.float64)
             )
+        if mirrored:
+            output = 0.5 * (output[: len(looks)] + output[len(looks) :] * MIRROR)
         found = []
         for row, look, belief in zip(output, looks, beliefs, strict=True):
             p_camera, stem = look.place(row[: SPREAD.start])

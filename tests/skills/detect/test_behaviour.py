@@ -102,6 +102,25 @@ def test_fruit_chosen_before_may_be_chosen_freely_or_never(scripted: list[Instan
     assert outcome.reason.code == "NOTHING_FOUND"
 
 
+def test_what_is_doubted_is_chosen_from_the_second_look_on_when_nothing_surer_is_left(scripted: list[Instance]) -> None:
+    scripted += [instance(0.1, 0.5, score=0.9), instance(-0.1, 0.6, score=0.45), instance(0.0, 0.7, score=0.2)]
+    skill = Detect()
+    chosen = [look(skill, unsure=0.4).outputs["detection"].index for _ in range(3)]
+    assert chosen == [0, 1, 0]
+    assert look(skill, unsure=0.4, again="never").status is Status.FAILURE
+    surest_first = [look(Detect()).outputs["detection"].index for _ in range(2)]
+    assert surest_first == [0, 0]
+
+
+def test_what_is_doubted_is_not_chosen_at_the_first_look(scripted: list[Instance]) -> None:
+    scripted += [instance(0.0, 0.5, score=0.45)]
+    skill = Detect()
+    first, second = look(skill, unsure=0.4), look(skill, unsure=0.4)
+    assert first.reason is not None
+    assert first.reason.code == "LOW_CONFIDENCE"
+    assert second.status is Status.SUCCESS
+
+
 def test_the_same_fruit_is_known_again_from_another_place(scripted: list[Instance]) -> None:
     skill = Detect()
     scripted[:] = [instance(0.0, 0.5), instance(0.15, 0.55)]

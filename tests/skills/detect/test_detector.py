@@ -106,6 +106,36 @@ def test_pictures_of_another_type_are_refused(detector: CompactDetector) -> None
         detector.find(np.full((480, 640, 3), np.nan), K)  # type: ignore[arg-type]
 
 
+@pytest.mark.parametrize(("looks", "mirrored"), [(1, False), (1, True), (3, False)])
+def test_any_number_of_looks_finds_the_same_fruit(
+    detector: CompactDetector, apple: FruitModel, looks: int, mirrored: bool
+) -> None:
+    assert apple.weights is not None
+    other = CompactDetector.load(apple.weights, DetectorOptions(looks=looks, mirrored=mirrored))
+    picture = Rendered(apple, 1).picture(0, False)
+    usual = [fruit for fruit in detector.find(picture, K) if fruit.score >= 0.7]
+    assert usual
+    for fruit in usual:
+        nearest = min(other.find(picture, K), key=lambda o: float(np.linalg.norm(o.centre - fruit.centre)))
+        assert np.linalg.norm(nearest.centre - fruit.centre) < 0.1 * fruit.size
+        assert nearest.size == pytest.approx(fruit.size, rel=0.1)
+
+
+def test_a_mirrored_picture_gives_mirrored_fruit(apple: FruitModel) -> None:
+    assert apple.weights is not None
+    detector = CompactDetector.load(apple.weights, DetectorOptions(looks=1, mirrored=True, working_width=640))
+    picture = Rendered(apple, 1).picture(0, False)
+    centred = K.copy()
+    centred[0, 2] = 0.5 * (picture.shape[1] - 1)
+    size = np.float64(60.0)
+    (straight,) = detector._look(picture, centred, [(np.array([250.0, 240.0]), size)], [1.0], True)
+    flipped = np.ascontiguousarray(picture[:, ::-1])
+    (mirrored,) = detector._look(flipped, centred, [(np.array([639.0 - 250.0, 240.0]), size)], [1.0], True)
+    assert mirrored.centre == pytest.approx(np.array([639.0, 0.0]) + (-1.0, 1.0) * straight.centre, abs=0.5)
+    assert mirrored.stem == pytest.approx(straight.stem * (-1.0, 1.0, 1.0), abs=0.1)
+    assert mirrored.score == pytest.approx(straight.score, abs=0.05)
+
+
 def test_untrained_networks_return_in_bounded_time_and_finite() -> None:
     torch.manual_seed(0)
     wild = CompactDetector(FinderNetwork(), CloseLookNetwork())
