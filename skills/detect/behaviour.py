@@ -35,7 +35,7 @@ class Detect(Skill):
 
     A fruit that this node chose before is chosen again only when `again` allows it: that the tree comes back here means
     that it did not work out. With `never`, `times` says how often one fruit is chosen, those chosen less often first.
-    From its second look on it may choose what it doubts (`unsure`), when nothing surer is left that was not chosen before.
+    From its second look on it may choose what it doubts (`unsure`), when nothing surer is left that is new.
     """
 
     inputs = Ports(
@@ -55,7 +55,7 @@ class Detect(Skill):
             default=1.0,
             min=0.0,
             max=1.0,
-            help="least belief of what is chosen when nothing surer is left, after a look that came to nothing; 1: never",
+            help="least belief from the second look on, when nothing surer is left that is new; 1: never",
         ),
         max_age=Port(TIME, default="500 ms", min="1 ms", max="60 s", help="older frames are refused"),
         working_width=Port(
