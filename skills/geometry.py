@@ -10,6 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 
 Float64 = NDArray[np.float64]
 
+_IDENTITY = np.eye(3)
+
 
 def transform(rotation: ArrayLike | None = None, translation: ArrayLike | None = None) -> Float64:
     """A pose from a 3 x 3 rotation and a translation, shape (3,) [m]; identity for what is left out."""
@@ -66,5 +68,7 @@ def is_pose(T: Float64, tolerance: float = 1e-6) -> bool:
     if T.shape != (4, 4) or not np.isfinite(T).all():
         return False
     R = T[:3, :3]
-    orthonormal = np.abs(R @ R.T - np.eye(3)).max() < tolerance
-    return bool(orthonormal and np.linalg.det(R) > 0.0 and np.array_equal(T[3], [0.0, 0.0, 0.0, 1.0]))
+    orthonormal = np.abs(R @ R.T - _IDENTITY).max() < tolerance
+    (a, b, c), (d, e, f), (g, h, i) = R.tolist()
+    right_handed = a * (e * i - f * h) + b * (f * g - d * i) + c * (d * h - e * g) > 0.0
+    return bool(orthonormal and right_handed and T[3].tolist() == [0.0, 0.0, 0.0, 1.0])

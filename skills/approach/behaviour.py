@@ -12,7 +12,6 @@ from skills.approach.straight_line import straight_line
 from skills.motion import MOTION_FAILURES, MovingSkill
 from skills.occupancy import OccupancyMap
 from skills.plan.arm_space import arm_space, usable_field
-from skills.plan.rounding import first_blocked
 from skills.plan.timing import time_curve
 from skills.plan.warm import prepare_moving
 from skills.robot import RobotModel
@@ -78,7 +77,7 @@ class Approach(MovingSkill):
             )
         width = min(grasp.width, gripper.limits.width_max)
         space = arm_space(arm, self.device(Workspace), usable_field(self, map), width, clearance, target=grasp.fruit)
-        blocked = first_blocked(space, line.q)
+        blocked = space.first_blocked(line.q)
         if blocked is not None:
             reason, found = space.explain(line.q[blocked + 1])
             raise self.failure("IN_COLLISION", f"on the approach {reason}", candidate=grasp.index, **found)

@@ -7,6 +7,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from skills.robot.chain import compose, forward, jacobian
+from skills.robot.numeric_ik import newton_step
 
 Float64 = NDArray[np.float64]
 
@@ -45,9 +46,10 @@ def track_poses(
     """
     dof = q_start.shape[0]
     links, T, J = np.empty((dof + 1, 3, 4)), np.empty((3, 4)), np.empty((6, dof))
-    error, q = np.empty(6), q_start.copy()
+    error, A, step = np.empty(6), np.empty((6, 6)), np.empty(dof)
+    q, q_before = q_start.copy(), np.empty(dof)
     for k in range(poses.shape[0]):
-        q_before = q.copy()
+        q_before[:] = q
         size = 1.0
         for _ in range(_ROUNDS):
             forward(steps, sliding, q, links)
@@ -66,10 +68,9 @@ def track_poses(
             if size < _PRECISION:
                 break
             jacobian(links, sliding, T[:, 3], J)
-            A = J @ J.T
-            for row in range(6):
-                A[row, row] += 1e-9
-            q = q + J.T @ np.linalg.solve(A, error)
+            newton_step(J, error, 1e-9, A, step)
+            for i in range(dof):
+                q[i] += step[i]
         if size > 1e-7:
             return OUT_OF_REACH, k
         for i in range(dof):

@@ -50,9 +50,8 @@ class DistanceField:
 
     def distance(self, points: Float64) -> Float64:
         """Lower bound of the distance of points, shape (n, 3), in the base frame from blocked cells; shape (n,) [m]."""
-        distances = np.empty(len(points))
-        for i, p in enumerate(np.asarray(points, dtype=np.float64)):
-            distances[i] = lookup(self.values, self.origin, self.resolution, p[0], p[1], p[2])
+        p = np.asarray(points, dtype=np.float64)
+        distances: Float64 = _distances(self.values, self.origin, self.resolution, p)
         return distances
 
 
@@ -73,6 +72,15 @@ def lookup(values: Float32, origin: Float64, resolution: float, x: float, y: flo
     c += v * (d - c)
     distance: float = a + u * (c - a) - INTERPOLATION_ERROR * resolution
     return distance
+
+
+@njit(cache=True, nogil=True)
+def _distances(values: Float32, origin: Float64, resolution: float, points: Float64) -> Float64:
+    """`lookup` at points of shape (n, 3)."""
+    distances = np.empty(points.shape[0])
+    for i in range(points.shape[0]):
+        distances[i] = lookup(values, origin, resolution, points[i, 0], points[i, 1], points[i, 2])
+    return distances
 
 
 @njit(cache=True, nogil=True)

@@ -1,4 +1,4 @@
-"""Collision checks of one posture and of one straight joint-space segment, compiled by numba.
+"""Collision checks of postures, compiled by numba; `segment` proves what lies between them.
 
 Distances are lower bounds. A geom is first judged by one sphere around it; its covering spheres (or, against planes,
 its support points) are only looked at when that is not enough. `enough` says which distance the caller does not need
@@ -52,7 +52,7 @@ class WorldArrays(NamedTuple):
 
 
 @njit(cache=True, nogil=True)
-def _place(
+def _place_spheres(
     spheres: Float64, begin: int, end: int, T: Float64, sx: float, sy: float, sz: float, placed: Float64
 ) -> None:
     """Write the centres of a geom's spheres, shifted by s in the link's frame, in the base frame."""
@@ -87,6 +87,8 @@ def _convex_distance(
             continue
         for f in range(first, last):
             away = max(away, planes[f, 0] * x + planes[f, 1] * y + planes[f, 2] * z - planes[f, 3])
+            if away - radius >= distance:  # further planes can only put it further away
+                break
         distance = min(distance, away - radius)
     return distance
 
@@ -148,17 +150,13 @@ def check_states(
     wanted = np.empty(numbers)
     found = np.empty(numbers)
     which = np.empty(numbers, np.int64)
-    room = _Room(
-        np.empty((Q.shape[1] + 1, 3, 4)),
-        np.empty((robot.links.shape[0], 3)),
-        np.empty((robot.spheres.shape[0], 3)),
-        np.empty(robot.links.shape[0], np.bool_),
-    )
+    room = make_room(robot)
     for g in range(robot.links.shape[0]):
         due[g] = robot.links[g] > 0
     wanted[:] = enough
     for n in range(Q.shape[0]):
-        worst = _look(robot, world, Q[n], width, due, wanted, True, room, found, which)
+        place(robot, Q[n], width, room)
+        worst = look(robot, world, width, due, wanted, True, room, found, which)
         clearances[n], culprits[n, 0], culprits[n, 1] = enough, -1, -1
         if worst >= 0 and found[worst] < enough:
             clearances[n] = found[worst]
@@ -166,8 +164,8 @@ def check_states(
             culprits[n, 0], culprits[n, 1] = geom, which[worst]
 
 
-class _Room(NamedTuple):
-    """Memory that `_look` works in: poses of links, centres of geoms and of spheres, which geoms are placed."""
+class Room(NamedTuple):
+    """Memory for one posture: poses of links, centres of geoms and of spheres, geoms whose spheres are placed."""
 
     links: Float64
     centres: Float64
@@ -176,11 +174,39 @@ class _Room(NamedTuple):
 
 
 @njit(cache=True, nogil=True)
-def _look(
-    robot: RobotArrays, world: WorldArrays, q: Float64, width: float, due: NDArray[np.bool_], wanted: Float64,
-    only_worst: bool, room: _Room, found: Float64, which: Int64,
+def make_room(robot: RobotArrays) -> Room:
+    """Memory to judge postures of a robot in."""
+    geoms = robot.links.shape[0]
+    return Room(
+        np.empty((robot.steps.shape[0] + 1, 3, 4)),
+        np.empty((geoms, 3)),
+        np.empty((robot.spheres.shape[0], 3)),
+        np.empty(geoms, np.bool_),
+    )
+
+
+@njit(cache=True, nogil=True)
+def place(robot: RobotArrays, q: Float64, width: float, room: Room) -> None:
+    """Put the links and the centres of all geoms where they are in a posture."""
+    of_geom, slides, bounds, opening = robot.links, robot.slides, robot.bounds, width - robot.closed
+    links, centres, ready = room.links, room.centres, room.ready
+    forward(robot.steps, robot.sliding, q, links)
+    for g in range(of_geom.shape[0]):
+        n = of_geom[g]
+        x = bounds[g, 0] + opening * slides[g, 0]
+        y = bounds[g, 1] + opening * slides[g, 1]
+        z = bounds[g, 2] + opening * slides[g, 2]
+        for row in range(3):
+            centres[g, row] = links[n, row, 0] * x + links[n, row, 1] * y + links[n, row, 2] * z + links[n, row, 3]
+        ready[g] = False
+
+
+@njit(cache=True, nogil=True)
+def look(
+    robot: RobotArrays, world: WorldArrays, width: float, due: NDArray[np.bool_], wanted: Float64,
+    only_worst: bool, room: Room, found: Float64, which: Int64,
 ) -> int:  # fmt: skip
-    """Judge what is due in one posture: geoms against the world, then pairs of geoms.
+    """Judge what is due in the posture that was placed: geoms against the world, then pairs of geoms.
 
     Writes the clearance beyond the margin into `found` (resolved only below `wanted`) and into `which` the obstacle, or
     -1 - the pair's first geom. Returns the number of the smallest; with `only_worst`, what cannot be smaller than what
@@ -195,15 +221,6 @@ def _look(
     )  # fmt: skip
     convex, half_spaces, margins, ignored = world.bounds, world.half_spaces, world.margins, world.ignored
     self_margin, opening, geoms, obstacles = world.self_margin, width - robot.closed, of_geom.shape[0], convex.shape[0]
-    forward(robot.steps, robot.sliding, q, links)
-    for g in range(geoms):
-        n = of_geom[g]
-        x = bounds[g, 0] + opening * slides[g, 0]
-        y = bounds[g, 1] + opening * slides[g, 1]
-        z = bounds[g, 2] + opening * slides[g, 2]
-        for row in range(3):
-            centres[g, row] = links[n, row, 0] * x + links[n, row, 1] * y + links[n, row, 2] * z + links[n, row, 3]
-        ready[g] = False
     worst: int = -1
     smallest: float = 1e9
     for g in range(geoms - 1, -1, -1):  # the gripper is what most often collides
@@ -217,7 +234,7 @@ def _look(
         if not ignored[MAP, g]:
             nearest, nearest_is = lookup(field, origin, resolution, x, y, z) - around, MAP
             if nearest < enough:
-                _place(spheres, begin, end, links[n], sx, sy, sz, placed)
+                _place_spheres(spheres, begin, end, links[n], sx, sy, sz, placed)
                 ready[g] = True
                 nearest = _map_distance(field, origin, resolution, spheres, begin, end, placed) - margin
         for h in range(half_spaces.shape[0]):
@@ -238,7 +255,7 @@ def _look(
             away -= convex[k, 3] + around
             if away < min(enough, nearest):
                 if not ready[g]:
-                    _place(spheres, begin, end, links[n], sx, sy, sz, placed)
+                    _place_spheres(spheres, begin, end, links[n], sx, sy, sz, placed)
                     ready[g] = True
                 first, last = plane_start[k], plane_start[k + 1]
                 away = _convex_distance(planes, first, last, convex[k], spheres, begin, end, placed) - margin
@@ -264,7 +281,7 @@ def _look(
         if around + enough > 0.0 and squared < (around + enough) ** 2:
             for g in (i, j):
                 if not ready[g]:
-                    _place(
+                    _place_spheres(
                         spheres, start[g], start[g + 1], links[of_geom[g]], opening * slides[g, 0],
                         opening * slides[g, 1], opening * slides[g, 2], placed,
                     )  # fmt: skip
@@ -283,64 +300,3 @@ def _look(
             if only_worst and away < 0.0 and wanted[number] <= 0.0:
                 return worst
     return worst
-
-
-_LOOK_AHEAD = 0.15  # clearances beyond this are not resolved further while moving [m]
-
-
-@njit(cache=True, nogil=True)
-def check_segment(
-    robot: RobotArrays, world: WorldArrays, start: Float64, end: Float64, width: float, slack: float
-) -> tuple[float, float, int, int]:
-    """Prove a straight joint-space segment free, or find where it is not: conservative advancement.
-
-    A geom's points move by at most sum |dq_j| · reach_j along the segment. So a clearance found at one posture reaches
-    some way on; only there the geom is looked at again. Nothing comes closer than its margin minus `slack`.
-
-    Returns:
-        Where on the segment something is closer than its margin (0 to 1; 2 when nothing is), the smallest clearance
-        met beyond the margins [m], and who has it, as in `check_states`.
-    """
-    dof, geoms, pairs = start.shape[0], robot.links.shape[0], robot.pairs
-    numbers = geoms + pairs.shape[0]
-    room = _Room(
-        np.empty((dof + 1, 3, 4)),
-        np.empty((geoms, 3)),
-        np.empty((robot.spheres.shape[0], 3)),
-        np.empty(geoms, np.bool_),
-    )
-    reach, of_geom = robot.reach, robot.links
-    rates = np.zeros(numbers)  # metres per unit of the segment
-    safe_until = np.zeros(numbers)
-    due = np.empty(numbers, np.bool_)
-    wanted, found = np.empty(numbers), np.empty(numbers)
-    which = np.empty(numbers, np.int64)
-    for g in range(geoms):
-        for j in range(dof):
-            rates[g] += abs(end[j] - start[j]) * reach[j, g]
-        if of_geom[g] == 0:
-            safe_until[g] = 2.0
-    for p in range(pairs.shape[0]):
-        for j in range(of_geom[pairs[p, 0]], dof):
-            rates[geoms + p] += abs(end[j] - start[j]) * reach[j, pairs[p, 1]]
-    smallest, geom, other = 1e9, -1, -1
-    q = np.empty(dof)
-    while True:
-        t = safe_until.min()
-        if t > 1.0:
-            return 2.0, smallest, geom, other
-        for j in range(dof):
-            q[j] = start[j] + t * (end[j] - start[j])
-        for n in range(numbers):
-            due[n] = safe_until[n] <= t
-            wanted[n] = min((1.0 - t) * rates[n], _LOOK_AHEAD) + 1e-9
-        worst = _look(robot, world, q, width, due, wanted, False, room, found, which)
-        if found[worst] < smallest:
-            geom = worst if worst < geoms else pairs[worst - geoms, 1]
-            smallest, other = found[worst], which[worst]
-            if smallest < 0.0:
-                return t, smallest, geom, other
-        for n in range(numbers):
-            if due[n]:
-                reached = (found[n] + slack) / max(rates[n], 1e-12)
-                safe_until[n] = 2.0 if reached > 1.0 - t else t + reached

@@ -15,6 +15,7 @@ from skills.collision.distance_field import DistanceField
 from skills.collision.errors import UnknownObstacle
 from skills.collision.kernel import WorldArrays
 from skills.collision.robot_shape import RobotShape
+from skills.collision.segment import check_path, check_segment
 from skills.collision.trajectory_form import check_shape_and_limits
 from skills.collision.verdict import Collision, Margins
 from skills.robot import RobotModel
@@ -162,7 +163,7 @@ class CollisionWorld:
     def segment_free(self, start: ArrayLike, end: ArrayLike, width: float, slack: float = 1e-3) -> bool:
         """Whether a straight joint-space segment keeps all margins to within `slack` [m], at every point of it."""
         first, last = self.shape.model.checked(start), self.shape.model.checked(end)
-        return bool(kernel.check_segment(self.shape.arrays, self.arrays, first, last, width, slack)[0] > 1.0)
+        return bool(check_segment(self.shape.arrays, self.arrays, first, last, width, slack)[0] > 1.0)
 
     def check_path(self, waypoints: ArrayLike, width: float, slack: float = 1e-3) -> Collision | None:
         """The first collision along straight joint-space segments between waypoints, shape (n, dof), or None.
@@ -179,12 +180,21 @@ class CollisionWorld:
             BadJoints: a waypoint is no posture of this robot.
         """
         path = self._checked_many(waypoints)
-        for number in range(max(len(path) - 1, 1)):
-            start, end = path[number], path[min(number + 1, len(path) - 1)]
-            at, away, geom, other = kernel.check_segment(self.shape.arrays, self.arrays, start, end, width, slack)
-            if at <= 1.0:
-                return self._collision(start + at * (end - start), width, away, geom, other, number + at)
-        return None
+        number, at, away, geom, other = check_path(self.shape.arrays, self.arrays, path, width, slack)
+        if number < 0:
+            return None
+        start, end = path[number], path[min(number + 1, len(path) - 1)]
+        return self._collision(start + at * (end - start), width, away, geom, other, number + at)
+
+    def first_blocked(self, waypoints: ArrayLike, width: float, slack: float = 1e-3) -> int | None:
+        """Number of the first segment of `check_path` that is not free, or None.
+
+        Raises:
+            BadJoints: a waypoint is no posture of this robot.
+        """
+        path = self._checked_many(waypoints)
+        number = check_path(self.shape.arrays, self.arrays, path, width, slack)[0]
+        return None if number < 0 else number
 
     def check_trajectory(self, trajectory: Trajectory, width: float, slack: float = 1e-3) -> Collision | None:
         """The first collision along a timed trajectory, or None.

@@ -12,7 +12,6 @@ from skills.approach.straight_line import straight_line
 from skills.motion import MOTION_FAILURES, MovingSkill
 from skills.occupancy import OccupancyMap
 from skills.plan.arm_space import arm_space, usable_field
-from skills.plan.rounding import first_blocked
 from skills.plan.timing import time_curve
 from skills.plan.warm import prepare_moving
 from skills.robot import RobotModel
@@ -93,7 +92,7 @@ class Lift(MovingSkill):
         field = usable_field(self, map)
         space = arm_space(self.device(Arm), self.device(Workspace), field, width, clearance, held=grasp)
         space = space.leaving_table()
-        blocked = first_blocked(space, q_line)
+        blocked = space.first_blocked(q_line)
         if blocked is not None:
             reason, found = space.explain(q_line[blocked + 1])
             raise self.failure("IN_COLLISION", f"on the way up {reason}", **found)

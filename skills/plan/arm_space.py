@@ -72,6 +72,10 @@ class ArmSpace:
             return False
         return self.world.segment_free(q_a, q_b, self.width)
 
+    def first_blocked(self, path: Float64) -> int | None:
+        """Number of the first segment of a joint polyline, shape (n, dof), that does not keep all margins, or None."""
+        return self.world.first_blocked(path, self.width)
+
     def clearances(self, q: Float64) -> Float64:
         """Distance that postures, shape (n, dof), leave beyond the margins, shape (n,) [m]; negative in collision."""
         return self.world.clearances(q, self.width)

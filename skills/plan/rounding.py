@@ -31,7 +31,7 @@ def time_free_path(space: Space, waypoints: Float64, limits: ArmLimits) -> Traje
     dwells = np.zeros(len(waypoints))
     while True:
         trajectory = time_polyline(waypoints, limits, dwells)
-        blocked = first_blocked(space, trajectory.q)
+        blocked = space.first_blocked(trajectory.q)
         if blocked is None:
             return trajectory
         corners = [k for k in range(1, len(waypoints) - 1) if dwells[k] < 1.0]
@@ -39,8 +39,3 @@ def time_free_path(space: Space, waypoints: Float64, limits: ArmLimits) -> Traje
             raise PlanningFailed("NO_PATH", "the path touches an obstacle between its waypoints")
         near = min(corners, key=lambda k: float(np.linalg.norm(waypoints[k] - trajectory.q[blocked])))
         dwells[near] = _SHARPER[float(dwells[near])]
-
-
-def first_blocked(space: Space, q: Float64) -> int | None:
-    """Index of the first sample whose step to the next one is not free, or None."""
-    return next((k for k in range(len(q) - 1) if not space.free_between(q[k], q[k + 1])), None)

@@ -31,6 +31,10 @@ class Space(Protocol):
         """Whether the straight joint segment is free of collision."""
         ...
 
+    def first_blocked(self, path: Float64) -> int | None:
+        """Number of the first segment of a joint polyline, shape (n, dof), that is not free, or None."""
+        ...
+
     def explain(self, q: Float64) -> tuple[str, dict[str, object]]:
         """Why a configuration is not free: half a sentence for people, and data (link, obstacle, distance)."""
         ...

@@ -26,6 +26,7 @@ def warm_checks(description: Path) -> None:
     space.free(q)
     space.clearances(q[None])
     space.free_between(q, q)
+    space.first_blocked(q[None])
     straight_line(robot, q, robot.tcp(q) @ transform(None, [0.0, 0.0, 1e-3]))
 
 
@@ -52,6 +53,9 @@ class _Empty:
 
     def free_between(self, q_a: np.ndarray, q_b: np.ndarray) -> bool:
         return True
+
+    def first_blocked(self, path: np.ndarray) -> int | None:
+        return None
 
     def explain(self, q: np.ndarray) -> tuple[str, dict[str, object]]:
         return "everything is free", {}

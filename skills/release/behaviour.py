@@ -16,7 +16,6 @@ from skills.motion import MOTION_FAILURES, MovingSkill, Watching
 from skills.move_to.moving import POSE_FAILURES, move_to_pose
 from skills.occupancy import OccupancyMap
 from skills.plan.arm_space import ArmSpace, arm_space, usable_field
-from skills.plan.rounding import first_blocked
 from skills.plan.timing import time_curve
 from skills.plan.warm import prepare_planning
 from skills.robot import RobotModel
@@ -154,7 +153,7 @@ class Release(MovingSkill):
         way, ends = line.q, line.reason
         if clearance is not None:
             space = self._space(map, clearance)
-            blocked = first_blocked(space, way)
+            blocked = space.first_blocked(way)
             if blocked is not None:
                 way, ends = way[: blocked + 1], space.explain(way[blocked + 1])[0]
         if len(way) < 4:

@@ -15,7 +15,6 @@ from skills.approach.straight_line import straight_line
 from skills.geometry import inverse
 from skills.motion import MOTION_FAILURES, MovingSkill, Watching
 from skills.plan.arm_space import arm_space
-from skills.plan.rounding import first_blocked
 from skills.plan.timing import time_curve
 from skills.plan.warm import prepare_moving
 from skills.robot import RobotModel
@@ -123,7 +122,7 @@ class Retreat(MovingSkill):
                 reached_m=line.reached * line.length,
             )
         space = arm_space(arm, self.device(Workspace), None, self.device(Gripper).state().width, 0.0).leaving_table()
-        blocked = first_blocked(space, line.q)
+        blocked = space.first_blocked(line.q)
         if blocked is not None:
             reason, found = space.explain(line.q[blocked + 1])
             raise self.failure("NO_WAY_BACK", f"on the way back {reason}", **found)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from skills.robot.model import RobotModel, checked_pose
@@ -45,8 +46,7 @@ def inverse_kinematics(
             starts = np.vstack((reference, starts))
         solutions = _distinct(descend(model, pose, starts))
     if reference is not None:
-        solutions = _whole_turns_towards(solutions, reference, model)
-        solutions = solutions[np.argsort(np.linalg.norm(solutions - reference, axis=1), kind="stable")]
+        solutions = _nearest_first(solutions, reference, model.lower, model.upper, model.sliding)
     return solutions
 
 
@@ -71,8 +71,18 @@ def _distinct(solutions: Float64) -> Float64:
     return np.array(kept).reshape(len(kept), solutions.shape[1])
 
 
-def _whole_turns_towards(solutions: Float64, reference: Float64, model: RobotModel) -> Float64:
-    """Turn joints by whole turns towards the reference where the limits allow."""
-    turned = solutions + np.where(model.sliding, 0.0, 2.0 * np.pi * np.round((reference - solutions) / (2.0 * np.pi)))
-    allowed = (turned >= model.lower) & (turned <= model.upper)
-    return np.where(allowed, turned, solutions)
+@njit(cache=True, nogil=True)
+def _nearest_first(
+    solutions: Float64, reference: Float64, lower: Float64, upper: Float64, sliding: NDArray[np.bool_]
+) -> Float64:
+    """Solutions with joints turned by whole turns towards the reference where the limits allow, the nearest first."""
+    turned = solutions.copy()
+    squared = np.zeros(solutions.shape[0])
+    for n in range(solutions.shape[0]):
+        for j in range(solutions.shape[1]):
+            if not sliding[j]:
+                whole = 2.0 * np.pi * np.round((reference[j] - solutions[n, j]) / (2.0 * np.pi))
+                if lower[j] <= solutions[n, j] + whole <= upper[j]:
+                    turned[n, j] += whole
+            squared[n] += (turned[n, j] - reference[j]) ** 2
+    return turned[np.argsort(squared, kind="mergesort")]

@@ -65,6 +65,32 @@ def _solve_symmetric(A: Float64, b: Float64) -> None:
 
 
 @njit(cache=True, nogil=True)
+def newton_step(J: Float64, error: Float64, damping: float, A: Float64, step: Float64) -> None:
+    """Write the least joint motion that takes an error away, J^T (J J^T + damping)^-1 error, into `step`.
+
+    Args:
+        J: Jacobian, shape (6, dof).
+        error: of the pose, shape (6,) [m, rad]; overwritten.
+        damping: added to the diagonal.
+        A: room of shape (6, 6).
+        step: the result, shape (dof,) [rad or m].
+    """
+    dof = step.shape[0]
+    for i in range(6):
+        for j in range(i + 1):
+            total = 0.0
+            for k in range(dof):
+                total += J[i, k] * J[j, k]
+            A[i, j] = total
+        A[i, i] += damping
+    _solve_symmetric(A, error)
+    for k in range(dof):
+        step[k] = 0.0
+        for i in range(6):
+            step[k] += J[i, k] * error[i]
+
+
+@njit(cache=True, nogil=True)
 def _pose_error(T: Float64, target: Float64, error: Float64) -> float:
     """Write the shift and the rotation vector from pose T to the target, both (3, 4), in the base frame; its norm²."""
     vee = np.zeros(3)
@@ -103,7 +129,7 @@ def _descend(
     T = np.empty((3, 4))
     J = np.empty((6, dof))
     A = np.empty((6, 6))
-    error = np.empty(6)
+    error, step = np.empty(6), np.empty(dof)
     count = 0
     for s in range(starts.shape[0]):
         q = starts[s].copy()
@@ -114,19 +140,9 @@ def _descend(
             if squared < _CONVERGED**2:
                 break
             jacobian(links, sliding, T[:, 3].copy(), J)
-            for i in range(6):
-                for j in range(i + 1):
-                    total = 0.0
-                    for k in range(dof):
-                        total += J[i, k] * J[j, k]
-                    A[i, j] = total
-                A[i, i] += 0.05 * squared + 1e-9
-            _solve_symmetric(A, error)
+            newton_step(J, error, 0.05 * squared + 1e-9, A, step)
             for k in range(dof):
-                step = 0.0
-                for i in range(6):
-                    step += J[i, k] * error[i]
-                q[k] = min(max(q[k] + min(max(step, -0.5), 0.5), lower[k]), upper[k])
+                q[k] = min(max(q[k] + min(max(step[k], -0.5), 0.5), lower[k]), upper[k])
         forward(steps, sliding, q, links)
         compose(links[dof], T_link_tcp, T)
         if _pose_error(T, target, error) < _ACCEPTED**2:

@@ -18,7 +18,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from skills.geometry import inverse, rotation_about
+from skills.geometry import inverse
 from skills.robot.model import RobotModel
 
 Float64 = NDArray[np.float64]
@@ -63,13 +63,7 @@ class SphericalArm:
 
     def arm_angle(self, q: Float64, T_base_tcp: Float64) -> float:
         """The arm angle that keeps the elbow where it is at q, while the TCP goes to `T_base_tcp` [rad]."""
-        motion = T_base_tcp @ self.T_tcp_base_zero
-        elbow_axis = self.axes[3]
-        for axis, angle in zip(self.axes[2::-1], q[2::-1], strict=True):
-            elbow_axis = rotation_about(axis, angle) @ elbow_axis
-        to_wrist = motion[:3, :3] @ self.wrist + motion[:3, 3] - self.shoulder
-        _, side, up = _frame_of_line(tuple(to_wrist), tuple(np.cross(self.axes[0], to_wrist)))
-        return float(np.arctan2(elbow_axis @ np.array(up), elbow_axis @ np.array(side)))
+        return float(_arm_angle(self.axes, self.shoulder, self.wrist, T_base_tcp @ self.T_tcp_base_zero, q))
 
 
 @lru_cache(maxsize=16)
@@ -182,6 +176,28 @@ def _vector(values: Float64) -> Vector:
 
 
 @njit(cache=True, nogil=True)
+def _to_wrist(shoulder: Float64, wrist: Float64, motion: Float64) -> Vector:
+    """The line from the shoulder to where a motion takes the wrist."""
+    w = _vector(wrist)
+    return (
+        _dot(_vector(motion[0]), w) + motion[0, 3] - shoulder[0],
+        _dot(_vector(motion[1]), w) + motion[1, 3] - shoulder[1],
+        _dot(_vector(motion[2]), w) + motion[2, 3] - shoulder[2],
+    )
+
+
+@njit(cache=True, nogil=True)
+def _arm_angle(axes: Float64, shoulder: Float64, wrist: Float64, motion: Float64, q: Float64) -> float:
+    """The angle of the elbow's axis at q about the line to where a motion takes the wrist."""
+    elbow_axis = _vector(axes[3])
+    for i in range(2, -1, -1):
+        elbow_axis = _rotate(_vector(axes[i]), cos(q[i]), sin(q[i]), elbow_axis)
+    to_wrist = _to_wrist(shoulder, wrist, motion)
+    _, side, up = _frame_of_line(to_wrist, _cross(_vector(axes[0]), to_wrist))
+    return atan2(_dot(elbow_axis, up), _dot(elbow_axis, side))
+
+
+@njit(cache=True, nogil=True)
 def _solve(
     axes: Float64,
     shoulder: Float64,
@@ -196,14 +212,10 @@ def _solve(
     """Write solutions for the motion (target pose · inverse pose at q = 0) and return their number."""
     e1, e2, e3, e4 = _vector(axes[0]), _vector(axes[1]), _vector(axes[2]), _vector(axes[3])
     e5, e6, e7 = _vector(axes[4]), _vector(axes[5]), _vector(axes[6])
-    m0, m1, m2, w = _vector(motion[0]), _vector(motion[1]), _vector(motion[2]), _vector(wrist)
+    m0, m1, m2 = _vector(motion[0]), _vector(motion[1]), _vector(motion[2])
     forearm = _vector(wrist - elbow)
     upper_arm = _vector(elbow - shoulder)
-    to_wrist = (
-        _dot(m0, w) + motion[0, 3] - shoulder[0],
-        _dot(m1, w) + motion[1, 3] - shoulder[1],
-        _dot(m2, w) + motion[2, 3] - shoulder[2],
-    )
+    to_wrist = _to_wrist(shoulder, wrist, motion)
     # |upper_arm + Rot(e4, q4) forearm| = |to_wrist|  is  A cos q4 + B sin q4 = rhs
     along = _dot(upper_arm, e4) * _dot(e4, forearm)
     A, B = _dot(upper_arm, forearm) - along, _dot(upper_arm, _cross(e4, forearm))

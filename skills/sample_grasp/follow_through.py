@@ -7,8 +7,9 @@ from numba import njit
 from numpy.typing import NDArray
 
 from skills.approach.line_tracking import REACHED, track_poses
-from skills.collision.kernel import WorldArrays, check_segment, check_states
+from skills.collision.kernel import WorldArrays, check_states
 from skills.collision.robot_shape import RobotArrays
+from skills.collision.segment import check_segment
 
 Float64 = NDArray[np.float64]
 Int64 = NDArray[np.int64]

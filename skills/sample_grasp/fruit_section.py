@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from skills.refine.measured_fruit import MeasuredFruit
@@ -44,10 +45,8 @@ def fruit_section(measured: MeasuredFruit, vertices_base: Float64, R_base_tcp: F
         vertices_base: its refined shape, shape (n, 3) [m], handed in because one shape serves many grasps.
         R_base_tcp: axes of the TCP: z approach, y sliding; shape (3, 3).
     """
-    points = (vertices_base - measured.T_base_fruit[:3, 3]) @ R_base_tcp
-    across = points[:, 1]
-    low, high = across.min(), across.max()
-    widest = points[(across <= low + WIDEST_BAND) | (across >= high - WIDEST_BAND)].mean(axis=0)
+    widest = np.empty(3)
+    low, high, top = _extent(vertices_base, measured.T_base_fruit[:3, 3], R_base_tcp, WIDEST_BAND, widest)
     axis = R_base_tcp.T @ measured.T_base_fruit[:3, :3] @ measured.fruit.symmetry_axis
     centre = (widest @ axis) * axis  # on the axis of the nearly round fruit: the load then has no lever on the pads
     centre[1] = (low + high) / 2.0
@@ -57,13 +56,40 @@ def fruit_section(measured: MeasuredFruit, vertices_base: Float64, R_base_tcp: F
     mix = half * in_object / max(float(np.linalg.norm(half)), 1e-9)
     position, size = measured.covariance[:3, :3], measured.covariance[3:, 3:]
     return FruitSection(
-        width=float(high - low),
+        width=high - low,
         p_base=measured.T_base_fruit[:3, 3] + R_base_tcp @ centre,
-        behind=float(centre[2] - points[:, 2].min()),
+        behind=float(centre[2] - top),
         sigma_width=_deviation(size, mix),
         sigma_across=_deviation(position, sliding),
         sigma_height=_deviation(position, np.array([0.0, 0.0, 1.0])),
     )
+
+
+@njit(cache=True, nogil=True)
+def _extent(
+    vertices: Float64, centre: Float64, R_base_tcp: Float64, band: float, widest: Float64
+) -> tuple[float, float, float]:
+    """Lowest and highest y and lowest z of vertices about a centre along a gripper's axes [m].
+
+    Writes the mean of the vertices within `band` of either end in y, in the gripper's axes, into `widest`.
+    """
+    y = np.empty(vertices.shape[0])
+    low, high, top = 1e9, -1e9, 1e9
+    for i in range(vertices.shape[0]):
+        a, b, c = vertices[i, 0] - centre[0], vertices[i, 1] - centre[1], vertices[i, 2] - centre[2]
+        y[i] = a * R_base_tcp[0, 1] + b * R_base_tcp[1, 1] + c * R_base_tcp[2, 1]
+        low, high = min(low, y[i]), max(high, y[i])
+        top = min(top, a * R_base_tcp[0, 2] + b * R_base_tcp[1, 2] + c * R_base_tcp[2, 2])
+    count = 0
+    widest[:] = 0.0
+    for i in range(vertices.shape[0]):
+        if y[i] <= low + band or y[i] >= high - band:
+            count += 1
+            for k in range(3):
+                for row in range(3):
+                    widest[k] += (vertices[i, row] - centre[row]) * R_base_tcp[row, k]
+    widest /= count
+    return low, high, top
 
 
 def _deviation(covariance: Float64, direction: Float64) -> float:

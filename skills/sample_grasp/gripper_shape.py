@@ -6,6 +6,7 @@ Collision checks use spheres that cover the links: too coarse where a finger pas
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,8 +45,9 @@ class GripperShape:
         return float(heights[lowest]), self.bodies[lowest]
 
 
+@lru_cache(maxsize=16)
 def gripper_shape(robot: RobotModel) -> GripperShape:
-    """Read the outline of fingers and palm from the robot's collision geometry."""
+    """Read the outline of fingers and palm from the robot's collision geometry; once for a model."""
     T_tcp_link = inverse(robot.T_link_tcp)
     points, radii, slides, names = [np.empty((0, 3))], [np.empty(0)], [np.empty((0, 3))], []
     palm = -np.inf

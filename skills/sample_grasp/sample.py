@@ -28,7 +28,7 @@ from skills.sample_grasp.follow_through import (
 from skills.sample_grasp.fruit_section import FruitSection, fruit_section
 from skills.sample_grasp.grasp import Grasp, RuledOut
 from skills.sample_grasp.gripper_shape import GripperShape, gripper_shape
-from skills.sample_grasp.sphere import Sphere, pre_grasp_orientation
+from skills.sample_grasp.sphere import Sphere, pre_grasp_orientations
 
 Float64 = NDArray[np.float64]
 Int64 = NDArray[np.int64]
@@ -77,7 +77,8 @@ class _OutOfQuestion(Exception):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Setting:
-    """What all candidates of one fruit share."""
+    """What all candidates of one fruit share: among it the TCP's pose in the last link, shape (3, 4), and how far back
+    from the grasp the poses are at which an approach is judged, shape (m,) [m]."""
 
     measured: MeasuredFruit
     vertices_base: Float64
@@ -88,6 +89,8 @@ class _Setting:
     q_now: Float64
     sphere: Sphere
     rules: GraspRules
+    T_last_tcp: Float64
+    back: Float64
 
 
 def sample_pre_grasps(
@@ -116,13 +119,16 @@ def sample_pre_grasps(
     chosen = sphere or Sphere()
     setting = _Setting(
         measured, fruit_points(measured), robot, gripper_shape(robot), space, table_z, robot.checked(q_now),
-        chosen, rules or GraspRules(),
+        chosen, rules or GraspRules(), np.ascontiguousarray(robot.T_link_tcp[:3]),
+        np.linspace(chosen.radius, 0.0, 1 + max(3, int(np.ceil(chosen.radius / LINE_STEP)))),
     )  # fmt: skip
     grasps: list[Grasp] = []
     ruled_out: list[RuledOut] = []
-    for index, (theta, alpha) in enumerate(chosen.attempts()):
+    for index, ((theta, alpha), R_base_tcp) in enumerate(
+        zip(chosen.attempts(), pre_grasp_orientations(chosen), strict=True)
+    ):
         try:
-            grasps.append(_candidate(setting, index, theta, alpha))
+            grasps.append(_candidate(setting, index, theta, alpha, R_base_tcp))
         except _OutOfQuestion as out:
             ruled_out.append(RuledOut(index, theta, alpha, out.code, out.reason))
     if setting.rules.check:
@@ -144,13 +150,12 @@ def cost(grasp: Grasp, robot: RobotModel, q_now: Float64) -> float:
     return 1.0 * tight + 0.5 * tilted + 0.5 * stiff + 0.5 * far
 
 
-def _candidate(setting: _Setting, index: int, theta: float, alpha: float) -> Grasp:
+def _candidate(setting: _Setting, index: int, theta: float, alpha: float, R_base_tcp: Float64) -> Grasp:
     """Follow one candidate through.
 
     Raises:
         _OutOfQuestion: at the first step that fails for all joint solutions.
     """
-    R_base_tcp = pre_grasp_orientation(theta, alpha)
     section = fruit_section(setting.measured, setting.vertices_base, R_base_tcp)
     width = _opening(setting, section)
     T_base_grasp = transform(R_base_tcp, section.p_base)
@@ -213,11 +218,9 @@ def _approachable(setting: _Setting, solutions: Float64, T_base_grasp: Float64, 
     """Joint solutions whose pre-grasp and whole approach are free, and the least distance kept on the first one's."""
     robot, rules, space = setting.robot, setting.rules, setting.space.at_width(width)
     tried = np.ascontiguousarray(solutions[: rules.tried_solutions])
-    steps = max(3, int(np.ceil(setting.sphere.radius / LINE_STEP)))
-    shares = np.linspace(1.0, 0.0, steps + 1)
-    poses = np.tile(T_base_grasp[:3], (steps + 1, 1, 1))
-    poses[:, :, 3] -= shares[:, None] * setting.sphere.radius * T_base_grasp[:3, 2]
-    lines, verdicts, witnesses = _judge(robot, space, tried, poses, rules.solutions)
+    poses = np.repeat(T_base_grasp[None, :3], len(setting.back), axis=0)
+    poses[:, :, 3] -= setting.back[:, None] * T_base_grasp[:3, 2]
+    lines, verdicts, witnesses = _judge(robot, space, tried, poses, setting.T_last_tcp, rules.solutions)
     good = np.flatnonzero(verdicts == GOOD)
     if len(good) == 0:
         raise _why_not(space, verdicts, witnesses)
@@ -225,22 +228,22 @@ def _approachable(setting: _Setting, solutions: Float64, T_base_grasp: Float64, 
 
 
 def _judge(
-    robot: RobotModel, space: ArmSpace, solutions: Float64, poses: Float64, wanted: int
+    robot: RobotModel, space: ArmSpace, solutions: Float64, poses: Float64, T_last_tcp: Float64, wanted: int
 ) -> tuple[Float64, Int64, Float64]:
     """Follow the approach along `poses` through for joint solutions; results as in `follow_through`."""
-    length = float(np.linalg.norm(poses[-1, :, 3] - poses[0, :, 3]))
+    apart = float(np.linalg.norm(poses[1, :, 3] - poses[0, :, 3]))
     lines = np.empty((len(solutions), len(poses), robot.dof))
     verdicts, witnesses = np.empty(len(solutions), dtype=np.int64), np.empty_like(solutions)
     follow_through(
         space.world.shape.arrays,
         space.world.arrays,
-        np.ascontiguousarray(robot.T_link_tcp[:3]),
+        T_last_tcp,
         robot.lower,
         robot.upper,
         solutions,
         poses,
         space.width,
-        LARGEST_RATE * length / (len(poses) - 1),
+        LARGEST_RATE * apart,
         SLACK,
         wanted,
         lines,
@@ -256,7 +259,7 @@ def warm_up(robot: RobotModel) -> None:
     space = ArmSpace(CollisionWorld.build(robot), robot.width_max)
     poses = np.tile(robot.tcp(q)[:3], (2, 1, 1))
     inverse_kinematics(robot, robot.tcp(q), near=q)
-    _judge(robot, space, q[None], poses, 1)
+    _judge(robot, space, q[None], poses, np.ascontiguousarray(robot.T_link_tcp[:3]), 1)
 
 
 def _why_not(space: ArmSpace, verdicts: Int64, witnesses: Float64) -> _OutOfQuestion:

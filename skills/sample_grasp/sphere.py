@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -74,3 +75,11 @@ class Sphere:
         full = np.isclose(self.alpha[1] - self.alpha[0], 2.0 * np.pi)
         alphas = np.linspace(*self.alpha, self.turns, endpoint=not full)
         return [(float(theta), float(alpha)) for theta in thetas for alpha in alphas]
+
+
+@lru_cache(maxsize=16)
+def pre_grasp_orientations(sphere: Sphere) -> Float64:
+    """`pre_grasp_orientation` of all attempts of a sphere, shape (n, 3, 3), read-only: the same for every fruit."""
+    rotations = np.array([pre_grasp_orientation(theta, alpha) for theta, alpha in sphere.attempts()])
+    rotations.setflags(write=False)
+    return rotations

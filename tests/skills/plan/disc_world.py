@@ -1,6 +1,7 @@
 """A joint space of two joints with discs in it, solved in closed form: no robot, no map."""
 
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 
@@ -35,6 +36,9 @@ class DiscWorld:
     def free_between(self, q_a: np.ndarray, q_b: np.ndarray) -> bool:
         self.asked += 1
         return bool((self.distance_to_segment(q_a, q_b) > 0.0).all())
+
+    def first_blocked(self, path: np.ndarray) -> int | None:
+        return next((k for k, (a, b) in enumerate(pairwise(path)) if not self.free_between(a, b)), None)
 
     def explain(self, q: np.ndarray) -> tuple[str, dict[str, object]]:
         nearest = int(self.distance_to_segment(q, q).argmin())
