@@ -50,7 +50,7 @@ class DistanceField:
 
     def distance(self, points: Float64) -> Float64:
         """Lower bound of the distance of points, shape (n, 3), in the base frame from blocked cells; shape (n,) [m]."""
-        p = np.asarray(points, dtype=np.float64)
+        p = np.ascontiguousarray(points, dtype=np.float64)
         distances: Float64 = _distances(self.values, self.origin, self.resolution, p)
         return distances
 

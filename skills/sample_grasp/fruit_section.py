@@ -46,7 +46,7 @@ def fruit_section(measured: MeasuredFruit, vertices_base: Float64, R_base_tcp: F
         R_base_tcp: axes of the TCP: z approach, y sliding; shape (3, 3).
     """
     widest = np.empty(3)
-    low, high, top = _extent(vertices_base, measured.T_base_fruit[:3, 3], R_base_tcp, WIDEST_BAND, widest)
+    low, high, top = extent(vertices_base, measured.T_base_fruit[:3, 3], R_base_tcp, WIDEST_BAND, widest)
     axis = R_base_tcp.T @ measured.T_base_fruit[:3, :3] @ measured.fruit.symmetry_axis
     centre = (widest @ axis) * axis  # on the axis of the nearly round fruit: the load then has no lever on the pads
     centre[1] = (low + high) / 2.0
@@ -66,7 +66,7 @@ def fruit_section(measured: MeasuredFruit, vertices_base: Float64, R_base_tcp: F
 
 
 @njit(cache=True, nogil=True)
-def _extent(
+def extent(
     vertices: Float64, centre: Float64, R_base_tcp: Float64, band: float, widest: Float64
 ) -> tuple[float, float, float]:
     """Lowest and highest y and lowest z of vertices about a centre along a gripper's axes [m].

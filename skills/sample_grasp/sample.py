@@ -25,7 +25,7 @@ from skills.sample_grasp.follow_through import (
     START_BLOCKED,
     follow_through,
 )
-from skills.sample_grasp.fruit_section import FruitSection, fruit_section
+from skills.sample_grasp.fruit_section import FruitSection, extent, fruit_section
 from skills.sample_grasp.grasp import Grasp, RuledOut
 from skills.sample_grasp.gripper_shape import GripperShape, gripper_shape
 from skills.sample_grasp.sphere import Sphere, pre_grasp_orientations
@@ -258,6 +258,9 @@ def warm_up(robot: RobotModel) -> None:
     q = (robot.lower + robot.upper) / 2.0
     space = ArmSpace(CollisionWorld.build(robot), robot.width_max)
     poses = np.tile(robot.tcp(q)[:3], (2, 1, 1))
+    extent(np.zeros((1, 3)), robot.tcp(q)[:3, 3], pre_grasp_orientations(Sphere())[0], 1.0, np.empty(3))
+    space.world.field.distance(np.zeros((1, 3)))
+    space.clearances(q[None])
     inverse_kinematics(robot, robot.tcp(q), near=q)
     _judge(robot, space, q[None], poses, np.ascontiguousarray(robot.T_link_tcp[:3]), 1)
 
