@@ -61,7 +61,9 @@ SHIPPED = Recipe(
         Stage("finder", 1000, 2e-3, 16),
         Stage("finder", 1500, 1.2e-3, 16),
         Stage("close_look", 1800, 2e-3, 192),
-        Stage("close_look", 4000, 1.5e-3, 192),
+        # Upright looks alone teach where stems mostly are, not what they look like; too many turned ones turn over
+        # fruit that stands (docs/decisions/detect-network.md).
+        Stage("close_look", 4000, 1.5e-3, 192, turned=0.2),
     ),
 )
 """What `make train-detect` carries out; how the weights in the repository came about is in docs/model_cards."""
