@@ -22,11 +22,11 @@ from typing import Any
 import numpy as np
 from mcap.writer import CompressionType, Writer
 
-from executive.encode import plain
+from executive.encode import encoded, plain
 from executive.errors import UsageError
 from executive.events import Event, Published, RunEnded, RunStarted
 from executive.recording.schemas import EVENT, READING, Schema
-from executive.recording.well_known import images, samples, well_known
+from executive.recording.well_known import Images, samples, well_known
 from executive.views import ImageView, SeriesView
 
 EVENTS_FILE = "run.mcap"
@@ -38,6 +38,9 @@ BATCH = 0.1
 WHOLE, PART = 4_000_000, 48
 """Elements of arrays that are written out: of views all, of values of ports those of poses, covariances, joints. Thirty
 candidates with all their joint solutions would be half of a pick's record, and half of the work."""
+
+_BUFFER = 1 << 20
+"""Bytes that are gathered for one call of the operating system; flushed with every batch."""
 
 _DECIMALS = 6
 """Of a reading: micrometres, microradians, micronewtons."""
@@ -92,8 +95,9 @@ class Recorder:
         self._t = 0.0
         self._channels: dict[str, int] = {}
         self._schemas: dict[str, int] = {}
+        self._images = Images()
         try:
-            self._file = (folder / EVENTS_FILE).open("wb")
+            self._file = (folder / EVENTS_FILE).open("wb", buffering=_BUFFER)
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError as error:
             raise RecordError(f"cannot write {folder / EVENTS_FILE}: {error.strerror}") from error
@@ -155,7 +159,7 @@ class Recorder:
         stamp = _stamp(event.t)
         if isinstance(event, Published):
             if isinstance(event.value, ImageView):
-                for topic, schema, message in images(event.topic, event.value, stamp):
+                for topic, schema, message in self._images.messages(event.topic, event.value, stamp):
                     self._write(topic, schema, stamp, message)
             elif isinstance(event.value, SeriesView):
                 for topic, schema, message in samples(event.topic, event.value):
@@ -188,7 +192,7 @@ class Recorder:
     def _write_readings(self, t: float, tick: int, readings: Mapping[str, Mapping[str, Any]]) -> None:
         stamp = _stamp(t)
         for device, quantities in readings.items():
-            numbers = {name: np.round(value, _DECIMALS).tolist() for name, value in quantities.items()}
+            numbers = {name: np.round(value, _DECIMALS) for name, value in quantities.items()}
             self._write(f"{DEVICES}{device}", READING, stamp, {"t": round(t, _DECIMALS), "tick": tick, **numbers})
 
     def _write(self, topic: str, schema: Schema, stamp: int, message: Any) -> None:
@@ -200,8 +204,7 @@ class Recorder:
             self._channels[topic] = self._writer.register_channel(
                 topic=topic, message_encoding="json", schema_id=self._schemas[schema.name]
             )
-        data = json.dumps(message, ensure_ascii=False, separators=(",", ":")).encode()
-        self._writer.add_message(self._channels[topic], log_time=stamp, publish_time=stamp, data=data)
+        self._writer.add_message(self._channels[topic], log_time=stamp, publish_time=stamp, data=encoded(message))
 
 
 def message_of(event: Event) -> dict[str, Any]:
@@ -210,7 +213,7 @@ def message_of(event: Event) -> dict[str, Any]:
         event = replace(event, value=replace(event.value, image=None, depth=None))
     limit = WHOLE if isinstance(event, Published) else PART
     message = {"event": type(event).__name__}
-    return message | {f.name: plain(getattr(event, f.name), arrays=limit) for f in fields(event)}
+    return message | {f.name: plain(getattr(event, f.name), arrays=limit, keep=True) for f in fields(event)}
 
 
 def _stamp(t: float) -> int:

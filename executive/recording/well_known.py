@@ -83,20 +83,29 @@ def well_known(event: Event, stamp: int) -> Iterator[Message]:
         yield "/log", LOG, {"timestamp": at, "level": level, "message": message, "name": name, "file": "", "line": 0}
 
 
-def images(topic: str, view: ImageView, stamp: int) -> Iterator[Message]:
+class Images:
     """Colour as JPEG and depth as 16-bit PNG [mm]: they are taken out of the event that carries them."""
-    frame = f"camera/{topic}"
-    if view.image is not None:
-        ok, coded = cv2.imencode(".jpg", view.image[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, 90])
-        if ok:
-            yield f"/images/{topic}", COMPRESSED_IMAGE, _image(stamp, frame, coded, "jpeg")
-    if view.depth is not None:
-        millimetres = np.nan_to_num(view.depth * 1e3, nan=0.0, posinf=0.0, neginf=0.0)
-        ok, coded = cv2.imencode(".png", np.clip(np.rint(millimetres), 0, 65535).astype(np.uint16), PNG)
-        if ok:
-            yield f"/depth/{topic}", COMPRESSED_IMAGE, _image(stamp, frame, coded, "png")
+
+    def __init__(self) -> None:
+        self._last: tuple[NDArray[np.uint8] | None, str] = (None, "")
+        """The colour image that was coded last: several skills draw on the same one."""
+
+    def messages(self, topic: str, view: ImageView, stamp: int) -> Iterator[Message]:
+        """Of one view; `stamp` is the messages' time [ns]."""
+        frame = f"camera/{topic}"
+        if view.image is not None:
+            if view.image is not self._last[0]:
+                self._last = view.image, _coded(".jpg", view.image[..., ::-1], JPEG)
+            if self._last[1]:
+                yield f"/images/{topic}", COMPRESSED_IMAGE, _image(stamp, frame, self._last[1], "jpeg")
+        if view.depth is not None:
+            metres = np.where(np.isfinite(view.depth), view.depth, np.float32(0.0))
+            millimetres = np.rint(np.clip(metres * np.float32(1e3), 0, 65535)).astype(np.uint16)
+            if data := _coded(".png", millimetres, PNG):
+                yield f"/depth/{topic}", COMPRESSED_IMAGE, _image(stamp, frame, data, "png")
 
 
+JPEG = [cv2.IMWRITE_JPEG_QUALITY, 90]
 PNG = [cv2.IMWRITE_PNG_COMPRESSION, 1]
 """Fast: a record must not cost the run anything."""
 
@@ -124,8 +133,13 @@ def time_of(stamp: int) -> dict[str, int]:
 # ------------------------------------------------------------------------------------------------- images
 
 
-def _image(stamp: int, frame: str, coded: NDArray[np.uint8], form: str) -> dict[str, Any]:
-    data = base64.b64encode(coded.tobytes()).decode()
+def _coded(form: str, pixels: NDArray[Any], how: list[int]) -> str:
+    """The image file in base 64; empty where it cannot be coded."""
+    ok, coded = cv2.imencode(form, pixels, how)
+    return base64.b64encode(coded.tobytes()).decode() if ok else ""
+
+
+def _image(stamp: int, frame: str, data: str, form: str) -> dict[str, Any]:
     return {"timestamp": time_of(stamp), "frame_id": frame, "data": data, "format": form}
 
 
@@ -281,7 +295,7 @@ def _entity(
 def _triangles(mesh: Mesh3) -> dict[str, Any]:
     return {
         "pose": IDENTITY, "points": _points(mesh.vertices), "color": _colour(mesh.style), "colors": [],
-        "indices": np.asarray(mesh.faces).reshape(-1).tolist(),
+        "indices": np.ascontiguousarray(mesh.faces).reshape(-1),
     }  # fmt: skip
 
 

@@ -17,7 +17,8 @@ from scipy.spatial.transform import Rotation
 
 from executive.events import Published
 from executive.recording.read import read_events
-from executive.recording.well_known import plain_name, quaternion
+from executive.recording.well_known import Images, plain_name, quaternion
+from executive.views import ImageView
 
 
 def strict(schema: Any) -> Any:
@@ -86,6 +87,15 @@ def test_depth_comes_back_to_the_millimetre(tmp_path: Path) -> None:
     np.testing.assert_allclose(view.depth[1:], 0.750, atol=1e-6)
     assert view.pinhole.fx == 60.0
     np.testing.assert_allclose(view.pinhole.T_base_camera, pose(0.3))
+
+
+def test_an_image_that_two_skills_draw_on_is_coded_once_and_shown_twice() -> None:
+    coder, view = Images(), ImageView(image=np.full((8, 8, 3), 90, np.uint8))
+    other = ImageView(image=np.full((8, 8, 3), 200, np.uint8))
+    shown = [next(coder.messages(topic, v, 0)) for topic, v in (("detect", view), ("refine", view), ("next", other))]
+    assert [topic for topic, _, _ in shown] == ["/images/detect", "/images/refine", "/images/next"]
+    assert shown[0][2]["data"] is shown[1][2]["data"]
+    assert shown[2][2]["data"] != shown[0][2]["data"]
 
 
 def test_the_log_tells_what_a_person_would_be_told(tmp_path: Path) -> None:
