@@ -297,6 +297,31 @@ class ForceSensor(Protocol):
         ...
 
 
+# ----------------------------------------------------------------------------------------------------- hands
+
+
+class HandTask(Enum):
+    """What a person at a cell is asked to do with a fruit."""
+
+    LEAVE = "leave"
+    HOLD = "hold"
+    PULL = "pull"
+    TWIST = "twist"
+
+
+@runtime_checkable
+class Hands(Protocol):
+    """Hands in a simulated cell, which do what a person does at a real one."""
+
+    def do(self, task: HandTask) -> None:
+        """Begin with a task; they go on with it while time passes.
+
+        LEAVE: let go of nothing, move nothing. HOLD: hold the fruit between the fingers. PULL: pull it along the pads
+        until it slides. TWIST: the same while turning it about the line between the pads.
+        """
+        ...
+
+
 # ------------------------------------------------------------------------------------------------- workspace
 
 

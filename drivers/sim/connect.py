@@ -9,6 +9,7 @@ from drivers.sim.arm import SimArm
 from drivers.sim.camera import SimCamera
 from drivers.sim.fingers import SimFingers
 from drivers.sim.gripper import SimGripper
+from drivers.sim.hands import SimHands
 from drivers.sim.layout import read_layout
 from drivers.sim.scene import build_scene
 from drivers.sim.stereo_depth import Stereo
@@ -47,6 +48,11 @@ def connect_fingers(settings: Settings, bench: Bench) -> SimFingers:
         bias=settings.number("bias", "force", 0.08, 0.0, 2.0),
         force_range=settings.number("range", "force", 8.0, 0.5, 100.0),
     )
+
+
+def connect_hands(settings: Settings, bench: Bench) -> SimHands:
+    """`driver: sim-hands`"""
+    return SimHands(_world(settings, bench))
 
 
 def connect_camera(settings: Settings, bench: Bench) -> SimCamera:

@@ -45,16 +45,17 @@ class SimWorld(Device):
 
     Attributes:
         description: the robot's file.
+        mujoco: the engine.
         before_step, after_step: hooks of the devices, called in order around every physics step.
         looked: called by cameras at every exposure.
     """
 
     def __init__(self, scene: Scene, description: Path, q_start: Float64, seed: int) -> None:
         super().__init__("world")
-        self._mujoco = load_mujoco()
+        self.mujoco = load_mujoco()
         self.scene, self.description, self.seed = scene, description, seed
         self.model: Any = scene.model
-        self.state: Any = self._mujoco.MjData(self.model)
+        self.state: Any = self.mujoco.MjData(self.model)
         self.before_step: list[Callable[[], None]] = []
         self.after_step: list[Callable[[], None]] = []
         self.arm_actuators = np.array([i for i in range(self.model.nu) if self.model.actuator(i).name != "gripper"])
@@ -90,13 +91,13 @@ class SimWorld(Device):
 
     def _settle(self) -> None:
         for _ in range(round(SETTLING / TIMESTEP)):
-            self._mujoco.mj_step(self.model, self.state)
+            self.mujoco.mj_step(self.model, self.state)
         self.state.time = 0.0
 
     def _advance_one_step(self) -> None:
         for hook in self.before_step:
             hook()
-        self._mujoco.mj_step(self.model, self.state)
+        self.mujoco.mj_step(self.model, self.state)
         self.clock.steps += 1
         for hook in self.after_step:
             hook()

@@ -6,13 +6,14 @@ import argparse
 import contextlib
 import sys
 import time
+from collections.abc import Callable
 from importlib.metadata import entry_points
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
 from drivers.errors import DriverError
-from drivers.interfaces import ForceSensor, Gripper
+from drivers.interfaces import ForceSensor, Gripper, Hands, HandTask
 from skills.slip_avoid_grasp.calibration import (
     Push,
     calibrate_grip,
@@ -71,7 +72,7 @@ def _made_now(options: argparse.Namespace) -> tuple[list[Push], Push | None]:
             gripper, sensor = cell.device(Gripper), cell.device(ForceSensor)
         except KeyError as missing:
             raise GuidanceEnded(str(missing.args[0])) from missing
-        guide = GuidedPushes(gripper, sensor, clock.now, wait, _tell, _ask)
+        guide = GuidedPushes(gripper, sensor, clock.now, wait, _tell, _who_is_asked(cell))
         pushes, squeeze = guide.record(forces, options.seconds)
     if options.keep is not None:
         write_pushes(pushes, options.keep, squeeze)
@@ -93,7 +94,20 @@ def _tell(sentence: str) -> None:
     sys.stdout.flush()
 
 
-def _ask(sentence: str) -> None:
+def _who_is_asked(cell: Any) -> Callable[[str, HandTask], None]:
+    """The hands of a simulated cell if it has some, else whoever sits at the terminal."""
+    if Hands not in cell.interfaces():
+        return _ask
+    hands = cell.device(Hands)
+
+    def ask(sentence: str, task: HandTask) -> None:
+        _tell(f"{sentence} [simulated hands]")
+        hands.do(task)
+
+    return ask
+
+
+def _ask(sentence: str, task: HandTask) -> None:
     try:
         input(f"{sentence} [Enter] ")
     except EOFError:

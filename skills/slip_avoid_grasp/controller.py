@@ -21,9 +21,9 @@ from skills.slip_avoid_grasp.tracking import ForceTracker
 KEEP_ALIVE = 0.06
 """Rest is commanded again this often, well within the driver's watchdog [s]."""
 
-BIAS_DROPPED, BIAS_SAMPLES, BIAS_SAMPLES_MOST = 10, 100, 400
-BIAS_ERROR = 0.012
-"""The bias is the mean of 100 samples, or of up to 400 while noise leaves its error larger than this [N]."""
+BIAS_DROPPED, BIAS_SAMPLES, BIAS_SAMPLES_MOST = 10, 100, 800
+BIAS_ERROR = 0.0085
+"""The bias is the mean of 100 samples, or of up to 800 while noise leaves its error larger than this [N]."""
 
 BIAS_LIMIT = 3.0
 """A finger that feels more than this before the fingers close touches something, or is broken [N]."""

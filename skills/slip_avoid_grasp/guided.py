@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from drivers.interfaces import ForceSensor, Gripper
+from drivers.interfaces import ForceSensor, Gripper, HandTask
 from skills.slip_avoid_grasp.calibration import Push, PushRecorder
 from skills.slip_avoid_grasp.errors import GuidanceEnded
 
@@ -20,6 +20,11 @@ TOUCH = 0.3
 LOOK = 0.02
 """Seconds between two looks at the force; the gripper's watchdog wants a speed this often."""
 
+WAYS = (
+    ("pull it along the fingers", HandTask.PULL),
+    ("twist it about the line between the pads while you pull", HandTask.TWIST),
+)
+
 STALE_AFTER = 0.1
 CLOSEST = 0.0005
 BIAS_WITHIN = 2.0
@@ -32,7 +37,7 @@ class GuidedPushes:
         gripper, sensor: of the cell.
         now: the cell's clock [s].
         wait: lets so many seconds pass.
-        tell: a sentence for the person; ask: the same, and waits until the person has read it.
+        tell: a sentence for the person; ask: a sentence and what it asks for, and waits until the person is ready.
     """
 
     def __init__(
@@ -42,7 +47,7 @@ class GuidedPushes:
         now: Callable[[], float],
         wait: Callable[[float], None],
         tell: Callable[[str], None],
-        ask: Callable[[str], None],
+        ask: Callable[[str, HandTask], None],
     ) -> None:
         self._gripper, self._sensor = gripper, sensor
         self._now, self._wait, self._tell, self._ask = now, wait, tell, ask
@@ -60,27 +65,27 @@ class GuidedPushes:
         Raises:
             GuidanceEnded: the stream stands still, or nothing is between the fingers.
         """
-        self._ask("Take everything off the fingers and leave them alone.")
+        self._ask("Take everything off the fingers and leave them alone.", HandTask.LEAVE)
         recorder = PushRecorder(lambda: self._gripper.state().width)
         subscription = self._sensor.subscribe(recorder.hear)
         try:
             self._wait_for_bias(recorder)
-            self._ask("Hold the fruit between the fingers. They close slowly.")
+            self._ask("Hold the fruit between the fingers. They close slowly.", HandTask.HOLD)
             start = recorder.heard
             self._press(recorder, forces[0])
             squeeze = recorder.push(start)
             pushes = []
             for force in forces:
                 self._press(recorder, force)
-                for way in ("pull it along the fingers", "twist it about the line between the pads while you pull"):
-                    self._ask(f"At {force:g} N: {way}, slowly, until it slides. You have {seconds:g} s from now.")
+                for way, task in WAYS:
+                    self._ask(f"At {force:g} N: {way}, slowly, until it slides. You have {seconds:g} s from now.", task)
                     start = recorder.heard
                     self._stand(recorder, seconds)
                     pushes.append(recorder.push(start))
         finally:
             subscription.close()
             self._gripper.set_speed(0.0)
-        self._ask("Hold the fruit: the fingers open by 10 mm now.")
+        self._ask("Hold the fruit: the fingers open by 10 mm now.", HandTask.LEAVE)
         width = min(self._gripper.state().width + 0.010, self._gripper.limits.width_max)
         motion = self._gripper.move(width, min(NEAR_SPEED, self._gripper.limits.speed_max))
         for _ in range(round(2.0 / LOOK)):

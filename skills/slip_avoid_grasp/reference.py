@@ -46,11 +46,20 @@ EXCESS, EXCESS_RELAXING, EXCESS_LAG = 1.2, 12.0, 0.15
 """What is beyond so many times the wanted force, averaged over the last [s], falls faster [1/s]: noise does not reach
 that far."""
 
-DOUBT = 1.0
+DOUBT = 2.0
 """So many standard deviations of the bias are covered too where friction is uncertain and the margin beyond the worst
 one is slim: they weigh on light fruit."""
 
-LEAST_MARGIN = 1.065
+AVERAGED_OVER, LOWERED_OVER, BEYOND_BLUR = 0.3, 0.6, 2.0
+"""A carried fruit's static part is averaged over the first [s] while it rises and over the second while it falls: when
+a lift slows down the fruit seems lighter. What is beyond the average by more than so many standard deviations of noise
+counts at once."""
+
+CREEP_GAIN, CREEP_FAST, CREEP_SLOW, CREEP_NOISE = 6.0, 0.15, 0.6, 0.06
+"""A moment whose share of the least force grows creeps: so many times what its average over the second [s] is beyond
+the one over the third, and beyond the fourth, is added."""
+
+LEAST_MARGIN = 1.075
 """Margin on top of the worst friction that is possible, where it is uncertain."""
 
 
@@ -69,6 +78,7 @@ class ForceReference:
         self._margin = max(settings.margin, LEAST_MARGIN * (1.0 + settings.mu_uncertainty))
         self._doubts = DOUBT if self._margin > settings.margin else 0.0
         self._held = self._urgent = self._averaged = 0.0
+        self._steady = self._share_fast = self._share_slow = math.nan
         self._loaded_for = 0.0
         self.carried = False
 
@@ -104,7 +114,9 @@ class ForceReference:
             self._loaded_for = 0.0
         elif sense.rise < RISING * sense.least + sense.unrest:
             self._loaded_for += elapsed
-        self.wanted = PIVOT_MARGIN * sense.coulomb if self.pivoting else self._static(sense)
+        self.wanted = (
+            PIVOT_MARGIN * sense.coulomb if self.pivoting else self._average(self._static(sense), sense, elapsed)
+        )
         target = max(self.wanted, s.floor)
         if self._loaded_for < CARRIED_AFTER and not self.carried:
             target = max(target, s.initial_force)
@@ -136,6 +148,26 @@ class ForceReference:
             return self._margin * sense.least
         return self._margin * (sense.reserved if self.carried else sense.cautious) + self._doubts * sense.doubt
 
+    def _average(self, static: float, sense: SlipSense, elapsed: float) -> float:
+        """The static part without the noise of light fruit [N]."""
+        if self.settings.law is not ForceLaw.SLIP_AVOIDANCE or not self.carried:
+            return static
+        if math.isnan(self._steady):
+            self._steady = static
+        over = AVERAGED_OVER if static > self._steady else LOWERED_OVER
+        self._steady += (1.0 - math.exp(-elapsed / over)) * (static - self._steady)
+        creep = CREEP_GAIN * self._creep(sense, elapsed) * sense.coulomb
+        return self._steady + max(static - self._steady - BEYOND_BLUR * self._margin * sense.blur, 0.0) + creep
+
+    def _creep(self, sense: SlipSense, elapsed: float) -> float:
+        """How fast the moment's share of the least force grows, beyond noise."""
+        share = sense.least / max(sense.coulomb, 0.1)
+        if math.isnan(self._share_fast):
+            self._share_fast = self._share_slow = share
+        self._share_fast += (1.0 - math.exp(-elapsed / CREEP_FAST)) * (share - self._share_fast)
+        self._share_slow += (1.0 - math.exp(-elapsed / CREEP_SLOW)) * (share - self._share_slow)
+        return max(self._share_fast - self._share_slow - CREEP_NOISE, 0.0)
+
     def _answer(self, sense: SlipSense, f_n: float) -> float:
         """What is added for a moment [N]."""
         if self.settings.law is not ForceLaw.SLIP_AVOIDANCE:
@@ -143,6 +175,8 @@ class ForceReference:
         if self.pivoting:
             return min(EDGE_GAIN * max(sense.coulomb - EDGE * f_n, 0.0), MOST_URGENT)
         missing = max(sense.least - EDGE * f_n - sense.unrest, 0.0)
-        rising = max(sense.rise - sense.unrest, 0.0)
+        coming = LEAD * (1.0 + sense.twist) * max(sense.rise - sense.unrest, 0.0)
+        # What presses beyond the need already is not added again, but where the load twists: its moment is to come.
+        spare = max(1.0 - sense.twist, 0.0) * max(f_n - self._margin * sense.least, 0.0)
         bound = DOUBTFUL if self.frozen else min(URGENT_BASE + URGENT_SHARE * sense.least, MOST_URGENT)
-        return min(sense.f_nd + LEAD * (1.0 + sense.twist) * rising + EDGE_GAIN * missing, bound)
+        return min(sense.f_nd + max(coming - spare, 0.0) + EDGE_GAIN * missing, bound)

@@ -49,7 +49,7 @@ class GripSettings:
 
     contact: SoftContact = field(default_factory=SoftContact)
     law: ForceLaw = ForceLaw.SLIP_AVOIDANCE
-    margin: float = 1.12
+    margin: float = 1.135
     mu_uncertainty: float = 0.0
     floor: float = 0.5
     offset: float = 0.005

@@ -41,7 +41,7 @@ QUIET = 0.05
 """What is beyond noise by less than this is still noise [N]."""
 
 _MEMORY = 6  # omega, z, integral of C_d, omega before, centre, warm
-_SENSED = 16
+_SENSED = 17
 
 
 @njit(cache=True)
@@ -65,14 +65,20 @@ def _sense(  # type: ignore[no-untyped-def]
     y_force = 0.0
     across_x = 0.0
     across_y = 0.0
+    blur = 0.0
     for i in range(2):
         f_n, f_x, f_y, tau_n = loads_of_finger(smoothed[i])
         # Noise makes magnitudes larger than they are: what it adds to their squares is taken off.
         f_t = math.sqrt(max(f_x * f_x + f_y * f_y - variance[0] - variance[1], 0.0))
         lever = f_t / max(f_n, PRESSING)
-        magnitude = math.sqrt(max(tau_n * tau_n - variance[5] - lever * lever * variance[4], 0.0))
-        tau_n = math.copysign(magnitude, tau_n)
+        tau_variance = variance[5] + lever * lever * variance[4]
+        tau_n = math.copysign(math.sqrt(max(tau_n * tau_n - tau_variance, 0.0)), tau_n)
         needed, s = least_force_of_finger(f_t, tau_n, mu, torsion, gamma, f, tau, load)
+        by_force = least_force_of_finger(f_t + math.sqrt(variance[0]), tau_n, mu, torsion, gamma, f, tau, load)[0]
+        by_moment = least_force_of_finger(f_t, abs(tau_n) + math.sqrt(tau_variance), mu, torsion, gamma, f, tau, load)[
+            0
+        ]
+        blur += (by_force - needed) ** 2 + (by_moment - needed) ** 2
         least += needed
         coulomb += f_t / mu
         f_t_feared = f_t + 0.5 * reserve
@@ -125,6 +131,7 @@ def _sense(  # type: ignore[no-untyped-def]
     sensed[11] = g
     sensed[13] = cautious
     sensed[15] = reserved
+    sensed[16] = math.sqrt(blur)
     sensed[14] = 2.0 * (abs(fast[1, 2] - slow[1, 2]) - noise[1, 2])
     sensed[12] = _jump_of_one_finger(fast, slow, noise)
 
@@ -218,6 +225,11 @@ class SlipSense:
     def reserved(self) -> float:
         """The least force for the measured load and the reserve [N]."""
         return float(self._sensed[15])
+
+    @property
+    def blur(self) -> float:
+        """Standard deviation of what noise alone puts on the least force [N]."""
+        return float(self._sensed[16])
 
     @property
     def cautious(self) -> float:

@@ -95,7 +95,9 @@ def guide_of(cell: Cell, ask: Callable[[str], object] = lambda sentence: None) -
     assert isinstance(sensor, MockForceSensor)
     clock = cell.clock
     assert isinstance(clock, MockClock)
-    return GuidedPushes(gripper, sensor, clock.now, clock.advance, lambda sentence: None, lambda s: ask(s) and None)
+    return GuidedPushes(
+        gripper, sensor, clock.now, clock.advance, lambda sentence: None, lambda s, task: ask(s) and None
+    )
 
 
 def test_a_stream_that_stops_ends_it_with_the_fingers_at_rest() -> None:
