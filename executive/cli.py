@@ -15,7 +15,9 @@ from rich.console import Console
 from executive.errors import UsageError
 
 COMMANDS = "pomona.commands"
-"""Entry point group of subcommands: functions that add one parser to argparse's subparsers and set its `main`."""
+"""Entry point group of subcommands: functions that add one parser to argparse's subparsers and set its `main`.
+
+An entry point with its subcommand's name is loaded alone when that is asked for: the others' imports cost seconds."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -24,7 +26,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns:
         the exit status.
     """
-    options = _parser().parse_args(arguments)
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    options = _parser(words[:1]).parse_args(words)
     try:
         status: int = options.main(options)
     except UsageError as error:
@@ -43,7 +46,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return status
 
 
-def _parser() -> argparse.ArgumentParser:
+def _parser(first: Sequence[str]) -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="pomona",
         description="Run fruit-picking tasks that are written as behaviour trees in YAML.",
@@ -52,7 +55,8 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"pomona {version('pomona')}")
     subparsers = parser.add_subparsers(metavar="COMMAND", required=True)
-    for entry in sorted(entry_points(group=COMMANDS), key=lambda entry: entry.name):
+    entries = sorted(entry_points(group=COMMANDS), key=lambda entry: entry.name)
+    for entry in [entry for entry in entries if entry.name in first] or entries:
         entry.load()(subparsers)
     return parser
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -104,3 +106,10 @@ def test_skills_are_listed_with_ports_units_and_codes(capsys: pytest.CaptureFixt
     listed = " ".join(capsys.readouterr().out.split())
     assert "inlier_band: length = 4 mm" in listed
     assert "TOO_FEW_INLIERS" in listed
+
+
+def test_only_the_command_that_is_asked_for_is_loaded() -> None:
+    script = "import sys; from executive.cli import main; main(['runs', 'list', '--record', 'nowhere'])"
+    heavy = "; print([name for name in ('torch', 'numba', 'matplotlib', 'mujoco') if name in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", script + heavy], capture_output=True, text=True, timeout=60)
+    assert done.stdout.splitlines()[-1] == "[]", done.stderr
