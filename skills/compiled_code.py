@@ -1,0 +1,35 @@
+"""Where compiled loops are kept between runs.
+
+numba keeps the code of a function beside its source and renews it when that file changes, but not when a function from
+another file does that was compiled into it. After an update a checker of collisions could go on with yesterday's
+geometry. So the code is kept in a folder named by what all compiled sources say: a change anywhere compiles afresh.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import sys
+from pathlib import Path
+
+PLACE = "NUMBA_CACHE_DIR"
+"""numba's setting; who has set it already is not overruled."""
+
+
+def digest(sources: Path) -> str:
+    """Of the contents of all Python files below a folder that have to do with numba, 12 characters."""
+    found = hashlib.sha256()
+    for path in sorted(sources.rglob("*.py")):
+        content = path.read_bytes()
+        if b"numba" in content:
+            found.update(path.name.encode() + b"\0" + content)
+    return found.hexdigest()[:12]
+
+
+def keep_apart(sources: Path) -> None:
+    """Keep the compiled code of these sources apart from that of their other versions."""
+    if PLACE in os.environ:
+        return
+    os.environ[PLACE] = str(sources / "__pycache__" / f"compiled-{digest(sources)}")
+    if "numba" in sys.modules:  # it has read its settings already
+        sys.modules["numba"].core.config.reload_config()
