@@ -48,7 +48,7 @@ def load(tmp_path):
 def test_a_mock_cell_has_everything_a_pick_needs(load):
     cell = load(MOCK)
     assert (cell.name, cell.kind) == ("bench", "mock")
-    assert set(cell.interfaces()) == {Arm, Gripper, ForceSensor, Camera, Hands, Workspace}
+    assert set(cell.interfaces()) == {Arm, Gripper, ForceSensor, Camera, Workspace}
     assert cell.links() == dict.fromkeys(("world", "arm", "gripper", "fingers", "camera"), "ok")
     assert cell.device(Workspace).poses["home"].shape == (7,)
     wall = cell.device(Workspace).obstacles[0]
