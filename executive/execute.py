@@ -268,12 +268,24 @@ def versions() -> Mapping[str, str]:
 
 @contextlib.contextmanager
 def _terminate_safely(runner: Runner) -> Iterator[None]:
-    """SIGTERM ends a run in the safe state, with its record closed. Signals reach the main thread only."""
+    """SIGTERM and Ctrl-C end a run in the safe state, with its record closed; a second Ctrl-C is Python's own.
+
+    Signals reach the main thread only.
+    """
     if threading.current_thread() is not threading.main_thread():
         yield
         return
+    interrupted = signal.getsignal(signal.SIGINT)
+
+    def interrupt(_signal: int, _frame: object) -> None:
+        signal.signal(signal.SIGINT, interrupted)
+        runner.interrupt()
+
     before = signal.signal(signal.SIGTERM, lambda _signal, _frame: runner.safe_stop("the process was terminated"))
+    if interrupted is signal.default_int_handler:  # a worker of a campaign leaves Ctrl-C to its parent
+        signal.signal(signal.SIGINT, interrupt)
     try:
         yield
     finally:
         signal.signal(signal.SIGTERM, before)
+        signal.signal(signal.SIGINT, interrupted)

@@ -124,6 +124,13 @@ class Runner:
         self._cell.safe_stop(reason)
         self._commands.put(("safe_stop", who, reason))
 
+    def interrupt(self) -> None:
+        """What Ctrl-C asks for: the safe state before the next tick. A signal's handler may call it.
+
+        An exception raised by the handler itself could come up anywhere, also where a library swallows it.
+        """
+        self._commands.put(("interrupt", "keyboard", ""))
+
     def break_at(self, path: str, side: Side = "before", on: bool = True, who: str = "operator") -> None:
         """Pause before the node at this path starts, or after it has ended; `on=False` takes the breakpoint away.
 
@@ -272,6 +279,8 @@ class Runner:
             self._emit(OperatorActed(*self._stamp(), who, action, detail))
             if action == "safe_stop":
                 raise SafeStopRequestedError(detail)
+            if action == "interrupt":
+                raise KeyboardInterrupt
             if action == "stop":
                 self._stop(f"stopped by {who}")
             elif action == "pause" and self._state is RunState.RUNNING:

@@ -301,6 +301,16 @@ def test_ctrl_c_is_a_safe_stop_and_says_so() -> None:
     assert isinstance(events[-1], RunEnded)
 
 
+def test_ctrl_c_from_a_signals_handler_ends_the_run_before_the_next_tick() -> None:
+    runner, cell, events = make(TURN, {4: lambda runner, _cell: runner.interrupt()})
+    result = runner.run()
+    assert result.interrupted
+    assert result.outcome == "stopped"
+    assert cell.latched == "interrupted from the keyboard"
+    assert [(e.who, e.action) for e in events if isinstance(e, OperatorActed)] == [("keyboard", "interrupt")]
+    assert max(e.tick for e in events) == 4
+
+
 def test_a_skill_that_never_lets_go_is_a_fault() -> None:
     class Stubborn(Skill):
         """Never ends."""
