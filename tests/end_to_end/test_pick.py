@@ -92,7 +92,10 @@ def test_a_safe_stop_in_the_lift_keeps_the_apple_held() -> None:
 
 
 def test_ctrl_c_closes_a_readable_record_and_exits_with_130(tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "executive.cli", "run", "pick_apple", "--pace", "real", "--record", str(tmp_path)]
+    # What is started in the background, as tests may be, begins with Ctrl-C ignored.
+    listening = "import signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler)"
+    script = f"{listening}; from executive.cli import main; sys.exit(main())"
+    command = [sys.executable, "-c", script, "run", "pick_apple", "--pace", "real", "--record", str(tmp_path)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as process:
         assert process.stdout is not None
         for line in process.stdout:
