@@ -52,7 +52,7 @@ function render() {
   drawNode(s, toggleBreak);
   drawPorts(s);
   drawLog(s);
-  timeline.draw(page.whole, page.at ?? page.whole.t);
+  timeline.draw();
   $("live").classList.toggle("on", page.at === null);
   $("live").hidden = Boolean(page.recorded);
   $("play").textContent = page.playing ? "❚❚" : "▶";

@@ -1,5 +1,6 @@
 // A lane per skill, marks for what happened, and a cursor that scrubs; the wheel zooms.
 import { $, seconds } from "./dom.js";
+import { page } from "./page.js";
 
 const MOST_LANES = 60; // those that ran last
 const LEFT = 150, RIGHT = 14, TOP = 30;
@@ -18,8 +19,6 @@ export class Timeline {
   constructor(onScrub) {
     this.canvas = $("timeline");
     this.onScrub = onScrub;
-    this.length = 1;
-    this.now = 0;
     this.part = null; // the stretch that is shown, or null: all of it
     let down = false;
     const seek = (event) => this.onScrub(this.timeAt(event.offsetX));
@@ -39,10 +38,13 @@ export class Timeline {
       this.onScrub(e.key === "Home" ? 0 : e.key === "End" ? this.length : Math.max(0, Math.min(this.length, this.now + step * (e.shiftKey ? 10 : 1))));
       e.preventDefault();
     });
-    $("whole").addEventListener("click", () => { this.part = null; this.key = ""; this.draw(this.whole, this.now); });
+    $("whole").addEventListener("click", () => { this.part = null; this.key = ""; this.draw(); });
     new ResizeObserver(() => { this.key = ""; }).observe(this.canvas);
   }
 
+  // Asked, not kept from the last drawing: two keys may come before the next frame.
+  get now() { return page.at ?? page.whole.t; }
+  get length() { return Math.max(0.1, page.whole.t); }
   get shown() { return this.part ?? [0, this.length]; }
 
   zoom(factor, around) {
@@ -54,7 +56,7 @@ export class Timeline {
       this.part = [start, start + wide];
     }
     this.key = "";
-    this.draw(this.whole, this.now);
+    this.draw();
   }
 
   pan(share) {
@@ -63,7 +65,7 @@ export class Timeline {
     const start = Math.max(0, Math.min(this.length - wide, this.part[0] + share * wide));
     this.part = [start, start + wide];
     this.key = "";
-    this.draw(this.whole, this.now);
+    this.draw();
   }
 
   timeAt(x) {
@@ -71,11 +73,8 @@ export class Timeline {
     return Math.max(0, Math.min(this.length, from + ((x - LEFT) / Math.max(1, this.canvas.clientWidth - LEFT - RIGHT)) * (to - from)));
   }
 
-  draw(whole, now) {
-    if (!whole) return;
-    this.whole = whole;
-    this.length = Math.max(0.1, whole.t);
-    this.now = now;
+  draw() {
+    const { whole } = page, { now } = this;
     const key = `${whole.seq}|${whole.t.toFixed(2)}|${now}|${this.canvas.clientWidth}|${whole.run?.run}`;
     if (key === this.key) return;
     this.key = key;

@@ -244,6 +244,17 @@ def test_a_device_that_falls_silent_is_seen_in_the_banner(
     expect(page.locator("#links .link.old")).to_have_text(re.compile(r"wheel [2-9]\.\d s"), timeout=10_000)
 
 
+def test_keys_that_come_faster_than_frames_all_count(show: Show, open_page: Open) -> None:
+    show.record(JAM, "old_1")
+    page = open_page("run=old_1")
+    expect(page.locator("#connection")).to_have_text("recorded run")
+    page.locator("#timeline").evaluate(
+        "(line) => { for (const key of ['End', 'Home', 'ArrowRight', 'ArrowRight'])"
+        " line.dispatchEvent(new KeyboardEvent('keydown', { key, bubbles: true })); }"
+    )
+    expect(page.locator("#shown")).to_contain_text("0.2 s of")
+
+
 def test_a_link_to_a_moment_leads_there_and_carries_no_token(show: Show, open_page: Open) -> None:
     show.record(JAM, "old_1")
     page = open_page("run=old_1", permissions=["clipboard-read", "clipboard-write"])
