@@ -2,6 +2,7 @@
 
 DriverError
 ├── CellFileError       the cell file is wrong, with its place
+├── UnusableRobotFile   the robot's description cannot be used
 └── DeviceError         a device refused or failed; carries the device's name
     ├── MotionRefused   nothing has moved
     ├── DeviceLost      no answer, or the stream went stale
@@ -25,6 +26,14 @@ class CellFileError(DriverError):
         self.path, self.line, self.column, self.message, self.hint = path, line, column, message, hint
         place = f"{path}:{line}:{column}" if line else str(path)
         super().__init__(f"{place}: error[cell]: {message}" + (f"\n  {hint}" if hint else ""))
+
+
+class UnusableRobotFile(DriverError):
+    """A robot's description (MJCF or URDF) that cannot be read, or does not say what a driver needs."""
+
+    def __init__(self, path: Path, problem: str) -> None:
+        self.path, self.problem = path, problem
+        super().__init__(f"{path}: {problem}")
 
 
 class DeviceError(DriverError):

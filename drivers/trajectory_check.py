@@ -22,6 +22,8 @@ def problem_with(trajectory: Trajectory, limits: ArmLimits, q: Float64) -> str:
         return "the trajectory holds values that are not finite"
     if t[0] != 0.0 or np.any(np.diff(t) <= 0.0):
         return "the trajectory's times must increase from 0"
+    if not np.isfinite(q).all():
+        return "where the arm stands is not known: its joints are not finite"
     distance = np.abs(trajectory.q[0] - q)
     if distance.max() > START_TOLERANCE:
         joint = int(distance.argmax())

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from drivers.cell_file import Settings
 from drivers.device import Bench
-from drivers.errors import DeviceLost
+from drivers.errors import DeviceLost, UnusableRobotFile
 from drivers.motoman.codec import Order
 from drivers.motoman.driver import MotomanArm, MotomanOptions
-from drivers.motoman.limits import UnusableDescription, read_limits
+from drivers.motoman.limits import read_limits
 from drivers.wire import TcpLink, read_address
 
 MOTION_PORT = 50240
@@ -38,7 +38,7 @@ def connect(settings: Settings, bench: Bench) -> MotomanArm:
         raise settings.error(f"'joints' must name each of {' '.join(on_wire)} once", "joints")
     try:
         limits = read_limits(robot, len(names))
-    except UnusableDescription as error:
+    except UnusableRobotFile as error:
         raise settings.error(str(error), "robot") from error
     options = MotomanOptions(
         order=order,

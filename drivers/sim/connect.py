@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from drivers.cell_file import Settings
 from drivers.device import Bench
+from drivers.errors import UnusableRobotFile
 from drivers.interfaces import Intrinsics
 from drivers.sim.arm import SimArm
 from drivers.sim.camera import SimCamera
@@ -21,7 +22,14 @@ def connect_world(settings: Settings, bench: Bench) -> SimWorld:
     layout = read_layout(settings, bench.seed, bench.workspace.obstacles if bench.workspace else ())
     poses = bench.workspace.poses if bench.workspace else {}
     start = settings.choice("start", poses)
-    return SimWorld(build_scene(layout, bench.seed), layout.robot, poses[start], bench.seed)
+    try:
+        scene = build_scene(layout, bench.seed)
+    except UnusableRobotFile as error:
+        raise settings.error(str(error), "robot") from error
+    if poses[start].size != scene.dof:
+        words = f"the robot has {scene.dof} joints, the pose '{start}' has {poses[start].size}"
+        raise settings.error(words, "start" if settings.has("start") else None)
+    return SimWorld(scene, layout.robot, poses[start], bench.seed)
 
 
 def connect_arm(settings: Settings, bench: Bench) -> SimArm:

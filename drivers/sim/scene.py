@@ -8,7 +8,9 @@ from typing import Any
 import cv2
 import numpy as np
 
+from drivers.errors import UnusableRobotFile
 from drivers.interfaces import Box, Float64
+from drivers.robot_file import read_spec
 from drivers.sim.fruit_shape import FruitShape, make_fruit
 from drivers.sim.gl import load_mujoco
 from drivers.sim.layout import Distractor, FruitOnTable, Layout
@@ -21,6 +23,14 @@ LINING = (0.8, 0.02, 0.01)
 """Friction of what is fixed in the cell: a crate is lined with foam, on which fruit does not roll."""
 PADS = ("pad_left", "pad_right")
 FINGERS = ("finger_left", "finger_right")
+NEEDED = {
+    "site": ("tcp", "camera", *PADS),
+    "geom": PADS,
+    "joint": FINGERS,
+    "actuator": ("gripper",),
+    "numeric": ("arm_velocity", "arm_acceleration", "arm_jerk"),
+}
+"""What a robot's file must have to be simulated, beside its arm's joints with an actuator each."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -35,12 +45,22 @@ class Scene:
     torsion: float
     table_z: float
 
+    @property
+    def dof(self) -> int:
+        """Number of the arm's joints: all that have an actuator, but the fingers."""
+        return int(self.model.nu) - 1
+
 
 def build_scene(layout: Layout, seed: int) -> Scene:
-    """Compile the model."""
+    """Compile the model.
+
+    Raises:
+        UnusableRobotFile: the robot's file cannot be read, or lacks something in `NEEDED`.
+    """
     mujoco = load_mujoco()
     rng = np.random.default_rng([seed, 2])
-    spec = mujoco.MjSpec.from_file(str(layout.robot))
+    spec = read_spec(layout.robot)
+    _check_robot(layout, spec)
     _set_physics(mujoco, spec)
     _add_lights(spec, rng)
     _add_table(mujoco, spec, layout.table_z, rng)
@@ -57,6 +77,19 @@ def build_scene(layout: Layout, seed: int) -> Scene:
     _add_contact_sensors(mujoco, spec, layout)
     model = spec.compile()
     return Scene(model, layout.fruits, tuple(shapes), layout.fixed, layout.friction, layout.torsion, layout.table_z)
+
+
+def _check_robot(layout: Layout, spec: Any) -> None:
+    for kind, names in NEEDED.items():
+        for name in names:
+            if getattr(spec, kind)(name) is None:
+                there = f"; a simulated cell needs {', '.join(names)}" if len(names) > 1 else ""
+                raise UnusableRobotFile(layout.robot, f"has no {kind} named '{name}'{there}")
+    joints = sum(actuator.name != "gripper" for actuator in spec.actuators)
+    for name in NEEDED["numeric"]:
+        if len(spec.numeric(name).data) != joints:
+            words = f"'{name}' must have a number for each of the {joints} joints that have an actuator"
+            raise UnusableRobotFile(layout.robot, words)
 
 
 def _set_physics(mujoco: Any, spec: Any) -> None:

@@ -2,6 +2,7 @@
 
 PlanningError
 ├── PlanningFailed    there is no path to give; carries a code of the skill Plan, a sentence and data
+├── BadRequest        a request that is none: NaN, a wrong number of joints, no such planner
 ├── BadTrajectory     a trajectory that must not be executed: NaN, or beyond a limit
 └── BadProblem        a benchmark's problem file that cannot be used
 """
@@ -25,6 +26,10 @@ class PlanningFailed(PlanningError):
 
     def __str__(self) -> str:
         return f"{self.code}: {self.message}"
+
+
+class BadRequest(PlanningError):
+    """A request that cannot be planned, whatever the scene."""
 
 
 class BadTrajectory(PlanningError):

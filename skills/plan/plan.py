@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.interfaces import ArmLimits, Trajectory
-from skills.plan.errors import PlanningFailed
+from skills.plan.errors import BadRequest, PlanningFailed
 from skills.plan.ompl_planners import PLANNERS, Kind, solve
 from skills.plan.rounding import time_free_path
 from skills.plan.shortcut import path_length, shortcut
@@ -98,7 +98,7 @@ def plan(request: PlanRequest) -> PlanResult:
     Raises:
         PlanningFailed: START_IN_COLLISION, GOAL_UNREACHABLE (there is no goal), GOAL_IN_COLLISION (none is free),
             NO_PATH (iterations used up) or TIMEOUT (wall clock), with data.
-        ValueError: values that are not finite, or a planner that is not offered.
+        BadRequest: joints that are not finite or too many or few, or a planner that is not offered.
     """
     progress = _Progress()
     rng = np.random.default_rng(request.seed)
@@ -126,11 +126,15 @@ def _free_goals(request: PlanRequest) -> Float64:
     space, q_goals = request.space, np.atleast_2d(request.q_goals)
     for name in (request.planner, request.improve):
         if name and name not in PLANNERS:
-            raise ValueError(f"no planner named {name!r}; there are {', '.join(PLANNERS)}")
+            raise BadRequest(f"no planner named {name!r}; there are {', '.join(PLANNERS)}")
     if not (np.isfinite(request.q_start).all() and np.isfinite(q_goals).all()):
-        raise ValueError("start and goals must be finite numbers")
+        raise BadRequest("start and goals must be finite numbers")
     if q_goals.size == 0:
         raise PlanningFailed("GOAL_UNREACHABLE", "no goal has a joint solution")
+    dof = space.lower.size
+    if request.q_start.shape != (dof,) or q_goals.shape[1:] != (dof,):
+        given = f"start {request.q_start.shape}, goals {q_goals.shape}"
+        raise BadRequest(f"start and goals must have the arm's {dof} joints, not shapes {given}")
     if not space.free(request.q_start):
         reason, data = space.explain(request.q_start)
         raise PlanningFailed("START_IN_COLLISION", f"where the arm stands, {reason}", data)

@@ -85,6 +85,13 @@ def test_an_arm_refuses_bad_trajectories_as_a_real_one():
         arm.follow(sweep())
 
 
+def test_an_arm_that_does_not_know_where_it_stands_does_not_move():
+    arm = MockArm(MockClock())
+    arm.q[3] = np.nan
+    with pytest.raises(MotionRefused, match="where the arm stands is not known"):
+        arm.follow(sweep())
+
+
 def test_a_gripper_moves_streams_and_has_a_watchdog(mock_gripper, mock_clock):
     motion = mock_gripper.move(0.05, 0.1)
     mock_clock.advance(0.6)

@@ -13,7 +13,8 @@ from drivers.errors import CellFileError
 from drivers.interfaces import MotionState, Trajectory
 from drivers.motoman.connect import connect
 from drivers.motoman.driver import MotomanArm
-from drivers.motoman.limits import UnusableDescription, read_limits
+from drivers.errors import UnusableRobotFile
+from drivers.motoman.limits import read_limits
 from executive.clock import SystemClock
 
 ROBOT = Path(__file__).resolve().parents[3] / "trees" / "robots" / "sia5f_wsg32.xml"
@@ -87,10 +88,10 @@ def test_a_description_without_limits_is_refused(tmp_path: Path) -> None:
     joint = "<joint name='a' type='hinge' range='-1 1'/><geom size='0.1'/>"
     body = f"<worldbody><body>{joint}</body></worldbody><actuator><position joint='a'/></actuator>"
     (tmp_path / "robot.xml").write_text(f"<mujoco>{body}</mujoco>")
-    with pytest.raises(UnusableDescription, match="lacks the numeric 'arm_velocity'"):
+    with pytest.raises(UnusableRobotFile, match="lacks the numeric 'arm_velocity'"):
         read_limits(tmp_path / "robot.xml", 1)
-    with pytest.raises(UnusableDescription, match="has 1 actuated joints"):
+    with pytest.raises(UnusableRobotFile, match="has 1 actuated joints"):
         read_limits(tmp_path / "robot.xml", 7)
     (tmp_path / "robot.xml").write_text("<mujoco>")
-    with pytest.raises(UnusableDescription, match="cannot be read"):
+    with pytest.raises(UnusableRobotFile, match="robot.xml: "):
         read_limits(tmp_path / "robot.xml", 7)

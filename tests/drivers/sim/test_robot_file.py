@@ -1,10 +1,13 @@
 """The robot's file: kinematics of the manufacturer, frames where the interfaces say, limits of every joint."""
 
+import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from drivers.cell import load_cell
+from drivers.errors import CellFileError
 from drivers.sim.gl import load_mujoco
 
 ROBOT = Path(__file__).resolve().parents[3] / "trees" / "robots" / "sia5f_wsg32.xml"
@@ -105,3 +108,32 @@ def test_at_the_observe_pose_nothing_touches_and_the_camera_looks_at_the_table(r
     site = state.site("camera")
     assert site.xpos == pytest.approx([-0.040, -0.250, 0.480], abs=1e-3)
     assert site.xmat.reshape(3, 3)[:, 2] == pytest.approx([0.0, -0.341, -0.940], abs=1e-3)
+
+
+DAMAGE = {
+    "a joint that an actuator names": ('<joint name="joint_u"', '<joint name="elbow"', "'joint_u'"),
+    "a camera": ('<site name="camera"', '<site name="eye"', "has no site named 'camera'"),
+    "the middle of the fingers": ('<site name="tcp"', '<site name="middle"', "needs tcp, camera"),
+    "what is broken off": ("</mujoco>", "", "XML"),
+    "a limit of speed": ('name="arm_velocity"', 'name="speeds"', "has no numeric named 'arm_velocity'"),
+}
+
+
+@pytest.mark.parametrize("what", DAMAGE)
+def test_a_robot_file_that_lacks_something_is_refused_at_the_cell_files_line(tmp_path, what):
+    shutil.copytree(ROBOT.parents[1], tmp_path / "trees", ignore=shutil.ignore_patterns("__pycache__"))
+    robot = tmp_path / "trees" / "robots" / ROBOT.name
+    sound, damaged, words = DAMAGE[what]
+    text = robot.read_text()
+    assert sound in text
+    robot.write_text(text.replace(sound, damaged))
+    with pytest.raises(CellFileError, match=rf"sim\.yaml:\d+:\d+.*{ROBOT.name}.*{words}"):
+        load_cell(tmp_path / "trees" / "cells" / "sim.yaml", seed=0)
+
+
+def test_a_pose_with_too_few_joints_is_refused_before_the_world_is_made(tmp_path):
+    shutil.copytree(ROBOT.parents[1], tmp_path / "trees", ignore=shutil.ignore_patterns("__pycache__"))
+    cell = tmp_path / "trees" / "cells" / "sim.yaml"
+    cell.write_text(cell.read_text().replace("observe: [-1.36, -0.316, ", "observe: [-0.316, "))
+    with pytest.raises(CellFileError, match="the robot has 7 joints, the pose 'observe' has 6"):
+        load_cell(cell, seed=0)

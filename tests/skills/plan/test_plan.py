@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from skills.plan.errors import PlanningFailed
+from skills.plan.errors import BadRequest, PlanningFailed
 from skills.plan.ompl_planners import PLANNERS
 from skills.plan.plan import PlanRequest, plan
 from skills.plan.trajectory_check import check_trajectory
@@ -106,8 +106,10 @@ def test_patience_is_the_last_resort():
     assert failed.code == "TIMEOUT"
 
 
-def test_joints_that_are_not_finite_and_unknown_planners_are_refused():
-    with pytest.raises(ValueError, match="finite"):
+def test_joints_that_are_no_joints_and_unknown_planners_are_refused():
+    with pytest.raises(BadRequest, match="finite"):
         plan(request(wall_with_gap(0.4), np.array([[np.nan, 0.0]])))
-    with pytest.raises(ValueError, match="RRTConnect"):
+    with pytest.raises(BadRequest, match="the arm's 2 joints"):
+        plan(request(wall_with_gap(0.4), np.array([[0.1, 0.0, 0.3]])))
+    with pytest.raises(BadRequest, match="RRTConnect"):
         plan(request(wall_with_gap(0.4), planner="AORRTC"))
