@@ -9,11 +9,10 @@ from drivers.cell_file import read_cell_file
 from drivers.device import Bench
 from drivers.emulators.motoman import FreeJoints, MotomanEmulator
 from drivers.emulators.server import Server, TcpPort
-from drivers.errors import CellFileError
+from drivers.errors import CellFileError, UnusableRobotFile
 from drivers.interfaces import MotionState, Trajectory
 from drivers.motoman.connect import connect
 from drivers.motoman.driver import MotomanArm
-from drivers.errors import UnusableRobotFile
 from drivers.motoman.limits import read_limits
 from executive.clock import SystemClock
 
@@ -93,5 +92,5 @@ def test_a_description_without_limits_is_refused(tmp_path: Path) -> None:
     with pytest.raises(UnusableRobotFile, match="has 1 actuated joints"):
         read_limits(tmp_path / "robot.xml", 7)
     (tmp_path / "robot.xml").write_text("<mujoco>")
-    with pytest.raises(UnusableRobotFile, match="robot.xml: "):
+    with pytest.raises(UnusableRobotFile, match=r"robot\.xml: "):
         read_limits(tmp_path / "robot.xml", 7)
