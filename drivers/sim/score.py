@@ -13,6 +13,8 @@ from drivers.sim.scene import PADS, Scene, fixed_names
 
 LIFTED = 0.03
 """A fruit counts as lifted this far above where it stood [m]."""
+CLEAR = 1e-3
+"""A fruit hangs when nothing carries it and it has risen by more than this [m]: pads that rub make it hop by less."""
 TOUCH = 0.05
 """A pad holds a fruit when it is pressed by more than this [N]."""
 REGAINED = 0.5
@@ -26,12 +28,12 @@ class Grip:
     """One fruit between the pads, from the first touch of both to the loss of one.
 
     Attributes:
-        T_tool_fruit: pose when the tool began to move; slip is measured against it.
+        T_tool_fruit: pose when the tool last began to move before the fruit hung; slip is measured against it.
         point: the fruit's material point between the pads at that time, in its own frame [m].
         slip: largest motion of that point along the pads [m]; turn: largest rotation against the tool [rad].
         peak: largest force, summed over both fingers [N].
         least: largest value of the least force that the contact model needs for the load while the fruit hung free [N].
-        hung: whether the fruit was clear of the table.
+        hung: whether the fruit was clear of what it stood on.
         held: the fingers' normal forces, over time.
     """
 
@@ -135,7 +137,7 @@ class Score:
                 record.drops += bool(record.last_grip.hung and not sensors.supported)
             return
         T_base_tool, T_base_fruit = self._tool(), self._pose(i)
-        supported = sensors.supported
+        supported = sensors.supported or T_base_fruit[2, 3] - record.rest[2, 3] < CLEAR
         if record.grip is None:
             again = record.last_grip is not None and self.state.time - record.lost_at < REGAINED
             record.grip = record.last_grip if again else self._take_hold(T_base_tool, T_base_fruit)
@@ -147,6 +149,7 @@ class Score:
         if supported and not grip.hung and self._tool_speed() < REST:
             fresh = self._take_hold(T_base_tool, T_base_fruit)
             grip.T_tool_fruit, grip.point = fresh.T_tool_fruit, fresh.point
+            grip.slip = grip.turn = 0.0  # pads that slide over a fruit that stands are no slip of a held one
             return
         self._measure_slip(grip, np.linalg.inv(T_base_tool) @ T_base_fruit)
         if not supported:

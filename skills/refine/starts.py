@@ -16,9 +16,9 @@ _ASIDE = np.radians(45.0)
 def other_starts(T_camera_object: Float64, support: Plane | None) -> list[Float64]:
     """Poses to start a fit from where the detected one leads nowhere: the place is kept, the stem's axis is not.
 
-    A nearly round fruit's axis is what a detector is wrong about, by half a turn (calyx for stem) or by much: beyond what
-    a fit of the shape recovers from. On a support fruit stands upright or upside down; elsewhere the stem may point
-    anywhere, and 45 degrees to each side of both ends are tried.
+    A nearly round fruit's axis is what a detector is wrong about, by half a turn (calyx for stem) or by much: beyond
+    what a fit of the shape recovers from. On a support fruit stands upright or upside down; elsewhere the stem may
+    point anywhere, and 45 degrees to each side of both ends are tried.
     """
     x, y = T_camera_object[:3, 0], T_camera_object[:3, 1]
     stems = [y]

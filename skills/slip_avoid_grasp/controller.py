@@ -7,11 +7,13 @@ thread or tree: give `step` each sample, command what it returns.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
 from skills.slip_avoid_grasp.force_loop import COMMAND_PERIOD
-from skills.slip_avoid_grasp.grip import Float64, GripPhase, GripProblem, GripReading
+from skills.slip_avoid_grasp.grip import IN_HAND, Float64, GripPhase, GripProblem, GripReading
+from skills.slip_avoid_grasp.limit_surface import SoftContact
 from skills.slip_avoid_grasp.reference import ForceReference
 from skills.slip_avoid_grasp.settings import GripSettings
 from skills.slip_avoid_grasp.slip_sense import SlipSense
@@ -39,6 +41,10 @@ GONE, GONE_AFTER = 0.15, 0.06
 
 DEAD, ALIVE = 0.25, 0.6
 """A finger below this share of the other one, which feels more than the second [N], feels nothing any more."""
+
+APART = 1.2
+"""While the pads slide, one finger may press with so much more than both shall together [N]: a fruit that stands on a
+table is held there, and pressed lightly it does not move to the middle between the fingers."""
 
 SATURATED_AFTER = 0.05
 BEYOND_AFTER = 0.3
@@ -104,6 +110,14 @@ class GripController:
         return abs(self.sense.omega) * self.sense.centre
 
     @property
+    def pressed(self) -> float:
+        """The grasp force that is compared with the reference [N]."""
+        highest = max(self.sense.fingers)
+        if self._lasting["dead"] > 0.0:
+            return 2.0 * highest
+        return max(self.sense.f_n, highest - APART) if self.phase is GripPhase.SLIDING else self.sense.f_n
+
+    @property
     def reading(self) -> GripReading:
         sense = self.sense
         return GripReading(
@@ -123,6 +137,25 @@ class GripController:
         if self.phase in (GripPhase.HOLDING, GripPhase.PIVOTING):
             self.phase = GripPhase.PIVOTING if on else GripPhase.HOLDING
             self.reference.pivoting = on
+
+    def slide(self, force: float | None) -> None:
+        """While holding: press with this grasp force [N] and let the pads slide over the fruit; None: hold again."""
+        if self.phase in (GripPhase.HOLDING, GripPhase.SLIDING):
+            self.phase = GripPhase.HOLDING if force is None else GripPhase.SLIDING
+            self.reference.sliding = force
+            if force is None:
+                self.sense.start_observer()
+
+    def know(self, contact: SoftContact, mu_uncertainty: float, initial_force: float) -> None:
+        """Take another friction, and another force to press with until the fruit is carried [N].
+
+        The shape of the pressure stays as it was.
+        """
+        self.settings = replace(
+            self.settings, contact=contact, mu_uncertainty=mu_uncertainty, initial_force=initial_force
+        )
+        self.sense.know(contact)
+        self.reference.know(self.settings)
 
     # ---------------------------------------------------------------------------------------------- stepping
 
@@ -147,13 +180,13 @@ class GripController:
         else:
             self.sense.advance(wrenches, periods)
             self._last("saturated", self._saturated, periods)
-            if self.phase in (GripPhase.HOLDING, GripPhase.PIVOTING):
+            if self.phase in IN_HAND:
                 self._watch_hold(periods)
         self._since_command += periods
         if self._since_command < self._every:
             return None
         speed = self._command()
-        resting = speed == 0.0 and self.speed == 0.0 and self.phase in (GripPhase.HOLDING, GripPhase.PIVOTING)
+        resting = speed == 0.0 and self.speed == 0.0 and self.phase in IN_HAND
         if resting and self._since_command < self._keep_alive:
             return None  # the next command stays free for the moment when it is needed
         self._since_command = 0
@@ -198,7 +231,7 @@ class GripController:
             return self._close()
         if self.phase is GripPhase.RAMP:
             return self._ramp()
-        if self.phase in (GripPhase.HOLDING, GripPhase.PIVOTING):
+        if self.phase in IN_HAND:
             return self._hold()
         return 0.0
 
@@ -289,11 +322,12 @@ class GripController:
             self._pressed_alone = "one finger's normal force jumped alone: the smaller one counts"
         first, second = sense.fingers
         low, high = min(first, second), max(first, second)
-        dead = self._last("dead", low < DEAD * high and high > ALIVE, periods) > 0.0
+        slides = self.phase is GripPhase.SLIDING
+        dead = self._last("dead", low < DEAD * high and high > ALIVE and not slides, periods) > 0.0
         f_n = 2.0 * high if dead else sense.f_n
         needed = sense.coulomb if self.phase is GripPhase.PIVOTING else sense.least
-        beyond = self._last("beyond", needed > 1.02 * f_n, periods)
-        if needed > 0.95 * f_n:
+        beyond = self._last("beyond", needed > 1.02 * f_n and not slides, periods)
+        if needed > 0.95 * f_n and not slides:
             self.slip += self.slip_speed * elapsed
         stamp = self._guard.stamp
         if self._lasting["saturated"] > SATURATED_AFTER:
@@ -325,9 +359,7 @@ class GripController:
         return self._track(opening=not self.reference.frozen and not self.sense.one_sided_press)
 
     def _track(self, opening: bool) -> float:
-        first, second = self.sense.fingers
-        f_n = 2.0 * max(first, second) if self._lasting["dead"] > 0.0 else self.sense.f_n
-        f_ref = self.reference.f_ref
+        f_n, f_ref = self.pressed, self.reference.f_ref
         if self.phase is GripPhase.RAMP:
             speed = self._tracker.on_ramp(f_ref, f_n, self.speed)
         else:

@@ -20,8 +20,13 @@ class GripPhase(Enum):
     RAMP = "raising the force"
     HOLDING = "holding"
     PIVOTING = "pivoting"
+    SLIDING = "letting the pads slide"
     FAILED = "failed"
     ENDED = "ended"
+
+
+IN_HAND = frozenset({GripPhase.HOLDING, GripPhase.PIVOTING, GripPhase.SLIDING})
+"""Phases in which the fingers have a fruit between them and press on it as they should."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -24,7 +24,8 @@ import numpy as np
 from drivers.errors import DeviceError
 from drivers.interfaces import ForceSensor, Gripper, Subscription, WrenchSample
 from skills.slip_avoid_grasp.controller import GripController
-from skills.slip_avoid_grasp.grip import GripPhase, GripProblem, GripReading, GripSamples
+from skills.slip_avoid_grasp.grip import IN_HAND, GripPhase, GripProblem, GripReading, GripSamples
+from skills.slip_avoid_grasp.limit_surface import SoftContact
 
 STALE_AFTER = 0.05
 """A stream that brought no usable sample for so long is stale [s]; the driver's watchdog stops the fingers at 0.1 s."""
@@ -80,7 +81,7 @@ class Hold:
         """Whether a fruit is held now: the grip was made, is under control, and the fruit has not gone."""
         problem = self.controller.problem
         gone = problem is not None and problem.code == "LOST"
-        return self.phase in (GripPhase.HOLDING, GripPhase.PIVOTING) and not gone
+        return self.phase in IN_HAND and not gone
 
     @property
     def problem(self) -> GripProblem | None:
@@ -106,6 +107,16 @@ class Hold:
         """Let the fruit turn in the fingers until it hangs plumb, or hold it again as it hangs; see `Pivot`."""
         with self._lock:
             self.controller.pivot(on)
+
+    def slide(self, force: float | None) -> None:
+        """Press with this grasp force [N] and let the pads slide; None: hold again; see `FeelFriction`."""
+        with self._lock:
+            self.controller.slide(force)
+
+    def know(self, contact: SoftContact, mu_uncertainty: float, initial_force: float) -> None:
+        """Hold for another friction from now on, and press with `initial_force` [N] until the fruit is carried."""
+        with self._lock:
+            self.controller.know(contact, mu_uncertainty, initial_force)
 
     def take_over(self) -> None:
         """End control: the caller moves the fingers from now on. Zero speed is commanded, nothing opens."""

@@ -67,20 +67,26 @@ class ForceReference:
     """The grasp force to track, and the law that chooses it.
 
     `pivoting` bears the weight only and leaves the moment alone, so that the fruit turns until it hangs plumb.
+    `sliding` is a grasp force to keep whatever the load [N], or None.
     """
 
     def __init__(self, settings: GripSettings) -> None:
-        self.settings = settings
         self.f_ref = 0.0
         self.wanted = 0.0
         self.frozen = ""
         self.pivoting = False
-        self._margin = max(settings.margin, LEAST_MARGIN * (1.0 + settings.mu_uncertainty))
-        self._doubts = DOUBT if self._margin > settings.margin else 0.0
+        self.sliding: float | None = None
+        self.know(settings)
         self._held = self._urgent = self._averaged = 0.0
         self._steady = self._share_fast = self._share_slow = math.nan
         self._loaded_for = 0.0
         self.carried = False
+
+    def know(self, settings: GripSettings) -> None:
+        """Take other settings."""
+        self.settings = settings
+        self._margin = max(settings.margin, LEAST_MARGIN * (1.0 + settings.mu_uncertainty))
+        self._doubts = DOUBT if self._margin > settings.margin else 0.0
 
     @property
     def settled(self) -> bool:
@@ -110,6 +116,11 @@ class ForceReference:
             elapsed: since the last call [s].
         """
         s = self.settings
+        if self.sliding is not None:
+            self.wanted, self._urgent = self.sliding, 0.0
+            lowest = self._held - self._fall(self.sliding) * elapsed
+            self._held = self.f_ref = max(lowest, min(self.sliding, self._held + s.ramp_rate * elapsed))
+            return
         if sense.f_t < CARRIED:
             self._loaded_for = 0.0
         elif sense.rise < RISING * sense.least + sense.unrest:
@@ -117,7 +128,7 @@ class ForceReference:
         self.wanted = (
             PIVOT_MARGIN * sense.coulomb if self.pivoting else self._average(self._static(sense), sense, elapsed)
         )
-        target = max(self.wanted, s.floor)
+        needed = target = max(self.wanted, s.floor)
         if self._loaded_for < CARRIED_AFTER and not self.carried:
             target = max(target, s.initial_force)
         else:
@@ -125,7 +136,8 @@ class ForceReference:
         self._averaged += (1.0 - math.exp(-elapsed / EXCESS_LAG)) * (target - self._averaged)
         share = 1.0 - math.exp(-elapsed / LOW_PASS)
         if target >= self._held:
-            self._held += share * (target - self._held)
+            loaded = self._held + share * (max(needed, self._held) - self._held)
+            self._held = max(loaded, min(target, self._held + s.ramp_rate * elapsed))
         elif not self.frozen:
             self._held = max(target, self._held - self._fall(target) * elapsed)
         self._urgent += share * (self._answer(sense, f_n) - self._urgent)

@@ -175,17 +175,8 @@ class SlipSense:
     ) -> None:
         if round(1.0 / (rate * STEP)) != 4:
             raise ValueError(f"the observer's step fits a sensor of 500 Hz, not one of {rate:g} Hz")
-        table = surface_table(contact)
-        self._table = (table.f, table.tau, table.load)
-        self._contact = (
-            contact.mu,
-            contact.torsion,
-            contact.gamma,
-            contact.delta,
-            float(contact.ellipsoid),
-            offset,
-            reserve,
-        )
+        self._unknown = (offset, reserve)
+        self.know(contact)
         self._observer = (
             observer.sigma0, observer.beta, observer.inertia, observer.mass, observer.offset, observer.gain
         )  # fmt: skip
@@ -201,6 +192,19 @@ class SlipSense:
         )
         self._least_before = self._unrest = self._doubt = self._difference_variance = 0.0
         self.f_n = self.least = self.coulomb = self.f_nd = self.omega = self.centre = self.f_t = self.tau_n = 0.0
+
+    def know(self, contact: SoftContact) -> None:
+        """Take another friction from the next sample on."""
+        table = surface_table(contact)
+        self._table = (table.f, table.tau, table.load)
+        self._contact = (
+            contact.mu, contact.torsion, contact.gamma, contact.delta, float(contact.ellipsoid), *self._unknown
+        )  # fmt: skip
+
+    @property
+    def bias(self) -> Float64:
+        """What the fingers show with nothing between them, shape (2, 6)."""
+        return self._bias.copy()
 
     @property
     def fingers(self) -> tuple[float, float]:
