@@ -12,11 +12,15 @@ import argparse
 import csv
 import os
 import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import cv2
 import numpy as np
 import torch
+from rich.console import Console
+from rich.progress import Progress
 
 from skills.detect.compact_detector import CompactDetector, DetectorOptions
 from skills.detect.dope_decode import decode_maps
@@ -50,12 +54,14 @@ def main() -> None:
     weights = options.weights or fruit.weights
     if weights is None:
         raise SystemExit(f"there are no weights for {fruit.name}")
-    render_dataset(options.work / fruit.name, options.frames, BENCH_SEED, options.fruit)
+    with progress("rendering") as rendered:  # frames that are there already are kept
+        render_dataset(options.work / fruit.name, options.frames, BENCH_SEED, options.fruit, progress=rendered)
     frames = FrameFolder([options.work / fruit.name])
     detector = CompactDetector.load(weights)
     detector.warm_up()
     print(f"# Detect, {fruit.name}: {weights.name}, {options.frames} held-out frames of seed {BENCH_SEED}\n")
-    result = evaluate(detector, frames, fruit, options.frames)
+    with progress("looking") as looked:
+        result = evaluate(detector, frames, fruit, options.frames, looked)
     print(table(result, options.score), "\n")
     if not options.no_speed:
         print(speed(detector, frames, fruit), "\n")
@@ -63,6 +69,14 @@ def main() -> None:
     orchard = options.orchard or (Path(shared) / "orchard_apples" if shared else None)
     if orchard is not None and orchard.is_dir():
         print(real_frames(weights, orchard, fruit))
+
+
+@contextmanager
+def progress(what: str) -> Iterator[Callable[[int, int], None]]:
+    """A bar on the error stream, told (done, in all)."""
+    with Progress(console=Console(stderr=True)) as bar:
+        task = bar.add_task(what)
+        yield lambda done, count: bar.update(task, completed=done, total=count)
 
 
 def speed(detector: CompactDetector, frames: FrameFolder, fruit: FruitModel, rounds: int = 3) -> str:

@@ -1,9 +1,10 @@
 """What recording costs: whole picks with and without a record, in turns, in one process.
 
-    python -m benchmarks.bench_record [--pairs 8]
+    python -m benchmarks.bench_record [--pairs 8] [--real 2]
 
 Prints, with and without: the run's wall and processor time (less disturbed by a busy machine), and the wall time from
-reading the tree to the closed record, with the picture that is drawn after the run. Then the recorder's and the
+reading the tree to the closed record, with the picture that is drawn after the run; first with the simulated cell as
+fast as it goes, some eight times as fast as a real one, then at the pace of a real one. Then the recorder's and the
 picture's processor time alone, from the same events, and how large the record of a pick is, by topic.
 """
 
@@ -27,9 +28,9 @@ from executive.recording.scan import scan
 Times = tuple[float, float, float]
 
 
-def one(seed: int, record: Path | None) -> tuple[Times, Path | None]:
+def one(seed: int, record: Path | None, real_time: bool = False) -> tuple[Times, Path | None]:
     """Wall and processor time of one pick, wall time of everything [s], and its record."""
-    order = RunOrder(find_tree("pick_apple"), find_cell("sim"), seed, record=record)
+    order = RunOrder(find_tree("pick_apple"), find_cell("sim"), seed, record=record, real_time=real_time)
     processor: list[float] = []
 
     def note(event: Event) -> None:
@@ -61,27 +62,34 @@ def alone(record: Path, folder: Path) -> tuple[float, float]:
     return recorded - began, time.process_time() - recorded
 
 
+def compare(pairs: int, folder: Path, real_time: bool) -> list[Path]:
+    """Picks with and without a record by turns; prints what it cost and returns the records."""
+    without, recorded, records = [], [], []
+    for seed in range(1, pairs + 1):
+        for keep in (False, True) if seed % 2 else (True, False):  # whoever comes first may find a colder machine
+            times, record = one(seed, folder if keep else None, real_time)
+            (recorded if keep else without).append(times)
+            if record is not None:
+                records.append(record)
+    print(f"{pairs} pairs, {'at the pace of a real cell' if real_time else 'as fast as it goes'}")
+    for k, name in enumerate(("run, wall", "run, processor", "everything, wall")):
+        ratios = [with_[k] / bare[k] for with_, bare in zip(recorded, without, strict=True)]
+        bare, kept = (statistics.median(times[k] for times in many) for many in (without, recorded))
+        print(f"  {name:24} without {bare:6.3f} s   with {kept:6.3f} s   median of the ratios {_percent(ratios)}")
+    return records
+
+
 def main() -> None:
     """Print the figures."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--pairs", type=int, default=8)
-    pairs = parser.parse_args().pairs
+    parser.add_argument("--real", type=int, default=2, help="pairs at the pace of a real cell")
+    options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         one(0, Path(folder))  # compile, load, warm
-        without, recorded, sizes = [], [], []
-        newest: Path | None = None
-        for seed in range(1, pairs + 1):
-            for keep in (False, True) if seed % 2 else (True, False):  # whoever comes first may find a colder machine
-                times, record = one(seed, Path(folder) if keep else None)
-                (recorded if keep else without).append(times)
-                if record is not None:
-                    newest = record
-                    sizes.append((record / EVENTS_FILE).stat().st_size)
-        for k, name in enumerate(("run, wall", "run, processor", "everything, wall")):
-            ratios = [with_[k] / bare[k] for with_, bare in zip(recorded, without, strict=True)]
-            bare, kept = (statistics.median(times[k] for times in many) for many in (without, recorded))
-            print(f"{name:26} without {bare:6.3f} s   with {kept:6.3f} s   median of the ratios {_percent(ratios)}")
-        assert newest is not None
+        records = compare(options.pairs, Path(folder), real_time=False)
+        compare(options.real, Path(folder), real_time=True)
+        newest, sizes = records[-1], [(record / EVENTS_FILE).stat().st_size for record in records]
         recording, drawing = alone(newest, Path(folder) / "again")
         print(f"alone, processor: recording {1e3 * recording:.0f} ms, drawing the picture {1e3 * drawing:.0f} ms")
         print(f"a pick's record: median {statistics.median(sizes) / 1e6:.2f} MB, largest {max(sizes) / 1e6:.2f} MB")

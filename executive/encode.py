@@ -37,6 +37,11 @@ def _fields(kind: Any) -> tuple[str, ...] | None:
     return tuple(field.name for field in dataclasses.fields(kind)) if dataclasses.is_dataclass(kind) else None
 
 
+def field_names(kind: Any) -> tuple[str, ...]:
+    """Names of a dataclass's fields, looked up once."""
+    return _fields(kind) or ()
+
+
 def plain(value: Any, *, arrays: int = LARGE, depth: int = 12, keep: bool = False) -> Any:
     """A JSON value that says the same.
 

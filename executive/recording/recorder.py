@@ -14,7 +14,7 @@ import json
 import queue
 import threading
 from collections.abc import Mapping
-from dataclasses import fields, replace
+from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 from mcap.writer import CompressionType, Writer
 
-from executive.encode import encoded, plain
+from executive.encode import encoded, field_names, plain
 from executive.errors import UsageError
 from executive.events import Event, Published, RunEnded, RunStarted
 from executive.recording.schemas import EVENT, READING, Schema
@@ -32,7 +32,7 @@ from executive.views import ImageView, SeriesView
 EVENTS_FILE = "run.mcap"
 EVENTS = "/events"
 DEVICES = "/devices/"
-BATCH = 0.1
+BATCH = 0.2
 """Seconds between two times that what was heard is written."""
 
 WHOLE, PART = 4_000_000, 48
@@ -192,7 +192,8 @@ class Recorder:
     def _write_readings(self, t: float, tick: int, readings: Mapping[str, Mapping[str, Any]]) -> None:
         stamp = _stamp(t)
         for device, quantities in readings.items():
-            numbers = {name: np.round(value, _DECIMALS) for name, value in quantities.items()}
+            # All at once: rounding column by column was a sixth of the recorder's work.
+            numbers = dict(zip(quantities, np.round(np.array(list(quantities.values())), _DECIMALS), strict=True))
             self._write(f"{DEVICES}{device}", READING, stamp, {"t": round(t, _DECIMALS), "tick": tick, **numbers})
 
     def _write(self, topic: str, schema: Schema, stamp: int, message: Any) -> None:
@@ -212,8 +213,10 @@ def message_of(event: Event) -> dict[str, Any]:
     if isinstance(event, Published) and isinstance(event.value, ImageView):
         event = replace(event, value=replace(event.value, image=None, depth=None))
     limit = WHOLE if isinstance(event, Published) else PART
-    message = {"event": type(event).__name__}
-    return message | {f.name: plain(getattr(event, f.name), arrays=limit, keep=True) for f in fields(event)}
+    message: dict[str, Any] = {"event": type(event).__name__}
+    for name in field_names(type(event)):
+        message[name] = plain(getattr(event, name), arrays=limit, keep=True)
+    return message
 
 
 def _stamp(t: float) -> int:

@@ -309,7 +309,9 @@ def _cloud(cloud: Points3, at: Mapping[str, int]) -> dict[str, Any]:
 
 
 def _points(points: NDArray[np.float64]) -> list[dict[str, float]]:
-    return [_xyz(p) for p in np.round(np.asarray(points, float).reshape(-1, 3), 6) if np.isfinite(p).all()]
+    rounded = np.round(np.asarray(points, float).reshape(-1, 3), 6)
+    finite = rounded[np.isfinite(rounded).all(axis=1)]
+    return [{"x": x, "y": y, "z": z} for x, y, z in finite.tolist()]
 
 
 def _xyz(p: NDArray[np.float64]) -> dict[str, float]:
