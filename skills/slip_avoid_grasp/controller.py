@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from skills.slip_avoid_grasp.command_timing import CommandTiming
 from skills.slip_avoid_grasp.force_loop import COMMAND_PERIOD
 from skills.slip_avoid_grasp.grip import IN_HAND, Float64, GripPhase, GripProblem, GripReading
 from skills.slip_avoid_grasp.limit_surface import SoftContact
@@ -19,9 +20,6 @@ from skills.slip_avoid_grasp.settings import GripSettings
 from skills.slip_avoid_grasp.slip_sense import SlipSense
 from skills.slip_avoid_grasp.stream_guard import StreamGuard
 from skills.slip_avoid_grasp.tracking import ForceTracker
-
-KEEP_ALIVE = 0.06
-"""Rest is commanded again this often, well within the driver's watchdog [s]."""
 
 BIAS_DROPPED, BIAS_SAMPLES, BIAS_SAMPLES_MOST = 10, 100, 800
 BIAS_ERROR = 0.0085
@@ -77,9 +75,7 @@ class GripController:
         self._guard = StreamGuard(settings.period)
         self._bias: list[Float64] = []
         self._dropped = 0
-        self._every = round(COMMAND_PERIOD * settings.rate)
-        self._keep_alive = round(KEEP_ALIVE * settings.rate)
-        self._since_command = self._keep_alive
+        self._timing = CommandTiming(settings.rate)
         self._tracker = ForceTracker(settings.loop)
         self._saturated = False
         self._pressed_alone = ""
@@ -97,7 +93,7 @@ class GripController:
     @property
     def wants_width(self) -> bool:
         """True when the next step may command a speed and so needs `width`."""
-        return self._since_command + 1 >= self._every
+        return self._timing.near
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -168,8 +164,8 @@ class GripController:
             stamp, sequence, wrenches, saturated: as in `WrenchSample`.
 
         Returns:
-            Rate of the opening to command now [m/s]; None most of the time. Never two within `COMMAND_PERIOD`, and at
-            least one within `KEEP_ALIVE` while the stream flows.
+            Rate of the opening to command now [m/s]; None most of the time. Never two within `COMMAND_PERIOD`; while
+            the stream flows, often enough for the driver's watchdog (command_timing.py).
         """
         periods = self._guard.periods(stamp, sequence, wrenches)
         if periods == 0:
@@ -182,14 +178,11 @@ class GripController:
             self._last("saturated", self._saturated, periods)
             if self.phase in IN_HAND:
                 self._watch_hold(periods)
-        self._since_command += periods
-        if self._since_command < self._every:
+        if not self._timing.pass_time(periods):
             return None
         speed = self._command()
-        resting = speed == 0.0 and self.speed == 0.0 and self.phase in IN_HAND
-        if resting and self._since_command < self._keep_alive:
-            return None  # the next command stays free for the moment when it is needed
-        self._since_command = 0
+        if not self._timing.goes_out(speed, self.speed, self.phase in IN_HAND):
+            return None
         self._tracker.commanded(self.reference.f_ref)
         self._last_width = self.width
         self.speed = speed
@@ -276,12 +269,12 @@ class GripController:
             message = f"the gripper's stroke ends at {1e3 * self.width:.1f} mm with {sense.f_n:.1f} N"
             self._fail("OUT_OF_STROKE", message, width=self.width, f_n=sense.f_n)
             return 0.0
-        if self._last("gone", min(sense.fingers) < GONE, self._every) > 2.0 * GONE_AFTER:
+        if self._last("gone", min(sense.fingers) < GONE, self._timing.every) > 2.0 * GONE_AFTER:
             self._lost_in_ramp()
             return 0.0
         f_ref = self.reference.ramp(COMMAND_PERIOD)
         reached = f_ref >= s.initial_force and sense.f_n >= 0.9 * s.initial_force
-        if self._last("reached", reached, self._every) > 1.5 * COMMAND_PERIOD:
+        if self._last("reached", reached, self._timing.every) > 1.5 * COMMAND_PERIOD:
             self.phase = GripPhase.HOLDING
             self.sense.start_observer()
         elif f_ref >= s.initial_force and not reached and self._stuck():
@@ -309,7 +302,7 @@ class GripController:
     def _stuck(self) -> bool:
         """Whether the fingers have not moved for a while although they were told to close."""
         still = self.speed < -1e-3 and abs(self.width - self._last_width) < 1e-5
-        return self._last("stuck", still, self._every) > STUCK_AFTER
+        return self._last("stuck", still, self._timing.every) > STUCK_AFTER
 
     # -------------------------------------------------------------------------------------------- the hold
 

@@ -94,6 +94,21 @@ def test_speeds_come_at_most_fifty_times_a_second_and_often_enough_for_the_watch
     assert hold.holds
 
 
+def test_fingers_that_rest_leave_the_next_command_free_for_when_it_is_needed() -> None:
+    rig = Rig()
+    hold = rig.grasp()
+    rig.clock.advance(1.0)
+    rested = rig.clock.now()
+    rig.clock.advance(2.0)
+    assert sum(t > rested for t, _ in rig.gripper.speeds) <= 5
+    rig.carry(3.0)
+    loaded = rig.clock.now()
+    rig.clock.advance(0.1)
+    answers = [t for t, speed in rig.gripper.speeds if t > loaded and speed < -2e-3]
+    assert answers[0] - loaded < 0.015
+    assert hold.holds
+
+
 def test_a_measured_fruit_lets_the_fingers_move_fast_where_nothing_can_touch() -> None:
     measured = SimpleNamespace(dimensions=np.array([WIDTH, 0.06, WIDTH]))
     known, unknown = Rig(opening=0.103), Rig(opening=0.103)
