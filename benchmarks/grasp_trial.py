@@ -22,6 +22,9 @@ PERIOD = 0.002
 TORQUE_LEVER = 0.005
 """Noise of a torque is the noise of a force at this lever [m]."""
 
+GRASPED_WITHIN = 8.0
+"""A grasp that takes longer has failed [s]; 20 N take 3.3 s to build up, a bias in noise 1.6 s."""
+
 Corrupt = Callable[[int, float, Float64], list[tuple[int, float, Float64]]]
 Watch = Callable[[float, GripController, PatchGrasp | MujocoGrasp], None]
 
@@ -176,7 +179,7 @@ def run_trial(
         if math.isnan(held_at):
             if controller.phase is GripPhase.HOLDING:
                 held_at, origin, turn_0 = t, grasp.place, grasp.turn
-            elif controller.phase is GripPhase.FAILED or t > 5.0:
+            elif controller.phase is GripPhase.FAILED or t > GRASPED_WITHIN:
                 return Result(False, False, 0, 0, 0, 0, least, 0, contact_peak, t, 0, math.nan, trace)
         else:
             since = t - held_at - 0.04
