@@ -26,6 +26,7 @@ from rich.table import Table
 from benchmarks.refine_orchard import orchard_errors
 from benchmarks.refine_pyrender import render_with_plain_pyrender
 from benchmarks.refine_scenes import CAMERA, View, cell_views, leaf_over, stretched_views
+from benchmarks.refine_searches import SEARCHES, search, timed
 from skills.fruit import FruitModel, load_fruit
 from skills.geometry import rot_x, rot_y, transform
 from skills.refine import RefineResult, horizontal_plane, refine, render_depth
@@ -115,6 +116,14 @@ def speed(fruit: FruitModel, console: Console) -> dict[str, float]:
     factor = measured["pyrender as it comes"]["paper_ms"] / measured["pyrender"]["exact_ms"]
     console.print(f"the paper's method by pyrender as it comes takes {factor:.0f} times the closed form's time\n")
     figures = {f"{name}_{key}": value for name, row in measured.items() for key, value in row.items()}
+    exact, mu = measured["pyrender"]["exact_ms"], refine(depth, CAMERA, T, fruit, method="uniform").mu
+    others = Table("the paper's search", "renders", "ms", "/ closed form", "its mu - ours")
+    others.title = "the paper's method with other optimisers, whole image, pyrender"
+    for name in SEARCHES:
+        took, found, renders = timed(search(name, depth, fruit, T, CAMERA, "pyrender"))
+        others.add_row(name, str(renders), f"{took:.0f}", f"{took / exact:.0f}", f"{found - mu:+.0e}")
+        figures[f"{name}_per_exact"] = took / exact
+    console.print(others)
     return {**figures, "paper_as_it_comes_per_exact": factor}
 
 

@@ -74,7 +74,7 @@ def fit_scale_by_rendering(
     if np.median(depth[valid] / virtual_depth[valid]) > TOO_DEEP:
         raise DepthNotInMetres(float(np.median(depth[valid])), float(np.median(virtual_depth[valid])))
     inliers = np.zeros(depth.shape, dtype=np.bool_)
-    inliers[valid] = _line_inliers(virtual_depth[valid], depth[valid], inlier_band)
+    inliers[valid] = line_inliers(virtual_depth[valid], depth[valid], inlier_band)
 
     def objective(sigma: float) -> float:
         rendered, _ = render_depth(mesh, moved_and_scaled(T_camera_object, sigma), intrinsics, box, using)
@@ -91,7 +91,7 @@ def fit_scale_by_rendering(
     return ScaleFit(mu, mean_square / energy, inliers, model_pixels, valid_pixels, float(np.sqrt(mean_square)))
 
 
-def _line_inliers(virtual: DepthImage, measured: DepthImage, band: float) -> NDArray[np.bool_]:
+def line_inliers(virtual: DepthImage, measured: DepthImage, band: float) -> NDArray[np.bool_]:
     """RANSAC: the measurements within the band of the line through two of them that has the most such.
 
     Two of the same virtual depth, as on a face that is seen head-on, give the line through the origin.

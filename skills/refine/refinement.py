@@ -46,6 +46,10 @@ _SETTLED = 0.95
 _CLEARLY = 0.02
 """Another axis of the stem must explain so much more of the depth."""
 
+_ODD = 0.05
+"""Of two axes the one that makes the fruit odder must explain so much more for each squared standard deviation: upside
+down a fruit fits its depth nearly as well, but wider and flatter than it is."""
+
 _HIDDEN = 5.0
 """What is so many bands in front of the model hides it."""
 
@@ -151,9 +155,11 @@ def refine(
 
     if method != "shape":
         return measure_from(T_camera_object)
+    aspect = (priors or Priors()).aspect
     return _best_of_starts(
         measure_from, other_starts(T_camera_object, support), T_camera_object,
         lambda result: _explained(depth[result.box.slices], result, limits.inlier_band),
+        lambda result: _oddness(result.dimensions, model_dimensions, aspect),
     )  # fmt: skip
 
 
@@ -162,6 +168,7 @@ def _best_of_starts(
     others: Sequence[Float64],
     T_camera_object: Float64,
     explained: Callable[[RefineResult], tuple[int, int]],
+    oddness: Callable[[RefineResult], float],
 ) -> RefineResult:
     """What the detected pose leads to, or, where that does not fit well, what another axis of the stem leads to."""
     best: RefineResult | None = None
@@ -172,7 +179,7 @@ def _best_of_starts(
         agree, differ = explained(best)
         if agree >= _SETTLED * (agree + differ):
             return best
-        score = agree - differ
+        score = agree - differ - _ODD * oddness(best) * agree
     except TooFewInliers as error:
         problem = error
     for T_start in others:
@@ -181,14 +188,21 @@ def _best_of_starts(
         except RefineError:
             continue
         agree, differ = explained(other)
-        if other.method.startswith("shape") and agree - differ > score + _CLEARLY * agree:
-            best, score = other, agree - differ
+        found = agree - differ - _ODD * oddness(other) * agree
+        if other.method.startswith("shape") and found > score + _CLEARLY * agree:
+            best, score = other, found
             if agree >= _SETTLED * (agree + differ):
                 break
     if best is None:
         assert problem is not None
         raise problem
     return best
+
+
+def _oddness(dimensions: Float64, model: Float64, deviation: float) -> float:
+    """How far height over width is from the model's, squared, in standard deviations of what fruit differ by."""
+    wide, model_wide = dimensions[[0, 2]].mean(), model[[0, 2]].mean()
+    return float((np.log(dimensions[1] * model_wide / (wide * model[1])) / deviation) ** 2)
 
 
 def _explained(measured: DepthImage, result: RefineResult, band: float) -> tuple[int, int]:
