@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 
 from drivers.interfaces import Intrinsics
 from skills.refine.checks import check_depth, check_pose, extents
-from skills.refine.errors import AtBound, RefineError, SizeOutOfRange, TooFewInliers
+from skills.refine.errors import AtBound, SizeOutOfRange, TooFewInliers
 from skills.refine.gather import Look, gather, gather_others, near_model
 from skills.refine.paper import fit_scale_by_rendering, sigma_bound
 from skills.refine.render import DepthImage, ImageBox, RendererName, Triangles, render_depth
 from skills.refine.scale_fit import ScaleFit, fit_scale
 from skills.refine.shape_fit import RIGID, Priors, ShapeFit, fit_shape
-from skills.refine.starts import other_starts
+from skills.refine.starts import Judge, best_of_starts, other_starts
 from skills.refine.support_plane import Plane
 
 Float64 = NDArray[np.float64]
@@ -38,20 +38,6 @@ about the axis) in place and dimensions, of the mean dimension."""
 _MISPLACED = 0.02
 _PROPORTIONS = np.array([0.03, 0.09, 0.03])
 """Standard deviations of a scaled model's place and dimensions, since fruit differ in proportions; of the size."""
-
-
-_SETTLED = 0.95
-"""With this share of the depth agreeing, the stem's axis as detected is not doubted."""
-
-_CLEARLY = 0.02
-"""Another axis of the stem must explain so much more of the depth."""
-
-_ODD = 0.05
-"""Of two axes the one that makes the fruit odder must explain so much more for each squared standard deviation: upside
-down a fruit fits its depth nearly as well, but wider and flatter than it is."""
-
-_HIDDEN = 5.0
-"""What is so many bands in front of the model hides it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,7 +125,7 @@ def refine(
     check_pose(T_camera_object)
     model_dimensions = extents(mesh)
 
-    def measure_from(T_start: Float64) -> RefineResult:
+    def scaled_from(T_start: Float64) -> RefineResult:
         virtual_depth, box = render_depth(mesh, T_start, intrinsics, using=using)
         measured = depth[box.slices]
         if method == "paper":
@@ -148,71 +134,17 @@ def refine(
             )
         else:
             fit = fit_scale(measured, virtual_depth, limits.inlier_band)
-        scaled = _scaled(fit, T_start, model_dimensions, virtual_depth, box, limits, method)
-        if method == "paper" or (method == "uniform" and not looks):
-            return scaled
-        return _fitted(depth, intrinsics, T_start, mesh, scaled, method, support, looks, limits, priors, using)
+        return _scaled(fit, T_start, model_dimensions, virtual_depth, box, limits, method)
 
-    if method != "shape":
-        return measure_from(T_camera_object)
-    aspect = (priors or Priors()).aspect
-    return _best_of_starts(
-        measure_from, other_starts(T_camera_object, support), T_camera_object,
-        lambda result: _explained(depth[result.box.slices], result, limits.inlier_band),
-        lambda result: _oddness(result.dimensions, model_dimensions, aspect),
-    )  # fmt: skip
+    def fitted(scaled: RefineResult) -> RefineResult:
+        return _fitted(depth, intrinsics, mesh, scaled, method, support, looks, limits, priors, using)
 
-
-def _best_of_starts(
-    measure_from: Callable[[Float64], RefineResult],
-    others: Sequence[Float64],
-    T_camera_object: Float64,
-    explained: Callable[[RefineResult], tuple[int, int]],
-    oddness: Callable[[RefineResult], float],
-) -> RefineResult:
-    """What the detected pose leads to, or, where that does not fit well, what another axis of the stem leads to."""
-    best: RefineResult | None = None
-    problem: TooFewInliers | None = None
-    score = 0.0
-    try:
-        best = measure_from(T_camera_object)
-        agree, differ = explained(best)
-        if agree >= _SETTLED * (agree + differ):
-            return best
-        score = agree - differ - _ODD * oddness(best) * agree
-    except TooFewInliers as error:
-        problem = error
-    for T_start in others:
-        try:
-            other = measure_from(T_start)
-        except RefineError:
-            continue
-        agree, differ = explained(other)
-        found = agree - differ - _ODD * oddness(other) * agree
-        if other.method.startswith("shape") and found > score + _CLEARLY * agree:
-            best, score = other, found
-            if agree >= _SETTLED * (agree + differ):
-                break
-    if best is None:
-        assert problem is not None
-        raise problem
-    return best
-
-
-def _oddness(dimensions: Float64, model: Float64, deviation: float) -> float:
-    """How far height over width is from the model's, squared, in standard deviations of what fruit differ by."""
-    wide, model_wide = dimensions[[0, 2]].mean(), model[[0, 2]].mean()
-    return float((np.log(dimensions[1] * model_wide / (wide * model[1])) / deviation) ** 2)
-
-
-def _explained(measured: DepthImage, result: RefineResult, band: float) -> tuple[int, int]:
-    """How many pixels the fitted model explains, and how many it does not; what hides it counts as neither."""
-    model = result.virtual_depth
-    valid = (model > 0.0) & np.isfinite(measured) & (measured > 0.0)
-    difference = measured[valid] - model[valid]
-    agree = np.count_nonzero(np.abs(difference) <= band)
-    hidden = np.count_nonzero(difference < -_HIDDEN * band)
-    return int(agree), int(difference.size - agree - hidden)
+    if method == "paper" or (method == "uniform" and not looks):
+        return scaled_from(T_camera_object)
+    if method == "uniform":
+        return fitted(scaled_from(T_camera_object))
+    judge = Judge(depth, limits.inlier_band, model_dimensions, (priors or Priors()).aspect)
+    return best_of_starts(scaled_from, fitted, judge, T_camera_object, other_starts(T_camera_object, support))
 
 
 def _scaled(
@@ -257,7 +189,6 @@ def _scaled(
 def _fitted(
     depth: DepthImage,
     intrinsics: Intrinsics,
-    T_camera_object: Float64,
     mesh: Triangles,
     scaled: RefineResult,
     method: str,

@@ -1,14 +1,39 @@
-"""Other ways in which a fruit may stand than the one that the detector saw."""
+"""Which way the stem points: where the detected axis does not fit the depth well, others are tried."""
 
 from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from skills.geometry import rotation_about
+from skills.refine.errors import RefineError, TooFewInliers
+from skills.refine.render import DepthImage
 from skills.refine.support_plane import Plane
 
+if TYPE_CHECKING:
+    from skills.refine.refinement import RefineResult
+
 Float64 = NDArray[np.float64]
+
+_SETTLED = 0.95
+"""With this share of the depth agreeing, the stem's axis as detected is not doubted."""
+
+_CLEARLY = 0.02
+"""Another axis of the stem must explain so much more of the depth."""
+
+_ODD = 0.05
+"""Of two axes the one that makes the fruit odder must explain so much more for each squared standard deviation: upside
+down a fruit fits its depth nearly as well, but wider and flatter than it is."""
+
+_HIDDEN = 5.0
+"""What is so many bands in front of the model hides it."""
+
+_FITTED = 3
+"""Of the other axes those that already explain the most when the model is only scaled are fitted: that takes long."""
 
 _ASIDE = np.radians(45.0)
 
@@ -42,3 +67,89 @@ def _with_stem(T_camera_object: Float64, stem: Float64) -> Float64:
     result = T_camera_object.copy()
     result[:3, :3] = rotation_about(axis, float(np.arctan2(sine, now @ stem))) @ T_camera_object[:3, :3]
     return result
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Judge:
+    """Says how well a fitted model explains the depth.
+
+    Attributes:
+        depth: measured, of the whole image [m].
+        band: half-width of the band in which depth agrees [m].
+        model: dimensions of the model, shape (3,) [m].
+        aspect: standard deviation of ln(height / width) among fruit, relative to the model's.
+    """
+
+    depth: DepthImage
+    band: float
+    model: Float64
+    aspect: float
+
+    def explained(self, result: RefineResult) -> tuple[int, int]:
+        """How many pixels the model explains, and how many it does not; what hides it counts as neither."""
+        model, measured = result.virtual_depth, self.depth[result.box.slices]
+        valid = (model > 0.0) & np.isfinite(measured) & (measured > 0.0)
+        difference = measured[valid] - model[valid]
+        agree = np.count_nonzero(np.abs(difference) <= self.band)
+        hidden = np.count_nonzero(difference < -_HIDDEN * self.band)
+        return int(agree), int(difference.size - agree - hidden)
+
+    def oddness(self, dimensions: Float64) -> float:
+        """How far height over width is from the model's, squared, in standard deviations."""
+        wide, model_wide = dimensions[[0, 2]].mean(), self.model[[0, 2]].mean()
+        return float((np.log(dimensions[1] * model_wide / (wide * self.model[1])) / self.aspect) ** 2)
+
+    def score(self, result: RefineResult) -> tuple[float, float, bool]:
+        """Pixels explained less those that are not and what is odd; by how much another must be better; settled."""
+        agree, differ = self.explained(result)
+        odd = _ODD * self.oddness(result.dimensions) * agree
+        return agree - differ - odd, _CLEARLY * agree, agree >= _SETTLED * (agree + differ)
+
+
+def best_of_starts(
+    scaled_from: Callable[[Float64], RefineResult],
+    fitted: Callable[[RefineResult], RefineResult],
+    judge: Judge,
+    T_camera_object: Float64,
+    others: Sequence[Float64],
+) -> RefineResult:
+    """What the detected pose leads to, or, where that does not fit well, what another axis of the stem leads to.
+
+    Args:
+        scaled_from: the model scaled from a pose.
+        fitted: the same stretched onto the points; the scaled one where they do not support it.
+        judge: of the depth image.
+        T_camera_object: as detected.
+        others: poses with other axes.
+
+    Raises:
+        RefineError: the detected pose leads to no measurement, and no other one does.
+    """
+    best: RefineResult | None = None
+    problem: TooFewInliers | None = None
+    score = 0.0
+    try:
+        best = fitted(scaled_from(T_camera_object))
+        score, _, settled = judge.score(best)
+        if settled:
+            return best
+    except TooFewInliers as error:
+        problem = error
+    candidates = []
+    for T_start in others:
+        try:
+            candidates.append(scaled_from(T_start))
+        except RefineError:
+            continue
+    candidates.sort(key=lambda scaled: judge.score(scaled)[0], reverse=True)
+    for scaled in candidates[:_FITTED]:
+        other = fitted(scaled)
+        found, clearly, settled = judge.score(other)
+        if other.method.startswith("shape") and found > score + clearly:
+            best, score = other, found
+            if settled:
+                break
+    if best is None:
+        assert problem is not None
+        raise problem
+    return best
