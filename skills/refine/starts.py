@@ -32,9 +32,6 @@ down a fruit fits its depth nearly as well, but wider and flatter than it is."""
 _HIDDEN = 5.0
 """What is so many bands in front of the model hides it."""
 
-_FITTED = 3
-"""Of the other axes those that already explain the most when the model is only scaled are fitted: that takes long."""
-
 _ASIDE = np.radians(45.0)
 
 
@@ -135,20 +132,14 @@ def best_of_starts(
             return best
     except TooFewInliers as error:
         problem = error
-    candidates = []
-    for T_start in others:
+    for T_start in others:  # all of them: the first that fits well is not always right where half the fruit is hidden
         try:
-            candidates.append(scaled_from(T_start))
+            other = fitted(scaled_from(T_start))
         except RefineError:
             continue
-    candidates.sort(key=lambda scaled: judge.score(scaled)[0], reverse=True)
-    for scaled in candidates[:_FITTED]:
-        other = fitted(scaled)
-        found, clearly, settled = judge.score(other)
+        found, clearly, _ = judge.score(other)
         if other.method.startswith("shape") and found > score + clearly:
             best, score = other, found
-            if settled:
-                break
     if best is None:
         assert problem is not None
         raise problem
