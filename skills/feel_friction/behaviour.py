@@ -29,9 +29,9 @@ JERK_TIME = 0.05
 ACCELERATION = 0.2
 """Of the slides [m/s²]."""
 
-SLIDING = (0.45, 0.82)
-"""The pads slide between these shares of a motion's time: before, they and the fruit's skin give; afterwards they come
-to rest and creep back."""
+SLIDING = (0.4, 0.92)
+"""The pads slide between these shares of the way, as the arm says where it is: before, they and the fruit's skin give;
+afterwards they come to rest and creep back."""
 
 SETTLING = 0.1
 """Within so many newtons of what is wanted the grasp force has come down or up."""
@@ -127,13 +127,23 @@ class FeelFriction(MovingSkill):
         def hear(sample: WrenchSample) -> None:
             heard.append((sample.stamp, sample.wrenches.copy()))
 
+        robot = RobotModel.load(arm.description)
+        start = robot.tcp(line[0])[:3, 3]
+        stamps, shares = [], []
+
+        def watch() -> None:
+            self._watch(hold)
+            state = arm.state()
+            stamps.append(state.stamp)
+            shares.append(float(np.linalg.norm(robot.tcp(state.q)[:3, 3] - start)) / distance)
+
         subscription = self.device(ForceSensor).subscribe(hear)
-        began = self.clock.now()
         try:
-            yield from self.travel(trajectory, lambda: self._watch(hold))
+            yield from self.travel(trajectory, watch)
+            watch()
         finally:
             subscription.close()
-        first, last = (began + share * trajectory.duration for share in SLIDING)
+        first, last = np.interp(SLIDING, np.maximum.accumulate(shares), stamps)
         samples = [wrenches for stamp, wrenches in heard if first <= stamp <= last]
         return np.array(samples).reshape(-1, 2, 6) - hold.controller.sense.bias
 

@@ -17,7 +17,7 @@ from skills.slip_avoid_grasp.pads import MIRROR, loads_of_finger
 
 Float64 = NDArray[np.float64]
 
-FEW = 20
+FEW = 10
 """Samples that each half of a slide must have."""
 
 PRESSING = 0.1

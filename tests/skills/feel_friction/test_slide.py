@@ -61,7 +61,7 @@ def test_a_twist_takes_its_part_of_the_friction():
 @pytest.mark.parametrize(
     ("up", "down", "words"),
     [
-        (slid(0.7, samples=20), slid(0.7, way=-1.0), "only 20 and 60 samples"),
+        (slid(0.7, samples=18), slid(0.7, way=-1.0), "only 18 and 60 samples"),
         (slid(0.7, f_n=(0.05, 0.6)), slid(0.7, f_n=(0.05, 0.6), way=-1.0), "presses with 0.05 N only"),
         (slid(0.1, load=0.9), slid(0.1, way=-1.0, load=0.9), "came along"),
         (
