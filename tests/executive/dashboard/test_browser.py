@@ -90,7 +90,7 @@ def test_a_run_is_watched_from_start_to_end(show: Show, open_page: Open) -> None
     expect(page.locator("#kind")).to_have_text("MOCK")
     expect(row(page, "Hold").locator(".icon")).to_have_attribute("aria-label", "running")
     expect(row(page, "Hold").locator(".detail")).to_have_text("waiting at the gate")
-    expect(page.locator("#links .ok")).to_have_text(re.compile(r"wheel \d+ ms"))
+    expect(page.locator("#links .ok")).to_have_text(re.compile(r"wheel (\d+ ms|0\.\d s)"))
     expect(page.locator("#camera img")).to_be_visible()
     expect(page.locator("#camera polygon")).to_have_count(1)
     expect(page.locator("#plots .plot")).to_have_count(2)
