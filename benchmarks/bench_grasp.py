@@ -1,6 +1,7 @@
 """Grip control over many random lifts, beside its baselines, on two contact models that share no code with it.
 
-    python -m benchmarks.bench_grasp [--lifts 200] [--world lugre|mujoco|both] [--plots DIR] [--picture FILE] [--quick]
+    python -m benchmarks.bench_grasp [--lifts 200] [--seed 7] [--world lugre|mujoco|both] [--plots DIR] [--picture FILE]
+        [--quick] [--ours]
 
 Fruits of 0.05 to 0.4 kg with friction 0.3 to 0.9, the centre of mass up to 15 mm off the grasp axis and up to 3 mm off
 the fingers' middle, 0.2 N of white noise on every force, lifts of up to 3 m/s². The gripper can press with 20 N a
@@ -196,11 +197,13 @@ def main() -> None:
     parser.add_argument("--plots", type=Path, help="leave a picture of every run of the controller here")
     parser.add_argument("--picture", type=Path, help="draw one lift and the first contact model's table here")
     parser.add_argument("--world", choices=tuple(WORLDS), default="both", help="contact model")
+    parser.add_argument("--seed", type=int, default=7, help="of the draws; margins were found on those of 7")
+    parser.add_argument("--ours", action="store_true", help="leave the baselines out")
     parser.add_argument("--quick", action="store_true", help="a tenth of everything")
     arguments = parser.parse_args()
     lifts = max(arguments.lifts // 10, 10) if arguments.quick else arguments.lifts
     steps = 10**5 if arguments.quick else 10**6
-    tasks, too_heavy = draw_tasks(lifts)
+    tasks, too_heavy = draw_tasks(lifts, arguments.seed)
     print(f"{lifts} random lifts, {too_heavy} drawn again because {MAX_FORCE:.0f} N would not bear them")
     for world, model in WORLDS[arguments.world]:
         print(f"\n{model}\n{HEADER}")
@@ -214,9 +217,9 @@ def main() -> None:
         results = lift_all(tasks, world, law)
         tell("slip avoidance, mu known", results)
         tell("slip avoidance, mu ± 15 %", lift_all(tasks, world, law, uncertain=True))
-        for baseline in (ForceLaw.STATIC, ForceLaw.COULOMB):
+        for baseline in () if arguments.ours else (ForceLaw.STATIC, ForceLaw.COULOMB):
             tell(f"{baseline.value} only, mu known", lift_all(tasks, world, baseline))
-        for constant in (5.0, 10.0, 20.0):
+        for constant in () if arguments.ours else (5.0, 10.0, 20.0):
             tell(f"constant {constant:.0f} N", lift_all(tasks, world, ForceLaw.CONSTANT, constant=constant))
         for reserve in (0.0, 2.0):
             pulled = lift_all(tasks[: lifts // 2], world, law, pull=2.0, reserve=reserve)
