@@ -49,6 +49,11 @@ def chromium() -> Iterator[Any]:
         browser.close()
 
 
+def failures(request: Any) -> list[str]:
+    """What failed in a request: nothing where the page itself was left before the answer came."""
+    return [] if request.failure == "net::ERR_ABORTED" else [f"{request.url}: {request.failure}"]
+
+
 @pytest.fixture
 def open_page(chromium: Any, show: Show) -> Iterator[Callable[..., Any]]:
     """Opens the page; after the test, none of the pages may have had an error or a failed request."""
@@ -62,7 +67,7 @@ def open_page(chromium: Any, show: Show) -> Iterator[Callable[..., Any]]:
         page.set_default_timeout(15_000)
         page.on("console", lambda message: problems.append(message.text) if message.type == "error" else None)
         page.on("pageerror", lambda error: problems.append(str(error)))
-        page.on("requestfailed", lambda request: problems.append(f"{request.url}: {request.failure}"))
+        page.on("requestfailed", lambda request: problems.extend(failures(request)))
         page.goto(f"{show.dashboard.link}{fragment and '&' + fragment}")
         return page
 

@@ -13,6 +13,7 @@ import ssl
 import urllib.error
 import urllib.request
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -93,7 +94,7 @@ def first_word(address: str, context: ssl.SSLContext) -> str:
     """The first event of a live stream.
 
     With asyncio: the library's client with threads reads and writes one TLS connection in two of them, and may wait
-    for ever under load.
+    for ever under load. In a thread of its own: Playwright keeps a loop in this one.
     """
 
     async def listen() -> str:
@@ -101,7 +102,8 @@ def first_word(address: str, context: ssl.SSLContext) -> str:
             event: str = json.loads(str(await stream.recv()).split("\n")[0])["event"]
             return event
 
-    return asyncio.run(listen())
+    with ThreadPoolExecutor(1) as thread:
+        return thread.submit(lambda: asyncio.run(asyncio.wait_for(listen(), 30.0))).result()
 
 
 TAKE = {"viewer": "v", "who": "ada", "action": "take"}
