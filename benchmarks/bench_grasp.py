@@ -32,6 +32,8 @@ from skills.slip_avoid_grasp.settings import ForceLaw, GripSettings
 
 MAX_FORCE = 40.0
 NOISE = 0.2
+INITIAL = 4.0
+"""What the fingers press with before a lift, of which nothing is known yet [N]."""
 LUGRE = (PatchGrasp, "LuGre bristles, exact limit surface")
 MUJOCO = (MujocoGrasp, "MuJoCo, elliptic cone")
 WORLDS = {"both": (LUGRE, MUJOCO), "lugre": (LUGRE,), "mujoco": (MUJOCO,)}
@@ -80,7 +82,7 @@ def settings_for(task: Draw, world: type, law: ForceLaw, uncertain: bool, consta
         law=law,
         mu_uncertainty=0.15 if uncertain else 0.0,
         offset=0.015,
-        initial_force=constant if law is ForceLaw.CONSTANT else 2.2,
+        initial_force=constant if law is ForceLaw.CONSTANT else INITIAL,
         loop=ForceLoopSettings(max_force=MAX_FORCE),
     )
 

@@ -18,8 +18,12 @@ from numpy.typing import NDArray
 
 Float64 = NDArray[np.float64]
 
-STEP = 1e-4
-"""Of the integration [s]; 20 of them make a sample of the 500 Hz sensor."""
+SAMPLE, STEP = 0.002, 1e-4
+"""Of the sensor [s], and the longest step of the integration; shorter ones where the bristles' damping on a light fruit,
+which grows with the normal force, would not be stable with it."""
+
+UNSTABLE = 1.5
+"""An explicit step is stable up to two over damping times mobility; the force may grow within a sample."""
 
 RINGS, SPOKES = 6, 12
 BRISTLE, BRISTLE_DAMPING = 1e4, 30.0
@@ -77,7 +81,7 @@ def pressure_shares(k: float) -> tuple[Float64, Float64, Float64]:
 
 
 @njit(cache=True)
-def _advance(state, bristles, elements, fruit, carriage, pull, command, count, wrenches):  # type: ignore[no-untyped-def]
+def _advance(state, bristles, elements, fruit, carriage, pull, command, count, step, wrenches):  # type: ignore[no-untyped-def]
     """Advance `count` steps with the gripper's height and speed given at the start, and write both pad wrenches."""
     mass, inertia, half, mu, delta, gamma, offset_x, offset_z = fruit
     height, climb, acceleration = carriage
@@ -85,9 +89,9 @@ def _advance(state, bristles, elements, fruit, carriage, pull, command, count, w
     force = np.zeros((2, 3))
     normal = np.zeros(2)
     for _ in range(count):
-        height += climb * STEP
-        climb += acceleration * STEP
-        state[SET_POINT] += 0.5 * command * STEP
+        height += climb * step
+        climb += acceleration * step
+        state[SET_POINT] += 0.5 * command * step
         pull_x = pull[0]
         pull_z = pull[1]
         # The grasped point of the fruit, seen from its centre of mass.
@@ -121,12 +125,12 @@ def _advance(state, bristles, elements, fruit, carriage, pull, command, count, w
                 b_x = bristles[i, 0, e]
                 b_z = bristles[i, 1, e]
                 # Implicit in the relaxation, so that fast sliding stays stable.
-                relax = 1.0 + STEP * BRISTLE * speed / mu
-                n_x = (b_x + STEP * s_x) / relax
-                n_z = (b_z + STEP * s_z) / relax
+                relax = 1.0 + step * BRISTLE * speed / mu
+                n_x = (b_x + step * s_x) / relax
+                n_z = (b_z + step * s_z) / relax
                 share = f_n * elements[2, e]
-                p_x = -share * (BRISTLE * n_x + BRISTLE_DAMPING * (n_x - b_x) / STEP)
-                p_z = -share * (BRISTLE * n_z + BRISTLE_DAMPING * (n_z - b_z) / STEP)
+                p_x = -share * (BRISTLE * n_x + BRISTLE_DAMPING * (n_x - b_x) / step)
+                p_z = -share * (BRISTLE * n_z + BRISTLE_DAMPING * (n_z - b_z) / step)
                 bristles[i, 0, e] = n_x if f_n > 0.0 else 0.0
                 bristles[i, 1, e] = n_z if f_n > 0.0 else 0.0
                 sum_x += p_x
@@ -151,16 +155,16 @@ def _advance(state, bristles, elements, fruit, carriage, pull, command, count, w
                 carried += up
         total_x -= TABLE_FRICTION * carried * math.tanh(state[VX] / 1e-3)
         along = normal[0] - normal[1] - TABLE_FRICTION * carried * math.tanh(state[VY] / 1e-3)
-        state[FINGER_SPEED] += STEP / FINGER * (drive + 0.5 * (normal[0] + normal[1]))
-        state[FINGER_AT] += STEP * state[FINGER_SPEED]
-        state[VX] += STEP * total_x / mass
-        state[VZ] += STEP * total_z / mass
-        state[VY] += STEP * along / mass
-        state[OMEGA] += STEP * torque / inertia
-        state[X] += STEP * state[VX]
-        state[Z] += STEP * state[VZ]
-        state[Y] += STEP * state[VY]
-        state[THETA] += STEP * state[OMEGA]
+        state[FINGER_SPEED] += step / FINGER * (drive + 0.5 * (normal[0] + normal[1]))
+        state[FINGER_AT] += step * state[FINGER_SPEED]
+        state[VX] += step * total_x / mass
+        state[VZ] += step * total_z / mass
+        state[VY] += step * along / mass
+        state[OMEGA] += step * torque / inertia
+        state[X] += step * state[VX]
+        state[Z] += step * state[VZ]
+        state[Y] += step * state[VY]
+        state[THETA] += step * state[OMEGA]
     for i in range(2):
         side = 1.0 if i == 0 else -1.0
         # Pad frame: x down (the approach), z out of the face, y = z x x. What the fruit does to the pad.
@@ -204,14 +208,22 @@ class PatchGrasp:
     def step(self) -> Float64:
         """2 ms pass; the true wrenches, shape (2, 6), in the pads' frames."""
         carriage = (self.height, self.climb, self.acceleration)
-        count = round(0.002 / STEP)
+        count = max(round(SAMPLE / STEP), self._stable_steps())
+        step = SAMPLE / count
         self.at = _advance(
-            self._state, self._bristles, self._elements, self._shape, carriage, self.pull, self.command, count,
+            self._state, self._bristles, self._elements, self._shape, carriage, self.pull, self.command, count, step,
             self.wrenches,
         )  # fmt: skip
-        self.height += self.climb * 0.002 + 0.5 * self.acceleration * 0.002 * (0.002 + STEP)
-        self.climb += self.acceleration * 0.002
+        self.height += self.climb * SAMPLE + 0.5 * self.acceleration * SAMPLE * (SAMPLE + step)
+        self.climb += self.acceleration * SAMPLE
         return self.wrenches
+
+    def _stable_steps(self) -> int:
+        """Steps in a sample with which an explicit integration of the bristles' damping stays stable."""
+        fruit = self.fruit
+        damping = -BRISTLE_DAMPING * float(self.wrenches[:, 2].sum())
+        mobility = 1.0 / fruit.mass + (fruit.offset[0] ** 2 + fruit.offset[1] ** 2) / fruit.inertia
+        return math.ceil(UNSTABLE * damping * mobility * SAMPLE)
 
     @property
     def width(self) -> float:

@@ -34,8 +34,8 @@ class SlipAvoidGrasp(Skill):
         gamma=Port(RATIO, default=0.2569, min=0.0, max=1.0, help="how the contact radius grows with the force"),
         k=Port(RATIO, default=4.0, min=1.0, max=100.0, help="shape of the pressure; 2 is Hertz's"),
         surface=Port(str, default="exact", choices=("exact", "ellipsoid"), help="limit surface"),
-        margin=Port(RATIO, default=1.135, min=1.0, max=3.0, help="on the least force"),
-        reserve=Port(FORCE, default="0 N", min="0 N", max="10 N", help="tangential force held beyond the load"),
+        margin=Port(RATIO, default=1.125, min=1.0, max=3.0, help="on the least force"),
+        reserve=Port(FORCE, default="0 N", min="0 N", max="10 N", help="push at the fruit's centre, held for beyond the load"),
         offset=Port(
             LENGTH, default="3 mm", min="0 mm", max="50 mm", help="the fruit's centre may lie so far off the grip"
         ),

@@ -174,7 +174,9 @@ class GripController:
         if self.phase is GripPhase.BIAS:
             self._take_bias(wrenches)
         else:
-            self.sense.advance(wrenches, periods)
+            touching = self.phase is GripPhase.RAMP or self.phase in IN_HAND
+            moved = self._tracker.expected(self.speed, self.sense.f_n, self.settings.period) if touching else 0.0
+            self.sense.advance(wrenches, periods, moved)
             self._last("saturated", self._saturated, periods)
             if self.phase in IN_HAND:
                 self._watch_hold(periods)

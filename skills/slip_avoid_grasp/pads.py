@@ -36,13 +36,16 @@ def loads_of_finger(w):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def smooth(raw, bias, mirror, noise, fast, slow, smoothed, shares):  # type: ignore[no-untyped-def]
+def smooth(raw, bias, mirror, noise, fast, slow, smoothed, shares, expected):  # type: ignore[no-untyped-def]
     """Advance the filters by one sample and write both fingers' smoothed wrenches, all of shape (2, 6).
 
     What both fingers feel alike and what they feel differently are filtered apart (rows 0 and 1 of `noise`, `fast` and
     `slow`): a load comes to both, so noise hides it less there. The result is the slow filter's, plus what the fast
-    one is beyond it, the more fully the more that exceeds the noise.
+    one is beyond it, the more fully the more that exceeds the noise. By how much the fingers' own motion has just
+    changed the grasp force (`expected`) is no news: the filters go along, so that they need not lag behind it.
     """
+    fast[0, 2] -= 0.5 * expected
+    slow[0, 2] -= 0.5 * expected
     fast_share, normal_share, load_share = shares
     for j in range(6):
         first = raw[0, j] - bias[0, j]

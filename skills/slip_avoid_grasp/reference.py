@@ -59,7 +59,7 @@ CREEP_GAIN, CREEP_FAST, CREEP_SLOW, CREEP_NOISE = 6.0, 0.15, 0.6, 0.06
 """A moment whose share of the least force grows creeps: so many times what its average over the second [s] is beyond
 the one over the third, and beyond the fourth, is added."""
 
-LEAST_MARGIN = 1.075
+LEAST_MARGIN = 1.06
 """Margin on top of the worst friction that is possible, where it is uncertain."""
 
 

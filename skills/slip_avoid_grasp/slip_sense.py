@@ -46,14 +46,14 @@ _SENSED = 17
 
 @njit(cache=True)
 def _sense(  # type: ignore[no-untyped-def]
-    raw, periods, bias, mirror, noise, variance, fast, slow, smoothed, shares, centre_share, contact, f, tau, load,
-    observer, dynamic, memory, sensed,
+    raw, periods, expected, bias, mirror, noise, variance, fast, slow, smoothed, shares, centre_share, contact, f, tau,
+    load, observer, dynamic, memory, sensed,
 ):  # fmt: skip
     mu, torsion, gamma, delta, ellipsoid, offset_unknown, reserve = contact
     sigma0, beta, inertia, mass, offset, gain = observer
     kp, ki, kdc, bound = dynamic
     for _ in range(periods):
-        smooth(raw, bias, mirror, noise, fast, slow, smoothed, shares)
+        smooth(raw, bias, mirror, noise, fast, slow, smoothed, shares, expected)
     least = 0.0
     coulomb = 0.0
     reserved = 0.0
@@ -82,7 +82,8 @@ def _sense(  # type: ignore[no-untyped-def]
         least += needed
         coulomb += f_t / mu
         f_t_feared = f_t + 0.5 * reserve
-        reserved += least_force_of_finger(f_t_feared, tau_n, mu, torsion, gamma, f, tau, load)[0]
+        tau_pushed = abs(tau_n) * f_t_feared / max(f_t, 0.1)
+        reserved += least_force_of_finger(f_t_feared, tau_pushed, mu, torsion, gamma, f, tau, load)[0]
         tau_feared = max(abs(tau_n), f_t * offset_unknown)
         cautious += least_force_of_finger(f_t_feared, tau_feared, mu, torsion, gamma, f, tau, load)[0]
         pressing = max(f_n, 0.05)
@@ -187,9 +188,8 @@ class SlipSense:
         self._bias, self._noise, self._variance = np.zeros((2, 6)), np.zeros((2, 6)), np.zeros(6)
         self._fast, self._slow, self._smoothed = np.zeros((2, 6)), np.zeros((2, 6)), np.zeros((2, 6))
         self._memory, self._sensed = np.zeros(_MEMORY), np.zeros(_SENSED)
-        self.one_sided_press = (
-            False  # one finger's normal force has just changed alone: the larger one counts meanwhile
-        )
+        # One finger's normal force has just changed alone: the larger one counts meanwhile.
+        self.one_sided_press = False
         self._least_before = self._unrest = self._doubt = self._difference_variance = 0.0
         self.f_n = self.least = self.coulomb = self.f_nd = self.omega = self.centre = self.f_t = self.tau_n = 0.0
 
@@ -227,7 +227,7 @@ class SlipSense:
 
     @property
     def reserved(self) -> float:
-        """The least force for the measured load and the reserve [N]."""
+        """The least force for the measured load and a push of the reserve on the same lever [N]."""
         return float(self._sensed[15])
 
     @property
@@ -272,10 +272,13 @@ class SlipSense:
         """Start the observer at rest under the load that the next sample shows."""
         self._memory[5] = 0.0
 
-    def advance(self, raw: Float64, periods: int = 1) -> None:
-        """Take one raw sample, shape (2, 6), that stands for so many periods."""
+    def advance(self, raw: Float64, periods: int = 1, expected: float = 0.0) -> None:
+        """Take one raw sample, shape (2, 6), that stands for so many periods.
+
+        In each of them the fingers' own motion is expected to change the grasp force by `expected` [N].
+        """
         _sense(
-            raw, periods, self._bias, MIRROR, self._noise, self._variance, self._fast, self._slow, self._smoothed,
+            raw, periods, expected, self._bias, MIRROR, self._noise, self._variance, self._fast, self._slow, self._smoothed,
             self._shares[:3], self._shares[3], self._contact, *self._table, self._observer, self._dynamic,
             self._memory, self._sensed,
         )  # fmt: skip

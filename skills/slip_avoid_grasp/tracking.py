@@ -18,6 +18,9 @@ CALM, CALM_GAIN = 4.0, 3.0
 """Errors within so many times noise are corrected with this gain [1/s]: their measurement is slow, and a larger one
 makes the fingers swing."""
 
+FORESEEN = 0.012
+"""Faster motion than this is not relied upon before it shows [m/s]: fingers may be held up."""
+
 TOO_MUCH, TOO_LITTLE = 0.6, 0.35
 """Of noise, so much is allowed where the force is too large, and where it is too small."""
 
@@ -30,6 +33,19 @@ class ForceTracker:
         self._calm_loop = replace(loop, gain=min(CALM_GAIN, loop.gain))
         self._f_ref_commanded = 0.0
         self._correcting = 0.0
+        self._moving = 0.0
+
+    def expected(self, speed: float, f_n: float, period: float) -> float:
+        """How much the fingers' own motion changes the grasp force in one period [N].
+
+        Args:
+            speed: rate of the opening that was commanded last [m/s]; the fingers get there within the loop's lag.
+            f_n: grasp force [N], where pads stiffen with it.
+            period: [s].
+        """
+        self._moving += (1.0 - math.exp(-period / self._loop.lag)) * (speed - self._moving)
+        moving = min(max(self._moving, -FORESEEN), FORESEEN)
+        return -moving * self._loop.stiffness.slope(f_n) * period
 
     def commanded(self, f_ref: float) -> None:
         """A speed was commanded for this reference [N]."""

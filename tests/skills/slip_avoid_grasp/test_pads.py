@@ -105,3 +105,42 @@ def test_a_jump_shows_within_ten_milliseconds_in_spite_of_noise() -> None:
     for _ in range(5):
         made.advance(loaded + rng.normal(0.0, 0.2, (2, 6)) * noise)
     assert made.f_t > 1.2
+
+
+def follow_closing_fingers(told: float, noise: float = 0.0) -> float:
+    """Largest error of the sensed grasp force [N] while it rises with 20 N/s and `told` of that is expected."""
+    made, rng = sense(noise)
+    wrenches, worst = np.full((2, 6), 0.1), 0.0
+    wrenches[:, 2] -= 2.0
+    for i in range(600):
+        closing = 20.0 if i > 400 else 0.0
+        wrenches[:, 2] -= 0.5 * closing * 0.002
+        measured = wrenches + rng.normal(0.0, noise, (2, 6)) * [1, 1, 1, 0.005, 0.005, 0.005]
+        made.advance(measured, 1, told * closing * 0.002)
+        if i > 300:
+            worst = max(worst, abs(made.f_n + wrenches[:, 2].sum() - 0.2))
+    return worst
+
+
+def test_the_fingers_own_motion_is_felt_without_lag() -> None:
+    assert follow_closing_fingers(told=1.0) < 1e-3
+    assert follow_closing_fingers(told=1.0, noise=0.1) < 0.5 * follow_closing_fingers(told=0.0, noise=0.1)
+
+
+def test_pads_that_are_half_as_stiff_as_told_are_felt_no_worse_than_with_no_word() -> None:
+    assert follow_closing_fingers(told=2.0, noise=0.1) < 1.1 * follow_closing_fingers(told=0.0, noise=0.1)
+
+
+def test_a_push_that_is_reserved_for_has_the_lever_of_the_load() -> None:
+    plumb, aside = (SlipSense(SoftContact(mu=0.6), ObserverSettings(), DynamicSettings(), reserve=2.0) for _ in "12")
+    for made, tau in ((plumb, 0.0), (aside, 0.005)):
+        made.settle(np.zeros((100, 2, 6)))
+        wrenches = np.zeros((2, 6))
+        wrenches[:, 2] = -4.0
+        wrenches[:, 0] = 0.5
+        wrenches[:, 5] = [tau, -tau]
+        for _ in range(500):
+            made.advance(wrenches)
+    assert plumb.reserved == pytest.approx(3.0 * plumb.least, rel=1e-3)
+    assert aside.reserved > 2.2 * aside.least
+    assert aside.reserved - plumb.reserved > 2.0 * (aside.least - plumb.least)
