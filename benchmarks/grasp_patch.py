@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 Float64 = NDArray[np.float64]
 
 SAMPLE, STEP = 0.002, 1e-4
-"""Of the sensor [s], and the longest step of the integration; shorter ones where the bristles' damping on a light fruit,
-which grows with the normal force, would not be stable with it."""
+"""Of the sensor [s], and the longest step of the integration; shorter ones where the bristles' damping on a light
+fruit, which grows with the normal force, would not be stable with it."""
 
 UNSTABLE = 1.5
 """An explicit step is stable up to two over damping times mobility; the force may grow within a sample."""

@@ -35,7 +35,7 @@ class SlipAvoidGrasp(Skill):
         k=Port(RATIO, default=4.0, min=1.0, max=100.0, help="shape of the pressure; 2 is Hertz's"),
         surface=Port(str, default="exact", choices=("exact", "ellipsoid"), help="limit surface"),
         margin=Port(RATIO, default=1.125, min=1.0, max=3.0, help="on the least force"),
-        reserve=Port(FORCE, default="0 N", min="0 N", max="10 N", help="push at the fruit's centre, held for beyond the load"),
+        reserve=Port(FORCE, default="0 N", min="0 N", max="10 N", help="push at the fruit's centre to be held"),
         offset=Port(
             LENGTH, default="3 mm", min="0 mm", max="50 mm", help="the fruit's centre may lie so far off the grip"
         ),

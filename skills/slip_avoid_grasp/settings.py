@@ -32,8 +32,8 @@ class GripSettings:
         floor: least grasp force ever [N].
         offset: the fruit's centre may lie so far off the grasp axis [m]; held for until the fruit is carried, when its
             moment has shown.
-        reserve: tangential force that is held beyond the load, with its lever, for pushes at the fruit's centre that come
-            faster than the fingers [N].
+        reserve: tangential force that is held beyond the load, with its lever, for pushes at the fruit's centre that
+            come faster than the fingers [N].
         initial_force: grasp force before the fruit is lifted, and of the law CONSTANT [N].
         ramp_rate: of the force from contact to `initial_force` [N/s].
         relax_rate: the reference falls at most this fast while holding [N/s].

@@ -278,8 +278,8 @@ class SlipSense:
         In each of them the fingers' own motion is expected to change the grasp force by `expected` [N].
         """
         _sense(
-            raw, periods, expected, self._bias, MIRROR, self._noise, self._variance, self._fast, self._slow, self._smoothed,
-            self._shares[:3], self._shares[3], self._contact, *self._table, self._observer, self._dynamic,
+            raw, periods, expected, self._bias, MIRROR, self._noise, self._variance, self._fast, self._slow,
+            self._smoothed, self._shares[:3], self._shares[3], self._contact, *self._table, self._observer, self._dynamic,
             self._memory, self._sensed,
         )  # fmt: skip
         first, second, tau_0, tau_1, self.least, self.coulomb, self.f_nd, self.omega, self.centre, self.f_t = (
