@@ -279,8 +279,8 @@ class SlipSense:
         """
         _sense(
             raw, periods, expected, self._bias, MIRROR, self._noise, self._variance, self._fast, self._slow,
-            self._smoothed, self._shares[:3], self._shares[3], self._contact, *self._table, self._observer, self._dynamic,
-            self._memory, self._sensed,
+            self._smoothed, self._shares[:3], self._shares[3], self._contact, *self._table, self._observer,
+            self._dynamic, self._memory, self._sensed,
         )  # fmt: skip
         first, second, tau_0, tau_1, self.least, self.coulomb, self.f_nd, self.omega, self.centre, self.f_t = (
             self._sensed[:10].tolist()
