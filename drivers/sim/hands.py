@@ -11,7 +11,7 @@ from drivers.sim.world import SimWorld
 
 STIFFNESS, TURNING_STIFFNESS = 1500.0, 0.5
 """Of a hand that holds on [N/m] and against turning [N·m/rad]."""
-PULL, TWIST, TWIST_PULL = 0.002, 0.08, 0.0008
+PULL, TWIST, TWIST_PULL = 0.002, 0.08, 0.0003
 """How fast the hands pull [m/s], twist [rad/s], and pull while they twist [m/s]."""
 FARTHEST = 0.005
 """They do not pull farther than this: the fruit stays between the pads [m]."""

@@ -20,7 +20,7 @@ from drivers.interfaces import WrenchSample
 from skills.slip_avoid_grasp.errors import TooFewPushes, UnusableRecording
 from skills.slip_avoid_grasp.grip import Float64
 from skills.slip_avoid_grasp.limit_surface import SoftContact, least_force
-from skills.slip_avoid_grasp.pads import pad_loads
+from skills.slip_avoid_grasp.pads import PAD_HALF, pad_loads
 
 WINDOW = 25
 """Samples that are averaged before a push is looked at: 50 ms."""
@@ -39,6 +39,17 @@ TYPICAL_RADIUS = 0.005
 
 SPREAD = 1.5
 """Pushes whose forces differ by less than this factor do not tell how the contact grows with the force."""
+
+GROWTH_STD, SLIDE_STD = 0.15, 0.05
+"""How far gamma is from the assumed one among fruit, and how far a slide's force is from the fit, both roughly: what
+noisy slides cannot tell about gamma the assumed one does."""
+
+ODD, MOST_ODD = 0.25, 0.34
+"""A slide whose force is off by more than the first share does not agree with the others; no more than the second may
+be left out."""
+
+VAGUE = 0.25
+"""A contact radius that is known worse than this share is worth a note."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -116,7 +127,7 @@ class GripCalibration:
         contact: mu, delta, gamma; k is taken as given.
         mu_std, delta_std, gamma_std: standard errors of the fit; gamma_std is 0 where gamma was kept as it was.
         residual: root mean square of the relative error of the normal force at which the fruit slid.
-        pushes: how many were used (a push counts once a finger).
+        pushes: how many slides were used (a push counts once a finger).
         stiffness: grasp force per metre of closing [N/m], or None without a squeeze.
         stiffness_r2: share of the squeeze's variance that a straight line explains.
         notes: what a person should know before using it.
@@ -170,24 +181,42 @@ def calibrate_grip(
     elif not knows_growth:
         notes.append("the pushes' forces lie too close together: gamma is the one that was assumed")
     free = 1 + int(knows_torsion) + int(knows_torsion and knows_growth)
+    # The radius is fitted at the force of the twists, where they tell it; delta is what it would be at 1 N.
+    at = float(np.log(f_n[twisted]).mean()) if knows_torsion else 0.0
 
     def contact_of(x: Float64) -> SoftContact:
-        delta = float(np.exp(x[1])) if free > 1 else start.delta
-        gamma = float(np.clip(x[2], 0.0, 1.0)) if free > 2 else start.gamma
+        gamma = float(x[2]) if free > 2 else start.gamma
+        delta = float(np.exp(x[1] - gamma * at)) if free > 1 else start.delta
         return SoftContact(float(np.exp(x[0])), delta, gamma, start.k, start.ellipsoid)
 
-    def residuals(x: Float64) -> Float64:
+    def errors(x: Float64) -> Float64:
         return np.log(np.maximum(least_force(f_t, tau_n, contact_of(x)), 1e-6) / f_n)
 
-    first = np.array([np.log(np.median(f_t / f_n)), np.log(start.delta), start.gamma])[:free]
-    bounds = (np.array([np.log(0.02), np.log(1e-4), 0.0])[:free], np.array([np.log(5.0), np.log(0.05), 1.0])[:free])
-    fit = least_squares(residuals, np.clip(first, *bounds), bounds=bounds, loss="soft_l1", f_scale=0.1)
+    def residuals(x: Float64) -> Float64:
+        return np.concatenate([errors(x)[agrees], SLIDE_STD * (x[2:] - start.gamma) / GROWTH_STD])
+
+    first = np.array([np.log(np.median(f_t / f_n)), np.log(start.delta) + start.gamma * at, start.gamma])[:free]
+    largest = np.log(PAD_HALF)
+    bounds = (np.array([np.log(0.02), np.log(1e-4), 0.0])[:free], np.array([np.log(5.0), largest, 1.0])[:free])
+    agrees = np.ones(len(f_n), bool)
+    rough = least_squares(residuals, np.clip(first, *bounds), bounds=bounds, loss="cauchy", f_scale=SLIDE_STD)
+    odd = np.abs(errors(rough.x)) > ODD
+    if 0 < odd.sum() <= MOST_ODD * len(odd):
+        notes.append(f"{odd.sum()} of {len(odd)} slides do not agree with the others and are left out: repeat them")
+        agrees = ~odd
+    fit = least_squares(residuals, rough.x, bounds=bounds, loss="soft_l1", f_scale=2.0 * SLIDE_STD)
     contact = contact_of(fit.x)
-    error = residuals(fit.x)
-    freedom = max(len(error) - free, 1)
-    covariance = np.linalg.pinv(fit.jac.T @ fit.jac) * float(error @ error) / freedom
-    std = np.zeros(3)
-    std[:free] = np.sqrt(np.diag(covariance))
+    error = errors(fit.x)[agrees]
+    scale = max(float(error @ error) / max(len(error) - free, 1), SLIDE_STD**2 if free > 2 else 0.0)
+    covariance = np.zeros((3, 3))
+    covariance[:free, :free] = np.linalg.pinv(fit.jac.T @ fit.jac) * scale
+    radius_std = float(np.sqrt(covariance[1, 1]))
+    if free > 1 and fit.x[1] > largest - 1e-3:
+        notes.append(f"the twists speak of a contact larger than the pads: {1e3 * PAD_HALF:.0f} mm are assumed")
+    elif radius_std > VAGUE:
+        notes.append(f"the contact's radius is known to {radius_std:.0%} only: twist more, and pull less meanwhile")
+    to_delta = np.array([0.0, 1.0, -at])
+    std = np.sqrt([covariance[0, 0], to_delta @ covariance @ to_delta, covariance[2, 2]])
     stiffness, r2 = _stiffness(squeeze) if squeeze is not None else (None, 0.0)
     if stiffness is not None and r2 < 0.98:
         notes.append("the squeeze is not a straight line: pads that stiffen, or a fruit that moved")
@@ -200,7 +229,7 @@ def calibrate_grip(
         delta_std=float(std[1] * contact.delta),
         gamma_std=float(std[2]),
         residual=residual,
-        pushes=len(f_n),
+        pushes=len(error),
         stiffness=stiffness,
         stiffness_r2=r2,
         notes=tuple(notes),

@@ -90,3 +90,20 @@ def test_a_live_stream_becomes_a_push_without_its_bias() -> None:
     assert (push.width == 0.07).all()
     with pytest.raises(TooFewPushes):
         PushRecorder().push()
+
+
+def test_one_twist_does_not_tell_how_the_contact_grows_and_no_contact_is_larger_than_the_pads() -> None:
+    def slide(f_n: float, f_t: float, tau_n: float) -> Push:
+        wrenches = np.zeros((500, 2, 6))
+        wrenches[:, :, 2] = -f_n
+        wrenches[:, :, 0] = f_t
+        wrenches[:, 0, 5], wrenches[:, 1, 5] = tau_n, -tau_n
+        return Push(wrenches, np.full(500, np.nan))
+
+    pushes = [slide(f, 0.6 * f, 0.0) for f in (1.0, 2.0, 3.5)]
+    pushes += [slide(1.0, 0.2, 0.012), slide(2.0, 1.1, 0.003), slide(3.5, 1.95, 0.004)]
+    found = calibrate_grip(pushes)
+    assert found.contact.mu == pytest.approx(0.6, rel=0.1)
+    assert abs(found.contact.gamma - SoftContact().gamma) < 0.3
+    assert found.contact.delta < 0.012
+    assert any("larger than the pads" in note for note in found.notes)
