@@ -2,8 +2,16 @@
 
 from __future__ import annotations
 
+import math
+
 from drivers.interfaces import ArmLimits, Float64, MotionState, Trajectory
 from drivers.path_follower import PathFollower
+
+ARRIVED = 2e-3
+"""Joints so near to the path's end are there [rad]."""
+
+HELD_UP = 1.0
+"""Joints that rest so long beside the path's end do not get there any more [s]."""
 
 
 class PathMotion:
@@ -15,6 +23,7 @@ class PathMotion:
         self.settled = False
         self.problem = ""
         self._stopping = False
+        self._resting_since = math.inf
 
     @property
     def progress(self) -> float:
@@ -55,11 +64,22 @@ class PathMotion:
         """Advance one period; joint positions [rad] and velocities [rad/s] of the set-point."""
         return self._follower.step()
 
-    def look(self, arrived: bool) -> None:
-        """Update the state; `arrived` tells whether the measured joints rest at the set-point."""
+    def look(self, resting: bool, beside: float, now: float) -> None:
+        """Update the state.
+
+        An arm that was stopped against something rests beside its set-point: that is stopped all the same.
+
+        Args:
+            resting: whether the measured joints rest.
+            beside: how far they are from the set-point, the most of them [rad].
+            now: time [s].
+        """
+        self._resting_since = min(self._resting_since, now) if resting else math.inf
         if self._follower.finished and not self._stopping:
-            if arrived:
+            if resting and beside < ARRIVED:
                 self.state, self.settled = MotionState.DONE, True
+            elif now - self._resting_since > HELD_UP:
+                self.fail(f"the arm rests {math.degrees(beside):.1f}° beside the end of its path: something holds it")
         elif self._stopping and self._follower.at_rest:
             self.state = MotionState.FAILED if self.problem else MotionState.STOPPED
-            self.settled = arrived
+            self.settled = resting

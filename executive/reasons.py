@@ -25,7 +25,7 @@ class Reason:
             code of its latest cause, so that `failure.code` means the same around a leaf and around a subtree.
         message: a sentence for a person.
         data: JSON-like values.
-        causes: reasons of the children that led here, in the order in which they failed.
+        causes: reasons of the children that led here, in the order in which they failed, after those that were skipped.
     """
 
     node_path: str

@@ -122,4 +122,4 @@ class MockArm(Device):
             self._failure = None
         if not motion.at_rest:
             self.q, self._qd = motion.step()
-        motion.look(arrived=True)
+        motion.look(resting=True, beside=0.0, now=self._clock.now())

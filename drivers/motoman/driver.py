@@ -32,8 +32,8 @@ SERVO_ON = 15.0
 """Deadline of switching the servos on: the controller waits up to 5 s in each of its stages [s]."""
 FIRST_STATE = 1.0
 """Deadline of the first feedback and status [s]."""
-ARRIVED, AT_REST = 2e-3, 5e-3
-"""A motion is done when every joint is this near to its end [rad] and slower than this [rad/s]."""
+AT_REST = 5e-3
+"""No joint moves faster than this when the arm rests [rad/s]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -239,7 +239,7 @@ class MotomanArm(Device):
         if stream is None:
             motion.settled = resting
         elif motion.set_point_rests and stream.played:
-            motion.look(bool(resting and np.abs(state.q - self._from_wire(stream.q_last)).max() < ARRIVED))
+            motion.look(resting, float(np.abs(state.q - self._from_wire(stream.q_last)).max()), state.stamp)
 
     def _fail_motion(self, problem: str) -> None:
         """The controller has stopped or will not go on: nothing more is sent."""

@@ -14,10 +14,8 @@ from drivers.sim.scene import TIMESTEP
 from drivers.sim.world import SimWorld
 from drivers.trajectory_check import problem_with
 
-ARRIVED = 2e-3
-"""A motion is done when every joint is this near to its end [rad] …"""
 AT_REST = 5e-3
-"""… and no joint moves faster than this [rad/s]."""
+"""No joint moves faster than this when the arm rests [rad/s]."""
 
 
 class SimArm(FaultyDevice):
@@ -111,6 +109,5 @@ class SimArm(FaultyDevice):
         motion = self._motion
         if motion is not None and not motion.settled and motion.set_point_rests:
             state = self._world.state
-            near = np.abs(state.qpos[self._qpos] - self._set_point).max() < ARRIVED
-            slow = np.abs(state.qvel[self._qvel]).max() < AT_REST
-            motion.look(bool(near and slow))
+            beside = float(np.abs(state.qpos[self._qpos] - self._set_point).max())
+            motion.look(bool(np.abs(state.qvel[self._qvel]).max() < AT_REST), beside, float(state.time))

@@ -1,4 +1,4 @@
-"""One fruit of the simulated world: a mesh stretched to size, slightly deformed, with a skin like a real apple's."""
+"""One fruit of the simulated world: a mesh stretched to size, slightly deformed, with a skin like a real one's."""
 
 from __future__ import annotations
 
@@ -14,12 +14,16 @@ from numpy.typing import NDArray
 
 Float64 = NDArray[np.float64]
 
+APPLES = ("red", "striped", "yellow", "green")
+"""Skins that are drawn where none is asked for."""
+
 # ground colour, blush colour, how much of the skin is blushed
 SKINS: dict[str, tuple[tuple[float, float, float], tuple[float, float, float], float]] = {
     "red": ((0.72, 0.22, 0.12), (0.55, 0.05, 0.07), 0.75),
     "striped": ((0.85, 0.62, 0.25), (0.70, 0.10, 0.10), 0.55),
     "yellow": ((0.86, 0.74, 0.28), (0.85, 0.40, 0.20), 0.25),
     "green": ((0.52, 0.66, 0.20), (0.66, 0.60, 0.22), 0.15),
+    "lemon": ((0.88, 0.76, 0.16), (0.80, 0.66, 0.10), 0.30),
 }
 
 _TEXTURE = (128, 256)

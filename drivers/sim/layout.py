@@ -9,7 +9,7 @@ import numpy as np
 
 from drivers.cell_file import Settings
 from drivers.interfaces import Box, Float64
-from drivers.sim.fruit_shape import SKINS
+from drivers.sim.fruit_shape import APPLES, SKINS
 
 FRICTION = (0.7, 0.9)
 """Sliding friction between pads and skin, drawn for each run."""
@@ -87,7 +87,9 @@ def read_layout(settings: Settings, seed: int, fixed: tuple[Box, ...] = ()) -> L
     place = places.names().index(settings.choice("place", places.names()))
     others = settings.integer("others", 0, 0, len(spots) - 1)
     free = [i for i in rng.permutation(len(spots)) if i != place][:others]
-    names = [name for name in kinds.names() if name != target] or [target]
+    kind_of = {name: kinds.section(name).file("model") for name in kinds.names()}
+    alike = [name for name in kinds.names() if name != target and kind_of[name] == kind_of[target]]
+    names = alike or [target]  # what else lies there is fruit of the same kind
     picked = [target] + [names[i % len(names)] for i in rng.permutation(max(others, len(names)))[:others]]
     skin = settings.choice("skin", ("any", *SKINS), "any")
     automatic = settings.text("friction", "auto") == "auto"
@@ -103,12 +105,14 @@ def read_layout(settings: Settings, seed: int, fixed: tuple[Box, ...] = ()) -> L
         kind = kinds.section(name)
         rng = np.random.default_rng([seed, 2, i])
         drawn_mass = kind.number("mass", "mass", low=1e-3) * rng.uniform(*weight)
-        drawn_skin = str(rng.choice(list(SKINS)))
+        drawn_skin = str(rng.choice(APPLES))
+        drawn_skin = kind.choice("skin", tuple(SKINS), drawn_skin)
         model = kind.file("model")
         if not (model / "fruit.yaml").is_file():
             raise kind.error(f"{model} holds no fruit.yaml", "model")
         width, height = np.random.default_rng([seed, 6, i]).uniform(1.0 - spread, 1.0 + spread, 2)
         dimensions = kind.vector("dimensions", 3, "length") * (width, height, width)
+        lies = kind.boolean("lies", False)
         kind.finish()
         fruits.append(
             FruitOnTable(
@@ -119,7 +123,7 @@ def read_layout(settings: Settings, seed: int, fixed: tuple[Box, ...] = ()) -> L
                 place=int(spot) + 1,
                 xy=spots[spot] + rng.uniform(-jitter, jitter, 2),
                 yaw=rng.uniform(-np.pi, np.pi),
-                tilt=rng.uniform(0.0, tilt),
+                tilt=rng.uniform(0.0, tilt) + (np.pi / 2.0 if lies else 0.0),
                 tilt_azimuth=rng.uniform(-np.pi, np.pi),
                 skin=skin if i == 0 and skin != "any" else drawn_skin,
                 lumps=lumps,

@@ -28,14 +28,18 @@ class Fallback(Selector):
         self._in_sight = in_sight or FailureInSight()
 
     def explain(self) -> Reason:
-        """All children's reasons; the code is that of the last one that was not skipped."""
+        """All children's reasons; the code is that of the last one that was not skipped.
+
+        Those that were skipped come first: the last cause is what the fallback failed with.
+        """
         tried = [cause for cause in self._causes if cause.code != "SKIPPED"]
         if not tried:
             return from_causes(self, tuple(self._causes))
+        skipped = [cause for cause in self._causes if cause.code == "SKIPPED"]
         message = tried[-1].message
         if len(tried) > 1:
             message = f"none of {len(tried)} alternatives succeeded; the last: {message}"
-        return Reason(path_of(self), tried[-1].code, message, causes=tuple(self._causes))
+        return Reason(path_of(self), tried[-1].code, message, causes=(*skipped, *tried))
 
     def tick(self) -> Iterator[Behaviour]:
         children = self.children

@@ -82,7 +82,7 @@ def digest(record: Path) -> Digest:
                     attempts += 1
                 case "NodeChanged":
                     reason = event.get("reason") or {}
-                    if reason and not reason["causes"]:
+                    if reason and not reason["causes"] and reason["code"] != "SKIPPED":
                         codes[reason["code"]] += 1
                 case "RunEnded":
                     about |= _end(event)

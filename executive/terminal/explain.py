@@ -66,7 +66,7 @@ class _Story:
                 self.running.setdefault(event.path, event.t)
             else:
                 self.running.pop(event.path, None)
-            if event.reason is not None and not event.reason.causes:
+            if event.reason is not None and not event.reason.causes and event.reason.code != "SKIPPED":
                 self.failures.append(event)
         elif isinstance(event, OperatorActed):
             self.acts.append(event)

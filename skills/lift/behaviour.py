@@ -43,7 +43,7 @@ class Lift(MovingSkill):
         acceleration=Port(ACCELERATION, default="1 m/s²", min="0.01 m/s²", max="3 m/s²"),
     )
     devices = (Arm, Gripper, ForceSensor, Workspace)
-    failures = (*MOTION_FAILURES, "NOT_HELD", "LOST", "NO_WAY_UP", "IN_COLLISION", "MAP_STALE")
+    failures = (*MOTION_FAILURES, "NOT_HELD", "LOST", "NO_WAY_UP", "MAP_STALE")
 
     def prepare(self) -> None:
         prepare_moving(self)
@@ -95,7 +95,7 @@ class Lift(MovingSkill):
         blocked = space.first_blocked(q_line)
         if blocked is not None:
             reason, found = space.explain(q_line[blocked + 1])
-            raise self.failure("IN_COLLISION", f"on the way up {reason}", **found)
+            raise self.failure("NO_WAY_UP", f"on the way up {reason}", **found)
 
     def _held(self, hold: Hold | None) -> bool:
         if hold is not None and not hold.ended:

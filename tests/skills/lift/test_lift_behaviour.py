@@ -97,7 +97,7 @@ def test_something_above_is_known_before_anything_moves():
     outcome = drive(
         Lift(), {"grasp": GRASP, "map": seen_map(blocked=(above,))}, bench.devices, clock=bench.clock
     )  # fmt: skip
-    assert outcome.reason.code == "IN_COLLISION"
+    assert outcome.reason.code == "NO_WAY_UP"
     assert outcome.reason.data["obstacle"] == "map"
     assert bench.arm.followed == []
 
@@ -110,7 +110,7 @@ def test_the_held_fruit_is_part_of_the_robot():
     given = {"grasp": GRASP, "map": seen_map(blocked=(beside,))}
     outcome = drive(Lift(), given, bench.devices, clock=bench.clock)
     assert without.status is Status.SUCCESS
-    assert outcome.reason.code == "IN_COLLISION"
+    assert outcome.reason.code == "NO_WAY_UP"
     assert outcome.reason.data["link"] == "held fruit"
 
 
