@@ -171,6 +171,11 @@ class Computations:
         self._pending.append((node, name, time.perf_counter(), computation))
         return computation
 
+    @property
+    def started(self) -> bool:
+        """Whether anything was started that `pending` has not yet reported as ended."""
+        return bool(self._pending)
+
     def pending(self) -> bool:
         """Whether anything still runs; reports what has ended since the last call."""
         still = []

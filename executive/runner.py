@@ -325,10 +325,14 @@ class Runner:
                 raise PomonaError(f"{still} has not come to rest within {STOP_LIMIT:.0f} s of a stop")
 
     def _wait_for_computations(self) -> bool:
-        """On a simulated clock, wait for what was started in this tick; True when there was something."""
-        if not self._computations.pending():
-            return False
+        """On a simulated clock, wait for what was started in this tick; True when there was something.
+
+        What was so quick that it has ended already counts, too: a run does not depend on how fast the machine is.
+        """
         if not self._cell.clock.simulated:
+            self._computations.pending()
+            return False
+        if not self._computations.started:
             return False
         while not self._computations.wait(0.05):
             if not self._commands.empty() or self._cell.latched is not None:

@@ -166,9 +166,11 @@ class Skill(py_trees.behaviour.Behaviour):
         """Run a function beside the tick: in a thread, or `isolated` in a process that can be killed at once.
 
         An isolated function and its arguments must be picklable. Use it for work that holds the interpreter's lock.
+        The result is there in the next tick at the earliest, however quick the function is.
         """
         computation = self.context.compute(self.path, function, *arguments, isolated=isolated)
         try:
+            yield None
             while not computation.done():
                 yield None
         except BaseException:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.interfaces import Arm, ForceSensor, Gripper, Workspace
-from executive.ports import ACCELERATION, LENGTH, SPEED, Port, Ports, optional
+from executive.ports import ACCELERATION, LENGTH, SPEED, TIME, Port, Ports, optional
 from executive.skill import Work
 from skills.approach.straight_line import straight_line
 from skills.motion import MOTION_FAILURES, MovingSkill
@@ -30,6 +30,7 @@ class Lift(MovingSkill):
     """Lift straight up with a smooth profile while the grip is controlled, and verify that the fruit came along.
 
     With a `hold` its controller says whether the fruit is still there; without one the fingers' force and opening do.
+    A fruit that creeps out of the grip falls later: `keep` watches it for a while.
     Interrupted, the arm stops on its line and the grip goes on holding.
     """
 
@@ -41,6 +42,7 @@ class Lift(MovingSkill):
         clearance=Port(LENGTH, default="5 mm", min="0 mm", help="kept by the links; gripper and fingers keep a share"),
         speed=Port(SPEED, default="0.25 m/s", min="1 mm/s", max="1 m/s"),
         acceleration=Port(ACCELERATION, default="1 m/s²", min="0.01 m/s²", max="3 m/s²"),
+        keep=Port(TIME, default="0 s", min="0 s", help="so long it is watched up there: the grip comes to rest"),
     )
     devices = (Arm, Gripper, ForceSensor, Workspace)
     failures = (*MOTION_FAILURES, "NOT_HELD", "LOST", "NO_WAY_UP", "MAP_STALE")
@@ -57,6 +59,7 @@ class Lift(MovingSkill):
         clearance: float,
         speed: float,
         acceleration: float,
+        keep: float,
     ) -> Work:
         arm = self.device(Arm)
         if not self._held(hold):
@@ -83,6 +86,10 @@ class Lift(MovingSkill):
 
         yield from self.travel(trajectory, watch)
         watch()
+        up_since = self.context.elapsed()
+        while self.context.elapsed() - up_since < keep - 1e-9:
+            yield "held up"
+            watch()
         if hold is not None:
             show_grip(self, hold, everything=True)
         return {}

@@ -24,6 +24,8 @@ class FruitSection:
         width: extent along the fingers' sliding direction [m].
         p_base: where the pads meet: on the fruit's axis at the height of its widest section, midway between the two
             sides across the sliding direction; base frame, shape (3,) [m].
+        oblique: angle between the sliding direction and the skin's normal where the pads meet it [rad], of the
+            ellipsoid with the fruit's dimensions: pads that meet it obliquely turn the fruit.
         behind: how far the fruit reaches from `p_base` against the approach, towards the palm [m].
         sigma_width, sigma_across, sigma_height: standard deviations of the width, of the position along the sliding
             direction and of the position's height in the base frame [m].
@@ -31,6 +33,7 @@ class FruitSection:
 
     width: float
     p_base: Float64
+    oblique: float
     behind: float
     sigma_width: float
     sigma_across: float
@@ -54,10 +57,13 @@ def fruit_section(measured: MeasuredFruit, vertices_base: Float64, R_base_tcp: F
     in_object = measured.T_base_fruit[:3, :3].T @ sliding  # the width is a mix of the three dimensions
     half = measured.dimensions * in_object
     mix = half * in_object / max(float(np.linalg.norm(half)), 1e-9)
+    touched = measured.dimensions * half  # points from the ellipsoid's centre to where a pad meets it
+    oblique = np.arctan2(np.linalg.norm(np.cross(in_object, touched)), in_object @ touched)
     position, size = measured.covariance[:3, :3], measured.covariance[3:, 3:]
     return FruitSection(
         width=high - low,
         p_base=measured.T_base_fruit[:3, 3] + R_base_tcp @ centre,
+        oblique=float(oblique),
         behind=float(centre[2] - top),
         sigma_width=_deviation(size, mix),
         sigma_across=_deviation(position, sliding),

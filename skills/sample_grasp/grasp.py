@@ -23,6 +23,7 @@ class Grasp:
         width: opening to approach with [m].
         q_pre_grasp: joint solutions of the pre-grasp that are free of collision, shape (n, dof) [rad], best first.
         clearance: distance from the nearest obstacle over the approach [m].
+        oblique: angle at which the pads meet the skin [rad]; 0 is square.
         fruit: what is to be grasped.
     """
 
@@ -34,6 +35,7 @@ class Grasp:
     width: float
     q_pre_grasp: Float64
     clearance: float
+    oblique: float
     fruit: MeasuredFruit
 
     @property

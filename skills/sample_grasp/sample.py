@@ -36,6 +36,9 @@ Int64 = NDArray[np.int64]
 SLACK = 2e-3
 """By how much a margin may be undershot between looks [m]."""
 
+OBLIQUE = 0.35
+"""Pads that meet the skin at this angle turn a fruit between them, even with good friction [rad]."""
+
 LINE_STEP = 30e-3
 """Distance of poses along an approach when it is judged [m]; segments between them are checked whole."""
 
@@ -139,15 +142,18 @@ def sample_pre_grasps(
 def cost(grasp: Grasp, robot: RobotModel, q_now: Float64) -> float:
     """Order of candidates, smallest first: a sum of shares between 0 and 1, by how much each matters for a safe grasp.
 
-    Little clearance (30 mm is plenty), a tilted approach (the fingers come nearer to the table), a posture near a
-    singularity, and a long way from where the arm stands.
+    Little clearance (30 mm is plenty), pads that meet the skin obliquely or press on the ends of a long fruit (both
+    turn it), a tilted approach (the fingers come nearer to the table), a posture near a singularity, and a long way
+    from where the arm stands.
     """
     q = grasp.q_pre_grasp[0]
     tight = 1.0 - min(grasp.clearance / 0.03, 1.0)
     tilted = grasp.theta / (np.pi / 2.0)
     stiff = 1.0 / (1.0 + 20.0 * robot.manipulability(q))
+    oblique = min(grasp.oblique / OBLIQUE, 1.0)
+    wide = min(grasp.width / float(grasp.fruit.dimensions.min()) - 1.0, 1.0)
     far = min(float(np.abs(q - q_now).max()) / np.pi, 1.0)
-    return 1.0 * tight + 0.5 * tilted + 0.5 * stiff + 0.5 * far
+    return 1.0 * tight + 1.0 * oblique + 1.0 * wide + 0.5 * tilted + 0.5 * stiff + 0.5 * far
 
 
 def _candidate(setting: _Setting, index: int, theta: float, alpha: float, R_base_tcp: Float64) -> Grasp:
@@ -172,7 +178,7 @@ def _candidate(setting: _Setting, index: int, theta: float, alpha: float, R_base
     if setting.rules.check:
         kept, clearance = _approachable(setting, solutions, T_base_grasp, width)
     return Grasp(
-        index, theta, alpha, T_base_pre_grasp, T_base_grasp, width, kept, clearance, setting.measured
+        index, theta, alpha, T_base_pre_grasp, T_base_grasp, width, kept, clearance, section.oblique, setting.measured
     )  # fmt: skip
 
 

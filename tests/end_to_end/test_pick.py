@@ -42,6 +42,14 @@ def test_an_apple_is_picked_and_the_record_tells_it_again(tmp_path: Path) -> Non
     assert {"detection", "refine", "grip"} <= {topic.split("/")[0] for topic in topics}
 
 
+def test_another_fruit_is_picked_by_the_same_tree_with_its_own_weights() -> None:
+    truth = pick(0, None, kind="lemon", fruit="lemon", place="5").result.truth
+    assert truth is not None
+    assert truth["lifted"] is True
+    assert truth["target"] == "lemon"
+    assert truth["position_error_mm"] < 4.0
+
+
 def test_the_json_line_has_what_a_program_needs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     status = main(["run", "pick_apple", "--seed", "2", "--record", str(tmp_path), "--json", "--set", "fruit=apple_1"])
     line = json.loads(capsys.readouterr().out.splitlines()[-1])

@@ -24,6 +24,15 @@ def test_what_varies_leaves_everything_else_as_it_was_drawn(open_cell):
     assert np.array_equal(varied.xy, plain.xy)
 
 
+def test_other_fruit_on_the_table_is_of_the_targets_kind(open_cell):
+    apples = open_cell(seed=5, others="4")._world.scene.fruits
+    assert all(fruit.name.startswith("apple") for fruit in apples)
+    lemons = open_cell(seed=5, fruit="lemon", others="2")._world.scene.fruits
+    assert [fruit.name for fruit in lemons] == ["lemon"] * 3
+    assert {fruit.skin for fruit in lemons} == {"lemon"}
+    assert all(fruit.tilt >= np.pi / 2 for fruit in lemons)  # a lemon lies
+
+
 def test_friction_and_noise_are_set_from_outside(open_cell):
     cell = open_cell(seed=5, friction="0.4..0.5", depth_noise="0.3", force_noise="0.2 N")
     assert 0.4 <= cell._world.scene.friction <= 0.5

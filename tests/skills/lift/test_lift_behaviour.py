@@ -51,6 +51,20 @@ def test_closed_fingers_that_press_each_other_hold_nothing():
     assert drive(Lift(), {}, bench.devices, clock=bench.clock).reason.code == "NOT_HELD"
 
 
+def test_a_fruit_that_falls_while_it_is_held_up_is_lost_too():
+    bench = holding()
+    assert drive(Lift(), {"keep": 1.0}, bench.devices, clock=bench.clock).duration == pytest.approx(1.96, abs=0.1)
+    bench = holding()
+
+    def drop(tick: int) -> None:
+        if tick == 70:  # up since tick 48
+            bench.fingers.feel = lambda _now: np.zeros((2, 6))
+
+    outcome = drive(Lift(), {"keep": 1.0}, bench.devices, clock=bench.clock, each_tick=drop)
+    assert outcome.reason.code == "LOST"
+    assert "lost 150 mm up" in outcome.reason.message
+
+
 def test_a_fruit_that_slips_out_on_the_way_is_lost_and_the_arm_stops():
     bench = holding()
 

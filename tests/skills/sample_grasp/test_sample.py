@@ -3,9 +3,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from skills.collision import CollisionWorld, Convex
-from skills.geometry import is_pose
+from skills.collision import CollisionWorld, Convex, fruit_points
+from skills.fruit import load_fruit
+from skills.geometry import is_pose, rot_z, transform
 from skills.plan.arm_space import TARGET, ArmSpace
+from skills.sample_grasp.fruit_section import fruit_section
 from skills.sample_grasp.gripper_shape import gripper_shape
 from skills.sample_grasp.sample import GraspRules, sample_pre_grasps
 from skills.sample_grasp.sphere import Sphere
@@ -124,6 +126,36 @@ def test_best_first_prefers_room_and_a_steep_approach():
     first, last = grasps[0], grasps[-1]
     assert first.theta <= last.theta
     assert first.clearance >= last.clearance
+
+
+def lying_lemon(yaw: float):
+    """58 x 82 mm, its long axis level and turned by `yaw` about the vertical."""
+    upright = apple_at(1, 3)
+    T_base_fruit = transform(
+        rot_z(yaw) @ np.eye(3), [*PLACES[3], TABLE_Z + 0.029]
+    )  # its axis, the object's y, is level
+    return replace(
+        upright, fruit=load_fruit("lemon"), T_base_fruit=T_base_fruit, dimensions=np.array([0.058, 0.082, 0.058])
+    )
+
+
+@pytest.mark.parametrize("yaw", [0.0, 0.4, 1.1, 2.0])
+def test_a_long_fruit_is_taken_across(yaw):
+    grasps, _ = sample(lying_lemon(yaw))
+    long_axis = lying_lemon(yaw).T_base_fruit[:3, 1]
+    assert abs(grasps[0].T_base_grasp[:3, 1] @ long_axis) < np.sin(np.radians(16.0))  # the sphere's steps are 30°
+    assert grasps[0].oblique < np.radians(14.0)
+
+
+def test_how_obliquely_pads_meet_an_ellipsoid():
+    lemon = lying_lemon(0.0)
+    for turned, expected in ((0.0, 0.0), (30.0, 19.1), (90.0, 0.0)):
+        sliding = np.array([np.cos(np.radians(turned)), np.sin(np.radians(turned)), 0.0])
+        down = np.array([0.0, 0.0, -1.0])
+        R_base_tcp = np.stack([np.cross(sliding, down), sliding, down], axis=1)
+        assert np.degrees(fruit_section(lemon, fruit_points(lemon), R_base_tcp).oblique) == pytest.approx(
+            expected, abs=0.1
+        )
 
 
 def test_the_sphere_is_a_choice():
