@@ -85,30 +85,36 @@ def speed(detector: CompactDetector, frames: FrameFolder, fruit: FruitModel, rou
     pictures = [frames.picture(k, halved=False) for k in range(min(8, len(frames)))]
     fx, fy, cx, cy = frames.annotation(0).camera
     K = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
-    whole, network_only, compact = [], [], []
+    threads = torch.get_num_threads()
+    whole, network_only, in_one_thread, compact = [], [], [], []
     for turn in range(rounds):
-        start = time.perf_counter()
-        tensor, _ = dope_input(pictures[turn], downscale_height=480)
-        with torch.inference_mode():
-            begin = time.perf_counter()
-            beliefs, affinities = full(tensor)
-            network_only.append(time.perf_counter() - begin)
-        decode_maps(beliefs[-1][0].numpy(), affinities[-1][0].numpy())
-        whole.append(time.perf_counter() - start)
+        for count, took in ((threads, network_only), (1, in_one_thread)):
+            torch.set_num_threads(count)
+            start = time.perf_counter()
+            tensor, _ = dope_input(pictures[turn], downscale_height=480)
+            with torch.inference_mode():
+                begin = time.perf_counter()
+                beliefs, affinities = full(tensor)
+                took.append(time.perf_counter() - begin)
+            decode_maps(beliefs[-1][0].numpy(), affinities[-1][0].numpy())
+            if count == threads:
+                whole.append(time.perf_counter() - start)
+        torch.set_num_threads(threads)
         for picture in pictures:
             start = time.perf_counter()
             find_instances(detector, picture, K, fruit)
             compact.append(time.perf_counter() - start)
-    ratio = np.median(network_only) / np.median(compact)
+    ratio, ratio_in_one = np.median(network_only) / np.median(compact), np.median(in_one_thread) / np.median(compact)
     return "\n".join(
         [
             "## Speed at 640 × 480, medians of this run",
             "",
-            f"threads: full network {torch.get_num_threads()}, compact 1",
-            f"full network: {1e3 * np.median(network_only):.0f} ms",
+            f"full network: {1e3 * np.median(network_only):.0f} ms in {threads} threads, "
+            f"{1e3 * np.median(in_one_thread):.0f} ms in one",
             f"full network with resize and decoding: {1e3 * np.median(whole):.0f} ms",
-            f"compact, all of Detect (resize, networks, decoding, PnP): {1e3 * np.median(compact):.1f} ms",
-            f"ratio full network / all of compact: {ratio:.0f}",
+            f"compact, all of Detect (resize, networks, decoding, PnP), in one: {1e3 * np.median(compact):.1f} ms",
+            f"full network / all of compact: {ratio_in_one:.0f} in one thread each, "
+            f"{ratio:.0f} in {threads} threads and one",
         ]
     )
 

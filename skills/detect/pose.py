@@ -101,20 +101,20 @@ def _start(model: F64, seen: F64, K: F64) -> tuple[F64, F64]:
 def _linearise(R: F64, t: F64, model: F64, seen: F64, K: F64) -> tuple[F64, F64]:
     """Residuals (2n,) [px] and their derivative (2n, 6) by a rotation vector and translation in the camera frame."""
     turned = model @ R.T
+    a, b, c = turned.T
     x, y, z = (turned + t).T
     z = np.where(np.abs(z) < 1e-6, 1e-6, z)
-    fx, fy = K[0, 0], K[1, 1]
-    residual = np.stack([fx * x / z + K[0, 2], fy * y / z + K[1, 2]], axis=1) - seen
-    zero = np.zeros_like(z)
-    by_point = np.stack(
-        [np.stack([fx / z, zero, -fx * x / z**2], axis=1), np.stack([zero, fy / z, -fy * y / z**2], axis=1)], axis=1
-    )
-    a, b, c = turned.T
-    # d(exp(w) p)/dw at w = 0 is -[p]x.
-    cross = np.stack(
-        [np.stack([zero, c, -b], axis=1), np.stack([-c, zero, a], axis=1), np.stack([b, -a, zero], axis=1)], axis=1
-    )
-    jacobian = np.concatenate([by_point @ cross, by_point], axis=2)
+    u, v = K[0, 0] * x / z, K[1, 1] * y / z
+    residual = np.empty((len(model), 2))
+    residual[:, 0] = u + (K[0, 2] - seen[:, 0])
+    residual[:, 1] = v + (K[1, 2] - seen[:, 1])
+    # By the point: (fx / z, 0, -u / z) and (0, fy / z, -v / z); d(exp(w) p)/dw at w = 0 is -[p]x.
+    by_x, by_y, u, v = K[0, 0] / z, K[1, 1] / z, u / z, v / z
+    jacobian = np.zeros((len(model), 2, 6))
+    jacobian[:, 0, 0], jacobian[:, 0, 1], jacobian[:, 0, 2] = -u * b, by_x * c + u * a, -by_x * b
+    jacobian[:, 1, 0], jacobian[:, 1, 1], jacobian[:, 1, 2] = -by_y * c - v * b, v * a, by_y * a
+    jacobian[:, 0, 3], jacobian[:, 0, 5] = by_x, -u
+    jacobian[:, 1, 4], jacobian[:, 1, 5] = by_y, -v
     return residual.reshape(-1), jacobian.reshape(-1, 6)
 
 

@@ -27,10 +27,17 @@ def minimal_rotation(source: ArrayLike, target: ArrayLike) -> NDArray[np.float64
         across /= np.linalg.norm(across)
         half_turn: NDArray[np.float64] = 2.0 * np.outer(across, across) - np.eye(3)
         return half_turn
-    x, y, z = np.cross(a, b)
-    skew = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    rotation: NDArray[np.float64] = np.eye(3) + skew + skew @ skew / (1.0 + cosine)
-    return rotation
+    # I + [v]x + [v]x² / (1 + c) with v = a x b, written out: this is called sixty times a picture.
+    (p, q, r), (s, t, u) = a.tolist(), b.tolist()
+    x, y, z = q * u - r * t, r * s - p * u, p * t - q * s
+    k = 1.0 / (1.0 + cosine)
+    return np.array(
+        [
+            [1.0 - k * (y * y + z * z), k * x * y - z, k * x * z + y],
+            [k * x * y + z, 1.0 - k * (x * x + z * z), k * y * z - x],
+            [k * x * z - y, k * y * z + x, 1.0 - k * (x * x + y * y)],
+        ]
+    )
 
 
 def label_rotation(stem_camera: ArrayLike, centre_camera: ArrayLike) -> NDArray[np.float64]:
