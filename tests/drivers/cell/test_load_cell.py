@@ -105,7 +105,7 @@ def test_the_shipped_simulated_cell_loads():
         ({"others": "9"}, "must lie between 0 and 4"),
         ({"frut": "apple_1"}, "did you mean 'fruit'"),
         ({"friction": "slippery"}, "not a number"),
-        ({"skin": "blue"}, "known: any, green, red, striped, yellow"),
+        ({"skin": "blue"}, "known: any, green, lemon, red, striped, yellow"),
         ({"mass": "3 m"}, "not a unit of mass"),
     ],
 )
