@@ -58,6 +58,7 @@ class PathMotion:
     def resume(self) -> None:
         if self.state is MotionState.PAUSED and not self._stopping:
             self.state = MotionState.RUNNING
+            self._resting_since = math.inf  # it rested because it was paused
             self._follower.go_on()
 
     def step(self) -> tuple[Float64, Float64]:

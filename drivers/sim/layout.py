@@ -105,8 +105,7 @@ def read_layout(settings: Settings, seed: int, fixed: tuple[Box, ...] = ()) -> L
         kind = kinds.section(name)
         rng = np.random.default_rng([seed, 2, i])
         drawn_mass = kind.number("mass", "mass", low=1e-3) * rng.uniform(*weight)
-        drawn_skin = str(rng.choice(APPLES))
-        drawn_skin = kind.choice("skin", tuple(SKINS), drawn_skin)
+        drawn_skin = kind.choice("skin", SKINS, str(rng.choice(APPLES)))
         model = kind.file("model")
         if not (model / "fruit.yaml").is_file():
             raise kind.error(f"{model} holds no fruit.yaml", "model")

@@ -216,7 +216,7 @@ def calibrate_grip(
     elif radius_std > VAGUE:
         notes.append(f"the contact's radius is known to {radius_std:.0%} only: twist more, and pull less meanwhile")
     to_delta = np.array([0.0, 1.0, -at])
-    std = np.sqrt([covariance[0, 0], to_delta @ covariance @ to_delta, covariance[2, 2]])
+    std = np.sqrt(np.maximum([covariance[0, 0], to_delta @ covariance @ to_delta, covariance[2, 2]], 0.0))
     stiffness, r2 = _stiffness(squeeze) if squeeze is not None else (None, 0.0)
     if stiffness is not None and r2 < 0.98:
         notes.append("the squeeze is not a straight line: pads that stiffen, or a fruit that moved")

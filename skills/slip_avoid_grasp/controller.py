@@ -175,8 +175,10 @@ class GripController:
             self._take_bias(wrenches)
         else:
             touching = self.phase is GripPhase.RAMP or self.phase in IN_HAND
-            moved = self._tracker.expected(self.speed, self.sense.f_n, self.settings.period) if touching else 0.0
-            self.sense.advance(wrenches, periods, moved)
+            expected = 0.0
+            if touching:
+                expected = self._tracker.expected(self.speed, self.sense.f_n, self.settings.period, periods)
+            self.sense.advance(wrenches, periods, expected)
             self._last("saturated", self._saturated, periods)
             if self.phase in IN_HAND:
                 self._watch_hold(periods)

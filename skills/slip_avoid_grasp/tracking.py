@@ -35,15 +35,15 @@ class ForceTracker:
         self._correcting = 0.0
         self._moving = 0.0
 
-    def expected(self, speed: float, f_n: float, period: float) -> float:
-        """How much the fingers' own motion changes the grasp force in one period [N].
+    def expected(self, speed: float, f_n: float, period: float, periods: int = 1) -> float:
+        """How much the fingers' own motion changes the grasp force in each of the periods that have passed [N].
 
         Args:
             speed: rate of the opening that was commanded last [m/s]; the fingers get there within the loop's lag.
             f_n: grasp force [N], where pads stiffen with it.
-            period: [s].
+            period: [s]; `periods` of them have passed since the last call.
         """
-        self._moving += (1.0 - math.exp(-period / self._loop.lag)) * (speed - self._moving)
+        self._moving += (1.0 - math.exp(-periods * period / self._loop.lag)) * (speed - self._moving)
         moving = min(max(self._moving, -FORESEEN), FORESEEN)
         return -moving * self._loop.stiffness.slope(f_n) * period
 

@@ -49,6 +49,20 @@ def test_an_arm_that_is_stopped_against_something_is_stopped_although_it_rests_b
     assert motion.settled
 
 
+def test_the_rest_of_a_pause_does_not_count_as_being_held_up(motion: PathMotion) -> None:
+    motion.step()
+    motion.pause()
+    run_out(motion)
+    motion.look(resting=True, beside=1e-3, now=0.0)
+    motion.resume()
+    motion.step()
+    run_out(motion)
+    motion.look(resting=True, beside=5e-3, now=10.0 * HELD_UP)  # almost there
+    assert motion.state is MotionState.RUNNING
+    motion.look(resting=True, beside=1e-3, now=10.1 * HELD_UP)
+    assert motion.state is MotionState.DONE
+
+
 def test_an_arm_that_is_held_up_before_its_end_has_failed_and_says_so(motion: PathMotion) -> None:
     run_out(motion)
     for k in range(3):
