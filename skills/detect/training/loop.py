@@ -1,4 +1,4 @@
-"""One training loop for all networks: resumable step by step, averaged weights, cosine schedule."""
+"""One training loop for all networks: resumable step by step, averaged weights, a rate that falls."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import torch
 from torch import Tensor, nn
@@ -17,8 +17,16 @@ from torch.utils.data import DataLoader, Dataset, Subset
 
 from skills.detect.errors import BadTraining
 from skills.detect.processor import has_bfloat16
+from skills.detect.training.optimiser import Method, Optimiser
+from skills.detect.training.together import Together
 
 Loss = Callable[[nn.Module, tuple[Tensor, ...]], Tensor]
+
+
+Fall = Literal["cosine", "late", "constant"]
+
+FALLING = 0.4
+"""Part of the steps in which a rate falls to nothing. Until then a run may still be made longer or shorter."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,8 +36,9 @@ class Schedule:
     Attributes:
         steps: optimiser steps in all.
         rate: highest learning rate.
-        fall: how the rate falls after the rise.
+        fall: how the rate falls after the rise; "late" keeps it, and falls linearly over the last `FALLING` steps.
         warm_up: steps of linear rise before it.
+        method: how weights are moved, see `Optimiser`.
         decay: weight decay, on matrices and kernels only.
         clip: largest norm of the gradient.
         average: decay of the running average of weights that is kept in the end.
@@ -38,9 +47,10 @@ class Schedule:
 
     steps: int
     rate: float = 2e-3
-    fall: Literal["cosine", "constant"] = "cosine"
+    fall: Fall = "cosine"
     warm_up: int = 60
-    decay: float = 1e-3
+    method: Method = "muon"
+    decay: float = 0.05
     clip: float = 5.0
     average: float = 0.998
     validate_every: int = 250
@@ -52,6 +62,8 @@ class Schedule:
             return self.rate * (step + 1) / self.warm_up
         if self.fall == "constant":
             return self.rate
+        if self.fall == "late":
+            return self.rate * min(1.0, (self.steps - step) / (FALLING * self.steps))
         part = (step - self.warm_up) / max(1, self.steps - self.warm_up)
         return self.rate * (0.5 + 0.5 * math.cos(math.pi * min(1.0, part))) + 1e-6
 
@@ -78,18 +90,33 @@ def train_network(
     device: str = "cpu",
     workers: int = 1,
     report: Callable[[Progress], None] | None = None,
+    together: Together | None = None,
+    rank: int = 0,
 ) -> nn.Module:
     """Train until `schedule.steps`, going on from `checkpoint` where it exists; returns the averaged network.
 
     A resumed run takes the same steps as one that was never interrupted: batch k depends on its number alone, and the
     checkpoint holds weights, averages and the optimiser's state.
 
+    Args:
+        network: learnt in place.
+        batches: batch k at index k.
+        loss: of a network and a batch.
+        schedule: length and rates.
+        checkpoint: file.
+        validate: figures of the averaged network.
+        device: "cpu" or "cuda".
+        workers: processes that prepare batches; 0 prepares them here.
+        report: called now and then.
+        together: with the processes that learn the same network; each has batches of its own.
+        rank: of this process among them; only the first, 0, validates, reports and saves.
+
     Raises:
         BadTraining: the checkpoint belongs to another network or schedule, or the loss is no longer finite.
     """
     place = torch.device(device)
     network.to(place, memory_format=torch.channels_last).train()  # type: ignore[call-overload]
-    optimiser = torch.optim.AdamW(_groups(network, schedule.decay), lr=schedule.rate)
+    optimiser = Optimiser(network, schedule.method, schedule.decay)
     average = {k: v.detach().clone() for k, v in network.state_dict().items()}
     first = _resume(checkpoint, network, optimiser, average, schedule, place)
     remaining = Subset(batches, range(first, schedule.steps))
@@ -100,15 +127,17 @@ def train_network(
     low_precision = on_gpu or has_bfloat16()
     started, mean_loss = time.monotonic(), 0.0
     for step, batch in _counted(loader, first):
-        for group in optimiser.param_groups:
-            group["lr"] = schedule.rate_at(step)
         on_device = tuple(part.to(place, non_blocking=True) for part in batch)
         with torch.autocast(place.type, dtype=torch.bfloat16, enabled=low_precision):
             value = loss(network, on_device)
-        optimiser.zero_grad(set_to_none=True)
+        network.zero_grad(set_to_none=True)
         value.backward()  # type: ignore[no-untyped-call]
+        if together is not None:
+            together.mean(rank, network)
         nn.utils.clip_grad_norm_(network.parameters(), schedule.clip)
-        optimiser.step()
+        optimiser.step(schedule.rate_at(step))
+        if rank > 0:
+            continue
         _update_average(average, network, min(schedule.average, (1.0 + step) / (10.0 + step)))
         current = float(value.detach())
         if not math.isfinite(current):
@@ -131,12 +160,6 @@ def _counted(loader: DataLoader[tuple[Tensor, ...]], first: int) -> Iterator[tup
     return enumerate(loader, start=first)
 
 
-def _groups(network: nn.Module, decay: float) -> list[dict[str, Any]]:
-    kernels = [p for p in network.parameters() if p.ndim > 1]
-    others = [p for p in network.parameters() if p.ndim <= 1]
-    return [{"params": kernels, "weight_decay": decay}, {"params": others, "weight_decay": 0.0}]
-
-
 def _update_average(average: dict[str, Tensor], network: nn.Module, keep: float) -> None:
     with torch.no_grad():
         for key, value in network.state_dict().items():
@@ -156,7 +179,7 @@ def _averaged(network: nn.Module, average: dict[str, Tensor]) -> nn.Module:
 def _save(
     path: Path,
     network: nn.Module,
-    optimiser: torch.optim.Optimizer,
+    optimiser: Optimiser,
     average: dict[str, Tensor],
     step: int,
     schedule: Schedule,
@@ -166,7 +189,7 @@ def _save(
     state = {
         "network": network.state_dict(),
         "average": average,
-        "optimiser": optimiser.state_dict(),
+        "optimiser": optimiser.state(),
         "step": step,
         "schedule": json.dumps(asdict(schedule)),
     }
@@ -177,7 +200,7 @@ def _save(
 def _resume(
     path: Path,
     network: nn.Module,
-    optimiser: torch.optim.Optimizer,
+    optimiser: Optimiser,
     average: dict[str, Tensor],
     schedule: Schedule,
     place: torch.device,
@@ -187,15 +210,19 @@ def _resume(
     try:
         state = torch.load(path, map_location=place, weights_only=True)
         network.load_state_dict(state["network"])
-        optimiser.load_state_dict(state["optimiser"])
+        optimiser.restore(state["optimiser"])
         for key, value in state["average"].items():
             average[key].copy_(value)
     except Exception as error:
         raise BadTraining(f"checkpoint {path} does not belong to this training: {error}") from error
-    saved, wanted = json.loads(state["schedule"]), asdict(schedule)
+    step, saved, wanted = int(state["step"]), json.loads(state["schedule"]), asdict(schedule)
     changed = [k for k in wanted if saved.get(k) != wanted[k] and k not in ("validate_every", "save_every")]
+    if changed == ["steps"]:
+        before = Schedule(**saved)
+        if step <= schedule.steps and all(before.rate_at(k) == schedule.rate_at(k) for k in range(step)):
+            changed = []  # shorter or longer, but the same so far
     if changed:
         raise BadTraining(
             f"checkpoint {path} was made with another schedule ({', '.join(changed)}); use another folder"
         )
-    return int(state["step"])
+    return step

@@ -12,7 +12,7 @@ import torch
 from skills.detect.compact_detector import CompactDetector
 from skills.detect.compact_network import CloseLookNetwork, FinderNetwork
 from skills.detect.synthetic.dataset import render_dataset
-from skills.detect.training.loop import Progress, Schedule
+from skills.detect.training.loop import Fall, Progress, Schedule
 from skills.detect.training.places import find_places, save_places
 from skills.detect.training.samples import FrameFolder
 from skills.detect.training.train import Part, TrainingRun, train_part
@@ -29,7 +29,7 @@ class Stage:
 
     Attributes:
         part: which network.
-        steps, rate, batch: as in `Schedule` and `TrainingRun`.
+        steps, rate, batch, fall: as in `Schedule` and `TrainingRun`.
         turned: share of the close looks that are turned anyhow about their axis.
     """
 
@@ -38,6 +38,7 @@ class Stage:
     rate: float
     batch: int
     turned: float = 0.0
+    fall: Fall = "cosine"
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,12 +59,10 @@ SHIPPED = Recipe(
     frames=16_000,
     held_out=400,
     stages=(
-        Stage("finder", 1000, 2e-3, 16),
-        Stage("finder", 1500, 1.2e-3, 16),
-        Stage("close_look", 1800, 2e-3, 192),
+        Stage("finder", 1600, 3e-3, 16),
         # Upright looks alone teach where stems mostly are, not what they look like; too many turned ones turn over
         # fruit that stands (docs/decisions/detect-network.md).
-        Stage("close_look", 4000, 1.5e-3, 192, turned=0.2),
+        Stage("close_look", 5500, 3e-3, 192, turned=0.2, fall="late"),
     ),
 )
 """What `make train-detect` carries out; how the weights in the repository came about is in docs/model_cards."""
@@ -90,7 +89,7 @@ def make_weights(
         fruit: name in the catalogue.
         recipe: what to do.
         device: "cpu" or "cuda".
-        workers: processes that render, and prepare batches.
+        workers: processes that render, and prepare batches or, on a CPU, learn.
         data: folder of frames made before; None renders the recipe's into `work`.
         rendered: called with (frames done, frames in all).
         say: called with the stage's name and its progress.
@@ -116,13 +115,14 @@ def make_weights(
             held_out,
             work / f"stage_{number}",
             stage.batch,
-            Schedule(stage.steps, stage.rate),
+            Schedule(stage.steps, stage.rate, stage.fall),
             seed=number,
             places=places if stage.part == "close_look" else None,
             start_from=start,
             device=device,
-            # On a CPU the network itself needs a core; a GPU waits for its batches.
-            workers=workers if device == "cuda" else max(1, workers // 2),
+            # A GPU waits for its batches; on a CPU the network itself needs the cores.
+            workers=workers if device == "cuda" else 1,
+            processes=1 if device == "cuda" else workers,
             turned=stage.turned,
         )
         name = f"{stage.part} {number + 1}/{len(recipe.stages)}"

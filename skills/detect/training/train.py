@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import multiprocessing
+import os
+import signal
+import threading
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,16 +16,20 @@ from torch import Tensor, nn
 
 from skills.detect.compact_network import AXIS, CENTRE, KIND, SIZE, CloseLookNetwork, FinderNetwork, to_input
 from skills.detect.dope_network import DopeNetwork
+from skills.detect.errors import BadTraining
 from skills.detect.training.loop import Loss, Progress, Schedule, train_network
 from skills.detect.training.losses import close_look_loss, dope_loss, finder_loss
 from skills.detect.training.places import load_places
 from skills.detect.training.samples import CloseLookBatches, DopeBatches, FinderBatches, FrameFolder
+from skills.detect.training.together import CONTEXT, Together
 
 Part = Literal["finder", "close_look", "dope"]
 
 AnyBatches = FinderBatches | CloseLookBatches | DopeBatches
 
-PAPER_SCHEDULE = Schedule(steps=124_000, rate=1e-4, fall="constant", warm_up=0, decay=0.0, clip=1e9, average=0.0)
+PAPER_SCHEDULE = Schedule(
+    steps=124_000, rate=1e-4, fall="constant", warm_up=0, method="adam", decay=0.0, clip=1e9, average=0.0
+)
 """The paper's: 120 epochs of 120 000 frames in batches of 116 at a constant rate of 1e-4 (Adam)."""
 
 
@@ -40,7 +48,8 @@ class TrainingRun:
         seed: of batches and first weights.
         start_from: weights to begin with, None for random ones.
         device: "cpu" or "cuda".
-        workers: processes that prepare batches.
+        workers: processes that prepare batches, for each that learns.
+        processes: that learn, each with its part of every batch.
         turned: share of the close looks that are turned anyhow about their axis.
     """
 
@@ -55,11 +64,63 @@ class TrainingRun:
     start_from: dict[str, Tensor] | None = None
     device: str = "cpu"
     workers: int = 1
+    processes: int = 1
     turned: float = 0.0
 
 
 def train_part(run: TrainingRun, report: Callable[[Progress], None] | None = None) -> nn.Module:
-    """Train one network of the compact detector; resumes from `out`. Returns it with averaged weights, in eval mode."""
+    """Train one network of the compact detector; resumes from `out`. Returns it with averaged weights, in eval mode.
+
+    Raises:
+        BadTraining: as `train_network`, or a process that learns beside this one has ended.
+    """
+    if run.processes == 1:
+        return _train(run, report)
+    kind, _, _ = _PARTS[run.part]
+    together = Together(run.processes, kind())
+    others = [CONTEXT.Process(target=_follow, args=(run, together, rank)) for rank in range(1, run.processes)]
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        for other in others:
+            other.start()
+        return _train(run, report, together)
+    except BaseException:
+        together.abandon()
+        raise
+    finally:
+        torch.set_num_threads(threads)
+        for other in others:
+            other.join()
+
+
+def _follow(run: TrainingRun, together: Together, rank: int) -> None:
+    """A process that learns beside the first."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the first one decides
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    torch.set_num_threads(1)
+    try:
+        _train(run, None, together, rank)
+    except BadTraining:
+        together.abandon()  # the first one says it
+    except BaseException:
+        together.abandon()
+        raise
+
+
+def _end_with_parent() -> None:
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+    parent.join()
+    os._exit(1)
+
+
+def _train(
+    run: TrainingRun,
+    report: Callable[[Progress], None] | None,
+    together: Together | None = None,
+    rank: int = 0,
+) -> nn.Module:
     torch.manual_seed(run.seed)
     frames = FrameFolder(list(run.data))
     kind, batches_of, loss = _PARTS[run.part]
@@ -67,12 +128,15 @@ def train_part(run: TrainingRun, report: Callable[[Progress], None] | None = Non
     extra: dict[str, Any] = {}
     if run.part == "close_look":
         extra = {"places": None if run.places is None else load_places(run.places), "turned": run.turned}
-    batches = batches_of(frames, run.batch, run.seed, run.schedule.steps, **extra)
+    seed = run.seed * run.processes + rank
+    batches = batches_of(frames, run.batch // run.processes, seed, run.schedule.steps, **extra)
     if run.start_from is not None:
         network.load_state_dict(run.start_from)
-    validate = _validation(run) if run.held_out is not None else None
+    validate = _validation(run) if run.held_out is not None and rank == 0 else None
     checkpoint = run.out / f"{run.part}.checkpoint.pt"
-    return train_network(network, batches, loss, run.schedule, checkpoint, validate, run.device, run.workers, report)
+    return train_network(
+        network, batches, loss, run.schedule, checkpoint, validate, run.device, run.workers, report, together, rank
+    )
 
 
 def _finder_step(network: nn.Module, batch: tuple[Tensor, ...]) -> Tensor:

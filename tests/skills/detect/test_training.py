@@ -1,5 +1,8 @@
 """Training: resumes exactly, refuses what does not belong together, and learns."""
 
+import copy
+import dataclasses
+import threading
 from pathlib import Path
 
 import numpy as np
@@ -14,8 +17,10 @@ from skills.detect.synthetic.dataset import render_dataset
 from skills.detect.synthetic.options import SceneOptions
 from skills.detect.training.loop import Progress, Schedule
 from skills.detect.training.losses import close_look_loss, dope_loss, finder_loss
+from skills.detect.training.optimiser import Optimiser
 from skills.detect.training.places import find_places, load_places, save_places
 from skills.detect.training.samples import CloseLookBatches, FinderBatches, FrameFolder
+from skills.detect.training.together import Together
 from skills.detect.training.train import Part, TrainingRun, train_part
 
 
@@ -58,10 +63,108 @@ def test_an_interrupted_run_ends_with_the_same_weights(
         assert torch.equal(a, b)
 
 
+def test_processes_that_learn_together_repeat_and_resume_exactly(
+    frames: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def pair(folder: str, steps: int = 3) -> TrainingRun:
+        return dataclasses.replace(run(frames, tmp_path / folder, "close_look", steps), processes=2)
+
+    whole = train_part(pair("whole"))
+    alone = train_part(dataclasses.replace(pair("alone"), processes=1))
+    original = CloseLookBatches.__getitem__
+
+    def until_two(self: CloseLookBatches, step: int) -> tuple[torch.Tensor, ...]:
+        if step == 2:
+            raise KeyboardInterrupt
+        return original(self, step)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(CloseLookBatches, "__getitem__", until_two)
+        with pytest.raises(KeyboardInterrupt):
+            train_part(pair("cut"))
+    resumed = train_part(pair("cut"))
+    states = [network.state_dict() for network in (whole, resumed, alone)]
+    assert all(torch.equal(states[0][key], states[1][key]) for key in states[0])
+    assert not all(torch.equal(states[0][key], states[2][key]) for key in states[0])
+
+
+def test_all_take_the_mean_of_the_gradients_and_none_waits_for_one_that_ended() -> None:
+    networks = [torch.nn.Linear(3, 2), torch.nn.Linear(3, 2)]
+    together = Together(2, networks[0])
+    for value, network in zip((1.0, 3.0), networks, strict=True):
+        for parameter in network.parameters():
+            parameter.grad = torch.full_like(parameter, value)
+    other = threading.Thread(target=together.mean, args=(1, networks[1]))
+    other.start()
+    together.mean(0, networks[0])
+    other.join()
+    assert all(float(p.grad.min()) == float(p.grad.max()) == 2.0 for n in networks for p in n.parameters())  # type: ignore[union-attr]
+    together.abandon()
+    with pytest.raises(BadTraining, match="has ended"):
+        together.mean(0, networks[0])
+
+
+def test_muon_moves_every_direction_of_a_kernel_alike_and_adam_the_rest() -> None:
+    torch.manual_seed(0)
+    network = torch.nn.Sequential(torch.nn.Conv2d(8, 16, 3), torch.nn.Linear(16, 4))
+    kernel, answer = network[0].weight, network[1].weight
+    before, row = kernel.detach().clone(), answer.detach().clone()
+    for parameter in network.parameters():
+        # A gradient that is nearly one direction alone.
+        parameter.grad = torch.ones_like(parameter) + 0.1 * torch.randn_like(parameter)
+    Optimiser(network, "muon", 0.0).step(0.01)
+    moved = torch.linalg.svdvals((before - kernel.detach()).flatten(1)) / (0.01 * 0.2 * 72**0.5)
+    assert 0.5 < float(moved.min()) <= float(moved.max()) < 1.5
+    assert torch.allclose(row - answer.detach(), torch.full_like(row, 0.01), rtol=0.01)
+
+
+def test_an_optimiser_goes_on_from_its_state() -> None:
+    torch.manual_seed(0)
+    network = CloseLookNetwork((8, 8, 8, 4, 8))
+    steps = [[torch.randn_like(p) for p in network.parameters()] for _ in range(3)]
+
+    def move(optimiser: Optimiser, target: CloseLookNetwork, gradients: list[torch.Tensor]) -> None:
+        for parameter, gradient in zip(target.parameters(), gradients, strict=True):
+            parameter.grad = gradient
+        optimiser.step(1e-2)
+
+    first = Optimiser(network, "muon", 0.05)
+    move(first, network, steps[0])
+    twin = CloseLookNetwork((8, 8, 8, 4, 8))
+    twin.load_state_dict(network.state_dict())
+    second = Optimiser(twin, "muon", 0.05)
+    second.restore(copy.deepcopy(first.state()))
+    for gradients in steps[1:]:
+        move(first, network, gradients)
+        move(second, twin, gradients)
+    for a, b in zip(network.parameters(), twin.parameters(), strict=True):
+        assert torch.equal(a, b)
+
+
 def test_a_checkpoint_of_another_schedule_is_refused(frames: Path, tmp_path: Path) -> None:
     train_part(run(frames, tmp_path, "close_look", 2))
     with pytest.raises(BadTraining, match="another schedule \\(steps, rate\\)"):
         train_part(run(frames, tmp_path, "close_look", 3, rate=1e-4))
+
+
+def test_a_late_fall_may_be_put_off_while_the_rate_is_still_high(frames: Path, tmp_path: Path) -> None:
+    short = Schedule(100, 1e-3, "late", warm_up=5)
+    assert [short.rate_at(k) for k in (0, 4, 5, 59)] == [2e-4, 1e-3, 1e-3, 1e-3]
+    assert np.allclose([short.rate_at(k) for k in (60, 80, 99)], [1e-3, 5e-4, 2.5e-5])
+
+    def late(steps: int) -> TrainingRun:
+        changed = dataclasses.replace(run(frames, tmp_path, "close_look", 1).schedule, steps=steps, fall="late")
+        return dataclasses.replace(run(frames, tmp_path, "close_look", 1), schedule=changed)
+
+    train_part(late(4))
+    with pytest.raises(BadTraining, match="another schedule \\(steps\\)"):
+        train_part(late(8))  # the rate had begun to fall
+    checkpoint = tmp_path / "close_look.checkpoint.pt"
+    state = torch.load(checkpoint, weights_only=True)
+    torch.save(state | {"step": 2}, checkpoint)
+    said: list[Progress] = []
+    train_part(late(8), said.append)
+    assert said[-1].step == 8
 
 
 def test_progress_tells_loss_rate_and_held_out_figures(frames: Path, tmp_path: Path) -> None:

@@ -1,0 +1,75 @@
+"""One step of descent: Muon for kernels and hidden matrices, AdamW for everything else.
+
+Muon makes all directions of a matrix's step equally long. Here it needs half the steps that AdamW needs for the same
+held-out loss, and a twentieth more time for each (docs/decisions/detect-network.md).
+"""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+import torch
+from torch import Tensor, nn
+
+Method = Literal["muon", "adam"]
+
+LEAST_OUTPUTS = 32
+"""A matrix with fewer is a network's answer, whose numbers have nothing to share: AdamW moves it."""
+
+
+class Optimiser:
+    """What moves a network's weights along its gradients.
+
+    Args:
+        network: its parameters are moved in place.
+        method: "muon", or "adam" for AdamW alone.
+        decay: weight decay, on matrices and kernels only.
+    """
+
+    def __init__(self, network: nn.Module, method: Method, decay: float) -> None:
+        parameters = list(network.parameters())
+        self._kernels = [p for p in parameters if method == "muon" and _is_hidden(p)]
+        # Muon takes matrices: it moves these, and the kernels are copies of them.
+        self._matrices = [nn.Parameter(p.detach().flatten(1).clone()) for p in self._kernels]
+        taken = {id(p) for p in self._kernels}
+        others = [p for p in parameters if id(p) not in taken]
+        groups: list[dict[str, Any]] = [
+            {"params": [p for p in others if p.ndim > 1], "weight_decay": decay},
+            {"params": [p for p in others if p.ndim <= 1], "weight_decay": 0.0},
+        ]
+        self._parts: dict[str, torch.optim.Optimizer] = {"others": torch.optim.AdamW(groups)}
+        if self._matrices:
+            self._parts["kernels"] = torch.optim.Muon(
+                self._matrices, weight_decay=decay, adjust_lr_fn="match_rms_adamw"
+            )
+
+    def step(self, rate: float) -> None:
+        """Move all weights at this learning rate; the gradients must be there."""
+        with torch.no_grad():
+            for matrix, kernel in zip(self._matrices, self._kernels, strict=True):
+                assert kernel.grad is not None
+                matrix.copy_(kernel.flatten(1))
+                matrix.grad = kernel.grad.flatten(1)
+            for part in self._parts.values():
+                for group in part.param_groups:
+                    group["lr"] = rate
+                part.step()
+            for matrix, kernel in zip(self._matrices, self._kernels, strict=True):
+                kernel.copy_(matrix.view(kernel.shape))
+
+    def state(self) -> dict[str, Any]:
+        """What `restore` goes on from."""
+        return {name: part.state_dict() for name, part in self._parts.items()}
+
+    def restore(self, state: dict[str, dict[str, Tensor]]) -> None:
+        """Go on from a state.
+
+        Raises:
+            KeyError, ValueError: it belongs to another network or method.
+        """
+        for name, part in self._parts.items():
+            part.load_state_dict(state[name])
+
+
+def _is_hidden(parameter: Tensor) -> bool:
+    return parameter.ndim == 4 or (parameter.ndim == 2 and parameter.shape[0] >= LEAST_OUTPUTS)
