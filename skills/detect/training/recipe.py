@@ -62,7 +62,7 @@ SHIPPED = Recipe(
         Stage("finder", 1600, 3e-3, 16),
         # Upright looks alone teach where stems mostly are, not what they look like; too many turned ones turn over
         # fruit that stands (docs/decisions/detect-network.md).
-        Stage("close_look", 5500, 3e-3, 192, turned=0.2, fall="late"),
+        Stage("close_look", 6200, 3e-3, 192, turned=0.2, fall="late"),
     ),
 )
 """What `make train-detect` carries out; how the weights in the repository came about is in docs/model_cards."""
