@@ -41,7 +41,9 @@ def add_train(subparsers: Any) -> None:
     detect.add_argument("--frames", type=int, help="frames to render (the recipe's)")
     detect.add_argument("--steps", type=float, default=1.0, help="factor on the recipe's steps (1)")
     detect.add_argument("--device", default="cpu", choices=("cpu", "cuda"), help="cuda trains in mixed precision")
-    detect.add_argument("--workers", type=int, default=2, help="processes that render, and that learn together or prepare batches (2)")
+    detect.add_argument(
+        "--workers", type=int, default=2, help="processes that render, and that learn together or prepare batches (2)"
+    )
     detect.add_argument("--network", default="compact", choices=("compact", "dope"), help="dope: the full network")
     detect.add_argument("--batch", type=int, default=116, help="samples a step, for the full network (116)")
     detect.set_defaults(main=train_main)

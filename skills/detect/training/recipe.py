@@ -22,6 +22,9 @@ TRAINING_SEED = 1
 HELD_OUT_SEED = 9001
 """Seeds of the frames: what is trained on and what is only measured on never share one."""
 
+LEAST_SHARE = 8
+"""A process that learns has at least this part of a batch: statistics of fewer pictures say little."""
+
 
 @dataclass(frozen=True, slots=True)
 class Stage:
@@ -122,7 +125,7 @@ def make_weights(
             device=device,
             # A GPU waits for its batches; on a CPU the network itself needs the cores.
             workers=workers if device == "cuda" else 1,
-            processes=1 if device == "cuda" else workers,
+            processes=1 if device == "cuda" else max(1, min(workers, stage.batch // LEAST_SHARE)),
             turned=stage.turned,
         )
         name = f"{stage.part} {number + 1}/{len(recipe.stages)}"
