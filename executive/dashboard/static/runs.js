@@ -7,6 +7,8 @@ import { apply, emptyState, leavesOf } from "./store.js";
 
 let runs = [];
 let choices = { trees: [], cells: [] };
+let unread = "Reading what can be started …"; // why there are no choices yet
+let starting = false;
 const chosen = new Set();
 
 export async function loadRuns() {
@@ -84,12 +86,22 @@ async function compare() {
 // -------------------------------------------------------------------------------------------------- starting
 
 async function loadChoices() {
-  try { choices = await (await read("/api/choices")).json(); } catch { return; }
+  try {
+    const answer = await read("/api/choices");
+    if (!answer.ok) throw new Error(`${answer.status} ${answer.statusText}`);
+    choices = await answer.json();
+  } catch (error) {
+    unread = `What can be started cannot be read: ${error.message}`;
+    drawStart();
+    return;
+  }
   const options = (list) => list.map((c) => h("option", { value: c.name, disabled: Boolean(c.problem) }, c.problem ? `${c.name} (cannot be used)` : c.name));
   $("start-tree").replaceChildren(...options(choices.trees));
   $("start-cell").replaceChildren(...options(choices.cells));
   for (const [id, wanted] of [["start-tree", "pick_apple"], ["start-cell", "sim"]]) if ([...$(id).options].some((o) => o.value === wanted)) $(id).value = wanted;
+  unread = choices.trees.length ? "" : "There is no tree to start.";
   drawFields();
+  drawStart();
 }
 
 function drawFields() {
@@ -111,16 +123,18 @@ $("start-form").addEventListener("submit", async (event) => {
   const settings = {};
   for (const input of $("start-fields").querySelectorAll("[data-setting]")) if (input.value !== input.dataset.default) settings[input.dataset.setting] = input.value;
   say("starting …");
-  $("start-button").disabled = true;
+  starting = true;
+  drawStart();
   const answer = await post("/api/start", { tree: $("start-tree").value, cell: $("start-cell").value, seed: Number($("start-seed").value), pace: $("start-pace").value, dry: $("start-dry").checked, settings });
-  $("start-button").disabled = false;
+  starting = false;
+  drawStart();
   if (answer) { say(`started ${answer.tree}`); showRuns(false); }
 });
 
 export function drawStart() {
   const { starts } = page.control;
   $("start-panel").hidden = !starts;
-  const why = !holdsControl() ? "Take control to start a run." : page.whole.run && !page.whole.ended ? "A run is going on." : page.whole.safeStop ? "Reset the safe state first." : "";
-  $("start-button").disabled = Boolean(why);
+  const why = !holdsControl() ? "Take control to start a run." : page.whole.run && !page.whole.ended ? "A run is going on." : page.whole.safeStop ? "Reset the safe state first." : unread;
+  $("start-button").disabled = starting || Boolean(why);
   $("start-hint").textContent = why;
 }

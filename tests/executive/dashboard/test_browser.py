@@ -412,6 +412,22 @@ def test_a_lost_connection_looks_lost(show: Show, chromium: Any) -> None:
     page.close()
 
 
+def test_nothing_can_be_started_before_the_page_knows_what_there_is(show: Show, open_page: Open) -> None:
+    show.dashboard.allow_starts(lambda *_: pytest.fail("nothing was chosen"), Choices.installed())
+    page = open_page()
+    page.evaluate("""() => {
+        const plain = window.fetch, gate = new Promise((open) => { window.answer = open; });
+        window.fetch = async (...of) => { if (String(of[0]).includes("/api/choices")) await gate; return plain(...of); };
+    }""")
+    take_control(page, "ada")
+    page.get_by_role("button", name="Runs").click()
+    expect(page.locator("#start-hint")).to_have_text("Reading what can be started …")
+    expect(page.locator("#start-button")).to_be_disabled()
+    page.evaluate("() => window.answer()")
+    expect(page.locator("#start-button")).to_be_enabled()
+    expect(page.locator("#start-tree")).to_have_value("pick_apple")
+
+
 @pytest.mark.slow
 def test_a_simulated_pick_is_started_from_the_page_and_watched_to_its_end(show: Show, open_page: Open) -> None:
     choices = Choices.installed()
