@@ -38,7 +38,7 @@ def add_train(subparsers: Any) -> None:
     detect.add_argument("--work", type=Path, default=Path("runs/train_detect"), help="frames and checkpoints; resumes")
     detect.add_argument("--data", type=Path, help="folder of frames made before, instead of rendering them")
     detect.add_argument("--fruit", default="apple", help="name in the catalogue, or a path (apple)")
-    detect.add_argument("--frames", type=int, help="frames to render (the recipe's)")
+    detect.add_argument("--frames", type=int, help="frames to render in all (the recipe's)")
     detect.add_argument("--steps", type=float, default=1.0, help="factor on the recipe's steps (1)")
     detect.add_argument("--device", default="cpu", choices=("cpu", "cuda"), help="cuda trains in mixed precision")
     detect.add_argument(
@@ -78,7 +78,9 @@ def train_main(options: argparse.Namespace) -> int:
         if options.network == "dope":
             return _train_dope(options, console)
         stages = tuple(dataclasses.replace(s, steps=max(1, round(s.steps * options.steps))) for s in SHIPPED.stages)
-        recipe = dataclasses.replace(SHIPPED, stages=stages, frames=options.frames or SHIPPED.frames)
+        share = options.frames / sum(s.frames for s in SHIPPED.sets) if options.frames else 1.0
+        sets = tuple(dataclasses.replace(s, frames=max(1, round(s.frames * share))) for s in SHIPPED.sets)
+        recipe = dataclasses.replace(SHIPPED, stages=stages, sets=sets)
         with _bar("frames") as show:
             make_weights(
                 options.out,

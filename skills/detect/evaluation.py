@@ -174,8 +174,11 @@ def compare(found: Instance, truth: AnnotatedObject, fruit: FruitModel, scene: s
     )
 
 
-def table(result: Evaluation, score: float = 0.6) -> str:
-    """The figures as Markdown: recall and precision by threshold, errors by visibility, distance, size and scene."""
+def table(result: Evaluation, score: float = 0.6, brief: bool = False) -> str:
+    """The figures as Markdown: recall and precision by threshold, errors by visibility, distance, size and scene.
+
+    `brief` stops after the errors by visibility.
+    """
     lines = ["| score at least | recall (≥ 60 % visible) | precision |", "|---|---|---|"]
     for threshold in (0.3, 0.5, 0.6, 0.7, 0.8, 0.9):
         lines.append(f"| {threshold} | {result.recall(threshold):.4f} | {result.precision(threshold):.4f} |")
@@ -193,6 +196,8 @@ def table(result: Evaluation, score: float = 0.6) -> str:
         lines.append(
             _row(f"{100 * low:.0f}–{min(100, 100 * high):.0f} % visible", _only(sure, "visibility", low, high))
         )
+    if brief:
+        return "\n".join(lines)
     in_sight = [m for m in clear if m.turned >= END_IN_SIGHT]
     lines.append(_row(f"clear, stem or calyx at least {END_IN_SIGHT:.0f}° towards the camera", in_sight))
     lines.append(_row("clear, seen from the side", [m for m in clear if m.turned < END_IN_SIGHT]))

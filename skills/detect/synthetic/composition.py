@@ -1,4 +1,4 @@
-"""Composing a random scene: the camera, fruit, things that are none, leaves and a gripper's fingers."""
+"""Composing a random scene: the camera, fruit, things that are none, leaves, trees and a gripper's fingers."""
 
 from __future__ import annotations
 
@@ -8,11 +8,17 @@ from numpy.typing import NDArray
 from skills.detect.symmetry import STEM_AXIS, minimal_rotation
 from skills.detect.synthetic import shapes
 from skills.detect.synthetic.contents import Item, Scene
+from skills.detect.synthetic.foliage import grow_tree
 from skills.detect.synthetic.options import SceneKind, SceneOptions
 from skills.detect.synthetic.paint import plain_paint, skin_paint, skins
 from skills.fruit import FruitModel
 
 F64 = NDArray[np.float64]
+
+OUTDOORS = (SceneKind.ORCHARD, SceneKind.TREE)
+
+_DEPTHS = {SceneKind.RANDOM: (0.32, 1.0), SceneKind.ORCHARD: (0.4, 1.4), SceneKind.TREE: (0.45, 1.4)}
+"""Least and greatest distance of fruit that stands on nothing [m]."""
 
 
 def compose(fruit: FruitModel, options: SceneOptions, kind: SceneKind, rng: np.random.Generator) -> Scene:
@@ -24,18 +30,21 @@ def compose(fruit: FruitModel, options: SceneOptions, kind: SceneKind, rng: np.r
     plain = rng.random() < 0.22
     for _ in range(count):
         _add_fruit(fruit, options, scene, style, plain, rng)
-    for _ in range(options.distractors):
+    tree = kind is SceneKind.TREE
+    for _ in range(int(rng.integers(0, options.distractors + 1)) // 2 if tree else options.distractors):
         _add_decoy(options, scene, style, rng)
-    if kind is SceneKind.ORCHARD or rng.random() < 0.12:
+    if tree:
+        grow_tree(options, scene, rng)
+    elif kind is SceneKind.ORCHARD or rng.random() < 0.12:
         _add_leaves(options, scene, rng)
-    if kind is not SceneKind.ORCHARD and rng.random() < 0.15:
+    if kind not in OUTDOORS and rng.random() < 0.15:
         _add_finger(scene, rng)
     return scene
 
 
 def _camera_pose(kind: SceneKind, rng: np.random.Generator) -> F64:
     """T_world_camera, looking at the neighbourhood of the world's origin (the table's surface is z = 0)."""
-    if kind is SceneKind.ORCHARD:
+    if kind in OUTDOORS:
         elevation, distance = np.deg2rad(rng.uniform(-25.0, 40.0)), rng.uniform(0.55, 1.2)
     else:
         elevation, distance = np.deg2rad(90.0 - 60.0 * rng.uniform(0.03, 1.0) ** 1.2), rng.uniform(0.35, 0.85)
@@ -69,7 +78,7 @@ def _fruit_rotation(kind: SceneKind, rng: np.random.Generator) -> F64:
     draw = rng.random()
     if kind is SceneKind.RANDOM or draw < 0.12:
         return _random_rotation(rng)
-    if kind is SceneKind.ORCHARD:
+    if kind in OUTDOORS:
         tilt = abs(rng.normal(0.0, np.deg2rad(28.0)))
     elif draw < 0.78:
         tilt = abs(rng.normal(0.0, np.deg2rad(9.0)))
@@ -90,6 +99,14 @@ def _place(
     fx, fy, cx, cy = options.camera
     T = scene.T_world_camera
     for _ in range(25):
+        if scene.kind is SceneKind.TREE and scene.spheres and rng.random() < 0.4:  # fruit hang in bunches
+            other, size = scene.spheres[int(rng.integers(len(scene.spheres)))]
+            aside = rng.normal(size=3)
+            beside: F64 = other + (radius + size) * rng.uniform(0.95, 1.25) * aside / np.linalg.norm(aside)
+            if all(np.linalg.norm(beside - c) > 0.92 * (radius + r) for c, r in scene.spheres):
+                scene.spheres.append((beside, radius))
+                return beside
+            continue
         u = rng.uniform(-0.04, 1.04) * options.width
         v = rng.uniform(-0.04, 1.04) * options.height
         ray = T[:3, :3] @ np.array([(u - cx) / fx, (v - cy) / fy, 1.0])
@@ -100,7 +117,7 @@ def _place(
             if not 0.25 < depth < 1.3:
                 continue
         else:
-            near, far = (0.32, 1.0) if scene.kind is SceneKind.RANDOM else (0.4, 1.4)
+            near, far = _DEPTHS[scene.kind]
             depth = 1.0 / rng.uniform(1.0 / far, 1.0 / near)
         centre: F64 = T[:3, 3] + depth * ray
         if all(np.linalg.norm(centre - other) > gap * (radius + size) for other, size in scene.spheres):

@@ -1,4 +1,4 @@
-"""Random scenes with fruit: a picking table, randomised clutter, an orchard; rendered with exact labels."""
+"""Random scenes with fruit: a picking table, randomised clutter, an orchard, a tree; rendered with exact labels."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class RenderedFrame:
 def render_scene(fruit: FruitModel, options: SceneOptions, seed: int) -> RenderedFrame:
     """Compose and render the scene of a seed; the same seed and options give the same frame."""
     rng = np.random.default_rng((23, seed))
-    kind = list(SceneKind)[rng.choice(3, p=np.asarray(options.kinds) / sum(options.kinds))]
+    kind = list(SceneKind)[rng.choice(len(SceneKind), p=np.asarray(options.kinds) / sum(options.kinds))]
     scene = compose(fruit, options, kind, rng)
     return _render(fruit, options, scene, rng)
 
@@ -66,7 +66,7 @@ def _render(fruit: FruitModel, options: SceneOptions, scene: Scene, rng: np.rand
     weights = np.zeros((h, w, 2), np.float32)
     rasterise(P, F, owner_of_face, two_sided, camera, depth, face_index, weights)
 
-    picture = draw_backdrop(options, scene, rng)
+    picture = draw_backdrop(fruit, options, scene, rng)
     owner = np.empty((h, w), np.int32)
     lights, up, ambient = set_lights(scene, R_cw, rng)
     shadow, light_map = cast_shadow(P, F, lights[0, :3], rng)

@@ -8,8 +8,11 @@ from numpy.typing import NDArray
 
 from skills.detect.synthetic import textures
 from skills.detect.synthetic.contents import Scene
+from skills.detect.synthetic.foliage import add_far_fruit
 from skills.detect.synthetic.options import SceneKind, SceneOptions
+from skills.detect.synthetic.paint import skins
 from skills.detect.synthetic.raster import draw_shadow_map
+from skills.fruit import FruitModel
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -17,9 +20,10 @@ F64 = NDArray[np.float64]
 SHADOW_CELLS = 320
 
 
-def draw_backdrop(options: SceneOptions, scene: Scene, rng: np.random.Generator) -> F32:
+def draw_backdrop(fruit: FruitModel, options: SceneOptions, scene: Scene, rng: np.random.Generator) -> F32:
     index = int(rng.integers(0, 160))
-    if scene.kind is SceneKind.ORCHARD and rng.random() < 0.85:
+    tree = scene.kind is SceneKind.TREE
+    if tree or (scene.kind is SceneKind.ORCHARD and rng.random() < 0.85):
         index = 4 * (index // 4) + 3
     picture = textures.background(index, options.height // 2, options.width // 2)
     if rng.random() < 0.5:
@@ -27,6 +31,12 @@ def draw_backdrop(options: SceneOptions, scene: Scene, rng: np.random.Generator)
     if rng.random() < 0.3:
         picture = picture[::-1]
     picture = cv2.resize(np.ascontiguousarray(picture), (options.width, options.height))
+    if tree:
+        add_far_fruit(picture, skins(fruit), rng)
+        if rng.random() < 0.5:
+            picture = cv2.GaussianBlur(picture, (0, 0), rng.uniform(0.5, 3.0))
+        if rng.random() < 0.5:  # against the light: the sky is far brighter than the tree
+            picture = picture * np.float32(rng.uniform(1.0, 5.0))
     cast = np.exp(rng.normal(0.0, 0.25)) * np.exp(rng.normal(0.0, 0.1, 3))
     return np.asarray(picture * cast, np.float32)
 

@@ -12,15 +12,12 @@ import torch
 from skills.detect.compact_detector import CompactDetector
 from skills.detect.compact_network import CloseLookNetwork, FinderNetwork
 from skills.detect.synthetic.dataset import render_dataset
+from skills.detect.synthetic.options import WITHOUT_TREES, SceneOptions
 from skills.detect.training.loop import Fall, Progress, Schedule
 from skills.detect.training.places import find_places, save_places
 from skills.detect.training.samples import FrameFolder
 from skills.detect.training.train import Part, TrainingRun, train_part
 from skills.detect.weights import save_compact
-
-TRAINING_SEED = 1
-HELD_OUT_SEED = 9001
-"""Seeds of the frames: what is trained on and what is only measured on never share one."""
 
 LEAST_SHARE = 8
 """A process that learns has at least this part of a batch: statistics of fewer pictures say little."""
@@ -34,6 +31,7 @@ class Stage:
         part: which network.
         steps, rate, batch, fall: as in `Schedule` and `TrainingRun`.
         turned: share of the close looks that are turned anyhow about their axis.
+        sets: how many of the recipe's sets of frames are learnt from, from the first on.
     """
 
     part: Part
@@ -42,6 +40,16 @@ class Stage:
     batch: int
     turned: float = 0.0
     fall: Fall = "cosine"
+    sets: int = 1
+
+
+@dataclass(frozen=True, slots=True)
+class FrameSet:
+    """Rendered frames: how many, of which seed, and how often each kind of scene appears, as in `SceneOptions`."""
+
+    frames: int
+    seed: int
+    kinds: tuple[float, float, float, float] = SceneOptions().kinds
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,18 +57,20 @@ class Recipe:
     """How a fruit's weights are made.
 
     Attributes:
-        frames, held_out: rendered frames to learn from and to validate on.
+        sets: frames to learn from.
+        held_out: frames to validate on.
         stages: in order.
     """
 
-    frames: int
-    held_out: int
+    sets: tuple[FrameSet, ...]
+    held_out: FrameSet
     stages: tuple[Stage, ...]
 
 
 SHIPPED = Recipe(
-    frames=16_000,
-    held_out=400,
+    # What is trained on and what is only measured on never share a seed.
+    sets=(FrameSet(16_000, 1, WITHOUT_TREES), FrameSet(8_000, 2, (0.25, 0.25, 0.0, 0.5))),
+    held_out=FrameSet(400, 9001, WITHOUT_TREES),
     stages=(
         Stage("finder", 1600, 3e-3, 16),
         # Upright looks alone teach where stems mostly are, not what they look like; too many turned ones turn over
@@ -93,35 +103,38 @@ def make_weights(
         recipe: what to do.
         device: "cpu" or "cuda".
         workers: processes that render, and prepare batches or, on a CPU, learn.
-        data: folder of frames made before; None renders the recipe's into `work`.
+        data: folder of frames made before, for all stages; None renders the recipe's into `work`.
         rendered: called with (frames done, frames in all).
         say: called with the stage's name and its progress.
 
     Returns:
         `out`.
     """
-    frames, held_out = data or work / "frames", work / "held_out"
-    render_dataset(held_out, recipe.held_out, HELD_OUT_SEED, fruit, workers=workers)
+    held_out = work / "held_out"
+    folders = (data,) if data else tuple(work / f"frames_{k}" for k in range(len(recipe.sets)))
+    render_set(held_out, recipe.held_out, fruit, workers)
     if data is None:
-        render_dataset(frames, recipe.frames, TRAINING_SEED, fruit, workers=workers, progress=rendered)
+        for folder, frames in zip(folders, recipe.sets, strict=True):
+            render_set(folder, frames, fruit, workers, rendered)
     networks: dict[str, Any] = {"finder": FinderNetwork(), "close_look": CloseLookNetwork()}
-    started: set[str] = set()
-    places = work / "places.npz"
+    made_by: dict[str, int] = {}  # the stage that last taught each network
     for number, stage in enumerate(recipe.stages):
-        start = networks[stage.part].state_dict() if stage.part in started else None
-        if stage.part == "close_look" and not places.is_file():
-            detector = CompactDetector(networks["finder"].cpu(), networks["close_look"])
-            save_places(places, find_places(detector, FrameFolder([frames]), rendered))
+        learnt_from, places = folders[: stage.sets], None
+        if stage.part == "close_look":
+            places = work / f"places_{made_by['finder']}_{len(learnt_from)}.npz"
+            if not places.is_file():
+                detector = CompactDetector(networks["finder"].cpu(), networks["close_look"])
+                save_places(places, find_places(detector, FrameFolder(list(learnt_from)), rendered))
         run = TrainingRun(
             stage.part,
-            (frames,),
+            learnt_from,
             held_out,
             work / f"stage_{number}",
             stage.batch,
             Schedule(stage.steps, stage.rate, stage.fall),
             seed=number,
-            places=places if stage.part == "close_look" else None,
-            start_from=start,
+            places=places,
+            start_from=networks[stage.part].state_dict() if stage.part in made_by else None,
             device=device,
             # A GPU waits for its batches; on a CPU the network itself needs the cores.
             workers=workers if device == "cuda" else 1,
@@ -130,7 +143,15 @@ def make_weights(
         )
         name = f"{stage.part} {number + 1}/{len(recipe.stages)}"
         networks[stage.part] = train_part(run, None if say is None else lambda p, name=name: say(name, p))  # type: ignore[misc]
-        started.add(stage.part)
+        made_by[stage.part] = number
     about = {"fruit": fruit, "recipe": repr(recipe), "torch": str(torch.__version__)}
     save_compact(out, networks["finder"].cpu(), networks["close_look"].cpu(), about)
     return out
+
+
+def render_set(
+    folder: Path, frames: FrameSet, fruit: str, workers: int, rendered: Callable[[int, int], None] | None = None
+) -> None:
+    """Render a set of frames into a folder; those that are there already are kept."""
+    options = SceneOptions(kinds=frames.kinds)
+    render_dataset(folder, frames.frames, frames.seed, fruit, options, workers=workers, progress=rendered)

@@ -417,7 +417,10 @@ def test_nothing_can_be_started_before_the_page_knows_what_there_is(show: Show, 
     page = open_page()
     page.evaluate("""() => {
         const plain = window.fetch, gate = new Promise((open) => { window.answer = open; });
-        window.fetch = async (...of) => { if (String(of[0]).includes("/api/choices")) await gate; return plain(...of); };
+        window.fetch = async (...of) => {
+            if (String(of[0]).includes("/api/choices")) await gate;
+            return plain(...of);
+        };
     }""")
     take_control(page, "ada")
     page.get_by_role("button", name="Runs").click()

@@ -9,7 +9,7 @@ import torch
 from skills.detect.annotations import read_annotation
 from skills.detect.commands import add_data, add_train
 from skills.detect.training import recipe
-from skills.detect.training.recipe import Recipe, Stage
+from skills.detect.training.recipe import FrameSet, Recipe, Stage
 from skills.detect.weights import load_compact
 
 
@@ -37,17 +37,26 @@ def test_train_makes_weights_and_a_report_with_pictures(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     torch.set_num_threads(1)
-    stages = (Stage("finder", 1, 1e-3, 2), Stage("close_look", 2, 1e-3, 4), Stage("close_look", 1, 1e-3, 4))
-    monkeypatch.setattr(recipe, "SHIPPED", Recipe(frames=2, held_out=2, stages=stages))
-    monkeypatch.setattr(recipe, "TRAINING_SEED", 5)
+    stages = (
+        Stage("finder", 1, 1e-3, 2),
+        Stage("close_look", 2, 1e-3, 4),
+        Stage("finder", 1, 1e-3, 2, sets=2),
+        Stage("close_look", 1, 1e-3, 4, sets=2),
+    )
+    sets = (FrameSet(8, 5), FrameSet(4, 6, (0.0, 0.0, 0.0, 1.0)))
+    monkeypatch.setattr(recipe, "SHIPPED", Recipe(sets, FrameSet(2, 7), stages))
     out = tmp_path / "apple.pt"
-    assert run("train", "detect", "--out", str(out), "--work", str(tmp_path / "work"), "--workers", "1") == 0
+    arguments = ("--out", str(out), "--work", str(tmp_path / "work"), "--workers", "1", "--frames", "3")
+    assert run("train", "detect", *arguments) == 0
+    rendered = [len(list((tmp_path / "work" / f"frames_{k}").glob("*.json"))) for k in range(2)]
+    assert rendered == [2, 1]
+    assert {p.name for p in (tmp_path / "work").glob("places*")} == {"places_0_1.npz", "places_2_2.npz"}
     _, _, about = load_compact(out)
     assert about["fruit"] == "apple"
     report = (tmp_path / "work" / "report" / "report.md").read_text()
     assert "recall" in report
     assert (tmp_path / "work" / "report" / "frame_0.jpg").stat().st_size > 1000
-    assert "close_look 3/3" in capsys.readouterr().out
+    assert "close_look 4/4" in capsys.readouterr().out
 
 
 def test_the_full_network_needs_frames(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -26,7 +26,7 @@ class Rendered:
     """Held-out frames of tables, rendered when asked for."""
 
     def __init__(self, fruit: FruitModel, count: int) -> None:
-        self.options = SceneOptions(kinds=(1, 0, 0))
+        self.options = SceneOptions(kinds=(1, 0, 0, 0))
         self.fruit = fruit
         self.frames = [render_scene(fruit, self.options, SEED + k) for k in range(count)]
 

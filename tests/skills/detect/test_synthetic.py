@@ -83,7 +83,7 @@ def test_scale_is_the_best_fit_of_the_cad_model(apple: FruitModel) -> None:
 
 
 def test_frames_hold_the_promised_fruit_and_distractors(apple: FruitModel) -> None:
-    floating = SceneOptions(width=320, height=240, camera=SMALL.camera, kinds=(0, 1, 0))
+    floating = SceneOptions(width=320, height=240, camera=SMALL.camera, kinds=(0, 1, 0, 0))
     frames = [render_scene(apple, floating, seed) for seed in range(8)]
     assert all(len(f.fruit) <= 10 for f in frames)
     assert np.median([len(f.fruit) for f in frames]) >= 5

@@ -27,7 +27,7 @@ from skills.detect.training.train import Part, TrainingRun, train_part
 @pytest.fixture(scope="module")
 def frames(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("frames")
-    render_dataset(folder, 4, seed=77, options=SceneOptions(kinds=(1, 0, 0)), workers=1)
+    render_dataset(folder, 4, seed=77, options=SceneOptions(kinds=(1, 0, 0, 0)), workers=1)
     return folder
 
 
