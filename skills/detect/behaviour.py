@@ -13,6 +13,7 @@ from drivers.interfaces import Arm, Camera, Frame
 from executive.ports import RATIO, TIME, Port, Ports
 from executive.skill import Skill, Work
 from executive.views import ImageView, Line2, Pinhole
+from skills.detect import reprojection
 from skills.detect.compact_detector import CompactDetector, DetectorOptions
 from skills.detect.detection import Detection
 from skills.detect.errors import BadFrame, BadWeights
@@ -233,6 +234,7 @@ def _place(instance: Instance, frame: Frame, T_base_camera: F64) -> F64:
 def _detector(weights: Path, working_width: int) -> CompactDetector:
     detector = CompactDetector.load(weights, DetectorOptions(working_width=working_width))
     detector.warm_up()
+    reprojection.warm_up()
     return detector
 
 

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from skills.detect.cuboid import CuboidConvention, cuboid_keypoints
 from skills.detect.errors import PoseUnsolved
+from skills.detect.reprojection import linearise, refine_pose
 
 F64 = NDArray[np.float64]
 
@@ -63,10 +64,10 @@ def solve_pose(
     seen = points[usable]
     deviation = np.ones(len(seen)) if spreads is None else np.asarray(spreads, np.float64)[usable]
     deviation = np.maximum(np.nan_to_num(deviation, nan=1e3), LEAST_SPREAD)
-    R, t = _refine(*_start(model, seen, K), model, seen, K, deviation)
+    R, t = refine_pose(*_start(model, seen, K), model, seen, K, 1.0 / deviation.repeat(2))
     if not (np.isfinite(R).all() and np.isfinite(t).all()) or t[2] <= 0.0:
         raise PoseUnsolved("the keypoints do not fit a cuboid before the camera")
-    residual, jacobian = _linearise(R, t, model, seen, K)
+    residual, jacobian = linearise(R, t, model, seen, K)
     weighted = jacobian / deviation.repeat(2)[:, None]
     # Excess of the residuals over the expected spread; with unit spreads this is their variance.
     freedom = max(2 * len(seen) - 6, 1)
@@ -95,54 +96,4 @@ def _start(model: F64, seen: F64, K: F64) -> tuple[F64, F64]:
     R, t = np.asarray(cv2.Rodrigues(rotation)[0], np.float64), np.asarray(translation, np.float64).ravel()
     if t[2] < 0.0:
         R, t = np.diag([-1.0, -1.0, 1.0]) @ R, -t
-    return R, t
-
-
-def _linearise(R: F64, t: F64, model: F64, seen: F64, K: F64) -> tuple[F64, F64]:
-    """Residuals (2n,) [px] and their derivative (2n, 6) by a rotation vector and translation in the camera frame."""
-    turned = model @ R.T
-    a, b, c = turned.T
-    x, y, z = (turned + t).T
-    z = np.where(np.abs(z) < 1e-6, 1e-6, z)
-    u, v = K[0, 0] * x / z, K[1, 1] * y / z
-    residual = np.empty((len(model), 2))
-    residual[:, 0] = u + (K[0, 2] - seen[:, 0])
-    residual[:, 1] = v + (K[1, 2] - seen[:, 1])
-    # By the point: (fx / z, 0, -u / z) and (0, fy / z, -v / z); d(exp(w) p)/dw at w = 0 is -[p]x.
-    by_x, by_y, u, v = K[0, 0] / z, K[1, 1] / z, u / z, v / z
-    jacobian = np.zeros((len(model), 2, 6))
-    jacobian[:, 0, 0], jacobian[:, 0, 1], jacobian[:, 0, 2] = -u * b, by_x * c + u * a, -by_x * b
-    jacobian[:, 1, 0], jacobian[:, 1, 1], jacobian[:, 1, 2] = -by_y * c - v * b, v * a, by_y * a
-    jacobian[:, 0, 3], jacobian[:, 0, 5] = by_x, -u
-    jacobian[:, 1, 4], jacobian[:, 1, 5] = by_y, -v
-    return residual.reshape(-1), jacobian.reshape(-1, 6)
-
-
-def _refine(R: F64, t: F64, model: F64, seen: F64, K: F64, deviation: F64) -> tuple[F64, F64]:
-    """Levenberg-Marquardt on the weighted reprojection error."""
-    scale = 1.0 / deviation.repeat(2)
-    damping = 1e-3
-    residual, jacobian = _linearise(R, t, model, seen, K)
-    cost = float(((residual * scale) ** 2).sum())
-    for _ in range(20):
-        weighted = jacobian * scale[:, None]
-        normal = weighted.T @ weighted
-        try:
-            step = -np.linalg.solve(
-                normal + damping * np.diag(np.diag(normal) + 1e-12), weighted.T @ (residual * scale)
-            )
-        except np.linalg.LinAlgError:
-            break
-        R_new, t_new = np.asarray(cv2.Rodrigues(step[:3])[0]) @ R, t + step[3:]
-        residual_new, jacobian_new = _linearise(R_new, t_new, model, seen, K)
-        cost_new = float(((residual_new * scale) ** 2).sum())
-        if not np.isfinite(cost_new) or cost_new > cost:
-            damping *= 8.0
-            if damping > 1e6:
-                break
-            continue
-        small = cost - cost_new < 1e-8 * cost + 1e-12
-        R, t, residual, jacobian, cost, damping = R_new, t_new, residual_new, jacobian_new, cost_new, damping * 0.2
-        if small:
-            break
     return R, t

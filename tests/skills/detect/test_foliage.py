@@ -34,7 +34,8 @@ def test_a_spray_springs_from_its_root(index: int) -> None:
     assert 0.5 < reach.max() < 2.5
     assert reach.min() < 1.0
     assert np.isfinite(shape.normals).all()
-    assert shape.two_sided and shape.faces.max() < len(shape.vertices)
+    assert shape.two_sided
+    assert shape.faces.max() < len(shape.vertices)
 
 
 def test_far_fruit_stays_small() -> None:
