@@ -442,9 +442,9 @@ def test_a_simulated_pick_is_started_from_the_page_and_watched_to_its_end(show: 
     page.get_by_label("seed").fill("1")
     page.locator("#start-pace").select_option("fast")
     page.get_by_role("button", name="Start", exact=True).click()
-    expect(page.locator("#connection")).to_have_text("started pick_apple", timeout=40_000)
+    expect(page.locator("#connection")).to_have_text("started pick_apple", timeout=180_000)
     expect(page.locator("#kind")).to_have_text("SIMULATED")
-    expect(page.locator("#state")).to_have_text("✓ success", timeout=90_000)
+    expect(page.locator("#state")).to_have_text("✓ success", timeout=240_000)
     expect(page.locator("#camera img")).to_be_visible()
     expect(page.locator("#plots .plot").first).to_be_visible()
     assert [path.name for path in Path(show.records).glob("*_pick_apple")]
