@@ -56,7 +56,7 @@ bench-tree: $(STAMP) ## the executive beside bare py_trees: ticks, recording, ji
 	$(BIN)/python -m benchmarks.bench_tree
 	$(BIN)/python -m benchmarks.bench_runner
 
-train-detect: $(STAMP) ## train the detector from nothing and replace the shipped weights (two hours on two cores)
+train-detect: $(STAMP) ## train the detector from nothing and replace the shipped weights (four hours on two cores)
 	$(BIN)/pomona train detect --out skills/detect/weights/apple.pt
 
 bench-detect: $(STAMP) ## the detector on held-out frames; DATA=… adds the real frames

@@ -17,6 +17,7 @@ from drivers.interfaces import Frame, Intrinsics
 from drivers.sim.gl import in_gl_thread, load_mujoco, open_renderer
 from drivers.sim.world import SimWorld
 from skills.detect.behaviour import find_in_frame
+from skills.detect.compact_detector import DetectorOptions
 from skills.detect.cuboid import cuboid_keypoints
 from skills.fruit import FruitModel
 from skills.geometry import apply, inverse, rot_y, transform
@@ -148,7 +149,7 @@ def _detect(frame: Frame, fruit: FruitModel, T_true: Float64) -> Float64 | None:
     """The detector's pose of the apple at T_true: the instance whose centre lies in its direction, within 2 degrees."""
     ray = T_true[:3, 3] / np.linalg.norm(T_true[:3, 3])
     best, least = None, np.cos(np.radians(2.0))
-    for instance in find_in_frame(frame, fruit, DETECTOR_WIDTH):
+    for instance in find_in_frame(frame, fruit, DetectorOptions(working_width=DETECTOR_WIDTH)):
         if instance.T_camera_object is None or instance.score < 0.5:
             continue
         p = instance.T_camera_object[:3, 3]

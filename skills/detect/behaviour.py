@@ -86,7 +86,7 @@ class Detect(Skill):
             raise BadWeights(
                 SHIPPED_WEIGHTS / "apple.pt", "the apple's weights are missing: restore them, or make train-detect"
             )
-        _detector(fruit.weights, DetectorOptions().working_width)
+        _detector(fruit.weights, DetectorOptions())
 
     def run(  # type: ignore[override]
         self,
@@ -104,7 +104,9 @@ class Detect(Skill):
         frame = self._frame(max_age)
         T_base_camera = self._camera_pose(frame)
         try:
-            instances = yield from self.compute(find_in_frame, frame, model, working_width)
+            instances = yield from self.compute(
+                find_in_frame, frame, model, DetectorOptions(working_width=working_width)
+            )
         except BadFrame as error:
             raise self.failure("NO_FRAME", f"the camera's frame cannot be used: {error}") from error
         self._looks += 1
@@ -231,17 +233,17 @@ def _place(instance: Instance, frame: Frame, T_base_camera: F64) -> F64:
 
 
 @lru_cache(maxsize=4)
-def _detector(weights: Path, working_width: int) -> CompactDetector:
-    detector = CompactDetector.load(weights, DetectorOptions(working_width=working_width))
+def _detector(weights: Path, options: DetectorOptions) -> CompactDetector:
+    detector = CompactDetector.load(weights, options)
     detector.warm_up()
     reprojection.warm_up()
     return detector
 
 
-def find_in_frame(frame: Frame, fruit: FruitModel, working_width: int) -> list[Instance]:
+def find_in_frame(frame: Frame, fruit: FruitModel, options: DetectorOptions) -> list[Instance]:
     """Every fruit of a frame; its detector is loaded once in a process."""
     assert fruit.weights is not None
-    return find_instances(_detector(fruit.weights, working_width), frame.colour, frame.intrinsics.K, fruit)
+    return find_instances(_detector(fruit.weights, options), frame.colour, frame.intrinsics.K, fruit)
 
 
 def picture(frame: Frame, T_base_camera: F64, instances: list[Instance], chosen: int | str, score: float) -> ImageView:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from executive.ports import RATIO, TIME, Port, Ports
 from executive.skill import Work
 from skills.detect.behaviour import Detect, find_in_frame, picture
+from skills.detect.compact_detector import DetectorOptions
 from skills.detect.detection import Detection
 from skills.detect.errors import BadFrame
 
@@ -35,16 +36,18 @@ class DetectAll(Detect):
         working_width=Port(
             int, default=320, min=64, max=4096, help="width at which the whole picture is searched [px]"
         ),
+        most=Port(int, default=100, min=1, max=1000, help="places that are looked at closely, surest first"),
     )
     outputs = Ports(all=AllDetections)
     failures = ("NO_FRAME", "STALE_FRAME", "NOTHING_FOUND", "NO_WEIGHTS")
 
-    def run(self, fruit: str, score: float, max_age: float, working_width: int) -> Work:  # type: ignore[override]
+    def run(self, fruit: str, score: float, max_age: float, working_width: int, most: int) -> Work:  # type: ignore[override]
         model = self._model(fruit)
         frame = self._frame(max_age)
         T_base_camera = self._camera_pose(frame)
         try:
-            instances = yield from self.compute(find_in_frame, frame, model, working_width)
+            options = DetectorOptions(working_width=working_width, most_fruit=most)
+            instances = yield from self.compute(find_in_frame, frame, model, options)
         except BadFrame as error:
             raise self.failure("NO_FRAME", f"the camera's frame cannot be used: {error}") from error
         self.publish("detection", picture(frame, T_base_camera, instances, "", score))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -90,6 +91,13 @@ class Evaluation:
         """Part of the fruit at least `least` visible that was found with at least `score`."""
         wanted = sum(visibility >= least for visibility, *_ in self.fruit)
         return sum(m.visibility >= least and m.score >= score for m in self.matches) / max(1, wanted)
+
+    def score_for(self, recall: float, least: float = CLEARLY_VISIBLE) -> float | None:
+        """The highest score with which `recall` is still reached; None where it is reached with none."""
+        wanted = sum(visibility >= least for visibility, *_ in self.fruit)
+        scores = sorted((m.score for m in self.matches if m.visibility >= least), reverse=True)
+        needed = max(1, math.ceil(recall * wanted - 1e-9))
+        return scores[needed - 1] if needed <= len(scores) else None
 
     def precision(self, score: float) -> float:
         """Part of the detections with at least `score` that are fruit, however visible."""
@@ -182,6 +190,8 @@ def table(result: Evaluation, score: float = 0.6, brief: bool = False) -> str:
     lines = ["| score at least | recall (≥ 60 % visible) | precision |", "|---|---|---|"]
     for threshold in (0.3, 0.5, 0.6, 0.7, 0.8, 0.9):
         lines.append(f"| {threshold} | {result.recall(threshold):.4f} | {result.precision(threshold):.4f} |")
+    if (least := result.score_for(0.99)) is not None:
+        lines.append(f"| {least:.3f} | {result.recall(least):.4f} | {result.precision(least):.4f} |")
     sure = [m for m in result.matches if m.score >= score]
     clear = [m for m in sure if m.visibility >= CLEARLY_VISIBLE]
     lines += [

@@ -76,6 +76,9 @@ SHIPPED = Recipe(
         # Upright looks alone teach where stems mostly are, not what they look like; too many turned ones turn over
         # fruit that stands (docs/decisions/detect-network.md).
         Stage("close_look", 6200, 3e-3, 192, turned=0.2, fall="late"),
+        # The same once more, with trees among the frames and more heaps, where most was still wrong.
+        Stage("finder", 1500, 3e-3, 16, sets=2),
+        Stage("close_look", 5900, 3e-3, 192, turned=0.2, fall="late", sets=2),
     ),
 )
 """What `make train-detect` carries out; how the weights in the repository came about is in docs/model_cards."""

@@ -48,7 +48,7 @@ def instance(x: float, z: float, score: float = 0.9, visibility: float = 1.0, po
 def scripted(monkeypatch: pytest.MonkeyPatch, tmp_path: object) -> list[Instance]:
     """What the detector will say, instead of running networks."""
     instances: list[Instance] = []
-    monkeypatch.setattr(behaviour, "find_in_frame", lambda _frame, _fruit, _width: list(instances))
+    monkeypatch.setattr(behaviour, "find_in_frame", lambda _frame, _fruit, _options: list(instances))
     apple = replace(load_fruit("apple"), weights=behaviour.Path("apple.pt"))
     monkeypatch.setattr(behaviour, "load_fruit", lambda name: apple if name == "apple" else load_fruit(name))
     return instances

@@ -42,7 +42,7 @@ def instance(score: float, posed: bool = True) -> Instance:
 def scripted(monkeypatch: pytest.MonkeyPatch) -> list[Instance]:
     """What the detector will say, instead of running networks."""
     instances: list[Instance] = []
-    monkeypatch.setattr(detect_all, "find_in_frame", lambda _frame, _fruit, _width: list(instances))
+    monkeypatch.setattr(detect_all, "find_in_frame", lambda _frame, _fruit, _options: list(instances))
     apple = replace(load_fruit("apple"), weights=behaviour.Path("apple.pt"))
     monkeypatch.setattr(behaviour, "load_fruit", lambda name: apple if name == "apple" else load_fruit(name))
     return instances
