@@ -22,7 +22,14 @@ def add_data(subparsers: Any) -> None:
     detect = kinds.add_parser("detect", help="annotated frames for the detector, in the format DOPE's tools read")
     detect.add_argument("--out", type=Path, required=True, help="folder; frames that are there already are kept")
     detect.add_argument("--frames", type=int, default=1000, help="how many (1000)")
-    detect.add_argument("--seed", type=int, default=1, help="seed of the data set (1); weights ship with seed 1")
+    detect.add_argument("--seed", type=int, default=1, help="seed of the data set (1)")
+    detect.add_argument(
+        "--kinds",
+        type=_chance,
+        nargs=4,
+        metavar=("TABLE", "HEAP", "LEAVES", "TREE"),
+        help="how often each kind of scene appears (0.4 0.25 0.1 0.25)",
+    )
     detect.add_argument("--fruit", default="apple", help="name in the catalogue, or a path (apple)")
     add_engine_options(detect)
     detect.add_argument("--width", type=int, default=640, help="picture width [px] (640)")
@@ -50,7 +57,7 @@ def add_train(subparsers: Any) -> None:
 
 
 def data_main(options: argparse.Namespace) -> int:
-    """Render frames; returns 0."""
+    """Render frames; returns 0, or 2 for options that give none."""
     from skills.detect.synthetic.dataset import render_dataset
     from skills.detect.synthetic.options import SceneOptions
 
@@ -58,7 +65,13 @@ def data_main(options: argparse.Namespace) -> int:
     factor = options.width / base.width
     fx, fy, cx, cy = base.camera
     camera = (fx * factor, fy * factor, (cx + 0.5) * factor - 0.5, (cy + 0.5) * factor - 0.5)
-    scene = dataclasses.replace(base, width=options.width, height=round(base.height * factor), camera=camera)
+    kinds = tuple(options.kinds or base.kinds)
+    if sum(kinds) == 0.0:
+        sys.stderr.write("pomona data: --kinds: one of them must be more than 0\n")
+        return 2
+    scene = dataclasses.replace(
+        base, width=options.width, height=round(base.height * factor), camera=camera, kinds=kinds
+    )
     with open_engine(options.engine, options.workers, options.address) as engine, _bar("frames") as show:
         made = render_dataset(
             options.out, options.frames, options.seed, options.fruit, scene, progress=show, engine=engine
@@ -99,6 +112,16 @@ def train_main(options: argparse.Namespace) -> int:
         return 2
     console.print(f"weights in {options.out}, report in {options.work / 'report'}")
     return 0
+
+
+def _chance(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = -1.0
+    if not 0.0 <= value < float("inf"):
+        raise argparse.ArgumentTypeError(f"{text} is not a number of at least 0")
+    return value
 
 
 def _train_dope(options: argparse.Namespace, console: Console) -> int:

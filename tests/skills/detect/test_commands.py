@@ -33,6 +33,30 @@ def test_data_renders_frames_and_keeps_them(tmp_path: Path, capsys: pytest.Captu
     assert annotation.camera[0] == pytest.approx(305.3)
 
 
+def test_data_renders_the_kinds_that_are_asked_for(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = (
+        "data",
+        "detect",
+        "--out",
+        str(tmp_path),
+        "--frames",
+        "2",
+        "--workers",
+        "1",
+        "--width",
+        "320",
+        "--kinds",
+    )
+    assert run(*arguments, "0", "0", "0", "1") == 0
+    assert {read_annotation(path).scene for path in tmp_path.glob("*.json")} == {"tree"}
+    assert run(*arguments, "0", "0", "0", "0") == 2
+    assert "--kinds" in capsys.readouterr().err
+    for wrong in ("nan", "many"):
+        with pytest.raises(SystemExit):
+            run(*arguments, "0", wrong, "0", "1")
+        assert f"{wrong} is not a number of at least 0" in capsys.readouterr().err
+
+
 def test_train_makes_weights_and_a_report_with_pictures(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
