@@ -60,7 +60,7 @@ def main() -> None:
         render_dataset(options.work / fruit.name, options.frames, BENCH_SEED, options.fruit, plain, progress=rendered)
     with progress("rendering trees") as rendered:
         wild, folder = SceneOptions(kinds=(0.0, 0.0, 0.0, 1.0)), options.work / f"{fruit.name}_trees"
-        render_dataset(folder, options.frames // 5, BENCH_SEED, options.fruit, wild, progress=rendered)
+        render_dataset(folder, max(1, options.frames // 5), BENCH_SEED, options.fruit, wild, progress=rendered)
     frames, trees = FrameFolder([options.work / fruit.name]), FrameFolder([folder])
     detector = CompactDetector.load(weights)
     detector.warm_up()
