@@ -57,7 +57,7 @@ bench-tree: $(STAMP) ## the executive beside bare py_trees: ticks, recording, ji
 	$(BIN)/python -m benchmarks.bench_runner
 
 train-detect: $(STAMP) ## train the detector from nothing and replace the shipped weights (four hours on two cores)
-	$(BIN)/pomona train detect --out skills/detect/weights/apple.pt
+	$(BIN)/pomona train detect --out skills/perception/detection/weights/apple.pt
 
 bench-detect: $(STAMP) ## the detector on held-out frames; DATA=… adds the real frames
 	$(BIN)/python -m benchmarks.bench_detect $(if $(DATA),--orchard $(DATA))
@@ -87,7 +87,7 @@ oracle: $(STAMP) ## the collision model beside MuJoCo over 10 000 random states
 	$(BIN)/python -m benchmarks.collision_oracle --states 10000
 
 fuzz: $(STAMP) ## 100 000 damaged tree files, a million damaged device streams
-	$(BIN)/python tests/executive/tree_file/fuzz.py --cases 100000
+	$(BIN)/python tests/executive/language/fuzz.py --cases 100000
 	$(BIN)/python -m benchmarks.fuzz_codecs
 
 clean: ## remove the virtual environment and caches (records in runs/ stay)

@@ -24,8 +24,8 @@ from rich.table import Table
 
 from executive.dashboard.security import Access
 from executive.dashboard.server import Dashboard
-from executive.events import Event, NodeChanged, Published, RunEnded, RunStarted
 from executive.recording.recorder import Recorder
+from executive.running.events import Event, NodeChanged, Published, RunEnded, RunStarted
 from executive.views import BodiesView, ImageView, Mesh3, Points3, PosesView, SceneView, SeriesView
 
 PERIOD = 0.02

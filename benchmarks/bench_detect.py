@@ -22,15 +22,15 @@ import torch
 from rich.console import Console
 from rich.progress import Progress
 
-from skills.detect.compact_detector import CompactDetector, DetectorOptions
-from skills.detect.dope_decode import decode_maps
-from skills.detect.dope_network import DopeNetwork, dope_input
-from skills.detect.evaluation import evaluate, table
-from skills.detect.instances import Instance, find_instances
-from skills.detect.synthetic.dataset import render_dataset
-from skills.detect.synthetic.options import WITHOUT_TREES, SceneOptions
-from skills.detect.training.samples import FrameFolder
-from skills.fruit import FruitModel, load_fruit
+from skills.perception.detection.compact_detector import CompactDetector, DetectorOptions
+from skills.perception.detection.dope_decode import decode_maps
+from skills.perception.detection.dope_network import DopeNetwork, dope_input
+from skills.perception.detection.evaluation import evaluate, table
+from skills.perception.detection.instances import Instance, find_instances
+from skills.perception.fruit import FruitModel, load_fruit
+from skills.perception.synthetic.dataset import render_dataset
+from skills.perception.synthetic.options import WITHOUT_TREES, SceneOptions
+from skills.perception.training.samples import FrameFolder
 
 BENCH_SEED = 777_001
 """Neither trained nor validated on."""

@@ -25,10 +25,10 @@ from benchmarks.grasp_mujoco import TORSION, MujocoGrasp
 from benchmarks.grasp_patch import Fruit, PatchGrasp
 from benchmarks.grasp_picture import draw
 from benchmarks.grasp_trial import Lifting, Result, least_grasp_force, run_trial
-from skills.slip_avoid_grasp.controller import GripController
-from skills.slip_avoid_grasp.force_loop import ForceLoopSettings
-from skills.slip_avoid_grasp.limit_surface import SoftContact
-from skills.slip_avoid_grasp.settings import ForceLaw, GripSettings
+from skills.grip.controller import GripController
+from skills.grip.force_loop import ForceLoopSettings
+from skills.grip.limit_surface import SoftContact
+from skills.grip.settings import ForceLaw, GripSettings
 
 MAX_FORCE = 40.0
 NOISE = 0.2

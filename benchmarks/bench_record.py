@@ -17,13 +17,13 @@ import time
 from collections import Counter
 from pathlib import Path
 
-from executive.events import Event, RunEnded, RunStarted
 from executive.execute import RunOrder, execute
 from executive.files import find_cell, find_tree
 from executive.recording.picture import Picture
 from executive.recording.read import read_events
 from executive.recording.recorder import EVENTS_FILE, Recorder
 from executive.recording.scan import scan
+from executive.running.events import Event, RunEnded, RunStarted
 
 Times = tuple[float, float, float]
 

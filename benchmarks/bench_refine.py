@@ -27,14 +27,14 @@ from benchmarks.refine_orchard import orchard_errors
 from benchmarks.refine_pyrender import render_with_plain_pyrender
 from benchmarks.refine_scenes import CAMERA, View, cell_views, leaf_over, stretched_views
 from benchmarks.refine_searches import SEARCHES, search, timed
-from skills.fruit import FruitModel, load_fruit
 from skills.geometry import rot_x, rot_y, transform
-from skills.refine import RefineResult, horizontal_plane, refine, render_depth
-from skills.refine.errors import RefineError
-from skills.refine.paper import fit_scale_by_rendering
-from skills.refine.render import ImageBox, RendererName
-from skills.refine.scale_fit import fit_scale
-from skills.refine.synthetic_depth import as_d435i, looking_at, standing, true_depth
+from skills.perception.fruit import FruitModel, load_fruit
+from skills.perception.refinement import RefineResult, horizontal_plane, refine, render_depth
+from skills.perception.refinement.errors import RefineError
+from skills.perception.refinement.paper import fit_scale_by_rendering
+from skills.perception.refinement.render import ImageBox, RendererName
+from skills.perception.refinement.scale_fit import fit_scale
+from skills.perception.refinement.synthetic_depth import as_d435i, looking_at, standing, true_depth
 
 Float64 = NDArray[np.float64]
 
@@ -108,7 +108,7 @@ def speed(fruit: FruitModel, console: Console) -> dict[str, float]:
         }  # fmt: skip
 
     measured = {"pyrender": times("pyrender"), "zbuffer": times("zbuffer")}
-    with mock.patch("skills.refine.gl.render_with_gl", render_with_plain_pyrender):
+    with mock.patch("skills.perception.refinement.gl.render_with_gl", render_with_plain_pyrender):
         measured["pyrender as it comes"] = times("pyrender")
     for name, row in measured.items():
         table.add_row(name, *(f"{value:.2f}" for value in row.values()))

@@ -19,13 +19,13 @@ import torch
 
 from benchmarks.bench_tree import Spin, bare_tree, seconds_per_tick
 from executive.clock import SystemClock
-from executive.compute import Computations
-from executive.dry_cell import DryCell
-from executive.events import EventStream
+from executive.language import build, read
 from executive.recording.recorder import Recorder
 from executive.registry import Registry
-from executive.runner import Runner
-from executive.tree_file import build, read
+from executive.running.compute import Computations
+from executive.running.dry_cell import DryCell
+from executive.running.events import EventStream
+from executive.running.runner import Runner
 
 SKILLS = Registry({"Spin": Spin})
 ROUNDS = 5

@@ -15,10 +15,10 @@ import py_trees
 from py_trees.behaviour import Behaviour
 from py_trees.common import ParallelPolicy, Status
 
+from executive.language import build, check, read
 from executive.registry import Registry
 from executive.skill import Skill, Work
 from executive.skill_testing import BenchContext
-from executive.tree_file import build, check, read
 
 SIZES = (10, 100, 1000)
 ROUNDS = 15

@@ -19,9 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.interfaces import Box, Workspace
-from skills.collision import CollisionWorld, DistanceField, Margins
 from skills.geometry import rotation_about, transform
-from skills.robot import RobotModel
+from skills.motion.collision import CollisionWorld, DistanceField, Margins
+from skills.motion.robot import RobotModel
 
 Float64 = NDArray[np.float64]
 

@@ -11,9 +11,9 @@ import numpy as np
 from benchmarks.grasp_mujoco import MujocoGrasp
 from benchmarks.grasp_patch import Fruit, PatchGrasp
 from benchmarks.grasp_trial import Lifting, least_grasp_force, run_trial
-from skills.slip_avoid_grasp.controller import GripController
-from skills.slip_avoid_grasp.limit_surface import SoftContact
-from skills.slip_avoid_grasp.settings import GripSettings
+from skills.grip.controller import GripController
+from skills.grip.limit_surface import SoftContact
+from skills.grip.settings import GripSettings
 
 FRUIT = Fruit(mass=0.2, width=0.075, mu=0.6, offset=(0.003, 0.004), off_centre=0.001)
 LIFTING = Lifting(acceleration=1.0, jerk_time=0.1, hold=1.0)

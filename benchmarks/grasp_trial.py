@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from benchmarks.grasp_mujoco import MujocoGrasp, least_grasp_force_of_cone
 from benchmarks.grasp_patch import GRAVITY, Fruit, PatchGrasp
-from skills.slip_avoid_grasp.controller import GripController
-from skills.slip_avoid_grasp.grip import GripPhase
-from skills.slip_avoid_grasp.limit_surface import SoftContact, least_force, xi
-from skills.slip_avoid_grasp.settings import GripSettings
+from skills.grip.controller import GripController
+from skills.grip.grip import GripPhase
+from skills.grip.limit_surface import SoftContact, least_force, xi
+from skills.grip.settings import GripSettings
 
 Float64 = NDArray[np.float64]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from skills.slip_avoid_grasp.limit_surface import SoftContact, xi
+from skills.grip.limit_surface import SoftContact, xi
 
 NO_BRUISE = 0.10e6
 """No apple bruises below this pressure [Pa] (Processes 2024, 12, 543)."""

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from drivers.interfaces import Box
 from skills.geometry import transform
-from skills.refine.measured_fruit import MeasuredFruit
-from skills.robot import RobotModel
+from skills.motion.robot import RobotModel
+from skills.perception.measured_fruit import MeasuredFruit
 
 Float64 = NDArray[np.float64]
 

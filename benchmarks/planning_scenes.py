@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.interfaces import Box, Frame, Intrinsics, Workspace
-from skills.collision import CollisionWorld, Convex, DistanceField, Margins
-from skills.fruit import load_fruit
 from skills.geometry import rot_z, rotation_about, transform
-from skills.plan.arm_space import TARGET, ArmSpace
-from skills.refine.measured_fruit import MeasuredFruit
-from skills.robot import RobotModel
+from skills.motion.collision import CollisionWorld, Convex, DistanceField, Margins
+from skills.motion.planning.arm_space import TARGET, ArmSpace
+from skills.motion.robot import RobotModel
+from skills.perception.fruit import load_fruit
+from skills.perception.measured_fruit import MeasuredFruit
 
 Float64 = NDArray[np.float64]
 

@@ -18,10 +18,10 @@ from rich.console import Console
 from rich.table import Table
 
 from drivers.interfaces import Intrinsics
-from skills.fruit import FruitModel
 from skills.geometry import transform
-from skills.refine import Limits, refine
-from skills.refine.errors import RefineError
+from skills.perception.fruit import FruitModel
+from skills.perception.refinement import Limits, refine
+from skills.perception.refinement.errors import RefineError
 
 Float64 = NDArray[np.float64]
 

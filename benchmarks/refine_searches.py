@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from drivers.interfaces import Intrinsics
-from skills.fruit import FruitModel
-from skills.refine.paper import line_inliers, moved_and_scaled, sigma_bound
-from skills.refine.render import DepthImage, ImageBox, RendererName, render_depth
+from skills.perception.fruit import FruitModel
+from skills.perception.refinement.paper import line_inliers, moved_and_scaled, sigma_bound
+from skills.perception.refinement.render import DepthImage, ImageBox, RendererName, render_depth
 
 Float64 = NDArray[np.float64]
 

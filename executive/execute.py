@@ -14,23 +14,23 @@ from functools import cache
 from importlib.metadata import PackageNotFoundError, entry_points, version
 from pathlib import Path
 
-from executive.breakpoints import Side
 from executive.campaign.commit import commit_here
-from executive.cell import Cell
-from executive.dry_cell import DryCell
 from executive.errors import UsageError
-from executive.events import EventStream, Listener, RunStarted
 from executive.files import installed_trees, read_text
+from executive.language import Document, Mocks, build, check, format_findings, read
+from executive.language.mocks import MockPlan
+from executive.language.scenario import read_mocks
 from executive.recording.keeping import Keeping
 from executive.registry import Registry
-from executive.run_state import RunResult
-from executive.runner import Runner
+from executive.running.breakpoints import Side
+from executive.running.cell import Cell
+from executive.running.dry_cell import DryCell
+from executive.running.events import EventStream, Listener, RunStarted
+from executive.running.run_state import RunResult
+from executive.running.runner import Runner
+from executive.running.watching import installed_watchers
 from executive.terminal.summary import Summary
-from executive.tree_file import Document, Mocks, build, check, format_findings, read
-from executive.tree_file.findings import did_you_mean
-from executive.tree_file.mocks import MockPlan
-from executive.tree_file.scenario import read_mocks
-from executive.watching import installed_watchers
+from executive.values.findings import did_you_mean
 
 PERIOD = 0.02
 """Seconds of a tick."""

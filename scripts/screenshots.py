@@ -23,7 +23,7 @@ from executive.dashboard.security import Access
 from executive.dashboard.server import Dashboard
 from executive.execute import RunOrder, execute
 from executive.files import find_cell, find_tree
-from executive.runner import Runner
+from executive.running.runner import Runner
 
 FLAGS = ["--no-sandbox", "--disable-gpu", "--disable-background-networking", "--disable-component-update",
          "--disable-sync", "--no-first-run"]  # fmt: skip

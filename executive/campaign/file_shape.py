@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from executive.tree_file.shape import Shape, shape_of
-from executive.tree_file.yaml_nodes import YamlList, YamlMapping, YamlNode, YamlScalar
+from executive.values.shape import Shape, shape_of
+from executive.values.yaml_nodes import YamlList, YamlMapping, YamlNode, YamlScalar
 
 
 class CampaignShape(Shape):

@@ -32,9 +32,9 @@ from executive.campaign.file_shape import CampaignShape
 from executive.errors import UsageError
 from executive.execute import RunOrder, read_document
 from executive.files import find_cell, find_tree, read_text
-from executive.tree_file import format_findings
-from executive.tree_file.findings import Findings, Source, did_you_mean
-from executive.tree_file.yaml_nodes import YamlMapping, YamlNode, YamlScalar, read_yaml
+from executive.language import format_findings
+from executive.values.findings import Findings, Source, did_you_mean
+from executive.values.yaml_nodes import YamlMapping, YamlNode, YamlScalar, read_yaml
 
 KEYS = ("pomona", "campaign", "description", "tree", "cell", "seeds", "vary", "set", "arms", "score")
 ARM_KEYS = ("tree", "cell", "set", "seeds", "only")

@@ -13,9 +13,9 @@ from rich.console import Console
 
 from executive.execute import load_cell, read_document
 from executive.files import find_cell, find_tree
+from executive.language import Finding, check, format_findings
 from executive.registry import Registry
 from executive.settings import parse_settings
-from executive.tree_file import Finding, check, format_findings
 
 
 def add(subparsers: Any) -> None:

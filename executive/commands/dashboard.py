@@ -15,7 +15,7 @@ from executive.dashboard.security import Access
 from executive.dashboard.server import Dashboard
 from executive.errors import PomonaError, UsageError
 from executive.execute import RunOrder, execute
-from executive.runner import Runner
+from executive.running.runner import Runner
 
 
 def add(subparsers: Any) -> None:

@@ -10,10 +10,10 @@ from typing import Any
 from executive.errors import UsageError
 from executive.execute import read_document, refuse_errors
 from executive.files import find_tree, read_text, write_text
+from executive.language import format_findings
+from executive.language.groot_export import export_groot
+from executive.language.groot_import import import_groot
 from executive.registry import Registry
-from executive.tree_file import format_findings
-from executive.tree_file.groot_export import export_groot
-from executive.tree_file.groot_import import import_groot
 
 
 def add(subparsers: Any) -> None:

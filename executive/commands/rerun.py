@@ -12,11 +12,11 @@ from rich.console import Console
 
 from executive.commands.runs import RUN
 from executive.errors import UsageError
-from executive.events import OperatorActed, RunEnded, RunStarted
 from executive.execute import RunOrder, execute, versions
 from executive.files import installed_trees
 from executive.recording.difference import first_difference
 from executive.recording.read import find_record, read_events
+from executive.running.events import OperatorActed, RunEnded, RunStarted
 from executive.terminal.explain import describe
 from executive.terminal.live import LiveTree
 from executive.terminal.words import seconds

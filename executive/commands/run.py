@@ -19,7 +19,7 @@ from executive.dashboard.server import Dashboard
 from executive.errors import UsageError
 from executive.execute import Executed, RunOrder, execute
 from executive.files import find_cell, find_tree
-from executive.runner import Runner
+from executive.running.runner import Runner
 from executive.settings import parse_settings
 from executive.terminal.live import LiveTree
 

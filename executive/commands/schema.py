@@ -7,8 +7,8 @@ import json
 import sys
 from typing import Any
 
+from executive.language.schema import schema
 from executive.registry import Registry
-from executive.tree_file.schema import schema
 
 
 def add(subparsers: Any) -> None:

@@ -10,8 +10,8 @@ from typing import Any
 from executive.errors import UsageError
 from executive.execute import read_document
 from executive.files import find_tree, write_text
-from executive.tree_file import format_findings
-from executive.tree_file.show import show_svg, show_text
+from executive.language import format_findings
+from executive.language.show import show_svg, show_text
 
 
 def add(subparsers: Any) -> None:

@@ -10,10 +10,10 @@ from rich.console import Console
 
 from executive.errors import UsageError
 from executive.files import installed_trees, read_text
+from executive.language.run_scenario import ScenarioResult, run_scenario
+from executive.language.scenario import is_scenario, read_scenario
 from executive.registry import Registry
 from executive.terminal.words import say, seconds
-from executive.tree_file.run_scenario import ScenarioResult, run_scenario
-from executive.tree_file.scenario import is_scenario, read_scenario
 
 
 def add(subparsers: Any) -> None:

@@ -10,9 +10,9 @@ from rich.console import Console
 
 from executive.errors import UsageError
 from executive.execute import read_document, refuse_errors
+from executive.language import Document
+from executive.language.compare import changes
 from executive.registry import Registry
-from executive.tree_file import Document
-from executive.tree_file.compare import changes
 
 LOOK_EVERY = 0.3
 """Seconds between two looks at the file."""

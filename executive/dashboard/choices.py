@@ -11,9 +11,9 @@ import yaml
 
 from executive.errors import PomonaError, UsageError
 from executive.files import find_cell, find_tree, installed_trees, read_text
-from executive.tree_file import read
-from executive.tree_file.model import Declared
-from executive.tree_file.yaml_nodes import YamlNode, YamlScalar
+from executive.language import read
+from executive.language.model import Declared
+from executive.values.yaml_nodes import YamlNode, YamlScalar
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,9 +6,9 @@ import threading
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from executive.breakpoints import BREAK_ACTIONS, UnknownNodeError
 from executive.errors import PomonaError
-from executive.runner import Runner
+from executive.running.breakpoints import BREAK_ACTIONS, UnknownNodeError
+from executive.running.runner import Runner
 
 ACTIONS = ("pause", "resume", "step", "stop")
 

@@ -13,9 +13,9 @@ from collections import deque
 from collections.abc import Hashable, Iterable
 from typing import Any
 
-from executive.breakpoints import BREAK_ACTIONS
 from executive.dashboard.messages import VERSION, encode
-from executive.events import (
+from executive.running.breakpoints import BREAK_ACTIONS
+from executive.running.events import (
     AttemptEnded,
     Event,
     LinkChanged,

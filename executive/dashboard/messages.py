@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 
 from executive.encode import plain
-from executive.events import Event, PortWritten, Published
+from executive.running.events import Event, PortWritten, Published
 from executive.views import ImageView
 
 VERSION = 1

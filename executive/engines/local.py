@@ -11,9 +11,9 @@ from multiprocessing.connection import wait
 from typing import Any
 from weakref import WeakKeyDictionary
 
-from executive.compute import Worker
 from executive.engine import ONE_THREAD, RENEWED_AFTER, TRIES, Engine, OrderLost, OrderTooLong, one_per_core
 from executive.errors import UsageError
+from executive.running.compute import Worker
 
 
 @dataclass(slots=True)

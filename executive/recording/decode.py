@@ -11,10 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from executive import events, views
+from executive import views
 from executive.errors import PomonaError
-from executive.events import Event
 from executive.reasons import Reason
+from executive.running import events
+from executive.running.events import Event
 
 _EVENTS = {c.__name__: c for c in vars(events).values() if isinstance(c, type) and issubclass(c, Event)}
 _VIEWS = {c.__name__: c for c in vars(views).values() if isinstance(c, type) and dataclasses.is_dataclass(c)}

@@ -23,11 +23,11 @@ import cv2
 import numpy as np
 
 from executive.errors import UsageError
-from executive.events import Event, Published
 from executive.recording.read import events_file, read_events
 from executive.recording.recorder import DEVICES
 from executive.recording.scan import scan
 from executive.recording.well_known import SERIES_TOPIC, plain_name
+from executive.running.events import Event, Published
 from executive.views import ImageView, PosesView, SceneView
 
 

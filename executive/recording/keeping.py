@@ -9,11 +9,11 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
-from executive.cell import Cell
-from executive.events import EventStream
 from executive.recording.picture import Picture
 from executive.recording.recorder import Recorder, RecordError, new_record_folder
-from executive.runner import Runner
+from executive.running.cell import Cell
+from executive.running.events import EventStream
+from executive.running.runner import Runner
 
 
 class Keeping:

@@ -11,7 +11,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from executive.events import Event, Published
+from executive.running.events import Event, Published
 from executive.views import ImageView, SceneView, SeriesView
 
 COLOURS = {

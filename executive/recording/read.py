@@ -17,9 +17,9 @@ from mcap.exceptions import McapError
 from mcap.reader import NonSeekingReader
 
 from executive.errors import UsageError
-from executive.events import Event, Published
 from executive.recording.decode import ForeignRecordError, event_from
 from executive.recording.recorder import EVENTS, EVENTS_FILE
+from executive.running.events import Event, Published
 from executive.views import ImageView
 
 MAGIC = b"\x89MCAP0\r\n"

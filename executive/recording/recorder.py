@@ -24,9 +24,9 @@ from mcap.writer import CompressionType, Writer
 
 from executive.encode import encoded, field_names, plain
 from executive.errors import UsageError
-from executive.events import Event, Published, RunEnded, RunStarted
 from executive.recording.schemas import EVENT, READING, Schema
 from executive.recording.well_known import Images, samples, well_known
+from executive.running.events import Event, Published, RunEnded, RunStarted
 from executive.views import ImageView, SeriesView
 
 EVENTS_FILE = "run.mcap"

@@ -9,11 +9,11 @@ from pathlib import Path
 
 from executive.encode import plain
 from executive.errors import UsageError
-from executive.events import RunEnded, RunStarted
 from executive.recording.copy import Copied, copy, is_whole
 from executive.recording.picture import Picture
 from executive.recording.read import events_file, read_events
 from executive.recording.recorder import is_being_written
+from executive.running.events import RunEnded, RunStarted
 
 
 @dataclass(frozen=True, slots=True)

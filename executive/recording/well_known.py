@@ -16,19 +16,6 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from executive.events import (
-    AttemptEnded,
-    Event,
-    LinkChanged,
-    NodeChanged,
-    OperatorActed,
-    PortWritten,
-    Published,
-    RunEnded,
-    RunStarted,
-    SafeStopped,
-    StateChanged,
-)
 from executive.reasons import Reason
 from executive.recording.schemas import (
     CAMERA_CALIBRATION,
@@ -41,6 +28,19 @@ from executive.recording.schemas import (
     SCENE_UPDATE,
     SERIES,
     Schema,
+)
+from executive.running.events import (
+    AttemptEnded,
+    Event,
+    LinkChanged,
+    NodeChanged,
+    OperatorActed,
+    PortWritten,
+    Published,
+    RunEnded,
+    RunStarted,
+    SafeStopped,
+    StateChanged,
 )
 from executive.views import BodiesView, ImageView, Mesh3, Points3, PosesView, SceneView, SeriesView
 

@@ -11,7 +11,9 @@ from pathlib import Path
 from typing import Any
 
 from executive.encode import plain
-from executive.events import (
+from executive.reasons import Reason
+from executive.recording.difference import Difference, first_difference
+from executive.running.events import (
     AttemptEnded,
     Event,
     LinkChanged,
@@ -21,8 +23,6 @@ from executive.events import (
     RunStarted,
     SafeStopped,
 )
-from executive.reasons import Reason
-from executive.recording.difference import Difference, first_difference
 from executive.terminal.summary import Summary
 from executive.terminal.words import seconds
 

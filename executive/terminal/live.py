@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.live import Live
 from rich.text import Text
 
-from executive.events import (
+from executive.running.events import (
     AttemptEnded,
     Event,
     LinkChanged,

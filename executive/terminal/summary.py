@@ -11,8 +11,17 @@ from rich.console import Console
 from rich.table import Table
 
 from executive.encode import plain
-from executive.events import AttemptEnded, Computed, Event, NodeChanged, PortWritten, Published, RunEnded, RunStarted
 from executive.reasons import Reason
+from executive.running.events import (
+    AttemptEnded,
+    Computed,
+    Event,
+    NodeChanged,
+    PortWritten,
+    Published,
+    RunEnded,
+    RunStarted,
+)
 from executive.terminal.words import say, seconds
 from executive.views import TableView
 

@@ -12,11 +12,11 @@ from typing import Any
 import pytest
 
 from executive.cli import main
-from executive.events import Event, Published, RunEnded
 from executive.execute import Executed, RunOrder, execute
 from executive.files import find_cell, find_tree
 from executive.recording.read import read_events
-from executive.runner import Runner
+from executive.running.events import Event, Published, RunEnded
+from executive.running.runner import Runner
 
 pytestmark = pytest.mark.slow
 

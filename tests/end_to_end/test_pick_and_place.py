@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from executive.events import Event, Published
 from executive.execute import RunOrder, execute
 from executive.files import find_cell, find_tree
+from executive.running.events import Event, Published
 from executive.views import TableView
 
 pytestmark = pytest.mark.slow

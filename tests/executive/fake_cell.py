@@ -29,7 +29,7 @@ class Wheel:
 
 
 class FakeCell:
-    """What `executive.cell.Cell` asks for."""
+    """What `executive.running.cell.Cell` asks for."""
 
     name, kind = "fake", "mock"
     record_required = False

@@ -11,7 +11,9 @@ import numpy as np
 from mcap.reader import make_reader
 from scipy.spatial.transform import Rotation
 
-from executive.events import (
+from executive.reasons import Reason
+from executive.recording.recorder import EVENTS_FILE, Recorder
+from executive.running.events import (
     AttemptEnded,
     Event,
     LinkChanged,
@@ -24,8 +26,6 @@ from executive.events import (
     SafeStopped,
     StateChanged,
 )
-from executive.reasons import Reason
-from executive.recording.recorder import EVENTS_FILE, Recorder
 from executive.views import (
     BodiesView,
     ImageView,

@@ -13,13 +13,13 @@ from fake_cell import FakeCell, Wheel
 
 from executive.dashboard.security import Access
 from executive.dashboard.server import Dashboard
-from executive.events import EventStream, RunStarted
+from executive.language import build, read
 from executive.ports import TIME, Port, Ports
 from executive.recording.recorder import Recorder
 from executive.registry import Registry
-from executive.runner import Runner
+from executive.running.events import EventStream, RunStarted
+from executive.running.runner import Runner
 from executive.skill import Interrupted, Skill, Work
-from executive.tree_file import build, read
 from executive.views import BodiesView, ImageView, Line2, Line3, Mesh3, Points3, PosesView, SceneView, SeriesView
 
 GATE = threading.Event()

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import pytest
 
-from executive.breakpoints import Side
 from executive.errors import UsageError
-from executive.events import Event, StateChanged
 from executive.execute import RunOrder, execute
 from executive.files import find_cell, find_tree
-from executive.runner import Runner
+from executive.running.breakpoints import Side
+from executive.running.events import Event, StateChanged
+from executive.running.runner import Runner
 
 
 def order(*breaks: tuple[str, Side]) -> RunOrder:

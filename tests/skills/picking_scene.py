@@ -8,15 +8,15 @@ import numpy as np
 from drivers.interfaces import Arm, Box, ForceSensor, Frame, Gripper, Intrinsics, Workspace
 from drivers.mock import MockArm, MockClock, MockForceSensor, MockGripper
 from drivers.mock.arm import ROBOT
-from skills.fruit import load_fruit
 from skills.geometry import rot_z, transform
-from skills.occupancy import OccupancyMap
-from skills.plan.arm_space import ArmSpace
-from skills.refine.measured_fruit import MeasuredFruit
-from skills.robot import RobotModel
-from skills.sample_grasp.grasp import Grasp
-from skills.sample_grasp.sample import sample_pre_grasps
-from skills.sample_grasp.sphere import Sphere
+from skills.motion.grasps.grasp import Grasp
+from skills.motion.grasps.sample import sample_pre_grasps
+from skills.motion.grasps.sphere import Sphere
+from skills.motion.occupancy import OccupancyMap
+from skills.motion.planning.arm_space import ArmSpace
+from skills.motion.robot import RobotModel
+from skills.perception.fruit import load_fruit
+from skills.perception.measured_fruit import MeasuredFruit
 
 TABLE_Z = -0.12
 OBSERVE = np.array([-1.36, -0.316, -0.264, -0.234, 0.065, -1.294, 0.048])
@@ -59,7 +59,7 @@ def apple_at(number: int, place: int, yaw: float = 0.0, sigma: float = 1e-3) -> 
 
 def a_grasp(number: int = 1, place: int = 3, theta: float = 0.0) -> Grasp:
     """A grasp that can be approached on an empty table."""
-    from skills.collision import CollisionWorld
+    from skills.motion.collision import CollisionWorld
 
     space = ArmSpace(CollisionWorld.build(ROBOT_MODEL, WORKSPACE), 0.1)
     sphere = Sphere(theta=(theta, theta), tilts=1, turns=8)

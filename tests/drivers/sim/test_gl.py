@@ -21,9 +21,9 @@ def look():
 PYRENDER = """
 import numpy as np
 from drivers.interfaces import Intrinsics
-from skills.fruit import load_fruit
-from skills.refine.gl import render_with_gl
-from skills.refine.render import ImageBox
+from skills.perception.fruit import load_fruit
+from skills.perception.refinement.gl import render_with_gl
+from skills.perception.refinement.render import ImageBox
 fruit = load_fruit("apple")
 T = np.eye(4); T[2, 3] = 0.5
 def draw():

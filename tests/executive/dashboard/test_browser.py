@@ -15,7 +15,10 @@ from shown_runs import GATE, Show
 from executive.commands.dashboard import Launcher
 from executive.dashboard import record_messages
 from executive.dashboard.choices import Choices
-from executive.events import (
+from executive.reasons import Reason
+from executive.recording.read import read_events
+from executive.recording.recorder import Recorder
+from executive.running.events import (
     LinkChanged,
     NodeChanged,
     OperatorActed,
@@ -26,9 +29,6 @@ from executive.events import (
     SafeStopped,
     StateChanged,
 )
-from executive.reasons import Reason
-from executive.recording.read import read_events
-from executive.recording.recorder import Recorder
 from executive.views import ImageView, Line2, Points3, SceneView, SeriesView, TableView
 
 pytestmark = pytest.mark.browser

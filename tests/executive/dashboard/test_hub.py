@@ -13,7 +13,7 @@ import pytest
 
 from executive.dashboard import hub as hub_module
 from executive.dashboard.hub import BACKLOG, Hub, Viewer
-from executive.events import NodeChanged, Published, RunStarted, StateChanged
+from executive.running.events import NodeChanged, Published, RunStarted, StateChanged
 from executive.views import ImageView
 
 

@@ -12,9 +12,9 @@ from executive.dashboard import record_messages as reading
 from executive.dashboard.messages import encode
 from executive.dashboard.record_messages import between, first_event, image, overview, record_messages
 from executive.errors import UsageError
-from executive.events import Event, NodeChanged, Published, RunEnded, StateChanged
 from executive.reasons import Reason
 from executive.recording.recorder import Recorder
+from executive.running.events import Event, NodeChanged, Published, RunEnded, StateChanged
 from executive.views import ImageView, Line2, Points3, SceneView, SeriesView
 
 REASON = Reason("a/b", "JAMMED", 'stuck \u2028 "here"', {"angle": 0.5}, (Reason("c", "X", "y"),))

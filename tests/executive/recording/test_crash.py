@@ -12,18 +12,18 @@ from pathlib import Path
 import pytest
 
 from executive.errors import UsageError
-from executive.events import StateChanged
 from executive.recording.copy import is_whole
 from executive.recording.digest import digest
 from executive.recording.index import RunIndex
 from executive.recording.read import read_events
 from executive.recording.recorder import EVENTS_FILE, Recorder, is_being_written
 from executive.recording.repair import repair
+from executive.running.events import StateChanged
 
 RECORD_FOR_EVER = """
 import sys, time
 from pathlib import Path
-from executive.events import StateChanged
+from executive.running.events import StateChanged
 from executive.recording.recorder import Recorder
 recorder = Recorder(Path(sys.argv[1]))
 began = time.monotonic()

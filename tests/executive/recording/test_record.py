@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from executive.errors import UsageError
-from executive.events import Event, NodeChanged, Published, StateChanged
 from executive.reasons import Reason
 from executive.recording.read import find_record, read_events
 from executive.recording.recorder import EVENTS_FILE, Recorder, RecordError, new_record_folder
+from executive.running.events import Event, NodeChanged, Published, StateChanged
 from executive.views import ImageView, Line2, SceneView, SeriesView
 
 

@@ -15,9 +15,9 @@ from mcap.reader import make_reader
 from recorded_events import contents, everything, pose, record
 from scipy.spatial.transform import Rotation
 
-from executive.events import Published
 from executive.recording.read import read_events
 from executive.recording.well_known import Images, plain_name, quaternion
+from executive.running.events import Published
 from executive.views import ImageView
 
 

@@ -1,0 +1,59 @@
+"""How people may name the skills of a document: by skill, by the node's own name, by path."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from executive.language.model import Definition, Document, TreeNode
+
+MAX_PATHS = 10_000
+
+
+class UniquePaths:
+    """Path ids: a path that is taken gets a number, `Plan`, `Plan#2` …"""
+
+    def __init__(self) -> None:
+        self.taken: set[str] = set()
+
+    def take(self, base: str) -> str:
+        path, number = base, 1
+        while path in self.taken:
+            number += 1
+            path = f"{base}#{number}"
+        self.taken.add(path)
+        return path
+
+
+def skills_by_node(document: Document) -> dict[str, str]:
+    """Skill by all that a node may be called: the skill's name, its own, its path (with and without the root)."""
+    found: dict[str, str] = {}
+    for definition in document.definitions():
+        for node in definition.root.walk() if definition.root is not None else ():
+            if node.kind == "skill":
+                found.setdefault(node.key.text, node.key.text)
+                found.setdefault(node.label, node.key.text)
+    for path, skill in _paths(document):
+        found.setdefault(path, skill)
+        found.setdefault(path.partition("/")[2], skill)
+    found.pop("", None)
+    return found
+
+
+def _paths(document: Document) -> Iterator[tuple[str, str]]:
+    """Path ids of all skills, as `build` gives them."""
+    paths = UniquePaths()
+
+    def walk(node: TreeNode, path: str, definition: Definition, depth: int) -> Iterator[tuple[str, str]]:
+        if node.kind == "skill":
+            yield path, node.key.text
+        for child in node.children:
+            yield from walk(child, paths.take(f"{path}/{child.label}"), definition, depth)
+        called = definition.file.subtrees.get(node.key.text) if node.kind == "subtree" else None
+        if called is not None and called.root is not None and depth < 50 and len(paths.taken) < MAX_PATHS:
+            yield from walk(called.root, paths.take(f"{path}/{called.root.label}"), called, depth + 1)
+        if node.on_failure is not None:
+            yield from walk(node.on_failure, f"{path}:on_failure", definition, depth)
+
+    main = document.main.main
+    if main is not None and main.root is not None:
+        yield from walk(main.root, paths.take(document.main.name), main, 0)

@@ -1,0 +1,189 @@
+"""Run a scenario's cases on a simulated clock, and tell which nodes and ends they never reached."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, TypeVar
+
+from py_trees.common import Status
+
+from executive.clock import Clock, ManualClock
+from executive.errors import SkillError
+from executive.language.build import build
+from executive.language.built import BuiltTree, NodeInfo
+from executive.language.scenario import Case, Scenario
+from executive.reasons import Reason, reason_of
+from executive.registry import Registry
+from executive.skill import Computation, Interrupted, Skill, Work
+from executive.values.findings import TreeFileError
+
+T = TypeVar("T")
+PERIOD = 0.02
+MAX_TICKS = 200_000
+
+
+class DryContext:
+    """A `SkillContext` without a cell: mocks need nothing but a clock."""
+
+    def __init__(self, clock: Clock | None = None) -> None:
+        self.clock: Clock = clock or ManualClock()
+
+    def device(self, interface: type[T]) -> T:
+        raise SkillError("a mock", f"asks for a {interface.__name__}, and a dry run has no cell")
+
+    def seed(self, node: str) -> int:
+        return zlib.crc32(node.encode())
+
+    def compute(self, node: str, function: Callable[..., Any], *arguments: Any, isolated: bool) -> Computation:
+        raise SkillError(node, "computes something, and a dry run has mocks only")
+
+    def publish(self, node: str, topic: str, value: object) -> None:
+        pass
+
+    def elapsed(self) -> float:
+        return self.clock.now()
+
+    def not_yet(self, skill: Skill) -> str | None:
+        return None
+
+    def halt(self, skill: Skill, work: Work) -> None:
+        try:
+            work.throw(Interrupted())
+        except (Interrupted, StopIteration):
+            return
+        work.close()
+
+
+@dataclass(frozen=True, slots=True)
+class CaseResult:
+    """How one case went; `problems` is empty when all went as expected."""
+
+    case: Case
+    status: str
+    reason: Reason | None
+    time: float
+    ticks: int
+    problems: tuple[str, ...]
+
+    @property
+    def passed(self) -> bool:
+        return not self.problems
+
+
+@dataclass(slots=True, eq=False)
+class Coverage:
+    """Which nodes were ticked, and how they ended."""
+
+    nodes: dict[str, NodeInfo] = field(default_factory=dict)
+    seen: dict[str, set[Status]] = field(default_factory=dict)
+
+    def unreached(self) -> tuple[NodeInfo, ...]:
+        """Nodes that no case has ticked."""
+        return tuple(info for path, info in self.nodes.items() if path not in self.seen)
+
+    def ends_never_seen(self) -> tuple[tuple[NodeInfo, str], ...]:
+        """Skills and conditions that ran and never ended in one of their two ways."""
+        found: list[tuple[NodeInfo, str]] = []
+        for path, info in self.nodes.items():
+            two_ways = info.failures or info.kind in ("check", "when", "guard")
+            if path in self.seen and two_ways:
+                missing = [s for s in (Status.SUCCESS, Status.FAILURE) if s not in self.seen[path]]
+                found.extend((info, status.name.lower()) for status in missing)
+        return tuple(found)
+
+    def share(self) -> float:
+        """Share of the nodes that were reached."""
+        return 1.0 if not self.nodes else len(self.seen) / len(self.nodes)
+
+
+@dataclass(frozen=True, slots=True)
+class ScenarioResult:
+    """How a scenario went."""
+
+    scenario: Scenario
+    cases: tuple[CaseResult, ...]
+    coverage: Coverage
+
+    @property
+    def passed(self) -> bool:
+        return all(result.passed for result in self.cases)
+
+
+def run_scenario(scenario: Scenario, skills: Registry) -> ScenarioResult:
+    """Run every case.
+
+    Raises:
+        TreeFileError: the scenario or its tree has errors.
+    """
+    errors = [finding for finding in scenario.findings if finding.severity == "error"]
+    if errors or scenario.document is None:
+        raise TreeFileError(errors)
+    coverage = Coverage()
+    results = []
+    for case in scenario.cases:
+        context = DryContext()
+        tree = build(scenario.document, skills, context=context, overrides=case.settings, mocks=case.mocks)
+        results.append(_run_case(case, tree, context.clock, coverage))
+    return ScenarioResult(scenario, tuple(results), coverage)
+
+
+def _run_case(case: Case, tree: BuiltTree, clock: Clock, coverage: Coverage) -> CaseResult:
+    seen: dict[str, set[Status]] = {}
+    starts: dict[str, int] = {}
+    running: set[str] = set()
+    ticks = 0
+    coverage.nodes.update({info.path: info for info in tree.nodes})
+    while clock.now() <= case.limit and ticks < MAX_TICKS:
+        ticks += 1
+        tree.board.tick = ticks
+        now_running: set[str] = set()
+        for node in tree.root.tick():
+            path = str(getattr(node, "path", node.name))
+            seen.setdefault(path, set()).add(node.status)
+            if path not in running:
+                starts[path] = starts.get(path, 0) + 1
+            if node.status is Status.RUNNING:
+                now_running.add(path)
+        running = now_running
+        if tree.root.status is not Status.RUNNING:
+            break
+        clock.advance(PERIOD)
+    status = tree.root.status
+    reason = reason_of(tree.root) if status is Status.FAILURE else None
+    if status is Status.RUNNING:
+        tree.root.stop(Status.INVALID)
+    for path, statuses in seen.items():
+        coverage.seen.setdefault(path, set()).update(statuses)
+    problems = tuple(_problems(case, status, reason, tree, starts))
+    return CaseResult(case, status.name.lower(), reason, clock.now(), ticks, problems)
+
+
+def _problems(
+    case: Case, status: Status, reason: Reason | None, tree: BuiltTree, starts: Mapping[str, int]
+) -> list[str]:
+    found = []
+    ended = status.name.lower()
+    if ended != case.status:
+        if status is Status.RUNNING:
+            ended = f"still running after {case.limit:g} s"
+        why = f": {reason.code} {reason.message}" if reason is not None else ""
+        found.append(f"expected {case.status}, got {ended}{why}")
+    if case.code and reason is not None and case.code not in reason.codes():
+        found.append(f"expected the failure {case.code}, got {reason.code}: {reason.message}")
+    if case.failing_node and reason is not None:
+        leaves = [leaf.node_path for leaf in reason.leaves()]
+        if not set(tree.find(case.failing_node)).intersection(leaves):
+            found.append(f"expected {case.failing_node} to fail, it was {', '.join(dict.fromkeys(leaves))}")
+    for name in case.visits:
+        if not starts.keys() & set(tree.find(name)):
+            found.append(f"'{name}' was never reached")
+    for name in case.never:
+        if starts.keys() & set(tree.find(name)):
+            found.append(f"'{name}' was reached")
+    for name, wanted in case.calls.items():
+        calls = sum(starts.get(path, 0) for path in tree.find(name))
+        if calls != wanted:
+            found.append(f"'{name}' started {calls} times, expected {wanted}")
+    return found

@@ -1,0 +1,229 @@
+"""A JSON Schema of tree files, made from the installed skills, so that an editor completes and checks them."""
+
+from __future__ import annotations
+
+from enum import Enum
+from typing import Any
+
+import numpy as np
+
+from executive.language.model import BRANCHES
+from executive.language.value_types import fields_of
+from executive.ports import RATIO, TIME, Port, Quantity, type_name
+from executive.registry import Registry
+from executive.skill import Skill
+
+_NUMBER = r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?"
+_NAME = "^[a-z][a-z0-9_]*$"
+WIRE = r"\{"
+"""Anything with a brace is an expression; what is in it is the check's to judge."""
+
+Schema = dict[str, Any]
+
+
+def schema(skills: Registry) -> Schema:
+    """The schema (draft 2020-12)."""
+    definitions: Schema = {
+        "node": _node(skills),
+        "nodes": {"type": "array", "minItems": 1, "items": {"$ref": "#/$defs/node"}},
+        "condition": {"type": ["string", "boolean"], "description": 'an expression such as "{measured.mu} > 0.6"'},
+        "wires": {"type": ["object", "null"], "description": "ports of a subtree"},
+        "port": _declared(skills),
+        "subtree": _subtree(),
+        **{f"skill.{name}": _skill(name, skill) for name, skill in sorted(skills.items())},
+    }
+    ports = {"type": ["object", "null"], "propertyNames": {"pattern": _NAME}, "additionalProperties": _ref("port")}
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": "Pomona tree file",
+        "type": "object",
+        "required": ["pomona", "tree", "root"],
+        "additionalProperties": False,
+        "properties": {
+            "pomona": {"const": 1, "description": "version of the language"},
+            "tree": {"type": "string", "pattern": _NAME, "description": "the tree's name"},
+            "description": {"type": "string"},
+            "parameters": {**ports, "description": "values that --set changes"},
+            "constants": {"type": ["object", "null"], "propertyNames": {"pattern": _NAME}},
+            "in": {**ports, "description": "inputs, for a tree that others call"},
+            "out": {**ports, "description": "outputs, for a tree that others call"},
+            "root": _ref("node"),
+            "subtrees": {
+                "type": ["object", "null"],
+                "propertyNames": {"pattern": _NAME},
+                "additionalProperties": _ref("subtree"),
+            },
+        },
+        "$defs": definitions,
+    }
+
+
+def _ref(name: str) -> Schema:
+    return {"$ref": f"#/$defs/{name}"}
+
+
+def _or_wire(*kinds: Schema) -> Schema:
+    return {"anyOf": [*kinds, {"type": "string", "pattern": WIRE}]}
+
+
+def _node(skills: Registry) -> Schema:
+    count = _or_wire({"type": "integer", "minimum": 1})
+    time = _or_wire(_quantity(TIME))
+    condition = _ref("condition")
+    branches: Schema = {name: _ref("nodes") for name in BRANCHES}
+    leaves: Schema = {
+        "check": {**condition, "description": "succeeds when it holds, fails otherwise"},
+        "wait_until": {**condition, "description": "runs until it holds"},
+        "wait": {**time, "description": "lets time pass"},
+        "set": {"type": "object", "minProperties": 1, "propertyNames": {"pattern": _NAME}},
+        "succeed": {"type": ["object", "null"], "maxProperties": 0},
+        "fail": {"type": ["object", "null"], "properties": {"code": {"type": "string"}, "message": {"type": "string"}},
+                 "additionalProperties": False},
+    }  # fmt: skip
+    modifiers: Schema = {
+        "name": {"type": "string", "maxLength": 80},
+        "description": {"type": "string"},
+        "when": {**condition, "description": "looked at once; when it does not hold the node is skipped"},
+        "guard": {**condition, "description": "looked at before each tick; when it does not hold the node fails"},
+        "for_each": {"description": "a list; the node runs once for each item"},
+        "as": {"type": "string", "pattern": _NAME, "description": "name of the item, 'item' by default"},
+        "repeat": {**_or_wire({"type": "integer", "minimum": 1}, {"const": "forever"})},
+        "retry": {**count, "description": "number of tries"},
+        "retry_if": {**condition, "description": "looked at after a failed try: go on trying?"},
+        "on_failure": {**_ref("node"), "description": "runs after each failed try"},
+        "timeout": {**time, "description": "for each try"},
+        "invert": {"type": "boolean"},
+        "force": {"enum": ["success", "failure"]},
+        "success_on": {"anyOf": [{"enum": ["all", "one"]}, {"type": "array", "items": {"type": "string"}}]},
+        "attempts": count,
+    }
+    called: Schema = {name: _ref(f"skill.{name}") for name in sorted(skills)}
+    types = [{"required": [name]} for name in (*branches, *leaves, *called)]
+    subtree = {"not": {"anyOf": [*types, {"propertyNames": {"enum": list(modifiers)}}]}}
+    return {
+        "type": "object",
+        "properties": {**branches, **leaves, **called, **modifiers},
+        "patternProperties": {_subtree_names([*branches, *leaves, *modifiers]): _ref("wires")},
+        "additionalProperties": False,
+        "oneOf": [*types, subtree],
+        "dependentRequired": {"on_failure": ["retry"], "retry_if": ["retry"], "as": ["for_each"]},
+    }
+
+
+def _subtree_names(words: list[str]) -> str:
+    """Small words that are no word of the language call a subtree."""
+    return f"^(?!(?:{'|'.join(words)})$)[a-z][a-z0-9_]*$"
+
+
+def _skill(name: str, skill: type[Skill]) -> Schema:
+    inputs = {port_name: _port(port) for port_name, port in skill.inputs.items()}
+    outputs: Schema = {
+        port_name: {
+            "type": "string",
+            "pattern": r"^\s*\{\s*[A-Za-z_][A-Za-z0-9_]*\s*\}\s*$",
+            "description": f"output, {type_name(port.type)}" + (f": {port.help}" if port.help else ""),
+        }
+        for port_name, port in skill.outputs.items()
+    }
+    required = [port_name for port_name, port in skill.inputs.items() if port.required]
+    failures = f" Fails with {', '.join(skill.failures)}." if skill.failures else " Cannot fail."
+    found: Schema = {
+        "description": (skill.__doc__ or name).strip().split("\n")[0] + failures,
+        "type": "object" if required else ["object", "null"],
+        "properties": {**inputs, **outputs},
+        "additionalProperties": False,
+    }
+    return {**found, "required": required} if required else found
+
+
+def _port(port: Port) -> Schema:
+    kind = _literal(port)
+    found = _or_wire(kind, *([] if port.required else [{"type": "null"}])) if kind else {}
+    words = type_name(port.type) + (f": {port.help}" if port.help else "")
+    found["description"] = words
+    if not port.required and isinstance(port.default, (bool, int, float, str)):
+        found["default"] = port.default
+    return found
+
+
+def _literal(port: Port) -> Schema:
+    port_type = port.type
+    if isinstance(port_type, Quantity):
+        return _quantity(port_type)
+    if port_type is bool:
+        return {"type": "boolean"}
+    if port_type in (int, float):
+        found: Schema = {"type": "integer" if port_type is int else "number"}
+        for key, bound in (("minimum", port.min), ("maximum", port.max)):
+            if bound is not None:
+                found[key] = bound
+        return found
+    if port_type is str:
+        return {"enum": list(port.choices)} if port.choices else {"type": ["string", "number", "boolean"]}
+    if issubclass(port_type, Enum):
+        return {"enum": sorted({word for m in port_type for word in (m.name, str(m.value))})}
+    if port_type is np.ndarray or port_type is object:
+        return {"type": ["array", "object"]} if port_type is np.ndarray else {}
+    if fields_of(port_type):
+        return {"type": "object"}
+    return {"type": ["array", "object"]}
+
+
+def _quantity(quantity: Quantity) -> Schema:
+    units = "|".join(_escaped(unit) for unit in quantity.units)
+    text: Schema = {"type": "string", "pattern": rf"^\s*{_NUMBER}\s*({units})\s*$", "examples": []}
+    text["examples"] = [f"1 {unit}" for unit in quantity.units]
+    if quantity == RATIO:
+        return {"anyOf": [{"type": "number"}, text]}
+    return text
+
+
+def _escaped(unit: str) -> str:
+    return "".join(f"\\{c}" if c in "^/.*+?$()[]{}|\\" else c for c in unit)
+
+
+def _declared(skills: Registry) -> Schema:
+    known: Schema = {"enum": sorted(skills.types)}
+    return {
+        "anyOf": [
+            known,
+            {
+                "type": "object",
+                "required": ["type"],
+                "additionalProperties": False,
+                "properties": {
+                    "type": known,
+                    "default": {},
+                    "min": {},
+                    "max": {},
+                    "choices": {"type": "array", "items": {"type": ["string", "number", "boolean"]}},
+                    "help": {"type": "string"},
+                },
+            },
+        ]
+    }
+
+
+def _subtree() -> Schema:
+    ports = {"type": ["object", "null"], "propertyNames": {"pattern": _NAME}, "additionalProperties": _ref("port")}
+    return {
+        "oneOf": [
+            {
+                "type": "object",
+                "required": ["file"],
+                "additionalProperties": False,
+                "properties": {"file": {"type": "string", "description": "another tree file, beside this one"}},
+            },
+            {
+                "type": "object",
+                "required": ["root"],
+                "additionalProperties": False,
+                "properties": {
+                    "description": {"type": "string"},
+                    "in": ports,
+                    "out": ports,
+                    "root": _ref("node"),
+                },
+            },
+        ]
+    }

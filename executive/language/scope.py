@@ -1,0 +1,99 @@
+"""What the names in one definition mean: parameters, constants, the interface's ports and what its nodes write."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+from executive.language.expression import Expression
+from executive.language.model import Definition, TreeNode
+from executive.language.value_types import ValueType
+from executive.skill import Skill
+from executive.values.findings import Located
+from executive.values.yaml_nodes import YamlNode
+
+Origin = Literal["parameter", "constant", "input", "written"]
+
+
+@dataclass(slots=True, eq=False)
+class Named:
+    """One name in a definition's scope.
+
+    Attributes:
+        type: what it carries.
+        origin: where it comes from.
+        where: where it is declared or first written.
+        by: the node that first writes it, for people.
+        value: of a parameter or a constant.
+        may_be_none: an optional input of a subtree.
+        read: whether anything reads it.
+    """
+
+    type: ValueType
+    origin: Origin
+    where: Located
+    by: str = ""
+    value: Any = None
+    may_be_none: bool = False
+    read: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Given:
+    """A value that is known before the run."""
+
+    value: Any
+    where: YamlNode
+
+
+@dataclass(frozen=True, slots=True)
+class Computed:
+    """A value that an expression gives when its node starts."""
+
+    expression: Expression
+    type: ValueType
+    text: str
+    where: YamlNode
+
+
+Value = Given | Computed
+
+
+@dataclass(frozen=True, slots=True)
+class Read:
+    """A name that a node reads: for one of its ports or for a modifier (`slot`)."""
+
+    slot: str
+    name: str
+    where: Located
+    required: bool
+
+
+@dataclass(slots=True, eq=False)
+class Resolved:
+    """A node with every name looked up: all that building it needs."""
+
+    node: TreeNode
+    skill: type[Skill] | None = None
+    subtree: Definition | None = None
+    inputs: dict[str, Value] = field(default_factory=dict)
+    outputs: dict[str, str] = field(default_factory=dict)
+    settings: dict[str, Value] = field(default_factory=dict)
+    reads: list[Read] = field(default_factory=list)
+
+    def setting(self, name: str, default: Any) -> Any:
+        """A setting that is known before the run."""
+        value = self.settings.get(name)
+        return value.value if isinstance(value, Given) else default
+
+
+@dataclass(slots=True, eq=False)
+class Scope:
+    """All names of one definition."""
+
+    definition: Definition
+    names: dict[str, Named] = field(default_factory=dict)
+
+    def written(self) -> Iterator[tuple[str, Named]]:
+        return ((name, named) for name, named in self.names.items() if named.origin == "written")

@@ -1,0 +1,174 @@
+"""Draw a tree: as text for the terminal, as SVG for a page. Both escape what they show."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from xml.sax.saxutils import escape
+
+from executive.language.model import Document, TreeNode
+from executive.values.written import written
+
+SYMBOLS: Mapping[str, str] = {
+    "sequence": "→",
+    "reactive_sequence": "⇉",
+    "fallback": "?",
+    "reactive_fallback": "⁇",
+    "parallel": "∥",
+    "recovery": "↺",
+    "subtree": "▣",
+    "skill": "●",
+    "check": "◇",
+    "wait_until": "◇",
+    "wait": "◷",
+    "set": "=",
+    "succeed": "✓",
+    "fail": "✗",
+    "timeout": "◷",
+    "invert": "!",
+    "force": "!",
+    "retry": "↻",
+    "repeat": "↻",
+    "for_each": "∀",
+    "guard": "◇",
+    "when": "◇",
+    "on_failure": "✗",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Drawn:
+    """One line of a drawing. `rails` says for each level above whether its line goes on below this one."""
+
+    depth: int
+    kind: str
+    name: str
+    detail: str
+    comment: str
+    rails: tuple[bool, ...]
+    last: bool
+
+
+def draw(document: Document, *, subtrees: bool = True) -> list[Drawn]:
+    """All lines of a drawing, in order.
+
+    Args:
+        document: from `read`; parts that could not be read are left out.
+        subtrees: draw called subtrees in their place.
+    """
+    main = document.main.main
+    if main is None or main.root is None:
+        return []
+    lines: list[Drawn] = []
+    _Drawing(document, lines, subtrees).node(main.root, (), True, ())
+    return lines
+
+
+@dataclass(slots=True, eq=False)
+class _Drawing:
+    document: Document
+    lines: list[Drawn]
+    subtrees: bool
+
+    def node(self, node: TreeNode, rails: tuple[bool, ...], last: bool, calls: tuple[str, ...], lead: str = "") -> None:
+        below: list[tuple[TreeNode, str, tuple[str, ...]]] = [(child, "", calls) for child in node.children]
+        if node.kind == "recovery" and len(below) == 2:
+            below[1] = (node.children[1], "on failure: ", calls)
+        called = self.called(node) if self.subtrees else None
+        if called is not None and node.key.text not in calls and len(self.lines) < 20_000:
+            below.append((called, "", (*calls, node.key.text)))
+        if node.on_failure is not None:
+            below.append((node.on_failure, "on failure: ", calls))
+        modifiers = [f"{name} {written(node.modifiers[name][1])}" for name in _in_words(node)]
+        detail = " · ".join(part for part in (_ports(node), *modifiers) if part)
+        named = node.name.text if node.name is not None else ""
+        name = node.key.text if not named else f"{named} ({node.key.text})"
+        comment = node.description or node.comment
+        self.lines.append(Drawn(len(rails), node.kind, lead + name, detail, comment, rails, last))
+        for index, (child, child_lead, child_calls) in enumerate(below):
+            self.node(child, (*rails, not last), index == len(below) - 1, child_calls, child_lead)
+
+    def called(self, node: TreeNode) -> TreeNode | None:
+        if node.kind != "subtree":
+            return None
+        for file in self.document.files:
+            definition = file.subtrees.get(node.key.text)
+            if definition is not None and file.source is node.at.source:
+                return definition.root
+        return None
+
+
+def _in_words(node: TreeNode) -> Iterator[str]:
+    for name in (*reversed(node.decorators), "retry_if", "as", "success_on", "attempts"):
+        if name in node.modifiers:
+            yield name
+
+
+def _ports(node: TreeNode) -> str:
+    if node.ports:
+        return ", ".join(f"{name}: {written(value)}" for name, (_, value) in node.ports.items())
+    return written(node.value) if node.kind in ("check", "wait", "wait_until") else ""
+
+
+def show_text(document: Document, *, subtrees: bool = True, width: int = 120) -> str:
+    """The tree as text, one node a line."""
+    lines = [f"{document.main.name}  {document.main.description}".rstrip()]
+    for line in draw(document, subtrees=subtrees):
+        rails = "".join("│  " if rail else "   " for rail in line.rails[1:])
+        joint = "" if line.depth == 0 else ("└─ " if line.last else "├─ ")
+        text = f"{rails}{joint}{SYMBOLS.get(line.kind, '●')} {line.name}"
+        if line.detail:
+            text += f"  {line.detail}"
+        if line.comment:
+            text += f"  # {line.comment}"
+        lines.append(text if len(text) <= width else text[: width - 1] + "…")
+    return "\n".join(lines)
+
+
+_ROW, _INDENT, _TEXT = 26, 22, 13
+_COLOURS: Mapping[str, str] = {"skill": "#0b6e4f", "subtree": "#6c4ab6", "check": "#b26a00", "fail": "#a4262c"}
+
+
+def show_svg(document: Document, *, subtrees: bool = True) -> str:
+    """The tree as an SVG picture without scripts, styles from outside or links."""
+    lines = draw(document, subtrees=subtrees)
+    widest = max((_width(line) for line in lines), default=0)
+    width, height = max(320, widest + 40), _ROW * (len(lines) + 1) + 20
+    title = escape(document.main.name)
+    parts = [
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}" viewBox="0 0 {width} {height}"'
+        f' font-family="system-ui, sans-serif" font-size="{_TEXT}" role="img">',
+        f"<title>{title}</title>",
+        f'<rect width="{width}" height="{height}" fill="#ffffff"/>',
+        f'<text x="16" y="24" font-weight="bold">{title}</text>',
+        *_joints(lines),
+    ]
+    for row, line in enumerate(lines):
+        x, y = 24 + _INDENT * line.depth, 40 + _ROW * row + _ROW // 2
+        colour = _COLOURS.get(line.kind, "#444444")
+        symbol, name = escape(SYMBOLS.get(line.kind, "●")), escape(line.name)
+        parts.append(f'<text x="{x}" y="{y}" fill="{colour}" text-anchor="middle">{symbol}</text>')
+        detail = f'  <tspan fill="#666666">{escape(line.detail)}</tspan>' if line.detail else ""
+        parts.append(f'<text x="{x + 14}" y="{y}"><tspan fill="{colour}">{name}</tspan>{detail}</text>')
+        if line.comment:
+            parts.append(f"<!-- {escape(line.comment).replace('--', '- -')} -->")
+    return "\n".join([*parts, "</svg>"]) + "\n"
+
+
+def _width(line: Drawn) -> int:
+    return 24 + _INDENT * line.depth + 20 + int(_TEXT * 0.62 * (len(line.name) + len(line.detail) + 3))
+
+
+def _joints(lines: Sequence[Drawn]) -> list[str]:
+    """Lines from each node down to its children."""
+    parts = []
+    parents: dict[int, int] = {}
+    for row, line in enumerate(lines):
+        parents[line.depth] = row
+        if line.depth == 0:
+            continue
+        x = 24 + _INDENT * (line.depth - 1)
+        above = 40 + _ROW * parents[line.depth - 1] + _ROW // 2 + 5
+        y = 40 + _ROW * row + _ROW // 2 - 4
+        parts.append(f'<path d="M{x} {above}V{y}H{x + _INDENT - 8}" fill="none" stroke="#bbbbbb"/>')
+    return parts

@@ -1,0 +1,224 @@
+"""What is written behind a port or a modifier → a `Value`: a literal, or an expression whose type fits."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+from executive.language.expression import SPECIAL, Expression, Reference
+from executive.language.expression_parser import ExpressionSyntaxError, parse_expression
+from executive.language.expression_types import check_condition, type_of
+from executive.language.failures import UNKNOWN
+from executive.language.literals import LiteralError, literal
+from executive.language.scope import Computed, Given, Named, Read, Resolved, Scope, Value
+from executive.language.value_types import ANY, SI_NUMBER, ListOf, ValueType, can_flow, describe
+from executive.nodes.in_sight import FailureInSight, ForEachCount, RepeatCount, RetryCount
+from executive.ports import RATIO, Port, Quantity
+from executive.values.findings import Findings, Located, Spot, did_you_mean
+from executive.values.yaml_nodes import YamlMapping, YamlNode, YamlScalar
+
+
+@dataclass(frozen=True, slots=True)
+class Around:
+    """What surrounds a node: counters, codes of the failure in sight (None when there is none), names of items."""
+
+    retry: bool = False
+    repeat: bool = False
+    for_each: bool = False
+    failure: frozenset[str] | None = None
+    items: frozenset[str] = frozenset()
+
+
+_IN_BRACES = re.compile(r"\{\s*([A-Za-z_][A-Za-z0-9_]*)")
+_COUNTERS: dict[str, type[Any]] = {"retry": RetryCount, "repeat": RepeatCount, "for_each": ForEachCount}
+ALWAYS_POSSIBLE = frozenset({"BAD_VALUE"})
+"""Codes with which any node may fail that computes a value."""
+
+
+@dataclass(slots=True, eq=False)
+class _Stand:
+    """Where one expression stands (a `TypeScope`)."""
+
+    reader: ValueReader
+    scalar: YamlScalar
+    around: Around
+    slot: str
+    required: bool
+
+    def spot(self, at: Expression) -> Located:
+        scalar = self.scalar
+        if scalar.line != scalar.end_line:
+            return scalar
+        return Spot(scalar.source, scalar.line, scalar.text_column + at.offset, max(1, at.end - at.offset))
+
+    def report(self, at: Expression, code: str, message: str, hint: str = "") -> None:
+        self.reader.findings.error(self.spot(at), code, message, hint)
+
+    def failure_codes(self) -> Iterable[str] | None:
+        codes = self.around.failure
+        return None if codes is None or UNKNOWN in codes else codes | ALWAYS_POSSIBLE
+
+    def type_of(self, reference: Reference) -> ValueType:
+        name = reference.name
+        if name in SPECIAL:
+            return self._special(reference)
+        named = self.reader.scope.names.get(name)
+        if named is None:
+            self._unknown(reference)
+            return ANY
+        named.read = True
+        self.reader.resolved.reads.append(Read(self.slot, name, self.spot(reference), self.required))
+        return named.type
+
+    def _special(self, reference: Reference) -> ValueType:
+        name = reference.name
+        if name == "failure":
+            if self.around.failure is None:
+                message = "no failure is in sight here"
+                hint = "'failure' is known after the first child of a fallback, in retry_if and in on_failure"
+                self.report(reference, "no-failure", message, hint)
+            return FailureInSight
+        inside_subtree = not self.reader.scope.definition.main
+        if not getattr(self.around, name) and not inside_subtree:
+            message = f"there is no {name} around this node"
+            self.report(reference, "no-counter", message, f"add '{name}: …' to this node or to one around it")
+        return _COUNTERS[name]
+
+    def _unknown(self, reference: Reference) -> None:
+        scope = self.reader.scope
+        main = scope.definition.file.parameters
+        hint = did_you_mean(reference.name, scope.names)
+        if reference.name in main and not scope.definition.main:
+            hint = (
+                f"a subtree sees only its own names: add '{reference.name}' to its 'in' and wire it where it is called"
+            )
+        elif not hint and scope.names:
+            hint = "known names: " + ", ".join(sorted(scope.names)[:12])
+        self.report(reference, "unknown-port", f"nothing writes '{reference.name}' and nothing declares it", hint)
+
+
+@dataclass(slots=True, eq=False)
+class ValueReader:
+    """Reads the values of one node."""
+
+    findings: Findings
+    scope: Scope
+    resolved: Resolved
+
+    def parsed(self, scalar: YamlScalar) -> Expression | None:
+        try:
+            return parse_expression(scalar.text)
+        except ExpressionSyntaxError as error:
+            where: Located = scalar
+            if scalar.line == scalar.end_line:
+                where = Spot(scalar.source, scalar.line, scalar.text_column + error.offset, error.length)
+            self.findings.error(where, "expression", error.message, error.hint)
+            for name in _IN_BRACES.findall(scalar.text):  # one mistake, one finding
+                if name in self.scope.names:
+                    self.scope.names[name].read = True
+            return None
+
+    def condition(self, slot: str, node: YamlNode, around: Around) -> Value | None:
+        """An expression that must be true or false."""
+        if not isinstance(node, YamlScalar):
+            hint = 'write it in quotes: "{port} > 1"'
+            self.findings.error(node, "shape", f"'{slot}' takes an expression", hint)
+            return None
+        expression = self.parsed(node)
+        if expression is None:
+            return None
+        check_condition(expression, _Stand(self, node, around, slot, True))
+        return Computed(expression, bool, node.text, node)
+
+    def value(self, slot: str, node: YamlNode, port: Port, around: Around, who: str) -> Value | None:
+        """What enters a port: a literal of its type, or an expression (anything with braces)."""
+        if isinstance(node, YamlScalar) and "{" in node.text:
+            return self._computed(slot, node, port, around, who)
+        if isinstance(node, YamlMapping) and _forgot_quotes(node):
+            name = next(iter(node.entries), "name")
+            self.findings.error(node, "shape", f"{who} is wired without quotes", f'write "{{{name}}}"')
+            return None
+        if isinstance(node, YamlScalar) and not port.required and (node.is_null or node.text == "none"):
+            return Given(None, node)
+        try:
+            value = literal(node, static_type(port), port.choices)
+        except LiteralError as error:
+            self.findings.error(error.where, "value", f"{who}: {error.message}", error.hint)
+            return None
+        self.check_range(node, value, port, who)
+        return Given(value, node)
+
+    def _computed(self, slot: str, node: YamlScalar, port: Port, around: Around, who: str) -> Value | None:
+        expression = self.parsed(node)
+        if expression is None:
+            return None
+        stand = _Stand(self, node, around, slot, port.required)
+        found = type_of(expression, stand)
+        named = self.scope.names.get(expression.name) if isinstance(expression, Reference) else None
+        wanted = static_type(port)
+        if not can_flow(found, wanted):
+            message = f"{who} takes {describe(wanted)}, '{node.text}' is {describe(found)}{_written_by(named)}"
+            self.findings.error(node, "port-type", message)
+            return None
+        if named is not None and named.origin in ("parameter", "constant"):
+            self.check_range(node, named.value, port, who)
+            return Given(named.value, node)
+        if named is not None and named.may_be_none and port.required:
+            message = f"{who} must have a value, and '{node.text}' may have none"
+            self.findings.error(node, "unset", message, f"give the input '{node.text.strip('{}')}' a default")
+        return Computed(expression, found, node.text, node)
+
+    def check_range(self, where: Located, value: Any, port: Port, who: str) -> None:
+        problem = out_of_range(value, port)
+        if problem:
+            self.findings.error(where, "range", f"{who} {problem}")
+
+
+def out_of_range(value: Any, port: Port) -> str:
+    """What is wrong with a value that enters a port with a range or choices; an empty text when nothing is."""
+    if port.choices and isinstance(value, str) and value not in port.choices:
+        return f"must be one of {', '.join(port.choices)}, not '{value}'"
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        return ""
+    quantity = port.type if isinstance(port.type, Quantity) else None
+    for limit, too, word in ((port.min, "below", "least"), (port.max, "above", "most")):
+        if limit is None:
+            continue
+        bound = port.si(limit)
+        slack = 1e-9 * max(1.0, abs(bound))
+        if (value < bound - slack) if too == "below" else (value > bound + slack):
+            allowed = limit if isinstance(limit, str) else _number(bound, quantity)
+            return f"is at {word} {allowed}, {_number(value, quantity)} is {too}"
+    return ""
+
+
+def _number(value: float, quantity: Quantity | None) -> str:
+    return quantity.format(value) if quantity is not None and quantity != RATIO else f"{value:g}"
+
+
+def static_type(port: Port) -> ValueType:
+    """The port's type; a port of `object` takes anything."""
+    return ANY if port.type is object else port.type
+
+
+def _written_by(named: Named | None) -> str:
+    if named is None:
+        return ""
+    if named.origin == "written":
+        return f" (written by {named.by}, line {named.where.line})"
+    return f" ({named.origin}, line {named.where.line})"
+
+
+def _forgot_quotes(node: YamlMapping) -> bool:
+    """`port: {name}` is a mapping with one key and no value in YAML."""
+    values = [value for _, value in node.entries.values()]
+    return len(values) == 1 and isinstance(values[0], YamlScalar) and values[0].is_null
+
+
+def widen(value_type: ValueType) -> Any:
+    """The port type with which a value of a static type is handed on."""
+    if value_type is SI_NUMBER:
+        return float
+    return object if isinstance(value_type, ListOf) or value_type is ANY else value_type

@@ -1,0 +1,61 @@
+"""Looks after the cell in every tick: faults, links, and whatever else a run must not do without."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+from executive.errors import PomonaError
+from executive.running.cell import Cell
+from executive.running.watching import Watch
+
+
+class SafeStopRequestedError(PomonaError):
+    """The run must end in the safe state, for the reason that this says."""
+
+
+class CellWatch:
+    """Asks each device, and each other thing that was named, how it is; tells what has changed."""
+
+    def __init__(self, cell: Cell, linked: Callable[[str, str], None], watch: Watch) -> None:
+        """
+        Args:
+            cell: connected.
+            linked: called with (device, state) when a link's state has changed.
+            watch: shows what the cell looks like.
+        """
+        self._cell, self._linked, self._watch = cell, linked, watch
+        self._links: dict[str, str] = {}
+        self._others: dict[str, tuple[Callable[[], str], bool]] = {}
+
+    @property
+    def heard(self) -> Mapping[str, float]:
+        """When each device was last heard [s], as of the last look."""
+        return self._watch.heard
+
+    def look_after(self, name: str, state: Callable[[], str], *, required: bool) -> None:
+        """Watch something beside the cell's devices, too; `state` says 'ok', or what is wrong."""
+        self._others[name] = (state, required)
+
+    def look(self) -> None:
+        """Once a tick.
+
+        Raises:
+            SafeStopRequestedError: the safe state is latched, or something that is required is lost.
+            Exception: of a device that is lost or reports a fault, as `Cell.check` raises it.
+        """
+        self._cell.check()
+        if self._cell.latched is not None:
+            raise SafeStopRequestedError(self._cell.latched)
+        for device, state in self._cell.links().items():
+            self._note(device, state)
+        for name, (ask, required) in self._others.items():
+            state = ask()
+            self._note(name, state)
+            if required and state != "ok":
+                raise SafeStopRequestedError(state)
+        self._watch.look()
+
+    def _note(self, name: str, state: str) -> None:
+        if self._links.get(name) != state:
+            self._links[name] = state
+            self._linked(name, state)

@@ -1,0 +1,112 @@
+"""What a run offers to its skills: the real `SkillContext`."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+from executive.clock import Clock
+from executive.errors import SkillError
+from executive.running.cell import Cell
+from executive.running.compute import Computations
+from executive.skill import Computation, Interrupted, Skill, Work
+
+T = TypeVar("T")
+
+LETTING_GO_LIMIT = 10.0
+"""Seconds of the run's clock within which an interrupted skill must have let go."""
+
+
+class RunContext:
+    """Clock, devices, computations and the list of interrupted skills that still bring their devices to rest."""
+
+    def __init__(
+        self,
+        cell: Cell,
+        computations: Computations,
+        seed: int,
+        publish: Callable[[str, str, object], None],
+    ) -> None:
+        self.cell, self.computations, self.run_seed = cell, computations, seed
+        self._publish = publish
+        self._halting: list[tuple[Skill, Work, float]] = []
+        self._paused_for = 0.0
+        self._paused_since: float | None = None
+        self._start = cell.clock.now()
+
+    # --------------------------------------------------------------------------------------- SkillContext
+
+    @property
+    def clock(self) -> Clock:
+        return self.cell.clock
+
+    def device(self, interface: type[T]) -> T:
+        return self.cell.device(interface)
+
+    def elapsed(self) -> float:
+        now = self.cell.clock.now() if self._paused_since is None else self._paused_since
+        return now - self._start - self._paused_for
+
+    def seed(self, node: str) -> int:
+        return zlib.crc32(f"{self.run_seed}/{node}".encode())
+
+    def compute(self, node: str, function: Callable[..., Any], *arguments: Any, isolated: bool) -> Computation:
+        computation: Computation = self.computations.submit(node, function, arguments, isolated)
+        return computation
+
+    def publish(self, node: str, topic: str, value: object) -> None:
+        self._publish(node, topic, value)
+
+    def not_yet(self, skill: Skill) -> str | None:
+        for other, _work, _deadline in self._halting:
+            if set(other.devices) & set(skill.devices):
+                return f"waiting until {other.name} has stopped"
+        return None
+
+    def halt(self, skill: Skill, work: Work) -> None:
+        try:
+            work.throw(Interrupted())
+        except (Interrupted, StopIteration):
+            return
+        self._halting.append((skill, work, self.clock.now() + LETTING_GO_LIMIT))
+
+    # ------------------------------------------------------------------------------------- for the runner
+
+    def start_clock(self) -> None:
+        """The run begins now."""
+        self._start, self._paused_for, self._paused_since = self.cell.clock.now(), 0.0, None
+
+    def freeze(self) -> None:
+        """The run's time stands still from now on."""
+        if self._paused_since is None:
+            self._paused_since = self.cell.clock.now()
+
+    def thaw(self) -> None:
+        """The run's time goes on."""
+        if self._paused_since is not None:
+            self._paused_for += self.cell.clock.now() - self._paused_since
+            self._paused_since = None
+
+    @property
+    def halting(self) -> tuple[str, ...]:
+        """Names of the skills that were interrupted and have not let go yet."""
+        return tuple(skill.name for skill, _work, _deadline in self._halting)
+
+    def drive_halting(self) -> None:
+        """One more step for every interrupted skill.
+
+        Raises:
+            SkillError: one did not let go in time.
+        """
+        still = []
+        for skill, work, deadline in self._halting:
+            try:
+                next(work)
+            except (Interrupted, StopIteration):
+                continue
+            if self.clock.now() > deadline:
+                self._halting = []
+                raise SkillError(skill.name, f"was interrupted and has not let go within {LETTING_GO_LIMIT:.0f} s")
+            still.append((skill, work, deadline))
+        self._halting = still

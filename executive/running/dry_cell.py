@@ -1,0 +1,60 @@
+"""A cell with nothing in it: for dry runs, in which mocks stand in for all skills."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, TypeVar
+
+from executive.clock import ManualClock
+
+T = TypeVar("T")
+
+
+class DryCell:
+    """Implements `executive.running.cell.Cell` without a device."""
+
+    name, kind = "dry", "mock"
+    record_required = False
+
+    def __init__(self) -> None:
+        self.clock = ManualClock()
+        self.latched: str | None = None
+
+    def interfaces(self) -> tuple[type, ...]:
+        return ()
+
+    def device(self, interface: type[T]) -> T:
+        raise KeyError(f"a dry run has no {interface.__name__}")
+
+    def links(self) -> Mapping[str, str]:
+        return {}
+
+    def heard(self) -> Mapping[str, float]:
+        return {}
+
+    def readings(self) -> Mapping[str, Mapping[str, Any]]:
+        return {}
+
+    def check(self) -> None:
+        """Nothing can be lost."""
+
+    def safe_stop(self, reason: str) -> None:
+        self.latched = self.latched or reason
+
+    def acknowledge(self) -> None:
+        self.latched = None
+
+    def pause(self) -> None:
+        """Nothing moves."""
+
+    def resume(self) -> None:
+        """Nothing was stopped."""
+
+    def settled(self) -> bool:
+        return True
+
+    def truth(self, reported: Mapping[str, object] | None = None) -> None:
+        return None
+
+    def close(self) -> None:
+        """Nothing is open."""

@@ -1,0 +1,423 @@
+"""One run of a tree on a cell: tick, pause, step, stop, safe stop. The only owner of the tick.
+
+    idle → running ⇄ pausing → paused
+           running → succeeded | failed          the tree ended
+           running → stopping → stopped          somebody stopped it: every skill lets go first
+           any     → faulted                     an exception, a lost device, a safe stop: latched
+
+`Runner.run()` blocks in the caller's thread, which is the tick thread: the only one that touches tree, board, skills.
+The other methods may be called from any thread; they are carried out between two ticks. `safe_stop` alone acts at once.
+"""
+
+from __future__ import annotations
+
+import logging
+import queue
+import time
+from collections.abc import Callable, Sequence
+
+from py_trees.common import Status
+
+from executive.board import Board, Entry
+from executive.errors import PomonaError
+from executive.language import BuiltTree
+from executive.reasons import Reason
+from executive.running.breakpoints import BREAK_ACTIONS, Breakpoints, Side
+from executive.running.cell import Cell
+from executive.running.cell_watch import CellWatch, SafeStopRequestedError
+from executive.running.compute import Computations
+from executive.running.context import RunContext
+from executive.running.events import (
+    Computed,
+    Event,
+    EventStream,
+    LinkChanged,
+    OperatorActed,
+    PortWritten,
+    Published,
+    RunEnded,
+    SafeStopped,
+    StateChanged,
+    TickOverran,
+)
+from executive.running.observer import TreeObserver
+from executive.running.run_state import RunResult, RunState
+from executive.running.watching import Watch, Watcher
+
+logger = logging.getLogger(__name__)
+
+STOP_LIMIT = 10.0
+"""Seconds of the cell's clock that a stop may take before it becomes a safe stop."""
+
+
+Build = Callable[[RunContext, Board], BuiltTree]
+"""Makes a tree that is bound to a run."""
+
+
+class Runner:
+    """Runs one tree once."""
+
+    def __init__(
+        self,
+        build: Build,
+        cell: Cell,
+        events: EventStream,
+        *,
+        seed: int = 0,
+        period: float = 0.02,
+        real_time: bool = False,
+        watchers: Sequence[Watcher] = (),
+    ) -> None:
+        """
+        Args:
+            build: makes the tree, bound to the context that it is given.
+            cell: connected; the caller closes it.
+            events: everything that happens is emitted here, from the tick thread.
+            seed: every random choice of the skills comes from it.
+            period: of a tick [s].
+            real_time: pace a simulated cell to the wall's clock; otherwise it runs as fast as the machine allows.
+            watchers: show what the cell looks like.
+        """
+        self._cell, self._events, self._seed = cell, events, seed
+        self._period, self._real_time = period, real_time
+        self._commands: queue.SimpleQueue[tuple[str, str, str]] = queue.SimpleQueue()
+        self._computations = Computations(self._computed)
+        self.context = RunContext(cell, self._computations, seed, self._published)
+        self.board = Board(cell.clock)
+        self.board.subscribe(self._written)
+        self.tree = build(self.context, self.board)
+        self._breakpoints = Breakpoints(self.tree.behaviours)
+        self._observer = TreeObserver(self.tree, self._emit, self._stamp)
+        self._state = RunState.IDLE
+        self._ticks = 0
+        self._step = False
+        self._reason: Reason | None = None
+        self._interrupted = False
+        self._leaving = False
+        self._reported: dict[str, object] = {}
+        self._watch = CellWatch(cell, self._linked, Watch(cell, self._published, watchers))
+
+    # ------------------------------------------------------------------------------------ from any thread
+
+    @property
+    def state(self) -> RunState:
+        return self._state
+
+    def pause(self, who: str = "operator") -> None:
+        """Stop motions on their paths and hold; force control goes on."""
+        self._commands.put(("pause", who, ""))
+
+    def resume(self, who: str = "operator") -> None:
+        """Go on in place, after checking that the world is as it was."""
+        self._commands.put(("resume", who, ""))
+
+    def step(self, who: str = "operator") -> None:
+        """Run one tick, then pause again."""
+        self._commands.put(("step", who, ""))
+
+    def stop(self, who: str = "operator") -> None:
+        """Halt every running skill, wait until each has let go, end the run."""
+        self._commands.put(("stop", who, ""))
+
+    def safe_stop(self, reason: str, who: str = "operator") -> None:
+        """Bring the cell into its safe state now, whatever the tick is doing, and end the run."""
+        self._cell.safe_stop(reason)
+        self._commands.put(("safe_stop", who, reason))
+
+    def interrupt(self) -> None:
+        """What Ctrl-C asks for: the safe state before the next tick. A signal's handler may call it.
+
+        An exception raised by the handler itself could come up anywhere, also where a library swallows it.
+        """
+        self._commands.put(("interrupt", "keyboard", ""))
+
+    def break_at(self, path: str, side: Side = "before", on: bool = True, who: str = "operator") -> None:
+        """Pause before the node at this path starts, or after it has ended; `on=False` takes the breakpoint away.
+
+        Raises:
+            UnknownNodeError: the tree has no such node.
+        """
+        self._breakpoints.check(path)
+        action = next(action for action, change in BREAK_ACTIONS.items() if change == (side, on))
+        self._commands.put((action, who, path))
+
+    def note(self, who: str, action: str) -> None:
+        """Record that somebody took or released control: it changes nothing in the run."""
+        self._commands.put((action, who, ""))
+
+    def acknowledge(self, who: str = "operator") -> None:
+        """Release the latch of the safe state, once the run has ended; `hold_latched` waits for this."""
+        self._commands.put(("acknowledge", who, ""))
+
+    def leave(self) -> None:
+        """Make `hold_latched` return although nobody has acknowledged: the process ends."""
+        self._leaving = True
+        self._commands.put(("leave", "", ""))
+
+    @property
+    def latched(self) -> str | None:
+        """The reason of the cell's safe state, while it is latched."""
+        return self._cell.latched
+
+    @property
+    def progress(self) -> tuple[float, int]:
+        """Seconds of the run's clock and the number of the tick: a sign of life."""
+        return self._stamp()
+
+    @property
+    def ages(self) -> dict[str, float]:
+        """Seconds since each device was last heard, by its name."""
+        now = self._cell.clock.now()
+        return {device: max(0.0, now - stamp) for device, stamp in self._watch.heard.items()}
+
+    # -------------------------------------------------------------------------------------- the tick thread
+
+    def prepare(self) -> None:
+        """Load and warm what the skills need, before the run's clock starts. Progress goes to the log."""
+        self.tree.prepare()
+        self._computations.pending()  # what was computed to prepare is accounted for before the run
+
+    def look_after(self, name: str, state: Callable[[], str], *, required: bool) -> None:
+        """Watch something beside the cell's devices, too: `state` says 'ok', or what is wrong, and is asked each tick.
+
+        A change is told as a link's; the loss of what is required ends the run in the safe state.
+        """
+        self._watch.look_after(name, state, required=required)
+
+    def run(self) -> RunResult:
+        """Run the tree to its end. Never raises for what goes wrong in the run: that is an outcome."""
+        started = time.perf_counter()
+        self.board.adopt()
+        self.context.start_clock()
+        try:
+            self._set_state(RunState.RUNNING, "started")
+            self._loop(started)
+        except KeyboardInterrupt:
+            self._interrupted = True
+            self._fault("INTERRUPTED", "interrupted from the keyboard", None)
+        except SafeStopRequestedError as request:
+            self._fault("SAFE_STOP", str(request), None)
+        except Exception as error:
+            self._fault(type(error).__name__, str(error) or type(error).__name__, error)
+        finally:
+            self.close()
+        result = self._result(time.perf_counter() - started)
+        self._emit(
+            RunEnded(
+                *self._stamp(), result.outcome, result.reason, result.ticks, result.time, result.wall, result.truth
+            )
+        )
+        return result
+
+    def hold_latched(self) -> None:
+        """After the run: keep the cell connected in its safe state until somebody acknowledges the reason."""
+        while (reason := self._cell.latched) is not None and not self._leaving:
+            action, who, _detail = self._commands.get()
+            if action == "leave":
+                return
+            self._emit(OperatorActed(*self._stamp(), who, action, reason))
+            if action == "acknowledge":
+                self._cell.acknowledge()
+
+    def close(self) -> None:
+        """Let go of threads and processes. Harmless when closed already."""
+        self._computations.close()
+
+    def _loop(self, started: float) -> None:
+        next_tick = self._cell.clock.now()
+        while True:
+            self._take_commands()
+            if self._has_ended():
+                return
+            self._watch.look()
+            ticking = self._state is RunState.RUNNING
+            if ticking:
+                self._tick()
+            self.context.drive_halting()
+            self._move_on()
+            if self._has_ended():
+                return
+            if ticking and self._wait_for_computations():
+                continue  # computing took no simulated time: tick again at the same instant
+            next_tick = self._let_time_pass(next_tick, started)
+
+    def _has_ended(self) -> bool:
+        return self._state.ended
+
+    def _tick(self) -> None:
+        if not self._breakpoints.holding:
+            self._ticks += 1
+            self.board.tick = self._ticks
+        began = time.perf_counter()
+        held = self._breakpoints.tick(self.tree.root)
+        took = time.perf_counter() - began
+        self._observer.after_tick()
+        if took > self._period and not self._cell.clock.simulated:
+            self._emit(TickOverran(*self._stamp(), self._observer.slowest(), took))
+        if held is not None:
+            self._step = False
+            self._pause("breakpoint", f"{held.side} {held.path}")
+            return
+        status = self.tree.root.status
+        if status is Status.SUCCESS:
+            self._set_state(RunState.SUCCEEDED, "the tree succeeded")
+        elif status is Status.FAILURE:
+            self._reason = self._observer.root_reason()
+            self._set_state(RunState.FAILED, "the tree failed")
+        if self._step and not self._state.ended:
+            self._step = False
+            self._pause("step", "")
+
+    def _take_commands(self) -> None:
+        while True:
+            try:
+                action, who, detail = self._commands.get_nowait()
+            except queue.Empty:
+                return
+            if action == "leave":
+                continue
+            self._emit(OperatorActed(*self._stamp(), who, action, detail))
+            if action == "safe_stop":
+                raise SafeStopRequestedError(detail)
+            if action == "interrupt":
+                raise KeyboardInterrupt
+            if action == "stop":
+                self._stop(f"stopped by {who}")
+            elif action == "pause" and self._state is RunState.RUNNING:
+                self._pause(who, detail)
+            elif action in ("resume", "step") and self._state is RunState.PAUSED:
+                self._resume(stepping=action == "step")
+            elif action in BREAK_ACTIONS:
+                self._breakpoints.change(detail, *BREAK_ACTIONS[action])
+
+    def _pause(self, who: str, detail: str) -> None:
+        self.context.freeze()
+        self._cell.pause()
+        self._set_state(RunState.PAUSING, f"{who} {detail}".strip())
+
+    def _resume(self, stepping: bool) -> None:
+        self._cell.resume()  # raises when the world is not as it was: that is a fault
+        self.context.thaw()
+        self._step = stepping
+        self._set_state(RunState.RUNNING, "step" if stepping else "resumed")
+
+    def _stop(self, because: str) -> None:
+        self._reason = Reason("", "STOPPED", because)
+        self.context.thaw()
+        if self._state in (RunState.PAUSING, RunState.PAUSED):
+            self._state = RunState.RUNNING
+        self._breakpoints.drop()
+        self.tree.root.stop(Status.INVALID)
+        self._observer.after_tick()
+        self._stop_deadline = self._cell.clock.now() + STOP_LIMIT
+        self._set_state(RunState.STOPPING, because)
+
+    def _move_on(self) -> None:
+        """The transitions that wait for the cell."""
+        if self._state is RunState.PAUSING and self._cell.settled():
+            self._set_state(RunState.PAUSED, "at rest")
+        elif self._state is RunState.STOPPING:
+            if not self.context.halting and self._cell.settled():
+                self._safe_stop("stopped")
+                self._set_state(RunState.STOPPED, "every skill has let go")
+            elif self._cell.clock.now() > self._stop_deadline:
+                still = ", ".join(self.context.halting) or "the cell"
+                raise PomonaError(f"{still} has not come to rest within {STOP_LIMIT:.0f} s of a stop")
+
+    def _wait_for_computations(self) -> bool:
+        """On a simulated clock, wait for what was started in this tick; True when there was something.
+
+        What was so quick that it has ended already counts, too: a run does not depend on how fast the machine is.
+        """
+        if not self._cell.clock.simulated:
+            self._computations.pending()
+            return False
+        if not self._computations.started:
+            return False
+        while not self._computations.wait(0.05):
+            if not self._commands.empty() or self._cell.latched is not None:
+                return True
+        return True
+
+    def _let_time_pass(self, next_tick: float, started: float) -> float:
+        clock = self._cell.clock
+        if clock.simulated:
+            clock.advance(self._period)
+            if self._real_time or self._state is RunState.PAUSED:
+                ahead = self.context.elapsed() - (time.perf_counter() - started)
+                time.sleep(min(max(ahead, 0.0), self._period) if self._real_time else self._period)
+            return clock.now()
+        next_tick = max(next_tick + self._period, clock.now())
+        clock.advance(next_tick - clock.now())
+        return next_tick
+
+    def _fault(self, code: str, message: str, error: BaseException | None) -> None:
+        """The one way into the safe state: latch the cell, halt the tree, drive the halting as long as it takes."""
+        if error is not None:
+            logger.debug("fault", exc_info=error)
+        self._safe_stop(message)
+        node = self._observer.running_leaf()
+        data = {"exception": type(error).__name__} if error is not None else {}
+        self._reason = Reason(node, code, message, data)
+        self.context.thaw()
+        self._breakpoints.drop()
+        try:
+            self.tree.root.stop(Status.INVALID)
+            deadline = self._cell.clock.now() + STOP_LIMIT
+            while (self.context.halting or not self._cell.settled()) and self._cell.clock.now() < deadline:
+                self.context.drive_halting()
+                self._cell.clock.advance(self._period)
+        except Exception as second:  # the safe state stands already: what fails now is only told
+            logger.error("while halting after a fault: %s", second)
+        self._observer.after_tick()
+        while not self._commands.empty():  # what was asked for in the last moment is recorded, too
+            action, who, detail = self._commands.get()
+            if action != "leave":
+                self._emit(OperatorActed(*self._stamp(), who, action, detail))
+        self._set_state(RunState.FAULTED, message)
+
+    def _safe_stop(self, reason: str) -> None:
+        self._cell.safe_stop(reason)
+        self._emit(SafeStopped(*self._stamp(), reason))
+
+    def _result(self, wall: float) -> RunResult:
+        outcome = {
+            RunState.SUCCEEDED: "success",
+            RunState.FAILED: "failure",
+            RunState.STOPPED: "stopped",
+        }.get(self._state, "error")
+        if self._reason is not None and self._reason.code in ("SAFE_STOP", "INTERRUPTED"):
+            outcome = "stopped"
+        truth = self._cell.truth(self._reported)
+        return RunResult(
+            outcome, self._reason, self._ticks, self.context.elapsed(), wall, truth, self._interrupted
+        )  # fmt: skip
+
+    # ------------------------------------------------------------------------------------------- events
+
+    def _set_state(self, state: RunState, because: str) -> None:
+        self._state = state
+        self._emit(StateChanged(*self._stamp(), state.value, because))
+
+    def _stamp(self) -> tuple[float, int]:
+        return self.context.elapsed(), self._ticks
+
+    def _emit(self, event: Event) -> None:
+        self._events.emit(event)
+
+    def _computed(self, node: str, function: str, wall: float) -> None:
+        if self._state is not RunState.IDLE:  # what is prepared before the run is not the run's time
+            self._emit(Computed(*self._stamp(), node, function, wall))
+
+    def _linked(self, name: str, state: str) -> None:
+        self._emit(LinkChanged(*self._stamp(), name, state))
+
+    def _written(self, key: str, entry: Entry) -> None:
+        about = type(entry.value)  # asked of the class: a mock's placeholder has no attributes at all
+        sentence = entry.value.sentence if hasattr(about, "sentence") else ""
+        facts = entry.value.facts if hasattr(about, "facts") else {}
+        self._reported.update(facts)
+        self._emit(PortWritten(*self._stamp(), key, entry.value, entry.writer, sentence, facts))
+
+    def _published(self, node: str, topic: str, value: object) -> None:
+        self._emit(Published(*self._stamp(), node, topic, value))

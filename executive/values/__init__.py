@@ -1,0 +1,1 @@
+"""One language for every file: YAML with places, findings, shapes of files."""

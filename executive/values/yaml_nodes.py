@@ -1,0 +1,204 @@
+"""YAML text → nodes that know their place. Plain YAML only: no tags, no aliases, limited in size and depth.
+
+Scalars stay text; what they mean is decided by the type of the port that they are given to, so `no` is a fruit's name
+and not a boolean, and `1:30` is not 90.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import yaml
+
+from executive.values.findings import Findings, Source
+
+MAX_CHARACTERS = 512 * 1024
+MAX_DEPTH = 80
+MAX_NODES = 100_000
+
+_LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+
+
+@dataclass(slots=True, eq=False)
+class YamlNode:
+    """Where a node is written; lines and columns count from 1."""
+
+    source: Source
+    line: int
+    column: int
+    end_line: int
+    end_column: int
+
+    @property
+    def length(self) -> int:
+        return self.end_column - self.column if self.end_line == self.line else 1
+
+
+@dataclass(slots=True, eq=False)
+class YamlScalar(YamlNode):
+    """Text; `plain` when it is written without quotes."""
+
+    text: str
+    plain: bool
+
+    @property
+    def is_null(self) -> bool:
+        return self.plain and self.text in ("", "~", "null")
+
+    @property
+    def text_column(self) -> int:
+        """Column of the text's first character."""
+        return self.column if self.plain else self.column + 1
+
+
+@dataclass(slots=True, eq=False)
+class YamlList(YamlNode):
+    items: list[YamlNode]
+
+
+@dataclass(slots=True, eq=False)
+class YamlMapping(YamlNode):
+    """Keys are unique: of a key that is written twice the first stays, and the second is a finding."""
+
+    entries: dict[str, tuple[YamlScalar, YamlNode]]
+
+    def get(self, key: str) -> YamlNode | None:
+        entry = self.entries.get(key)
+        return None if entry is None else entry[1]
+
+
+class _Refused(Exception):
+    """Stops reading; the finding has been made."""
+
+
+def read_yaml(source: Source, findings: Findings) -> YamlNode | None:
+    """The file's only document, or None when it cannot be read; every reason is a finding."""
+    start = YamlScalar(source, 1, 1, 1, 2, "", True)
+    if len(source.text) > MAX_CHARACTERS:
+        message = f"the file has {len(source.text) // 1024} KiB; a tree file has at most {MAX_CHARACTERS // 1024} KiB"
+        findings.error(start, "too-large", message, "split it into subtrees in files of their own")
+        return None
+    loader: Any = None
+    try:
+        loader = _LOADER(source.text)
+        return _Composer(source, findings, loader).document()
+    except _Refused:
+        return None
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        line, column = (mark.line + 1, mark.column + 1) if mark is not None else (1, 1)
+        context = f"{error.context}, " if error.context else ""
+        where = YamlScalar(source, line, column, line, column + 1, "", True)
+        hint = 'values with braces, colons or # stand in quotes: "{name}"' if "{" in source.excerpt(line) else ""
+        findings.error(where, "yaml", f"not YAML: {context}{error.problem or 'cannot be read'}", hint)
+    except (yaml.YAMLError, UnicodeError, ValueError) as error:
+        findings.error(start, "yaml", f"not YAML: {str(error).splitlines()[0] if str(error) else 'cannot be read'}")
+    finally:
+        if loader is not None:
+            loader.dispose()
+    return None
+
+
+class _Composer:
+    def __init__(self, source: Source, findings: Findings, loader: Any) -> None:
+        self.source, self.findings, self.loader = source, findings, loader
+        self.scalars: list[YamlScalar] = []
+        self.count = 0
+
+    def document(self) -> YamlNode | None:
+        get = self.loader.get_event
+        get()  # stream start
+        event = get()
+        if isinstance(event, yaml.StreamEndEvent):
+            self.findings.error(self._scalar_at(event), "empty", "the file is empty", "start with 'pomona: 1'")
+            return None
+        root = self._node(get(), 0)
+        get()  # document end
+        event = get()
+        if not isinstance(event, yaml.StreamEndEvent):
+            self.findings.error(self._scalar_at(event), "yaml", "a tree file holds one document, here starts another")
+        self._find_comments()
+        return root
+
+    def _scalar_at(self, event: Any) -> YamlScalar:
+        start, end = event.start_mark, event.end_mark
+        return YamlScalar(self.source, start.line + 1, start.column + 1, end.line + 1, end.column + 1, "", True)
+
+    def _refuse(self, event: Any, code: str, message: str, hint: str = "") -> _Refused:
+        self.findings.error(self._scalar_at(event), code, message, hint)
+        return _Refused()
+
+    def _node(self, event: Any, depth: int) -> YamlNode:
+        self.count += 1
+        if depth > MAX_DEPTH:
+            raise self._refuse(event, "too-deep", f"nested more than {MAX_DEPTH} levels deep", "use subtrees")
+        if self.count > MAX_NODES:
+            raise self._refuse(event, "too-large", f"more than {MAX_NODES} values in one file", "use subtrees")
+        if isinstance(event, yaml.AliasEvent):
+            hint = "use a parameter, a constant or a subtree"
+            raise self._refuse(event, "alias", "YAML aliases (*) are not allowed in tree files", hint)
+        if event.tag is not None and event.tag != "!":
+            raise self._refuse(event, "tag", f"YAML tags ({event.tag}) are not allowed in tree files")
+        start, end = event.start_mark, event.end_mark
+        if isinstance(event, yaml.ScalarEvent):
+            plain = event.style is None or event.style == ""
+            scalar = YamlScalar(
+                self.source, start.line + 1, start.column + 1, end.line + 1, end.column + 1, event.value, plain
+            )
+            self.scalars.append(scalar)
+            return scalar
+        if isinstance(event, yaml.SequenceStartEvent):
+            items = list(self._items(depth))
+            return YamlList(self.source, start.line + 1, start.column + 1, *self.end, items)
+        entries = self._entries(depth)
+        return YamlMapping(self.source, start.line + 1, start.column + 1, *self.end, entries)
+
+    @property
+    def end(self) -> tuple[int, int]:
+        return self.last_end.line + 1, self.last_end.column + 1
+
+    def _items(self, depth: int) -> Iterator[YamlNode]:
+        get = self.loader.get_event
+        while not isinstance(event := get(), yaml.SequenceEndEvent):
+            yield self._node(event, depth + 1)
+        self.last_end = event.end_mark
+
+    def _entries(self, depth: int) -> dict[str, tuple[YamlScalar, YamlNode]]:
+        get = self.loader.get_event
+        entries: dict[str, tuple[YamlScalar, YamlNode]] = {}
+        while not isinstance(event := get(), yaml.MappingEndEvent):
+            key = self._node(event, depth + 1)
+            value = self._node(get(), depth + 1)
+            if not isinstance(key, YamlScalar):
+                hint = 'write braces that wire a port in quotes: "{name}"'
+                self.findings.error(key, "key", "a key must be a word", hint)
+            elif key.text in entries:
+                first = entries[key.text][0].line
+                self.findings.error(key, "duplicate-key", f"'{key.text}' is given twice, first in line {first}")
+            else:
+                entries[key.text] = (key, value)
+        self.last_end = event.end_mark
+        return entries
+
+    def _find_comments(self) -> None:
+        """Comments are what follows a # that starts a line or follows a blank, outside every scalar."""
+        covered: dict[int, list[tuple[int, int]]] = {}
+        for scalar in self.scalars:
+            if scalar.plain and scalar.line == scalar.end_line:
+                continue  # a plain scalar ends where a comment begins
+            for line in range(scalar.line, scalar.end_line + 1):
+                first = scalar.column if line == scalar.line else 1
+                last = scalar.end_column if line == scalar.end_line else MAX_CHARACTERS
+                covered.setdefault(line, []).append((first, last))
+        for number, text in enumerate(self.source.lines, start=1):
+            at = text.find("#")
+            while at >= 0:
+                outside = not any(first <= at + 1 < last for first, last in covered.get(number, ()))
+                if outside and (at == 0 or text[at - 1] in " \t"):
+                    self.source.comments[number] = text[at + 1 :].strip()
+                    if not text[:at].strip():
+                        self.source.comment_lines.add(number)
+                    break
+                at = text.find("#", at + 1)

@@ -1,0 +1,167 @@
+"""`pomona data detect` and `pomona train detect`: frames and weights for the detector, made here."""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+from executive.engine import add_engine_options, open_engine
+
+
+def add_data(subparsers: Any) -> None:
+    """Register `pomona data`."""
+    parser = subparsers.add_parser("data", help="render training data")
+    kinds = parser.add_subparsers(metavar="WHAT", required=True)
+    detect = kinds.add_parser("detect", help="annotated frames for the detector, in the format DOPE's tools read")
+    detect.add_argument("--out", type=Path, required=True, help="folder; frames that are there already are kept")
+    detect.add_argument("--frames", type=int, default=1000, help="how many (1000)")
+    detect.add_argument("--seed", type=int, default=1, help="seed of the data set (1)")
+    detect.add_argument(
+        "--kinds",
+        type=_chance,
+        nargs=4,
+        metavar=("TABLE", "HEAP", "LEAVES", "TREE"),
+        help="how often each kind of scene appears (0.4 0.25 0.1 0.25)",
+    )
+    detect.add_argument("--fruit", default="apple", help="name in the catalogue, or a path (apple)")
+    add_engine_options(detect)
+    detect.add_argument("--width", type=int, default=640, help="picture width [px] (640)")
+    detect.set_defaults(main=data_main)
+
+
+def add_train(subparsers: Any) -> None:
+    """Register `pomona train`."""
+    parser = subparsers.add_parser("train", help="train networks")
+    kinds = parser.add_subparsers(metavar="WHAT", required=True)
+    detect = kinds.add_parser("detect", help="the detector of a fruit, from rendered frames to a weights file")
+    detect.add_argument("--out", type=Path, default=Path("apple.pt"), help="weights file to write (apple.pt)")
+    detect.add_argument("--work", type=Path, default=Path("runs/train_detect"), help="frames and checkpoints; resumes")
+    detect.add_argument("--data", type=Path, help="folder of frames made before, instead of rendering them")
+    detect.add_argument("--fruit", default="apple", help="name in the catalogue, or a path (apple)")
+    detect.add_argument("--frames", type=int, help="frames to render in all (the recipe's)")
+    detect.add_argument("--steps", type=float, default=1.0, help="factor on the recipe's steps (1)")
+    detect.add_argument("--device", default="cpu", choices=("cpu", "cuda"), help="cuda trains in mixed precision")
+    detect.add_argument(
+        "--workers", type=int, default=2, help="processes that render, and that learn together or prepare batches (2)"
+    )
+    detect.add_argument("--network", default="compact", choices=("compact", "dope"), help="dope: the full network")
+    detect.add_argument("--batch", type=int, default=116, help="samples a step, for the full network (116)")
+    detect.set_defaults(main=train_main)
+
+
+def data_main(options: argparse.Namespace) -> int:
+    """Render frames; returns 0, or 2 for options that give none."""
+    from skills.perception.synthetic.dataset import render_dataset
+    from skills.perception.synthetic.options import SceneOptions
+
+    base = SceneOptions()
+    factor = options.width / base.width
+    fx, fy, cx, cy = base.camera
+    camera = (fx * factor, fy * factor, (cx + 0.5) * factor - 0.5, (cy + 0.5) * factor - 0.5)
+    kinds = tuple(options.kinds or base.kinds)
+    if sum(kinds) == 0.0:
+        sys.stderr.write("pomona data: --kinds: one of them must be more than 0\n")
+        return 2
+    scene = dataclasses.replace(
+        base, width=options.width, height=round(base.height * factor), camera=camera, kinds=kinds
+    )
+    with open_engine(options.engine, options.workers, options.address) as engine, _bar("frames") as show:
+        made = render_dataset(
+            options.out, options.frames, options.seed, options.fruit, scene, progress=show, engine=engine
+        )
+    Console().print(f"{made.rendered} frames rendered, {made.kept} kept, in {options.out}")
+    return 0
+
+
+def train_main(options: argparse.Namespace) -> int:
+    """Train, write the weights and a report beside the checkpoints; returns 0, or 2 when it cannot start."""
+    from skills.perception.detection.errors import DetectError
+    from skills.perception.training.recipe import SHIPPED, make_weights
+    from skills.perception.training.report import write_report
+
+    console = Console()
+    try:
+        if options.network == "dope":
+            return _train_dope(options, console)
+        stages = tuple(dataclasses.replace(s, steps=max(1, round(s.steps * options.steps))) for s in SHIPPED.stages)
+        share = options.frames / sum(s.frames for s in SHIPPED.sets) if options.frames else 1.0
+        sets = tuple(dataclasses.replace(s, frames=max(1, round(s.frames * share))) for s in SHIPPED.sets)
+        recipe = dataclasses.replace(SHIPPED, stages=stages, sets=sets)
+        with _bar("frames") as show:
+            make_weights(
+                options.out,
+                options.work,
+                options.fruit,
+                recipe,
+                options.device,
+                options.workers,
+                options.data,
+                show,
+                lambda name, progress: console.print(_line(name, progress)),
+            )
+        write_report(options.out, options.work / "held_out", options.work / "report", options.fruit)
+    except DetectError as error:
+        sys.stderr.write(f"pomona train: {error}\n")
+        return 2
+    console.print(f"weights in {options.out}, report in {options.work / 'report'}")
+    return 0
+
+
+def _chance(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = -1.0
+    if not 0.0 <= value < float("inf"):
+        raise argparse.ArgumentTypeError(f"{text} is not a number of at least 0")
+    return value
+
+
+def _train_dope(options: argparse.Namespace, console: Console) -> int:
+    """The full network with the paper's losses and schedule."""
+    import torch
+
+    from skills.perception.detection.errors import BadTraining
+    from skills.perception.training.train import PAPER_SCHEDULE, TrainingRun, train_part
+
+    if options.data is None:
+        raise BadTraining("the full network needs --data, a folder made by `pomona data detect`")
+    schedule = dataclasses.replace(PAPER_SCHEDULE, steps=max(1, round(PAPER_SCHEDULE.steps * options.steps)))
+    run = TrainingRun(
+        "dope", (options.data,), None, options.work, options.batch, schedule, 0, None, options.device, options.workers
+    )
+    network = train_part(run, lambda progress: console.print(_line("dope", progress)))
+    torch.save(network.cpu().state_dict(), options.out)
+    console.print(f"weights in {options.out}")
+    return 0
+
+
+def _line(name: str, progress: Any) -> str:
+    figures = ", ".join(f"{key} {value:.3f}" for key, value in (progress.validation or {}).items())
+    return (
+        f"{name}  step {progress.step} of {progress.steps}  loss {progress.loss:.4f}  rate {progress.rate:.1e}"
+        f"  {progress.seconds:.0f} s  {figures}"
+    ).rstrip()
+
+
+class _bar:  # noqa: N801  (used like a function)
+    """A progress bar; entering gives a callable for (done, in all)."""
+
+    def __init__(self, name: str) -> None:
+        columns = (TextColumn(name), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn())
+        self._progress = Progress(*columns)
+        self._task = self._progress.add_task(name, total=None)
+
+    def __enter__(self) -> Callable[[int, int], None]:
+        self._progress.start()
+        return lambda done, total: self._progress.update(self._task, completed=done, total=total)
+
+    def __exit__(self, *_: object) -> None:
+        self._progress.stop()

@@ -1,1 +1,0 @@
-"""Follow: let the arm carry out a planned path."""

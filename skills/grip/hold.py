@@ -1,0 +1,182 @@
+"""The grip that goes on: fingers and force sensor under a controller's hand, until a node takes the fingers over.
+
+A `Hold` is a port's value. `SlipAvoidGrasp` starts it and hands it on when the fruit is held; the sensor's stream keeps
+stepping it while later nodes run, through pause, failure and safe stop. For nodes that come after:
+
+    Lift       each tick: `show_grip(self, hold)` (skills.shared.grip_view) draws it; `hold.holds` says
+               whether the fruit is still there, `hold.problem` why not (LOST, SLIPPED, SENSOR_STALE …), `hold.reading`
+               has the numbers: grasp force `f_n`, reference `f_ref`, least force `f_least`, `slip`, `width`.
+    Release,   before `Gripper.move` or `set_speed`: `take_over(gripper)`, with or without a hold at hand. Control ends,
+    Retreat    zero speed is commanded, nothing opens. Only then move the fingers.
+
+Nobody needs to keep the object alive: the sensor's subscription does.
+"""
+
+from __future__ import annotations
+
+import weakref
+from collections.abc import Callable
+from dataclasses import replace
+from threading import RLock
+
+import numpy as np
+
+from drivers.errors import DeviceError
+from drivers.interfaces import ForceSensor, Gripper, Subscription, WrenchSample
+from skills.grip.controller import GripController
+from skills.grip.grip import IN_HAND, GripPhase, GripProblem, GripReading, GripSamples
+from skills.grip.limit_surface import SoftContact
+
+STALE_AFTER = 0.05
+"""A stream that brought no usable sample for so long is stale [s]; the driver's watchdog stops the fingers at 0.1 s."""
+
+KEPT = 2000
+"""Samples kept until somebody drains them: 20 s at 100 Hz; the oldest go first."""
+
+RECORD_EVERY = 5
+"""One of so many samples is kept for people."""
+
+_HOLDS: weakref.WeakValueDictionary[int, Hold] = weakref.WeakValueDictionary()
+
+
+class Hold:
+    """A grip under control. Made by `SlipAvoidGrasp` or `Pivot`; ended by `take_over`."""
+
+    def __init__(
+        self, gripper: Gripper, sensor: ForceSensor, controller: GripController, now: Callable[[], float]
+    ) -> None:
+        """Take the fingers over from an earlier hold and start: the next sample steps the controller.
+
+        Args:
+            gripper: gets a speed 50 times a second.
+            sensor: its stream steps the controller.
+            controller: fresh, in its first phase.
+            now: the cell's clock, to see a stream that stands still.
+        """
+        take_over(gripper)
+        self.gripper, self.controller = gripper, controller
+        self._now, self._started = now, now()
+        self._lock = RLock()
+        self._ended = False
+        self._device_problem: GripProblem | None = None
+        self._samples = np.zeros((KEPT, 7))
+        self._written = self._drained = self._seen = 0
+        _HOLDS[id(gripper)] = self
+        self._subscription: Subscription = sensor.subscribe(self._on_sample)
+
+    # --------------------------------------------------------------------------------- for nodes that come after
+
+    @property
+    def phase(self) -> GripPhase:
+        return GripPhase.ENDED if self._ended else self.controller.phase
+
+    @property
+    def reading(self) -> GripReading:
+        """The grip after the newest sample; its `stamp` says how old that is."""
+        reading = self.controller.reading
+        return replace(reading, phase=GripPhase.ENDED) if self._ended else reading
+
+    @property
+    def holds(self) -> bool:
+        """Whether a fruit is held now: the grip was made, is under control, and the fruit has not gone."""
+        problem = self.controller.problem
+        gone = problem is not None and problem.code == "LOST"
+        return self.phase in IN_HAND and not gone
+
+    @property
+    def problem(self) -> GripProblem | None:
+        """What is wrong, or None. While holding, the grip is kept all the same."""
+        if not self._ended:
+            newest = max(self.controller.usable_until, self._started)
+            age = self._now() - newest
+            if age > STALE_AFTER:
+                message = f"the fingers have sent no usable sample for {1e3 * age:.0f} ms; the grip is kept as it is"
+                return GripProblem("SENSOR_STALE", message, newest, {"age": age})
+        return self.controller.problem or self._device_problem
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What was odd in the stream so far and how it was met, one sentence each."""
+        return self.controller.warnings
+
+    @property
+    def ended(self) -> bool:
+        return self._ended
+
+    def pivot(self, on: bool) -> None:
+        """Let the fruit turn in the fingers until it hangs plumb, or hold it again as it hangs; see `Pivot`."""
+        with self._lock:
+            self.controller.pivot(on)
+
+    def slide(self, force: float | None) -> None:
+        """Press with this grasp force [N] and let the pads slide; None: hold again; see `FeelFriction`."""
+        with self._lock:
+            self.controller.slide(force)
+
+    def know(self, contact: SoftContact, mu_uncertainty: float, initial_force: float) -> None:
+        """Hold for another friction from now on, and press with `initial_force` [N] until the fruit is carried."""
+        with self._lock:
+            self.controller.know(contact, mu_uncertainty, initial_force)
+
+    def take_over(self) -> None:
+        """End control: the caller moves the fingers from now on. Zero speed is commanded, nothing opens."""
+        with self._lock:
+            if self._ended:
+                return
+            self._ended = True
+        self._subscription.close()
+        if _HOLDS.get(id(self.gripper)) is self:
+            del _HOLDS[id(self.gripper)]
+        self._command(0.0)
+
+    @property
+    def waiting(self) -> float:
+        """Seconds of samples that nobody has drained yet."""
+        count = min(self._written - self._drained, KEPT)
+        return float(count * RECORD_EVERY * self.controller.settings.period)
+
+    def drain(self) -> GripSamples:
+        """The samples since the last call, 100 a second, at most the last 20 s."""
+        with self._lock:
+            first = max(self._drained, self._written - KEPT)
+            rows = self._samples[np.arange(first, self._written) % KEPT]
+            self._drained = self._written
+        return GripSamples(*np.ascontiguousarray(rows.T))
+
+    # ------------------------------------------------------------------------------------- for the sensor's stream
+
+    def _on_sample(self, sample: WrenchSample) -> None:
+        with self._lock:
+            if self._ended:
+                return
+            controller = self.controller
+            if controller.wants_width:
+                controller.width = self.gripper.state().width
+            speed = controller.step(sample.stamp, sample.sequence, sample.wrenches, sample.saturated)
+            if speed is not None:
+                self._command(speed)
+            self._seen += 1
+            if self._seen % RECORD_EVERY == 0:
+                self._samples[self._written % KEPT] = controller.row()
+                self._written += 1
+
+    def _command(self, speed: float) -> None:
+        """Command a rate of the opening; a gripper that refuses is remembered and asked again next time."""
+        try:
+            self.gripper.set_speed(speed)
+            self._device_problem = None
+        except DeviceError as refused:
+            stamp = self.controller.reading.stamp
+            self._device_problem = GripProblem("LOST", f"the gripper takes no speed: {refused}", stamp)
+
+
+def current_hold(gripper: Gripper) -> Hold | None:
+    """The hold that has the gripper's fingers now, or None."""
+    return _HOLDS.get(id(gripper))
+
+
+def take_over(gripper: Gripper) -> None:
+    """Take the fingers over from whatever hold has them; call it before moving them. Nothing opens."""
+    hold = current_hold(gripper)
+    if hold is not None:
+        hold.take_over()

@@ -1,0 +1,76 @@
+"""Everything that a grip can be told, with defaults that hold an apple."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import Enum
+
+from skills.grip.dynamic_term import DynamicSettings
+from skills.grip.force_loop import ForceLoopSettings
+from skills.grip.limit_surface import SoftContact
+from skills.grip.observer import ObserverSettings
+
+
+class ForceLaw(Enum):
+    """How the grasp force is chosen while holding: the paper's law, or one of the baselines beside it."""
+
+    SLIP_AVOIDANCE = "slip_avoidance"
+    STATIC = "static"
+    COULOMB = "coulomb"
+    CONSTANT = "constant"
+
+
+@dataclass(frozen=True, slots=True)
+class GripSettings:
+    """Settings of a grip.
+
+    Attributes:
+        contact: friction between pad and fruit.
+        law: how the force is chosen while holding.
+        margin: on the least force.
+        mu_uncertainty: relative uncertainty of mu that the margin covers too.
+        floor: least grasp force ever [N].
+        offset: the fruit's centre may lie so far off the grasp axis [m]; held for until the fruit is carried, when its
+            moment has shown.
+        reserve: tangential force that is held beyond the load, with its lever, for pushes at the fruit's centre that
+            come faster than the fingers [N].
+        initial_force: grasp force before the fruit is lifted, and of the law CONSTANT [N].
+        ramp_rate: of the force from contact to `initial_force` [N/s].
+        relax_rate: the reference falls at most this fast while holding [N/s].
+        approach_speed: rate of the opening before contact is near [m/s].
+        contact_speed: rate of the opening where contact may come [m/s].
+        contact_width: widest opening at which a finger may touch [m]; None for all.
+        narrowest: an opening that no fruit of this kind can have [m].
+        off_centre: the fruit may be pushed so far by one finger until the other touches [m].
+        slip_limit: estimated slip that is reported as SLIPPED [m].
+        loop, observer, dynamic: of the parts.
+        width_min: end of the gripper's stroke [m].
+        rate: of the sensor's samples [Hz].
+    """
+
+    contact: SoftContact = field(default_factory=SoftContact)
+    law: ForceLaw = ForceLaw.SLIP_AVOIDANCE
+    margin: float = 1.125
+    mu_uncertainty: float = 0.0
+    floor: float = 0.5
+    offset: float = 0.005
+    reserve: float = 0.0
+    initial_force: float = 2.2
+    ramp_rate: float = 6.0
+    relax_rate: float = 2.0
+    approach_speed: float = 0.08
+    contact_speed: float = 0.024
+    contact_width: float | None = None
+    narrowest: float = 0.0
+    off_centre: float = 0.010
+    slip_limit: float = 0.005
+    loop: ForceLoopSettings = field(default_factory=ForceLoopSettings)
+    observer: ObserverSettings = field(default_factory=ObserverSettings)
+    dynamic: DynamicSettings = field(default_factory=DynamicSettings)
+    width_min: float = 0.0
+    rate: float = 500.0
+
+    @property
+    def period(self) -> float:
+        """Seconds between two samples."""
+        return 1.0 / self.rate

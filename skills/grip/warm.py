@@ -1,0 +1,19 @@
+"""Compile what a grip needs before a run's clock starts; the compiled code is kept on disk."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from skills.grip.controller import GripController
+from skills.grip.settings import GripSettings
+
+
+def warm_up() -> None:
+    """Step a controller that nothing hangs on through its phases."""
+    controller = GripController(GripSettings())
+    controller.width = 0.08
+    for i in range(300):
+        pressing = 0.0 if i < 120 else -1.0
+        wrenches = np.zeros((2, 6))
+        wrenches[:, 2] = pressing
+        controller.step(0.002 * i, i, wrenches)

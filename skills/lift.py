@@ -1,0 +1,122 @@
+"""The skill Lift."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.interfaces import Arm, ForceSensor, Gripper, Workspace
+from executive.ports import ACCELERATION, LENGTH, SPEED, TIME, Port, Ports, optional
+from executive.skill import Work
+from skills.grip.hold import Hold
+from skills.motion.grasps.grasp import Grasp
+from skills.motion.occupancy import OccupancyMap
+from skills.motion.planning.arm_space import arm_space, usable_field
+from skills.motion.planning.timing import time_curve
+from skills.motion.robot import RobotModel
+from skills.motion.straight_line import straight_line
+from skills.shared.following import MOTION_FAILURES, MovingSkill
+from skills.shared.grip_view import show_grip
+from skills.shared.touch import pressing_forces, something_between
+from skills.shared.warm_motion import prepare_moving
+
+Float64 = NDArray[np.float64]
+
+JERK_TIME = 0.1
+"""Seconds in which the acceleration is reached."""
+
+
+class Lift(MovingSkill):
+    """Lift straight up with a smooth profile while the grip is controlled, and verify that the fruit came along.
+
+    With a `hold` its controller says whether the fruit is still there; without one the fingers' force and opening do.
+    A fruit that creeps out of the grip falls later: `keep` watches it for a while.
+    Interrupted, the arm stops on its line and the grip goes on holding.
+    """
+
+    inputs = Ports(
+        height=Port(LENGTH, default="150 mm", min="1 mm", help="how far up"),
+        hold=optional(Hold, "the grip that goes on while lifting"),
+        grasp=optional(Grasp, "by which the fruit is held: the fruit is then part of the robot for collision"),
+        map=optional(OccupancyMap, "what is in the way"),
+        clearance=Port(LENGTH, default="5 mm", min="0 mm", help="kept by the links; gripper and fingers keep a share"),
+        speed=Port(SPEED, default="0.25 m/s", min="1 mm/s", max="1 m/s"),
+        acceleration=Port(ACCELERATION, default="1 m/s²", min="0.01 m/s²", max="3 m/s²"),
+        keep=Port(TIME, default="0 s", min="0 s", help="so long it is watched up there: the grip comes to rest"),
+    )
+    devices = (Arm, Gripper, ForceSensor, Workspace)
+    failures = (*MOTION_FAILURES, "NOT_HELD", "LOST", "NO_WAY_UP", "MAP_STALE")
+
+    def prepare(self) -> None:
+        prepare_moving(self)
+
+    def run(  # type: ignore[override]
+        self,
+        height: float,
+        hold: Hold | None,
+        grasp: Grasp | None,
+        map: OccupancyMap | None,
+        clearance: float,
+        speed: float,
+        acceleration: float,
+        keep: float,
+    ) -> Work:
+        arm = self.device(Arm)
+        if not self._held(hold):
+            raise self._not_held("NOT_HELD", "there is nothing between the fingers to lift", hold)
+        robot = RobotModel.load(arm.description)
+        T_base_goal = robot.tcp(arm.state().q)
+        T_base_goal[2, 3] += height
+        line = straight_line(robot, arm.state().q, T_base_goal)
+        if not line.complete:
+            raise self.failure(
+                "NO_WAY_UP",
+                f"{line.reason} after {1e3 * line.reached * height:.0f} of {1e3 * height:.0f} mm",
+                reached_m=line.reached * height,
+            )
+        self._require_free(line.q, grasp, map, clearance)
+        trajectory = time_curve(line.q, height, arm.limits, speed, acceleration, acceleration / JERK_TIME)
+
+        def watch() -> None:
+            if hold is not None:
+                show_grip(self, hold)
+            if not self._held(hold):
+                risen = robot.tcp(arm.state().q)[2, 3] - T_base_goal[2, 3] + height
+                raise self._not_held("LOST", f"the fruit was lost {1e3 * risen:.0f} mm up", hold)
+
+        yield from self.travel(trajectory, watch)
+        watch()
+        up_since = self.context.elapsed()
+        while self.context.elapsed() - up_since < keep - 1e-9:
+            yield "held up"
+            watch()
+        if hold is not None:
+            show_grip(self, hold, everything=True)
+        return {}
+
+    def _require_free(self, q_line: Float64, grasp: Grasp | None, map: OccupancyMap | None, clearance: float) -> None:
+        width = self.device(Gripper).state().width
+        field = usable_field(self, map)
+        space = arm_space(self.device(Arm), self.device(Workspace), field, width, clearance, held=grasp)
+        space = space.leaving_table()
+        blocked = space.first_blocked(q_line)
+        if blocked is not None:
+            reason, found = space.explain(q_line[blocked + 1])
+            raise self.failure("NO_WAY_UP", f"on the way up {reason}", **found)
+
+    def _held(self, hold: Hold | None) -> bool:
+        if hold is not None and not hold.ended:
+            return hold.holds
+        return something_between(self.device(Gripper), self.device(ForceSensor))
+
+    def _not_held(self, code: str, message: str, hold: Hold | None) -> Exception:
+        problem = hold.problem if hold is not None else None
+        left, right = pressing_forces(self.device(ForceSensor))
+        return self.failure(
+            code,
+            f"{message}: {problem.message}" if problem is not None else message,
+            width_m=float(np.round(self.device(Gripper).state().width, 5)),
+            left_force_n=round(left, 3),
+            right_force_n=round(right, 3),
+            grip=problem.code if problem is not None else "",
+        )

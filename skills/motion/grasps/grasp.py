@@ -1,0 +1,65 @@
+"""Grasp candidates on the paper's sphere around a fruit."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skills.perception.measured_fruit import MeasuredFruit
+
+Float64 = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Grasp:
+    """One candidate: where the gripper's centre point (TCP) stands before and at the grasp.
+
+    Attributes:
+        index: number of the candidate on the sphere, in the sampling's own order.
+        theta, alpha: the paper's angles [rad].
+        T_base_pre_grasp, T_base_grasp: poses of the TCP; z approach, y sliding direction of the fingers.
+        width: opening to approach with [m].
+        q_pre_grasp: joint solutions of the pre-grasp that are free of collision, shape (n, dof) [rad], best first.
+        clearance: distance from the nearest obstacle over the approach [m].
+        oblique: angle at which the pads meet the skin [rad]; 0 is square.
+        fruit: what is to be grasped.
+    """
+
+    index: int
+    theta: float
+    alpha: float
+    T_base_pre_grasp: Float64
+    T_base_grasp: Float64
+    width: float
+    q_pre_grasp: Float64
+    clearance: float
+    oblique: float
+    fruit: MeasuredFruit
+
+    @property
+    def sentence(self) -> str:
+        """For people."""
+        theta, alpha = np.degrees((self.theta, self.alpha))
+        return f"θ {theta:.0f}°, α {alpha:.0f}°, {self.width * 1e3:.0f} mm open, {self.clearance * 1e3:.0f} mm clear"
+
+
+@dataclass(frozen=True, slots=True)
+class RuledOut:
+    """A candidate that was ruled out, and why: a code such as UNREACHABLE or IN_COLLISION and a sentence."""
+
+    index: int
+    theta: float
+    alpha: float
+    code: str
+    reason: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class GraspCandidates:
+    """What is left to try, best first, and what was ruled out."""
+
+    grasps: tuple[Grasp, ...]
+    ruled_out: tuple[RuledOut, ...]
+    attempt: int

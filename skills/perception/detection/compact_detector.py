@@ -1,0 +1,256 @@
+"""The compact detector end to end: find fruit in the whole picture, look closely at each, solve for poses."""
+
+from __future__ import annotations
+
+import copy
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor, nn
+
+from skills.perception.detection.close_look import REFERENCE_LENGTH, look_at
+from skills.perception.detection.compact_network import (
+    AXIS,
+    CENTRE,
+    CLOSE_LOOK_SIZE,
+    KIND,
+    SEEN,
+    SPREAD,
+    CloseLookNetwork,
+    FinderNetwork,
+    to_input,
+)
+from skills.perception.detection.frame_check import check_picture
+from skills.perception.detection.peaks import Place, decode_offsets
+from skills.perception.detection.processor import has_bfloat16
+from skills.perception.detection.weights import load_compact
+
+U8 = NDArray[np.uint8]
+F64 = NDArray[np.float64]
+
+WORKING_WIDTH = 320
+"""Width to which pictures are shrunk for the finder [px]."""
+
+MIRROR = np.ones(SEEN + 1)
+MIRROR[[CENTRE.start, AXIS.start]] = -1.0
+"""What the close look says of a mirrored picture, times this, is true of the picture."""
+
+HOPELESS = 0.2
+"""A fruit with less score after a look is not looked at again: a quarter of the places, and hardly any fruit."""
+
+MULTIPLE = 16
+"""The finder's input sides are multiples of this [px]."""
+
+BATCH = 16
+"""Looks that go through the network at once: more no longer fit into the processor's cache, and each takes longer."""
+
+
+@dataclass(frozen=True, slots=True)
+class DetectorOptions:
+    """How the compact detector looks.
+
+    Attributes:
+        finder_threshold: least belief for which a place gets a second look.
+        looks: how often each fruit is looked at closely; every further look is centred by the one before.
+        mirrored: the last look is taken in a mirror too, and the mean of both answers is used.
+        most_fruit: places that get a second look, strongest first.
+        apart: two fruit are at least this part of the larger one's keypoint size apart.
+        working_width: width to which pictures are shrunk for the finder [px].
+    """
+
+    finder_threshold: float = 0.25
+    looks: int = 2
+    mirrored: bool = True
+    most_fruit: int = 16
+    apart: float = 0.35
+    working_width: int = WORKING_WIDTH
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FoundFruit:
+    """One fruit in a picture.
+
+    Attributes:
+        centre: centroid [px].
+        size: what `REFERENCE_LENGTH` of a CAD-sized fruit measures in the picture [px].
+        stem: stem axis in the camera frame, unit vector (3,).
+        spreads: deviations of centre [px], of the logarithm of size, and of the axis [rad], as the network expects
+            them, (3,).
+        score: belief that this is fruit, 0..1: geometric mean of the finder's and the close look's, and over looks.
+        visibility: part of its silhouette that is seen, 0..1, as the network estimates it.
+    """
+
+    centre: F64
+    size: float
+    stem: F64
+    spreads: F64
+    score: float
+    visibility: float
+
+
+class CompactDetector:
+    """Both networks, ready to run on the CPU. Calls release the interpreter's lock while the networks run."""
+
+    def __init__(
+        self, finder: FinderNetwork, close_look: CloseLookNetwork, options: DetectorOptions | None = None
+    ) -> None:
+        self.options = options or DetectorOptions()
+        self._type = torch.bfloat16 if has_bfloat16() else torch.float32
+        # Any size will do: the graph that is traced holds no sizes.
+        self._finder = _ready(finder, torch.zeros(1, 3, 12 * MULTIPLE, 16 * MULTIPLE), self._type)
+        self._close_look = _ready(close_look, torch.zeros(2, 3, CLOSE_LOOK_SIZE, CLOSE_LOOK_SIZE), self._type)
+
+    @classmethod
+    def load(cls, path: Path | str, options: DetectorOptions | None = None) -> CompactDetector:
+        """Load from a weights file.
+
+        Raises:
+            BadWeights: unreadable or not fitting.
+        """
+        finder, close_look, _ = load_compact(path)
+        return cls(finder, close_look, options)
+
+    def warm_up(self, width: int = 640, height: int = 480) -> None:
+        """Run once for every size of batch, so that the first picture is not slower than the rest."""
+        blank = np.zeros((height, width, 3), np.uint8)
+        self.belief_maps(blank)
+        K = np.array([[width, 0.0, 0.5 * width], [0.0, width, 0.5 * height], [0.0, 0.0, 1.0]])
+        for count in range(1, 9):
+            for mirrored in {False, self.options.mirrored}:
+                self._look(blank, K, [(K[:2, 2], 40.0)] * count, [0.0] * count, mirrored)
+
+    def find(self, colour: U8, K: F64) -> list[FoundFruit]:
+        """All fruit in a picture, by falling score.
+
+        Args:
+            colour: (h, w, 3) uint8 RGB.
+            K: camera matrix (3, 3) [px].
+
+        Raises:
+            BadFrame: another shape or type.
+        """
+        with _one_thread():
+            return self._find(colour, K)
+
+    def _find(self, colour: U8, K: F64) -> list[FoundFruit]:
+        options = self.options
+        places = self.places(colour, options.finder_threshold)[: options.most_fruit]
+        if not places:
+            return []
+        spots = [(place.keypoints[8], place.size) for place in places]
+        beliefs = [min(1.0, place.belief) for place in places]
+        seen = self._look(colour, K, spots, beliefs, options.mirrored and options.looks == 1)
+        for number in range(2, options.looks + 1):
+            again = [k for k, fruit in enumerate(seen) if fruit.score >= HOPELESS]
+            if not again:
+                break
+            spots = [(seen[k].centre, seen[k].size) for k in again]
+            better = self._look(
+                colour, K, spots, [beliefs[k] for k in again], options.mirrored and number == options.looks
+            )
+            for k, fruit in zip(again, better, strict=True):
+                seen[k] = replace(fruit, score=float(np.sqrt(seen[k].score * fruit.score)))
+        kept: list[FoundFruit] = []
+        for fruit in sorted(seen, key=lambda fruit: -fruit.score):
+            if all(
+                np.linalg.norm(fruit.centre - other.centre) > options.apart * max(fruit.size, other.size)
+                for other in kept
+            ):
+                kept.append(fruit)
+        return kept
+
+    def places(self, colour: U8, threshold: float) -> list[Place]:
+        """Where the finder sees fruit, strongest first, in pixels of the picture.
+
+        Raises:
+            BadFrame: another shape or type.
+        """
+        belief, offsets, factor = self.belief_maps(colour)
+        return [
+            Place((place.keypoints + 0.5) / factor - 0.5, place.size / factor, place.belief)
+            for place in decode_offsets(belief, offsets, threshold)
+        ]
+
+    def belief_maps(self, colour: U8) -> tuple[NDArray[np.float32], NDArray[np.float32], float]:
+        """The finder's belief (9, h, w) and offsets (17, h, w), and the factor by which the picture was shrunk.
+
+        Raises:
+            BadFrame: another shape or type.
+        """
+        check_picture(colour)
+        height, width = colour.shape[:2]
+        factor = self.options.working_width / width
+        small = (self.options.working_width, max(1, round(height * factor)))
+        flag = cv2.INTER_AREA if factor < 1.0 else cv2.INTER_LINEAR
+        shrunk = np.asarray(cv2.resize(np.ascontiguousarray(colour), small, interpolation=flag), np.uint8)
+        below, right = -small[1] % MULTIPLE, -small[0] % MULTIPLE
+        if below or right:
+            shrunk = cv2.copyMakeBorder(shrunk, 0, below, 0, right, cv2.BORDER_CONSTANT, value=(114, 114, 114))
+        with torch.inference_mode():
+            belief, offsets = self._finder(to_input(torch.from_numpy(shrunk[None])).to(self._type))
+        return belief[0].float().numpy(), offsets[0].float().numpy(), factor
+
+    def _look(
+        self, colour: U8, K: F64, places: list[tuple[F64, float]], beliefs: list[float], mirrored: bool
+    ) -> list[FoundFruit]:
+        side = (CLOSE_LOOK_SIZE, CLOSE_LOOK_SIZE)
+        looks = [look_at(K, centre, size) for centre, size in places]
+        flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+        pictures = np.stack([cv2.warpPerspective(colour, look.picture_from_look, side, flags=flags) for look in looks])
+        if mirrored:
+            pictures = np.concatenate([pictures, pictures[:, :, ::-1]])
+        with torch.inference_mode():
+            parts = np.array_split(pictures, -(-len(pictures) // BATCH))
+            outputs = [self._close_look(to_input(torch.from_numpy(part)).to(self._type)).float() for part in parts]
+        output = torch.cat(outputs).numpy().astype(np.float64)
+        if mirrored:
+            output = 0.5 * (output[: len(looks)] + output[len(looks) :] * MIRROR)
+        found = []
+        for row, look, belief in zip(output, looks, beliefs, strict=True):
+            p_camera, stem = look.place(row[: SPREAD.start])
+            # A fruit beside the look cannot be placed behind the camera, however wide the look.
+            p_camera[2] = max(p_camera[2], 1e-3)
+            size = K[0, 0] * REFERENCE_LENGTH / p_camera[2]
+            centre = p_camera[:2] / p_camera[2] * (K[0, 0], K[1, 1]) + K[:2, 2]
+            half = 0.5 * CLOSE_LOOK_SIZE * K[0, 0] / look.focal
+            spreads = np.sqrt(2.0) * np.exp(np.clip(row[SPREAD], -6.0, 2.0)) * (half, 1.0, 1.0)
+            fruit, seen = 1.0 / (1.0 + np.exp(-row[[KIND, SEEN]]))
+            found.append(FoundFruit(centre, size, stem, spreads, float(np.sqrt(belief * fruit)), float(seen)))
+        return found
+
+
+@contextmanager
+def _one_thread() -> Iterator[None]:
+    """Let torch work in one thread: on layers this small threads wait for each other longer than they work.
+
+    On a busy machine two threads were six times slower than one, and one never disturbs a control loop.
+    """
+    before = torch.get_num_threads()
+    if before == 1:
+        yield
+        return
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)
+
+
+def _ready(network: nn.Module, example: Tensor, number: torch.dtype) -> Callable[[Tensor], Any]:
+    """The network as a frozen graph with folded normalisation and prepacked weights."""
+    twin = copy.deepcopy(network).eval().to(memory_format=torch.channels_last).to(number)  # type: ignore[call-overload]
+    sample = example.to(number).to(memory_format=torch.channels_last)
+    with torch.inference_mode(), warnings.catch_warnings():
+        # TorchScript is announced to go; on a CPU nothing else folds and prepacks without compiling at run time.
+        warnings.simplefilter("ignore", DeprecationWarning)
+        traced: Any = torch.jit.trace(twin, sample, check_trace=False)  # type: ignore[no-untyped-call]
+        frozen: Callable[[Tensor], Any] = torch.jit.optimize_for_inference(traced)
+        return frozen

@@ -1,0 +1,40 @@
+"""What Detect says about one fruit in one frame."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.interfaces import Frame
+from skills.perception.fruit import FruitModel
+
+Float64 = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Detection:
+    """One fruit found in a frame, posed as if it had the CAD model's size.
+
+    Attributes:
+        fruit: the model that the detector was trained on; the object frame is its cuboid's: x right, y down, z forward.
+        frame: the look in which it was found.
+        T_base_camera: pose of the camera at the look.
+        T_camera_object: pose of the CAD-sized model (the paper's p̂ and Q̂).
+        keypoints: the cuboid's 8 vertices and its centroid, shape (9, 2) [px]; NaN where not found.
+        score: belief of the centroid, 0 to 1.
+        covariance: of (rotation vector, translation) in the camera frame, (6, 6), from the reprojection residuals.
+        index: place among the instances of the frame, by decreasing score.
+        found: number of instances in the frame.
+    """
+
+    fruit: FruitModel
+    frame: Frame
+    T_base_camera: Float64
+    T_camera_object: Float64
+    keypoints: Float64
+    score: float
+    covariance: Float64
+    index: int
+    found: int

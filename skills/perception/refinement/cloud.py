@@ -1,0 +1,86 @@
+"""Measured points on and around a fruit, from one or several looks, in one frame."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.interfaces import Intrinsics
+from skills.geometry import apply
+from skills.perception.refinement.render import DepthImage, ImageBox
+
+Float64 = NDArray[np.float64]
+
+DISPARITY_NOISE = 0.08
+"""Of a stereo depth camera such as the D435i: depth errs by z² · 0.08 px / (f · 50 mm)."""
+
+_BASELINE = 0.05
+_CORRELATED = 12.0
+"""So many neighbouring pixels err alike, since their matching windows overlap."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Cloud:
+    """Points that a depth camera measured.
+
+    Attributes:
+        points: shape (n, 3) [m].
+        rays: unit vectors from the camera to them, shape (n, 3).
+        deviation: standard deviation along the camera's z axis, shape (n,) [m], enlarged for what neighbours share.
+    """
+
+    points: Float64
+    rays: Float64
+    deviation: Float64
+
+    def chosen(self, mask: NDArray[np.bool_]) -> Cloud:
+        """The part of the points that a mask picks."""
+        return Cloud(self.points[mask], self.rays[mask], self.deviation[mask])
+
+    def moved(self, T_a_b: Float64) -> Cloud:
+        """The same points in another frame."""
+        return Cloud(apply(T_a_b, self.points), self.rays @ T_a_b[:3, :3].T, self.deviation)
+
+    def thinned(self, at_most: int) -> Cloud:
+        """Every k-th point; what neighbours share is then less."""
+        step = -(-len(self.points) // at_most) if len(self.points) else 1
+        gain = np.sqrt(max(1.0, _CORRELATED / step) / _CORRELATED)
+        return Cloud(self.points[::step], self.rays[::step], self.deviation[::step] * gain)
+
+
+def cloud(depth: DepthImage, intrinsics: Intrinsics, box: ImageBox, mask: NDArray[np.bool_] | None = None) -> Cloud:
+    """The measured points of a box, in the camera frame.
+
+    Args:
+        depth: z-depth of the whole image [m]; 0 or not finite where there is none.
+        intrinsics: of the image.
+        box: the part to take.
+        mask: pixels of the box to take, shape `box.shape`; all by default.
+    """
+    z = depth[box.slices].astype(np.float64)
+    taken = np.isfinite(z) & (z > 0.0)
+    if mask is not None:
+        taken &= mask
+    rows, columns = np.nonzero(taken)
+    z = z[taken]
+    points = np.column_stack(
+        [
+            (columns + box.left - intrinsics.cx) / intrinsics.fx * z,
+            (rows + box.top - intrinsics.cy) / intrinsics.fy * z,
+            z,
+        ]
+    )
+    rays = points / np.linalg.norm(points, axis=1, keepdims=True)
+    deviation = z**2 * DISPARITY_NOISE / (intrinsics.fx * _BASELINE)
+    return Cloud(points, rays, deviation * np.sqrt(_CORRELATED))
+
+
+def together(clouds: list[Cloud]) -> Cloud:
+    """All points of several clouds that are in one frame."""
+    return Cloud(
+        np.concatenate([c.points for c in clouds]),
+        np.concatenate([c.rays for c in clouds]),
+        np.concatenate([c.deviation for c in clouds]),
+    )

@@ -1,0 +1,113 @@
+"""From a detection to a measured fruit in the base frame."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from skills.geometry import inverse
+from skills.perception.detection.detection import Detection
+from skills.perception.measured_fruit import MeasuredFruit
+from skills.perception.refinement.errors import NoDepth
+from skills.perception.refinement.gather import Look
+from skills.perception.refinement.refinement import Limits, Method, refine
+from skills.perception.refinement.render import DepthImage, ImageBox, RendererName, render_depth
+from skills.perception.refinement.support_plane import horizontal_plane
+
+Float64 = NDArray[np.float64]
+
+
+def measure(
+    detection: Detection,
+    method: Method | Literal["none"] = "shape",
+    limits: Limits | None = None,
+    using: RendererName = "pyrender",
+    table_z: float | None = None,
+    earlier: MeasuredFruit | None = None,
+) -> MeasuredFruit:
+    """Refine a detection and express it in the base frame.
+
+    With method `none` the detector's pose and the CAD model's size are handed on as they are: the paper's arm without
+    refinement.
+
+    Args:
+        detection: the fruit as the detector saw it.
+        method, limits, using: see `refinement.refine`.
+        table_z: height of the table in the base frame [m], if the fruit may stand on one.
+        earlier: the same fruit, measured from another place: its looks are fused in.
+
+    Raises:
+        RefineError: see `refinement.refine`; `NoDepth` also when the frame has no depth image.
+    """
+    frame = detection.frame
+    if method == "none":
+        return _unrefined(detection, using)
+    if frame.depth is None:
+        raise NoDepth(0, 0)
+    past = () if earlier is None else (*earlier.earlier, (earlier.frame, earlier.T_base_camera))
+    T_camera_base = inverse(detection.T_base_camera)
+    result = refine(
+        frame.depth,
+        frame.intrinsics,
+        detection.T_camera_object,
+        detection.fruit,
+        method=method,
+        support=None if table_z is None else horizontal_plane(detection.T_base_camera, table_z),
+        looks=[Look(f.depth, f.intrinsics, T_camera_base @ T) for f, T in past if f.depth is not None],
+        limits=limits,
+        using=using,
+    )
+    turn = np.eye(6)
+    turn[:3, :3] = detection.T_base_camera[:3, :3]
+    return MeasuredFruit(
+        fruit=detection.fruit,
+        T_base_fruit=detection.T_base_camera @ result.T_camera_object,
+        T_base_camera=detection.T_base_camera,
+        dimensions=result.dimensions,
+        mu=result.mu,
+        sigma=result.sigma,
+        covariance=turn @ result.covariance @ turn.T,
+        inlier_ratio=result.inlier_ratio,
+        residual=result.residual,
+        contour=outline(result.virtual_depth, result.box),
+        frame=frame,
+        method=result.method,
+        earlier=past if result.method.endswith("+views") else (),
+    )
+
+
+def outline(virtual_depth: DepthImage, box: ImageBox) -> Float64:
+    """The longest outline of the pixels that hold depth, in the whole image, shape (n, 2) [px]; empty without any."""
+    seen = (virtual_depth > 0.0).astype(np.uint8)
+    contours, _ = cv2.findContours(seen, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    if not contours:
+        return np.empty((0, 2))
+    longest = max(contours, key=len).reshape(-1, 2).astype(np.float64)
+    shifted: Float64 = longest + np.array([box.left, box.top], dtype=np.float64)
+    return shifted
+
+
+def _unrefined(detection: Detection, using: RendererName) -> MeasuredFruit:
+    virtual_depth, box = render_depth(
+        detection.fruit, detection.T_camera_object, detection.frame.intrinsics, using=using
+    )
+    R = detection.T_base_camera[:3, :3]
+    covariance = np.zeros((6, 6))
+    covariance[:3, :3] = R @ detection.covariance[3:, 3:] @ R.T
+    return MeasuredFruit(
+        fruit=detection.fruit,
+        T_base_fruit=detection.T_base_camera @ detection.T_camera_object,
+        T_base_camera=detection.T_base_camera,
+        dimensions=detection.fruit.dimensions.copy(),
+        mu=1.0,
+        sigma=0.0,
+        covariance=covariance,
+        inlier_ratio=0.0,
+        residual=0.0,
+        contour=outline(virtual_depth, box),
+        frame=detection.frame,
+        method="none",
+    )

@@ -1,0 +1,252 @@
+"""True size and position of a detected fruit from depth."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.interfaces import Intrinsics
+from skills.perception.refinement.checks import check_depth, check_pose, extents
+from skills.perception.refinement.errors import AtBound, SizeOutOfRange, TooFewInliers
+from skills.perception.refinement.gather import Look, gather, gather_others, near_model
+from skills.perception.refinement.paper import fit_scale_by_rendering, sigma_bound
+from skills.perception.refinement.render import DepthImage, ImageBox, RendererName, Triangles, render_depth
+from skills.perception.refinement.scale_fit import ScaleFit, fit_scale
+from skills.perception.refinement.shape_fit import RIGID, Priors, ShapeFit, fit_shape
+from skills.perception.refinement.starts import Judge, best_of_starts, other_starts
+from skills.perception.refinement.support_plane import Plane
+
+Float64 = NDArray[np.float64]
+Method = Literal["shape", "uniform", "paper"]
+
+_LEAST_POINTS = 150
+_LEAST_AGREEMENT = 0.8
+"""A stretched model must agree with at least this share of the pixels that the scaled one agreed with."""
+
+_THROUGH = 2.0
+_MOST_THROUGH = 0.1
+"""A stretched model is refused when the camera sees through more than this share of it, by so many bands."""
+
+_UNMODELLED = np.array([0.01, 0.01, 0.01, 0.008, 0.02, 0.008])
+"""Standard deviations of what no stretched model explains (lobes, dents, one shoulder higher than the other, the turn
+about the axis) in place and dimensions, of the mean dimension."""
+
+_MISPLACED = 0.02
+_PROPORTIONS = np.array([0.03, 0.09, 0.03])
+"""Standard deviations of a scaled model's place and dimensions, since fruit differ in proportions; of the size."""
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """What is accepted as a measurement.
+
+    Attributes:
+        inlier_band: half-width of the band in which depth agrees with the model [m].
+        min_inliers: least share of the measured pixels that must agree.
+        size: least and largest size relative to the model.
+    """
+
+    inlier_band: float = 4e-3
+    min_inliers: float = 0.25
+    size: tuple[float, float] = (0.4, 1.6)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RefineResult:
+    """A fruit's refined pose and size, in the camera frame.
+
+    Attributes:
+        T_camera_object: pose of the refined shape's cuboid.
+        dimensions: (d_x, d_y, d_z) [m], shape (3,).
+        mu, sigma: scale factor and displacement [m] of the uniform fit (the paper's).
+        covariance: of (position in the camera frame, dimensions), shape (6, 6) [m²].
+        inlier_ratio: share of the refined model's measured pixels whose depth agrees.
+        residual: root mean square of the inliers' depth residuals [m].
+        box: part of the image that the next two cover.
+        inliers: pixels that agree, bool, shape `box.shape`.
+        virtual_depth: the refined model's z-depth, float32, shape `box.shape` [m]; 0 outside it.
+        method: the formulation that gave the result: paper, uniform, shape, shape+plane; `+views` with other looks.
+    """
+
+    T_camera_object: Float64
+    dimensions: Float64
+    mu: float
+    sigma: float
+    covariance: Float64
+    inlier_ratio: float
+    residual: float
+    box: ImageBox
+    inliers: NDArray[np.bool_]
+    virtual_depth: DepthImage
+    method: str
+
+
+def refine(
+    depth: DepthImage,
+    intrinsics: Intrinsics,
+    T_camera_object: Float64,
+    mesh: Triangles,
+    *,
+    method: Method = "shape",
+    support: Plane | None = None,
+    looks: Sequence[Look] = (),
+    limits: Limits | None = None,
+    priors: Priors | None = None,
+    using: RendererName = "pyrender",
+) -> RefineResult:
+    """Measure a fruit whose pose was estimated as if it had the size of its CAD model.
+
+    Args:
+        depth: z-depth, shape (h, w) [m]; 0 or not finite where the sensor saw nothing.
+        intrinsics: of the depth image.
+        T_camera_object: the detector's pose of the CAD-sized model (the paper's p_hat and Q_hat).
+        mesh: the CAD model, watertight, its origin in the centre of its cuboid; a `FruitModel` is one.
+        method: shape - height, widths and tilt by themselves, where the depth supports it, else uniform;
+            uniform - the closed form with one render; paper - the same optimum by repeated rendering.
+        support: the plane that the fruit stands on, in the camera frame, where one is known; used by shape.
+        looks: other looks at the same fruit; used by shape and uniform.
+        limits: what is accepted as a measurement.
+        priors: what shape knows beforehand about fruit.
+        using: name of the renderer.
+
+    Raises:
+        RefineError: `BadDepth`, `BadMesh`, `BadPose` for what is no depth image of this camera, no mesh, no pose;
+            `NoDepth`, `TooFewInliers`, `SizeOutOfRange`, `AtBound`, `RenderFailed` where there is no measurement.
+    """
+    limits = limits or Limits()
+    check_depth(depth, intrinsics)
+    for look in looks:
+        check_depth(look.depth, look.intrinsics)
+        check_pose(look.T_camera_look)
+    check_pose(T_camera_object)
+    model_dimensions = extents(mesh)
+
+    def scaled_from(T_start: Float64) -> RefineResult:
+        virtual_depth, box = render_depth(mesh, T_start, intrinsics, using=using)
+        measured = depth[box.slices]
+        if method == "paper":
+            fit = fit_scale_by_rendering(
+                measured, mesh, T_start, intrinsics, box, inlier_band=limits.inlier_band, using=using
+            )
+        else:
+            fit = fit_scale(measured, virtual_depth, limits.inlier_band)
+        return _scaled(fit, T_start, model_dimensions, virtual_depth, box, limits, method)
+
+    def fitted(scaled: RefineResult) -> RefineResult:
+        return _fitted(depth, intrinsics, mesh, scaled, method, support, looks, limits, priors, using)
+
+    if method == "paper" or (method == "uniform" and not looks):
+        return scaled_from(T_camera_object)
+    if method == "uniform":
+        return fitted(scaled_from(T_camera_object))
+    judge = Judge(depth, limits.inlier_band, model_dimensions, (priors or Priors()).aspect)
+    return best_of_starts(scaled_from, fitted, judge, T_camera_object, other_starts(T_camera_object, support))
+
+
+def _scaled(
+    fit: ScaleFit,
+    T_camera_object: Float64,
+    model_dimensions: Float64,
+    virtual_depth: DepthImage,
+    box: ImageBox,
+    limits: Limits,
+    method: str,
+) -> RefineResult:
+    """The model moved and scaled by a fit (eqs. position-update and scale-update), if that is acceptable."""
+    p_hat = T_camera_object[:3, 3]
+    sigma = (1.0 - fit.mu) * float(np.linalg.norm(p_hat))
+    bound = sigma_bound(p_hat)
+    if fit.inlier_ratio < limits.min_inliers:
+        raise TooFewInliers(fit.inlier_ratio, limits.min_inliers)
+    if abs(sigma) >= 0.999 * bound:
+        raise AtBound(sigma, bound)
+    if not limits.size[0] <= fit.mu <= limits.size[1]:
+        raise SizeOutOfRange(fit.mu, *limits.size)
+    T_refined = T_camera_object.copy()
+    T_refined[:3, 3] = fit.mu * p_hat
+    dimensions = fit.mu * model_dimensions
+    change = np.concatenate([p_hat, model_dimensions])
+    unlike_model = np.concatenate([np.full(3, _MISPLACED * dimensions.mean()), _PROPORTIONS * dimensions])
+    return RefineResult(
+        T_camera_object=T_refined,
+        dimensions=dimensions,
+        mu=fit.mu,
+        sigma=sigma,
+        covariance=fit.variance * np.outer(change, change) + np.diag(unlike_model**2),
+        inlier_ratio=fit.inlier_ratio,
+        residual=fit.residual,
+        box=box,
+        inliers=fit.inliers,
+        virtual_depth=np.float32(fit.mu) * virtual_depth,
+        method="paper" if method == "paper" else "uniform",
+    )
+
+
+def _fitted(
+    depth: DepthImage,
+    intrinsics: Intrinsics,
+    mesh: Triangles,
+    scaled: RefineResult,
+    method: str,
+    support: Plane | None,
+    looks: Sequence[Look],
+    limits: Limits,
+    priors: Priors | None,
+    using: RendererName,
+) -> RefineResult:
+    """The model stretched onto the points of all looks; the scaled one where they do not support it."""
+    points, plane = gather(depth, intrinsics, scaled.box, scaled.virtual_depth, scaled.inliers, support)
+    T_scaled = scaled.T_camera_object.copy()
+    T_scaled[:3, :3] *= scaled.mu
+    others = gather_others(looks, mesh, T_scaled, plane, limits.inlier_band, using)
+    cloud = near_model([points, *others], mesh, T_scaled)
+    if len(cloud.points) < _LEAST_POINTS:
+        return scaled
+    fit = fit_shape(
+        cloud,
+        mesh,
+        scaled.T_camera_object,
+        scaled.mu,
+        support=plane if support is not None else None,
+        band=limits.inlier_band,
+        priors=RIGID if method == "uniform" else priors,
+    )
+    T_fitted = fit.T_camera_object.copy()
+    T_fitted[:3, :3] *= fit.stretch
+    virtual_depth, box = render_depth(mesh, T_fitted, intrinsics, using=using)
+    measured = depth[box.slices]
+    valid = (virtual_depth > 0.0) & np.isfinite(measured) & (measured > 0.0)
+    difference = np.where(valid, measured - virtual_depth, np.inf)
+    inliers = np.abs(difference) <= limits.inlier_band
+    agreeing = np.count_nonzero(inliers)
+    through = np.count_nonzero(difference[valid] > _THROUGH * limits.inlier_band)
+    if (
+        agreeing < _LEAST_AGREEMENT * np.count_nonzero(scaled.inliers)
+        or through > _MOST_THROUGH * np.count_nonzero(valid)
+        or not (limits.size[0] <= fit.stretch.min() and fit.stretch.max() <= limits.size[1])
+    ):
+        return scaled
+    dimensions = fit.stretch * extents(mesh)
+    return replace(
+        scaled,
+        T_camera_object=fit.T_camera_object,
+        dimensions=dimensions,
+        covariance=_covariance(fit, dimensions),
+        inlier_ratio=agreeing / np.count_nonzero(valid),
+        residual=float(np.sqrt(np.mean(difference[inliers] ** 2))),
+        box=box,
+        inliers=inliers,
+        virtual_depth=virtual_depth,
+        method=method + ("+plane" if fit.on_support else "") + ("+views" if others else ""),
+    )
+
+
+def _covariance(fit: ShapeFit, dimensions: Float64) -> Float64:
+    """Of (position, dimensions): of the fit, and of what it does not model."""
+    to_size = np.diag(np.concatenate([np.ones(3), dimensions]))
+    covariance: Float64 = to_size @ fit.covariance @ to_size
+    return covariance + np.diag((_UNMODELLED * dimensions.mean()) ** 2)

@@ -1,0 +1,239 @@
+"""Height, widths, place and tilt of a fruit from measured points: beyond one scale for all directions.
+
+The model is stretched along its own axes by three factors, made higher on one side than on the other, tilted about its
+two horizontal axes and moved, until the measured points lie on its surface (Gauss-Newton on point-to-plane distances,
+Tukey's weights, a band that narrows). What the points leave open is settled by priors: how far fruit of one kind differ
+in proportions and in tilt from what the detector said, that a fruit is about round, and, where one is known, that it
+stands on its support.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skills.geometry import rotation_about
+from skills.perception.refinement.cloud import Cloud
+from skills.perception.refinement.form import Form
+from skills.perception.refinement.render import Triangles
+from skills.perception.refinement.support_plane import Plane
+from skills.perception.refinement.surface import surface_of
+
+Float64 = NDArray[np.float64]
+
+_NARROWING = (3.0, 3.0, 2.0, 2.0, 1.5, 1.5)
+"""The band of the first steps, in final bands."""
+
+_STANDING = 0.05
+"""Standard deviation of the gap to its support that a fruit which stands on it may seem to have, of its height."""
+
+_PATCHES = 80
+"""So many parts of the visible surface deviate from the model independently: a lobe or a dent is some 10 mm wide."""
+
+_MAX_STEPS = 25
+_MAX_POINTS = 1000
+_MAX_TURN = 0.3
+_MAX_STRETCH = 0.2
+_MAX_LEAN = 0.05
+
+
+@dataclass(frozen=True, slots=True)
+class Priors:
+    """Standard deviations of what is known before a point is measured.
+
+    Attributes:
+        place: of the centre against that of the scaled model, in each direction [m].
+        size: of the mean of ln stretch against ln mu of the scaled model.
+        aspect: of ln(height / mean width), relative to the model's.
+        roundness: of ln(d_x / d_z), relative to a round fruit when the model is nearly round, else to the model's.
+        lean: by how much the height differs at the sides, relative.
+        tilt: of the stem axis against the detection, about each horizontal axis [rad].
+        contact: of the distance between the support and the fruit's lowest point [m].
+        texture: of the surface against the stretched model, from patch to patch [m].
+    """
+
+    place: float = 0.01
+    size: float = 0.15
+    aspect: float = 0.12
+    roundness: float = 0.03
+    lean: float = 0.04
+    tilt: float = 0.17
+    contact: float = 1e-3
+    texture: float = 5e-4
+
+
+RIGID = Priors(aspect=1e-4, roundness=1e-4, lean=1e-4, tilt=1e-4)
+"""Only the place and one scale for all directions are free."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ShapeFit:
+    """A stretched, tilted and moved model.
+
+    Attributes:
+        T_camera_object: pose of the fruit's cuboid.
+        stretch: dimensions of the cuboid over the model's, shape (3,).
+        covariance: of (position, ln stretch), shape (6, 6).
+        share: share of the given points that support it.
+        on_support: whether the contact with the support was used.
+    """
+
+    T_camera_object: Float64
+    stretch: Float64
+    covariance: Float64
+    share: float
+    on_support: bool
+
+
+class _Normal:
+    """Normal equations H x = b of weighted residuals, for x = (move 3, tilt about x and z, ln stretch 3, lean 2)."""
+
+    def __init__(self, jacobian: Float64, residual: Float64, weight: Float64) -> None:
+        self.H: Float64 = (jacobian.T * weight) @ jacobian
+        self.b: Float64 = (jacobian.T * weight) @ residual
+
+    def add(self, row: Float64, value: float, deviation: float) -> None:
+        """Expect row · x = value within a standard deviation."""
+        self.H = self.H + np.outer(row, row) / deviation**2
+        self.b = self.b + row * (value / deviation**2)
+
+    def solve(self) -> Float64:
+        return np.asarray(np.linalg.solve(self.H, self.b), dtype=np.float64)
+
+
+def fit_shape(
+    cloud: Cloud,
+    mesh: Triangles,
+    T_camera_object: Float64,
+    mu: float,
+    *,
+    support: Plane | None = None,
+    band: float = 4e-3,
+    priors: Priors | None = None,
+) -> ShapeFit:
+    """Fit the stretched model to points.
+
+    Args:
+        cloud: measured points, mostly the fruit's; others are left out as they turn out not to fit.
+        mesh: the CAD model.
+        T_camera_object: where to start, with the model scaled by `mu`; its axis is what the tilt is measured from.
+        mu: uniform scale to start with.
+        support: the plane that the fruit stands on; used if the fruit turns out to reach it.
+        band: half-width of the band about the surface in which points count, at the end [m].
+        priors: what is known beforehand.
+    """
+    priors = priors or Priors()
+    cloud = cloud.thinned(_MAX_POINTS)
+    state = _State(T_camera_object.copy(), Form.scaled(mesh, mu))
+    start = _State(T_camera_object, state.form)
+    equations, share = _iterate(cloud, mesh, state, start, band, priors, None, _NARROWING)
+    on_support = False
+    if support is not None:
+        gap, row = _contact(mesh, state, support)
+        doubt = row @ np.linalg.solve(equations.H, row) + (_STANDING * np.ptp(mesh.vertices[:, 1]) * mu) ** 2
+        on_support = bool(gap**2 <= 9.0 * doubt)
+        if on_support:
+            equations, share = _iterate(cloud, mesh, state, start, band, priors, support, ())
+    picked = np.r_[0:3, 5:8]
+    covariance = np.linalg.inv(equations.H)[np.ix_(picked, picked)]
+    centre, dimensions = state.form.cuboid(mesh)
+    if state.form.nearly_round:
+        # Where the cuboid's centre lies beside the axis depends on how the fruit is turned, which cannot be known.
+        centre[[0, 2]] = state.form.stretch[[0, 2]] * surface_of(mesh).points[:, [0, 2]].mean(axis=0)
+    T_cuboid = state.T.copy()
+    T_cuboid[:3, 3] += T_cuboid[:3, :3] @ centre
+    return ShapeFit(T_cuboid, dimensions / np.ptp(mesh.vertices, axis=0), covariance, share, on_support)
+
+
+@dataclass
+class _State:
+    T: Float64
+    form: Form
+
+    def move(self, step: Float64) -> None:
+        tilt = np.array([step[3], 0.0, step[4]])
+        angle = float(np.linalg.norm(tilt))
+        if angle > 0.0:
+            self.T[:3, :3] = self.T[:3, :3] @ rotation_about(tilt / angle, min(angle, _MAX_TURN))
+        self.T[:3, 3] += step[:3]
+        self.form = self.form.changed(
+            np.clip(step[5:8], -_MAX_STRETCH, _MAX_STRETCH), np.clip(step[8:], -_MAX_LEAN, _MAX_LEAN)
+        )
+
+
+def _iterate(
+    cloud: Cloud,
+    mesh: Triangles,
+    state: _State,
+    start: _State,
+    band: float,
+    priors: Priors,
+    support: Plane | None,
+    narrowing: tuple[float, ...],
+) -> tuple[_Normal, float]:
+    """Step until nothing moves; changes `state`. Returns the last equations and the share of points that count."""
+    for count in range(_MAX_STEPS):
+        reach = band * (narrowing[count] if count < len(narrowing) else 1.0)
+        equations, share = _points_to_surface(cloud, mesh, state, reach, priors.texture)
+        _expect_likeness(equations, state, start, priors)
+        if support is not None:
+            gap, row = _contact(mesh, state, support)
+            equations.add(row, -gap, priors.contact)
+        step = equations.solve()
+        state.move(step)
+        if count >= len(narrowing) and np.abs(step[:3]).max() < 5e-5 and np.abs(step[3:]).max() < 5e-4:
+            break
+    return equations, share
+
+
+def _points_to_surface(
+    cloud: Cloud, mesh: Triangles, state: _State, reach: float, texture: float
+) -> tuple[_Normal, float]:
+    surface, form = surface_of(mesh), state.form
+    R, t = state.T[:3, :3], state.T[:3, 3]
+    _, nearest = surface.tree.query(form.in_model((cloud.points - t) @ R))
+    model = surface.points[nearest]
+    q, n = form.points(model), form.normals(model, surface.normals[nearest])
+    normal = n @ R.T
+    distance = np.einsum("ij,ij->i", normal, cloud.points - t) - np.einsum("ij,ij->i", n, q)
+    slant = np.einsum("ij,ij->i", normal, cloud.rays)
+    counts = (np.abs(distance) < reach) & (slant < 0.1)  # not the far side of the model
+    shared = np.sqrt(max(1.0, np.count_nonzero(counts) / _PATCHES))
+    deviation = np.hypot(cloud.deviation * slant, texture * shared)
+    weight = np.where(counts, (1.0 - (distance / reach) ** 2) ** 2, 0.0) / deviation**2
+    jacobian = np.concatenate(
+        [normal, np.cross(q, n)[:, [0, 2]], n * q, n[:, 1:2] * form.lean_derivative(model)], axis=1
+    )
+    return _Normal(jacobian, distance, weight), float(counts.mean())
+
+
+def _expect_likeness(equations: _Normal, state: _State, start: _State, priors: Priors) -> None:
+    """What fruit of a kind have in common, and what the detection and the uniform scale said."""
+    one = np.eye(10)
+    for row, moved in zip(one[:3], state.T[:3, 3] - start.T[:3, 3], strict=True):
+        equations.add(row, -float(moved), priors.place)
+    axis = state.T[:3, :3].T @ start.T[:3, 1]  # the detected axis as the present object sees it; (0, 1, 0) if alike
+    equations.add(-one[4], float(axis[0]), priors.tilt)
+    equations.add(one[3], float(axis[2]), priors.tilt)
+    ln_x, ln_y, ln_z = np.log(state.form.stretch / start.form.stretch)
+    equations.add((one[5] + one[6] + one[7]) / 3.0, -float(ln_x + ln_y + ln_z) / 3.0, priors.size)
+    equations.add(one[6] - 0.5 * (one[5] + one[7]), 0.5 * float(ln_x + ln_z) - float(ln_y), priors.aspect)
+    model_ratio = float(np.log(state.form.radius[0] / state.form.radius[1]))
+    expected = -model_ratio if state.form.nearly_round and priors is not RIGID else 0.0
+    equations.add(one[5] - one[7], expected - float(ln_x - ln_z), priors.roundness)
+    for row, lean in zip(one[8:], state.form.lean, strict=True):
+        equations.add(row, -float(lean), priors.lean)
+
+
+def _contact(mesh: Triangles, state: _State, support: Plane) -> tuple[float, Float64]:
+    """Height of the lowest point over the support [m], and how it changes with the parameters."""
+    R, t = state.T[:3, :3], state.T[:3, 3]
+    up = R.T @ support.normal
+    on_fruit = state.form.points(mesh.vertices)
+    index = int(np.argmin(on_fruit @ up))
+    lowest = on_fruit[index]
+    gap = float(support.normal @ (R @ lowest + t) + support.offset)
+    leaning = up[1] * state.form.lean_derivative(mesh.vertices[index : index + 1])[0]
+    return gap, np.concatenate([support.normal, np.cross(lowest, up)[[0, 2]], up * lowest, leaning])

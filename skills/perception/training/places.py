@@ -1,0 +1,50 @@
+"""Where the finder sees fruit in the training frames: what its mistakes look like is what the close look must learn."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skills.perception.detection.compact_detector import CompactDetector
+from skills.perception.training.samples import FrameFolder
+
+F64 = NDArray[np.float64]
+
+THRESHOLD = 0.12
+"""Least belief of a place: half of the detector's, since a place that is nearly proposed here is proposed elsewhere."""
+
+
+def find_places(
+    detector: CompactDetector, frames: FrameFolder, progress: Callable[[int, int], None] | None = None
+) -> dict[str, F64]:
+    """Places by frame name: rows (u, v, size [px], belief), (n, 4)."""
+    places = {}
+    for index in range(len(frames)):
+        found = detector.places(frames.picture(index, halved=False), THRESHOLD)
+        rows = [[*place.keypoints[8], place.size, place.belief] for place in found]
+        places[frames.name(index)] = np.array(rows, np.float64).reshape(-1, 4)
+        if progress is not None and (index + 1) % 100 == 0:
+            progress(index + 1, len(frames))
+    return places
+
+
+def save_places(path: Path, places: dict[str, F64]) -> None:
+    """Write places atomically; read them with `load_places`."""
+    part = path.with_suffix(".part.npz")
+    np.savez(
+        part,
+        names=np.array(list(places)),
+        counts=[len(p) for p in places.values()],
+        rows=np.concatenate([np.empty((0, 4)), *places.values()]),
+    )
+    part.replace(path)
+
+
+def load_places(path: Path) -> dict[str, F64]:
+    """What `save_places` wrote."""
+    with np.load(path) as content:
+        ends = np.cumsum(content["counts"])
+        return dict(zip(content["names"].tolist(), np.split(content["rows"], ends[:-1]), strict=True))

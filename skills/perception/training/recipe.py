@@ -1,0 +1,160 @@
+"""From nothing to shipped weights: render, train both networks, write one weights file and a report."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from skills.perception.detection.compact_detector import CompactDetector
+from skills.perception.detection.compact_network import CloseLookNetwork, FinderNetwork
+from skills.perception.detection.weights import save_compact
+from skills.perception.synthetic.dataset import render_dataset
+from skills.perception.synthetic.options import WITHOUT_TREES, SceneOptions
+from skills.perception.training.loop import Fall, Progress, Schedule
+from skills.perception.training.places import find_places, save_places
+from skills.perception.training.samples import FrameFolder
+from skills.perception.training.train import Part, TrainingRun, train_part
+
+LEAST_SHARE = 8
+"""A process that learns has at least this part of a batch: statistics of fewer pictures say little."""
+
+
+@dataclass(frozen=True, slots=True)
+class Stage:
+    """One stretch of training; a later stage of a network starts from the averaged weights of the one before.
+
+    Attributes:
+        part: which network.
+        steps, rate, batch, fall: as in `Schedule` and `TrainingRun`.
+        turned: share of the close looks that are turned anyhow about their axis.
+        sets: how many of the recipe's sets of frames are learnt from, from the first on.
+    """
+
+    part: Part
+    steps: int
+    rate: float
+    batch: int
+    turned: float = 0.0
+    fall: Fall = "cosine"
+    sets: int = 1
+
+
+@dataclass(frozen=True, slots=True)
+class FrameSet:
+    """Rendered frames: how many, of which seed, and how often each kind of scene appears, as in `SceneOptions`."""
+
+    frames: int
+    seed: int
+    kinds: tuple[float, float, float, float] = SceneOptions().kinds
+
+
+@dataclass(frozen=True, slots=True)
+class Recipe:
+    """How a fruit's weights are made.
+
+    Attributes:
+        sets: frames to learn from.
+        held_out: frames to validate on.
+        stages: in order.
+    """
+
+    sets: tuple[FrameSet, ...]
+    held_out: FrameSet
+    stages: tuple[Stage, ...]
+
+
+SHIPPED = Recipe(
+    # What is trained on and what is only measured on never share a seed.
+    sets=(FrameSet(16_000, 1, WITHOUT_TREES), FrameSet(8_000, 2, (0.25, 0.25, 0.0, 0.5))),
+    held_out=FrameSet(400, 9001, WITHOUT_TREES),
+    stages=(
+        Stage("finder", 1600, 3e-3, 16),
+        # Upright looks alone teach where stems mostly are, not what they look like; too many turned ones turn over
+        # fruit that stands (docs/decisions/detect-network.md).
+        Stage("close_look", 6200, 3e-3, 192, turned=0.2, fall="late"),
+        # The same once more, with trees among the frames and more heaps, where most was still wrong.
+        Stage("finder", 1500, 3e-3, 16, sets=2),
+        Stage("close_look", 5900, 3e-3, 192, turned=0.2, fall="late", sets=2),
+    ),
+)
+"""What `make train-detect` carries out; how the weights in the repository came about is in docs/model_cards."""
+
+Say = Callable[[str, Progress], None]
+
+
+def make_weights(
+    out: Path,
+    work: Path,
+    fruit: str = "apple",
+    recipe: Recipe = SHIPPED,
+    device: str = "cpu",
+    workers: int = 2,
+    data: Path | None = None,
+    rendered: Callable[[int, int], None] | None = None,
+    say: Say | None = None,
+) -> Path:
+    """Carry out a recipe; what an earlier call left in `work` is kept and gone on with.
+
+    Args:
+        out: the weights file.
+        work: folder for frames and checkpoints.
+        fruit: name in the catalogue.
+        recipe: what to do.
+        device: "cpu" or "cuda".
+        workers: processes that render, and prepare batches or, on a CPU, learn.
+        data: folder of frames made before, for all stages; None renders the recipe's into `work`.
+        rendered: called with (frames done, frames in all).
+        say: called with the stage's name and its progress.
+
+    Returns:
+        `out`.
+    """
+    held_out = work / "held_out"
+    folders = (data,) if data else tuple(work / f"frames_{k}" for k in range(len(recipe.sets)))
+    render_set(held_out, recipe.held_out, fruit, workers)
+    if data is None:
+        for folder, frames in zip(folders, recipe.sets, strict=True):
+            render_set(folder, frames, fruit, workers, rendered)
+    networks: dict[str, Any] = {"finder": FinderNetwork(), "close_look": CloseLookNetwork()}
+    made_by: dict[str, int] = {}  # the stage that last taught each network
+    for number, stage in enumerate(recipe.stages):
+        learnt_from, places = folders[: stage.sets], None
+        if stage.part == "close_look":
+            places = work / f"places_{made_by['finder']}_{len(learnt_from)}.npz"
+            if not places.is_file():
+                detector = CompactDetector(networks["finder"].cpu(), networks["close_look"])
+                save_places(places, find_places(detector, FrameFolder(list(learnt_from)), rendered))
+        run = TrainingRun(
+            stage.part,
+            learnt_from,
+            held_out,
+            work / f"stage_{number}",
+            stage.batch,
+            Schedule(stage.steps, stage.rate, stage.fall),
+            seed=number,
+            places=places,
+            start_from=networks[stage.part].state_dict() if stage.part in made_by else None,
+            device=device,
+            # A GPU waits for its batches; on a CPU the network itself needs the cores.
+            workers=workers if device == "cuda" else 1,
+            processes=1 if device == "cuda" else max(1, min(workers, stage.batch // LEAST_SHARE)),
+            turned=stage.turned,
+        )
+        name = f"{stage.part} {number + 1}/{len(recipe.stages)}"
+        networks[stage.part] = train_part(run, None if say is None else lambda p, name=name: say(name, p))  # type: ignore[misc]
+        made_by[stage.part] = number
+    about = {"fruit": fruit, "recipe": repr(recipe), "torch": str(torch.__version__)}
+    save_compact(out, networks["finder"].cpu(), networks["close_look"].cpu(), about)
+    return out
+
+
+def render_set(
+    folder: Path, frames: FrameSet, fruit: str, workers: int, rendered: Callable[[int, int], None] | None = None
+) -> None:
+    """Render a set of frames into a folder; those that are there already are kept."""
+    options = SceneOptions(kinds=frames.kinds)
+    render_dataset(folder, frames.frames, frames.seed, fruit, options, workers=workers, progress=rendered)

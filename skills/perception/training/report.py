@@ -1,0 +1,73 @@
+"""The report of a training run: figures, and pictures of belief maps and cuboids over held-out frames."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from skills.perception.detection.compact_detector import CompactDetector
+from skills.perception.detection.evaluation import Evaluation, evaluate, table
+from skills.perception.detection.instances import find_instances
+from skills.perception.fruit import FruitModel, load_fruit
+from skills.perception.training.samples import FrameFolder
+
+U8 = NDArray[np.uint8]
+
+_EDGES = ((0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7))
+_PICTURES = 6
+
+
+def write_report(weights: Path, held_out: Path, out: Path, fruit: str = "apple", frames: int = 200) -> Evaluation:
+    """Measure weights on held-out frames and write report.md with pictures beside it.
+
+    Args:
+        weights: file of the compact detector.
+        held_out: folder of annotated frames that were not trained on.
+        out: folder for the report; made when missing.
+        fruit: name in the catalogue.
+        frames: how many frames are measured.
+    """
+    out.mkdir(parents=True, exist_ok=True)
+    detector = CompactDetector.load(weights)
+    folder = FrameFolder([held_out])
+    model = load_fruit(fruit)
+    result = evaluate(detector, folder, model, frames)
+    lines = [
+        f"# Training report: {fruit}",
+        "",
+        f"Weights `{weights.name}`, {result.frames} held-out frames.",
+        "",
+        table(result),
+        "",
+    ]
+    for k in range(min(_PICTURES, len(folder))):
+        name = f"frame_{k}.jpg"
+        fx, fy, cx, cy = folder.annotation(k).camera
+        K = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
+        cv2.imwrite(str(out / name), draw(detector, folder.picture(k, halved=False), K, model)[..., ::-1])
+        lines.append(f"![Held-out frame {k}: cuboids on the left, belief on the right]({name})")
+    (out / "report.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return result
+
+
+def draw(detector: CompactDetector, colour: U8, K: NDArray[np.float64], fruit: FruitModel, score: float = 0.5) -> U8:
+    """A frame with its cuboids beside the same frame under its belief maps, (h, 2 w, 3) uint8 RGB."""
+    instances = find_instances(detector, colour, K, fruit)
+    belief, _, _ = detector.belief_maps(colour)
+    cuboids = colour.copy()
+    for instance in instances:
+        if instance.score < score:
+            continue
+        points = np.round(instance.keypoints).astype(int)
+        for a, b in _EDGES:
+            top = {a, b} <= {0, 1, 4, 5}
+            cv2.line(cuboids, points[a].tolist(), points[b].tolist(), (255, 255, 0) if top else (0, 255, 255), 1)
+        cv2.circle(cuboids, points[8].tolist(), 3, (255, 0, 255), -1)
+    height, width = colour.shape[:2]
+    heat = np.stack([belief[8], belief[:8].max(axis=0), np.zeros_like(belief[0])], axis=-1)
+    heat = cv2.resize(np.clip(heat, 0.0, 1.0), (width, round(width * heat.shape[0] / heat.shape[1])))[:height]
+    glowing = np.clip(0.45 * colour[: len(heat)] + 200.0 * heat, 0, 255).astype(np.uint8)
+    return np.hstack([cuboids[: len(heat)], glowing])

@@ -1,0 +1,284 @@
+"""Training batches from a folder of annotated frames; batch k is a function of (seed, k) alone."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import cv2
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+from torch.utils.data import Dataset
+
+from skills.perception.detection.annotations import AnnotatedObject, Annotation, read_annotation
+from skills.perception.detection.close_look import REFERENCE_LENGTH, Look, keypoint_size, look_at
+from skills.perception.detection.compact_network import CLOSE_LOOK_SIZE, FINDER_STRIDE
+from skills.perception.detection.cuboid import MIRRORED
+from skills.perception.detection.dope_network import IMAGENET_MEAN, IMAGENET_STD, STRIDE
+from skills.perception.detection.errors import BadTraining
+from skills.perception.training.augmentation import change_look, cover
+from skills.perception.training.targets import dope_targets, finder_targets
+
+U8 = NDArray[np.uint8]
+F64 = NDArray[np.float64]
+
+FINDER_INPUT = (240, 320)
+"""Height and width of the finder's input [px]."""
+
+
+class FrameFolder:
+    """Pictures and annotations of one or more data folders, found once."""
+
+    def __init__(self, folders: list[Path]) -> None:
+        self.pictures = [
+            picture
+            for folder in folders
+            for annotation in sorted(folder.glob("*.json"))
+            if (picture := _picture_of(annotation)) is not None
+        ]
+        if not self.pictures:
+            raise BadTraining(f"no annotated frames in {', '.join(map(str, folders))}")
+
+    def __len__(self) -> int:
+        return len(self.pictures)
+
+    def name(self, index: int) -> str:
+        """The frame's name in all folders: folder and picture without ending."""
+        picture = self.pictures[index]
+        return f"{picture.parent.name}/{picture.stem}"
+
+    def annotation(self, index: int) -> Annotation:
+        return read_annotation(self.pictures[index].with_suffix(".json"))
+
+    def picture(self, index: int, halved: bool) -> U8:
+        """RGB picture, at half size where `halved`."""
+        flag = cv2.IMREAD_REDUCED_COLOR_2 if halved else cv2.IMREAD_COLOR
+        return _read(self.pictures[index], flag)
+
+
+class FinderBatches(Dataset[tuple[Tensor, ...]]):
+    """Batches for the finder: pictures (n, h, w, 3) uint8, belief, its weight, offsets, their weight."""
+
+    def __init__(self, frames: FrameFolder, batch: int, seed: int, steps: int, augment: bool = True) -> None:
+        self.frames, self.batch, self.seed, self.steps, self.augment = frames, batch, seed, steps, augment
+
+    def __len__(self) -> int:
+        return self.steps
+
+    def __getitem__(self, step: int) -> tuple[Tensor, ...]:
+        cv2.setNumThreads(1)
+        rng = np.random.default_rng((self.seed, step))
+        samples = [self._sample(int(i), rng) for i in _indices(self, rng, step)]
+        return tuple(torch.from_numpy(np.stack(part)) for part in zip(*samples, strict=True))
+
+    def _sample(self, index: int, rng: np.random.Generator) -> tuple[NDArray[np.generic], ...]:
+        annotation = self.frames.annotation(index)
+        picture = self.frames.picture(index, halved=True)
+        height, width = FINDER_INPUT
+        scale = width / annotation.width
+        # Pixel centres are at integers: half a pixel of shift on halving.
+        keypoints = (
+            np.array([item.keypoints for item in annotation.objects]).reshape(-1, 9, 2) * scale + (scale - 1) / 2
+        )
+        visibility = np.array([item.visibility for item in annotation.objects])
+        if picture.shape[:2] != FINDER_INPUT:
+            picture = cv2.resize(picture, (width, height), interpolation=cv2.INTER_AREA)
+        if self.augment:
+            picture, keypoints, visibility = _move(picture, keypoints, visibility, rng)
+            picture = cover(change_look(picture, rng), rng, 0.2, (0.03, 0.18))
+        stride = FINDER_STRIDE
+        cells = (keypoints + 0.5) / stride - 0.5
+        return (picture, *finder_targets(cells, visibility, height // stride, width // stride))
+
+
+def _move(picture: U8, keypoints: F64, visibility: F64, rng: np.random.Generator) -> tuple[U8, F64, F64]:
+    """Mirror, scale, shift; borders are filled with one colour, since reflected ones would show unlabelled fruit."""
+    h, w = picture.shape[:2]
+    if rng.random() < 0.5:
+        picture = np.ascontiguousarray(picture[:, ::-1])
+        keypoints = keypoints[:, MIRRORED, :] * (-1.0, 1.0) + (w - 1.0, 0.0)
+    if rng.random() < 0.6:
+        size = np.exp(rng.uniform(np.log(0.6), np.log(1.35)))
+        shift = np.array([w, h]) * (0.5 * (1.0 - size) + rng.uniform(-0.5, 0.5, 2) * abs(1.0 - size))
+        matrix = np.array([[size, 0.0, shift[0]], [0.0, size, shift[1]]])
+        colour = [int(c) for c in rng.integers(0, 256, 3)]
+        flag = cv2.INTER_AREA if size < 1.0 else cv2.INTER_LINEAR
+        picture = cv2.warpAffine(picture, matrix, (w, h), flags=flag, borderValue=colour)
+        keypoints = keypoints * size + shift
+        outside = (keypoints[:, 8] < 0.0).any(axis=1) | (keypoints[:, 8] > (w - 1.0, h - 1.0)).any(axis=1)
+        visibility = np.where(outside, 0.5 * visibility, visibility)
+    return picture, keypoints, visibility
+
+
+DOPE_INPUT = 400
+"""Side of the square pictures on which the full network learns [px]; its maps are 50 x 50 then."""
+
+
+class DopeBatches(Dataset[tuple[Tensor, ...]]):
+    """Batches for the full network: normalised pictures (n, 3, 400, 400), belief and affinity maps."""
+
+    def __init__(self, frames: FrameFolder, batch: int, seed: int, steps: int, augment: bool = True) -> None:
+        self.frames, self.batch, self.seed, self.steps, self.augment = frames, batch, seed, steps, augment
+
+    def __len__(self) -> int:
+        return self.steps
+
+    def __getitem__(self, step: int) -> tuple[Tensor, ...]:
+        cv2.setNumThreads(1)
+        rng = np.random.default_rng((self.seed, step, 2))
+        samples = [self._sample(int(i), rng) for i in _indices(self, rng, step)]
+        return tuple(torch.from_numpy(np.stack(part)) for part in zip(*samples, strict=True))
+
+    def _sample(self, index: int, rng: np.random.Generator) -> tuple[NDArray[np.generic], ...]:
+        """A square cut at a random place and angle, as DOPE's crop and rotation augmentations do."""
+        annotation, side = self.frames.annotation(index), DOPE_INPUT
+        picture = self.frames.picture(index, halved=False)
+        height, width = picture.shape[:2]
+        angle = rng.uniform(-0.5, 0.5) * np.pi if self.augment else 0.0
+        size = side / height * (rng.uniform(0.8, 1.4) if self.augment else 1.0)
+        place = np.array([rng.uniform(0.3, 0.7) * width if self.augment else 0.5 * width, 0.5 * height])
+        turn = size * np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+        matrix = np.column_stack([turn, 0.5 * (side - 1) - turn @ place])
+        picture = cv2.warpAffine(picture, matrix, (side, side), flags=cv2.INTER_LINEAR)
+        if self.augment:
+            picture = change_look(np.asarray(picture, np.uint8), rng)
+        keypoints = np.array([item.keypoints for item in annotation.objects]).reshape(-1, 9, 2)
+        cells = (keypoints @ turn.T + matrix[:, 2] + 0.5) / STRIDE - 0.5
+        visibility = np.array([item.visibility for item in annotation.objects])
+        normal = ((picture / 255.0 - np.array(IMAGENET_MEAN)) / np.array(IMAGENET_STD)).astype(np.float32)
+        belief, affinity = dope_targets(cells, visibility, side // STRIDE, side // STRIDE)
+        return np.ascontiguousarray(normal.transpose(2, 0, 1)), belief, affinity
+
+
+class CloseLookBatches(Dataset[tuple[Tensor, ...]]):
+    """Batches for the second look.
+
+    Each holds pictures (n, 96, 96, 3) uint8, targets (n, 6): centroid and log size in half sides, stem axis in the
+    frame of the ray; kind (n,) with 1 fruit and 0 not fruit; and visibility (n,).
+
+    Args:
+        places: where the finder sees fruit in each frame, rightly or wrongly; empty without a finder.
+        turned: share of the looks that are turned anyhow about their axis; the others are nearly upright.
+    """
+
+    def __init__(
+        self,
+        frames: FrameFolder,
+        batch: int,
+        seed: int,
+        steps: int,
+        augment: bool = True,
+        places: Mapping[str, F64] | None = None,
+        turned: float = 0.0,
+    ) -> None:
+        self.frames, self.batch, self.seed, self.steps, self.augment = frames, batch, seed, steps, augment
+        self.places, self.turned = places or {}, turned
+
+    def __len__(self) -> int:
+        return self.steps
+
+    def __getitem__(self, step: int) -> tuple[Tensor, ...]:
+        cv2.setNumThreads(1)
+        rng = np.random.default_rng((self.seed, step, 1))
+        samples: list[tuple[NDArray[np.generic], ...]] = []
+        while len(samples) < self.batch:
+            samples += self._samples(int(rng.integers(len(self.frames))), rng)
+        chosen = samples[: self.batch]
+        return tuple(torch.from_numpy(np.stack(part)) for part in zip(*chosen, strict=True))
+
+    def _samples(self, index: int, rng: np.random.Generator) -> list[tuple[NDArray[np.generic], ...]]:
+        annotation, picture = self.frames.annotation(index), self.frames.picture(index, halved=False)
+        fx, fy, cx, cy = annotation.camera
+        K = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
+        seen = [item for item in annotation.objects if item.visibility >= 0.12]
+        samples = []
+        for item in seen:
+            if item.visibility < 0.25 or max(item.box or (0, 0, 1, 1)) < 1:
+                continue
+            size = fx * item.scale * REFERENCE_LENGTH / item.T_camera_object[2, 3]
+            for _ in range(1 if item.visibility < 0.5 else 2):
+                # A further look is aimed by the one before it, three times as well as the first by the finder.
+                doubt = 1.0 if rng.random() < 0.7 else 0.35
+                centre = item.keypoints[8] + rng.normal(0.0, 0.06 * doubt, 2) * size
+                look = look_at(K, centre, size * np.exp(rng.normal(0.0, 0.13 * doubt)), self._roll(rng))
+                samples.append(self._look(picture, look, item, rng))
+        for place, size in self._elsewhere(annotation, seen, self.frames.name(index), rng):
+            inside = (place > -0.3 * size).all() and (
+                place < np.array([annotation.width, annotation.height]) + 0.3 * size
+            ).all()
+            if inside and all(not _on_fruit(place, size, item.keypoints) for item in annotation.objects):
+                samples.append(self._look(picture, look_at(K, place, size, self._roll(rng)), None, rng))
+        return samples
+
+    def _roll(self, rng: np.random.Generator) -> float:
+        """The label turns with the look exactly.
+
+        Most fruit is taught as cameras see it; a look that is turned anyhow teaches what a stem looks like, not only
+        where it mostly is.
+        """
+        if not self.augment:
+            return 0.0
+        if self.turned > 0.0 and rng.random() < self.turned:
+            return float(rng.uniform(-np.pi, np.pi))
+        return float(rng.normal(0.0, np.deg2rad(10.0)))
+
+    def _elsewhere(
+        self, annotation: Annotation, seen: list[AnnotatedObject], name: str, rng: np.random.Generator
+    ) -> list[tuple[F64, float]]:
+        """Where a look could be aimed at that is no fruit: what deceives the finder, decoys, beside fruit, anywhere."""
+        wrong = [(row[:2], float(row[2])) for row in self.places.get(name, np.empty((0, 4)))]
+        decoys = [annotation.decoys[k] for k in rng.permutation(len(annotation.decoys))[: 2 if wrong else 4]]
+        wrong += [(np.array([u, v]), max(r, 8.0) * rng.uniform(0.9, 1.6)) for u, v, r in decoys]
+        if rng.random() < 0.4:
+            place = rng.uniform((0.0, 0.0), (annotation.width, annotation.height))
+            wrong.append((place, np.exp(rng.uniform(np.log(18.0), np.log(110.0)))))
+        if seen:  # beside a fruit is not on it
+            item = seen[int(rng.integers(len(seen)))]
+            size, angle = keypoint_size(item.keypoints), rng.uniform(0.0, 2.0 * np.pi)
+            away = rng.uniform(0.55, 1.3) * size * np.array([np.cos(angle), np.sin(angle)])
+            wrong.append((item.keypoints[8] + away, size * np.exp(rng.normal(0.0, 0.4))))
+        return wrong
+
+    def _look(
+        self, picture: U8, look: Look, item: AnnotatedObject | None, rng: np.random.Generator
+    ) -> tuple[NDArray[np.generic], ...]:
+        colour = [int(c) for c in rng.integers(0, 256, 3)] if self.augment and rng.random() < 0.3 else [0, 0, 0]
+        flags, side = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP, (CLOSE_LOOK_SIZE, CLOSE_LOOK_SIZE)
+        view = np.asarray(
+            cv2.warpPerspective(picture, look.picture_from_look, side, flags=flags, borderValue=colour), np.uint8
+        )
+        target = np.zeros(6, np.float32)
+        if item is not None:
+            target[:] = look.label(item.T_camera_object, item.scale)
+        if self.augment and rng.random() < 0.5:
+            view = np.ascontiguousarray(view[:, ::-1])
+            target[[0, 3]] *= -1.0
+        if self.augment:
+            view = cover(change_look(view, rng), rng, 0.08, (0.08, 0.35))
+        visibility = 0.0 if item is None else item.visibility
+        return view, target, np.asarray(np.float32(item is not None)), np.asarray(np.float32(visibility))
+
+
+def _on_fruit(place: F64, size: float, keypoints: F64) -> bool:
+    """Whether a place and size are so near a fruit that calling it wrong would be unfair."""
+    own = keypoint_size(keypoints)
+    return bool(np.linalg.norm(place - keypoints[8]) < 0.5 * max(own, 0.6 * size)) and own < 2.5 * size
+
+
+def _indices(batches: FinderBatches | DopeBatches, rng: np.random.Generator, step: int) -> NDArray[np.int64]:
+    if not batches.augment:
+        return (np.arange(batches.batch) + step * batches.batch) % len(batches.frames)
+    return rng.integers(0, len(batches.frames), batches.batch)
+
+
+def _picture_of(annotation: Path) -> Path | None:
+    return next((p for s in (".jpg", ".png") if (p := annotation.with_suffix(s)).is_file()), None)
+
+
+def _read(path: Path, flag: int) -> U8:
+    picture = cv2.imread(str(path), flag)
+    if picture is None:
+        raise BadTraining(f"{path} cannot be read as a picture")
+    return np.ascontiguousarray(picture[..., ::-1], np.uint8)

@@ -1,0 +1,101 @@
+"""The skill Plan."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from drivers.interfaces import Arm, Gripper, Trajectory, Workspace
+from executive.ports import LENGTH, TIME, Port, Ports
+from executive.skill import Skill, SkillFailure, Work
+from executive.views import Line3, Points3, SceneView
+from skills.motion.grasps.grasp import Grasp, GraspCandidates
+from skills.motion.occupancy import OccupancyMap
+from skills.motion.planning.arm_space import arm_space, usable_field
+from skills.motion.planning.ompl_planners import PLANNERS, Kind
+from skills.motion.planning.plan import PlanRequest, PlanResult
+from skills.motion.robot import RobotModel
+from skills.shared.grasp_view import grasp_picture
+from skills.shared.planning import PLANNING_FAILURES, patience, planned
+from skills.shared.warm_motion import prepare_planning
+
+OPTIMISING = tuple(name for name, planner in PLANNERS.items() if planner.kind is Kind.OPTIMISING)
+
+
+class Plan(Skill):
+    """Plan a timed, checked path from where the arm stands to the pre-grasp of any candidate.
+
+    All candidates' joint solutions are one goal set; the output `grasp` is the candidate that the path leads to. Within
+    the budget a first path is found in milliseconds and then improved. The budget counts iterations, not seconds on the
+    wall, so a seed gives the same path on a loaded machine.
+    """
+
+    inputs = Ports(
+        to=Port(GraspCandidates, help="where to; any candidate will do"),
+        map=Port(OccupancyMap, help="what is in the way; the target is left out of it"),
+        planner=Port(str, default="RRTConnect", choices=tuple(PLANNERS)),
+        improve=Port(str, default="InformedRRTstar", choices=("none", *OPTIMISING), help="for the rest of the budget"),
+        budget=Port(TIME, default="200 ms", min="1 ms", max="60 s", help="planning time on an unloaded core"),
+        clearance=Port(LENGTH, default="10 mm", min="2 mm", help="kept by the links; gripper and fingers keep a share"),
+        map_age=Port(TIME, default="2 min", min="0 s", help="an older map is stale"),
+        direct=Port(bool, default=True, help="try straight joint motions first; the paper does not"),
+    )
+    outputs = Ports(grasp=Grasp, path=Trajectory)
+    devices = (Arm, Gripper, Workspace)
+    failures = (*PLANNING_FAILURES, "MAP_STALE")
+
+    def prepare(self) -> None:
+        prepare_planning(self)
+
+    def run(  # type: ignore[override]
+        self,
+        to: GraspCandidates,
+        map: OccupancyMap,
+        planner: str,
+        improve: str,
+        budget: float,
+        clearance: float,
+        map_age: float,
+        direct: bool,
+    ) -> Work:
+        arm = self.device(Arm)
+        robot = RobotModel.load(arm.description)
+        goals = [(grasp, q) for grasp in to.grasps for q in grasp.q_pre_grasp]
+        field = usable_field(self, map, map_age)
+        target = to.grasps[0].fruit if to.grasps else None
+        width = self.device(Gripper).state().width
+        space = arm_space(arm, self.device(Workspace), field, width, clearance, target=target)
+        request = PlanRequest(
+            space=space,
+            q_start=arm.state().q,
+            q_goals=np.array([q for _, q in goals]).reshape(-1, robot.dof),
+            limits=arm.limits,
+            planner=planner,
+            improve="" if improve == "none" else improve,
+            budget=budget,
+            seed=int(self.rng().integers(2**31)),
+            patience=patience(self, budget),
+            direct=direct,
+        )
+        try:
+            result = yield from planned(self, request)
+        except SkillFailure as failed:
+            candidates = sorted({grasp.index for grasp, _ in goals})
+            reason = failed.failure
+            raise SkillFailure(replace(reason, data={**reason.data, "candidates": candidates})) from failed
+        grasp = goals[result.goal][0]
+        self._show(robot, result, grasp)
+        return {"grasp": grasp, "path": result.path}
+
+    def _show(self, robot: RobotModel, result: PlanResult, grasp: Grasp) -> None:
+        tcp = np.array([robot.tcp(q)[:3, 3] for q in result.path.q[::4]])
+        chosen = Points3(grasp.T_base_pre_grasp[None, :3, 3], f"candidate {grasp.index}", "chosen")
+        caption = (
+            f"{result.found_by}: {result.path.duration:.2f} s to candidate {grasp.index} "
+            f"(θ {np.degrees(grasp.theta):.0f}°, α {np.degrees(grasp.alpha):.0f}°)"
+        )
+        self.publish(
+            "path", SceneView(lines=(Line3(tcp, "planned path", "planned"),), points=(chosen,), caption=caption)
+        )
+        self.publish("grasp", grasp_picture(grasp))

@@ -1,1 +1,0 @@
-"""FirstFrame and NextFrame: go through a folder of recorded frames."""

@@ -1,0 +1,90 @@
+"""The Refine skill."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from typing import Literal
+
+import numpy as np
+
+from drivers.interfaces import Intrinsics, Workspace
+from executive.ports import LENGTH, RATIO, Port, Ports, optional
+from executive.skill import Skill, Work
+from executive.views import ImageView, Line2
+from skills.geometry import transform
+from skills.perception.detection.detection import Detection
+from skills.perception.fruit import load_fruit
+from skills.perception.measured_fruit import MeasuredFruit
+from skills.perception.refinement.errors import RefineError
+from skills.perception.refinement.measure import measure, outline
+from skills.perception.refinement.refinement import Limits, Method
+from skills.perception.refinement.render import RendererName, render_depth
+from skills.perception.refinement.scale_fit import fit_scale
+
+_SMALL_CAMERA = Intrinsics(100.0, 100.0, 50.0, 50.0, 101, 101)
+
+
+class Refine(Skill):
+    """Correct a detection's position and size from the depth image."""
+
+    inputs = Ports(
+        detection=Port(Detection, help="the fruit as the detector saw it, posed as if it had the CAD model's size"),
+        method=Port(
+            str,
+            default="shape",
+            choices=("shape", "uniform", "paper", "none"),
+            help="shape: height and widths apart; uniform: one scale; paper: by repeated rendering; none: as detected",
+        ),
+        earlier=optional(MeasuredFruit, help="the same fruit, measured from another place: its looks are fused in"),
+        inlier_band=Port(LENGTH, default="4 mm", min="0.5 mm", max="50 mm", help="depth within this agrees"),
+        min_inliers=Port(RATIO, default=0.25, min=0.0, max=1.0, help="least share of the depth that must agree"),
+        smallest=Port(RATIO, default=0.4, min=0.01, max=1.0, help="least accepted size relative to the CAD model"),
+        largest=Port(RATIO, default=1.6, min=1.0, max=10.0, help="greatest accepted size relative to the CAD model"),
+        renderer=Port(str, default="pyrender", choices=("pyrender", "zbuffer"), help="what renders virtual depth"),
+    )
+    outputs = Ports(measured=MeasuredFruit)
+    devices = (Workspace,)
+    failures = ("NO_DEPTH", "TOO_FEW_INLIERS", "SIZE_OUT_OF_RANGE", "AT_BOUND", "RENDER_FAILED")
+
+    def prepare(self) -> None:
+        """Importing and compiling what measures takes seconds. A renderer that fails says so when it is used."""
+        with suppress(RefineError):
+            depth, _ = render_depth(load_fruit("apple"), transform(translation=(0.0, 0.0, 0.5)), _SMALL_CAMERA)
+            fit_scale(depth, depth)
+
+    def run(  # type: ignore[override]
+        self,
+        detection: Detection,
+        method: Method | Literal["none"],
+        earlier: MeasuredFruit | None,
+        inlier_band: float,
+        min_inliers: float,
+        smallest: float,
+        largest: float,
+        renderer: RendererName,
+    ) -> Work:
+        table_z = self.device(Workspace).table_z
+        limits = Limits(inlier_band, min_inliers, (smallest, largest))
+        try:
+            measured = yield from self.compute(measure, detection, method, limits, renderer, table_z, earlier)
+        except RefineError as problem:
+            raise self.failure(problem.code, str(problem), **vars(problem)) from problem
+        self.publish("refine", _picture(detection, measured, renderer))
+        return {"measured": measured}
+
+
+def _picture(detection: Detection, measured: MeasuredFruit, using: RendererName) -> ImageView:
+    """The camera's image with the outlines of the model as detected and of the fruit as measured."""
+    detected = outline(
+        *render_depth(detection.fruit, detection.T_camera_object, detection.frame.intrinsics, using=using)
+    )
+    size = " x ".join(f"{1e3 * d:.1f}" for d in measured.dimensions)
+    deviation = 1e3 * float(np.sqrt(np.max(np.diag(measured.covariance)[3:])))
+    return ImageView(
+        image=detection.frame.colour,
+        lines=(
+            Line2(detected, "detected", "muted", closed=True),
+            Line2(measured.contour, "measured", "refined", closed=True),
+        ),
+        caption=f"{measured.method}: {size} mm (+- {deviation:.1f}), {measured.inlier_ratio:.0%} of the depth agrees",
+    )

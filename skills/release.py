@@ -1,0 +1,178 @@
+"""The skill Release."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.interfaces import Arm, ForceSensor, Gripper, Workspace
+from executive.ports import FORCE, LENGTH, SPEED, Port, Ports, optional
+from executive.skill import Work
+from skills.grip.hold import Hold, current_hold, take_over
+from skills.motion.collision import Margins
+from skills.motion.grasps.grasp import Grasp
+from skills.motion.occupancy import OccupancyMap
+from skills.motion.planning.arm_space import ArmSpace, arm_space, usable_field
+from skills.motion.planning.timing import time_curve
+from skills.motion.robot import RobotModel
+from skills.motion.straight_line import straight_line
+from skills.shared.following import MOTION_FAILURES, MovingSkill, Watching
+from skills.shared.grip_view import show_grip
+from skills.shared.moving import POSE_FAILURES, move_to_pose
+from skills.shared.touch import Touch, load, something_between
+from skills.shared.warm_motion import prepare_planning
+
+Float64 = NDArray[np.float64]
+
+ACCELERATION, JERK = 0.5, 5.0
+"""Of lowering and rising [m/s², m/s³]."""
+OPENING_SPEED = 0.03
+"""Of the opening while the fruit is let go [m/s]."""
+NEAR = 0.02
+"""Distance of the fruit from what is known to be below at which lowering slows down [m]."""
+LET_GO = 0.02
+"""How much wider than the fruit the fingers open before they rise [m]."""
+
+
+class _Grounded(Exception):
+    """The fruit touched something below."""
+
+
+class Release(MovingSkill):
+    """Put a held fruit down: lower it until it touches, open gently, rise again.
+
+    The fingers open only after the fruit has met something that carries it. When it meets nothing within `depth`, or
+    before the gripper itself would come too near to something, the fruit stays held and the skill fails: nothing is
+    dropped.
+    """
+
+    inputs = Ports(
+        into=optional(str, "a pose of the cell file to go to first, above where the fruit is put"),
+        variation=Port(int, default=1, min=1, help="1 is the pose itself, 2 its pose_2 and so on, around"),
+        depth=Port(LENGTH, default="150 mm", min="1 mm", help="how far down to look for something that carries it"),
+        grasp=optional(Grasp, "the grasp by which the fruit is held: it is then part of the robot on the way"),
+        hold=optional(Hold, "the grip that goes on until the fruit is let go"),
+        map=optional(OccupancyMap, "what is in the way"),
+        clearance=Port(LENGTH, default="5 mm", min="0 mm", help="kept by the links; gripper and fingers keep a share"),
+        contact=Port(FORCE, default="0.35 N", min="0.1 N", help="change of load that says the fruit is carried"),
+        speed=Port(SPEED, default="0.02 m/s", min="1 mm/s", max="0.1 m/s", help="at which the fruit is put down"),
+        fast=Port(SPEED, default="0.15 m/s", min="1 mm/s", max="0.5 m/s", help="as long as nothing known is near"),
+    )
+    devices = (Arm, Gripper, ForceSensor, Workspace)
+    failures = (*MOTION_FAILURES, *POSE_FAILURES, "NOT_HELD", "NO_CONTACT", "NO_WAY_DOWN")
+
+    def prepare(self) -> None:
+        prepare_planning(self)
+
+    def run(  # type: ignore[override]
+        self,
+        into: str | None,
+        variation: int,
+        depth: float,
+        grasp: Grasp | None,
+        hold: Hold | None,
+        map: OccupancyMap | None,
+        clearance: float,
+        contact: float,
+        speed: float,
+        fast: float,
+    ) -> Work:
+        if not self._held():
+            raise self.failure("NOT_HELD", "there is nothing between the fingers to put down")
+        if into is not None:
+            yield from move_to_pose(self, into, variation, map, grasp, clearance)
+        gripper, before = self.device(Gripper), self._tcp()[2, 3]
+        way = self._vertical(-depth, map, clearance)
+        slow_from = self._near(way, grasp, map, clearance)
+        yield from self._lower((way[: slow_from + 1], fast), (way[slow_from:], speed), hold, contact)
+        width = self._opening(map, clearance)
+        yield from self.move_fingers(width, min(OPENING_SPEED, gripper.limits.speed_max))
+        yield from self._along(self._vertical(before - self._tcp()[2, 3]), fast)
+        return {}
+
+    def _held(self) -> bool:
+        hold = current_hold(self.device(Gripper))
+        if hold is not None:
+            return hold.holds
+        return something_between(self.device(Gripper), self.device(ForceSensor))
+
+    def _lower(
+        self, quickly: tuple[Float64, float], gently: tuple[Float64, float], hold: Hold | None, contact: float
+    ) -> Watching:
+        """Down along two ways with their speeds until the load on the pads changes: something carries the fruit."""
+        before = float(self._tcp()[2, 3])
+        with Touch(self.device(ForceSensor), load) as touch:
+
+            def watch() -> None:
+                if hold is not None:
+                    show_grip(self, hold)
+                if not self._held():
+                    raise self.failure("NOT_HELD", "the fruit was lost on the way down")
+                if touch.change > contact:
+                    take_over(self.device(Gripper))  # or the grip answers the floor's push by pressing harder
+                    raise _Grounded
+
+            try:
+                yield from self._along(*quickly, watch)
+                yield from self._along(*gently, watch)
+            except _Grounded:
+                return
+        lowered = before - float(self._tcp()[2, 3])
+        raise self.failure(
+            "NO_CONTACT", f"the fruit met nothing within {1e3 * lowered:.0f} mm and is still held", lowered_m=lowered
+        )
+
+    def _near(self, way: Float64, grasp: Grasp | None, map: OccupancyMap | None, clearance: float) -> int:
+        """From which posture of the way on the fruit is near to something known; 0 when nothing is known of it."""
+        if grasp is None:
+            return 0
+        space = self._space(map, clearance, grasp)
+        world = space.world.with_margins(Margins(0.0, 0.0, 0.0, NEAR, 0.0))
+        near = np.flatnonzero(~world.free(way, space.width))
+        return int(near[0]) if len(near) else 0
+
+    def _opening(self, map: OccupancyMap | None, clearance: float) -> float:
+        """How wide to open: as much less as it takes not to touch what is beside the fruit."""
+        gripper, q = self.device(Gripper), self.device(Arm).state().q
+        widths = [min(gripper.state().width + LET_GO / part, gripper.limits.width_max) for part in (1, 2, 4)]
+        space = self._space(map, clearance)
+        return next((width for width in widths if space.at_width(width).free(q)), widths[-1])
+
+    def _vertical(self, rise: float, map: OccupancyMap | None = None, clearance: float | None = None) -> Float64:
+        """Postures straight up (or down, for a negative rise) as far as the arm reaches, shape (n, dof).
+
+        With a clearance they end where the gripper (not the fruit, which is to touch) would come too near to something.
+        The way up is the one that it came, and free.
+        """
+        arm = self.device(Arm)
+        T_base_goal = self._tcp()
+        T_base_goal[2, 3] += rise
+        line = straight_line(RobotModel.load(arm.description), arm.state().q, T_base_goal)
+        way, ends = line.q, line.reason
+        if clearance is not None:
+            space = self._space(map, clearance)
+            blocked = space.first_blocked(way)
+            if blocked is not None:
+                way, ends = way[: blocked + 1], space.explain(way[blocked + 1])[0]
+        if len(way) < 4:
+            raise self.failure("NO_WAY_DOWN", f"the gripper cannot move vertically: {ends}")
+        return way
+
+    def _along(self, way: Float64, speed: float, watch: Callable[[], None] | None = None) -> Watching:
+        """Follow postures on a straight line of the tool."""
+        arm = self.device(Arm)
+        robot = RobotModel.load(arm.description)
+        length = float(np.linalg.norm(robot.tcp(way[-1])[:3, 3] - robot.tcp(way[0])[:3, 3]))
+        if length > 0.0:
+            yield from self.travel(time_curve(way, length, arm.limits, speed, ACCELERATION, JERK), watch)
+
+    def _space(self, map: OccupancyMap | None, clearance: float, held: Grasp | None = None) -> ArmSpace:
+        width = self.device(Gripper).state().width
+        field = usable_field(self, map)
+        return arm_space(self.device(Arm), self.device(Workspace), field, width, clearance, held=held)
+
+    def _tcp(self) -> Float64:
+        arm = self.device(Arm)
+        return RobotModel.load(arm.description).tcp(arm.state().q)

@@ -1,0 +1,141 @@
+"""The skill SampleGrasp."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+
+import numpy as np
+
+from drivers.interfaces import Arm, Workspace
+from executive.ports import ANGLE, LENGTH, RATIO, Port, Ports, optional
+from executive.skill import Skill, Work
+from executive.views import Points3, SceneView
+from skills.motion.grasps.grasp import Grasp, GraspCandidates, RuledOut
+from skills.motion.grasps.sample import GraspRules, sample_pre_grasps, warm_up
+from skills.motion.grasps.sphere import Sphere, pre_grasp_position
+from skills.motion.grasps.tried import Tried, direction
+from skills.motion.occupancy import OccupancyMap
+from skills.motion.planning.arm_space import arm_space, usable_field
+from skills.motion.robot import RobotModel
+from skills.perception.measured_fruit import MeasuredFruit
+from skills.shared.grasp_view import fruit_mesh
+
+FINER = 2
+"""How often the sphere is sampled at half the spacing when nothing is left to try."""
+
+
+class SampleGrasp(Skill):
+    """Sample pre-grasps on a sphere around a fruit: all that are left to try, best first, the others with a reason.
+
+    Every start is one attempt at the fruit. A candidate counts as tried when it comes back through `tried`, or when it
+    was the only one that was given (`count: 1`). A fruit at another place starts afresh. When nothing is left to try,
+    the sphere is sampled more finely.
+    """
+
+    inputs = Ports(
+        around=Port(MeasuredFruit, help="the refined fruit"),
+        map=optional(OccupancyMap, "what is in the way; the target is left out of it"),
+        tried=optional(Grasp, "the candidate of the attempt before"),
+        radius=Port(LENGTH, default="120 mm", min="20 mm", help="the paper's r_o"),
+        theta_min=Port(ANGLE, default="0 deg", min="0 deg", max="90 deg", help="tilt of the approach"),
+        theta_max=Port(ANGLE, default="45 deg", min="0 deg", max="90 deg"),
+        thetas=Port(int, default=4, min=1),
+        alpha_min=Port(ANGLE, default="0 deg", help="azimuth about the world's z"),
+        alpha_max=Port(ANGLE, default="360 deg"),
+        alphas=Port(int, default=12, min=1),
+        clearance=Port(LENGTH, default="10 mm", min="2 mm", help="kept by the links; gripper and fingers keep a share"),
+        sigmas=Port(RATIO, default=2.0, min=0.0, max=10.0, help="standard deviations of the measurement kept as air"),
+        count=Port(int, default=0, min=0, help="how many candidates to give at most; 0 gives all"),
+        check=Port(bool, default=True, help="rule out what cannot be approached; the paper leaves that to planning"),
+    )
+    outputs = Ports(candidates=GraspCandidates)
+    devices = (Arm, Workspace)
+    failures = ("NO_CANDIDATE", "ALL_TRIED", "MAP_STALE")
+
+    def __init__(self, name: str = "") -> None:
+        super().__init__(name)
+        self._tried = Tried()
+
+    def prepare(self) -> None:
+        warm_up(RobotModel.load(self.device(Arm).description))
+
+    def run(  # type: ignore[override]
+        self,
+        around: MeasuredFruit,
+        map: OccupancyMap | None,
+        tried: Grasp | None,
+        radius: float,
+        theta_min: float,
+        theta_max: float,
+        thetas: int,
+        alpha_min: float,
+        alpha_max: float,
+        alphas: int,
+        clearance: float,
+        sigmas: float,
+        count: int,
+        check: bool,
+    ) -> Work:
+        arm, workspace = self.device(Arm), self.device(Workspace)
+        self._tried.begin(around)
+        if tried is not None:
+            self._tried.add(tried)
+        robot = RobotModel.load(arm.description)
+        field = usable_field(self, map)
+        space = arm_space(arm, workspace, field, robot.width_max, clearance, target=around)
+        sphere = Sphere(radius, (theta_min, theta_max), (alpha_min, alpha_max), thetas, alphas)
+        rules, tried_before = GraspRules(sigmas=sigmas, check=check), self._tried.directions
+        for level in range(1 + FINER):
+            grasps, ruled_out = yield from self.compute(
+                sample_pre_grasps, around, robot, space, arm.state().q, workspace.table_z, sphere, rules
+            )
+            left = tuple(grasp for grasp in grasps if direction(grasp) not in tried_before)
+            if left or level == FINER:
+                break
+            sphere = sphere.finer()
+        self._show(around, radius, left, grasps, ruled_out)
+        if not grasps:
+            raise self.failure(
+                "NO_CANDIDATE",
+                f"all {len(ruled_out)} pre-grasps are ruled out: {summary(ruled_out)}",
+                ruled_out=[f"{out.index}: {out.code}: {out.reason}" for out in ruled_out],
+            )
+        if not left:
+            raise self.failure(
+                "ALL_TRIED", f"all {len(grasps)} candidates have been tried", attempts=self._tried.attempt - 1
+            )
+        if count:
+            left = left[:count]
+        if count == 1:
+            self._tried.add(left[0])
+        return {"candidates": GraspCandidates(left, ruled_out, self._tried.attempt)}
+
+    def _show(
+        self,
+        fruit: MeasuredFruit,
+        radius: float,
+        left: Sequence[Grasp],
+        grasps: Sequence[Grasp],
+        ruled_out: Sequence[RuledOut],
+    ) -> None:
+        """The sphere for people: what is left, what was tried, what is out of the question."""
+        p_fruit = fruit.T_base_fruit[:3, 3]
+        tried = [grasp for grasp in grasps if direction(grasp) in self._tried.directions]
+        groups = (
+            ("left to try", "free", [grasp.T_base_pre_grasp[:3, 3] for grasp in left]),
+            ("tried", "tried", [grasp.T_base_pre_grasp[:3, 3] for grasp in tried]),
+            ("ruled out", "ruled_out", [pre_grasp_position(p_fruit, radius, o.theta, o.alpha) for o in ruled_out]),
+        )
+        points = tuple(Points3(np.array(p), label, style) for label, style, p in groups if p)
+        caption = f"{len(left)} of {len(grasps) + len(ruled_out)} pre-grasps left"
+        self.publish("candidates", SceneView(points=points, meshes=(fruit_mesh(fruit),), caption=caption))
+
+
+def summary(ruled_out: Sequence[RuledOut]) -> str:
+    """How often which reason came, for a sentence: `30 unreachable, 18 table (left finger …)`."""
+    parts = []
+    for code, number in Counter(out.code for out in ruled_out).most_common():
+        example = next(out.reason for out in ruled_out if out.code == code)
+        parts.append(f"{number} {code.lower().replace('_', ' ')} ({example})")
+    return ", ".join(parts)

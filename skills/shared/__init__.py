@@ -1,0 +1,1 @@
+"""What several skills share; a skill never imports another."""

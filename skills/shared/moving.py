@@ -1,0 +1,85 @@
+"""Moving to a named pose, for the skills that do so."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from drivers.interfaces import Arm, Gripper, Trajectory, Workspace
+from skills.motion.collision import Convex
+from skills.motion.grasps.grasp import Grasp
+from skills.motion.occupancy import OccupancyMap
+from skills.motion.planning.arm_space import arm_space, usable_field
+from skills.motion.planning.plan import PlanRequest
+from skills.motion.planning.timing import stretched
+from skills.motion.robot import RobotModel
+from skills.perception.measured_fruit import MeasuredFruit
+from skills.shared.following import MovingSkill, Watching
+from skills.shared.named_pose import named_pose
+from skills.shared.planning import PLANNING_FAILURES, patience, planned
+
+THERE = 1e-3
+"""An arm this near to the pose in every joint is there [rad]."""
+
+CARRIED_ACCELERATION = 2.0
+"""A held fruit is accelerated by no more than this [m/s²]: every bit of it must be held by friction."""
+
+POSE_FAILURES = (*PLANNING_FAILURES, "UNKNOWN_POSE", "MAP_STALE")
+"""Codes of every skill that moves to a named pose."""
+
+
+def move_to_pose(
+    skill: MovingSkill,
+    pose: str,
+    variation: int = 1,
+    map: OccupancyMap | None = None,
+    carrying: Grasp | None = None,
+    clearance: float = 1e-2,
+    budget: float = 0.5,
+    avoiding: MeasuredFruit | None = None,
+) -> Watching:
+    """Plan to a named pose of the cell file and go there.
+
+    Args:
+        skill: moves; it must have Arm, Gripper and Workspace among its devices, and `POSE_FAILURES`.
+        pose, variation: as in `named_pose`.
+        map: what is in the way besides the fixed surroundings.
+        carrying: the grasp by which a fruit is held; the fruit is then part of the robot.
+        clearance: kept by the arm's links [m], as in `arm_space`.
+        budget: of planning [s].
+        avoiding: a fruit that was left out of the map and is still there.
+    """
+    arm, workspace = skill.device(Arm), skill.device(Workspace)
+    try:
+        q_goal = named_pose(workspace.poses, pose, variation)
+    except KeyError:
+        known = ", ".join(workspace.poses) or "none"
+        raise skill.failure("UNKNOWN_POSE", f"the cell file has no pose '{pose}'; it has {known}") from None
+    q = arm.state().q
+    if np.abs(q_goal - q).max() < THERE:
+        return
+    field = usable_field(skill, map)
+    space = arm_space(arm, workspace, field, skill.device(Gripper).state().width, clearance, held=carrying)
+    if avoiding is not None:
+        space = replace(space, world=space.world.with_obstacles(Convex.of_fruit(avoiding, "fruit")))
+    request = PlanRequest(
+        space,
+        q,
+        q_goal[None],
+        arm.limits,
+        budget=budget,
+        seed=skill.context.seed(skill.path),
+        patience=patience(skill, budget),
+    )
+    result = yield from planned(skill, request)
+    path = result.path if carrying is None else gently(RobotModel.load(arm.description), result.path)
+    yield from skill.travel(path)
+
+
+def gently(robot: RobotModel, path: Trajectory, acceleration: float = CARRIED_ACCELERATION) -> Trajectory:
+    """A path slowed down until the TCP is nowhere accelerated by more than so much [m/s²]."""
+    p = np.array([robot.tcp(q)[:3, 3] for q in path.q])
+    rate = np.gradient(p, path.t, axis=0)
+    largest = float(np.linalg.norm(np.gradient(rate, path.t, axis=0), axis=1).max())
+    return stretched(path, max(1.0, float(np.sqrt(largest / acceleration))))

@@ -1,0 +1,129 @@
+"""SlipAvoidGrasp: close the fingers on the fruit and hand on a grip that keeps it from slipping."""
+
+from __future__ import annotations
+
+from drivers.interfaces import ForceSensor, Gripper
+from executive.ports import FORCE, LENGTH, RATIO, Port, Ports, optional
+from executive.skill import Interrupted, Skill, Work
+from skills.grip.controller import GripController
+from skills.grip.dynamic_term import GENTLE, DynamicSettings
+from skills.grip.force_loop import ForceLoopSettings, PadStiffness
+from skills.grip.grip import GripPhase
+from skills.grip.hold import Hold
+from skills.grip.limit_surface import SoftContact, surface_table
+from skills.grip.settings import ForceLaw, GripSettings
+from skills.grip.warm import warm_up
+from skills.perception.measured_fruit import MeasuredFruit
+from skills.shared.grip_view import show_grip
+
+CLEARANCE = 0.008
+"""Contact may come when the opening is so much wider than the fruit: it may lie off the centre [m]."""
+
+NARROWEST = 0.5
+"""A fruit is nowhere narrower between the fingers than this share of its least dimension."""
+
+
+class SlipAvoidGrasp(Skill):
+    """Close on the fruit with the least force that will hold it; the grip goes on when this node has ended."""
+
+    inputs = Ports(
+        fruit=optional(MeasuredFruit, help="its size tells where the fingers may move fast"),
+        mu=Port(RATIO, default=0.75, min=0.05, max=3.0, help="friction coefficient between pad and fruit"),
+        mu_uncertainty=Port(RATIO, default=0.1, min=0.0, max=0.5, help="relative, covered by more force"),
+        delta=Port(LENGTH, default="4.353 mm", help="contact radius at 1 N"),
+        gamma=Port(RATIO, default=0.2569, min=0.0, max=1.0, help="how the contact radius grows with the force"),
+        k=Port(RATIO, default=4.0, min=1.0, max=100.0, help="shape of the pressure; 2 is Hertz's"),
+        surface=Port(str, default="exact", choices=("exact", "ellipsoid"), help="limit surface"),
+        margin=Port(RATIO, default=1.125, min=1.0, max=3.0, help="on the least force"),
+        reserve=Port(FORCE, default="0 N", min="0 N", max="10 N", help="push at the fruit's centre to be held"),
+        offset=Port(
+            LENGTH, default="3 mm", min="0 mm", max="50 mm", help="the fruit's centre may lie so far off the grip"
+        ),
+        initial_force=Port(FORCE, default="2.2 N", min="0.6 N", max="10 N", help="grasp force before the lift"),
+        max_force=Port(FORCE, default="14 N", min="1 N", max="40 N", help="largest grasp force, both fingers"),
+        stiffness=Port(RATIO, default=2000.0, min=100.0, max=1e5, help="grasp force per metre of closing [N/m]"),
+        law=Port(str, default="slip_avoidance", choices=tuple(law.value for law in ForceLaw), help="for comparison"),
+        gentle=Port(bool, default=False, help="answer slip with a tenth of the force"),
+    )
+    outputs = Ports(hold=Hold)
+    devices = (Gripper, ForceSensor)
+    failures = (
+        "NO_CONTACT",
+        "ONE_FINGER",
+        "OUT_OF_STROKE",
+        "FORCE_LIMIT",
+        "SENSOR_STALE",
+        "SENSOR_SATURATED",
+        "SLIPPED",
+        "LOST",
+    )
+
+    def prepare(self) -> None:
+        warm_up()
+
+    def run(  # type: ignore[override]
+        self,
+        fruit: MeasuredFruit | None,
+        mu: float,
+        mu_uncertainty: float,
+        delta: float,
+        gamma: float,
+        k: float,
+        surface: str,
+        margin: float,
+        offset: float,
+        reserve: float,
+        initial_force: float,
+        max_force: float,
+        stiffness: float,
+        law: str,
+        gentle: bool,
+    ) -> Work:
+        gripper, sensor = self.device(Gripper), self.device(ForceSensor)
+        contact = SoftContact(mu, delta, gamma, k, ellipsoid=surface == "ellipsoid")
+        yield from self.compute(surface_table, contact)
+        controller = GripController(
+            GripSettings(
+                contact=contact,
+                law=ForceLaw(law),
+                margin=margin,
+                reserve=reserve,
+                offset=offset,
+                mu_uncertainty=mu_uncertainty,
+                initial_force=initial_force,
+                contact_width=None if fruit is None else float(fruit.dimensions.max()) + CLEARANCE,
+                narrowest=0.0 if fruit is None else NARROWEST * float(fruit.dimensions.min()),
+                loop=ForceLoopSettings(
+                    stiffness=PadStiffness(stiffness),
+                    max_force=min(max_force, 2.0 * gripper.limits.force_max),
+                    closing_speed=min(ForceLoopSettings().closing_speed, gripper.limits.speed_max),
+                ),
+                dynamic=GENTLE if gentle else DynamicSettings(),
+                width_min=gripper.limits.width_min,
+                rate=sensor.rate,
+            )
+        )
+        hold = Hold(gripper, sensor, controller, self.clock.now)
+        try:
+            yield from self._watch(hold)
+        except Interrupted:
+            if hold.phase not in (GripPhase.RAMP, GripPhase.HOLDING):
+                hold.take_over()
+            raise
+        except BaseException:
+            hold.take_over()
+            raise
+        show_grip(self, hold, everything=True)
+        return {"hold": hold}
+
+    def _watch(self, hold: Hold) -> Work:
+        while hold.phase is not GripPhase.HOLDING:
+            problem = hold.problem
+            if problem is not None:
+                raise self.failure(problem.code, problem.message, **problem.data)
+            if hold.ended:
+                raise self.failure("LOST", "another node took the fingers over before the fruit was held")
+            show_grip(self, hold)
+            reading = hold.reading
+            yield f"{reading.phase.value}: {reading.f_n:.1f} N at {1e3 * reading.width:.0f} mm"
+        return None

@@ -1,1 +1,0 @@
-"""Tabulate: a growing table and picture of measured fruit."""

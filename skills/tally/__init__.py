@@ -1,1 +1,0 @@
-"""Tally: what became of every fruit of a task."""

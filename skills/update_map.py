@@ -1,0 +1,131 @@
+"""UpdateMap: fuse the newest look into the occupancy map, with the fruit to be picked left out."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.interfaces import Arm, Camera, Frame, Gripper, Intrinsics, Workspace
+from executive.ports import LENGTH, TIME, Port, Ports, optional
+from executive.skill import Skill, Work
+from executive.views import Points3, SceneView
+from skills.motion.collision import Convex, RobotShape
+from skills.motion.occupancy.camera_pose import check_camera_pose, pose_of_camera
+from skills.motion.occupancy.errors import CameraPoseMismatch, NoDepth
+from skills.motion.occupancy.integrate import Sensing, integrate
+from skills.motion.occupancy.occupancy_map import HIDDEN, OCCUPIED, OccupancyMap
+from skills.motion.robot import BadJoints, RobotModel
+from skills.perception.detection.detection import Detection
+from skills.perception.measured_fruit import MeasuredFruit
+
+Float64 = NDArray[np.float64]
+
+
+class UpdateMap(Skill):
+    """Fuse a look into the occupancy map.
+
+    The look is the measured fruit's, else the detection's, else the camera's newest. The measured fruit is kept out of
+    the map: planning knows it by its refined shape.
+    """
+
+    inputs = Ports(
+        measured=optional(MeasuredFruit, help="the fruit to be picked; its look is fused and its shape left out"),
+        detection=optional(Detection, help="its look is fused when nothing was measured"),
+        previous=optional(OccupancyMap, help="an earlier map to add to; without it the map starts afresh"),
+        resolution=Port(LENGTH, default="10 mm", min="5 mm", max="50 mm", help="edge of a cell"),
+        max_age=Port(TIME, default="5 s", min="0 s", help="largest age of the look"),
+        target_margin=Port(
+            LENGTH, default="10 mm", min="0 mm", max="50 mm", help="what so close to the fruit is its own"
+        ),
+    )
+    outputs = Ports(map=OccupancyMap)
+    devices = (Camera, Arm, Gripper, Workspace)
+    failures = ("NO_FRAME", "NO_DEPTH", "STALE_FRAME", "POSE_MISMATCH")
+
+    def prepare(self) -> None:
+        _warm_up()
+
+    def run(  # type: ignore[override]
+        self,
+        measured: MeasuredFruit | None,
+        detection: Detection | None,
+        previous: OccupancyMap | None,
+        resolution: float,
+        max_age: float,
+        target_margin: float,
+    ) -> Work:
+        arm, workspace = self.device(Arm), self.device(Workspace)
+        model = RobotModel.load(arm.description)
+        look = measured or detection
+        frame = look.frame if look is not None else self.device(Camera).latest()
+        if frame is None:
+            raise self.failure("NO_FRAME", "the camera has not delivered a frame yet")
+        age = self.clock.now() - frame.stamp
+        if age > max_age:
+            raise self.failure(
+                "STALE_FRAME", f"the look is {age:.2f} s old, {max_age:.2f} s are allowed", age=age, max_age=max_age
+            )
+        state = arm.state()
+        try:
+            T_base_camera = look.T_base_camera if look is not None else pose_of_camera(frame, model)
+            check_camera_pose(frame, T_base_camera, model, state)
+            q = state.q if frame.q is None else frame.q
+            robot = RobotShape.of(model).spheres(q, self.device(Gripper).state().width)
+            lower, upper = workspace.lower, workspace.upper
+            grid = OccupancyMap.empty(lower, upper, resolution) if previous is None else previous
+            target = None if measured is None else Convex.of_fruit(measured)
+            sensing = Sensing(target_margin=target_margin)
+            fused = yield from self.compute(_fuse, grid, frame, T_base_camera, workspace, robot, target, sensing)
+        except NoDepth as error:
+            raise self.failure("NO_DEPTH", str(error), valid=error.valid, inside=error.inside) from error
+        except (CameraPoseMismatch, BadJoints) as error:
+            raise self.failure("POSE_MISMATCH", str(error)) from error
+        self.publish("map", view_of(fused))
+        return {"map": fused}
+
+
+def view_of(map: OccupancyMap) -> SceneView:
+    """Blocked cells, for people."""
+    occupied, hidden = map.centres(OCCUPIED), map.centres(HIDDEN)
+    return SceneView(
+        points=(
+            Points3(occupied, "occupied", "occupied", map.resolution),
+            Points3(hidden, "hidden behind what was seen", "muted", map.resolution),
+        ),
+        caption=f"{len(occupied)} occupied and {len(hidden)} hidden cells of {1e3 * map.resolution:.0f} mm, "
+        f"{len(map.stamps)} look{'s' if len(map.stamps) != 1 else ''}",
+    )
+
+
+def _fuse(
+    grid: OccupancyMap,
+    frame: Frame,
+    T_base_camera: Float64,
+    workspace: Workspace,
+    robot: Float64,
+    target: Convex | None,
+    sensing: Sensing,
+) -> OccupancyMap:
+    """Integrate, and compute the distance field where it does not keep the tick waiting."""
+    fused = integrate(grid, frame, T_base_camera, workspace, robot=robot, target=target, sensing=sensing)
+    _ = fused.field
+    return fused
+
+
+def _warm_up() -> None:
+    """Compile the kernels on a look at a wall of four pixels."""
+    lens = Intrinsics(1.0, 1.0, 0.5, 0.5, 2, 2)
+    depth = np.full((2, 2), 0.05, dtype=np.float32)
+    frame = Frame(0.0, 0, np.zeros((2, 2, 3), np.uint8), depth, lens, None, np.eye(4))
+    workspace = Workspace(None, np.full(3, -0.1), np.full(3, 0.1))
+    robot = np.array([[0.0, 0.0, -1.0, 0.01]])
+    target = Convex.of_points("target", np.eye(3))
+    _fuse(
+        OccupancyMap.empty(workspace.lower, workspace.upper, 0.02),
+        frame,
+        np.eye(4),
+        workspace,
+        robot,
+        target,
+        Sensing(),
+    )

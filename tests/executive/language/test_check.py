@@ -1,0 +1,383 @@
+"""Every kind of mistake is found, at its place, with what to write instead."""
+
+from __future__ import annotations
+
+import time
+
+import pytest
+
+from executive.language import format_finding
+
+DETECT = 'Detect: {fruit: apple, detection: "{detection}"}'
+REFINE = 'Refine: {detection: "{detection}", measured: "{measured}"}'
+SAMPLE = 'SampleGrasp: {around: "{measured}", candidates: "{candidates}"}'
+
+
+def sequence(*nodes: str) -> str:
+    return "root:\n  sequence:\n" + "".join(f"    - {node}\n" for node in nodes)
+
+
+def only(findings, code, severity="error"):
+    """The only finding, which has this code."""
+    assert [(f.code, f.severity) for f in findings] == [(code, severity)], [format_finding(f) for f in findings]
+    return findings[0]
+
+
+class TestNamesAreKnown:
+    def test_unknown_skill(self, findings_of):
+        found = only(findings_of(sequence(DETECT.replace("Detect", "Detekt"))), "unknown-skill")
+        assert (found.line, found.column, found.length) == (5, 7, 6)
+        assert "did you mean 'Detect'?" in found.hint
+
+    def test_unknown_subtree(self, findings_of):
+        body = "root: {percieve: {}}\nsubtrees:\n  perceive: {root: {Beep: {}}}"
+        assert "did you mean 'perceive'?" in only(findings_of(body), "unknown-type-of-node").hint
+
+    def test_unknown_port(self, findings_of):
+        found = only(findings_of(sequence("Beep: {time: 3}")), "unknown-port")
+        assert found.message == "Beep has no port 'time'"
+        assert found.hint == "did you mean 'times'?"
+
+    def test_missing_port(self, findings_of):
+        assert "'pose', a text" in only(findings_of(sequence("MoveTo: {}")), "missing-port").message
+
+    def test_unknown_modifier(self, findings_of):
+        found = only(findings_of("root:\n  Beep: {}\n  tmeout: 3 s"), "unknown-key")
+        assert (found.line, found.column) == (5, 3)
+        assert found.hint == "did you mean 'timeout'?"
+
+    def test_unknown_key_at_the_top(self, findings_of):
+        assert only(findings_of("root: {Beep: {}}\nparamters: {}"), "unknown-key").hint == "did you mean 'parameters'?"
+
+    def test_unknown_type(self, findings_of):
+        body = 'parameters: {d: {type: lenght, default: 3 mm}}\nroot: {Retreat: {distance: "{d}"}}'
+        assert only(findings_of(body), "unknown-type").hint == "did you mean 'length'?"
+
+    def test_unknown_name_in_braces(self, findings_of):
+        body = 'parameters: {far: {type: length, default: 1 cm}}\nroot: {Retreat: {distance: "{fra}"}}'
+        assert only(findings_of(body), "unknown-port").hint == "did you mean 'far'?"
+
+    def test_unknown_field(self, findings_of):
+        body = sequence(DETECT, 'check: "{detection.scroe} > 0.5"')
+        found = only(findings_of(body), "unknown-field")
+        assert found.hint == "did you mean 'score'?"
+        assert found.line == 6
+
+    def test_one_unknown_skill_is_one_finding(self, findings_of):
+        body = sequence('Detec: {detection: "{detection}"}', REFINE, SAMPLE, 'check: "len({candidates.grasps}) > 0"')
+        only(findings_of(body), "unknown-skill")
+
+    def test_a_name_can_be_taken_only_once(self, findings_of):
+        found = only(findings_of(sequence("{Beep: {}, name: A}", "{Beep: {}, name: A}")), "duplicate-name")
+        assert "line 5" in found.message
+
+    def test_duplicate_key(self, findings_of):
+        assert only(findings_of("root: {Beep: {times: 1, times: 2}}"), "duplicate-key").line == 3
+
+
+class TestTypesFit:
+    def test_wrong_type_says_who_wrote_it(self, findings_of):
+        body = sequence(DETECT, SAMPLE.replace("{measured}", "{detection}"), 'check: "len({candidates.grasps}) > 0"')
+        found = only(findings_of(body), "port-type")
+        assert found.message == (
+            "SampleGrasp.around takes a fruit_pose, '{detection}' is a detection (written by Detect, line 5)"
+        )
+        assert (found.line, found.column) == (6, 29)
+
+    @pytest.mark.parametrize(
+        ("node", "message"),
+        [
+            ("Retreat: {distance: 3}", "'3' lacks a unit"),
+            ("Retreat: {distance: 3 deg}", "'deg' is no unit of length"),
+            ("Beep: {times: 2.5}", "not a whole number"),
+            ("Beep: {loud: yes}", "not a bool"),
+            ("MoveTo: {pose: [1, 2]}", "a text is needed here, this is a list"),
+            ("Aim: {hold: hard}", "not a hold"),
+            ("Aim: {grasp: {idx: 1}}", "no field 'idx'"),
+            ("Aim: {grasp: {width: 1 mm}}", "also needs index"),
+            ("Aim: {pose: {position: [1, 2]}}", "position has 3 numbers"),
+        ],
+    )
+    def test_literals(self, findings_of, node, message):
+        assert message in only(findings_of(sequence(node)), "value").message
+
+    def test_choices(self, findings_of):
+        node = DETECT.replace("apple,", "apple, policy: neerest,")
+        found = only(findings_of(sequence(node, 'check: "{detection.score} > 0"')), "value")
+        assert found.hint == "did you mean 'nearest'?"
+
+    def test_two_writers_of_different_types(self, findings_of):
+        body = sequence(DETECT, REFINE.replace("{measured}", "{detection}"))
+        found = findings_of(body)[0]
+        assert found.code == "port-type"
+        assert "written by Detect, line 5" in found.message
+
+    def test_outputs_cannot_write_parameters(self, findings_of):
+        body = "parameters: {detection: {type: int, default: 1}}\n" + sequence(DETECT)
+        only(findings_of(body), "read-only")
+
+    def test_outputs_are_wired_to_names(self, findings_of):
+        only(findings_of(sequence("Detect: {fruit: apple, detection: here}")), "output")
+
+    def test_forgotten_quotes(self, findings_of):
+        body = "parameters: {n: {type: int, default: 1}}\nroot: {Beep: {times: {n}}}"
+        assert only(findings_of(body), "shape").hint == 'write "{n}"'
+
+    @pytest.mark.parametrize(
+        ("condition", "message"),
+        [
+            ("{detection.score}", "takes true or false, this is a number in SI"),
+            ("{detection.score} > high", "compares numbers, this is a text"),
+            ("{detection} == 3", "cannot be compared"),
+            ("1 + 3 mm > 2", "cannot be added"),
+            ("3 mm < 2", "cannot be compared"),
+            ("1 in 2", "takes a list"),
+            ("{detection.index[0]} == 1", "has no elements"),
+            ("not 1", "takes true or false"),
+            ("len({detection}) > 1", "len takes a list"),
+            ("3 mm * 2 mm > 1 mm", "cannot be multiplied"),
+        ],
+    )
+    def test_expressions(self, findings_of, condition, message):
+        findings = findings_of(sequence(DETECT, f'check: "{condition} or {{detection.index}} == 0"'))
+        assert findings[0].code == "expression-type"
+        assert message in findings[0].message
+
+    def test_syntax_of_expressions(self, findings_of):
+        found = only(findings_of("root: {check: '1 > > 1'}"), "expression")
+        assert (found.line, found.column) == (3, 20)
+
+
+class TestRanges:
+    def test_literal(self, findings_of):
+        found = only(findings_of(sequence("Beep: {times: 11}")), "range")
+        assert found.message == "Beep.times is at most 10, 11 is above"
+
+    def test_quantity(self, findings_of):
+        nodes = (DETECT, REFINE, SAMPLE.replace("candidates:", "radius: 5 mm, candidates:"))
+        found = only(findings_of(sequence(*nodes, 'check: "len({candidates.grasps}) > 0"')), "range")
+        assert found.message == "SampleGrasp.radius is at least 20 mm, 5 mm is below"
+
+    def test_parameter_that_is_wired(self, findings_of):
+        body = 'parameters: {n: {type: int, default: 3}}\nroot: {Beep: {times: "{n}"}}'
+        assert findings_of(body) == []
+        assert only(findings_of(body, overrides=["n=12"]), "range").message.startswith("Beep.times is at most 10")
+
+    def test_default_of_a_parameter(self, findings_of):
+        body = 'parameters: {n: {type: int, default: 0, min: 1}}\nroot: {Beep: {times: "{n}"}}'
+        assert "at least 1" in findings_of(body)[0].message
+
+    def test_number_of_tries(self, findings_of):
+        only(findings_of("root:\n  MoveTo: {pose: home}\n  retry: 0"), "range")
+
+
+class TestEverythingIsWrittenBeforeItIsRead:
+    def test_wrong_order(self, findings_of):
+        found = only(findings_of(sequence(REFINE, DETECT, 'check: "{measured.inlier_ratio} > 0"')), "unset")
+        assert found.message == "Refine reads 'detection', which may not be written yet (Detect writes it, line 6)"
+
+    def test_one_branch_of_a_fallback_does_not_write(self, findings_of):
+        body = (
+            "root:\n  sequence:\n    - fallback:\n"
+            f"        - {DETECT}\n        - MoveTo: {{pose: home}}\n    - {REFINE}\n"
+            '    - check: "{measured.inlier_ratio} > 0"\n'
+        )
+        assert only(findings_of(body), "unset").line == 8
+
+    def test_every_branch_of_a_fallback_writes(self, findings_of):
+        body = (
+            f"root:\n  sequence:\n    - fallback:\n        - {DETECT}\n        - {DETECT}\n    - {REFINE}\n"
+            '    - check: "{measured.inlier_ratio} > 0"\n'
+        )
+        assert findings_of(body) == []
+
+    def test_a_skipped_node_writes_nothing(self, findings_of):
+        body = sequence(f'{{{DETECT}, when: "1 == 2"}}', REFINE, 'check: "{measured.inlier_ratio} > 0"')
+        only(findings_of(body), "unset")
+
+    def test_a_failed_node_that_was_forced_to_succeed(self, findings_of):
+        body = sequence(f"{{{DETECT}, force: success}}", REFINE, 'check: "{measured.inlier_ratio} > 0"')
+        only(findings_of(body), "unset")
+
+    def test_children_of_a_parallel_do_not_wait_for_each_other(self, findings_of):
+        body = f"root:\n  parallel:\n    - {DETECT}\n    - {REFINE}\n"
+        assert {f.code for f in findings_of(body)} == {"unset", "unread"}
+
+    def test_what_all_of_a_parallel_write_is_written_after_it(self, findings_of):
+        body = f"root:\n  sequence:\n    - parallel:\n        - {DETECT}\n        - Beep: {{}}\n    - {REFINE}\n"
+        only(findings_of(body), "unread", "warning")
+
+    def test_a_race_writes_only_what_every_child_writes(self, findings_of):
+        body = (
+            f"root:\n  sequence:\n    - parallel:\n        - {DETECT}\n        - MoveTo: {{pose: home}}\n"
+            f"      success_on: one\n    - {REFINE}\n"
+        )
+        assert {f.code for f in findings_of(body)} == {"unset", "unread"}
+
+    def test_an_optional_input_may_be_fed_back_in_a_retry(self, findings_of):
+        plan = 'Plan: {to: "{candidates}", grasp: "{grasp}", path: "{path}"}'
+        sample = SAMPLE.replace("candidates:", 'tried: "{grasp}", candidates:')
+        attempt = f"{{sequence: [{{{sample}}}, {{{plan}}}, {{Follow: {{path: '{{path}}'}}}}], retry: 3}}"
+        assert findings_of(sequence(DETECT, REFINE, attempt)) == []
+
+    def test_a_node_that_computes_may_fail_before_it_has_written(self, findings_of):
+        body = (
+            "root:\n  sequence:\n    - set: {n: 1}\n    - fallback:\n        - set: {m: '1 / {n}'}\n"
+            "        - Beep: {}\n    - check: '{m} > 0'\n"
+        )
+        assert "unset" in {f.code for f in findings_of(body)}
+
+    def test_an_item_is_known_inside_its_loop_only(self, findings_of):
+        loop = "{Approach: {grasp: '{grasp}'}, for_each: '{candidates.grasps}', as: grasp}"
+        assert findings_of(sequence(DETECT, REFINE, SAMPLE, loop)) == []
+        after = findings_of(sequence(DETECT, REFINE, SAMPLE, loop, "Approach: {grasp: '{grasp}'}"))
+        only(after, "unset")
+
+    def test_nested_loops_have_items_of_their_own(self, findings_of):
+        inner = "{Beep: {times: '{item}'}, for_each: [1, 2]}"
+        found = only(findings_of(f"root: {{sequence: [{inner}], for_each: [1, 2]}}"), "duplicate-name")
+        assert "for_each around" in found.message
+        named = inner.replace("for_each: [1, 2]", "for_each: [1, 2], as: n").replace("{item}", "{n} * {item}")
+        assert findings_of(f"root: {{sequence: [{named}], for_each: [1, 2]}}") == []
+
+    def test_outputs_of_subtrees_are_written_on_every_path(self, findings_of):
+        body = (
+            'root: {look: {detection: "{d}"}}\nsubtrees:\n  look:\n    out: {detection: detection}\n'
+            f"    root:\n      fallback:\n        - {DETECT}\n        - MoveTo: {{pose: home}}\n"
+        )
+        assert "may succeed without having written" in findings_of(body)[1].message
+
+    def test_outputs_of_subtrees_have_their_declared_type(self, findings_of):
+        body = (
+            'root: {look: {detection: "{d}"}}\nsubtrees:\n  look:\n    out: {detection: grasp}\n'
+            f"    root:\n      {DETECT}\n"
+        )
+        assert "port-type" in {f.code for f in findings_of(body)}
+
+    def test_nobody_reads_an_output(self, findings_of):
+        found = only(findings_of(sequence(DETECT)), "unread", "warning")
+        assert found.message == "nobody reads 'detection', which Detect writes"
+
+    def test_nobody_reads_a_parameter(self, findings_of):
+        body = "parameters: {far: {type: int, default: 1}}\nroot: {Beep: {}}"
+        assert "parameter 'far'" in only(findings_of(body), "unread", "warning").message
+
+    def test_nobody_reads_an_input(self, findings_of):
+        body = "root: {a: {x: 3}}\nsubtrees: {a: {in: {x: int}, root: {Beep: {}}}}"
+        assert "input 'x'" in only(findings_of(body), "unread", "warning").message
+
+    def test_nobody_calls_a_subtree(self, findings_of):
+        only(findings_of("root: {Beep: {}}\nsubtrees: {a: {root: {Beep: {}}}}"), "unused", "warning")
+
+
+class TestStructure:
+    def test_recursion(self, findings_of):
+        body = "root: {a: {}}\nsubtrees:\n  a: {root: {b: {}}}\n  b: {root: {sequence: [{a: {}}]}}"
+        assert "a → b → a" in only(findings_of(body), "recursion").message
+
+    def test_device_that_the_cell_lacks(self, findings_of, skills):
+        (arm,) = skills["MoveTo"].devices
+        (camera,) = skills["Detect"].devices
+        body = sequence("MoveTo: {pose: home}")
+        assert findings_of(body, interfaces=(arm, camera)) == []
+        assert "needs a Arm" in only(findings_of(body, interfaces=(camera,)), "no-device").message
+
+    def test_retry_around_what_cannot_fail(self, findings_of):
+        only(findings_of("root:\n  Beep: {}\n  retry: 3"), "cannot-fail", "warning")
+        only(findings_of("root:\n  fallback: [{MoveTo: {pose: a}}, {Beep: {}}]\n  retry: 3"), "cannot-fail", "warning")
+
+    def test_a_child_that_is_never_reached(self, findings_of):
+        only(findings_of("root: {fallback: [{Beep: {}}, {MoveTo: {pose: a}}]}"), "unreachable", "warning")
+
+    def test_two_types_in_one_node(self, findings_of):
+        only(findings_of("root: {Beep: {}, MoveTo: {pose: a}}"), "two-types")
+
+    def test_no_type(self, findings_of):
+        only(findings_of("root: {timeout: 3 s}"), "no-type")
+
+    def test_a_node_that_is_a_word(self, findings_of):
+        assert only(findings_of("root: Beep"), "shape").hint == "write 'Beep: {}'"
+
+    def test_children_that_are_no_list(self, findings_of):
+        only(findings_of("root: {sequence: {Beep: {}}}"), "shape")
+
+    def test_on_failure_without_retry(self, findings_of):
+        only(findings_of("root:\n  MoveTo: {pose: a}\n  on_failure: {Beep: {}}"), "missing-key")
+
+    def test_failure_where_none_is_in_sight(self, findings_of):
+        only(findings_of('root:\n  MoveTo: {pose: a}\n  when: "failure.code == NO_PATH"'), "no-failure")
+
+    def test_code_that_the_failure_never_has(self, findings_of):
+        body = 'root:\n  fallback:\n    - MoveTo: {pose: a}\n    - Beep: {}\n      when: "failure.code in [NO_PAHT]"'
+        assert only(findings_of(body), "unknown-code").hint == "did you mean 'NO_PATH'?"
+
+    def test_counter_of_no_retry(self, findings_of):
+        only(findings_of('root: {MoveTo: {pose: a, variation: "{retry.attempt}"}}'), "no-counter")
+
+    def test_broken_skill(self, skills):
+        from executive.language import check, read
+        from executive.registry import Registry
+
+        broken = Registry(dict(skills), {"Weigh": "scale:Weigh cannot be imported: ImportError: no scale"})
+        found = check(read("pomona: 1\ntree: t\nroot: {Weigh: {}}", "t.yaml"), broken)
+        assert "no scale" in only(found, "broken-skill").message
+
+    def test_exploding_subtrees(self, findings_of):
+        body = "root: {s0: {}}\nsubtrees:\n" + "".join(
+            f"  s{i}: {{root: {{sequence: [{{s{i + 1}: {{}}}}, {{s{i + 1}: {{}}}}]}}}}\n" for i in range(30)
+        )
+        only(findings_of(body + "  s30: {root: {Beep: {}}}\n"), "too-large")
+
+    def test_deep_subtrees(self, findings_of):
+        body = "root: {s0: {}}\nsubtrees:\n" + "".join(f"  s{i}: {{root: {{s{i + 1}: {{}}}}}}\n" for i in range(300))
+        only(findings_of(body + "  s300: {root: {Beep: {}}}\n"), "too-deep")
+
+
+class TestOverrides:
+    BODY = 'parameters: {far: {type: length, default: 1 cm, max: 1 m}}\nroot: {Retreat: {distance: "{far}"}}'
+
+    @pytest.mark.parametrize(
+        ("override", "message"),
+        [
+            ("far=20", "lacks a unit"),
+            ("fra=2 mm", "no parameter 'fra'"),
+            ("far", "write --set name=value"),
+            ("far=2 m", "at most 1 m"),
+            ("far=", "is not a length"),
+        ],
+    )
+    def test_wrong(self, findings_of, override, message):
+        found = only(findings_of(self.BODY, overrides=[override]), "set")
+        assert message in found.message
+        assert found.path.startswith("--set ")
+
+    def test_right(self, built):
+        assert built(self.BODY, overrides={"far": "2 cm"}).tree.parameters == {"far": 0.02}
+
+    def test_parameter_without_a_value(self, findings_of):
+        body = 'parameters: {far: {type: length}}\nroot: {Retreat: {distance: "{far}"}}'
+        assert "--set far=" in only(findings_of(body), "no-value").hint
+        assert findings_of(body, overrides=["far=1 cm"]) == []
+
+
+def test_a_finding_reads_like_a_compilers(findings_of):
+    text = format_finding(findings_of(sequence(DETECT.replace("Detect", "Detekt")))[0])
+    assert text == (
+        "t.yaml:5:7: error[unknown-skill]: no skill named 'Detekt'\n"
+        '    5 |     - Detekt: {fruit: apple, detection: "{detection}"}\n'
+        "      |       ^^^^^^ did you mean 'Detect'?"
+    )
+
+
+def test_a_file_of_a_thousand_nodes_is_checked_within_a_second(findings_of):
+    node = '{fallback: [{MoveTo: {pose: a}, retry: 2}, {MoveTo: {pose: b}, when: "failure.code == NO_PATH"}]}'
+    body = "root:\n  sequence:\n" + f"    - {node}\n" * 334
+    findings_of("root: {MoveTo: {pose: a}}")  # what is imported at the first use is no part of it
+    began = time.process_time()
+    assert findings_of(body) == []
+    assert time.process_time() - began < 1.0
+
+
+def test_all_mistakes_are_found_in_one_pass(findings_of, pick_apple):
+    wrong = pick_apple.replace("Refine:", "Refien:").replace("150 mm", "150").replace("timeout: 5 s", "timeout: 5")
+    assert [f.code for f in findings_of(wrong)] == ["value", "value", "unknown-skill"]

@@ -1,0 +1,38 @@
+"""The page about the language names tests that exist, and shows files that are right."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from executive.language.model import BRANCHES, DECORATORS, LEAVES
+
+HERE = Path(__file__).parent
+PAGE = (HERE.parents[2] / "docs" / "tree_language.md").read_text()
+NAMED = sorted(set(re.findall(r"`(test_\w+\.py)::(\w+)`", PAGE)))
+
+
+@pytest.mark.parametrize(("file", "name"), NAMED, ids=lambda value: value)
+def test_a_named_test_exists(file, name):
+    assert re.search(rf"(def|class) {name}\b", (HERE / file).read_text())
+
+
+def test_every_row_of_a_table_with_proofs_has_one():
+    rows = []
+    for table in re.findall(r"(?:^\|[^\n]*\n)+", PAGE, re.MULTILINE):
+        header, _, *lines = table.splitlines()
+        rows += lines if header.endswith("| Proof |") else []
+    assert len(rows) > 25
+    assert [row for row in rows if "`test_" not in row] == []
+
+
+def test_every_word_of_the_language_is_on_the_page():
+    for word in (*BRANCHES, *LEAVES, *DECORATORS, "retry_if", "on_failure", "as", "success_on", "attempts"):
+        assert re.search(rf"`{word}:? ?|`{word}\b", PAGE), word
+
+
+def test_the_first_example_is_right(findings_of):
+    example = re.search(r"```yaml\n(.*?)```", PAGE, re.DOTALL)[1]
+    assert findings_of(example) == []

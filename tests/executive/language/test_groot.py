@@ -1,0 +1,176 @@
+"""Trees go to Groot2's XML and come back the same."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ElementTree
+
+import pytest
+
+from executive.language import TreeFileError, read
+from executive.language.groot_export import export_groot
+from executive.language.groot_import import import_groot
+from executive.language.literals import scalar_of_any_type
+from executive.language.model import Document, TreeNode
+from executive.values.yaml_nodes import YamlList, YamlMapping, YamlScalar
+
+HEAD = "pomona: 1\ntree: t\n"
+
+TREES = [
+    "root: {sequence: [{Beep: {times: 3}}, {Beep: }, {Beep: {loud: true}, name: 'Beep & <tell>'}]}",
+    "root: {reactive_sequence: [{check: '1 < 2'}, {reactive_fallback: [{Beep: {}}, {wait: 1.5 s}]}]}",
+    "root: {parallel: [{Beep: {}, name: A}, {Beep: {}, name: B}], success_on: [A]}",
+    "root: {parallel: [{Beep: {}}, {wait_until: '1 == 1'}], success_on: one}",
+    "root: {recovery: [{MoveTo: {pose: a}}, {Beep: {}}], attempts: 4}",
+    "root: {MoveTo: {pose: a}, timeout: 250 ms, retry: 3, repeat: forever, guard: '1 == 1', when: 'not 1 == 2'}",
+    "root: {MoveTo: {pose: a}, retry: 3, retry_if: failure.code == NO_PATH, on_failure: {sequence: [{Beep: {}}]}}",
+    "parameters: {n: {type: int, default: 3, max: 9, help: 'how often: \"n\"'}}\n"
+    "root: {MoveTo: {pose: a}, retry: '{n} + 1', repeat: '{n}', invert: true}",
+    "constants: {list: [1, 2], limit: 3 s}\nroot: {wait: '{limit}', for_each: '{list}', as: n, timeout: '{limit}'}",
+    "root: {sequence: [{set: {a: 5 mm, b: '{c}'}}, {succeed: {}}, {fail: {}}, {fail: {code: X, message: 'a, b'}}]}",
+    "root: {Aim: {pose: {position: [1, 2, 3 mm], rpy: [0, 0, 90 deg]}, hold: firm, share: 0.4}}",
+    "root: {a: {x: 3}}\nsubtrees:\n"
+    "  a: {in: {x: {type: int, default: 4}}, out: {y: text}, root: {b: {}, force: success}}\n"
+    "  b: {description: a b, root: {Beep: {}, force: failure}}",
+    "description: 'one: two'\nroot: {Beep: {}, description: it beeps}",
+]
+
+
+def canonical(document: Document) -> object:
+    """All that a tree means, without places, comments and the way in which it is written."""
+    return {
+        definition.name: (
+            {name: declared(port) for name, port in definition.inputs.items()},
+            {name: declared(port) for name, port in definition.outputs.items()},
+            {name: declared(port) for name, port in definition.file.parameters.items()} if definition.main else {},
+            {name: declared(port) for name, port in definition.file.constants.items()} if definition.main else {},
+            definition.description,
+            node(definition.root) if definition.root else None,
+        )
+        for definition in document.definitions()
+    }
+
+
+def declared(port):
+    known = (port.type.text if port.type else None, *(c.text for c in port.choices), port.help)
+    return (*known, *(None if v is None else value(v) for v in (port.default, port.min, port.max)))
+
+
+def node(found: TreeNode) -> object:
+    modifiers = {k: value(v) for k, (_, v) in found.modifiers.items() if k != "on_failure"}
+    if found.kind == "recovery":
+        modifiers.setdefault("attempts", 2)
+    simple = found.kind in ("check", "wait", "wait_until")
+    return (
+        found.kind,
+        found.key.text,
+        found.name.text if found.name else None,
+        found.description or found.comment,
+        value(found.value) if simple else None,
+        {k: value(v) for k, (_, v) in found.ports.items()},
+        modifiers,
+        [node(child) for child in found.children],
+        node(found.on_failure) if found.on_failure else None,
+    )
+
+
+def value(written):
+    if isinstance(written, YamlScalar):
+        plain = YamlScalar(written.source, 1, 1, 1, 1, written.text, True)
+        return scalar_of_any_type(plain)
+    if isinstance(written, YamlList):
+        return [value(item) for item in written.items]
+    assert isinstance(written, YamlMapping)
+    return {key: value(inner) for key, (_, inner) in written.entries.items()}
+
+
+def round_trip(text, skills):
+    document = read(text, "t.yaml")
+    xml = export_groot(document, skills)
+    back, findings = import_groot(xml, "t.xml")
+    assert findings == []
+    again = read(back, "t.yaml")
+    assert again.findings == []
+    return document, again
+
+
+@pytest.mark.parametrize("body", TREES)
+def test_a_round_trip_keeps_the_tree(skills, body):
+    document, again = round_trip(HEAD + body, skills)
+    assert canonical(again) == canonical(document)
+
+
+def test_a_round_trip_keeps_the_default_tree(skills, pick_apple):
+    document, again = round_trip(pick_apple, skills)
+    assert canonical(again) == canonical(document)
+
+
+def test_every_node_has_a_model_with_every_port_that_is_used(skills, pick_apple):
+    for text in (pick_apple, *(HEAD + body for body in TREES)):
+        root = ElementTree.fromstring(export_groot(read(text, "t.yaml"), skills))
+        models = {
+            model.get("ID"): {port.get("name") for port in model if port.tag.endswith("_port")}
+            for model in root.find("TreeNodesModel")
+        }
+        for tree in root.findall("BehaviorTree"):
+            assert len(tree) == 1
+            for element in tree.iter():
+                name = element.get("ID") if element.tag == "SubTree" else element.tag
+                if name in models and element is not tree:
+                    used = {key for key in element.attrib if key not in ("ID", "name") and not key.startswith("_")}
+                    assert used <= models[name], (name, used)
+
+
+def test_names_that_mean_something_else_to_behaviortree_cpp_are_refused(skills):
+    with pytest.raises(TreeFileError, match="groot-name"):
+        export_groot(read(HEAD + "root: {Sleep: {}}", "t.yaml"), skills)
+
+
+FOREIGN = """<root BTCPP_format="4">
+  <BehaviorTree ID="MainTree">
+    <Fallback name="root">
+      <Inverter><RetryUntilSuccessful num_attempts="3"><Timeout msec="1500">
+        <OpenDoor door="{door}" _skipIf="open"/>
+      </Timeout></RetryUntilSuccessful></Inverter>
+      <Action ID="PassWindow"/>
+      <Timeout msec="100"><RetryUntilSuccessful num_attempts="2"><Sleep msec="50"/></RetryUntilSuccessful></Timeout>
+      <SubTree ID="GoHome" where="home"/>
+    </Fallback>
+  </BehaviorTree>
+  <BehaviorTree ID="GoHome"><AlwaysSuccess/></BehaviorTree>
+</root>"""
+
+
+class TestForeignFiles:
+    def test_a_tree_made_for_behaviortree_cpp(self):
+        text, findings = import_groot(FOREIGN, "door.xml")
+        assert [f.code for f in findings] == ["not-translated"]
+        document = read(text, "door.yaml")
+        assert document.findings == []
+        root = document.main.main.root
+        assert (root.kind, root.label, document.main.name) == ("fallback", "root", "main_tree")
+        wrapper, window, slow, home = root.children
+        assert (wrapper.kind, list(wrapper.modifiers)) == ("sequence", ["invert"])
+        assert wrapper.children[0].decorators == ["timeout", "retry"]
+        assert window.key.text == "PassWindow"
+        assert slow.decorators == ["timeout"]
+        assert slow.children[0].decorators == ["retry"]
+        assert home.kind == "subtree"
+
+    @pytest.mark.parametrize(
+        ("text", "code"),
+        [
+            ("", "xml"),
+            ("<root", "xml"),
+            ("<tree/>", "xml"),
+            ('<root BTCPP_format="3"/>', "version"),
+            ('<root BTCPP_format="4"/>', "xml"),
+            ('<!DOCTYPE a [<!ENTITY b "c">]><root BTCPP_format="4"/>', "xml"),
+            (FOREIGN.replace("AlwaysSuccess", "IfThenElse"), "not-translated"),
+            (FOREIGN.replace('<SubTree ID="GoHome"', '<SubTree ID="Nowhere"'), "xml"),
+            ('<root BTCPP_format="4"><BehaviorTree ID="a"/></root>', "xml"),
+            ('<?xml version="1.0" encoding="no such"?><tree/>', "xml"),
+            ("<a>" * 500 + "</a>" * 500, "too-deep"),
+        ],
+    )
+    def test_what_cannot_be_read_is_a_finding(self, text, code):
+        assert code in [finding.code for finding in import_groot(text, "x.xml")[1]]

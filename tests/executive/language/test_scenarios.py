@@ -1,0 +1,137 @@
+"""Scenario files: a tree's logic, tested without any cell."""
+
+from __future__ import annotations
+
+import pytest
+
+from executive.language import TreeFileError
+from executive.language.run_scenario import run_scenario
+from executive.language.scenario import read_mocks, read_scenario
+
+
+@pytest.fixture
+def scenario(tmp_path, skills, pick_apple):
+    (tmp_path / "pick_apple.yaml").write_text(pick_apple)
+
+    def make(cases):
+        return read_scenario(f"pomona: 1\ntree: pick_apple.yaml\n{cases}", tmp_path / "s.yaml", skills)
+
+    return make
+
+
+def codes(scenario):
+    return [finding.code for finding in scenario.findings]
+
+
+CASES = """\
+mocks: {Refine: {after: 200 ms}}
+cases:
+  - name: all goes well
+    never: [Retreat]
+    calls: {Detect: 1, Plan: 1}
+  - name: a second plan for some failures
+    mocks: {Plan: [NO_PATH, success]}
+    visits: [fallback/Plan#2]
+  - name: no second plan for others, and a retreat after each attempt
+    set: {attempts: 2}
+    mocks:
+      Attempt/fallback/Plan: {code: GOAL_IN_COLLISION, message: the table is in the way}
+    expect: {status: failure, code: GOAL_IN_COLLISION, node: fallback/Plan}
+    never: [Follow]
+    calls: {Retreat: 2, SampleGrasp: 2}
+  - name: a slow detection times out
+    set: {looks: 1}
+    mocks: {Detect: {status: running}}
+    expect: {status: failure, code: TIMEOUT}
+  - name: the third look finds something
+    mocks: {Detect: [{code: NO_FRUIT, calls: 2}, success]}
+    calls: {MoveTo: 3}
+"""
+
+
+class TestRunning:
+    def test_all_cases_pass(self, scenario, skills):
+        result = run_scenario(scenario(CASES), skills)
+        assert [(r.case.name, r.problems) for r in result.cases if not r.passed] == []
+        assert len(result.cases) == 5
+
+    def test_durations_pass_on_the_simulated_clock(self, scenario, skills):
+        result = run_scenario(scenario(CASES), skills)
+        assert result.cases[0].time == pytest.approx(0.2)
+
+    def test_what_was_never_reached_is_told(self, scenario, skills):
+        coverage = run_scenario(scenario("cases: [{name: one}]"), skills).coverage
+        unreached = [info.path for info in coverage.unreached()]
+        assert "pick_apple/Attempt:on_failure" in unreached
+        assert "pick_apple/Attempt/Lift" not in unreached
+        assert ("pick_apple/Attempt/Lift", "failure") in [(i.path, end) for i, end in coverage.ends_never_seen()]
+        assert 0.5 < coverage.share() < 1.0
+
+    @pytest.mark.parametrize(
+        ("case", "problem"),
+        [
+            ("{mocks: {Detect: NO_FRUIT}}", "expected success, got failure: NO_FRUIT"),
+            ("{mocks: {Detect: NO_FRUIT}, expect: {code: NO_FRAME}}", "expected the failure NO_FRAME"),
+            ("{mocks: {Detect: NO_FRUIT}, expect: {node: Refine}}", "expected Refine to fail"),
+            ("{expect: failure}", "expected failure, got success"),
+            ("{visits: [Retreat]}", "'Retreat' was never reached"),
+            ("{never: [Lift]}", "'Lift' was reached"),
+            ("{calls: {Lift: 2}}", "'Lift' started 1 times, expected 2"),
+            ("{mocks: {MoveTo: running}, limit: 1 s}", "got still running after 1 s"),
+        ],
+    )
+    def test_what_went_otherwise_is_told(self, scenario, skills, case, problem):
+        result = run_scenario(scenario(f"cases: [{case}]"), skills)
+        assert not result.passed
+        assert problem in result.cases[0].problems[0]
+
+    def test_outputs_of_mocks_are_seen_by_conditions(self, tmp_path, skills):
+        (tmp_path / "t.yaml").write_text(
+            "pomona: 1\ntree: t\nroot:\n  sequence:\n    - Detect: {fruit: apple, detection: '{d}'}\n"
+            "    - Refine: {detection: '{d}', measured: '{m}'}\n    - check: '{m.inlier_ratio} > 0.6'\n"
+        )
+        text = (
+            "pomona: 1\ntree: t.yaml\ncases:\n  - mocks: {Refine: {outputs: {measured: {inlier_ratio: 0.7}}}}\n"
+            "  - {mocks: {Refine: {outputs: {measured: {inlier_ratio: 0.5}}}}, expect: {code: CONDITION_FALSE}}\n"
+            "  - {expect: {code: BAD_VALUE}}\n"
+        )
+        result = run_scenario(read_scenario(text, tmp_path / "s.yaml", skills), skills)
+        assert [r.problems for r in result.cases] == [(), (), ()]
+        assert "add it to the mock's outputs" in result.cases[2].reason.message
+
+
+class TestReading:
+    @pytest.mark.parametrize(
+        ("case", "code"),
+        [
+            ("{mocks: {Plna: success}}", "unknown-node"),
+            ("{mocks: {Plan: NO_PAHT}}", "unknown-code"),
+            ("{mocks: {Plan: {stauts: success}}}", "unknown-key"),
+            ("{mocks: {Plan: {status: perhaps}}}", "value"),
+            ("{mocks: {Plan: {after: 3}}}", "value"),
+            ("{mocks: {Plan: {outputs: {way: 1}}}}", "unknown-port"),
+            ("{mocks: {Plan: {outputs: {path: {length: 1}}}}}", "unknown-field"),
+            ("{expect: maybe}", "value"),
+            ("{visits: [Retreet]}", "unknown-node"),
+            ("{calls: {Lift: often}}", "value"),
+            ("{limit: 3}", "value"),
+            ("{nam: x}", "unknown-key"),
+            ("7", "shape"),
+        ],
+    )
+    def test_mistakes_are_findings(self, scenario, case, code):
+        assert codes(scenario(f"cases: [{case}]")) == [code]
+
+    def test_a_scenario_with_mistakes_is_not_run(self, scenario, skills):
+        with pytest.raises(TreeFileError):
+            run_scenario(scenario("cases: [{expect: maybe}]"), skills)
+
+    def test_a_tree_that_is_not_there(self, tmp_path, skills):
+        found = read_scenario("pomona: 1\ntree: none.yaml\ncases: []", tmp_path / "s.yaml", skills)
+        assert codes(found) == ["file"]
+
+    def test_mocks_alone(self, scenario, skills):
+        document = scenario("cases: []").document
+        mocks, findings = read_mocks("mocks: {Plan: [NO_PATH, success]}", "m.yaml", document, skills)
+        assert findings == []
+        assert [result.status for result in mocks.results["Plan"]] == ["failure", "success"]

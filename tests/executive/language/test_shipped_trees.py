@@ -1,0 +1,51 @@
+"""The trees that come with the package, checked with the skills that are installed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import jsonschema
+import pytest
+import yaml
+
+from executive.language import check, format_findings, read_file
+from executive.language.groot_export import export_groot
+from executive.language.groot_import import import_groot
+from executive.language.read import read
+from executive.language.run_scenario import run_scenario
+from executive.language.scenario import read_scenario
+from executive.language.schema import schema
+from executive.registry import Registry
+
+FOLDER = Path(__file__).resolve().parents[3] / "trees"
+TREES = sorted(FOLDER.glob("*.yaml"))
+SCENARIOS = sorted((FOLDER / "scenarios").glob("*.yaml"))
+
+
+@pytest.fixture(scope="module")
+def installed():
+    return Registry.installed()
+
+
+@pytest.mark.parametrize("path", TREES, ids=lambda path: path.stem)
+def test_it_has_no_findings(installed, path):
+    assert format_findings(check(read_file(path), installed)) == ""
+
+
+@pytest.mark.parametrize("path", TREES, ids=lambda path: path.stem)
+def test_the_schema_accepts_it(installed, path):
+    jsonschema.Draft202012Validator(schema(installed)).validate(yaml.safe_load(path.read_text()))
+
+
+@pytest.mark.parametrize("path", TREES, ids=lambda path: path.stem)
+def test_it_goes_to_groot_and_back(installed, path):
+    text, findings = import_groot(export_groot(read_file(path), installed), "tree.xml")
+    assert findings == []
+    assert format_findings(check(read(text, path), installed)) == ""
+
+
+@pytest.mark.parametrize("path", SCENARIOS, ids=lambda path: path.stem)
+def test_its_scenarios_go_as_expected_and_reach_every_node(installed, path):
+    result = run_scenario(read_scenario(path.read_text(), path, installed), installed)
+    assert [(case.case.name, case.problems) for case in result.cases if not case.passed] == []
+    assert [info.path for info in result.coverage.unreached()] == []

@@ -1,0 +1,118 @@
+"""Drawings and the JSON Schema."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ElementTree
+
+import jsonschema
+import pytest
+import yaml
+
+from executive.language import read
+from executive.language.schema import schema
+from executive.language.show import show_svg, show_text
+
+HEAD = "pomona: 1\ntree: t\n"
+
+
+class TestText:
+    def test_the_tree_reads_like_its_file(self, pick_apple):
+        lines = show_text(read(pick_apple, "t.yaml"), width=100).splitlines()
+        assert lines[0] == "pick_apple  Pick one fruit from the table and hold it above its place."
+        assert lines[1] == "→ sequence"
+        assert lines[2] == "├─ ▣ perceive  fruit: {fruit}, measured: {measured} · retry {looks}"
+        assert lines[3] == "│  └─ → sequence"
+        assert lines[4] == "│     ├─ ● MoveTo  pose: observe, variation: {retry.attempt}"
+        assert lines[-1] == "   └─ ● on failure: Retreat  # before the next try"
+        assert all(len(line) <= 100 for line in lines)
+
+    def test_subtrees_may_stay_closed(self, pick_apple):
+        assert "MoveTo" not in show_text(read(pick_apple, "t.yaml"), subtrees=False)
+
+    def test_a_subtree_that_calls_itself_is_drawn_once(self):
+        text = show_text(read(HEAD + "root: {a: {}}\nsubtrees: {a: {root: {sequence: [{a: {}}]}}}", "t.yaml"))
+        assert text.count("▣ a") == 2
+
+    def test_a_broken_file_draws_what_there_is(self):
+        assert show_text(read("[", "t.yaml")) == ""
+
+
+class TestSvg:
+    def test_it_is_well_formed_and_holds_every_node(self, pick_apple):
+        root = ElementTree.fromstring(show_svg(read(pick_apple, "t.yaml")))
+        text = " ".join(root.itertext())
+        assert all(name in text for name in ("Detect", "SampleGrasp", "Attempt", "Retreat"))
+
+    def test_names_cannot_break_out(self):
+        name = "<script>alert(1)</script>"
+        svg = show_svg(read(HEAD + f"root: {{Beep: {{}}, name: '{name.replace('/', '')}'}} # --><b>", "t.yaml"))
+        ElementTree.fromstring(svg)
+        assert "<script" not in svg
+
+
+@pytest.fixture
+def validator(skills):
+    made = schema(skills)
+    jsonschema.Draft202012Validator.check_schema(made)
+    return jsonschema.Draft202012Validator(made)
+
+
+class TestSchema:
+    def test_the_default_tree_is_valid(self, validator, pick_apple):
+        validator.validate(yaml.safe_load(pick_apple))
+
+    @pytest.mark.parametrize(
+        "body",
+        [
+            "root: {parallel: [{Beep: {}}, {wait: 3 s}], success_on: one}",
+            "root: {Retreat: , timeout: 3 s, retry: '{n}', when: '1 == 1'}\nparameters: {n: {type: int, default: 3}}",
+            "root: {Aim: {hold: firm, share: 0.4, pose: {position: [1, 2, 3]}}}",
+            "root: {look: {}}\nsubtrees: {look: {root: {succeed: {}}}, there: {file: there.yaml}}",
+            "root: {Beep: {times: 3, loud: true}, repeat: forever}",
+        ],
+    )
+    def test_valid(self, validator, body):
+        assert [e.message for e in validator.iter_errors(yaml.safe_load(HEAD + body))] == []
+
+    @pytest.mark.parametrize(
+        "body",
+        [
+            "root: {Beepp: {}}",
+            "root: {Beep: {tims: 3}}",
+            "root: {Beep: {times: 11}}",
+            "root: {Beep: {}, MoveTo: {pose: a}}",
+            "root: {MoveTo: {}}",
+            "root: {Retreat: {distance: 3}}",
+            "root: {Retreat: {distance: 3 deg}}",
+            "root: {Detect: {fruit: apple, policy: neerest}}",
+            "root: {Detect: {fruit: apple, detection: there}}",
+            "root: {sequence: []}",
+            "root: {Beep: {}, timeout: 3}",
+            "root: {Beep: {}, on_failure: {Beep: {}}}",
+            "root: {timeout: 3 s}",
+            "rot: {Beep: {}}",
+            "root: {Beep: {}}\nparameters: {n: {type: inch}}",
+        ],
+    )
+    def test_invalid(self, validator, body):
+        assert not validator.is_valid(yaml.safe_load(HEAD + body))
+
+    def test_it_tells_units_and_failure_codes(self, skills):
+        made = schema(skills)["$defs"]
+        assert "NO_PATH" in made["skill.Plan"]["description"]
+        assert "1 mm" in str(made["skill.Retreat"]["properties"]["distance"])
+
+
+def test_skills_are_listed_with_ports_units_and_codes(skills):
+    plan = next(listing for listing in skills.listing() if listing.name == "Plan")
+    assert plan.summary == "A path to one of the candidates."
+    assert plan.failures == ("NO_PATH", "TIMEOUT", "GOAL_IN_COLLISION")
+    budget = next(port for port in plan.inputs if port["name"] == "budget")
+    assert budget == {
+        "name": "budget",
+        "type": "time",
+        "units": ["s", "ms", "us", "min", "h"],
+        "required": False,
+        "default": "1 s",
+        "min": "1 ms",
+    }

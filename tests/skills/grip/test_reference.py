@@ -1,0 +1,114 @@
+"""The law that chooses the grasp force, fed with loads that are made up."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from skills.grip.reference import ForceReference
+from skills.grip.settings import ForceLaw, GripSettings
+
+PERIOD = 0.002
+MARGIN = 1.1
+
+
+def load(coulomb: float, share: float = 1.0, blur: float = 0.0, rise: float = 0.0, **changes: float) -> Any:
+    """What `SlipSense` would say of a fruit whose moment makes the least force `share` times Coulomb's."""
+    least = coulomb * share
+    felt = {
+        "coulomb": coulomb, "least": least, "reserved": least, "cautious": 1.5 * least, "f_t": 0.6 * coulomb,
+        "rise": rise, "unrest": 0.0, "blur": blur, "doubt": 0.0, "twist": share - 1.0, "f_nd": 0.0,
+    }  # fmt: skip
+    return SimpleNamespace(**{**felt, **changes})
+
+
+def carrying(coulomb: float = 2.0, share: float = 1.0, **settings: Any) -> ForceReference:
+    """A reference that has borne this load for so long that it is at rest."""
+    reference = ForceReference(GripSettings(margin=MARGIN, **settings))
+    reference.begin(2.2)
+    follow(reference, [load(coulomb, share)] * 3000)
+    return reference
+
+
+def follow(reference: ForceReference, loads: list[Any], f_n: float = 50.0) -> list[float]:
+    """The force that is wanted after each sample, while the fingers press with `f_n` [N]."""
+    wanted = []
+    for felt in loads:
+        reference.follow(felt, f_n, PERIOD)
+        wanted.append(reference.wanted)
+    return wanted
+
+
+def test_at_rest_the_margin_is_all_that_is_added() -> None:
+    reference = carrying()
+    assert reference.carried
+    assert reference.wanted == pytest.approx(MARGIN * 2.0, rel=1e-6)
+    assert reference.f_ref == pytest.approx(MARGIN * 2.0, rel=0.01)
+
+
+def test_a_share_of_the_moment_that_grows_slowly_is_answered_beyond_the_margin() -> None:
+    reference = carrying(share=1.1)
+    growing = [load(2.0, share) for share in np.linspace(1.1, 1.5, 500)]
+    assert follow(reference, growing)[-1] > 1.1 * MARGIN * growing[-1].least
+
+
+def test_the_answer_fades_when_the_share_grows_no_more() -> None:
+    reference = carrying(share=1.1)
+    follow(reference, [load(2.0, share) for share in np.linspace(1.1, 1.5, 500)])
+    wanted = follow(reference, [load(2.0, 1.5)] * 1500)
+    assert wanted[-1] == pytest.approx(MARGIN * 3.0, rel=0.01)
+
+
+def test_a_share_that_trembles_within_noise_is_not_answered() -> None:
+    reference = carrying(share=1.3)
+    trembling = 1.3 + 0.05 * np.sin(2.0 * np.pi * 3.0 * PERIOD * np.arange(3000))
+    wanted = follow(reference, [load(2.0, share, blur=0.1) for share in trembling])
+    assert np.mean(wanted[1000:]) == pytest.approx(MARGIN * 2.6, rel=0.02)
+
+
+def test_noise_of_light_fruit_costs_no_force() -> None:
+    reference = carrying()
+    noise = np.random.default_rng(1).normal(0.0, 0.1, 3000)
+    wanted = follow(reference, [load(2.0 + error, blur=0.1) for error in noise])
+    assert np.mean(wanted[1000:]) == pytest.approx(MARGIN * 2.0, rel=0.02)
+
+
+def test_a_lift_that_slows_down_hardly_lowers_the_force() -> None:
+    reference = carrying()
+    assert follow(reference, [load(1.6)] * 125)[-1] > MARGIN * (2.0 - 0.4 * 0.5)
+    assert follow(reference, [load(2.0)])[0] > MARGIN * 1.8
+
+
+def test_a_load_that_rises_counts_at_once() -> None:
+    reference = carrying()
+    assert follow(reference, [load(3.0, blur=0.02)])[0] > MARGIN * 2.9
+
+
+def test_what_presses_enough_already_is_not_hurried() -> None:
+    reference, hurried = carrying(), carrying()
+    follow(reference, [load(2.0, rise=0.3)] * 5, f_n=4.0)
+    follow(hurried, [load(2.0, rise=0.3)] * 5, f_n=2.2)
+    assert reference.f_ref == pytest.approx(MARGIN * 2.0, rel=0.01)
+    assert hurried.f_ref > MARGIN * 2.0 + 0.2
+
+
+def test_a_load_that_twists_is_hurried_all_the_same() -> None:
+    reference = carrying(share=2.5)
+    before = reference.f_ref
+    follow(reference, [load(2.0, share=2.5, rise=0.3)] * 5, f_n=20.0)
+    assert reference.f_ref > before + 0.5
+
+
+def test_the_papers_static_term_is_neither_averaged_nor_hurried() -> None:
+    reference = carrying(law=ForceLaw.STATIC)
+    assert follow(reference, [load(1.6)])[0] == pytest.approx(MARGIN * 1.6)
+
+
+def test_a_frozen_reference_never_falls() -> None:
+    reference = carrying()
+    reference.freeze("because")
+    follow(reference, [load(0.5)] * 2000)
+    assert reference.f_ref >= MARGIN * 2.0 - 1e-6

@@ -1,0 +1,95 @@
+"""How far a robot's parts can move along a segment: never less than they do, and little more along a straight line."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from drivers.interfaces import Workspace
+from skills.geometry import inverse, rot_x, transform
+from skills.motion.collision import CollisionWorld, RobotShape
+from skills.motion.collision.kernel import make_room, place
+from skills.motion.collision.segment import bounds_of_motion, speed_of_ball, write_twists
+from skills.motion.robot import RobotModel, inverse_kinematics
+from skills.motion.straight_line import straight_line
+
+ROOT = Path(__file__).resolve().parents[4]
+SIA5F = ROOT / "trees" / "robots" / "sia5f_wsg32.xml"
+OBSERVE = np.array([-1.36, -0.316, -0.264, -0.234, 0.065, -1.294, 0.048])
+SLIDING = """<robot name="gantry">
+  <link name="base"/>
+  <link name="beam"><collision><geometry><box size="0.4 0.1 0.1"/></geometry></collision></link>
+  <link name="arm"><collision><geometry><box size="0.1 0.1 0.5"/></geometry></collision></link>
+  <link name="tool0"><collision><geometry><sphere radius="0.05"/></geometry></collision></link>
+  <joint name="turn" type="revolute"><parent link="base"/><child link="beam"/><axis xyz="0 0 1"/>
+    <limit lower="-2" upper="2" velocity="1" effort="1"/></joint>
+  <joint name="slide" type="prismatic"><parent link="beam"/><child link="arm"/><origin xyz="0.3 0 0.2" rpy="0.3 0 0"/>
+    <axis xyz="0 0 1"/><limit lower="-0.5" upper="0.5" velocity="1" effort="1"/></joint>
+  <joint name="nod" type="revolute"><parent link="arm"/><child link="tool0"/><origin xyz="0 0 0.3"/><axis xyz="0 1 0"/>
+    <limit lower="-2" upper="2" velocity="1" effort="1"/></joint>
+</robot>"""
+
+
+def bound(shape: RobotShape, q: np.ndarray, step: np.ndarray, share: float, inner: int, geom: int) -> float:
+    """How far a geom can move, in the frame of link `inner`, while the joints go from q by a share of a step."""
+    arrays, room = shape.arrays, make_room(shape.arrays)
+    place(arrays, q, shape.model.width_max, room)
+    turns, shifts = np.zeros((len(q) + 1, 3)), np.zeros((len(q) + 1, 3))
+    write_twists(arrays.sliding, room.links, step, turns, shifts)
+    rate, bend = bounds_of_motion(arrays.reach, step, inner, geom)
+    speed = speed_of_ball(turns, shifts, inner, arrays.links[geom], room.centres[geom], arrays.bounds[geom, 3])
+    return min(rate * share, (speed + 0.5 * bend * share) * share)
+
+
+def motion(shape: RobotShape, q: np.ndarray, step: np.ndarray, share: float, inner: int, geom: int) -> float:
+    """How far the centres of a geom's spheres do move, in the frame of link `inner`."""
+    centres = []
+    for joints in (q, q + share * step):
+        T_inner_base = inverse(shape.model.link_poses(joints)[inner])
+        spheres = shape.spheres_of(geom, joints, shape.model.width_max)
+        centres.append(spheres[:, :3] @ T_inner_base[:3, :3].T + T_inner_base[:3, 3])
+    return float(np.linalg.norm(centres[1] - centres[0], axis=1).max())
+
+
+@pytest.fixture(scope="module", params=["sia5f", "sliding"])
+def shape(request, tmp_path_factory) -> RobotShape:
+    if request.param == "sia5f":
+        return RobotShape.of(RobotModel.load(SIA5F))
+    file = tmp_path_factory.mktemp("robot") / "gantry.urdf"
+    file.write_text(SLIDING)
+    return RobotShape.of(RobotModel.load(file))
+
+
+@settings(max_examples=60, deadline=None)
+@given(seed=st.integers(0, 100_000), share=st.floats(1e-3, 1.0))
+def test_nothing_moves_further_than_its_bound(shape: RobotShape, seed: int, share: float) -> None:
+    rng, model = np.random.default_rng(seed), shape.model
+    q = rng.uniform(model.lower, model.upper)
+    # Within the limits all along: a sliding joint's stroke is part of the reach.
+    step = (rng.uniform(model.lower, model.upper) - q) * rng.uniform(0.01, 1.0) * rng.integers(0, 2, model.dof)
+    pairs = [(int(shape.arrays.links[i]), int(j)) for i, j in shape.arrays.pairs]
+    for inner, geom in [(0, geom) for geom in range(len(shape.geom_names))] + pairs:
+        assert motion(shape, q, step, share, inner, geom) <= bound(shape, q, step, share, inner, geom) + 1e-12
+
+
+def test_along_a_straight_line_the_bound_is_close_to_the_motion() -> None:
+    robot = RobotModel.load(SIA5F)
+    shape, finger = RobotShape.of(robot), RobotShape.of(robot).geom_names.index("finger_left")
+    line = straight_line(robot, OBSERVE, robot.tcp(OBSERVE) @ transform(None, [0.0, 0.0, 0.02])).q
+    step = line[-1] - line[0]
+    assert motion(shape, line[0], step, 0.1, 0, finger) == pytest.approx(2e-3, rel=0.1)
+    assert bound(shape, line[0], step, 0.1, 0, finger) < 4e-3
+    assert float(np.abs(step) @ shape.arrays.reach[:, finger]) * 0.1 > 6e-3  # what joints times reach would say
+
+
+def test_a_path_names_its_first_segment_that_is_not_free() -> None:
+    robot = RobotModel.load(SIA5F)
+    world = CollisionWorld.build(robot, Workspace(-0.12, np.array([-0.6, -0.8, -0.14]), np.array([0.6, 0.2, 0.7])))
+    high, low = (
+        inverse_kinematics(robot, transform(rot_x(np.pi), [-0.03, -0.40, z]), near=OBSERVE)[0] for z in (0.03, -0.115)
+    )
+    assert world.first_blocked([high, high + 0.01, low, high], 0.05) == 1
+    assert world.first_blocked([high, high + 0.01], 0.05) is None
+    assert world.first_blocked([low], 0.05) == 0

@@ -1,0 +1,263 @@
+"""The collision world says who hits what, lets nothing slip through along a path, and keeps a margin for each body."""
+
+import pickle
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from benchmarks.collision_oracle import Oracle, compare, random_scene
+from drivers.interfaces import Box, Trajectory, Workspace
+from skills.geometry import rot_x, transform
+from skills.motion.collision import (
+    BadTrajectory,
+    CollisionWorld,
+    Convex,
+    DistanceField,
+    Margins,
+    RobotShape,
+    UnknownObstacle,
+)
+from skills.motion.collision.cover import fibonacci_sphere
+from skills.motion.robot import BadJoints, RobotModel, inverse_kinematics
+
+ROOT = Path(__file__).resolve().parents[4]
+SIA5F = ROOT / "trees" / "robots" / "sia5f_wsg32.xml"
+SIX_AXIS = ROOT / "tests" / "skills" / "robot" / "six_axis.urdf"
+OBSERVE = np.array([-1.36, -0.316, -0.264, -0.234, 0.065, -1.294, 0.048])
+OPEN = 0.103
+TOUCHING_ALLOWED = Margins(0.0, 0.0, 0.0, 0.0, 0.0)
+
+robot = RobotModel.load(SIA5F)
+table = Workspace(-0.12, np.array([-0.6, -0.8, -0.14]), np.array([0.6, 0.2, 0.7]))
+
+
+def above(height: float, x: float = -0.03, y: float = -0.40) -> np.ndarray:
+    """Joints with the gripper pointing down, its centre point so high above the table."""
+    T = transform(rot_x(np.pi), [x, y, -0.12 + height])
+    return inverse_kinematics(robot, T, near=OBSERVE)[0]
+
+
+@pytest.mark.parametrize("file", [SIA5F, SIX_AXIS], ids=["sia5f", "six_axis"])
+def test_nothing_that_touches_by_mujocos_judgement_is_called_free(file: Path) -> None:
+    for seed in (0, 1):
+        verdicts = compare(file, 150, seed)
+        assert verdicts.touching > 20
+        assert verdicts.missed == 0
+        assert verdicts.greatest_care < 0.025
+
+
+def test_the_oracle_itself_sees_a_known_collision_and_its_absence() -> None:
+    scene = random_scene(0, boxes=0, cells=0)
+    oracle = Oracle(robot, scene)
+    assert not oracle.touches(above(0.05), OPEN)
+    assert oracle.touches(above(0.005), OPEN)
+    assert oracle.distance(above(0.05), OPEN) == pytest.approx(0.05 - 0.012, abs=1e-6)
+
+
+def test_the_clearance_of_the_fingers_from_the_table_is_exact() -> None:
+    world = CollisionWorld.build(robot, table, margins=TOUCHING_ALLOWED)
+    for height in (0.02, 0.03):
+        assert world.clearance(above(height), OPEN) == pytest.approx(height - 0.012, abs=1e-9)
+
+
+def test_each_body_keeps_its_own_margin() -> None:
+    q = above(0.012 + 0.003)  # fingertips 3 mm above the table
+    assert CollisionWorld.build(robot, table, margins=Margins(fingers=0.002)).check(q, OPEN) is None
+    hit = CollisionWorld.build(robot, table, margins=Margins(fingers=0.005)).check(q, OPEN)
+    assert hit is not None
+    assert (hit.body, hit.other, hit.margin) == ("finger_left", "table", 0.005) or hit.body == "finger_right"
+    assert hit.depth == pytest.approx(0.002, abs=1e-9)
+    assert "comes within 3.0 mm of the table" in str(hit)
+
+
+def test_a_collision_names_link_obstacle_depth_and_place() -> None:
+    wall = Box("wall", transform(translation=[0.0, -0.40, 0.1]), (0.3, 0.02, 0.05))
+    world = CollisionWorld.build(robot, Workspace(-0.12, table.lower, table.upper, (wall,)))
+    hit = world.check(above(0.05), OPEN)
+    assert hit is not None
+    assert hit.other == "wall"
+    assert hit.depth > hit.margin
+    assert abs(hit.point[1] + 0.40) < 0.2
+    assert str(hit).startswith(f"{hit.body} touches the wall at (")
+
+
+def test_self_collision_is_seen_and_named() -> None:
+    folded = np.array([2.0, -0.3, 2.0, -1.5, -0.8, -1.6, 1.0])
+    assert Oracle(robot, random_scene(0, boxes=0, cells=0, table_z=-3.0)).touches(folded, OPEN)
+    hit = CollisionWorld.build(robot).check(folded, OPEN)
+    assert hit is not None
+    assert hit.itself
+    assert (hit.body, hit.other) == ("tool0", "link_l")
+    assert "touches the arm's own link_l" in str(hit)
+
+
+def test_the_robots_usual_postures_are_free() -> None:
+    world = CollisionWorld.build(robot, table)
+    assert world.check(OBSERVE, OPEN) is None
+    assert world.check(np.zeros(7), OPEN) is None
+
+
+def test_an_open_gripper_is_wider_than_a_closed_one() -> None:
+    q = above(0.10)
+    T = robot.tcp(q)
+    beside = T[:3, 3] + T[:3, 1] * 0.058
+    post = Convex.of_points("post", beside + 0.003 * fibonacci_sphere(40))
+    world = CollisionWorld.build(robot, table, obstacles=[post], margins=TOUCHING_ALLOWED)
+    assert world.free(q, 0.05)[0]
+    hit = world.check(q, OPEN)
+    assert hit is not None
+    assert hit.other == "post"
+    assert hit.body.startswith("finger")
+
+
+def test_what_may_be_touched_is_ignored_only_for_the_named_parts() -> None:
+    q, around = above(0.08), 0.085  # the fingers reach 2.5 mm into the apple, the palm stays 38 mm away
+    apple = Convex.of_points("target", robot.tcp(q)[:3, 3] + 0.045 * fibonacci_sphere(400))
+    world = CollisionWorld.build(robot, table, obstacles=[apple])
+    assert world.check(q, around) is not None
+    assert world.allowing("target", "fingers").check(q, around) is None
+    too_deep = above(0.08 - 0.040)
+    assert world.allowing("target", "fingers").check(too_deep, around) is not None
+    assert world.without("target").check(too_deep, around) is None
+    with pytest.raises(UnknownObstacle, match="no obstacle is named 'pear'"):
+        world.without("pear")
+
+
+def test_held_fruit_is_part_of_the_robot() -> None:
+    apple_tcp = 0.04 * fibonacci_sphere(300)
+    shape = RobotShape.of(robot).holding(apple_tcp)
+    world = CollisionWorld.build(shape, table, margins=TOUCHING_ALLOWED)
+    assert world.free(above(0.05), 0.08)[0]
+    hit = world.check(above(0.035), 0.08)
+    assert hit is not None
+    assert (hit.body, hit.other) == ("held fruit", "table")
+    assert hit.depth == pytest.approx(0.005, abs=1e-3)
+    assert CollisionWorld.build(robot, table, margins=TOUCHING_ALLOWED).free(above(0.035), 0.08)[0]
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(0, 100_000))
+def test_a_path_called_free_holds_no_collision_at_any_fine_sample(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    scene = random_scene(seed % 5)
+    field = DistanceField.of_blocked(scene.cells, scene.origin, 0.02, 0.3)
+    world = CollisionWorld.build(robot, scene.workspace, field, margins=Margins(0.005, 0.005, 0.002, 0.0, 0.002))
+    start = rng.uniform(robot.lower, robot.upper)
+    end = np.clip(start + rng.normal(size=7) * 0.3, robot.lower, robot.upper)
+    slack = 1e-3
+    samples = start + np.linspace(0.0, 1.0, 400)[:, None] * (end - start)
+    clearances = world.clearances(samples, 0.07)
+    hit = world.check_path([start, end], 0.07, slack)
+    if hit is None:
+        assert clearances.min() >= -slack
+    else:
+        assert clearances.min() < 1e-4
+        assert world.clearance(hit.q, 0.07) == pytest.approx(-hit.depth, abs=1e-9)
+        first = np.flatnonzero(clearances < -slack)
+        if len(first):
+            assert hit.at <= first[0] / 399.0 + 1e-9
+
+
+def test_a_thin_plate_between_two_free_postures_is_not_jumped() -> None:
+    start, end = above(0.15, x=-0.15), above(0.15, x=0.15)
+    plate = Box("plate", transform(translation=[0.0, -0.40, 0.02]), (5e-4, 0.2, 0.1))
+    world = CollisionWorld.build(robot, Workspace(-0.12, table.lower, table.upper, (plate,)))
+    assert world.check(start, 0.05) is None
+    assert world.check(end, 0.05) is None
+    assert not world.segment_free(start, end, 0.05)
+    hit = world.check_path([start, end, start], 0.05)
+    assert hit is not None
+    assert hit.other == "plate"
+    assert 0.0 < hit.at < 1.0
+
+
+def timed(q: np.ndarray, duration: float = 1.0, qdd: float = 0.0) -> Trajectory:
+    t = np.linspace(0.0, duration, len(q))
+    return Trajectory(t, q, np.zeros_like(q), np.full_like(q, qdd))
+
+
+def test_a_trajectory_between_distant_samples_must_keep_clear_of_its_possible_bow() -> None:
+    world = CollisionWorld.build(robot, table)
+    q = np.linspace(above(0.05), above(0.06), 5)
+    assert world.check_trajectory(timed(q), OPEN) is None
+    assert world.check_trajectory(timed(q, qdd=8.0), OPEN) is not None  # 6 cm of bow may be hidden between samples
+
+
+@pytest.mark.parametrize(
+    ("wrong", "complaint"),
+    [
+        (Trajectory(np.array([0.0, 1.0]), np.zeros((2, 6)), np.zeros((2, 6)), np.zeros((2, 6))), "do not fit"),
+        (Trajectory(np.array([0.0, 0.0]), *(np.zeros((2, 7)) for _ in range(3))), "time does not increase"),
+        (timed(np.vstack((np.zeros(7), np.full(7, np.nan)))), "not finite"),
+        (timed(np.vstack((np.zeros(7), np.full(7, 2.5)))), "joint_l = 2.5000 rad is outside"),
+    ],
+)  # fmt: skip
+def test_a_trajectory_that_must_not_be_executed_is_refused(wrong: Trajectory, complaint: str) -> None:
+    with pytest.raises(BadTrajectory, match=complaint):
+        CollisionWorld.build(robot, table).check_trajectory(wrong, OPEN)
+
+
+def test_bad_joints_are_refused_before_anything_is_judged() -> None:
+    world = CollisionWorld.build(robot, table)
+    for question in (world.check, world.clearance, world.clearances, world.free, world.check_path):
+        with pytest.raises(BadJoints):
+            question(
+                np.full((1, 7), np.nan) if question not in (world.check, world.clearance) else np.full(7, np.nan), OPEN
+            )
+    with pytest.raises(BadJoints):
+        world.segment_free(np.zeros(6), np.zeros(7), OPEN)
+
+
+def test_a_world_travels_to_another_process() -> None:
+    world = CollisionWorld.build(robot, table)
+    copy = pickle.loads(pickle.dumps(world))
+    Q = np.random.default_rng(0).uniform(robot.lower, robot.upper, (50, 7))
+    assert np.array_equal(copy.clearances(Q, OPEN), world.clearances(Q, OPEN))
+
+
+NESTED = """<mujoco><worldbody><body name="post"><geom size="0.1"/>
+  <body name="one"><joint name="one" axis="0 0 1" range="-1 1"/><geom name="hub" size="0.09"/>
+    <body name="two"><joint name="two" axis="0 1 0" range="-1 1"/><geom name="inner" size="0.08"/>
+      <body name="tool0" pos="0.3 0 0"><geom name="tip" size="0.02"/></body>
+    </body></body></body></worldbody></mujoco>"""
+
+
+def test_pairs_that_overlap_in_every_posture_are_left_out_by_geometry(tmp_path: Path) -> None:
+    file = tmp_path / "nested.xml"
+    file.write_text(NESTED)
+    shape = RobotShape.of(RobotModel.load(file))
+    pairs = {frozenset((shape.geom_names[i], shape.geom_names[j])) for i, j in shape.arrays.pairs}
+    assert pairs == {
+        frozenset(("post/0", "tip")),
+        frozenset(("hub", "tip")),
+    }  # not post and inner
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.integers(0, 10_000))
+def test_convex_distances_are_lower_bounds_and_close(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    centre, radius = rng.uniform(-0.2, 0.2, 3), 0.045
+    fruit = Convex.of_points("fruit", centre + radius * fibonacci_sphere(3000))
+    points = rng.uniform(-0.4, 0.4, (200, 3))
+    true = np.linalg.norm(points - centre, axis=1) - radius
+    told = fruit.distance(points)
+    assert np.all(told <= true + 1e-3 * radius)
+    assert np.all(told >= np.where(true > 0.0, 0.96 * true, true) - 1e-3)
+
+
+def test_a_cylinder_contains_what_it_stands_for() -> None:
+    rng = np.random.default_rng(0)
+    T = transform(rot_x(0.7), [0.1, 0.2, 0.3])
+    can = Convex.of_cylinder("can", T, 0.05, 0.2)
+    angle, radius, z = (
+        rng.uniform(0, 2 * np.pi, 500),
+        0.05 * np.sqrt(rng.uniform(size=500)),
+        rng.uniform(-0.1, 0.1, 500),
+    )
+    inside = np.column_stack((radius * np.cos(angle), radius * np.sin(angle), z)) @ T[:3, :3].T + T[:3, 3]
+    assert np.all(can.distance(inside) <= 1e-12)
+    assert can.distance(np.array([[0.0, 0.0, 0.15]]) @ T[:3, :3].T + T[:3, 3])[0] == pytest.approx(0.05, abs=1e-9)

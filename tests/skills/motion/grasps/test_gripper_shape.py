@@ -1,0 +1,40 @@
+import mujoco
+import numpy as np
+import pytest
+
+from skills.motion.grasps.gripper_shape import gripper_shape
+from skills.motion.grasps.sphere import pre_grasp_pose
+from tests.skills.picking_scene import OBSERVE, ROBOT_MODEL
+
+SHAPE = gripper_shape(ROBOT_MODEL)
+
+
+@pytest.mark.parametrize("theta", [0.0, 0.26, 0.52, 0.79])
+def test_the_lowest_point_is_that_of_the_finger_boxes(theta):
+    """Fingers are 20 mm wide and end 12 mm beyond the TCP."""
+    T = pre_grasp_pose(np.array([0.0, -0.4, 0.1]), 0.0, theta, 0.7)
+    height, body = SHAPE.lowest(T, 0.08)
+    assert height == pytest.approx(0.1 - 0.012 * np.cos(theta) - 0.010 * np.sin(theta), abs=1e-6)
+    assert body.startswith("finger")
+
+
+def test_the_palm_is_where_the_gripper_body_ends():
+    assert SHAPE.palm_depth == pytest.approx(0.168 - 0.085)
+
+
+@pytest.mark.parametrize("width", [0.035, 0.07, 0.103])
+def test_fingers_slide_as_in_the_simulator(width):
+    model = mujoco.MjModel.from_xml_path(str(ROBOT_MODEL.path))
+    state = mujoco.MjData(model)
+    for name, value in zip(ROBOT_MODEL.joint_names, OBSERVE, strict=True):
+        state.joint(name).qpos[0] = value
+    for name in ("finger_left", "finger_right"):
+        state.joint(name).qpos[0] = (width - 0.035) / 2.0
+    mujoco.mj_kinematics(model, state)
+    lowest = np.inf
+    for name in ("finger_left", "finger_right"):
+        geom = model.geom(name)
+        corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * geom.size
+        placed = state.geom(name).xpos + corners @ state.geom(name).xmat.reshape(3, 3).T
+        lowest = min(lowest, placed[:, 2].min())
+    assert SHAPE.lowest(ROBOT_MODEL.tcp(OBSERVE), width)[0] == pytest.approx(lowest, abs=1e-6)

@@ -1,0 +1,168 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from skills.geometry import is_pose, rot_z, transform
+from skills.motion.collision import CollisionWorld, Convex, fruit_points
+from skills.motion.grasps.fruit_section import fruit_section
+from skills.motion.grasps.gripper_shape import gripper_shape
+from skills.motion.grasps.sample import GraspRules, sample_pre_grasps
+from skills.motion.grasps.sphere import Sphere
+from skills.motion.planning.arm_space import TARGET, ArmSpace
+from skills.perception.fruit import load_fruit
+from tests.skills.picking_scene import APPLES, OBSERVE, PLACES, ROBOT_MODEL, TABLE_Z, WORKSPACE, apple_at
+
+SHAPE = gripper_shape(ROBOT_MODEL)
+
+
+def space_around(target, *others) -> ArmSpace:
+    obstacles = (Convex.of_fruit(target, TARGET), *(Convex.of_fruit(other, "fruit") for other in others))
+    world = CollisionWorld.build(ROBOT_MODEL, WORKSPACE, None, obstacles).allowing(TARGET, "fingers")
+    return ArmSpace(world, ROBOT_MODEL.width_max)
+
+
+def sample(target, *others, space=None, **rules):
+    return sample_pre_grasps(
+        target, ROBOT_MODEL, space or space_around(target, *others), OBSERVE, TABLE_Z, rules=GraspRules(**rules)
+    )
+
+
+@pytest.mark.parametrize("place", PLACES)
+@pytest.mark.parametrize("number", APPLES)
+def test_every_cell_of_the_paper_has_many_candidates_with_all_other_fruit_on_the_table(number, place):
+    other_places = [p for p in PLACES if p != place]
+    others = [apple_at(n, p) for n, p in zip([n for n in APPLES if n != number], other_places, strict=True)]
+    grasps, ruled_out = sample(apple_at(number, place), *others)
+    assert len(grasps) >= 20
+    assert len(grasps) + len(ruled_out) == 48
+
+
+def test_candidates_keep_what_they_promise():
+    target = apple_at(3, 4)
+    space = space_around(target)
+    grasps, _ = sample(target, space=space)
+    for grasp in grasps:
+        assert is_pose(grasp.T_base_grasp)
+        np.testing.assert_allclose(
+            grasp.T_base_pre_grasp[:3, 3], grasp.T_base_grasp[:3, 3] - 0.12 * grasp.T_base_grasp[:3, 2], atol=1e-12
+        )
+        assert APPLES[3][0] * 1e-3 + 4e-3 < grasp.width <= ROBOT_MODEL.width_max
+        assert SHAPE.lowest(grasp.T_base_grasp, grasp.width)[0] > TABLE_Z + 3e-3
+        for q in grasp.q_pre_grasp:
+            np.testing.assert_allclose(ROBOT_MODEL.tcp(q), grasp.T_base_pre_grasp, atol=1e-6)
+            assert ROBOT_MODEL.within_limits(q)
+            assert space.at_width(grasp.width).free(q)
+
+
+def test_pads_meet_the_fruit_at_its_widest_section():
+    target = apple_at(1, 3)
+    grasps, _ = sample(target)
+    scaled = target.fruit.vertices * (target.dimensions / target.fruit.dimensions)
+    points = scaled @ target.T_base_fruit[:3, :3].T + target.T_base_fruit[:3, 3]
+    for grasp in grasps[:10]:
+        in_tcp = (points - grasp.T_base_grasp[:3, 3]) @ grasp.T_base_grasp[:3, :3]
+        outermost = in_tcp[[in_tcp[:, 1].argmin(), in_tcp[:, 1].argmax()]]
+        assert np.abs(outermost[:, [0, 2]]).max() < 0.008  # within the pad, which reaches 10 mm around its centre
+        assert outermost[:, 1].sum() == pytest.approx(0.0, abs=1e-9)
+
+
+def test_near_the_table_the_small_apple_is_taken_a_little_higher():
+    low = replace(apple_at(5, 2), T_base_fruit=apple_at(5, 2).T_base_fruit.copy())
+    low.T_base_fruit[2, 3] -= 0.008  # measured 8 mm too low
+    grasps, _ = sample(low)
+    assert grasps
+    assert all(SHAPE.lowest(g.T_base_grasp, g.width)[0] > TABLE_Z + 3e-3 for g in grasps)
+    assert any(np.linalg.norm(g.T_base_grasp[:3, 3] - low.T_base_fruit[:3, 3]) > 1e-3 for g in grasps)
+
+
+def test_a_fruit_measured_far_too_low_is_ruled_out_by_the_table_in_words():
+    low = replace(apple_at(5, 2), T_base_fruit=apple_at(5, 2).T_base_fruit.copy())
+    low.T_base_fruit[2, 3] -= 0.018
+    _, ruled_out = sample(low)
+    table = [out for out in ruled_out if out.code == "TABLE"]
+    assert table
+    assert "finger would be" in table[0].reason
+    assert "the table" in table[0].reason
+
+
+def test_doubt_about_the_height_costs_tilted_grasps_first():
+    sure, _ = sample(apple_at(5, 2, sigma=0.5e-3))
+    unsure, ruled_out = sample(apple_at(5, 2, sigma=5e-3), sigmas=2.0)
+    assert len(unsure) < len(sure)
+    assert {out.code for out in ruled_out} & {"TABLE", "TOO_WIDE"}
+
+
+def test_a_fruit_too_wide_for_the_fingers_says_so():
+    wide = replace(apple_at(1, 3), dimensions=np.array([0.105, 0.09, 0.105]))
+    grasps, ruled_out = sample(wide)
+    assert grasps == ()
+    assert {out.code for out in ruled_out} == {"TOO_WIDE"}
+    assert "103 mm" in ruled_out[0].reason
+
+
+def test_a_neighbour_on_one_side_rules_out_what_would_touch_it():
+    target = apple_at(4, 3)
+    neighbour = replace(apple_at(4, 3), T_base_fruit=target.T_base_fruit.copy())
+    neighbour.T_base_fruit[0, 3] += 0.078  # 5 mm of air along x
+    alone, _ = sample(target)
+    beside, ruled_out = sample(target, neighbour)
+    assert 0 < len(beside) < len(alone)
+    blocked = [out for out in ruled_out if out.code == "IN_COLLISION"]
+    assert any("finger" in out.reason and "fruit" in out.reason for out in blocked)
+    for grasp in beside:  # a finger between the two would have to open along x
+        assert abs(grasp.T_base_grasp[0, 1]) < 0.95
+
+
+def test_without_the_check_candidates_come_in_the_order_of_sampling():
+    grasps, ruled_out = sample(apple_at(5, 3), check=False)
+    indices = [grasp.index for grasp in grasps]
+    assert indices == sorted(indices)
+    assert {out.code for out in ruled_out} == {"UNREACHABLE"}
+
+
+def test_best_first_prefers_room_and_a_steep_approach():
+    grasps, _ = sample(apple_at(1, 3))
+    first, last = grasps[0], grasps[-1]
+    assert first.theta <= last.theta
+    assert first.clearance >= last.clearance
+
+
+def lying_lemon(yaw: float):
+    """58 x 82 mm, its long axis level and turned by `yaw` about the vertical."""
+    upright = apple_at(1, 3)
+    T_base_fruit = transform(
+        rot_z(yaw) @ np.eye(3), [*PLACES[3], TABLE_Z + 0.029]
+    )  # its axis, the object's y, is level
+    return replace(
+        upright, fruit=load_fruit("lemon"), T_base_fruit=T_base_fruit, dimensions=np.array([0.058, 0.082, 0.058])
+    )
+
+
+@pytest.mark.parametrize("yaw", [0.0, 0.4, 1.1, 2.0])
+def test_a_long_fruit_is_taken_across(yaw):
+    grasps, _ = sample(lying_lemon(yaw))
+    long_axis = lying_lemon(yaw).T_base_fruit[:3, 1]
+    assert abs(grasps[0].T_base_grasp[:3, 1] @ long_axis) < np.sin(np.radians(16.0))  # the sphere's steps are 30°
+    assert grasps[0].oblique < np.radians(14.0)
+
+
+def test_how_obliquely_pads_meet_an_ellipsoid():
+    lemon = lying_lemon(0.0)
+    for turned, expected in ((0.0, 0.0), (30.0, 19.1), (90.0, 0.0)):
+        sliding = np.array([np.cos(np.radians(turned)), np.sin(np.radians(turned)), 0.0])
+        down = np.array([0.0, 0.0, -1.0])
+        R_base_tcp = np.stack([np.cross(sliding, down), sliding, down], axis=1)
+        assert np.degrees(fruit_section(lemon, fruit_points(lemon), R_base_tcp).oblique) == pytest.approx(
+            expected, abs=0.1
+        )
+
+
+def test_the_sphere_is_a_choice():
+    grasps, ruled_out = sample_pre_grasps(
+        apple_at(1, 3), ROBOT_MODEL, space_around(apple_at(1, 3)), OBSERVE, TABLE_Z,
+        Sphere(radius=0.08, theta=(0.2, 0.2), alpha=(0.0, np.pi), tilts=1, turns=5),
+    )  # fmt: skip
+    assert len(grasps) + len(ruled_out) == 5
+    for grasp in grasps:
+        assert np.linalg.norm(grasp.T_base_pre_grasp[:3, 3] - grasp.T_base_grasp[:3, 3]) == pytest.approx(0.08)

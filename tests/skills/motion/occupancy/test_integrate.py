@@ -1,0 +1,209 @@
+"""What a look says about the cells: free in front, occupied on surfaces, hidden behind them, silent elsewhere."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from drivers.interfaces import Frame, Intrinsics, Workspace
+from skills.geometry import rot_x, rot_y, transform
+from skills.motion.collision import Convex
+from skills.motion.collision.cover import fibonacci_sphere
+from skills.motion.occupancy import (
+    FREE,
+    HIDDEN,
+    OCCUPIED,
+    UNKNOWN,
+    CameraPoseMismatch,
+    MapEmpty,
+    MapStale,
+    NoDepth,
+    OccupancyMap,
+    Sensing,
+    integrate,
+)
+
+TABLE_Z, RADIUS = -0.12, 0.04
+LENS = Intrinsics(305.0, 305.0, 159.5, 119.5, 320, 240)
+CELL = Workspace(TABLE_Z, np.array([-0.3, -0.7, -0.14]), np.array([0.3, -0.1, 0.4]))
+FROM_ABOVE = transform(rot_x(np.pi - 0.35), [0.0, -0.2, 0.45])
+FROM_LEFT = transform(rot_y(0.55) @ rot_x(np.pi), [0.35, -0.4, 0.4])
+LEFT, RIGHT = np.array([-0.10, -0.38, TABLE_Z + RADIUS]), np.array([0.10, -0.42, TABLE_Z + RADIUS])
+
+
+def look(T_base_camera: np.ndarray, *centres: np.ndarray, stamp: float = 0.0) -> Frame:
+    """Depth of balls on a table, by ray casting."""
+    v, u = np.mgrid[: LENS.height, : LENS.width].astype(float)
+    rays = np.stack(((u - LENS.cx) / LENS.fx, (v - LENS.cy) / LENS.fy, np.ones_like(u)), axis=-1)
+    rays = rays @ T_base_camera[:3, :3].T
+    eye = T_base_camera[:3, 3]
+    with np.errstate(divide="ignore"):
+        depth = np.where(rays[..., 2] < 0.0, (TABLE_Z - eye[2]) / rays[..., 2], np.inf)
+    for centre in centres:
+        a, b = (rays**2).sum(axis=-1), rays @ (eye - centre)
+        under_root = b**2 - a * ((eye - centre) @ (eye - centre) - RADIUS**2)
+        hit = (-b - np.sqrt(np.maximum(under_root, 0.0))) / a
+        depth = np.where(under_root > 0.0, np.minimum(depth, hit), depth)
+    depth = np.where(np.isfinite(depth) & (depth < 3.0), depth, 0.0).astype(np.float32)
+    return Frame(stamp, 0, np.zeros((LENS.height, LENS.width, 3), np.uint8), depth, LENS, None, T_base_camera, "made")
+
+
+def empty(resolution: float = 0.01) -> OccupancyMap:
+    return OccupancyMap.empty(CELL.lower, CELL.upper, resolution)
+
+
+def seen_surface(frame: Frame, above: float = 0.012) -> np.ndarray:
+    """Points of the depth image well above the table, in the base frame."""
+    assert frame.depth is not None
+    v, u = np.nonzero(frame.depth)
+    d = frame.depth[v, u].astype(float)
+    points = np.stack(((u - LENS.cx) / LENS.fx * d, (v - LENS.cy) / LENS.fy * d, d), axis=-1)
+    points = points @ frame.T_mount_camera[:3, :3].T + frame.T_mount_camera[:3, 3]
+    return points[points[:, 2] > TABLE_Z + above]
+
+
+@pytest.mark.parametrize("resolution", [0.01, 0.02])
+def test_every_seen_surface_point_lies_in_or_beside_a_blocked_cell(resolution: float) -> None:
+    frame = look(FROM_ABOVE, LEFT, RIGHT)
+    fused = integrate(empty(resolution), frame, FROM_ABOVE, CELL)
+    points = seen_surface(frame)
+    assert len(points) > 1000
+    distances = fused.field.distance(points)
+    assert np.mean(distances <= 0.0) > 0.99
+    assert distances.max() < resolution  # cells at the rim with too few points
+
+
+def test_the_unseen_half_of_an_object_is_blocked_too() -> None:
+    fused = integrate(empty(), look(FROM_ABOVE, LEFT, RIGHT), FROM_ABOVE, CELL)
+    inside = LEFT + 0.8 * RADIUS * fibonacci_sphere(300)
+    inside = inside[inside[:, 2] > TABLE_Z + 0.01]
+    assert np.mean(fused.field.distance(inside) <= 0.0) > 0.97
+
+
+def test_space_in_front_of_the_table_is_free_and_the_table_is_not_in_the_map() -> None:
+    fused = integrate(empty(), look(FROM_ABOVE), FROM_ABOVE, CELL)
+    assert not fused.blocked.any()
+    i, j, k = fused.cell_of(np.array([0.0, -0.4, 0.0]))
+    assert fused.states[i, j, k] == FREE
+
+
+def test_cells_outside_the_picture_stay_unknown() -> None:
+    fused = integrate(empty(), look(FROM_ABOVE, LEFT), FROM_ABOVE, CELL)
+    i, j, k = fused.cell_of(np.array([0.29, -0.11, 0.39]))
+    assert fused.states[i, j, k] == UNKNOWN
+    assert np.isinf(fused.age(5.0)[i, j, k])
+
+
+def test_pixels_without_depth_say_nothing() -> None:
+    frame = look(FROM_ABOVE, LEFT)
+    assert frame.depth is not None
+    frame.depth[:, 100:] = 0.0
+    fused = integrate(empty(), frame, FROM_ABOVE, CELL)
+    i, j, k = fused.cell_of(np.array([0.1, -0.4, -0.05]))
+    assert fused.states[i, j, k] == UNKNOWN
+
+
+def test_the_target_and_what_it_hides_are_left_out() -> None:
+    frame = look(FROM_ABOVE, LEFT, RIGHT)
+    target = Convex.of_points("target", LEFT + RADIUS * fibonacci_sphere(500))
+    fused = integrate(empty(), frame, FROM_ABOVE, CELL, target=target)
+    blocked = fused.centres(OCCUPIED, HIDDEN)
+    assert len(blocked) > 50
+    assert np.linalg.norm(blocked - LEFT, axis=1).min() > 0.10
+    assert np.linalg.norm(blocked - RIGHT, axis=1).max() < 0.12
+
+
+def test_a_target_in_an_earlier_map_is_forgotten() -> None:
+    frame = look(FROM_ABOVE, LEFT, RIGHT)
+    before = integrate(empty(), frame, FROM_ABOVE, CELL)
+    target = Convex.of_points("target", LEFT + RADIUS * fibonacci_sphere(500))
+    after = integrate(before, frame, FROM_ABOVE, CELL, target=target)
+    near = np.linalg.norm(after.centres(OCCUPIED) - LEFT, axis=1)
+    assert near.min() > RADIUS + 0.005
+    assert np.linalg.norm(before.centres(OCCUPIED) - LEFT, axis=1).min() < RADIUS + 0.005  # the old snapshot stays
+
+
+def test_the_robot_itself_is_no_obstacle() -> None:
+    frame = look(FROM_ABOVE, LEFT, RIGHT)
+    robot = np.array([[*RIGHT, RADIUS]])
+    fused = integrate(empty(), frame, FROM_ABOVE, CELL, robot=robot)
+    assert np.linalg.norm(fused.centres(OCCUPIED, HIDDEN) - RIGHT, axis=1).min() > 0.1
+
+
+def test_a_second_look_opens_what_the_first_one_could_not_see() -> None:
+    first = integrate(empty(), look(FROM_ABOVE, LEFT, stamp=1.0), FROM_ABOVE, CELL)
+    second = integrate(first, look(FROM_LEFT, LEFT, stamp=4.0), FROM_LEFT, CELL)
+    hidden_then = first.states == HIDDEN
+    assert np.count_nonzero(second.states[hidden_then] == FREE) > 10
+    assert second.stamps == (1.0, 4.0)
+    ages = second.age(6.0)
+    assert set(np.unique(ages)) == {2.0, 5.0, np.inf}
+    assert np.all(ages[second.last_look == 1] == 2.0)
+
+
+def test_what_was_taken_away_is_free_after_the_next_look() -> None:
+    first = integrate(empty(), look(FROM_ABOVE, LEFT, RIGHT), FROM_ABOVE, CELL)
+    second = integrate(first, look(FROM_ABOVE, RIGHT, stamp=1.0), FROM_ABOVE, CELL)
+    left_over = np.linalg.norm(second.centres(OCCUPIED, HIDDEN) - LEFT, axis=1)
+    assert np.count_nonzero(left_over < 0.06) == 0
+
+
+@settings(max_examples=15, deadline=None)
+@given(st.integers(0, 1000))
+def test_noise_of_the_sensor_neither_blocks_free_space_nor_opens_objects(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    frame = look(FROM_ABOVE, LEFT, RIGHT)
+    assert frame.depth is not None
+    frame.depth[:] += rng.normal(size=frame.depth.shape).astype(np.float32) * 1e-3 * (frame.depth > 0.0)
+    fused = integrate(empty(), frame, FROM_ABOVE, CELL)
+    blocked = fused.centres(OCCUPIED)
+    away = np.minimum(np.linalg.norm(blocked - LEFT, axis=1), np.linalg.norm(blocked - RIGHT, axis=1))
+    assert np.mean(away < RADIUS + 0.012) > 0.98
+    assert fused.field.distance(LEFT[None] + [0.0, 0.0, RADIUS])[0] <= 0.0
+
+
+def test_a_look_without_depth_is_an_error_and_never_free() -> None:
+    frame = look(FROM_ABOVE, LEFT)
+    assert frame.depth is not None
+    blind = Frame(0.0, 0, frame.colour, None, LENS, None, FROM_ABOVE)
+    with pytest.raises(NoDepth):
+        integrate(empty(), blind, FROM_ABOVE, CELL)
+    frame.depth[:] = 0.0
+    with pytest.raises(NoDepth, match="0 pixels with depth"):
+        integrate(empty(), frame, FROM_ABOVE, CELL)
+    frame.depth[:] = np.nan
+    with pytest.raises(NoDepth):
+        integrate(empty(), frame, FROM_ABOVE, CELL)
+
+
+def test_a_look_elsewhere_is_an_error() -> None:
+    away = transform(np.eye(3), [0.0, 0.0, 5.0])  # looks up
+    frame = look(FROM_ABOVE, LEFT)
+    with pytest.raises(NoDepth, match="0 of them inside"):
+        integrate(empty(), frame, away, CELL)
+
+
+def test_a_camera_pose_that_puts_the_scene_under_the_table_is_refused() -> None:
+    frame = look(FROM_ABOVE, LEFT)
+    lower = FROM_ABOVE.copy()
+    lower[2, 3] -= 0.08
+    with pytest.raises(CameraPoseMismatch, match="below the table"):
+        integrate(empty(), frame, lower, CELL)
+
+
+def test_an_empty_or_stale_map_gives_no_distance_field() -> None:
+    with pytest.raises(MapEmpty):
+        empty().usable_field(0.0, 10.0)
+    fused = integrate(empty(), look(FROM_ABOVE, LEFT, stamp=3.0), FROM_ABOVE, CELL)
+    assert fused.usable_field(4.0, 2.0) is fused.field
+    with pytest.raises(MapStale, match=r"4.00 s old, 2.00 s"):
+        fused.usable_field(7.0, 2.0)
+
+
+def test_few_stray_points_do_not_block() -> None:
+    frame = look(FROM_ABOVE)
+    assert frame.depth is not None
+    frame.depth[120, 160:162] = 0.4  # two pixels in the air
+    assert not (integrate(empty(), frame, FROM_ABOVE, CELL).states == OCCUPIED).any()
+    wary = integrate(empty(), frame, FROM_ABOVE, CELL, sensing=Sensing(min_points=1))
+    assert (wary.states == OCCUPIED).any()

@@ -1,0 +1,172 @@
+"""The compact detector with its shipped weights, from a rendered picture to poses."""
+
+import numpy as np
+import pytest
+import torch
+
+from skills.perception.detection.annotations import AnnotatedObject, Annotation
+from skills.perception.detection.compact_detector import CompactDetector, DetectorOptions
+from skills.perception.detection.compact_network import CloseLookNetwork, FinderNetwork
+from skills.perception.detection.errors import BadFrame
+from skills.perception.detection.evaluation import Evaluation, evaluate, table
+from skills.perception.detection.instances import find_instances
+from skills.perception.fruit import FruitModel, load_fruit
+from skills.perception.synthetic.dataset import annotate
+from skills.perception.synthetic.options import SceneOptions
+from skills.perception.synthetic.scene import render_scene
+
+SEED = 31_000_000
+"""Seeds of these frames: neither trained, validated nor benchmarked on."""
+
+
+K = np.array([[610.6, 0.0, 317.7], [0.0, 610.6, 238.1], [0.0, 0.0, 1.0]])
+
+
+class Rendered:
+    """Held-out frames of tables, rendered when asked for."""
+
+    def __init__(self, fruit: FruitModel, count: int) -> None:
+        self.options = SceneOptions(kinds=(1, 0, 0, 0))
+        self.fruit = fruit
+        self.frames = [render_scene(fruit, self.options, SEED + k) for k in range(count)]
+
+    def __len__(self) -> int:
+        return len(self.frames)
+
+    def annotation(self, index: int) -> Annotation:
+        return annotate(self.frames[index], self.fruit, self.options)
+
+    def picture(self, index: int, halved: bool) -> np.ndarray:
+        return self.frames[index].colour
+
+
+@pytest.fixture(scope="module")
+def apple() -> FruitModel:
+    return load_fruit("apple")
+
+
+@pytest.fixture(scope="module")
+def detector(apple: FruitModel) -> CompactDetector:
+    assert apple.weights is not None
+    return CompactDetector.load(apple.weights)
+
+
+@pytest.fixture(scope="module")
+def result(detector: CompactDetector, apple: FruitModel) -> Evaluation:
+    torch.set_num_threads(1)
+    return evaluate(detector, Rendered(apple, 16), apple, 16)
+
+
+def test_nearly_all_clearly_visible_apples_are_found(result: Evaluation) -> None:
+    assert result.recall(0.5) >= 0.9
+    assert result.precision(0.8) >= 0.8
+
+
+def test_directions_are_within_a_fraction_of_a_degree(result: Evaluation) -> None:
+    clear = [m for m in result.matches if m.visibility >= 0.6 and m.score >= 0.6]
+    assert np.median([m.direction for m in clear]) < 0.25
+    assert np.median([m.axis for m in clear]) < 20.0
+
+
+def test_the_table_names_every_way_to_look_at_the_result(result: Evaluation) -> None:
+    text = table(result)
+    for row in ("≥ 60 % visible", "85–100 % visible", "clear, at 0.45–0.65 m", "clear, size 60–80 px", "scene table"):
+        assert row in text
+
+
+def test_the_same_picture_gives_the_same_poses(detector: CompactDetector, apple: FruitModel) -> None:
+    frames = Rendered(apple, 1)
+    first, second = (find_instances(detector, frames.picture(0, False), K, apple) for _ in range(2))
+    assert first
+    for a, b in zip(first, second, strict=True):
+        assert np.array_equal(a.keypoints, b.keypoints)
+        assert a.score == b.score
+    assert [i.score for i in first] == sorted((i.score for i in first), reverse=True)
+
+
+@pytest.mark.parametrize("size", [(480, 640), (720, 1280), (37, 61), (500, 333)])
+def test_pictures_of_any_size_are_searched(detector: CompactDetector, size: tuple[int, int]) -> None:
+    noise = np.random.default_rng(0).integers(0, 256, (*size, 3), dtype=np.uint8)
+    assert all(np.isfinite(found.centre).all() for found in detector.find(noise, K))
+
+
+@pytest.mark.parametrize("width", [64, 300, 720])
+def test_any_working_width_can_be_asked_for(apple: FruitModel, width: int) -> None:
+    assert apple.weights is not None
+    wide = CompactDetector.load(apple.weights, DetectorOptions(working_width=width))
+    picture = np.random.default_rng(1).integers(0, 256, (270, 480, 3), dtype=np.uint8)
+    belief, offsets, factor = wide.belief_maps(picture)
+    assert belief.shape[2] * 4 >= width
+    assert offsets.shape == (17, *belief.shape[1:])
+    assert factor == pytest.approx(width / 480)
+
+
+def test_pictures_of_another_type_are_refused(detector: CompactDetector) -> None:
+    with pytest.raises(BadFrame, match="float64"):
+        detector.find(np.full((480, 640, 3), np.nan), K)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(("looks", "mirrored"), [(1, False), (1, True), (3, False)])
+def test_any_number_of_looks_finds_the_same_fruit(
+    detector: CompactDetector, apple: FruitModel, looks: int, mirrored: bool
+) -> None:
+    assert apple.weights is not None
+    other = CompactDetector.load(apple.weights, DetectorOptions(looks=looks, mirrored=mirrored))
+    picture = Rendered(apple, 1).picture(0, False)
+    usual = [fruit for fruit in detector.find(picture, K) if fruit.score >= 0.7]
+    assert usual
+    for fruit in usual:
+        nearest = min(other.find(picture, K), key=lambda o: float(np.linalg.norm(o.centre - fruit.centre)))
+        assert np.linalg.norm(nearest.centre - fruit.centre) < 0.1 * fruit.size
+        assert nearest.size == pytest.approx(fruit.size, rel=0.1)
+
+
+def test_a_mirrored_picture_gives_mirrored_fruit(apple: FruitModel) -> None:
+    assert apple.weights is not None
+    detector = CompactDetector.load(apple.weights, DetectorOptions(looks=1, mirrored=True, working_width=640))
+    picture = Rendered(apple, 1).picture(0, False)
+    centred = K.copy()
+    centred[0, 2] = 0.5 * (picture.shape[1] - 1)
+    size = np.float64(60.0)
+    (straight,) = detector._look(picture, centred, [(np.array([250.0, 240.0]), size)], [1.0], True)
+    flipped = np.ascontiguousarray(picture[:, ::-1])
+    (mirrored,) = detector._look(flipped, centred, [(np.array([639.0 - 250.0, 240.0]), size)], [1.0], True)
+    assert mirrored.centre == pytest.approx(np.array([639.0, 0.0]) + (-1.0, 1.0) * straight.centre, abs=0.5)
+    assert mirrored.stem == pytest.approx(straight.stem * (-1.0, 1.0, 1.0), abs=0.1)
+    assert mirrored.score == pytest.approx(straight.score, abs=0.05)
+
+
+def test_untrained_networks_return_in_bounded_time_and_finite() -> None:
+    torch.manual_seed(0)
+    wild = CompactDetector(FinderNetwork(), CloseLookNetwork())
+    noise = np.random.default_rng(0).integers(0, 256, (480, 640, 3), dtype=np.uint8)
+    found = wild.find(noise, K)
+    assert len(found) <= wild.options.most_fruit
+    assert all(np.isfinite([f.size, f.score, f.visibility]).all() for f in found)
+
+
+def test_evaluation_tells_found_missed_and_wrong_apart() -> None:
+    T = np.eye(4)
+    T[2, 3] = 0.5
+    points = np.vstack([np.array([[x, y] for x in (80.0, 120.0) for y in (80.0, 120.0)] * 2), [[100.0, 100.0]]])
+    truth = AnnotatedObject("apple", 0.9, T, points)
+    other = AnnotatedObject("apple", 0.7, T, points + 300.0)
+    fruit = load_fruit("apple")
+
+    class Fixed:
+        def find(self, colour: np.ndarray, K: np.ndarray) -> list[object]:
+            return []
+
+    class One:
+        def __len__(self) -> int:
+            return 1
+
+        def annotation(self, index: int) -> Annotation:
+            return Annotation(640, 480, (600.0, 600.0, 320.0, 240.0), (truth, other))
+
+        def picture(self, index: int, halved: bool) -> np.ndarray:
+            return np.zeros((480, 640, 3), np.uint8)
+
+    nothing = evaluate(Fixed(), One(), fruit, 1)  # type: ignore[arg-type]
+    assert (nothing.recall(0.0), nothing.precision(0.0)) == (0.0, 0.0)
+    assert len(nothing.fruit) == 2

@@ -1,0 +1,61 @@
+"""Peaks and offsets of the finder's maps."""
+
+import time
+
+import numpy as np
+import pytest
+
+from skills.perception.detection.compact_network import OFFSET_UNIT
+from skills.perception.detection.errors import BadMaps
+from skills.perception.detection.peaks import MOST_PEAKS, decode_offsets
+from skills.perception.training.targets import finder_targets
+
+
+def keypoints_at(centre: tuple[float, float], size: float = 9.0) -> np.ndarray:
+    angles = np.arange(8) * np.pi / 4 + 0.2
+    return np.vstack([np.asarray(centre) + size * np.stack([np.cos(angles), np.sin(angles)], axis=1), [centre]])
+
+
+def test_training_targets_decode_to_the_keypoints_they_were_drawn_from() -> None:
+    cells = np.stack([keypoints_at((20.3, 15.7)), keypoints_at((55.6, 40.2), 6.0)])
+    belief, _, offsets, _ = finder_targets(cells, np.array([1.0, 0.7]), 60, 80)
+    found = decode_offsets(belief, offsets, 0.3)
+    assert len(found) == 2
+    for place in found:
+        points = place.keypoints
+        truth = min(cells, key=lambda c: np.linalg.norm((c[8] + 0.5) * 4 - 0.5 - points[8]))
+        assert np.allclose(points, (truth + 0.5) * 4 - 0.5, atol=0.02)
+        assert np.isclose(place.size, 4 * np.linalg.norm(truth[:8] - truth[8], axis=1).mean(), rtol=1e-3)
+        assert place.belief > 0.9
+
+
+def test_hidden_fruit_is_neither_asked_for_nor_punished() -> None:
+    cells = keypoints_at((40.0, 30.0))[None]
+    belief, weight, _, offset_weight = finder_targets(cells, np.array([0.1]), 60, 80)
+    assert belief.max() == 0.0
+    assert weight[0, 30, 40] == 0.0
+    assert weight[0, 5, 5] == 1.0
+    assert offset_weight.max() == 0.0
+
+
+def test_a_weaker_peak_on_the_same_fruit_is_dropped() -> None:
+    belief, offsets = np.zeros((9, 60, 80), np.float32), np.zeros((17, 60, 80), np.float32)
+    arms = np.append((keypoints_at((0.0, 0.0), 12.0)[:8] / OFFSET_UNIT).reshape(16), np.log(12.0 / OFFSET_UNIT))
+    for u, value in ((30, 0.9), (34, 0.6), (60, 0.5)):
+        belief[8, 30, u] = value
+        offsets[:, 30, u] = arms
+    assert [round(p.belief, 2) for p in decode_offsets(belief, offsets, 0.3)] == [0.9, 0.5]
+
+
+@pytest.mark.parametrize("value", [0.0, 1.0, np.nan, np.inf])
+def test_hostile_maps_return_at_once(value: float) -> None:
+    start = time.process_time()
+    found = decode_offsets(np.full((9, 60, 80), value, np.float32), np.full((17, 60, 80), value, np.float32), 0.3)
+    assert time.process_time() - start < 1.0
+    assert len(found) <= MOST_PEAKS
+    assert all(np.isfinite(p.keypoints).all() and np.isfinite(p.size) for p in found)
+
+
+def test_maps_of_other_shapes_are_refused() -> None:
+    with pytest.raises(BadMaps, match=r"offsets \(17, h, w\)"):
+        decode_offsets(np.zeros((9, 4, 4), np.float32), np.zeros((17, 4, 5), np.float32), 0.3)

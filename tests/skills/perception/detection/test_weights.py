@@ -1,0 +1,63 @@
+"""The compact detector's weights file."""
+
+from pathlib import Path
+
+import pytest
+import torch
+
+from skills.perception.detection.compact_network import CloseLookNetwork, FinderNetwork
+from skills.perception.detection.errors import BadWeights
+from skills.perception.detection.weights import load_compact, save_compact
+
+
+def test_saved_networks_load_again_with_their_story(tmp_path: Path) -> None:
+    torch.manual_seed(0)
+    finder, close_look = FinderNetwork().eval(), CloseLookNetwork().eval()
+    path = tmp_path / "apple.pt"
+    save_compact(path, finder, close_look, {"frames": "12"})
+    assert path.stat().st_size < 10e6
+    again, look_again, about = load_compact(path)
+    assert about == {"frames": "12"}
+    picture, crop = torch.rand(1, 3, 64, 80) - 0.5, torch.rand(2, 3, 96, 96) - 0.5
+    with torch.inference_mode():
+        assert torch.allclose(again(picture)[0], finder(picture)[0], atol=1e-2)
+        assert torch.allclose(look_again(crop), close_look(crop), atol=1e-2)
+
+
+def test_other_files_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "other.pt"
+    with pytest.raises(BadWeights, match="no such file"):
+        load_compact(path)
+    torch.save({"vgg.0.weight": torch.zeros(1)}, path)
+    with pytest.raises(BadWeights, match="is not a 'pomona compact detector"):
+        load_compact(path)
+    path.write_bytes(b"\x00" * 100)
+    with pytest.raises(BadWeights, match="cannot be read"):
+        load_compact(path)
+
+
+def test_tensors_that_do_not_fit_or_are_not_finite_are_named(tmp_path: Path) -> None:
+    path = tmp_path / "apple.pt"
+    save_compact(path, FinderNetwork(), CloseLookNetwork())
+    content = torch.load(path, weights_only=True)
+    content["finder"]["at_4.second.weight"][0] = float("nan")
+    torch.save(content, path)
+    with pytest.raises(BadWeights, match=r"at_4\.second\.weight holds values that are not finite"):
+        load_compact(path)
+    del content["finder"]["at_4.second.weight"]
+    torch.save(content, path)
+    with pytest.raises(BadWeights, match=r"1 missing \(at_4\.second\.weight\)"):
+        load_compact(path)
+
+
+def test_networks_of_other_widths_load_as_wide_as_they_were_saved(tmp_path: Path) -> None:
+    path = tmp_path / "small.pt"
+    save_compact(path, FinderNetwork((8, 12, 16, 24)), CloseLookNetwork((16, 24, 32, 8, 20)))
+    finder, close_look, _ = load_compact(path)
+    assert (finder.widths, close_look.widths) == ((8, 12, 16, 24), (16, 24, 32, 8, 20))
+    content = torch.load(path, weights_only=True)
+    for widths in ([8, 12], [8, 12, 16, -1], [8, 12, 16, 10**9], None, ["a", 1, 1, 1]):
+        content["widths"]["finder"] = widths
+        torch.save(content, path)
+        with pytest.raises(BadWeights, match="how wide its networks are"):
+            load_compact(path)

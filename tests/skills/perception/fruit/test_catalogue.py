@@ -1,0 +1,119 @@
+"""The catalogue's apple is what the paper's refinement needs, and bad entries are refused in words."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from skills.perception.fruit import BadFruitFile, UnknownFruit, known_fruits, load_fruit
+from skills.perception.fruit.apple_mesh import AppleShape, apple_mesh, stem_mesh
+
+
+def test_apple_has_the_deployed_cad_dimensions_and_is_centred() -> None:
+    apple = load_fruit("apple")
+    assert np.allclose(np.ptp(apple.vertices, axis=0), [0.09756, 0.08539, 0.09590], atol=1e-7)
+    assert np.allclose(apple.vertices.min(axis=0) + apple.vertices.max(axis=0), 0.0, atol=1e-7)
+    assert apple.vertices.dtype == np.float64
+    assert apple.faces.dtype == np.int32
+
+
+def test_apple_is_watertight_and_faces_outwards() -> None:
+    apple = load_fruit("apple")
+    mesh = trimesh.Trimesh(apple.vertices, apple.faces, process=False)
+    assert mesh.is_watertight
+    assert mesh.is_winding_consistent
+    assert mesh.volume > 0.0
+
+
+def test_stem_cavity_lies_on_the_side_the_symmetry_axis_points_to() -> None:
+    apple = load_fruit("apple")
+    near_axis = np.hypot(apple.vertices[:, 0], apple.vertices[:, 2]) < 0.004
+    along = apple.vertices[near_axis] @ apple.symmetry_axis
+    half_height = 0.5 * apple.dimensions[1]
+    assert along.max() < 0.75 * half_height  # deep cavity at the stem
+    assert along.min() < -0.75 * half_height  # shallow basin at the calyx
+
+
+@pytest.mark.parametrize("name", known_fruits())
+def test_every_fruit_of_the_catalogue_loads(name: str) -> None:
+    fruit = load_fruit(name)
+    assert fruit.name == name
+    assert np.isclose(np.linalg.norm(fruit.symmetry_axis), 1.0)
+
+
+def test_loading_by_folder_and_by_file_gives_the_same_fruit(tmp_path: Path) -> None:
+    folder = write_fruit(tmp_path)
+    assert load_fruit(folder).name == load_fruit(folder / "fruit.yaml").name == "cube"
+
+
+def test_unknown_name_lists_what_there_is() -> None:
+    with pytest.raises(UnknownFruit, match=r"appel.*apple"):
+        load_fruit("appel")
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ("dimensions: [1, 1, 2]", "the mesh measures"),
+        ("dimensions: [1, 1]", "three finite numbers"),
+        ("dimensions: [1, 1, .nan]", "three finite numbers"),
+        ("dimensions: high", "three numbers"),
+        ("mesh: gone.ply", "cannot be read"),
+        ("symmetry_axis: [0, 0, 0]", "zero vector"),
+        ("taste: sweet", "does not know taste"),
+        ("- a list", "cannot be read"),
+    ],
+)
+def test_bad_entries_are_refused_with_the_file_and_the_problem(tmp_path: Path, change: str, message: str) -> None:
+    folder = write_fruit(tmp_path, change)
+    with pytest.raises(BadFruitFile, match=message):
+        load_fruit(folder)
+
+
+def test_missing_keys_are_named(tmp_path: Path) -> None:
+    (tmp_path / "fruit.yaml").write_text("name: plum\n")
+    with pytest.raises(BadFruitFile, match="misses dimensions, mesh, symmetry_axis"):
+        load_fruit(tmp_path)
+
+
+def test_lemon_is_watertight_and_longer_than_wide() -> None:
+    lemon = load_fruit("lemon")
+    mesh = trimesh.Trimesh(lemon.vertices, lemon.faces, process=False)
+    assert mesh.is_watertight
+    assert mesh.volume > 0.0
+    assert lemon.dimensions[1] > 1.3 * lemon.dimensions[0]
+
+
+def test_random_apples_stay_watertight_in_their_cuboid() -> None:
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        shape = AppleShape(
+            lobes=rng.uniform(0, 0.05),
+            cavity=rng.uniform(0.6, 1.3),
+            basin=rng.uniform(0.5, 1.8),
+            belly=rng.uniform(-0.15, 0.15),
+            lean=(rng.uniform(-0.08, 0.08), rng.uniform(-0.08, 0.08)),
+        )
+        vertices, faces = apple_mesh(shape, (0.08, 0.06, 0.07), around=24, rings=16)
+        mesh = trimesh.Trimesh(vertices, faces, process=False)
+        assert mesh.is_watertight
+        assert mesh.volume > 0.0
+        assert np.allclose(mesh.extents, (0.08, 0.06, 0.07))
+
+
+def test_stem_rises_towards_minus_y() -> None:
+    vertices, faces = stem_mesh()
+    mesh = trimesh.Trimesh(vertices, faces, process=False)
+    assert mesh.is_watertight
+    assert mesh.volume > 0.0
+    assert vertices[:, 1].min() < -0.5 * 0.08539
+
+
+def write_fruit(folder: Path, change: str = "") -> Path:
+    trimesh.creation.box().export(folder / "cube.ply")
+    entry = {"name": "cube", "mesh": "cube.ply", "dimensions": "[1, 1, 1]", "symmetry_axis": "[0, -1, 0]"}
+    key = change.partition(":")[0]
+    lines = [f"{name}: {value}" for name, value in entry.items() if name != key]
+    (folder / "fruit.yaml").write_text("\n".join([*lines, change]) + "\n")
+    return folder

@@ -1,0 +1,98 @@
+"""The stretched model against points that were taken from a stretched model."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from skills.geometry import rot_x, rot_y, rotation_about, transform
+from skills.perception.fruit import load_fruit
+from skills.perception.refinement.cloud import Cloud, together
+from skills.perception.refinement.shape_fit import RIGID, Priors, fit_shape
+from skills.perception.refinement.support_plane import Plane
+
+APPLE = load_fruit("apple")
+UPRIGHT = transform(rot_x(-0.9) @ rot_y(0.3), (0.03, -0.02, 0.6))
+
+
+def seen_points(T, stretch, count: int = 2500) -> Cloud:
+    """Points of the stretched apple's surface that face the camera, from the faces' centres."""
+    stretched = APPLE.vertices * stretch
+    corners = stretched[APPLE.faces]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) @ T[:3, :3].T
+    points = corners.mean(axis=1) @ T[:3, :3].T + T[:3, 3]
+    facing = np.sum(normals * points, axis=1) < 0.0
+    points = points[facing][:count]
+    return Cloud(points, points / np.linalg.norm(points, axis=1, keepdims=True), np.full(len(points), 1e-3))
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    width=st.floats(0.6, 1.2),
+    aspect=st.floats(0.8, 1.15),
+    tilt=st.floats(-0.25, 0.25),
+    about=st.floats(-3.1, 3.1),
+)
+def test_finds_the_stretch_and_tilt_of_exact_points(width, aspect, tilt, about):
+    stretch = width * np.array([1.0 / 0.983, aspect, 1.0])  # a round section, as apples have
+    axis = np.array([np.cos(about), 0.0, np.sin(about)])
+    T_true = UPRIGHT.copy()
+    T_true[:3, :3] = UPRIGHT[:3, :3] @ rotation_about(axis, tilt)
+    start = UPRIGHT.copy()
+    start[:3, 3] += [0.002, -0.002, 0.003]
+    fit = fit_shape(seen_points(T_true, stretch), APPLE, start, width)
+    np.testing.assert_allclose(fit.stretch * APPLE.dimensions, stretch * APPLE.dimensions, atol=1e-3)
+    np.testing.assert_allclose(fit.T_camera_object[:3, 3], T_true[:3, 3], atol=1e-3)
+    assert fit.T_camera_object[:3, 1] @ T_true[:3, 1] > np.cos(np.radians(3.0))
+    assert fit.share > 0.95
+
+
+def test_rigid_priors_leave_one_scale_and_the_axis():
+    stretch = np.array([0.9, 0.8, 0.9])
+    fit = fit_shape(seen_points(UPRIGHT, stretch), APPLE, UPRIGHT, 0.85, priors=RIGID)
+    assert np.ptp(fit.stretch) < 2e-3
+    assert fit.T_camera_object[:3, 1] @ UPRIGHT[:3, 1] > 1.0 - 1e-6
+
+
+def test_hidden_height_is_as_uncertain_as_its_prior_says():
+    """Only the cap around the stem is seen: the height is mostly what one knows of apples."""
+    from_above = transform(rot_x(-np.pi / 2), (0.0, 0.0, 0.6))
+    cap = seen_points(from_above, np.ones(3))
+    cap = cap.chosen(cap.points[:, 2] < 0.58)
+    loose, tight = (fit_shape(cap, APPLE, from_above, 1.0, priors=Priors(aspect=a)) for a in (0.2, 0.02))
+    deviation = [np.sqrt(f.covariance[4, 4]) for f in (loose, tight)]
+    assert deviation[0] > 1.4 * deviation[1]
+    standing = Plane(np.array([0.0, 0.0, -1.0]), 0.6 + APPLE.dimensions[1] / 2.0)
+    on_table = fit_shape(cap, APPLE, from_above, 1.0, support=standing, priors=Priors(aspect=0.2))
+    assert on_table.on_support
+    assert np.sqrt(on_table.covariance[4, 4]) < 0.5 * deviation[0]
+
+
+@pytest.mark.parametrize("gap", [0.03, -0.03])
+def test_a_support_far_from_the_fruit_is_not_used(gap):
+    from_above = transform(rot_x(-np.pi / 2), (0.0, 0.0, 0.6))
+    far = Plane(np.array([0.0, 0.0, -1.0]), 0.6 + APPLE.dimensions[1] / 2.0 + gap)
+    fit = fit_shape(seen_points(from_above, np.ones(3)), APPLE, from_above, 1.0, support=far)
+    assert not fit.on_support
+    assert fit.stretch == pytest.approx(np.array([1.0, 1.0, 1.0]), abs=0.03)
+
+
+def test_points_of_something_else_are_left_out():
+    stretch = np.full(3, 0.9)
+    fruit = seen_points(UPRIGHT, stretch)
+    rng = np.random.default_rng(0)
+    clutter = rng.uniform(-0.06, 0.06, (600, 3)) + UPRIGHT[:3, 3]
+    other = Cloud(clutter, clutter / np.linalg.norm(clutter, axis=1, keepdims=True), np.full(600, 1e-3))
+    fit = fit_shape(together([fruit, other]), APPLE, UPRIGHT, 0.92)
+    np.testing.assert_allclose(fit.stretch[[0, 2]], 0.9, atol=0.02)
+    np.testing.assert_allclose(fit.T_camera_object[:3, 3], UPRIGHT[:3, 3], atol=1.5e-3)
+
+
+def test_no_points_leave_the_start():
+    nowhere = np.full((200, 3), 9.0)
+    fit = fit_shape(Cloud(nowhere, nowhere / 9.0, np.full(200, 1e-3)), APPLE, UPRIGHT, 0.9)
+    assert fit.share == 0.0
+    np.testing.assert_allclose(fit.T_camera_object, UPRIGHT, atol=1e-3)  # the centre goes to the axis
+    assert np.exp(np.log(fit.stretch).mean()) == pytest.approx(0.9, rel=1e-3)

@@ -1,0 +1,46 @@
+"""The plane that a fruit stands on, known and seen."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from skills.geometry import apply, inverse, rotation_about
+from skills.perception.refinement.support_plane import Plane, horizontal_plane, seen_near
+from skills.perception.refinement.synthetic_depth import looking_at
+
+T_BASE_CAMERA = looking_at((0.0, 0.0, 0.0), 0.6, np.radians(55.0))
+
+
+def table_points(count: int, noise: float = 1e-3, others: int = 0, seed: int = 0) -> np.ndarray:
+    rng = np.random.default_rng(seed)
+    flat = np.column_stack([rng.uniform(-0.1, 0.1, (count, 2)), rng.normal(0.0, noise, count)])
+    above = np.column_stack([rng.uniform(-0.1, 0.1, (others, 2)), rng.uniform(0.01, 0.1, others)])
+    return apply(inverse(T_BASE_CAMERA), np.concatenate([flat, above]))
+
+
+def assert_is_the_table(plane: Plane | None) -> None:
+    assert plane is not None
+    true = horizontal_plane(T_BASE_CAMERA, 0.0)
+    assert plane.normal @ true.normal > np.cos(np.radians(1.0))
+    corners = apply(inverse(T_BASE_CAMERA), [[x, y, 0.0] for x in (-0.05, 0.05) for y in (-0.05, 0.05)])
+    assert np.abs(plane.height(corners)).max() < 1e-3
+
+
+def test_horizontal_plane_has_its_height_in_the_base_frame():
+    plane = horizontal_plane(T_BASE_CAMERA, 0.1)
+    points = apply(inverse(T_BASE_CAMERA), [[0.3, -0.2, 0.1], [0.0, 0.0, 0.15], [0.1, 0.1, 0.0]])
+    np.testing.assert_allclose(plane.height(points), [0.0, 0.05, -0.1], atol=1e-12)
+
+
+@pytest.mark.parametrize("shift", [-0.01, 0.0, 0.01])
+def test_a_known_plane_moves_to_where_it_is_seen(shift):
+    assert_is_the_table(seen_near(horizontal_plane(T_BASE_CAMERA, shift), table_points(400, others=100)))
+
+
+def test_what_is_far_from_the_known_plane_is_another_one():
+    assert seen_near(horizontal_plane(T_BASE_CAMERA, 0.05), table_points(400)) is None
+    tilted = horizontal_plane(T_BASE_CAMERA, 0.0)
+    turned = Plane(rotation_about((1.0, 0.0, 0.0), np.radians(8.0)) @ tilted.normal, tilted.offset)
+    assert seen_near(turned, table_points(400)) is None
+    assert seen_near(horizontal_plane(T_BASE_CAMERA, 0.0), table_points(30)) is None

@@ -1,0 +1,274 @@
+"""Training: resumes exactly, refuses what does not belong together, and learns."""
+
+import copy
+import dataclasses
+import threading
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from skills.perception.detection.compact_detector import CompactDetector
+from skills.perception.detection.compact_network import CloseLookNetwork, FinderNetwork
+from skills.perception.detection.cuboid import MIRRORED
+from skills.perception.detection.errors import BadTraining
+from skills.perception.synthetic.dataset import render_dataset
+from skills.perception.synthetic.options import SceneOptions
+from skills.perception.training.loop import Progress, Schedule
+from skills.perception.training.losses import close_look_loss, dope_loss, finder_loss
+from skills.perception.training.optimiser import Optimiser
+from skills.perception.training.places import find_places, load_places, save_places
+from skills.perception.training.samples import CloseLookBatches, FinderBatches, FrameFolder
+from skills.perception.training.together import Together
+from skills.perception.training.train import Part, TrainingRun, train_part
+
+
+@pytest.fixture(scope="module")
+def frames(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("frames")
+    render_dataset(folder, 4, seed=77, options=SceneOptions(kinds=(1, 0, 0, 0)), workers=1)
+    return folder
+
+
+def run(frames: Path, out: Path, part: Part, steps: int, **changes: float) -> TrainingRun:
+    schedule = Schedule(steps, save_every=2, validate_every=3, warm_up=2, **changes)
+    return TrainingRun(part, (frames,), None, out, 4, schedule, workers=0)
+
+
+@pytest.mark.parametrize("part", ["finder", "close_look"])
+def test_an_interrupted_run_ends_with_the_same_weights(
+    frames: Path, tmp_path: Path, part: Part, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    torch.set_num_threads(1)
+    whole = train_part(run(frames, tmp_path / "whole", part, 4))
+
+    class Cut(Exception):
+        pass
+
+    batches = FinderBatches if part == "finder" else CloseLookBatches
+    original = batches.__getitem__
+
+    def until_three(self: object, step: int) -> tuple[torch.Tensor, ...]:
+        if step == 3:
+            raise Cut
+        return original(self, step)  # type: ignore[arg-type]
+
+    with monkeypatch.context() as patched:
+        patched.setattr(batches, "__getitem__", until_three)
+        with pytest.raises(Cut):
+            train_part(run(frames, tmp_path / "cut", part, 4))
+    resumed = train_part(run(frames, tmp_path / "cut", part, 4))
+    for a, b in zip(whole.state_dict().values(), resumed.state_dict().values(), strict=True):
+        assert torch.equal(a, b)
+
+
+def test_processes_that_learn_together_repeat_and_resume_exactly(
+    frames: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def pair(folder: str, steps: int = 3) -> TrainingRun:
+        return dataclasses.replace(run(frames, tmp_path / folder, "close_look", steps), processes=2)
+
+    whole = train_part(pair("whole"))
+    alone = train_part(dataclasses.replace(pair("alone"), processes=1))
+    original = CloseLookBatches.__getitem__
+
+    def until_two(self: CloseLookBatches, step: int) -> tuple[torch.Tensor, ...]:
+        if step == 2:
+            raise KeyboardInterrupt
+        return original(self, step)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(CloseLookBatches, "__getitem__", until_two)
+        with pytest.raises(KeyboardInterrupt):
+            train_part(pair("cut"))
+    resumed = train_part(pair("cut"))
+    states = [network.state_dict() for network in (whole, resumed, alone)]
+    assert all(torch.equal(states[0][key], states[1][key]) for key in states[0])
+    assert not all(torch.equal(states[0][key], states[2][key]) for key in states[0])
+
+
+def test_all_take_the_mean_of_the_gradients_and_none_waits_for_one_that_ended() -> None:
+    networks = [torch.nn.Linear(3, 2), torch.nn.Linear(3, 2)]
+    together = Together(2, networks[0])
+    for value, network in zip((1.0, 3.0), networks, strict=True):
+        for parameter in network.parameters():
+            parameter.grad = torch.full_like(parameter, value)
+    other = threading.Thread(target=together.mean, args=(1, networks[1]))
+    other.start()
+    together.mean(0, networks[0])
+    other.join()
+    for parameter in [*networks[0].parameters(), *networks[1].parameters()]:
+        assert parameter.grad is not None
+        assert torch.equal(parameter.grad, torch.full_like(parameter, 2.0))
+    together.abandon()
+    with pytest.raises(BadTraining, match="has ended"):
+        together.mean(0, networks[0])
+
+
+def test_muon_moves_every_direction_of_a_kernel_alike_and_adam_the_rest() -> None:
+    torch.manual_seed(0)
+    network = torch.nn.Sequential(torch.nn.Conv2d(8, 16, 3), torch.nn.Linear(16, 4))
+    kernel, answer = network[0].weight, network[1].weight
+    before, row = kernel.detach().clone(), answer.detach().clone()
+    for parameter in network.parameters():
+        # A gradient that is nearly one direction alone.
+        parameter.grad = torch.ones_like(parameter) + 0.1 * torch.randn_like(parameter)
+    Optimiser(network, "muon", 0.0).step(0.01)
+    moved = torch.linalg.svdvals((before - kernel.detach()).flatten(1)) / (0.01 * 0.2 * 72**0.5)
+    assert 0.5 < float(moved.min()) <= float(moved.max()) < 1.5
+    assert torch.allclose(row - answer.detach(), torch.full_like(row, 0.01), rtol=0.01)
+
+
+def test_an_optimiser_goes_on_from_its_state() -> None:
+    torch.manual_seed(0)
+    network = CloseLookNetwork((8, 8, 8, 4, 8))
+    steps = [[torch.randn_like(p) for p in network.parameters()] for _ in range(3)]
+
+    def move(optimiser: Optimiser, target: CloseLookNetwork, gradients: list[torch.Tensor]) -> None:
+        for parameter, gradient in zip(target.parameters(), gradients, strict=True):
+            parameter.grad = gradient
+        optimiser.step(1e-2)
+
+    first = Optimiser(network, "muon", 0.05)
+    move(first, network, steps[0])
+    twin = CloseLookNetwork((8, 8, 8, 4, 8))
+    twin.load_state_dict(network.state_dict())
+    second = Optimiser(twin, "muon", 0.05)
+    second.restore(copy.deepcopy(first.state()))
+    for gradients in steps[1:]:
+        move(first, network, gradients)
+        move(second, twin, gradients)
+    for a, b in zip(network.parameters(), twin.parameters(), strict=True):
+        assert torch.equal(a, b)
+
+
+def test_a_checkpoint_of_another_schedule_is_refused(frames: Path, tmp_path: Path) -> None:
+    train_part(run(frames, tmp_path, "close_look", 2))
+    with pytest.raises(BadTraining, match="another schedule \\(steps, rate\\)"):
+        train_part(run(frames, tmp_path, "close_look", 3, rate=1e-4))
+
+
+def test_a_late_fall_may_be_put_off_while_the_rate_is_still_high(frames: Path, tmp_path: Path) -> None:
+    short = Schedule(100, 1e-3, "late", warm_up=5)
+    assert [short.rate_at(k) for k in (0, 4, 5, 59)] == [2e-4, 1e-3, 1e-3, 1e-3]
+    assert np.allclose([short.rate_at(k) for k in (60, 80, 99)], [1e-3, 5e-4, 2.5e-5])
+
+    def late(steps: int) -> TrainingRun:
+        changed = dataclasses.replace(run(frames, tmp_path, "close_look", 1).schedule, steps=steps, fall="late")
+        return dataclasses.replace(run(frames, tmp_path, "close_look", 1), schedule=changed)
+
+    train_part(late(4))
+    with pytest.raises(BadTraining, match="another schedule \\(steps\\)"):
+        train_part(late(8))  # the rate had begun to fall
+    checkpoint = tmp_path / "close_look.checkpoint.pt"
+    state = torch.load(checkpoint, weights_only=True)
+    torch.save(state | {"step": 2}, checkpoint)
+    said: list[Progress] = []
+    train_part(late(8), said.append)
+    assert said[-1].step == 8
+
+
+def test_progress_tells_loss_rate_and_held_out_figures(frames: Path, tmp_path: Path) -> None:
+    said: list[Progress] = []
+    plan = TrainingRun("close_look", (frames,), frames, tmp_path, 4, Schedule(2, validate_every=2), workers=0)
+    train_part(plan, said.append)
+    assert said[-1].step == said[-1].steps == 2
+    assert said[-1].validation is not None
+    assert {"held-out loss", "axis median deg"} <= said[-1].validation.keys()
+
+
+def test_no_frames_is_an_error_in_words(tmp_path: Path) -> None:
+    with pytest.raises(BadTraining, match="no annotated frames"):
+        FrameFolder([tmp_path])
+
+
+def test_batches_depend_on_seed_and_step_alone(frames: Path) -> None:
+    folder = FrameFolder([frames])
+    for kind in (FinderBatches, CloseLookBatches):
+        first, again, other = kind(folder, 6, 3, 9)[5], kind(folder, 6, 3, 9)[5], kind(folder, 6, 4, 9)[5]
+        assert all(torch.equal(a, b) for a, b in zip(first, again, strict=True))
+        assert not torch.equal(first[0], other[0])
+
+
+def test_close_looks_hold_the_fruit_they_are_labelled_with(frames: Path) -> None:
+    pictures, target, kind, visibility = CloseLookBatches(FrameFolder([frames]), 40, 0, 1, augment=False)[0]
+    fruit = kind > 0.5
+    assert 8 <= int(fruit.sum()) < 40
+    assert pictures.shape == (40, 96, 96, 3)
+    assert float(target[fruit][:, :2].abs().max()) < 0.4
+    assert float(target[fruit][:, 2].abs().max()) < 0.8
+    assert torch.allclose(target[fruit][:, 3:].norm(dim=1), torch.ones(int(fruit.sum())), atol=1e-4)
+    assert float(visibility[~fruit].abs().max()) == 0.0
+
+
+def test_places_are_kept_and_what_deceives_the_finder_is_taught_as_no_fruit(frames: Path, tmp_path: Path) -> None:
+    folder = FrameFolder([frames])
+    torch.manual_seed(0)
+    found = find_places(CompactDetector(FinderNetwork(), CloseLookNetwork()), folder)
+    assert set(found) == {folder.name(k) for k in range(4)}
+    fruit = folder.annotation(0).objects[0]
+    deceiving = {folder.name(k): np.array([[*np.array([600.0, 20.0]), 30.0, 0.9]] * 30) for k in range(4)}
+    deceiving[folder.name(0)] = np.array([[*fruit.keypoints[8], 50.0, 0.9]])
+    save_places(tmp_path / "places.npz", deceiving)
+    again = load_places(tmp_path / "places.npz")
+    assert again.keys() == deceiving.keys()
+    assert all(np.array_equal(again[name], rows) for name, rows in deceiving.items())
+    without = CloseLookBatches(folder, 200, 0, 1)[0][2]
+    taught = CloseLookBatches(folder, 200, 0, 1, places=again)[0][2]
+    assert float(taught.mean()) < 0.7 * float(without.mean())
+
+
+def test_only_the_share_that_is_asked_for_is_turned_anyhow(frames: Path) -> None:
+    folder, rng = FrameFolder([frames]), np.random.default_rng(5)
+    for turned, low, high in ((0.0, 0.0, 0.0), (0.2, 0.09, 0.20), (1.0, 0.65, 0.79)):
+        batches = CloseLookBatches(folder, 4, 0, 1, turned=turned)
+        rolls = np.abs([batches._roll(rng) for _ in range(600)])
+        assert rolls.max() <= np.pi
+        assert low <= (rolls > np.deg2rad(50.0)).mean() <= high
+    assert CloseLookBatches(folder, 4, 0, 1, augment=False, turned=1.0)._roll(rng) == 0.0
+
+
+def test_a_turned_look_keeps_its_label_true(frames: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = FrameFolder([frames])
+    upright = CloseLookBatches(folder, 30, 0, 1, augment=False)
+    straight, target, kind, _ = upright[0]
+    monkeypatch.setattr(upright, "_roll", lambda rng: 0.5 * np.pi)
+    turned, turned_target, _, _ = upright[0]
+    fruit = kind > 0.5
+    # A quarter turn of the camera: what pointed along y of the look points along x then.
+    assert torch.allclose(turned_target[fruit, 0], target[fruit, 1], atol=1e-3)
+    assert torch.allclose(turned_target[fruit, 2], target[fruit, 2], atol=1e-3)
+    assert torch.allclose(turned_target[fruit, 3], target[fruit, 4], atol=1e-3)
+    assert torch.allclose(turned_target[fruit, 4], -target[fruit, 3], atol=1e-3)
+    same = np.rot90(straight.numpy(), 1, (1, 2)).astype(float) - turned.numpy()
+    assert np.abs(same).mean() < 2.0
+
+
+def test_losses_are_least_at_the_target_and_grow_away_from_it() -> None:
+    torch.manual_seed(0)
+    belief, offsets = torch.rand(2, 9, 6, 8), torch.rand(2, 17, 6, 8)
+    weight = torch.ones(2, 1, 6, 8)
+    assert float(finder_loss(belief, offsets, belief, weight, offsets, weight)) == 0.0
+    assert float(finder_loss(belief + 0.1, offsets, belief, weight, offsets, weight)) > 0.0
+    hidden = torch.zeros(2, 1, 6, 8)
+    assert float(finder_loss(belief + 0.1, offsets + 1, belief, hidden, offsets, hidden)) == 0.0
+    target, kind, seen = torch.rand(3, 6), torch.tensor([1.0, 1.0, 0.0]), torch.tensor([1.0, 0.5, 0.0])
+    output = torch.zeros(3, 11)
+    output[:, :6] = target
+    worse = output.clone()
+    worse[:2, :6] += 0.1
+    elsewhere = output.clone()
+    elsewhere[2, :6] += 0.1
+    base = close_look_loss(output, target, kind, seen)
+    assert close_look_loss(worse, target, kind, seen) > base
+    assert torch.isclose(close_look_loss(elsewhere, target, kind, seen), base)
+    stages = [(belief, offsets)] * 6
+    assert float(dope_loss(stages, belief, offsets)) == 0.0
+    assert torch.isclose(dope_loss(stages, belief + 1, offsets), torch.tensor(6.0))
+
+
+def test_mirrored_samples_stay_consistent() -> None:
+    points = np.random.default_rng(0).uniform(-1, 1, (9, 2))
+    twice = (points[list(MIRRORED)] * (-1, 1))[list(MIRRORED)] * (-1, 1)
+    assert np.allclose(twice, points)

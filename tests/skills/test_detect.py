@@ -1,0 +1,181 @@
+"""The Detect skill: outputs, choice of the target, and every way in which it fails."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+from py_trees.common import Status
+
+from drivers.interfaces import Camera, Frame, Intrinsics
+from executive.clock import ManualClock
+from executive.skill_testing import Outcome, drive
+from skills import detect
+from skills.detect import Detect
+from skills.geometry import rotation_about, transform
+from skills.perception.detection.cuboid import cuboid_keypoints
+from skills.perception.detection.errors import BadFrame
+from skills.perception.detection.instances import Instance, rank
+from skills.perception.fruit import load_fruit
+
+INTRINSICS = Intrinsics(610.6, 610.6, 317.7, 238.1, 640, 480)
+T_BASE_CAMERA = transform(rotation_about((1.0, 0.0, 0.0), np.pi), (0.0, -0.4, 0.6))
+
+
+@dataclass
+class OneFrame:
+    """A camera that shows one frame."""
+
+    frame: Frame | None
+
+    def latest(self) -> Frame | None:
+        return self.frame
+
+
+def frame(stamp: float = 0.0, q: np.ndarray | None = None) -> Frame:
+    return Frame(stamp, 0, np.zeros((480, 640, 3), np.uint8), None, INTRINSICS, q, T_BASE_CAMERA)
+
+
+def instance(x: float, z: float, score: float = 0.9, visibility: float = 1.0, posed: bool = True) -> Instance:
+    T = transform(None, (x, 0.0, z))
+    corners = cuboid_keypoints((0.09756, 0.08539, 0.09590)) + T[:3, 3]
+    points = corners[:, :2] / corners[:, 2:] * (INTRINSICS.fx, INTRINSICS.fy) + (INTRINSICS.cx, INTRINSICS.cy)
+    if not posed:
+        return Instance(points, score, visibility, None, None, "no pose follows from the keypoints: they lie on a line")
+    return Instance(points, score, visibility, T, np.eye(6) * 1e-4)
+
+
+@pytest.fixture
+def scripted(monkeypatch: pytest.MonkeyPatch, tmp_path: object) -> list[Instance]:
+    """What the detector will say, instead of running networks."""
+    instances: list[Instance] = []
+    monkeypatch.setattr(detect, "find_in_frame", lambda _frame, _fruit, _options: list(instances))
+    apple = replace(load_fruit("apple"), weights=detect.Path("apple.pt"))
+    monkeypatch.setattr(detect, "load_fruit", lambda name: apple if name == "apple" else load_fruit(name))
+    return instances
+
+
+def look(skill: Detect | None = None, shown: Frame | None = None, **inputs: object) -> Outcome:
+    camera = OneFrame(shown or frame())
+    return drive(skill or Detect(), {"fruit": "apple", **inputs}, devices={Camera: camera})
+
+
+def test_the_detection_says_all_about_its_fruit(scripted: list[Instance]) -> None:
+    scripted += [instance(0.1, 0.5, score=0.95), instance(-0.1, 0.4, score=0.8), instance(0.0, 0.6, score=0.2)]
+    outcome = look()
+    assert outcome.status is Status.SUCCESS
+    detection = outcome.outputs["detection"]
+    assert (detection.index, detection.found, detection.score) == (1, 2, 0.8)
+    assert np.array_equal(detection.T_base_camera, T_BASE_CAMERA)
+    assert np.allclose(detection.T_camera_object[:3, 3], (-0.1, 0.0, 0.4))
+    assert detection.keypoints.shape == (9, 2)
+    assert detection.covariance.shape == (6, 6)
+    assert detection.fruit.name == "apple"
+    (topic, view), *_ = outcome.published
+    assert topic == "detection"
+    assert [line.style for line in view.lines] == ["muted", "found"]
+
+
+@pytest.mark.parametrize(
+    ("policy", "expected"), [("nearest", 1), ("largest", 2), ("most_visible", 0), ("surest", 0), ("index", 2)]
+)
+def test_policies_choose(scripted: list[Instance], policy: str, expected: int) -> None:
+    wide = instance(0.2, 0.55)
+    wide = replace(wide, keypoints=(wide.keypoints - wide.keypoints[8]) * 2 + wide.keypoints[8])
+    scripted += [instance(0.1, 0.6, 0.95, 1.0), instance(-0.1, 0.4, 0.9, 0.5), replace(wide, visibility=0.7)]
+    assert look(target=policy, index=2).outputs["detection"].index == expected
+
+
+def test_fruit_chosen_before_comes_last(scripted: list[Instance]) -> None:
+    scripted += [instance(0.1, 0.5), instance(-0.1, 0.6)]
+    skill = Detect()
+    chosen = [look(skill).outputs["detection"].index for _ in range(3)]
+    assert chosen == [0, 1, 0]
+
+
+def test_fruit_chosen_before_may_be_chosen_freely_or_never(scripted: list[Instance]) -> None:
+    scripted += [instance(0.1, 0.5)]
+    skill = Detect()
+    assert look(skill).status is Status.SUCCESS
+    assert look(skill, again="freely").status is Status.SUCCESS
+    outcome = look(skill, again="never")
+    assert outcome.reason is not None
+    assert outcome.reason.code == "NOTHING_FOUND"
+
+
+def test_what_is_doubted_is_chosen_from_the_second_look_on_when_nothing_surer_is_left(scripted: list[Instance]) -> None:
+    scripted += [instance(0.1, 0.5, score=0.9), instance(-0.1, 0.6, score=0.45), instance(0.0, 0.7, score=0.2)]
+    skill = Detect()
+    chosen = [look(skill, unsure=0.4).outputs["detection"].index for _ in range(3)]
+    assert chosen == [0, 1, 0]
+    assert look(skill, unsure=0.4, again="never").status is Status.FAILURE
+    surest_first = [look(Detect()).outputs["detection"].index for _ in range(2)]
+    assert surest_first == [0, 0]
+
+
+def test_what_is_doubted_is_not_chosen_at_the_first_look(scripted: list[Instance]) -> None:
+    scripted += [instance(0.0, 0.5, score=0.45)]
+    skill = Detect()
+    first, second = look(skill, unsure=0.4), look(skill, unsure=0.4)
+    assert first.reason is not None
+    assert first.reason.code == "LOW_CONFIDENCE"
+    assert second.status is Status.SUCCESS
+
+
+def test_the_same_fruit_is_known_again_from_another_place(scripted: list[Instance]) -> None:
+    skill = Detect()
+    scripted[:] = [instance(0.0, 0.5), instance(0.15, 0.55)]
+    assert look(skill).outputs["detection"].index == 0
+    moved = replace(frame(), T_mount_camera=transform(T_BASE_CAMERA[:3, :3], (0.05, -0.4, 0.6)))
+    scripted[:] = [instance(-0.05, 0.5), instance(0.10, 0.55)]
+    assert look(skill, moved).outputs["detection"].index == 1
+
+
+def test_failures_have_their_codes(scripted: list[Instance]) -> None:
+    def code(outcome: Outcome) -> str:
+        assert outcome.status is Status.FAILURE
+        assert outcome.reason is not None
+        return outcome.reason.code
+
+    assert code(drive(Detect(), {"fruit": "apple"}, devices={Camera: OneFrame(None)})) == "NO_FRAME"
+    assert (
+        code(drive(Detect(), {"fruit": "apple"}, devices={Camera: OneFrame(frame())}, clock=ManualClock(2.0)))
+        == "STALE_FRAME"
+    )
+    assert code(look()) == "NOTHING_FOUND"
+    scripted[:] = [instance(0.0, 0.5, score=0.3)]
+    assert code(look()) == "LOW_CONFIDENCE"
+    assert look(score=0.2).status is Status.SUCCESS
+    scripted[:] = [instance(0.0, 0.5, posed=False)]
+    assert code(look()) == "POSE_UNSOLVED"
+    assert code(look(fruit="durian")) == "NO_WEIGHTS"
+    scripted[:] = [instance(0.0, 0.5)]
+    assert code(look(target="index", index=3)) == "NOTHING_FOUND"
+
+
+def test_a_frame_that_cannot_be_used_is_no_frame(monkeypatch: pytest.MonkeyPatch, scripted: list[Instance]) -> None:
+    def refuse(*_: object) -> list[Instance]:
+        raise BadFrame("(h, w, 3) uint8 RGB", "(480, 640) float64")
+
+    monkeypatch.setattr(detect, "find_in_frame", refuse)
+    outcome = look()
+    assert outcome.reason is not None
+    assert outcome.reason.code == "NO_FRAME"
+    assert "uint8 RGB" in outcome.reason.message
+
+
+def test_ranking_is_total_for_equal_instances() -> None:
+    same = [instance(0.0, 0.5), instance(0.0, 0.5)]
+    for policy in ("nearest", "largest", "most_visible", "surest"):
+        assert rank(same, policy) == [0, 1]
+    assert rank(same, "index", 5) == []
+
+
+def test_a_fruit_is_chosen_so_many_times_and_the_others_first(scripted: list[Instance]) -> None:
+    scripted += [instance(0.1, 0.5), instance(-0.1, 0.6)]
+    skill = Detect()
+    chosen = [look(skill, again="never", times=2).outputs["detection"].index for _ in range(4)]
+    assert chosen == [0, 1, 0, 1]
+    outcome = look(skill, again="never", times=2)
+    assert outcome.reason is not None
+    assert outcome.reason.code == "NOTHING_FOUND"
+    assert outcome.reason.message == "all 2 fruit in the frame were chosen 2 times"

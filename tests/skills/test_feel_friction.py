@@ -1,0 +1,159 @@
+"""The skill FeelFriction on mock devices: what it feels, what it leaves behind, and every failure code."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from py_trees.common import Status
+
+from drivers.mock.fingers import spring_fruit
+from executive.skill_testing import drive
+from skills.feel_friction import FeelFriction
+from skills.grip.grip import GripPhase
+from skills.grip.hold import Hold, take_over
+from skills.grip.pads import MIRROR
+from skills.motion.straight_line import straight_line
+from skills.slip_avoid_grasp import SlipAvoidGrasp
+from tests.skills.picking_scene import ROBOT_MODEL, Bench, a_grasp
+
+GRASP = a_grasp()
+Q_GRASP = straight_line(ROBOT_MODEL, GRASP.q_pre_grasp[0], GRASP.T_base_grasp).q[-1]
+TOLD = {"mu": 0.6, "mu_uncertainty": 0.15}
+PADS = 1500.0
+"""Stiffness of a pad along its face [N/m]."""
+
+
+class Standing(Bench):
+    """A fruit on a table between the fingers: pads that move along it bend, then rub; a light one comes along."""
+
+    def __init__(self, mu: float = 0.8, weight: float = 2.0) -> None:
+        super().__init__(q=Q_GRASP.copy(), width=0.085)
+        press = spring_fruit(self.gripper, 0.08, 2000.0)
+        self.bent = self.risen = 0.0
+        self.before = self.tcp[2, 3]
+
+        def feel(now: float) -> np.ndarray:
+            wrenches = press(now)
+            moved = self.tcp[2, 3] - self.before
+            self.before += moved
+            if self.risen > 0.0 and moved < 0.0:  # a fruit that hangs goes down with the fingers until it stands
+                down = min(-moved, self.risen)
+                self.risen, moved = self.risen - down, moved + down
+            most = mu * -wrenches[:, 2]
+            self.bent = float(np.clip(self.bent + moved, -most.max() / PADS, most.max() / PADS))
+            if 2.0 * PADS * self.bent > weight:
+                self.risen += self.bent - 0.5 * weight / PADS
+                self.bent = 0.5 * weight / PADS
+            wrenches[:, 0] = np.clip(PADS * self.bent, -most, most)
+            wrenches[1] *= MIRROR
+            return wrenches
+
+        self.fingers.feel = feel
+
+    def grasp(self) -> Hold:
+        outcome = drive(SlipAvoidGrasp(), TOLD, self.devices, clock=self.clock)
+        assert outcome.status is Status.SUCCESS, outcome.reason
+        hold = outcome.outputs["hold"]
+        assert isinstance(hold, Hold)
+        return hold
+
+    def feel_friction(self, hold: Hold, each_tick=None, **inputs):
+        return drive(
+            FeelFriction(), {"hold": hold, **inputs}, self.devices, clock=self.clock, each_tick=each_tick, limit=10.0
+        )
+
+
+@pytest.mark.parametrize("mu", [0.4, 0.8, 1.1])
+def test_it_feels_the_friction_and_holds_for_it(mu):
+    bench = Standing(mu)
+    hold = bench.grasp()
+    outcome = bench.feel_friction(hold)
+    assert outcome.status is Status.SUCCESS, outcome.reason
+    assert outcome.outputs["mu"] == pytest.approx(mu, rel=0.04)
+    assert outcome.outputs["mu_uncertainty"] <= 0.08
+    assert hold.controller.settings.contact.mu == outcome.outputs["mu"]
+    assert hold.phase is GripPhase.HOLDING
+    assert hold.reading.f_n == pytest.approx(2.2, abs=0.2)
+    np.testing.assert_allclose(bench.tcp[:3, 3], GRASP.T_base_grasp[:3, 3], atol=1e-4)
+    assert outcome.duration < 2.0
+
+
+def test_a_light_fruit_comes_along_and_what_was_told_is_kept():
+    bench = Standing(0.9, weight=0.3)
+    hold = bench.grasp()
+    outcome = bench.feel_friction(hold)
+    assert outcome.status is Status.SUCCESS
+    assert outcome.outputs["mu"] == TOLD["mu"]
+    assert outcome.outputs["mu_uncertainty"] == TOLD["mu_uncertainty"]
+    assert hold.holds
+
+
+def test_while_the_pads_slide_the_force_stays_small_and_slipping_is_no_problem():
+    bench = Standing()
+    hold = bench.grasp()
+    seen = []
+
+    def watch(_tick: int) -> None:
+        if hold.phase is GripPhase.SLIDING and bench.arm.followed and not bench.arm.settled():
+            seen.append((hold.reading.f_n, hold.problem))
+
+    assert bench.feel_friction(hold, watch).status is Status.SUCCESS
+    assert len(seen) > 10
+    assert max(f_n for f_n, _ in seen) < 0.9
+    assert {problem for _, problem in seen} == {None}
+
+
+def test_interrupted_the_arm_stops_and_the_grip_holds():
+    bench = Standing()
+    hold = bench.grasp()
+    outcome = drive(FeelFriction(), {"hold": hold}, bench.devices, clock=bench.clock, interrupt_after=30)
+    assert outcome.status is Status.INVALID
+    assert bench.arm.settled()
+    assert hold.phase is GripPhase.HOLDING
+    bench.clock.advance(0.5)
+    assert hold.holds
+
+
+def test_without_a_fruit_is_not_held():
+    bench = Standing()
+    hold = bench.grasp()
+    take_over(bench.gripper)
+    outcome = bench.feel_friction(hold)
+    assert outcome.reason.code == "NOT_HELD"
+    assert bench.arm.followed == []
+
+
+def test_beyond_reach_nothing_moves():
+    bench = Standing()
+    hold = bench.grasp()
+    bench.arm.q = bench.arm.limits.upper - 1e-6
+    outcome = bench.feel_friction(hold)
+    assert outcome.reason.code == "NO_WAY_UP"
+    assert bench.arm.followed == []
+
+
+@pytest.mark.parametrize("what", ["LOST", "SENSOR_STALE", "SENSOR_SATURATED"])
+def test_what_goes_wrong_with_the_grip_is_passed_on(what):
+    bench = Standing()
+    hold = bench.grasp()
+
+    def go_wrong(tick: int) -> None:
+        if tick == 20 and what == "LOST":
+            bench.fingers.feel = lambda _now: np.zeros((2, 6))
+        elif tick == 20 and what == "SENSOR_STALE":
+            bench.fingers.lose(10.0)
+        elif tick == 20 and what == "SENSOR_SATURATED":
+            bench.fingers.saturated = (True, False)
+
+    outcome = bench.feel_friction(hold, go_wrong)
+    assert outcome.reason.code == what
+    assert bench.arm.settled()
+
+
+@pytest.mark.parametrize("code", ["REFUSED", "STOPPED", "MOTION_FAILED"])
+def test_an_arm_that_does_not_move_as_asked_is_a_reason(code):
+    bench = Standing()
+    hold = bench.grasp()
+    outcome = bench.feel_friction(hold, bench.arm_trouble(code))
+    assert outcome.reason.code == code
+    assert hold.phase is GripPhase.HOLDING

@@ -1,0 +1,102 @@
+import numpy as np
+import pytest
+from py_trees.common import Status
+
+from executive.skill_testing import drive
+from skills.motion.collision import CollisionWorld, Convex
+from skills.move_to import MoveTo
+from skills.shared.named_pose import named_pose
+from tests.skills.picking_scene import (
+    HOME,
+    OBSERVE,
+    ROBOT_MODEL,
+    WORKSPACE,
+    Bench,
+    a_grasp,
+    apple_at,
+    bench_with_pose,
+)
+
+
+def test_it_moves_to_the_named_pose():
+    bench = Bench()
+    outcome = drive(MoveTo(), {"pose": "home"}, bench.devices, clock=bench.clock)
+    assert outcome.status is Status.SUCCESS
+    np.testing.assert_allclose(bench.arm.q, HOME, atol=1e-6)
+
+
+def test_at_the_pose_nothing_moves():
+    bench = Bench()
+    assert drive(MoveTo(), {"pose": "observe"}, bench.devices, clock=bench.clock).status is Status.SUCCESS
+    assert bench.arm.followed == []
+
+
+def test_variations_go_round():
+    poses = {"observe": np.zeros(2), "observe_2": np.ones(2), "home": np.full(2, 5.0)}
+    assert [named_pose(poses, "observe", k)[0] for k in (1, 2, 3)] == [0.0, 1.0, 0.0]
+    assert named_pose(poses, "home", 7)[0] == 5.0
+    with pytest.raises(KeyError):
+        named_pose(poses, "crate")
+
+
+def test_an_unknown_pose_is_named_with_those_that_exist():
+    bench = Bench()
+    outcome = drive(MoveTo(), {"pose": "hoem"}, bench.devices, clock=bench.clock)
+    assert outcome.reason.code == "UNKNOWN_POSE"
+    assert "observe, observe_2, home" in outcome.reason.message
+
+
+def test_a_start_inside_the_table_says_which_link():
+    bench = Bench(q=np.array([-1.36, 1.6, -0.264, -0.234, 0.065, -1.294, 0.048]))
+    outcome = drive(MoveTo(), {"pose": "home"}, bench.devices, clock=bench.clock)
+    assert outcome.reason.code == "START_IN_COLLISION"
+    assert outcome.reason.data["obstacle"] in ("table", "pedestal")
+
+
+def test_interrupted_it_stops():
+    bench = Bench(q=HOME.copy())
+    outcome = drive(MoveTo(), {"pose": "observe"}, bench.devices, clock=bench.clock, interrupt_after=9)
+    assert outcome.status is Status.INVALID
+    assert bench.arm.settled()
+    assert np.abs(bench.arm.q - OBSERVE).max() > 0.05
+
+
+def test_a_held_fruit_is_avoided_for_and_moved_gently():
+    grasp = a_grasp(1, 3)
+    bench = Bench(q=grasp.q_pre_grasp[0].copy(), width=0.085)
+    outcome = drive(MoveTo(), {"pose": "observe", "carrying": grasp}, bench.devices, clock=bench.clock)
+    assert outcome.status is Status.SUCCESS
+    path = bench.arm.followed[0]
+    p = np.array([ROBOT_MODEL.tcp(q)[:3, 3] for q in path.q])
+    acceleration = np.gradient(np.gradient(p, path.t, axis=0), path.t, axis=0)
+    assert 1.5 < np.linalg.norm(acceleration, axis=1).max() <= 2.0 + 1e-3
+
+
+@pytest.mark.parametrize("code", ["REFUSED", "STOPPED", "MOTION_FAILED"])
+def test_an_arm_that_does_not_move_as_asked_is_a_reason(code):
+    bench = Bench()
+    outcome = drive(MoveTo(), {"pose": "home"}, bench.devices, clock=bench.clock, each_tick=bench.arm_trouble(code))
+    assert outcome.reason.code == code
+    assert bench.arm.settled()
+
+
+@pytest.mark.parametrize("code", ["GOAL_UNREACHABLE", "GOAL_IN_COLLISION", "NO_PATH", "TIMEOUT", "MAP_STALE"])
+def test_a_pose_that_cannot_be_reached_is_a_reason_and_nothing_moves(code):
+    bench, given = bench_with_pose(code)
+    inputs = {"pose": "there", "budget": 0.05, **given["inputs"]}
+    outcome = drive(MoveTo(), inputs, bench.devices, clock=bench.clock, **given["settings"])
+    assert outcome.reason.code == code
+    assert outcome.cancelled == (code == "TIMEOUT")
+    assert bench.arm.followed == []
+
+
+def test_a_fruit_that_the_map_leaves_out_is_avoided():
+    bench = Bench(q=HOME.copy())
+    apple = apple_at(1, 3)
+    apple.T_base_fruit[:3, 3] = ROBOT_MODEL.tcp((HOME + OBSERVE) / 2.0)[:3, 3]
+    outcome = drive(MoveTo(), {"pose": "observe", "avoiding": apple}, bench.devices, clock=bench.clock)
+    assert outcome.status is Status.SUCCESS
+    world = CollisionWorld.build(ROBOT_MODEL, WORKSPACE, obstacles=(Convex.of_fruit(apple),))
+    path = bench.arm.followed[0]
+    assert world.check_trajectory(path, bench.width) is None
+    assert world.check_path(np.array([HOME, OBSERVE]), bench.width) is not None

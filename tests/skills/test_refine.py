@@ -1,0 +1,207 @@
+"""The Refine skill with mock devices: outputs, and one test per failure code."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from py_trees.common import Status
+
+from drivers.interfaces import Frame, Workspace
+from executive.skill_testing import Outcome, drive
+from executive.views import ImageView
+from skills.geometry import inverse, rot_x, rot_y, transform
+from skills.perception.detection.detection import Detection
+from skills.perception.refinement.errors import RenderFailed
+from skills.perception.refinement.paper import moved_and_scaled
+from skills.perception.refinement.render import ImageBox, render_depth
+from skills.refine import Refine
+
+T_BASE_CAMERA = transform(rot_x(2.8), (-0.04, -0.25, 0.60))
+SCALE = 0.85
+
+
+def measure(inputs: dict[str, object], table_z: float | None = None) -> Outcome:
+    workspace = Workspace(table_z, np.full(3, -1.0), np.full(3, 1.0))
+    return drive(Refine(), inputs, devices={Workspace: workspace})
+
+
+@pytest.fixture
+def detection(apple, camera) -> Detection:
+    """An apple of 0.85 of the model's size, detected with the model's size at the place where it looks the same."""
+    T_camera_object = transform(rot_x(-0.9) @ rot_y(0.4), (0.02, 0.01, 0.68))
+    whole = ImageBox(0, 0, camera.width, camera.height)
+    sigma = (1.0 - SCALE) * float(np.linalg.norm(T_camera_object[:3, 3]))
+    depth, _ = render_depth(apple, moved_and_scaled(T_camera_object, sigma), camera, whole, using="zbuffer")
+    depth = np.where(depth > 0.0, depth, np.float32(0.75))
+    colour = np.zeros((camera.height, camera.width, 3), np.uint8)
+    frame = Frame(1.0, 0, colour, depth, camera, None, T_BASE_CAMERA, "test")
+    return Detection(apple, frame, T_BASE_CAMERA, T_camera_object, np.full((9, 2), np.nan), 0.9, 1e-4 * np.eye(6), 0, 1)
+
+
+def with_depth(detection: Detection, depth: np.ndarray | None) -> Detection:
+    return replace(detection, frame=replace(detection.frame, depth=depth))
+
+
+@pytest.mark.parametrize("renderer", ["pyrender", "zbuffer"])
+@pytest.mark.parametrize("method", ["uniform", "paper"])
+def test_measures_size_and_place_in_the_base_frame(detection, method, renderer):
+    outcome = measure({"detection": detection, "method": method, "renderer": renderer})
+    assert outcome.status is Status.SUCCESS
+    measured = outcome.outputs["measured"]
+    np.testing.assert_allclose(measured.dimensions, SCALE * detection.fruit.dimensions, atol=2e-6)
+    T_camera_fruit = inverse(T_BASE_CAMERA) @ measured.T_base_fruit
+    np.testing.assert_allclose(T_camera_fruit[:3, 3], SCALE * detection.T_camera_object[:3, 3], atol=2e-5)
+    np.testing.assert_allclose(T_camera_fruit[:3, :3], detection.T_camera_object[:3, :3], atol=1e-12)
+    assert measured.mu == pytest.approx(SCALE, abs=2e-5)
+    assert measured.sigma == pytest.approx(0.15 * np.linalg.norm(detection.T_camera_object[:3, 3]), abs=2e-5)
+    assert measured.inlier_ratio > 0.99
+    assert measured.method == method
+    assert np.linalg.eigvalsh(measured.covariance).min() > -1e-15
+
+
+def test_none_hands_the_detection_on(detection):
+    outcome = measure({"detection": detection, "method": "none"})
+    measured = outcome.outputs["measured"]
+    np.testing.assert_allclose(measured.T_base_fruit, T_BASE_CAMERA @ detection.T_camera_object)
+    np.testing.assert_allclose(measured.dimensions, detection.fruit.dimensions)
+    assert (measured.mu, measured.sigma, measured.method) == (1.0, 0.0, "none")
+
+
+def test_shows_the_outline_in_the_image(detection):
+    outcome = measure({"detection": detection, "method": "uniform"})
+    ((topic, view),) = outcome.published
+    assert topic == "refine"
+    assert isinstance(view, ImageView)
+    measured = outcome.outputs["measured"]
+    u, v = measured.contour.T
+    seen = np.argwhere(detection.frame.depth < 0.74)
+    assert [v.min(), u.min()] == seen.min(axis=0).tolist()
+    assert [v.max(), u.max()] == seen.max(axis=0).tolist()
+
+
+def reason_of(detection: Detection, **inputs: object):
+    outcome = measure({"detection": detection, **inputs})
+    assert outcome.status is Status.FAILURE
+    assert "measured" not in outcome.outputs
+    return outcome.reason
+
+
+@pytest.mark.parametrize("nothing", [0.0, np.nan])
+def test_no_depth(detection, nothing):
+    reason = reason_of(with_depth(detection, np.full_like(detection.frame.depth, nothing)))
+    assert reason.code == "NO_DEPTH"
+    assert reason.data["valid_pixels"] == 0
+
+
+def test_no_depth_from_a_colour_camera(detection):
+    assert reason_of(with_depth(detection, None)).code == "NO_DEPTH"
+
+
+def test_no_depth_in_metres(detection):
+    reason = reason_of(with_depth(detection, 1000.0 * detection.frame.depth))
+    assert reason.code == "NO_DEPTH"
+    assert "millimetres" in reason.message
+
+
+def test_no_depth_of_this_camera(detection):
+    reason = reason_of(with_depth(detection, detection.frame.depth[::2, ::2]))
+    assert reason.code == "NO_DEPTH"
+    assert "shape" in reason.message
+
+
+def test_too_few_inliers(detection):
+    rng = np.random.default_rng(0)
+    scattered = rng.uniform(0.3, 0.9, detection.frame.depth.shape).astype(np.float32)
+    reason = reason_of(with_depth(detection, scattered))
+    assert reason.code == "TOO_FEW_INLIERS"
+    assert reason.data["inlier_ratio"] < 0.25
+
+
+def test_size_out_of_range(detection):
+    reason = reason_of(with_depth(detection, 0.4 * detection.frame.depth))
+    assert reason.code == "SIZE_OUT_OF_RANGE"
+    assert reason.data["ratio"] == pytest.approx(0.4 * SCALE, abs=1e-3)
+
+
+def test_at_bound(detection):
+    reason = reason_of(with_depth(detection, 2.4 * detection.frame.depth), largest=10.0)
+    assert reason.code == "AT_BOUND"
+    assert reason.data["bound"] == pytest.approx(0.8 * 0.68)
+
+
+@pytest.mark.parametrize("z", [-0.68, 0.02])
+def test_render_failed_behind_the_camera(detection, z):
+    T = detection.T_camera_object.copy()
+    T[2, 3] = z
+    reason = reason_of(replace(detection, T_camera_object=T))
+    assert reason.code == "RENDER_FAILED"
+    assert "behind the camera" in reason.message
+
+
+def test_render_failed_without_opengl(detection, monkeypatch):
+    def broken(*_: object) -> None:
+        raise RenderFailed("pyrender cannot use EGL")
+
+    monkeypatch.setattr("skills.perception.refinement.gl._render", broken)
+    assert reason_of(detection).code == "RENDER_FAILED"
+    assert measure({"detection": detection, "renderer": "zbuffer"}).status is Status.SUCCESS
+
+
+def test_render_failed_for_an_open_mesh(detection):
+    fruit = replace(detection.fruit, faces=detection.fruit.faces[:-1])
+    reason = reason_of(replace(detection, fruit=fruit))
+    assert reason.code == "RENDER_FAILED"
+    assert "watertight" in reason.message
+
+
+def test_prepare_starts_the_renderer_and_forgives_a_machine_without_opengl(detection, monkeypatch):
+    Refine().prepare()
+
+    def broken(*_: object) -> None:
+        raise RenderFailed("pyrender cannot use EGL")
+
+    monkeypatch.setattr("skills.perception.refinement.gl._render", broken)
+    Refine().prepare()
+
+
+def test_the_table_of_the_workspace_is_the_support(scene, apple):
+    s = scene((62, 47, 62), 70, 3)
+    frame = Frame(0.0, 0, np.zeros((*s.depth.shape, 3), np.uint8), s.depth, s.intrinsics, None, s.T_base_camera)
+    seen = Detection(apple, frame, s.T_base_camera, s.T_camera_detected, np.full((9, 2), np.nan), 0.9, np.eye(6), 0, 1)
+    inputs = {"detection": seen, "renderer": "zbuffer"}
+    on_table, in_the_air = (measure(inputs, table_z).outputs["measured"] for table_z in (0.0, None))
+    assert on_table.method == "shape+plane"
+    assert in_the_air.method == "shape"
+    lowest = apple.vertices * (on_table.dimensions / apple.dimensions) @ on_table.T_base_fruit[2, :3]
+    assert lowest.min() + on_table.T_base_fruit[2, 3] == pytest.approx(0.0, abs=3e-3)
+    assert on_table.covariance[2, 2] <= in_the_air.covariance[2, 2]
+
+
+def test_an_earlier_measurement_is_fused_in(scene, apple):
+    measured = None
+    for elevation in (35, 60, 84):
+        s = scene((73, 64, 73), elevation, 4)
+        frame = Frame(0.0, 0, np.zeros((*s.depth.shape, 3), np.uint8), s.depth, s.intrinsics, None, s.T_base_camera)
+        seen = Detection(
+            apple, frame, s.T_base_camera, s.T_camera_detected, np.full((9, 2), np.nan), 0.9, np.eye(6), 0, 1
+        )
+        before = measured
+        inputs = {"detection": seen, "renderer": "zbuffer", "earlier": before}
+        measured = measure(inputs).outputs["measured"]
+        if before is not None:
+            assert measured.method == "shape+views"
+            assert measured.earlier[-1][0] is before.frame
+    assert len(measured.earlier) == 2
+    assert s.errors(inverse(s.T_base_camera) @ measured.T_base_fruit, measured.dimensions)[1] < 4.0
+
+
+def test_interrupted_it_gives_up(detection):
+    skill, devices = Refine(), {Workspace: Workspace(None, np.full(3, -1.0), np.full(3, 1.0))}
+    outcome = drive(skill, {"detection": detection}, devices, computing=10, interrupt_after=5)
+    assert outcome.status is Status.INVALID
+    assert outcome.cancelled == 1
+    assert outcome.outputs == {}
+    assert outcome.published == ()
+    assert drive(skill, {"detection": detection}, devices, computing=10).status is Status.SUCCESS

@@ -1,0 +1,412 @@
+"""The skills SlipAvoidGrasp and Pivot on mock devices: success, every failure code, interruption, what comes after."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from py_trees.common import Status
+
+from drivers.errors import DeviceLost
+from drivers.interfaces import ForceSensor, Gripper
+from drivers.mock.clock import MockClock
+from drivers.mock.fingers import MockForceSensor, spring_fruit
+from drivers.mock.gripper import MockGripper
+from executive.skill_testing import Outcome, drive
+from executive.views import SeriesView
+from skills.grip.grip import GripPhase
+from skills.grip.hold import Hold, current_hold, take_over
+from skills.pivot import Pivot
+from skills.slip_avoid_grasp import SlipAvoidGrasp
+
+WIDTH = 0.08
+
+
+class Rig:
+    """Mock devices with a soft fruit between the fingers."""
+
+    def __init__(self, opening: float = 0.092, width: float = WIDTH, stiffness: float = 2000.0) -> None:
+        self.clock = MockClock()
+        self.gripper = MockGripper(self.clock, width=opening)
+        self.fingers = MockForceSensor(self.clock)
+        self.fingers.feel = spring_fruit(self.gripper, width, stiffness)
+        self.devices: dict[type, object] = {Gripper: self.gripper, ForceSensor: self.fingers}
+
+    def drive(self, skill: SlipAvoidGrasp | Pivot | None = None, **kwargs: object) -> Outcome:
+        inputs = kwargs.pop("inputs", {})
+        return drive(skill or SlipAvoidGrasp(), inputs, self.devices, clock=self.clock, **kwargs)  # type: ignore[arg-type]
+
+    def grasp(self) -> Hold:
+        hold = self.drive().outputs["hold"]
+        assert isinstance(hold, Hold)
+        return hold
+
+    def carry(self, weight: float, moment: float = 0.0) -> None:
+        """Load both fingers with half of a weight [N] and of a moment [N·m]."""
+        press = self.fingers.feel
+
+        def feel(now: float) -> np.ndarray:
+            wrenches = press(now)
+            wrenches[:, 0] += 0.5 * weight
+            wrenches[:, 5] += 0.5 * moment * np.array([1.0, -1.0])
+            return wrenches
+
+        self.fingers.feel = feel
+
+
+def code(outcome: Outcome) -> str:
+    assert outcome.status is Status.FAILURE
+    assert outcome.reason is not None
+    assert len(outcome.reason.message) > 20
+    return outcome.reason.code
+
+
+def test_it_closes_and_hands_on_a_grip_that_goes_on() -> None:
+    rig = Rig()
+    outcome = rig.drive()
+    assert outcome.status is Status.SUCCESS
+    assert outcome.duration < 1.2
+    hold = outcome.outputs["hold"]
+    assert hold.holds
+    assert hold.problem is None
+    assert hold.reading.f_n == pytest.approx(2.2, abs=0.25)
+    rig.clock.advance(1.0)
+    assert hold.reading.f_n == pytest.approx(2.2, abs=0.1)
+    assert hold.reading.stamp == rig.clock.now()
+
+
+def test_it_starts_no_motion_before_the_bias_is_taken() -> None:
+    rig = Rig()
+    rig.drive()
+    assert all(speed == 0.0 for t, speed in rig.gripper.speeds if t < 0.22)
+
+
+def test_speeds_come_at_most_fifty_times_a_second_and_often_enough_for_the_watchdog() -> None:
+    rig = Rig()
+    hold = rig.grasp()
+    rig.carry(3.0)
+    rig.clock.advance(2.0)
+    times, speeds = np.array(rig.gripper.speeds).T
+    assert np.diff(times).min() > 0.0199
+    assert np.diff(times)[speeds[:-1] != 0.0].max() < 0.0601
+    assert np.diff(times).max() < 0.5001
+    assert hold.holds
+
+
+def test_fingers_that_rest_leave_the_next_command_free_for_when_it_is_needed() -> None:
+    rig = Rig()
+    hold = rig.grasp()
+    rig.clock.advance(1.0)
+    rested = rig.clock.now()
+    rig.clock.advance(2.0)
+    assert sum(t > rested for t, _ in rig.gripper.speeds) <= 5
+    rig.carry(3.0)
+    loaded = rig.clock.now()
+    rig.clock.advance(0.1)
+    answers = [t for t, speed in rig.gripper.speeds if t > loaded and speed < -2e-3]
+    assert answers[0] - loaded < 0.015
+    assert hold.holds
+
+
+def test_a_measured_fruit_lets_the_fingers_move_fast_where_nothing_can_touch() -> None:
+    measured = SimpleNamespace(dimensions=np.array([WIDTH, 0.06, WIDTH]))
+    known, unknown = Rig(opening=0.103), Rig(opening=0.103)
+    fast = drive(_Ungated(), {"fruit": measured}, known.devices, clock=known.clock)
+    slow = unknown.drive()
+    assert fast.status is Status.SUCCESS
+    assert fast.duration < slow.duration - 0.1
+
+
+class _Ungated(SlipAvoidGrasp):
+    """Takes a stand-in for the measured fruit: only its dimensions are read."""
+
+
+def test_a_load_raises_the_force_and_the_force_follows_it_down() -> None:
+    rig = Rig()
+    hold = rig.grasp()
+    rig.carry(3.0)
+    rig.clock.advance(0.3)
+    raised = hold.reading
+    assert raised.f_n > 1.0 * raised.f_least
+    rig.clock.advance(3.0)
+    settled = hold.reading
+    assert settled.f_least == pytest.approx(3.0 / 0.75, rel=0.01)
+    assert settled.f_n == pytest.approx(1.065 * 1.1 * settled.f_least, rel=0.03)
+
+
+def test_what_was_felt_is_shown_in_one_unbroken_series() -> None:
+    outcome = Rig().drive()
+    views = [view for topic, view in outcome.published if topic == "grip"]
+    assert all(isinstance(view, SeriesView) for view in views)
+    t = np.concatenate([view.t for view in views])
+    assert np.diff(t) == pytest.approx(np.full(len(t) - 1, 0.01))
+    assert {"grasp force [N]", "least force [N]", "width [m]"} <= set(views[0].values)
+
+
+# -------------------------------------------------------------------------------------------------- failures
+
+
+def test_nothing_between_the_fingers_is_no_contact() -> None:
+    rig = Rig(width=0.02)
+    assert code(rig.drive()) == "NO_CONTACT"
+    assert rig.gripper.speeds[-1][1] == 0.0
+
+
+def test_a_jammed_gripper_is_no_contact() -> None:
+    rig = Rig()
+    rig.gripper.blocked_at = 0.09
+    assert code(rig.drive()) == "NO_CONTACT"
+
+
+def test_one_finger_that_touches_alone_is_told_and_bounded() -> None:
+    rig = Rig()
+    both = rig.fingers.feel
+
+    def only_left(now: float) -> np.ndarray:
+        wrenches = both(now)
+        wrenches[1] = 0.0
+        return wrenches
+
+    rig.fingers.feel = only_left
+    assert code(rig.drive()) == "ONE_FINGER"
+    assert -both(0.0)[0, 2] < 4.0
+
+
+def test_a_stroke_that_ends_under_way_is_out_of_stroke() -> None:
+    rig = Rig(opening=0.045, width=0.0360)
+    assert code(rig.drive()) == "OUT_OF_STROKE"
+
+
+def test_fingers_that_cannot_press_on_are_a_force_limit() -> None:
+    rig = Rig()
+    rig.gripper.blocked_at = 0.0792
+    assert code(rig.drive()) == "FORCE_LIMIT"
+
+
+def test_a_finger_that_is_pressed_before_the_start_is_a_force_limit() -> None:
+    rig = Rig(opening=0.0765)
+    assert code(rig.drive()) == "FORCE_LIMIT"
+
+
+def test_a_silent_sensor_is_stale() -> None:
+    rig = Rig()
+    rig.fingers.lose(10.0)
+    outcome = rig.drive()
+    assert code(outcome) == "SENSOR_STALE"
+    assert outcome.duration < 0.15
+
+
+def test_a_stream_that_stops_while_closing_is_stale() -> None:
+    rig = Rig()
+
+    def each_tick(tick: int) -> None:
+        if tick == 20:
+            rig.fingers.lose(10.0)
+
+    assert code(rig.drive(each_tick=each_tick)) == "SENSOR_STALE"
+
+
+def test_a_channel_at_its_end_is_saturated() -> None:
+    rig = Rig()
+
+    def each_tick(tick: int) -> None:
+        if tick == 20:
+            rig.fingers.saturated = (False, True)
+
+    assert code(rig.drive(each_tick=each_tick)) == "SENSOR_SATURATED"
+
+
+def test_fingers_taken_away_while_closing_are_lost() -> None:
+    rig = Rig()
+
+    def each_tick(tick: int) -> None:
+        if tick == 20:
+            take_over(rig.gripper)
+
+    assert code(rig.drive(each_tick=each_tick)) == "LOST"
+
+
+# ---------------------------------------------------------------------------------------- interruption and after
+
+
+def test_interrupted_before_contact_the_fingers_stop() -> None:
+    rig = Rig()
+    outcome = rig.drive(interrupt_after=18)
+    assert outcome.status is Status.INVALID
+    assert current_hold(rig.gripper) is None
+    width = rig.gripper.width
+    rig.clock.advance(0.5)
+    assert rig.gripper.width == width
+
+
+def test_interrupted_while_the_fruit_is_held_the_grip_holds() -> None:
+    rig = Rig()
+    ticks = round(rig.drive().duration / 0.02)
+    rig = Rig()
+    rig.drive(interrupt_after=ticks - 2)
+    hold = current_hold(rig.gripper)
+    assert hold is not None
+    rig.clock.advance(1.0)
+    assert hold.holds
+    assert hold.reading.f_n == pytest.approx(2.2, abs=0.1)
+    rig.carry(4.0)
+    rig.clock.advance(0.5)
+    assert hold.reading.f_n > 4.0
+
+
+def test_the_grip_outlives_everybody_who_knew_it() -> None:
+    rig = Rig()
+    rig.drive()
+    rig.clock.advance(0.5)
+    hold = current_hold(rig.gripper)
+    assert hold is not None
+    assert hold.holds
+
+
+def test_a_node_that_takes_over_finds_fingers_at_rest() -> None:
+    rig = Rig()
+    hold = rig.grasp()
+    take_over(rig.gripper)
+    assert hold.ended
+    assert not hold.holds
+    assert hold.phase is GripPhase.ENDED
+    assert rig.gripper.speeds[-1][1] == 0.0
+    count, width = len(rig.gripper.speeds), rig.gripper.width
+    rig.clock.advance(0.2)
+    assert len(rig.gripper.speeds) == count
+    assert rig.gripper.width == width
+
+
+def test_a_new_grasp_takes_over_from_the_one_before() -> None:
+    rig = Rig()
+    first = rig.grasp()
+    take_over(rig.gripper)
+    rig.gripper.width = 0.092
+    second = rig.grasp()
+    assert first.ended
+    assert current_hold(rig.gripper) is second
+
+
+def test_a_fruit_that_is_gone_is_lost_and_nothing_closes_on() -> None:
+    rig = Rig()
+    hold = rig.grasp()
+    rig.fingers.feel = lambda _now: np.zeros((2, 6))
+    rig.clock.advance(0.3)
+    assert hold.problem is not None
+    assert hold.problem.code == "LOST"
+    assert not hold.holds
+    assert rig.gripper.speeds[-1][1] == 0.0
+    assert rig.gripper.width > WIDTH - 0.012
+
+
+def test_a_load_beyond_friction_is_slipping() -> None:
+    rig = Rig()
+    hold = rig.grasp()
+    rig.gripper.blocked_at = rig.gripper.width - 1e-4
+    rig.carry(4.0)
+    rig.clock.advance(1.0)
+    assert hold.problem is not None
+    assert hold.problem.code == "SLIPPED"
+    assert hold.holds
+
+
+def test_a_load_beyond_the_gripper_is_a_force_limit_and_is_held_at_it() -> None:
+    rig = Rig()
+    hold = rig.grasp()
+    rig.carry(15.0)
+    rig.clock.advance(0.35)
+    assert hold.reading.f_n == pytest.approx(14.0, abs=0.5)
+    assert hold.problem is not None
+    assert hold.problem.code in ("FORCE_LIMIT", "SLIPPED")
+
+
+def test_a_gripper_that_is_lost_is_told_and_asked_again() -> None:
+    rig = Rig()
+    hold = rig.grasp()
+    working = rig.gripper.set_speed
+
+    def lost(_speed: float) -> None:
+        raise DeviceLost("gripper", "does not answer")
+
+    rig.gripper.set_speed = lost  # type: ignore[method-assign]
+    rig.clock.advance(0.1)
+    assert hold.problem is not None
+    assert "does not answer" in hold.problem.message
+    rig.gripper.set_speed = working  # type: ignore[method-assign]
+    rig.clock.advance(0.1)
+    assert hold.problem is None
+
+
+# -------------------------------------------------------------------------------------------------------- pivot
+
+
+def pivoting_fruit(rig: Rig, hold: Hold, weight: float, lever: float, capacity: Callable[[float], float]) -> None:
+    """A fruit whose lever shrinks as soon as the grasp force of a pivoting grip no longer holds its moment."""
+    press = rig.fingers.feel
+    state = {"lever": lever}
+
+    def feel(now: float) -> np.ndarray:
+        wrenches = press(now)
+        f_n = -2.0 * wrenches[0, 2]
+        if hold.phase is GripPhase.PIVOTING:
+            state["lever"] = min(state["lever"], max(capacity(f_n) / weight, 0.0))
+        wrenches[:, 0] += 0.5 * weight
+        wrenches[:, 5] += 0.5 * weight * state["lever"] * np.array([1.0, -1.0])
+        return wrenches
+
+    rig.fingers.feel = feel
+
+
+def test_pivot_lets_the_fruit_hang_plumb_and_holds_it_again() -> None:
+    rig = Rig()
+    hold = rig.grasp()
+    pivoting_fruit(rig, hold, 2.0, 0.012, lambda f_n: 0.004 * max(f_n - 2.0 / 0.75, 0.0))
+    rig.clock.advance(2.0)
+    before = hold.reading
+    assert before.tau_n == pytest.approx(0.024, rel=0.05)
+    outcome = rig.drive(Pivot(), inputs={"hold": hold})
+    assert outcome.status is Status.SUCCESS
+    assert hold.phase is GripPhase.HOLDING
+    after = hold.reading
+    assert abs(after.tau_n) < 0.008
+    assert after.f_n < before.f_n
+    assert after.f_n > 2.0 / 0.75
+
+
+def test_pivot_that_leaves_the_fruit_tilted_says_so() -> None:
+    rig = Rig()
+    hold = rig.grasp()
+    rig.carry(2.0, moment=0.02)
+    assert code(rig.drive(Pivot(), inputs={"hold": hold})) == "NOT_PLUMB"
+    assert hold.phase is GripPhase.HOLDING
+
+
+def test_pivot_without_a_fruit_is_not_held() -> None:
+    rig = Rig()
+    hold = rig.grasp()
+    take_over(rig.gripper)
+    assert code(rig.drive(Pivot(), inputs={"hold": hold})) == "NOT_HELD"
+
+
+def test_pivot_interrupted_holds_against_turning_again() -> None:
+    rig = Rig()
+    hold = rig.grasp()
+    rig.carry(2.0, moment=0.02)
+    rig.clock.advance(1.0)
+    rig.drive(Pivot(), inputs={"hold": hold}, interrupt_after=5)
+    assert hold.phase is GripPhase.HOLDING
+    rig.clock.advance(1.0)
+    assert hold.reading.f_n > hold.reading.f_least
+
+
+def test_pivot_passes_on_what_goes_wrong() -> None:
+    rig = Rig()
+    hold = rig.grasp()
+
+    def each_tick(tick: int) -> None:
+        if tick == 3:
+            rig.fingers.feel = lambda _now: np.zeros((2, 6))
+
+    assert code(rig.drive(Pivot(), inputs={"hold": hold}, each_tick=each_tick)) == "LOST"
