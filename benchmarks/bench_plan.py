@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from benchmarks.planning_oracle import PlanningOracle
 from benchmarks.planning_scenes import OBSERVE, PEDESTAL, TABLE_Z, WORKSPACE, PlanningScene, random_scene, table_look
 from drivers.interfaces import ArmLimits
-from skills.motion.grasps.grasp import Grasp
+from skills.motion.grasp import Grasp
 from skills.motion.grasps.sample import GraspRules, sample_pre_grasps
 from skills.motion.grasps.sphere import Sphere
 from skills.motion.occupancy import OccupancyMap, integrate

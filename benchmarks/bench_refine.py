@@ -30,9 +30,9 @@ from benchmarks.refine_searches import SEARCHES, search, timed
 from skills.geometry import rot_x, rot_y, transform
 from skills.perception.fruit import FruitModel, load_fruit
 from skills.perception.refinement import RefineResult, horizontal_plane, refine, render_depth
+from skills.perception.refinement.depth_image import ImageBox, RendererName
 from skills.perception.refinement.errors import RefineError
 from skills.perception.refinement.paper import fit_scale_by_rendering
-from skills.perception.refinement.render import ImageBox, RendererName
 from skills.perception.refinement.scale_fit import fit_scale
 from skills.perception.refinement.synthetic_depth import as_d435i, looking_at, standing, true_depth
 

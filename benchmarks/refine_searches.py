@@ -17,8 +17,9 @@ from scipy.optimize import minimize
 
 from drivers.interfaces import Intrinsics
 from skills.perception.fruit import FruitModel
+from skills.perception.refinement.depth_image import DepthImage, ImageBox, RendererName
 from skills.perception.refinement.paper import line_inliers, moved_and_scaled, sigma_bound
-from skills.perception.refinement.render import DepthImage, ImageBox, RendererName, render_depth
+from skills.perception.refinement.render import render_depth
 
 Float64 = NDArray[np.float64]
 

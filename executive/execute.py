@@ -14,7 +14,6 @@ from functools import cache
 from importlib.metadata import PackageNotFoundError, entry_points, version
 from pathlib import Path
 
-from executive.campaign.commit import commit_here
 from executive.errors import UsageError
 from executive.files import installed_trees, read_text
 from executive.language import Document, Mocks, build, check, format_findings, read
@@ -29,6 +28,7 @@ from executive.running.events import EventStream, Listener, RunStarted
 from executive.running.run_state import RunResult
 from executive.running.runner import Runner
 from executive.running.watching import installed_watchers
+from executive.source_commit import commit_here
 from executive.terminal.summary import Summary
 from executive.values.findings import did_you_mean
 

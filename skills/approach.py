@@ -9,14 +9,15 @@ from executive.ports import ACCELERATION, FORCE, LENGTH, SPEED, Port, Ports, opt
 from executive.skill import Work
 from executive.views import Line3, SceneView
 from skills.grip.hold import take_over
-from skills.motion.grasps.grasp import Grasp
+from skills.motion.grasp import Grasp
 from skills.motion.occupancy import OccupancyMap
-from skills.motion.planning.arm_space import arm_space, usable_field
+from skills.motion.planning.arm_space import arm_space
 from skills.motion.planning.timing import time_curve
 from skills.motion.robot import RobotModel
 from skills.motion.straight_line import straight_line
 from skills.shared.following import MOTION_FAILURES, MovingSkill
 from skills.shared.touch import Touch
+from skills.shared.usable_map import usable_field
 from skills.shared.warm_motion import prepare_moving
 
 START_DISTANCE, START_ANGLE = 0.01, 0.1

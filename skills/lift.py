@@ -9,15 +9,16 @@ from drivers.interfaces import Arm, ForceSensor, Gripper, Workspace
 from executive.ports import ACCELERATION, LENGTH, SPEED, TIME, Port, Ports, optional
 from executive.skill import Work
 from skills.grip.hold import Hold
-from skills.motion.grasps.grasp import Grasp
+from skills.motion.grasp import Grasp
 from skills.motion.occupancy import OccupancyMap
-from skills.motion.planning.arm_space import arm_space, usable_field
+from skills.motion.planning.arm_space import arm_space
 from skills.motion.planning.timing import time_curve
 from skills.motion.robot import RobotModel
 from skills.motion.straight_line import straight_line
 from skills.shared.following import MOTION_FAILURES, MovingSkill
 from skills.shared.grip_view import show_grip
 from skills.shared.touch import pressing_forces, something_between
+from skills.shared.usable_map import usable_field
 from skills.shared.warm_motion import prepare_moving
 
 Float64 = NDArray[np.float64]

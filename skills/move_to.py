@@ -5,7 +5,7 @@ from __future__ import annotations
 from drivers.interfaces import Arm, Gripper, Workspace
 from executive.ports import LENGTH, TIME, Port, Ports, optional
 from executive.skill import Work
-from skills.motion.grasps.grasp import Grasp
+from skills.motion.grasp import Grasp
 from skills.motion.occupancy import OccupancyMap
 from skills.perception.measured_fruit import MeasuredFruit
 from skills.shared.following import MOTION_FAILURES, MovingSkill

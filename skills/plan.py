@@ -10,14 +10,15 @@ from drivers.interfaces import Arm, Gripper, Trajectory, Workspace
 from executive.ports import LENGTH, TIME, Port, Ports
 from executive.skill import Skill, SkillFailure, Work
 from executive.views import Line3, Points3, SceneView
-from skills.motion.grasps.grasp import Grasp, GraspCandidates
+from skills.motion.grasp import Grasp, GraspCandidates
 from skills.motion.occupancy import OccupancyMap
-from skills.motion.planning.arm_space import arm_space, usable_field
+from skills.motion.planning.arm_space import arm_space
 from skills.motion.planning.ompl_planners import PLANNERS, Kind
 from skills.motion.planning.plan import PlanRequest, PlanResult
 from skills.motion.robot import RobotModel
 from skills.shared.grasp_view import grasp_picture
 from skills.shared.planning import PLANNING_FAILURES, patience, planned
+from skills.shared.usable_map import usable_field
 from skills.shared.warm_motion import prepare_planning
 
 OPTIMISING = tuple(name for name, planner in PLANNERS.items() if planner.kind is Kind.OPTIMISING)

@@ -15,10 +15,11 @@ from skills.geometry import transform
 from skills.perception.detection.detection import Detection
 from skills.perception.fruit import load_fruit
 from skills.perception.measured_fruit import MeasuredFruit
+from skills.perception.refinement.depth_image import RendererName
 from skills.perception.refinement.errors import RefineError
 from skills.perception.refinement.measure import measure, outline
-from skills.perception.refinement.refinement import Limits, Method
-from skills.perception.refinement.render import RendererName, render_depth
+from skills.perception.refinement.render import render_depth
+from skills.perception.refinement.result import Limits, Method
 from skills.perception.refinement.scale_fit import fit_scale
 
 _SMALL_CAMERA = Intrinsics(100.0, 100.0, 50.0, 50.0, 101, 101)

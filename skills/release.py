@@ -12,9 +12,9 @@ from executive.ports import FORCE, LENGTH, SPEED, Port, Ports, optional
 from executive.skill import Work
 from skills.grip.hold import Hold, current_hold, take_over
 from skills.motion.collision import Margins
-from skills.motion.grasps.grasp import Grasp
+from skills.motion.grasp import Grasp
 from skills.motion.occupancy import OccupancyMap
-from skills.motion.planning.arm_space import ArmSpace, arm_space, usable_field
+from skills.motion.planning.arm_space import ArmSpace, arm_space
 from skills.motion.planning.timing import time_curve
 from skills.motion.robot import RobotModel
 from skills.motion.straight_line import straight_line
@@ -22,6 +22,7 @@ from skills.shared.following import MOTION_FAILURES, MovingSkill, Watching
 from skills.shared.grip_view import show_grip
 from skills.shared.moving import POSE_FAILURES, move_to_pose
 from skills.shared.touch import Touch, load, something_between
+from skills.shared.usable_map import usable_field
 from skills.shared.warm_motion import prepare_planning
 
 Float64 = NDArray[np.float64]

@@ -13,7 +13,7 @@ from executive.ports import ACCELERATION, FORCE, SPEED, Port, Ports, optional
 from executive.skill import Work
 from skills.geometry import inverse
 from skills.grip.hold import current_hold, take_over
-from skills.motion.grasps.grasp import Grasp
+from skills.motion.grasp import Grasp
 from skills.motion.planning.arm_space import arm_space
 from skills.motion.planning.timing import time_curve
 from skills.motion.robot import RobotModel

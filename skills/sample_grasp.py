@@ -11,15 +11,16 @@ from drivers.interfaces import Arm, Workspace
 from executive.ports import ANGLE, LENGTH, RATIO, Port, Ports, optional
 from executive.skill import Skill, Work
 from executive.views import Points3, SceneView
-from skills.motion.grasps.grasp import Grasp, GraspCandidates, RuledOut
+from skills.motion.grasp import Grasp, GraspCandidates, RuledOut
 from skills.motion.grasps.sample import GraspRules, sample_pre_grasps, warm_up
 from skills.motion.grasps.sphere import Sphere, pre_grasp_position
 from skills.motion.grasps.tried import Tried, direction
 from skills.motion.occupancy import OccupancyMap
-from skills.motion.planning.arm_space import arm_space, usable_field
+from skills.motion.planning.arm_space import arm_space
 from skills.motion.robot import RobotModel
 from skills.perception.measured_fruit import MeasuredFruit
 from skills.shared.grasp_view import fruit_mesh
+from skills.shared.usable_map import usable_field
 
 FINER = 2
 """How often the sphere is sampled at half the spacing when nothing is left to try."""

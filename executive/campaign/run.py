@@ -11,12 +11,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, TextIO
 
-from executive.campaign.commit import commit_here
 from executive.campaign.spec import Campaign, CampaignRun
 from executive.engine import Engine
 from executive.errors import PomonaError, UsageError
 from executive.execute import RunOrder, execute
 from executive.running.compute import keep_workers_warm
+from executive.source_commit import commit_here
 
 RESULTS = "results.jsonl"
 RUN_LIMIT = 600.0

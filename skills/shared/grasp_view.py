@@ -7,7 +7,7 @@ import numpy as np
 from executive.views import ImageView, Line2, Mesh3
 from skills.geometry import apply, inverse
 from skills.motion.collision.convex import fruit_points
-from skills.motion.grasps.grasp import Grasp
+from skills.motion.grasp import Grasp
 from skills.motion.robot.solids import hull
 from skills.perception.measured_fruit import MeasuredFruit
 

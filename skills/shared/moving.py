@@ -8,9 +8,9 @@ import numpy as np
 
 from drivers.interfaces import Arm, Gripper, Trajectory, Workspace
 from skills.motion.collision import Convex
-from skills.motion.grasps.grasp import Grasp
+from skills.motion.grasp import Grasp
 from skills.motion.occupancy import OccupancyMap
-from skills.motion.planning.arm_space import arm_space, usable_field
+from skills.motion.planning.arm_space import arm_space
 from skills.motion.planning.plan import PlanRequest
 from skills.motion.planning.timing import stretched
 from skills.motion.robot import RobotModel
@@ -18,6 +18,7 @@ from skills.perception.measured_fruit import MeasuredFruit
 from skills.shared.following import MovingSkill, Watching
 from skills.shared.named_pose import named_pose
 from skills.shared.planning import PLANNING_FAILURES, patience, planned
+from skills.shared.usable_map import usable_field
 
 THERE = 1e-3
 """An arm this near to the pose in every joint is there [rad]."""

@@ -9,7 +9,7 @@ from drivers.interfaces import Arm, Box, ForceSensor, Frame, Gripper, Intrinsics
 from drivers.mock import MockArm, MockClock, MockForceSensor, MockGripper
 from drivers.mock.arm import ROBOT
 from skills.geometry import rot_z, transform
-from skills.motion.grasps.grasp import Grasp
+from skills.motion.grasp import Grasp
 from skills.motion.grasps.sample import sample_pre_grasps
 from skills.motion.grasps.sphere import Sphere
 from skills.motion.occupancy import OccupancyMap

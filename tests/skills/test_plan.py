@@ -7,7 +7,7 @@ from py_trees.common import Status
 from executive.skill_testing import drive
 from executive.views import SceneView
 from skills.motion.collision import CollisionWorld
-from skills.motion.grasps.grasp import GraspCandidates
+from skills.motion.grasp import GraspCandidates
 from skills.motion.occupancy import OccupancyMap
 from skills.motion.occupancy.occupancy_map import OCCUPIED
 from skills.motion.planning.trajectory_check import check_trajectory

@@ -13,9 +13,10 @@ from executive.skill_testing import Outcome, drive
 from executive.views import ImageView
 from skills.geometry import inverse, rot_x, rot_y, transform
 from skills.perception.detection.detection import Detection
+from skills.perception.refinement.depth_image import ImageBox
 from skills.perception.refinement.errors import RenderFailed
 from skills.perception.refinement.paper import moved_and_scaled
-from skills.perception.refinement.render import ImageBox, render_depth
+from skills.perception.refinement.render import render_depth
 from skills.refine import Refine
 
 T_BASE_CAMERA = transform(rot_x(2.8), (-0.04, -0.25, 0.60))

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from skills.geometry import transform
 from skills.motion.collision import CollisionWorld, fruit_points
+from skills.motion.grasp import Grasp, RuledOut
 from skills.motion.grasps.follow_through import (
     GOOD,
     LINE_BROKEN,
@@ -21,7 +22,6 @@ from skills.motion.grasps.follow_through import (
     follow_through,
 )
 from skills.motion.grasps.fruit_section import FruitSection, extent, fruit_section
-from skills.motion.grasps.grasp import Grasp, RuledOut
 from skills.motion.grasps.gripper_shape import GripperShape, gripper_shape
 from skills.motion.grasps.sphere import Sphere, pre_grasp_orientations
 from skills.motion.planning.arm_space import ArmSpace

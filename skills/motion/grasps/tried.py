@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from skills.motion.grasps.grasp import Grasp
+from skills.motion.grasp import Grasp
 from skills.perception.measured_fruit import MeasuredFruit
 
 SAME_PLACE = 0.04

@@ -8,14 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.interfaces import Arm, Workspace
-from executive.skill import Skill
 from skills.geometry import apply, inverse
 from skills.motion.collision import CollisionWorld, Convex, Margins, RobotShape, fruit_points
 from skills.motion.collision.distance_field import DistanceField
 from skills.motion.collision.world import TABLE
-from skills.motion.grasps.grasp import Grasp
-from skills.motion.occupancy import OccupancyMap
-from skills.motion.occupancy.errors import OccupancyError
+from skills.motion.grasp import Grasp
 from skills.motion.robot import RobotModel
 from skills.perception.measured_fruit import MeasuredFruit
 
@@ -91,25 +88,6 @@ class ArmSpace:
             "depth_m": collision.depth,
             "point_m": [round(float(x), 4) for x in collision.point],
         }
-
-
-MAP_AGE = 120.0
-"""An occupancy map whose newest look is older than this is stale [s]."""
-
-
-def usable_field(skill: Skill, map: OccupancyMap | None, max_age: float = MAP_AGE) -> DistanceField | None:
-    """The distance field of a map that may be relied on; None where no map is wired.
-
-    `skill` must declare MAP_STALE: it fails with it when the map is empty or too old.
-    """
-    if map is None:
-        return None
-    try:
-        return map.usable_field(skill.clock.now(), max_age)
-    except OccupancyError as unusable:
-        stamp = map.stamp
-        age = None if stamp is None else round(skill.clock.now() - stamp, 3)
-        raise skill.failure("MAP_STALE", f"{unusable}: look again", age_s=age, allowed_s=max_age) from unusable
 
 
 def arm_space(

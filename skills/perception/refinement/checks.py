@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from drivers.interfaces import Intrinsics
 from skills.geometry import is_pose
+from skills.perception.refinement.depth_image import Triangles
 from skills.perception.refinement.errors import BadDepth, BadMesh, BadPose
-from skills.perception.refinement.render import Triangles
 
 Float64 = NDArray[np.float64]
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from drivers.interfaces import Intrinsics
 from skills.geometry import apply
-from skills.perception.refinement.render import DepthImage, ImageBox
+from skills.perception.refinement.depth_image import DepthImage, ImageBox
 
 Float64 = NDArray[np.float64]
 

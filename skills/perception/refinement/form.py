@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from skills.perception.refinement.render import Triangles
+from skills.perception.refinement.depth_image import Triangles
 
 Float64 = NDArray[np.float64]
 

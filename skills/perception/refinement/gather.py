@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from drivers.interfaces import Intrinsics
 from skills.geometry import inverse
 from skills.perception.refinement.cloud import Cloud, cloud, together
+from skills.perception.refinement.depth_image import DepthImage, ImageBox, RendererName, Triangles
 from skills.perception.refinement.errors import RenderFailed, TooFewInliers
-from skills.perception.refinement.render import DepthImage, ImageBox, RendererName, Triangles, render_depth
+from skills.perception.refinement.render import render_depth
 from skills.perception.refinement.segment import connected_to
 from skills.perception.refinement.support_plane import Plane, seen_near
 

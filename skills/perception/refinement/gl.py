@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 
 from drivers.interfaces import Intrinsics
 from skills.perception.refinement.checks import winding
+from skills.perception.refinement.depth_image import NEAR, DepthImage, ImageBox, Triangles
 from skills.perception.refinement.errors import RenderFailed
-from skills.perception.refinement.render import NEAR, DepthImage, ImageBox, Triangles
 
 Float64 = NDArray[np.float64]
 

@@ -11,10 +11,12 @@ from numpy.typing import NDArray
 from skills.geometry import inverse
 from skills.perception.detection.detection import Detection
 from skills.perception.measured_fruit import MeasuredFruit
+from skills.perception.refinement.depth_image import DepthImage, ImageBox, RendererName
 from skills.perception.refinement.errors import NoDepth
 from skills.perception.refinement.gather import Look
-from skills.perception.refinement.refinement import Limits, Method, refine
-from skills.perception.refinement.render import DepthImage, ImageBox, RendererName, render_depth
+from skills.perception.refinement.refinement import refine
+from skills.perception.refinement.render import render_depth
+from skills.perception.refinement.result import Limits, Method
 from skills.perception.refinement.support_plane import horizontal_plane
 
 Float64 = NDArray[np.float64]

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from drivers.interfaces import Intrinsics
+from skills.perception.refinement.depth_image import DepthImage, ImageBox, RendererName, Triangles
 from skills.perception.refinement.errors import DepthNotInMetres, NoDepth
-from skills.perception.refinement.render import DepthImage, ImageBox, RendererName, Triangles, render_depth
+from skills.perception.refinement.render import render_depth
 from skills.perception.refinement.scale_fit import MIN_PIXELS, MIN_VALID, TOO_DEEP, ScaleFit
 
 Float64 = NDArray[np.float64]

@@ -3,25 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Literal
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from drivers.interfaces import Intrinsics
 from skills.perception.refinement.checks import check_depth, check_pose, extents
+from skills.perception.refinement.depth_image import DepthImage, ImageBox, RendererName, Triangles
 from skills.perception.refinement.errors import AtBound, SizeOutOfRange, TooFewInliers
 from skills.perception.refinement.gather import Look, gather, gather_others, near_model
 from skills.perception.refinement.paper import fit_scale_by_rendering, sigma_bound
-from skills.perception.refinement.render import DepthImage, ImageBox, RendererName, Triangles, render_depth
+from skills.perception.refinement.render import render_depth
+from skills.perception.refinement.result import Limits, Method, RefineResult
 from skills.perception.refinement.scale_fit import ScaleFit, fit_scale
 from skills.perception.refinement.shape_fit import RIGID, Priors, ShapeFit, fit_shape
 from skills.perception.refinement.starts import Judge, best_of_starts, other_starts
 from skills.perception.refinement.support_plane import Plane
 
 Float64 = NDArray[np.float64]
-Method = Literal["shape", "uniform", "paper"]
 
 _LEAST_POINTS = 150
 _LEAST_AGREEMENT = 0.8
@@ -38,51 +38,6 @@ about the axis) in place and dimensions, of the mean dimension."""
 _MISPLACED = 0.02
 _PROPORTIONS = np.array([0.03, 0.09, 0.03])
 """Standard deviations of a scaled model's place and dimensions, since fruit differ in proportions; of the size."""
-
-
-@dataclass(frozen=True, slots=True)
-class Limits:
-    """What is accepted as a measurement.
-
-    Attributes:
-        inlier_band: half-width of the band in which depth agrees with the model [m].
-        min_inliers: least share of the measured pixels that must agree.
-        size: least and largest size relative to the model.
-    """
-
-    inlier_band: float = 4e-3
-    min_inliers: float = 0.25
-    size: tuple[float, float] = (0.4, 1.6)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class RefineResult:
-    """A fruit's refined pose and size, in the camera frame.
-
-    Attributes:
-        T_camera_object: pose of the refined shape's cuboid.
-        dimensions: (d_x, d_y, d_z) [m], shape (3,).
-        mu, sigma: scale factor and displacement [m] of the uniform fit (the paper's).
-        covariance: of (position in the camera frame, dimensions), shape (6, 6) [m²].
-        inlier_ratio: share of the refined model's measured pixels whose depth agrees.
-        residual: root mean square of the inliers' depth residuals [m].
-        box: part of the image that the next two cover.
-        inliers: pixels that agree, bool, shape `box.shape`.
-        virtual_depth: the refined model's z-depth, float32, shape `box.shape` [m]; 0 outside it.
-        method: the formulation that gave the result: paper, uniform, shape, shape+plane; `+views` with other looks.
-    """
-
-    T_camera_object: Float64
-    dimensions: Float64
-    mu: float
-    sigma: float
-    covariance: Float64
-    inlier_ratio: float
-    residual: float
-    box: ImageBox
-    inliers: NDArray[np.bool_]
-    virtual_depth: DepthImage
-    method: str
 
 
 def refine(

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from skills.perception.refinement.render import DepthImage
+from skills.perception.refinement.depth_image import DepthImage
 
 _STEP = 6e-3
 """A step of more than this between neighbouring pixels parts two things, at `_STEP_DEPTH`; it grows with depth² [m]."""

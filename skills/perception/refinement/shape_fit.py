@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from skills.geometry import rotation_about
 from skills.perception.refinement.cloud import Cloud
+from skills.perception.refinement.depth_image import Triangles
 from skills.perception.refinement.form import Form
-from skills.perception.refinement.render import Triangles
 from skills.perception.refinement.support_plane import Plane
 from skills.perception.refinement.surface import surface_of
 

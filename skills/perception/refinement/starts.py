@@ -4,18 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from skills.geometry import rotation_about
+from skills.perception.refinement.depth_image import DepthImage
 from skills.perception.refinement.errors import RefineError, TooFewInliers
-from skills.perception.refinement.render import DepthImage
+from skills.perception.refinement.result import RefineResult
 from skills.perception.refinement.support_plane import Plane
-
-if TYPE_CHECKING:
-    from skills.perception.refinement.refinement import RefineResult
 
 Float64 = NDArray[np.float64]
 

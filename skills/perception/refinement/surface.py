@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from skills.perception.refinement.render import Triangles
+from skills.perception.refinement.depth_image import Triangles
 
 Float64 = NDArray[np.float64]
 

@@ -17,7 +17,7 @@ from scipy.ndimage import gaussian_filter, map_coordinates
 
 from drivers.interfaces import Intrinsics
 from skills.geometry import inverse, rot_x, rot_z, transform
-from skills.perception.refinement.render import DepthImage, ImageBox, Triangles
+from skills.perception.refinement.depth_image import DepthImage, ImageBox, Triangles
 from skills.perception.refinement.zbuffer import render_with_zbuffer
 
 Float64 = NDArray[np.float64]

@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.interfaces import Intrinsics
+from skills.perception.refinement.depth_image import NEAR, DepthImage, ImageBox, Triangles
 from skills.perception.refinement.errors import RenderFailed
-from skills.perception.refinement.render import NEAR, DepthImage, ImageBox, Triangles
 
 Float64 = NDArray[np.float64]
 

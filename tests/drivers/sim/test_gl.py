@@ -23,7 +23,7 @@ import numpy as np
 from drivers.interfaces import Intrinsics
 from skills.perception.fruit import load_fruit
 from skills.perception.refinement.gl import render_with_gl
-from skills.perception.refinement.render import ImageBox
+from skills.perception.refinement.depth_image import ImageBox
 fruit = load_fruit("apple")
 T = np.eye(4); T[2, 3] = 0.5
 def draw():

@@ -25,7 +25,7 @@ from skills.motion.robot import BadJoints, RobotModel, inverse_kinematics
 
 ROOT = Path(__file__).resolve().parents[4]
 SIA5F = ROOT / "trees" / "robots" / "sia5f_wsg32.xml"
-SIX_AXIS = ROOT / "tests" / "skills" / "robot" / "six_axis.urdf"
+SIX_AXIS = ROOT / "tests" / "skills" / "motion" / "robot" / "six_axis.urdf"
 OBSERVE = np.array([-1.36, -0.316, -0.264, -0.234, 0.065, -1.294, 0.048])
 OPEN = 0.103
 TOUCHING_ALLOWED = Margins(0.0, 0.0, 0.0, 0.0, 0.0)

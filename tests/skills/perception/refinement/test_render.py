@@ -12,8 +12,9 @@ import trimesh
 
 from benchmarks.refine_pyrender import render_with_plain_pyrender
 from skills.geometry import rot_x, rot_y, transform
+from skills.perception.refinement.depth_image import ImageBox
 from skills.perception.refinement.errors import RenderFailed
-from skills.perception.refinement.render import ImageBox, image_box, render_depth, renderer
+from skills.perception.refinement.render import image_box, render_depth, renderer
 
 RENDERERS = ("pyrender", "zbuffer")
 
