@@ -47,7 +47,7 @@ class StreamingCamera(Device):
         self._open_source, self._ride, self._clock = open_source, ride, clock
         self._silence, self._label = silence, label
         self._source: Source | None = None
-        self._loop = ServiceLoop(f"{name} stream", self.step, self._lose)
+        self._loop = ServiceLoop(f"{name} stream", self.step, self._lose, clock)
         self._newest: Frame | None = None
         self._sequence = 0
         self._heard = 0.0

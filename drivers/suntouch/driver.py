@@ -66,7 +66,7 @@ class SunTouchFingers(Device):
         self.fingers = (left, right)
         self._clock, self._silence = clock, silence
         self._period = 1.0 / rate
-        self._loop = ServiceLoop(f"{name} stream", self.step, self._lose)
+        self._loop = ServiceLoop(f"{name} stream", self.step, self._lose, clock)
         self._lock = threading.Lock()
         self._listeners: tuple[_Listener, ...] = ()
         self._newest: WrenchSample | None = None

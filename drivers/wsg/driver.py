@@ -61,7 +61,7 @@ class WsgGripper(Device):
         """What the gripper said of itself in the last handshake."""
         self._open_link, self._clock = open_link, clock
         self._lock = threading.RLock()
-        self._loop = ServiceLoop(f"{name} wire", self.step, self._lose)
+        self._loop = ServiceLoop(f"{name} wire", self.step, self._lose, clock)
         self._session: Session | None = None
         self._retry_at = 0.0
         self._limits = GripperLimits(0.0, 0.0, 0.0, 0.0)
