@@ -20,9 +20,23 @@ import yaml
 from numpy.typing import NDArray
 
 from drivers.errors import CellFileError
-from drivers.quantities import parse_quantity
+from executive.values.units import QUANTITIES
 
+_PLAIN_NUMBER = re.compile(r"\s*[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?\s*", re.ASCII)
 _REFERENCE = re.compile(r"\{([^{}]*)\}")
+
+
+def parse_quantity(text: str, kind: str) -> float:
+    """A number in SI units, with the unit that its kind demands; kind 'number' takes none.
+
+    Raises:
+        ValueError: not a finite number, no unit, or one that does not measure `kind`; the text is for a person.
+    """
+    if kind != "number":
+        return QUANTITIES[kind].parse(text)
+    if _PLAIN_NUMBER.fullmatch(text) is None or not np.isfinite(value := float(text)):
+        raise ValueError(f"'{text.strip()}' is not a number; no unit is meant here")
+    return value
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
@@ -93,7 +107,9 @@ class Settings:
         high: float = np.inf,
     ) -> float:
         """A number in SI units; `kind` is what it measures: number, length, angle, time, speed, force, mass or rate."""
-        text = self.text(key, None if default is None else repr(float(default)))
+        if default is not None and not self.has(key):
+            return float(default)
+        text = self.text(key)
         try:
             value = parse_quantity(text, kind)
         except ValueError as error:
@@ -127,12 +143,26 @@ class Settings:
         return low, high
 
     def vector(self, key: str, size: int | None, kind: str = "number") -> NDArray[np.float64]:
-        """A list of numbers in SI units, shape (size,); any number of them for None."""
+        """Numbers in SI units, shape (size,), any number of them for None: a list, or a text with one unit at its end.
+
+        `[90 mm, 80 mm]` and `90 80 mm` are the same.
+        """
         node = self._read(key, None)
+        if isinstance(node, str) and kind != "number":
+            return self._row(key, node, size, kind)
         if not isinstance(node, yaml.SequenceNode) or (size is not None and len(node.value) != size):
             raise self.error(f"{self._name(key)} must be a list of {size or 'any number of'} numbers", key)
         try:
             return np.array([parse_quantity(str(item.value), kind) for item in node.value])
+        except ValueError as error:
+            raise self.error(f"{self._name(key)}: {error}", key) from error
+
+    def _row(self, key: str, text: str, size: int | None, kind: str) -> NDArray[np.float64]:
+        *numbers, unit = text.split()
+        if size is not None and len(numbers) != size:
+            raise self.error(f"{self._name(key)} must be {size} numbers and a unit", key)
+        try:
+            return np.array([parse_quantity(f"{number} {unit}", kind) for number in numbers])
         except ValueError as error:
             raise self.error(f"{self._name(key)}: {error}", key) from error
 

@@ -12,6 +12,48 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Any
 
+from executive.values.units import (
+    ACCELERATION,
+    ANGLE,
+    ANGULAR_SPEED,
+    FORCE,
+    LENGTH,
+    MASS,
+    PRESSURE,
+    QUANTITIES,
+    RATE,
+    RATIO,
+    SPEED,
+    STIFFNESS,
+    TIME,
+    TORQUE,
+    Quantity,
+)
+
+__all__ = [
+    "ACCELERATION",
+    "ANGLE",
+    "ANGULAR_SPEED",
+    "FORCE",
+    "LENGTH",
+    "MASS",
+    "PRESSURE",
+    "QUANTITIES",
+    "RATE",
+    "RATIO",
+    "REQUIRED",
+    "SPEED",
+    "STIFFNESS",
+    "TIME",
+    "TORQUE",
+    "Port",
+    "PortType",
+    "Ports",
+    "Quantity",
+    "optional",
+    "type_name",
+]
+
 
 class _Missing(Enum):
     REQUIRED = "required"
@@ -20,62 +62,6 @@ class _Missing(Enum):
 REQUIRED = _Missing.REQUIRED
 """Default of a port that must be given."""
 
-
-@dataclass(frozen=True, slots=True)
-class Quantity:
-    """A float with a dimension. `units` maps a unit's name to its size in SI; the first is SI itself."""
-
-    name: str
-    units: Mapping[str, float]
-
-    @property
-    def si_unit(self) -> str:
-        return next(iter(self.units))
-
-    def parse(self, text: str) -> float:
-        """`"120 mm"` -> 0.12.
-
-        Raises:
-            ValueError: no number, no unit, or a unit of another dimension; the text says which are known.
-        """
-        match = re.fullmatch(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([^\s\d]\S*)?\s*", text)
-        if match is None:
-            raise ValueError(f"'{text}' is not a {self.name}: write a number and a unit, such as '1 {self.si_unit}'")
-        number, unit = match.groups()
-        if unit is None:
-            known = ", ".join(self.units)
-            raise ValueError(f"'{text.strip()}' lacks a unit: a {self.name} is given in {known}")
-        if unit not in self.units:
-            known = ", ".join(self.units)
-            raise ValueError(f"'{unit}' is no unit of {self.name}: {known}")
-        return float(number) * self.units[unit]
-
-    def format(self, value: float) -> str:
-        """The value with the unit that keeps it readable: 0.12 -> '120 mm'."""
-        readable = [(abs(value) / size, unit, size) for unit, size in self.units.items()]
-        fitting = [entry for entry in readable if 1.0 <= entry[0] < 1000.0]
-        _, unit, size = min(fitting) if fitting else (0.0, self.si_unit, 1.0)
-        return f"{value / size:.6g} {unit}"
-
-
-_DEGREE = 0.017453292519943295
-
-LENGTH = Quantity("length", {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6})
-ANGLE = Quantity("angle", {"rad": 1.0, "deg": _DEGREE, "°": _DEGREE})
-TIME = Quantity("time", {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0, "h": 3600.0})
-FORCE = Quantity("force", {"N": 1.0, "mN": 1e-3})
-TORQUE = Quantity("torque", {"N·m": 1.0, "Nm": 1.0, "N·mm": 1e-3, "Nmm": 1e-3})
-MASS = Quantity("mass", {"kg": 1.0, "g": 1e-3})
-SPEED = Quantity("speed", {"m/s": 1.0, "mm/s": 1e-3, "cm/s": 1e-2})
-ANGULAR_SPEED = Quantity("angular_speed", {"rad/s": 1.0, "deg/s": _DEGREE, "°/s": _DEGREE})
-ACCELERATION = Quantity("acceleration", {"m/s²": 1.0, "m/s^2": 1.0, "mm/s²": 1e-3, "mm/s^2": 1e-3})
-RATE = Quantity("rate", {"Hz": 1.0, "kHz": 1e3})
-RATIO = Quantity("ratio", {"1": 1.0, "%": 1e-2})
-
-QUANTITIES: Mapping[str, Quantity] = {
-    q.name: q for q in (LENGTH, ANGLE, TIME, FORCE, TORQUE, MASS, SPEED, ANGULAR_SPEED, ACCELERATION, RATE, RATIO)
-}
-"""Every quantity by its name in tree files. A ratio may be written as a bare number."""
 
 PortType = type[Any] | Quantity
 

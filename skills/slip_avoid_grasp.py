@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from drivers.interfaces import ForceSensor, Gripper
-from executive.ports import FORCE, LENGTH, RATIO, Port, Ports, optional
+from executive.ports import FORCE, LENGTH, RATIO, STIFFNESS, Port, Ports, optional
 from executive.skill import Interrupted, Skill, Work
 from skills.grip.controller import GripController
 from skills.grip.dynamic_term import GENTLE, DynamicSettings
@@ -41,7 +41,9 @@ class SlipAvoidGrasp(Skill):
         ),
         initial_force=Port(FORCE, default="2.2 N", min="0.6 N", max="10 N", help="grasp force before the lift"),
         max_force=Port(FORCE, default="14 N", min="1 N", max="40 N", help="largest grasp force, both fingers"),
-        stiffness=Port(RATIO, default=2000.0, min=100.0, max=1e5, help="grasp force per metre of closing [N/m]"),
+        stiffness=Port(
+            STIFFNESS, default="2000 N/m", min="100 N/m", max="100 kN/m", help="of the pads: grasp force over closing"
+        ),
         law=Port(str, default="slip_avoidance", choices=tuple(law.value for law in ForceLaw), help="for comparison"),
         gentle=Port(bool, default=False, help="answer slip with a tenth of the force"),
     )

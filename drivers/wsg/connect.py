@@ -21,7 +21,7 @@ def connect(settings: Settings, bench: Bench) -> WsgGripper:
       tcp: 192.168.1.20:1000            # or can: {interface: socketcan, channel: can0, reply_id: 2}
       finger_offset: 35 mm              # opening between the pads' faces when the jaws are closed
       soft_limits: [36 mm, 102 mm]      # of the opening
-      acceleration: 1.0                 # [m/s²]
+      acceleration: 1 m/s²
       force_limit: 20 N
       speed_max: 200 mm/s
       home: true                        # find the reference when the run starts, if there is none: the fingers move
@@ -38,7 +38,7 @@ def connect(settings: Settings, bench: Bench) -> WsgGripper:
             raise settings.error("soft_limits are openings: they cannot lie below finger_offset", "soft_limits")
     options = WsgOptions(
         finger_offset=offset,
-        acceleration=_optional(settings, "acceleration", "number", 50.0),
+        acceleration=_optional(settings, "acceleration", "acceleration", 50.0),
         force_limit=_optional(settings, "force_limit", "force", 500.0),
         soft_limits=soft_limits,
         speed_max=_optional(settings, "speed_max", "speed", 1.0),

@@ -281,7 +281,7 @@ def write_calibration(calibration: GripCalibration, path: Path, fruit: str = "")
         f"  k: {contact.k:g}",
     ]
     if calibration.stiffness is not None:
-        lines.append(f"  stiffness: {calibration.stiffness:.0f}          # N/m")
+        lines.append(f"  stiffness: {calibration.stiffness:.0f} N/m")
     lines += [
         "quality:",
         f"  mu_std: {calibration.mu_std:.4f}",

@@ -21,11 +21,11 @@ MOCK = """
 name: bench
 kind: mock
 workspace:
-  table_z: 0
-  lower: [-1, -1, 0]
-  upper: [1, 1, 1]
-  obstacles: [{name: wall, centre: [0, 1, 0], size: [2, 20 mm, 1], yaw: 90 deg}]
-  poses: {home: [0, 0, 0, 0, 0, 0, 0]}
+  table_z: 0 m
+  lower: -1 -1 0 m
+  upper: 1 1 1 m
+  obstacles: [{name: wall, centre: 0 1 0 m, size: [2 m, 20 mm, 1 m], yaw: 90 deg}]
+  poses: {home: 0 0 0 0 0 0 0 rad}
 world: {driver: mock}
 devices:
   arm: {driver: mock-arm, start: home}
@@ -62,7 +62,7 @@ def test_a_mock_cell_has_everything_a_pick_needs(load):
 
 
 def test_an_obstacle_with_a_wall_is_a_crate_open_at_the_top(load):
-    crate = "{name: crate, centre: [0.4, 0.1, 0.05], size: [0.3, 0.2, 0.1], wall: 1 cm, yaw: 90 deg}"
+    crate = "{name: crate, centre: 0.4 0.1 0.05 m, size: 0.3 0.2 0.1 m, wall: 1 cm, yaw: 90 deg}"
     boxes = load(MOCK.replace("yaw: 90 deg}]", f"yaw: 90 deg}}, {crate}]")).device(Workspace).obstacles[1:]
     assert [box.name for box in boxes] == ["crate"] * 5
 
@@ -80,9 +80,9 @@ def test_an_obstacle_with_a_wall_is_a_crate_open_at_the_top(load):
 
 @pytest.mark.parametrize("wall", ["0 mm", "10 cm", "-1 mm", "soon"])
 def test_a_crate_whose_walls_leave_no_room_is_refused_with_its_line(load, wall):
-    crate = f"{{name: crate, centre: [0, 0, 0], size: [0.2, 0.2, 0.1], wall: {wall}}}"
+    crate = f"{{name: crate, centre: 0 0 0 m, size: 0.2 0.2 0.1 m, wall: {wall}}}"
     with pytest.raises(CellFileError, match=r"cell\.yaml:8:.*wall"):
-        load(MOCK.replace("{name: wall, centre: [0, 1, 0], size: [2, 20 mm, 1], yaw: 90 deg}", crate))
+        load(MOCK.replace("{name: wall, centre: 0 1 0 m, size: [2 m, 20 mm, 1 m], yaw: 90 deg}", crate))
 
 
 def test_the_shipped_simulated_cell_loads():
@@ -106,7 +106,7 @@ def test_the_shipped_simulated_cell_loads():
         ({"frut": "apple_1"}, "did you mean 'fruit'"),
         ({"friction": "slippery"}, "not a number"),
         ({"skin": "blue"}, "known: any, green, lemon, red, striped, yellow"),
-        ({"mass": "3 m"}, "not a unit of mass"),
+        ({"mass": "3 m"}, "no unit of mass"),
     ],
 )
 def test_bad_overrides_of_the_simulated_cell_are_reported(overrides, says):
@@ -122,15 +122,15 @@ def test_bad_overrides_of_the_simulated_cell_are_reported(overrides, says):
         ("driver: mock-arm,", "driver: mock-amr,", 12, "did you mean 'mock-arm'"),
         ("start: home", "start: hoem", 12, "did you mean 'home'"),
         ("start: home", "speed: 3", 12, "no setting 'speed'"),
-        ("home: [0,", "home: [9,", 9, "within the arm's limits"),
-        ("home: [0, 0,", "home: [0,", 9, "7 joints"),
-        ("lower: [-1", "lower: [7", 7, "above workspace.lower"),
+        ("home: 0 ", "home: 9 ", 9, "within the arm's limits"),
+        ("home: 0 0 ", "home: 0 ", 9, "7 joints"),
+        ("lower: -1", "lower: 7", 7, "above workspace.lower"),
         ("world: {driver: mock}", "clock: manual", 12, "needs the mock world"),
         ("name: bench", "nam: bench", 2, "no setting 'nam'"),
-        ("80 mm", "80 kg", 14, "not a unit of length"),
+        ("80 mm", "80 kg", 14, "no unit of length"),
         ("driver: mock}", "driver: mock-camera}", 10, "simulates no world"),
         ("devices:", "device:", 2, "needs 'devices'"),
-        ("size: [2, 20 mm, 1]", "size: [2, 0, 1]", 8, "positive sizes"),
+        ("size: [2 m, 20 mm, 1 m]", "size: 2 0 1 m", 8, "positive sizes"),
     ],
 )
 def test_mistakes_in_a_cell_file_have_a_place(load, old, new, line, says):

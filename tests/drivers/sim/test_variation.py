@@ -13,7 +13,7 @@ def target(open_cell, seed=5, **options):
 
 
 def test_what_varies_leaves_everything_else_as_it_was_drawn(open_cell):
-    plain, varied = target(open_cell), target(open_cell, spread="0.05", weight="1.2..1.2", lumps="0", tilt="0")
+    plain, varied = target(open_cell), target(open_cell, spread="0.05", weight="1.2..1.2", lumps="0", tilt="0 deg")
     assert not np.array_equal(plain.dimensions, varied.dimensions)
     assert np.all(np.abs(varied.dimensions / plain.dimensions - 1.0) <= 0.05)
     assert varied.dimensions[0] == varied.dimensions[2]

@@ -87,7 +87,7 @@ def test_the_wrong_reply_id_is_a_gripper_that_does_not_answer(tmp_path: Path, bu
         ("{}", "is not YAML|either 'tcp' or 'can'"),
         ("tcp: h\ncan: {}", "either 'tcp' or 'can'"),
         ("tcp: h\nsoft_limits: [10 mm, 90 mm]", "cannot lie below finger_offset"),
-        ("tcp: h\nwatchdog: 100 mm", "'mm' is not a unit of time"),
+        ("tcp: h\nwatchdog: 100 mm", "'mm' is no unit of time"),
     ],
 )
 def test_a_wrong_setting_is_refused_with_its_place(tmp_path: Path, text: str, words: str) -> None:

@@ -14,6 +14,7 @@ from drivers.mock.clock import MockClock
 from drivers.mock.fingers import MockForceSensor, spring_fruit
 from drivers.mock.gripper import MockGripper
 from executive.cli import main as pomona
+from executive.values.units import STIFFNESS
 from skills.commands import calibrate_grip
 from skills.grip.calibration import write_pushes
 from skills.grip.errors import GuidanceEnded
@@ -58,7 +59,7 @@ def test_a_recording_becomes_a_parameter_file(tmp_path: Path, capsys: pytest.Cap
     assert f"written to {out}" in capsys.readouterr().out
     written = yaml.safe_load(out.read_text())
     assert written["ports"]["mu"] == pytest.approx(TRUE.mu, rel=0.05)
-    assert written["ports"]["stiffness"] == pytest.approx(2000.0, rel=0.03)
+    assert STIFFNESS.parse(written["ports"]["stiffness"]) == pytest.approx(2000.0, rel=0.03)
     assert written["quality"]["slides"] == 2 * len(pushes)
 
 
@@ -83,7 +84,7 @@ def test_a_person_is_led_through_pushes_at_a_cell(
     assert pomona(["calibrate", "grip", "--cell", "mine", *arguments]) == 0, capsys.readouterr().err
     written = yaml.safe_load(out.read_text())
     assert written["ports"]["mu"] == pytest.approx(MU, rel=0.03)
-    assert written["ports"]["stiffness"] == pytest.approx(2000.0, rel=0.05)
+    assert STIFFNESS.parse(written["ports"]["stiffness"]) == pytest.approx(2000.0, rel=0.05)
     assert "no push twisted the fruit" in written["quality"]["notes"][0]
     assert pomona(["calibrate", "grip", str(keep), "--out", str(tmp_path / "again.yaml")]) == 0
     assert (tmp_path / "again.yaml").read_text() == out.read_text()

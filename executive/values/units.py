@@ -1,0 +1,95 @@
+"""Quantities and their units: the one table that ports, tree files, cells, campaigns and fruit use."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+_NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+_WRITTEN = re.compile(rf"\s*({_NUMBER})(?:\s*([^\s\d]\S*)|\s+(1/\S+))?\s*", re.ASCII)
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """What a float measures. `units` maps a unit's name to its size in SI; the first is SI itself."""
+
+    name: str
+    units: Mapping[str, float]
+
+    @property
+    def si_unit(self) -> str:
+        return next(iter(self.units))
+
+    @property
+    def bare(self) -> bool:
+        """Whether a number without a unit is meant: of a ratio only."""
+        return self.si_unit == "1"
+
+    def parse(self, text: str) -> float:
+        """`"120 mm"` -> 0.12.
+
+        Raises:
+            ValueError: no finite number, no unit, or a unit of another quantity; the text says which are known.
+        """
+        match = _WRITTEN.fullmatch(text)
+        if match is None:
+            how = "a number or a percentage" if self.bare else f"a number and a unit, such as '1 {self.si_unit}'"
+            raise ValueError(f"'{text}' is not a {self.name}: write {how}")
+        unit = match[2] or match[3] or ("1" if self.bare else None)
+        known = ", ".join(self.units)
+        if unit is None:
+            raise ValueError(f"'{text.strip()}' lacks a unit: a {self.name} is given in {known}")
+        if unit not in self.units:
+            raise ValueError(f"'{unit}' is no unit of {self.name}: {known}")
+        value = float(match[1]) * self.units[unit]
+        if not math.isfinite(value):
+            raise ValueError(f"'{text.strip()}' is too large for a {self.name}")
+        return value
+
+    def format(self, value: float) -> str:
+        """The value with the unit that keeps it readable: 0.12 -> '120 mm'."""
+        readable = [(abs(value) / size, unit, size) for unit, size in self.units.items()]
+        fitting = [entry for entry in readable if 1.0 <= entry[0] < 1000.0]
+        _, unit, size = min(fitting) if fitting else (0.0, self.si_unit, 1.0)
+        return f"{value / size:.6g} {unit}"
+
+
+_DEGREE = math.pi / 180.0
+
+LENGTH = Quantity("length", {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6})
+ANGLE = Quantity("angle", {"rad": 1.0, "deg": _DEGREE, "°": _DEGREE})
+TIME = Quantity("time", {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0, "h": 3600.0})
+MASS = Quantity("mass", {"kg": 1.0, "g": 1e-3})
+FORCE = Quantity("force", {"N": 1.0, "mN": 1e-3})
+TORQUE = Quantity("torque", {"N·m": 1.0, "Nm": 1.0, "N·mm": 1e-3, "Nmm": 1e-3})
+STIFFNESS = Quantity("stiffness", {"N/m": 1.0, "N/mm": 1e3, "kN/m": 1e3})
+PRESSURE = Quantity("pressure", {"Pa": 1.0, "kPa": 1e3, "MPa": 1e6, "bar": 1e5})
+SPEED = Quantity("speed", {"m/s": 1.0, "mm/s": 1e-3, "cm/s": 1e-2})
+ANGULAR_SPEED = Quantity("angular_speed", {"rad/s": 1.0, "deg/s": _DEGREE, "°/s": _DEGREE})
+ACCELERATION = Quantity("acceleration", {"m/s²": 1.0, "m/s^2": 1.0, "mm/s²": 1e-3, "mm/s^2": 1e-3})
+RATE = Quantity("rate", {"Hz": 1.0, "1/s": 1.0, "kHz": 1e3})
+PIXELS = Quantity("pixels", {"px": 1.0})
+RATIO = Quantity("ratio", {"1": 1.0, "%": 1e-2})
+
+QUANTITIES: Mapping[str, Quantity] = {
+    q.name: q
+    for q in (
+        LENGTH,
+        ANGLE,
+        TIME,
+        MASS,
+        FORCE,
+        TORQUE,
+        STIFFNESS,
+        PRESSURE,
+        SPEED,
+        ANGULAR_SPEED,
+        ACCELERATION,
+        RATE,
+        PIXELS,
+        RATIO,
+    )
+}
+"""Every quantity by its name in files. A ratio may be written as a bare number, all others need their unit."""

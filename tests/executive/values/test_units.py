@@ -1,0 +1,72 @@
+"""One table of units: every unit converts, and a number without its unit is refused in words."""
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from executive.values.units import ANGLE, LENGTH, QUANTITIES, RATE, RATIO, STIFFNESS
+
+UNITS = [(quantity, unit) for quantity in QUANTITIES.values() for unit in quantity.units if unit != "1"]
+
+
+@given(st.floats(-1e6, 1e6), st.sampled_from(UNITS))
+def test_every_unit_converts_as_it_says(value, unit):
+    quantity, name = unit
+    assert quantity.parse(f"{value!r} {name}") == pytest.approx(value * quantity.units[name])
+    with pytest.raises(ValueError, match="no unit of"):
+        quantity.parse(f"{value!r} furlong")
+
+
+@given(st.floats(-1e6, 1e6), st.sampled_from([q for q in QUANTITIES.values() if q != RATIO]))
+def test_a_bare_number_is_refused_wherever_a_unit_belongs(value, quantity):
+    with pytest.raises(ValueError, match="lacks a unit"):
+        quantity.parse(repr(value))
+
+
+def test_a_ratio_may_be_bare_or_in_percent():
+    assert RATIO.parse("0.25") == RATIO.parse("25 %") == 0.25
+
+
+def test_the_first_unit_of_every_quantity_is_si():
+    assert all(quantity.units[quantity.si_unit] == 1.0 for quantity in QUANTITIES.values())
+
+
+def test_a_unit_measures_one_quantity_only():
+    names = [name for _, name in UNITS]
+    assert len(names) == len(set(names))
+
+
+@pytest.mark.parametrize(
+    ("quantity", "text", "si"),
+    [
+        (LENGTH, "120 mm", 0.12),
+        (LENGTH, "-1.5e2mm", -0.15),
+        (ANGLE, "180°", math.pi),
+        (STIFFNESS, "2 kN/m", 2000.0),
+        (STIFFNESS, "2 N/mm", 2000.0),
+        (RATE, "5 1/s", 5.0),
+        (RATE, "5 Hz", 5.0),
+    ],
+)
+def test_quantities_are_read_as_people_write_them(quantity, text, si):
+    assert quantity.parse(text) == pytest.approx(si)
+
+
+@pytest.mark.parametrize("text", ["", "mm", "1 2 mm", "1e999 m", "inf m", "nan", "51/s", "١ m", "--1 m", "1,5 m"])
+def test_what_is_no_quantity_is_refused(text):
+    for quantity in (LENGTH, RATE):
+        with pytest.raises(ValueError, match=quantity.name):
+            quantity.parse(text)
+
+
+@given(st.text(max_size=60))
+def test_any_text_is_a_length_or_refused_in_words(text):
+    try:
+        value = LENGTH.parse(text)
+    except ValueError as refused:
+        said = str(refused)
+    else:
+        said = "length" if math.isfinite(value) else ""
+    assert "length" in said
