@@ -81,7 +81,9 @@ _SCENE = """
 class MujocoGrasp:
     """See `PatchGrasp`; `fruit.delta`, `gamma` and `k` are not used."""
 
-    def __init__(self, fruit: Fruit) -> None:
+    def __init__(self, fruit: Fruit, opening: float | None = None, sample: float = 0.002) -> None:
+        if opening is not None or sample != 0.002:
+            raise ValueError("the scene has one opening and one time step")
         self._mujoco = load_mujoco()
         radius = 0.5 * fruit.width
         self._grip = radius + 0.004

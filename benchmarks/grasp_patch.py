@@ -185,8 +185,14 @@ class PatchGrasp:
     fruit (across, up) [N].
     """
 
-    def __init__(self, fruit: Fruit, opening: float | None = None) -> None:
-        self.fruit = fruit
+    def __init__(self, fruit: Fruit, opening: float | None = None, sample: float = SAMPLE) -> None:
+        """Place the fruit.
+
+        Args:
+            opening: between the pads at first [m].
+            sample: how long a `step` is [s].
+        """
+        self.fruit, self._sample = fruit, sample
         self._state = np.zeros(11)
         opening = fruit.width + 0.012 if opening is None else opening
         self._state[[FINGER_AT, SET_POINT]] = 0.5 * opening
@@ -206,16 +212,16 @@ class PatchGrasp:
         self.at = (0.0, 0.0)
 
     def step(self) -> Float64:
-        """2 ms pass; the true wrenches, shape (2, 6), in the pads' frames."""
+        """A sample's time passes; the true wrenches, shape (2, 6), in the pads' frames."""
         carriage = (self.height, self.climb, self.acceleration)
-        count = max(round(SAMPLE / STEP), self._stable_steps())
-        step = SAMPLE / count
+        count = max(round(self._sample / STEP), self._stable_steps())
+        step = self._sample / count
         self.at = _advance(
             self._state, self._bristles, self._elements, self._shape, carriage, self.pull, self.command, count, step,
             self.wrenches,
         )  # fmt: skip
-        self.height += self.climb * SAMPLE + 0.5 * self.acceleration * SAMPLE * (SAMPLE + step)
-        self.climb += self.acceleration * SAMPLE
+        self.height += self.climb * self._sample + 0.5 * self.acceleration * self._sample * (self._sample + step)
+        self.climb += self.acceleration * self._sample
         return self.wrenches
 
     def _stable_steps(self) -> int:
@@ -223,7 +229,7 @@ class PatchGrasp:
         fruit = self.fruit
         damping = -BRISTLE_DAMPING * float(self.wrenches[:, 2].sum())
         mobility = 1.0 / fruit.mass + (fruit.offset[0] ** 2 + fruit.offset[1] ** 2) / fruit.inertia
-        return math.ceil(UNSTABLE * damping * mobility * SAMPLE)
+        return math.ceil(UNSTABLE * damping * mobility * self._sample)
 
     @property
     def width(self) -> float:

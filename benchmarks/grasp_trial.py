@@ -18,7 +18,6 @@ from skills.grip.settings import GripSettings
 
 Float64 = NDArray[np.float64]
 
-PERIOD = 0.002
 TORQUE_LEVER = 0.005
 """Noise of a torque is the noise of a force at this lever [m]."""
 
@@ -149,7 +148,8 @@ def run_trial(
     rng = np.random.default_rng(seed)
     scale = np.array([1.0, 1.0, 1.0, TORQUE_LEVER, TORQUE_LEVER, TORQUE_LEVER])
     bias = rng.uniform(-0.15, 0.15, (2, 6)) * scale
-    grasp = world(fruit)
+    period = settings.period
+    grasp = world(fruit, sample=period)
     least = least_grasp_force(fruit) if world is PatchGrasp else least_grasp_force_of_cone(fruit)
     controller = GripController(replace(settings, width_min=0.02))
     trace = Trace()
@@ -159,7 +159,7 @@ def run_trial(
     commanded_at = 0.0
     n = 0
     while True:
-        t = n * PERIOD
+        t = n * period
         true = grasp.step()
         measured = true + bias + rng.normal(0.0, 1.0, (2, 6)) * (noise * scale)
         arriving = [(n, t, measured)] if corrupt is None or math.isnan(held_at) else corrupt(n, t, measured)
@@ -183,11 +183,11 @@ def run_trial(
                 return Result(False, False, 0, 0, 0, 0, least, 0, contact_peak, t, 0, math.nan, trace)
         else:
             since = t - held_at - 0.04
-            grasp.acceleration = lifting.acceleration_at(since + 0.5 * PERIOD)
+            grasp.acceleration = lifting.acceleration_at(since + 0.5 * period)
             pulled = since - lifting.duration - 0.5 * lifting.hold
             if lifting.pull and pulled >= 0.0:
                 if math.isnan(pull_at):
-                    pull_at, quiet = t, min(trace.speed[-60:])
+                    pull_at, quiet = t, min(trace.speed[-round(0.12 / period) :])
                 share = min(pulled / lifting.pull_rise, 1.0) if pulled < 0.3 else 0.0
                 grasp.pull = (0.0, -lifting.pull * share)
                 if math.isnan(reaction) and grasp.command < min(quiet, 0.0) - 0.002:
@@ -210,13 +210,13 @@ def run_trial(
         held=grasp.off_table and trace.f_n[-1] > 0.05 and trace.slip[-1] < 0.01,
         slip=max(trace.slip),
         turn=float(np.abs(trace.turn).max()),
-        steady=float(np.mean(trace.f_n[-150:])),
+        steady=float(np.mean(trace.f_n[-round(0.3 / period) :])),
         peak=peak,
         least=least,
         pressure=peak_pressure(0.5 * peak, fruit),
         contact_peak=contact_peak,
         grasp_time=held_at,
-        pull_slip=0.0 if math.isnan(pull_at) else float(np.ptp(trace.slip[round((pull_at - trace.t[0]) / PERIOD) :])),
+        pull_slip=0.0 if math.isnan(pull_at) else float(np.ptp(trace.slip[round((pull_at - trace.t[0]) / period) :])),
         reaction=reaction,
         trace=trace,
     )

@@ -80,7 +80,8 @@ class FeelFriction(MovingSkill):
         finally:
             hold.slide(None)
         try:
-            slide = friction_of_slides(felt_up, felt_down, settings.contact, hold.controller.sense.doubt)
+            bias_std = hold.controller.sense.bias_std
+            slide = friction_of_slides(felt_up, felt_down, settings.contact, bias_std, settings.rate)
         except NoSlideError as problem:
             slide = Slide(settings.contact.mu, settings.mu_uncertainty, (np.nan, np.nan), 0.0)
             said = f"{problem}: {slide.mu:.2f} ± {slide.uncertainty:.0%} is kept"
@@ -88,7 +89,7 @@ class FeelFriction(MovingSkill):
             slide = replace(slide, uncertainty=max(slide.uncertainty, least))
             said = f"friction {slide.mu:.2f} ± {slide.uncertainty:.0%}"
         contact = replace(settings.contact, mu=slide.mu)
-        hold.know(contact, slide.uncertainty, then)
+        hold.set_friction(contact, slide.uncertainty, then)
         show_grip(self, hold, everything=True)
         yield said
         return {"mu": slide.mu, "mu_uncertainty": slide.uncertainty}
@@ -114,9 +115,9 @@ class FeelFriction(MovingSkill):
     def _press(self, hold: Hold, force: float) -> Watching:
         """Wait until the fingers press with a force [N]."""
         began = self.context.elapsed()
-        while abs(hold.controller.pressed - force) > SETTLING and self.context.elapsed() - began < PATIENCE:
+        while abs(hold.controller.tracked_force - force) > SETTLING and self.context.elapsed() - began < PATIENCE:
             self._watch(hold)
-            yield f"{hold.controller.pressed:.1f} N, on the way to {force:.1f} N"
+            yield f"{hold.controller.tracked_force:.1f} N, on the way to {force:.1f} N"
 
     def _slide(self, hold: Hold, line: Float64, distance: float, speed: float) -> Generator[str | None, None, Float64]:
         """Go along a line; the wrenches while the pads slid, bias removed, shape (n, 2, 6)."""

@@ -61,7 +61,7 @@ class SlipAvoidGrasp(Skill):
     )
 
     def prepare(self) -> None:
-        warm_up()
+        warm_up(self.device(ForceSensor).rate)
 
     def run(  # type: ignore[override]
         self,

@@ -6,19 +6,9 @@ waiting for so long; so fingers at rest, and corrections of noise, wait until th
 
 from __future__ import annotations
 
-from skills.grip.force_loop import COMMAND_PERIOD
+import math
 
-KEEP_ALIVE = 0.06
-"""A rate that goes on is commanded again this often, well within the driver's watchdog [s]."""
-
-HEARTBEAT = 0.5
-"""Rest is commanded again this often [s]: the driver's watchdog can but stop fingers that stand."""
-
-TRIM = 2e-3
-"""A rate that differs by less from the last one trims [m/s]."""
-
-CALM_AFTER = 0.3
-"""Trims wait once there has been nothing else for so long [s]: in a lift every correction counts."""
+from skills.grip.tuning import CommandSettings
 
 
 class CommandTiming:
@@ -26,12 +16,22 @@ class CommandTiming:
 
     Args:
         rate: of the samples [Hz].
+        command_period: the gripper takes a new rate this often [s].
+        settings: when it is given one.
+
+    Attributes:
+        every: samples between two rates at the closest.
+        interval: the same [s].
     """
 
-    def __init__(self, rate: float) -> None:
+    def __init__(
+        self, rate: float, command_period: float = 0.02, settings: CommandSettings = CommandSettings()
+    ) -> None:
+        self._settings = settings
         self._period = 1.0 / rate
-        self.every = round(COMMAND_PERIOD * rate)
-        self._keep_alive, self._heartbeat = round(KEEP_ALIVE * rate), round(HEARTBEAT * rate)
+        self.every = math.ceil(command_period * rate - 1e-6)
+        self.interval = self.every * self._period
+        self._keep_alive, self._heartbeat = round(settings.keep_alive * rate), round(settings.heartbeat * rate)
         self._since = self._heartbeat
         self._calm_for = 0.0
 
@@ -52,9 +52,9 @@ class CommandTiming:
             speed, before: this rate of the opening and the one that was commanded last [m/s].
             holding: a fruit is in hand; before that every rate goes out.
         """
-        trims = holding and abs(speed - before) < TRIM
+        trims = holding and abs(speed - before) < self._settings.trim
         waits_for = self._heartbeat if speed == before == 0.0 else self._keep_alive
-        if trims and self._calm_for >= CALM_AFTER and self._since < waits_for:
+        if trims and self._calm_for >= self._settings.calm_after and self._since < waits_for:
             return False
         self._calm_for = self._calm_for + self._since * self._period if trims else 0.0
         self._since = 0

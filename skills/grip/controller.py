@@ -12,7 +12,6 @@ from dataclasses import replace
 import numpy as np
 
 from skills.grip.command_timing import CommandTiming
-from skills.grip.force_loop import COMMAND_PERIOD
 from skills.grip.grip import IN_HAND, Float64, GripPhase, GripProblem, GripReading
 from skills.grip.limit_surface import SoftContact
 from skills.grip.reference import ForceReference
@@ -20,37 +19,6 @@ from skills.grip.settings import GripSettings
 from skills.grip.slip_sense import SlipSense
 from skills.grip.stream_guard import StreamGuard
 from skills.grip.tracking import ForceTracker
-
-BIAS_DROPPED, BIAS_SAMPLES, BIAS_SAMPLES_MOST = 10, 100, 800
-BIAS_ERROR = 0.0085
-"""The bias is the mean of 100 samples, or of up to 800 while noise leaves its error larger than this [N]."""
-
-BIAS_LIMIT = 3.0
-"""A finger that feels more than this before the fingers close touches something, or is broken [N]."""
-
-CONTACT = 0.4
-"""Normal force of a finger that touches [N]."""
-
-PUSH_LIMIT = 3.0
-"""A fruit may be pushed by one finger with at most this force until the other one touches [N]."""
-
-GONE, GONE_AFTER = 0.15, 0.06
-"""Both fingers below this force [N] for so long [s]: the fruit is gone."""
-
-DEAD, ALIVE = 0.25, 0.6
-"""A finger below this share of the other one, which feels more than the second [N], feels nothing any more."""
-
-APART = 1.2
-"""While the pads slide, one finger may press with so much more than both shall together [N]: a fruit that stands on a
-table is held there, and pressed lightly it does not move to the middle between the fingers."""
-
-SATURATED_AFTER = 0.05
-BEYOND_AFTER = 0.3
-STUCK_AFTER = 0.5
-"""How long a condition lasts before it counts [s]."""
-
-CLOSEST = 0.0003
-"""So near to its end the gripper's stroke is used up [m]."""
 
 
 class GripController:
@@ -69,14 +37,15 @@ class GripController:
         self.speed = 0.0
         self.slip = 0.0
         self.sense = SlipSense(
-            settings.contact, settings.observer, settings.dynamic, settings.rate, settings.offset, settings.reserve
-        )
+            settings.contact, settings.observer, settings.dynamic, settings.rate, settings.offset, settings.reserve,
+            settings.filters,
+        )  # fmt: skip
         self.reference = ForceReference(settings)
         self._guard = StreamGuard(settings.period)
         self._bias: list[Float64] = []
         self._dropped = 0
-        self._timing = CommandTiming(settings.rate)
-        self._tracker = ForceTracker(settings.loop)
+        self._timing = CommandTiming(settings.rate, settings.loop.command_period, settings.command)
+        self._tracker = ForceTracker(settings.loop, settings.tracking)
         self._saturated = False
         self._pressed_alone = ""
         self._lasting = dict.fromkeys(("saturated", "gone", "beyond", "reached", "stuck", "dead"), 0.0)
@@ -106,18 +75,22 @@ class GripController:
         return abs(self.sense.omega) * self.sense.centre
 
     @property
-    def pressed(self) -> float:
-        """The grasp force that is compared with the reference [N]."""
-        highest = max(self.sense.fingers)
+    def tracked_force(self) -> float:
+        """The grasp force that is compared with the reference [N]: `SlipSense.f_n`, but where one finger says little.
+
+        Twice the other one's where one finger feels nothing any more; while the pads slide one may press more.
+        """
+        highest = max(self.sense.finger_forces)
         if self._lasting["dead"] > 0.0:
             return 2.0 * highest
-        return max(self.sense.f_n, highest - APART) if self.phase is GripPhase.SLIDING else self.sense.f_n
+        apart = self.settings.watch.apart
+        return max(self.sense.f_n, highest - apart) if self.phase is GripPhase.SLIDING else self.sense.f_n
 
     @property
     def reading(self) -> GripReading:
         sense = self.sense
         return GripReading(
-            self._guard.stamp, self.phase, sense.f_n, sense.fingers, self.reference.f_ref, sense.least, sense.f_t,
+            self._guard.stamp, self.phase, sense.f_n, sense.finger_forces, self.reference.f_ref, sense.least, sense.f_t,
             sense.tau_n, self.slip_speed, self.slip, self.width, self.speed, self._saturated,
         )  # fmt: skip
 
@@ -142,7 +115,7 @@ class GripController:
             if force is None:
                 self.sense.start_observer()
 
-    def know(self, contact: SoftContact, mu_uncertainty: float, initial_force: float) -> None:
+    def set_friction(self, contact: SoftContact, mu_uncertainty: float, initial_force: float) -> None:
         """Take another friction, and another force to press with until the fruit is carried [N].
 
         The shape of the pressure stays as it was.
@@ -150,8 +123,8 @@ class GripController:
         self.settings = replace(
             self.settings, contact=contact, mu_uncertainty=mu_uncertainty, initial_force=initial_force
         )
-        self.sense.know(contact)
-        self.reference.know(self.settings)
+        self.sense.set_friction(contact)
+        self.reference.set_friction(self.settings)
 
     # ---------------------------------------------------------------------------------------------- stepping
 
@@ -164,8 +137,8 @@ class GripController:
             stamp, sequence, wrenches, saturated: as in `WrenchSample`.
 
         Returns:
-            Rate of the opening to command now [m/s]; None most of the time. Never two within `COMMAND_PERIOD`; while
-            the stream flows, often enough for the driver's watchdog (command_timing.py).
+            Rate of the opening to command now [m/s]; None most of the time. Never two within the loop's
+            `command_period`; while the stream flows, often enough for the driver's watchdog (command_timing.py).
         """
         periods = self._guard.periods(stamp, sequence, wrenches)
         if periods == 0:
@@ -198,21 +171,22 @@ class GripController:
         return self._lasting[condition]
 
     def _take_bias(self, wrenches: Float64) -> None:
+        s, rate = self.settings.bias, self.settings.rate
         self._dropped += 1
-        if self._dropped <= BIAS_DROPPED:
+        if self._dropped <= round(s.dropped * rate):
             return
         self._bias.append(np.array(wrenches))
-        count = len(self._bias)
-        if count < BIAS_SAMPLES or (count % 50 and count < BIAS_SAMPLES_MOST):
+        count, enough, most = len(self._bias), round(s.time * rate), round(s.longest * rate)
+        if count < enough or (count % max(enough // 2, 1) and count < most):
             return
         samples = np.array(self._bias)
         error = float(samples[:, :, :3].std(axis=0).max()) / math.sqrt(count)
-        if error > BIAS_ERROR and count < BIAS_SAMPLES_MOST:
+        if error > s.error and count < most:
             return
         self._bias.clear()
         felt = float(np.abs(samples[:, :, 2].mean(axis=0)).max())
-        self.sense.settle(samples)
-        if felt > BIAS_LIMIT:
+        self.sense.calibrate_bias(samples)
+        if felt > s.limit:
             self._fail(
                 "FORCE_LIMIT", f"a finger feels {felt:.1f} N before the fingers close: nothing may touch", felt=felt
             )
@@ -236,7 +210,7 @@ class GripController:
 
     def _close(self) -> float:
         s, sense = self.settings, self.sense
-        touch = [force > CONTACT for force in sense.fingers]
+        touch = [force > s.watch.contact for force in sense.finger_forces]
         if self._refused_before_hold():
             return 0.0
         if all(touch):
@@ -245,12 +219,12 @@ class GripController:
             return 0.0
         if any(touch) and math.isnan(self._touched_at):
             self._touched_at = self.width
-        at_end = self.width <= max(s.width_min + CLOSEST, s.narrowest)
+        at_end = self.width <= max(s.width_min + s.watch.stroke_end, s.narrowest)
         pushed = 0.5 * (self._touched_at - self.width)
-        if any(touch) and (pushed > s.off_centre or max(sense.fingers) > PUSH_LIMIT or at_end):
-            side = ("first", "second")[touch[1]]
+        if any(touch) and (pushed > s.off_centre or max(sense.finger_forces) > s.watch.push_limit or at_end):
+            side = ("left", "right")[touch[1]]
             message = f"only the {side} finger touches: it pushed the fruit {1e3 * pushed:.1f} mm with "
-            self._fail("ONE_FINGER", f"{message}{max(sense.fingers):.1f} N", pushed=pushed, width=self.width)
+            self._fail("ONE_FINGER", f"{message}{max(sense.finger_forces):.1f} N", pushed=pushed, width=self.width)
             return 0.0
         if at_end:
             message = f"no finger touched anything down to an opening of {1e3 * self.width:.1f} mm"
@@ -260,7 +234,7 @@ class GripController:
             self._fail("NO_CONTACT", "the fingers do not move although they should close", width=self.width)
             return 0.0
         far = s.contact_width is not None and self.width > s.contact_width and not any(touch)
-        braking = s.approach_speed * COMMAND_PERIOD * 2.0
+        braking = s.approach_speed * s.loop.command_period * 2.0
         if far and s.contact_width is not None and self.width - s.contact_width > braking:
             return -s.approach_speed
         return -s.contact_speed
@@ -269,16 +243,16 @@ class GripController:
         s, sense = self.settings, self.sense
         if self._refused_before_hold():
             return 0.0
-        if self.width <= s.width_min + CLOSEST and sense.f_n < s.initial_force - 0.2:
+        if self.width <= s.width_min + s.watch.stroke_end and sense.f_n < s.initial_force - 0.2:
             message = f"the gripper's stroke ends at {1e3 * self.width:.1f} mm with {sense.f_n:.1f} N"
             self._fail("OUT_OF_STROKE", message, width=self.width, f_n=sense.f_n)
             return 0.0
-        if self._last("gone", min(sense.fingers) < GONE, self._timing.every) > 2.0 * GONE_AFTER:
+        if self._last("gone", min(sense.finger_forces) < s.watch.gone, self._timing.every) > 2.0 * s.watch.gone_after:
             self._lost_in_ramp()
             return 0.0
-        f_ref = self.reference.ramp(COMMAND_PERIOD)
+        f_ref = self.reference.ramp(self._timing.interval)
         reached = f_ref >= s.initial_force and sense.f_n >= 0.9 * s.initial_force
-        if self._last("reached", reached, self._timing.every) > 1.5 * COMMAND_PERIOD:
+        if self._last("reached", reached, self._timing.every) > 1.5 * self._timing.interval:
             self.phase = GripPhase.HOLDING
             self.sense.start_observer()
         elif f_ref >= s.initial_force and not reached and self._stuck():
@@ -289,55 +263,55 @@ class GripController:
 
     def _lost_in_ramp(self) -> None:
         # A fruit that one finger pushes may hop to the other one and back: closing goes on, and is bounded as before.
-        if max(self.sense.fingers) > CONTACT:
+        if max(self.sense.finger_forces) > self.settings.watch.contact:
             self.phase = GripPhase.CLOSING
         else:
             self._fail("NO_CONTACT", "the fruit slipped away while the force rose", width=self.width)
 
     def _refused_before_hold(self) -> bool:
         sense, loop = self.sense, self.settings.loop
-        if self._lasting["saturated"] > SATURATED_AFTER:
+        if self._lasting["saturated"] > self.settings.watch.saturated_after:
             self._fail("SENSOR_SATURATED", "a finger's channel is at the end of its range", f_n=sense.f_n)
-        elif max(sense.fingers) > 0.5 * loop.max_force:
-            message = f"a finger feels {max(sense.fingers):.1f} N, more than half of {loop.max_force:.1f} N"
-            self._fail("FORCE_LIMIT", message, first=sense.fingers[0], second=sense.fingers[1])
+        elif max(sense.finger_forces) > 0.5 * loop.max_force:
+            message = f"a finger feels {max(sense.finger_forces):.1f} N, more than half of {loop.max_force:.1f} N"
+            self._fail("FORCE_LIMIT", message, left=sense.finger_forces[0], right=sense.finger_forces[1])
         return self.phase is GripPhase.FAILED
 
     def _stuck(self) -> bool:
         """Whether the fingers have not moved for a while although they were told to close."""
         still = self.speed < -1e-3 and abs(self.width - self._last_width) < 1e-5
-        return self._last("stuck", still, self._timing.every) > STUCK_AFTER
+        return self._last("stuck", still, self._timing.every) > self.settings.watch.stuck_after
 
     # -------------------------------------------------------------------------------------------- the hold
 
     def _watch_hold(self, periods: int) -> None:
-        s, sense = self.settings, self.sense
+        s, sense, limits = self.settings, self.sense, self.settings.watch
         elapsed = periods * s.period
         if sense.one_sided_jump and self.reference.carried:
             self.reference.freeze("one finger's signal jumped alone: the force is not lowered any more")
         if sense.one_sided_press and self.reference.carried:
             self._pressed_alone = "one finger's normal force jumped alone: the smaller one counts"
-        first, second = sense.fingers
-        low, high = min(first, second), max(first, second)
+        left, right = sense.finger_forces
+        low, high = min(left, right), max(left, right)
         slides = self.phase is GripPhase.SLIDING
-        dead = self._last("dead", low < DEAD * high and high > ALIVE and not slides, periods) > 0.0
+        dead = self._last("dead", low < limits.dead * high and high > limits.alive and not slides, periods) > 0.0
         f_n = 2.0 * high if dead else sense.f_n
         needed = sense.coulomb if self.phase is GripPhase.PIVOTING else sense.least
-        beyond = self._last("beyond", needed > 1.02 * f_n and not slides, periods)
-        if needed > 0.95 * f_n and not slides:
+        beyond = self._last("beyond", needed > limits.beyond * f_n and not slides, periods)
+        if needed > limits.slipping * f_n and not slides:
             self.slip += self.slip_speed * elapsed
         stamp = self._guard.stamp
-        if self._lasting["saturated"] > SATURATED_AFTER:
+        if self._lasting["saturated"] > limits.saturated_after:
             message = "a finger's channel is at the end of its range; the force is neither raised nor lowered"
             self.problem = GripProblem("SENSOR_SATURATED", message, stamp, {"f_n": f_n})
-        elif self._last("gone", high < GONE, periods) > GONE_AFTER:
-            message = f"the fruit is gone: {first:.2f} N and {second:.2f} N at {1e3 * self.width:.1f} mm"
+        elif self._last("gone", high < limits.gone, periods) > limits.gone_after:
+            message = f"the fruit is gone: {left:.2f} N and {right:.2f} N at {1e3 * self.width:.1f} mm"
             self.problem = GripProblem("LOST", message, stamp, {"width": self.width})
-        elif dead and self._lasting["dead"] > GONE_AFTER:
+        elif dead and self._lasting["dead"] > limits.gone_after:
             self.reference.freeze("one finger feels nothing any more: the other one's force counts twice")
-            message = f"one finger feels nothing any more ({first:.2f} N, {second:.2f} N); the grip is kept"
-            self.problem = GripProblem("ONE_FINGER", message, stamp, {"first": first, "second": second})
-        elif self.slip > s.slip_limit or beyond > BEYOND_AFTER:
+            message = f"one finger feels nothing any more ({left:.2f} N, {right:.2f} N); the grip is kept"
+            self.problem = GripProblem("ONE_FINGER", message, stamp, {"left": left, "right": right})
+        elif self.slip > s.slip_limit or beyond > limits.beyond_after:
             message = f"the fruit slips: about {1e3 * self.slip:.1f} mm, needs {needed:.1f} N, has {f_n:.1f} N"
             self.problem = GripProblem("SLIPPED", message, stamp, {"slip": self.slip, "least": needed})
         elif self.reference.wanted > s.loop.max_force:
@@ -346,9 +320,9 @@ class GripController:
         else:
             self.problem = None
         # What is missing is judged by both fingers together: a fruit presses on both alike, a drifting sensor does not.
-        borne = 2.0 * high if dead else max(first + second, 0.0)
-        coming = -self.speed * s.loop.lag * s.loop.stiffness.slope(borne)
-        self.reference.follow(sense, borne + coming, elapsed)
+        force_sum = 2.0 * high if dead else max(sense.force_sum, 0.0)
+        coming = -self.speed * s.loop.lag * s.loop.stiffness.slope(force_sum)
+        self.reference.follow(sense, force_sum + coming, elapsed)
 
     def _hold(self) -> float:
         if self._saturated or self._lasting["gone"] > 0.0:
@@ -356,11 +330,12 @@ class GripController:
         return self._track(opening=not self.reference.frozen and not self.sense.one_sided_press)
 
     def _track(self, opening: bool) -> float:
-        f_n, f_ref = self.pressed, self.reference.f_ref
+        f_n, f_ref = self.tracked_force, self.reference.f_ref
         if self.phase is GripPhase.RAMP:
             speed = self._tracker.on_ramp(f_ref, f_n, self.speed)
         else:
             # A moment shows late and grows fast: rather too much force than too little.
-            hurry = min(self.sense.twist, 1.0)
-            speed = self._tracker.while_holding(f_ref, f_n, self.speed, self.sense.unrest, hurry)
+            feedthrough = min(self.sense.twist, 1.0)
+            band = self.sense.normal_noise_band
+            speed = self._tracker.while_holding(f_ref, f_n, self.speed, band, feedthrough)
         return speed if opening else min(speed, 0.0)

@@ -1,7 +1,7 @@
 """Dynamic term of the grasp force: f_nd = |C_d ω̂| with C_d(s) = kp + ki / (s + ki / kdc), the paper's eq. (fnd).
 
-A proportional part and a leaky integrator (Tustin at 2 kHz) whose gain at rest is kdc. The integrator is clamped to the
-same bound as the sum, so it never winds up.
+A proportional part and a leaky integrator (Tustin, at the observer's step) whose gain at rest is kdc. The integrator is
+clamped to the same bound as the sum, so it never winds up.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
-from skills.grip.observer import STEP
+from skills.grip.observer import steps_in_a_sample
 
 Float64 = NDArray[np.float64]
 
@@ -39,20 +39,20 @@ GENTLE = DynamicSettings(kp=1.3, ki=5.0, kdc=7.0)
 
 
 @njit(cache=True)
-def answer_slip(integral, omega_before, omega, kp, ki, kdc, bound):  # type: ignore[no-untyped-def]
-    """(integral, f_nd) one `STEP` later."""
-    half_leak = 0.5 * STEP * ki / kdc
-    integral = ((1.0 - half_leak) * integral + 0.5 * STEP * ki * (omega_before + omega)) / (1.0 + half_leak)
+def answer_slip(integral, omega_before, omega, kp, ki, kdc, bound, step):  # type: ignore[no-untyped-def]
+    """(integral, f_nd) one step [s] later."""
+    half_leak = 0.5 * step * ki / kdc
+    integral = ((1.0 - half_leak) * integral + 0.5 * step * ki * (omega_before + omega)) / (1.0 + half_leak)
     integral = min(max(integral, -bound), bound)
     return integral, min(abs(kp * omega + integral), bound)
 
 
 @njit(cache=True)
-def _answer_all(omega, kp, ki, kdc, bound, substeps, result):  # type: ignore[no-untyped-def]
+def _answer_all(omega, kp, ki, kdc, bound, substeps, step, result):  # type: ignore[no-untyped-def]
     integral, before = 0.0, 0.0
     for i in range(omega.size):
         for _ in range(substeps):
-            integral, result[i] = answer_slip(integral, before, omega[i], kp, ki, kdc, bound)
+            integral, result[i] = answer_slip(integral, before, omega[i], kp, ki, kdc, bound, step)
             before = omega[i]
 
 
@@ -60,6 +60,7 @@ def dynamic_force(omega: ArrayLike, settings: DynamicSettings, rate: float = 500
     """f_nd [N] for slip velocities [rad/s] of shape (n,), held over each sample of `rate`, from rest."""
     velocities = np.ascontiguousarray(omega, np.float64)
     result = np.empty(velocities.size)
-    substeps = round(1.0 / (rate * STEP))
-    _answer_all(velocities, settings.kp, settings.ki, settings.kdc, settings.bound, substeps, result)
+    substeps = steps_in_a_sample(rate)
+    step = 1.0 / rate / substeps
+    _answer_all(velocities, settings.kp, settings.ki, settings.kdc, settings.bound, substeps, step, result)
     return result

@@ -3,6 +3,7 @@
 GripError
 ├── TooFewPushes        a calibration without enough slides
 ├── UnusableRecording   a file that holds no pushes
+├── UnusableRate        a sensor that is too slow or too fast
 └── GuidanceEnded       pushes at a cell that cannot be made
 """
 
@@ -30,3 +31,14 @@ class UnusableRecording(GripError):
 
 class GuidanceEnded(GripError):
     """Pushes at a cell cannot be made, or not be gone on with."""
+
+
+class UnusableRate(GripError):
+    """A force sensor samples too slowly or too fast for a grip."""
+
+    def __init__(self, rate: float, rates: tuple[float, float]) -> None:
+        self.rate, self.rates = rate, rates
+        super().__init__(
+            f"the force sensor gives {rate:g} samples a second; a grip needs {rates[0]:g} to {rates[1]:g}: set the"
+            " sensor's rate in the cell file"
+        )

@@ -12,9 +12,6 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
-COMMAND_PERIOD = 0.02
-"""The gripper takes a new speed this often [s]."""
-
 
 @dataclass(frozen=True, slots=True)
 class PadStiffness:
@@ -47,6 +44,7 @@ class ForceLoopSettings:
         stiffness: of the pads.
         max_force: largest grasp force [N].
         closing_speed, opening_speed: bounds of the opening's rate, both positive [m/s].
+        command_period: the gripper takes a new rate this often [s]; the WSG's finger script manages 50 Hz.
     """
 
     gain: float = 20.0
@@ -55,6 +53,7 @@ class ForceLoopSettings:
     max_force: float = 14.0
     closing_speed: float = 0.2
     opening_speed: float = 0.012
+    command_period: float = 0.02
 
 
 def finger_speed(
@@ -63,7 +62,7 @@ def finger_speed(
     f_n: float,
     settings: ForceLoopSettings,
     speed_before: float = 0.0,
-    hurry: float = 1.0,
+    error_feedthrough: float = 1.0,
 ) -> float:
     """Rate of the opening to command [m/s]; negative closes.
 
@@ -72,7 +71,8 @@ def finger_speed(
         f_n: measured grasp force [N].
         settings: gain and limits.
         speed_before: the rate that was commanded before this one [m/s].
-        hurry: 0 … 1; with 1 the gain acts on the whole error although its rise is fed forward, which overshoots.
+        error_feedthrough: 0 … 1; with 1 the gain acts on the whole error although its rise is fed forward, which
+            overshoots.
 
     Returns:
         Never so fast that the force would be beyond the limit before the next command; 0.0 for anything that is not
@@ -87,9 +87,9 @@ def finger_speed(
         f_ref, f_ref_rate = min(f_ref, settings.max_force), min(f_ref_rate, 0.0)
     pads = settings.stiffness
     # What is fed forward is no error any more: the gain acts on what was missing before the reference changed.
-    before = f_ref - (1.0 - hurry) * f_ref_rate * COMMAND_PERIOD
+    before = f_ref - (1.0 - error_feedthrough) * f_ref_rate * settings.command_period
     error = pads.pressed(before) - pads.pressed(f_n) + speed_before * settings.lag
     closing = settings.gain * error + f_ref_rate / pads.slope(f_n)
     left = (settings.max_force - f_n) / pads.slope(f_n) + speed_before * settings.lag
-    fastest = min(settings.closing_speed, max(left, 0.0) / COMMAND_PERIOD)
+    fastest = min(settings.closing_speed, max(left, 0.0) / settings.command_period)
     return min(max(-closing, -fastest), settings.opening_speed)

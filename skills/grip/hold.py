@@ -33,8 +33,8 @@ STALE_AFTER = 0.05
 KEPT = 2000
 """Samples kept until somebody drains them: 20 s at 100 Hz; the oldest go first."""
 
-RECORD_EVERY = 5
-"""One of so many samples is kept for people."""
+RECORDED_RATE = 100.0
+"""So many samples a second are kept for people [Hz]."""
 
 _HOLDS: weakref.WeakValueDictionary[int, Hold] = weakref.WeakValueDictionary()
 
@@ -59,6 +59,7 @@ class Hold:
         self._lock = RLock()
         self._ended = False
         self._device_problem: GripProblem | None = None
+        self._record_every = max(round(controller.settings.rate / RECORDED_RATE), 1)
         self._samples = np.zeros((KEPT, 7))
         self._written = self._drained = self._seen = 0
         _HOLDS[id(gripper)] = self
@@ -113,10 +114,10 @@ class Hold:
         with self._lock:
             self.controller.slide(force)
 
-    def know(self, contact: SoftContact, mu_uncertainty: float, initial_force: float) -> None:
+    def set_friction(self, contact: SoftContact, mu_uncertainty: float, initial_force: float) -> None:
         """Hold for another friction from now on, and press with `initial_force` [N] until the fruit is carried."""
         with self._lock:
-            self.controller.know(contact, mu_uncertainty, initial_force)
+            self.controller.set_friction(contact, mu_uncertainty, initial_force)
 
     def take_over(self) -> None:
         """End control: the caller moves the fingers from now on. Zero speed is commanded, nothing opens."""
@@ -133,7 +134,7 @@ class Hold:
     def waiting(self) -> float:
         """Seconds of samples that nobody has drained yet."""
         count = min(self._written - self._drained, KEPT)
-        return float(count * RECORD_EVERY * self.controller.settings.period)
+        return float(count * self._record_every * self.controller.settings.period)
 
     def drain(self) -> GripSamples:
         """The samples since the last call, 100 a second, at most the last 20 s."""
@@ -156,7 +157,7 @@ class Hold:
             if speed is not None:
                 self._command(speed)
             self._seen += 1
-            if self._seen % RECORD_EVERY == 0:
+            if self._seen % self._record_every == 0:
                 self._samples[self._written % KEPT] = controller.row()
                 self._written += 1
 

@@ -3,8 +3,8 @@
     J dω/dt = -β ω - σ0 z + u + J l (y - ŷ),   dz/dt = ω - (σ0 / g) |ω| z,   ŷ = σ0 z + β ω,   u = y
 
 y is the generalised torque that the fruit puts on the pads about its centre of rotation [N·m], g the largest that
-friction can bear, J the fruit's inertia about that centre. Integrated with Runge-Kutta 4 at 2 kHz, input held over a
-500 Hz sample. It starts at rest under the load that it sees: z = y / σ0, ω = 0.
+friction can bear, J the fruit's inertia about that centre. Integrated with Runge-Kutta 4 at about 2 kHz, input held
+over a sample. It starts at rest under the load that it sees: z = y / σ0, ω = 0.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ from numpy.typing import ArrayLike, NDArray
 Float64 = NDArray[np.float64]
 
 STEP = 5e-4
-"""Step of the integration [s]."""
+"""The integration's step [s], or what a whole number of steps in a sample makes of it."""
 
 LEAST_G = 1e-3
 """Friction is never taken to be less than this [N·m]."""
 
-STIFFEST = 2.0 / STEP
-"""The bristles relax at most this fast [1/s], which keeps the explicit integration stable in gross sliding."""
+STIFFEST = 2.0
+"""The bristles relax at most by this in a step, which keeps the explicit integration stable in gross sliding."""
 
 FASTEST = 50.0
 """Bound of the estimate [rad/s]."""
@@ -52,31 +52,37 @@ class ObserverSettings:
 
 
 @njit(cache=True)
-def _rates(omega, z, y, g, J, sigma0, beta, gain):  # type: ignore[no-untyped-def]
+def _rates(omega, z, y, g, J, sigma0, beta, gain, stiffest):  # type: ignore[no-untyped-def]
     y_hat = sigma0 * z + beta * omega
-    relaxation = min(sigma0 / g * abs(omega), STIFFEST)
+    relaxation = min(sigma0 / g * abs(omega), stiffest)
     return (y - y_hat) * (1.0 / J + gain), omega - relaxation * z
 
 
 @njit(cache=True)
-def observe(omega, z, y, g, J, sigma0, beta, gain):  # type: ignore[no-untyped-def]
-    """(omega, z) one `STEP` later; -βω - σ0 z + u is y - ŷ since u = y."""
+def observe(omega, z, y, g, J, sigma0, beta, gain, step):  # type: ignore[no-untyped-def]
+    """(omega, z) one step [s] later; -βω - σ0 z + u is y - ŷ since u = y."""
     g = max(g, LEAST_G)
-    a1, b1 = _rates(omega, z, y, g, J, sigma0, beta, gain)
-    a2, b2 = _rates(omega + 0.5 * STEP * a1, z + 0.5 * STEP * b1, y, g, J, sigma0, beta, gain)
-    a3, b3 = _rates(omega + 0.5 * STEP * a2, z + 0.5 * STEP * b2, y, g, J, sigma0, beta, gain)
-    a4, b4 = _rates(omega + STEP * a3, z + STEP * b3, y, g, J, sigma0, beta, gain)
-    omega += STEP / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4)
-    z += STEP / 6.0 * (b1 + 2.0 * b2 + 2.0 * b3 + b4)
+    stiffest = STIFFEST / step
+    a1, b1 = _rates(omega, z, y, g, J, sigma0, beta, gain, stiffest)
+    a2, b2 = _rates(omega + 0.5 * step * a1, z + 0.5 * step * b1, y, g, J, sigma0, beta, gain, stiffest)
+    a3, b3 = _rates(omega + 0.5 * step * a2, z + 0.5 * step * b2, y, g, J, sigma0, beta, gain, stiffest)
+    a4, b4 = _rates(omega + step * a3, z + step * b3, y, g, J, sigma0, beta, gain, stiffest)
+    omega += step / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4)
+    z += step / 6.0 * (b1 + 2.0 * b2 + 2.0 * b3 + b4)
     return min(max(omega, -FASTEST), FASTEST), z
 
 
+def steps_in_a_sample(rate: float) -> int:
+    """How many steps of about `STEP` there are between two samples of a sensor [Hz]; at least one."""
+    return max(round(1.0 / (rate * STEP)), 1)
+
+
 @njit(cache=True)
-def _observe_all(y, g, J, sigma0, beta, gain, substeps, result):  # type: ignore[no-untyped-def]
+def _observe_all(y, g, J, sigma0, beta, gain, substeps, step, result):  # type: ignore[no-untyped-def]
     omega, z = 0.0, y[0] / sigma0
     for i in range(y.size):
         for _ in range(substeps):
-            omega, z = observe(omega, z, y[i], g[i], J[i], sigma0, beta, gain)
+            omega, z = observe(omega, z, y[i], g[i], J[i], sigma0, beta, gain, step)
         result[i] = omega
 
 
@@ -88,15 +94,16 @@ def observe_slip(y: ArrayLike, g: ArrayLike, J: ArrayLike, settings: ObserverSet
         g: largest friction torque, shape (n,) or a number [N·m].
         J: inertia about the centre of rotation, shape (n,) or a number [kg·m²].
         settings: constants.
-        rate: samples per second, a divisor of 2000.
+        rate: samples per second [Hz].
 
     Returns:
         omega after each sample, shape (n,) [rad/s].
     """
     torque, friction, inertia = (np.ascontiguousarray(a, np.float64) for a in np.broadcast_arrays(y, g, J))
     result = np.empty(torque.size)
-    substeps = round(1.0 / (rate * STEP))
+    substeps = steps_in_a_sample(rate)
+    step = 1.0 / rate / substeps
     _observe_all(
-        torque, friction, inertia, settings.sigma0, settings.beta, settings.gain, substeps, result
+        torque, friction, inertia, settings.sigma0, settings.beta, settings.gain, substeps, step, result
     )  # fmt: skip
     return result

@@ -6,9 +6,22 @@ from dataclasses import dataclass, field
 from enum import Enum
 
 from skills.grip.dynamic_term import DynamicSettings
+from skills.grip.errors import UnusableRate
 from skills.grip.force_loop import ForceLoopSettings
 from skills.grip.limit_surface import SoftContact
 from skills.grip.observer import ObserverSettings
+from skills.grip.tuning import (
+    BiasSettings,
+    CommandSettings,
+    FilterSettings,
+    ReferenceSettings,
+    TrackingSettings,
+    WatchSettings,
+)
+
+RATES = (100.0, 2000.0)
+"""Of a sensor that a grip can use [Hz]: slower ones miss a load that passes within 20 ms, faster ones leave no time
+for a step."""
 
 
 class ForceLaw(Enum):
@@ -43,9 +56,12 @@ class GripSettings:
         narrowest: an opening that no fruit of this kind can have [m].
         off_centre: the fruit may be pushed so far by one finger until the other touches [m].
         slip_limit: estimated slip that is reported as SLIPPED [m].
-        loop, observer, dynamic: of the parts.
+        loop, observer, dynamic, bias, filters, reference, tracking, command, watch: of the parts.
         width_min: end of the gripper's stroke [m].
-        rate: of the sensor's samples [Hz].
+        rate: of the sensor's samples [Hz], within `RATES`.
+
+    Raises:
+        UnusableRate: the sensor's rate lies outside `RATES`.
     """
 
     contact: SoftContact = field(default_factory=SoftContact)
@@ -67,10 +83,29 @@ class GripSettings:
     loop: ForceLoopSettings = field(default_factory=ForceLoopSettings)
     observer: ObserverSettings = field(default_factory=ObserverSettings)
     dynamic: DynamicSettings = field(default_factory=DynamicSettings)
+    bias: BiasSettings = field(default_factory=BiasSettings)
+    filters: FilterSettings = field(default_factory=FilterSettings)
+    reference: ReferenceSettings = field(default_factory=ReferenceSettings)
+    tracking: TrackingSettings = field(default_factory=TrackingSettings)
+    command: CommandSettings = field(default_factory=CommandSettings)
+    watch: WatchSettings = field(default_factory=WatchSettings)
     width_min: float = 0.0
     rate: float = 500.0
+
+    def __post_init__(self) -> None:
+        check_rate(self.rate)
 
     @property
     def period(self) -> float:
         """Seconds between two samples."""
         return 1.0 / self.rate
+
+
+def check_rate(rate: float) -> None:
+    """Refuse a sensor that no grip can use.
+
+    Raises:
+        UnusableRate: the rate [Hz] lies outside `RATES`.
+    """
+    if not RATES[0] <= rate <= RATES[1]:
+        raise UnusableRate(rate, RATES)

@@ -17,8 +17,8 @@ from skills.grip.pads import MIRROR, loads_of_finger
 
 Float64 = NDArray[np.float64]
 
-FEW = 10
-"""Samples that each half of a slide must have."""
+SHORTEST, FEW = 0.02, 4
+"""Each half of a slide must last so long [s] and have so many samples."""
 
 PRESSING = 0.1
 """A finger must press with this much to rub [N]."""
@@ -54,7 +54,9 @@ class Slide:
     load: float
 
 
-def friction_of_slides(up: Float64, down: Float64, contact: SoftContact, doubt: float = 0.0) -> Slide:
+def friction_of_slides(
+    up: Float64, down: Float64, contact: SoftContact, bias_std: float = 0.0, rate: float = 500.0
+) -> Slide:
     """Friction of both pads.
 
     Each finger slides on its limit surface; as an ellipsoid, (f_t / mu f_n)² + (tau_n / tau_max)² = 1, which is solved
@@ -63,13 +65,14 @@ def friction_of_slides(up: Float64, down: Float64, contact: SoftContact, doubt: 
     Args:
         up, down: wrenches while the pads slid, bias removed, shape (n, 2, 6), as in `WrenchSample`.
         contact: what is known of the contact's torsion.
-        doubt: standard deviation of the normal force's error by the bias [N].
+        bias_std: standard deviation of the normal force's error by the bias [N].
+        rate: of the samples [Hz].
 
     Raises:
         NoSlideError: too few samples, a finger that hardly presses, a force that still rises, a fruit that came along.
     """
     halves = [half for way in (up, down) for half in np.array_split(way, 2)]
-    if min(len(half) for half in halves) < FEW:
+    if min(len(half) for half in halves) < max(SHORTEST * rate, FEW):
         raise NoSlideError(f"only {len(up)} and {len(down)} samples of the slides")
     early, late = (_both(first, second) for first, second in ((halves[0], halves[2]), (halves[1], halves[3])))
     (mu_early, _), (mu_late, _) = (_friction(*way, contact) for way in (early, late))
@@ -84,7 +87,7 @@ def friction_of_slides(up: Float64, down: Float64, contact: SoftContact, doubt: 
     apart = abs(float(fingers[0] - fingers[1])) / (2.0 * mu)
     pressed = float(resting[:, 0].mean())
     spread = abs(mu_early - mu_late) / (2.0 * mu)
-    uncertainty = math.sqrt(UNMODELLED**2 + apart**2 + spread**2 + (doubt / pressed) ** 2)
+    uncertainty = math.sqrt(UNMODELLED**2 + apart**2 + spread**2 + (bias_std / pressed) ** 2)
     return Slide(mu, uncertainty, (float(fingers[0]), float(fingers[1])), load)
 
 

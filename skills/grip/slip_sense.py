@@ -1,168 +1,28 @@
-"""What the fingers say about the grasp: loads, the least force that holds them, and the estimated slip.
-
-Bias, filters, limit surface, observer and dynamic term in one compiled step per sample.
-"""
+"""What the fingers say about the grasp: loads, the least force that holds them, and the estimated slip."""
 
 from __future__ import annotations
 
 import math
 
 import numpy as np
-from numba import njit
 
-from skills.grip.dynamic_term import DynamicSettings, answer_slip
+from skills.grip.dynamic_term import DynamicSettings
 from skills.grip.grip import Float64
-from skills.grip.limit_surface import SoftContact, least_force_of_finger, surface_table
-from skills.grip.observer import STEP, ObserverSettings, observe
-from skills.grip.pads import MIRROR, PRESSING, loads_of_finger, smooth
-
-FAST, SLOW_NORMAL, SLOW_LOAD = 0.005, 0.06, 0.08
-"""Time constants of the filters [s]."""
-
-RISE_LAG = 0.03
-"""The rise of the least force is what it is beyond itself through a low-pass of this time constant [s]."""
-
-NOISE_SHARE = 2.5
-"""The fast filter counts where it differs from the slow one by so many of its standard deviations."""
-
-FARTHEST_CENTRE = 0.02
-"""The centre of rotation is taken to be at most so far away [m]; a fruit that only translates has it at infinity."""
-
-CENTRE_LAG = 0.1
-"""Time constant with which the estimated centre of rotation moves [s]."""
-
-TWIST_BOUND = 2.0
-"""A twist beyond this counts as this much."""
-
-JUMP = 0.4
-"""A force that changes on one finger alone by so much more than noise at once is no load [N]."""
-
-QUIET = 0.05
-"""What is beyond noise by less than this is still noise [N]."""
-
-_MEMORY = 6  # omega, z, integral of C_d, omega before, centre, warm
-_SENSED = 17
-
-
-@njit(cache=True)
-def _sense(  # type: ignore[no-untyped-def]
-    raw, periods, expected, bias, mirror, noise, variance, fast, slow, smoothed, shares, centre_share, contact, f, tau,
-    load, observer, dynamic, memory, sensed,
-):  # fmt: skip
-    mu, torsion, gamma, delta, ellipsoid, offset_unknown, reserve = contact
-    sigma0, beta, inertia, mass, offset, gain = observer
-    kp, ki, kdc, bound = dynamic
-    for _ in range(periods):
-        smooth(raw, bias, mirror, noise, fast, slow, smoothed, shares, expected)
-    least = 0.0
-    coulomb = 0.0
-    reserved = 0.0
-    cautious = 0.0
-    centre = 0.0
-    g_torque = 0.0
-    g_force = 0.0
-    y_torque = 0.0
-    y_force = 0.0
-    across_x = 0.0
-    across_y = 0.0
-    blur = 0.0
-    for i in range(2):
-        f_n, f_x, f_y, tau_n = loads_of_finger(smoothed[i])
-        # Noise makes magnitudes larger than they are: what it adds to their squares is taken off.
-        f_t = math.sqrt(max(f_x * f_x + f_y * f_y - variance[0] - variance[1], 0.0))
-        lever = f_t / max(f_n, PRESSING)
-        tau_variance = variance[5] + lever * lever * variance[4]
-        tau_n = math.copysign(math.sqrt(max(tau_n * tau_n - tau_variance, 0.0)), tau_n)
-        needed, s = least_force_of_finger(f_t, tau_n, mu, torsion, gamma, f, tau, load)
-        by_force = least_force_of_finger(f_t + math.sqrt(variance[0]), tau_n, mu, torsion, gamma, f, tau, load)[0]
-        by_moment = least_force_of_finger(f_t, abs(tau_n) + math.sqrt(tau_variance), mu, torsion, gamma, f, tau, load)[
-            0
-        ]
-        blur += (by_force - needed) ** 2 + (by_moment - needed) ** 2
-        least += needed
-        coulomb += f_t / mu
-        f_t_feared = f_t + 0.5 * reserve
-        tau_pushed = abs(tau_n) * f_t_feared / max(f_t, 0.1)
-        reserved += least_force_of_finger(f_t_feared, tau_pushed, mu, torsion, gamma, f, tau, load)[0]
-        tau_feared = max(abs(tau_n), f_t * offset_unknown)
-        cautious += least_force_of_finger(f_t_feared, tau_feared, mu, torsion, gamma, f, tau, load)[0]
-        pressing = max(f_n, 0.05)
-        u = s * (f.size - 1)
-        j = min(int(u), f.size - 2)
-        f_tilde = f[j] + (u - j) * (f[j + 1] - f[j])
-        tau_tilde = tau[j] + (u - j) * (tau[j + 1] - tau[j])
-        if s >= 1.0:
-            c = FARTHEST_CENTRE
-        elif ellipsoid > 0.0:
-            c = torsion * pressing**gamma / mu * math.tan(0.5 * math.pi * s)
-        else:
-            c = delta * pressing**gamma * s / (1.0 - s)
-        centre += 0.5 * min(c, FARTHEST_CENTRE)
-        g_torque += torsion * pressing ** (gamma + 1.0) * tau_tilde
-        g_force += mu * pressing * f_tilde
-        y_torque += abs(tau_n)
-        y_force += f_t
-        across_x += f_x
-        across_y += f_y
-        sensed[i] = f_n
-        sensed[2 + i] = tau_n
-    omega, z, integral, before, c, warm = memory[0], memory[1], memory[2], memory[3], memory[4], memory[5]
-    if warm == 0.0:
-        c = centre
-    else:
-        c += min(periods * centre_share, 1.0) * (centre - c)
-    y = y_torque + c * y_force
-    g = g_torque + c * g_force
-    if warm == 0.0:
-        omega, z, integral, before = 0.0, y / sigma0, 0.0, 0.0
-    J = inertia + mass * (c + offset) ** 2
-    f_nd = 0.0
-    for _ in range(periods * 4):
-        omega, z = observe(omega, z, y, g, J, sigma0, beta, gain)
-        integral, f_nd = answer_slip(integral, before, omega, kp, ki, kdc, bound)
-        before = omega
-    memory[0], memory[1], memory[2], memory[3], memory[4], memory[5] = omega, z, integral, before, c, 1.0
-    sensed[4] = least
-    sensed[5] = coulomb
-    sensed[6] = f_nd
-    sensed[7] = omega
-    sensed[8] = c
-    sensed[9] = math.hypot(across_x, across_y)
-    sensed[10] = y
-    sensed[11] = g
-    sensed[13] = cautious
-    sensed[15] = reserved
-    sensed[16] = math.sqrt(blur)
-    sensed[14] = 2.0 * (abs(fast[1, 2] - slow[1, 2]) - noise[1, 2])
-    sensed[12] = _jump_of_one_finger(fast, slow, noise)
-
-
-@njit(cache=True)
-def _jump_of_one_finger(fast, slow, noise):  # type: ignore[no-untyped-def]
-    """How far one finger's tangential force has jumped beyond noise while the other feels nothing at all [N]."""
-    result = 0.0
-    for finger in range(2):
-        sign = 1.0 if finger == 0 else -1.0
-        jumped = 0.0
-        other = 0.0
-        for j in range(3):
-            alike, apart = fast[0, j] - slow[0, j], fast[1, j] - slow[1, j]
-            beyond = noise[0, j] + noise[1, j]
-            if j < 2:
-                jumped = max(jumped, abs(alike + sign * apart) - beyond)
-            other = max(other, abs(alike - sign * apart) - beyond)
-        if other <= QUIET:
-            result = max(result, jumped)
-    return result
+from skills.grip.limit_surface import SoftContact, surface_table
+from skills.grip.observer import ObserverSettings, steps_in_a_sample
+from skills.grip.pads import MIRROR
+from skills.grip.slip_kernel import NO_LOADS, REST, Contact, Filters, Loads, Observer, Shares, Unknown, sense_sample
+from skills.grip.tuning import FilterSettings
 
 
 class SlipSense:
-    """Senses loads and slip, sample by sample. Usable alone: `settle` the bias, then `advance` with raw wrenches.
+    """Senses loads and slip, sample by sample. Usable alone: `calibrate_bias`, then `advance` with raw wrenches.
 
-    After `advance`: `fingers` (pressing forces, shape (2,) [N]), `f_n` (grasp force [N]), `least` (least grasp force by
-    the limit surface, without margin [N]), `coulomb` (the same by Coulomb's law), `f_nd` (dynamic term [N]), `omega`
-    (estimated slip velocity [rad/s]), `centre` (its distance from the contact [m]), `f_t` [N] and `tau_n` [N·m] of both
-    fingers together.
+    Attributes:
+        loads: what the newest sample says; the properties below are the ones that are asked for most.
+        f_n: grasp force, twice the smaller finger's, freed of what noise puts between them [N].
+        tau_n: torsional moment on both fingers together [N·m].
+        one_sided_press: one finger's normal force has just changed alone: the larger one counts in `f_n` meanwhile.
     """
 
     def __init__(
@@ -173,120 +33,170 @@ class SlipSense:
         rate: float = 500.0,
         offset: float = 0.0,
         reserve: float = 0.0,
+        filters: FilterSettings | None = None,
     ) -> None:
-        if round(1.0 / (rate * STEP)) != 4:
-            raise ValueError(f"the observer's step fits a sensor of 500 Hz, not one of {rate:g} Hz")
-        self._unknown = (offset, reserve)
-        self.know(contact)
-        self._observer = (
-            observer.sigma0, observer.beta, observer.inertia, observer.mass, observer.offset, observer.gain
-        )  # fmt: skip
-        self._dynamic = (dynamic.kp, dynamic.ki, dynamic.kdc, dynamic.bound)
-        self._shares = tuple(
-            1.0 - math.exp(-1.0 / (rate * lag)) for lag in (FAST, SLOW_NORMAL, SLOW_LOAD, CENTRE_LAG, RISE_LAG)
-        )
-        self._bias, self._noise, self._variance = np.zeros((2, 6)), np.zeros((2, 6)), np.zeros(6)
-        self._fast, self._slow, self._smoothed = np.zeros((2, 6)), np.zeros((2, 6)), np.zeros((2, 6))
-        self._memory, self._sensed = np.zeros(_MEMORY), np.zeros(_SENSED)
-        # One finger's normal force has just changed alone: the larger one counts meanwhile.
-        self.one_sided_press = False
-        self._least_before = self._unrest = self._doubt = self._difference_variance = 0.0
-        self.f_n = self.least = self.coulomb = self.f_nd = self.omega = self.centre = self.f_t = self.tau_n = 0.0
+        """Make one at rest.
 
-    def know(self, contact: SoftContact) -> None:
+        Args:
+            contact: friction of pad and fruit.
+            observer, dynamic, filters: constants.
+            rate: of the samples [Hz].
+            offset: lever of the fruit's centre that `cautious` allows for [m].
+            reserve: tangential push that `cautious` and `reserved` allow for [N].
+        """
+        self._settings = filters or FilterSettings()
+        self._unknown = Unknown(offset, reserve, self._settings.farthest_centre, self._settings.quiet)
+        self.set_friction(contact)
+        substeps = steps_in_a_sample(rate)
+        self._observer = Observer(
+            observer.sigma0, observer.beta, observer.inertia, observer.mass, observer.offset, observer.gain,
+            dynamic.kp, dynamic.ki, dynamic.kdc, dynamic.bound, substeps, 1.0 / rate / substeps,
+        )  # fmt: skip
+        fast, normal, load, centre, self._rise_share = (
+            1.0 - math.exp(-1.0 / (rate * lag))
+            for lag in (
+                self._settings.fast_lag, self._settings.normal_lag, self._settings.load_lag,
+                self._settings.centre_lag, self._settings.rise_lag,
+            )
+        )  # fmt: skip
+        self._shares = Shares(fast, normal, load, centre)
+        bias, band, fast_state, slow_state, smoothed = (np.zeros((2, 6)) for _ in range(5))
+        self._filters = Filters(bias, band, fast_state, slow_state, smoothed, np.zeros(6))
+        self._state = REST
+        self.loads: Loads = NO_LOADS
+        self.one_sided_press = False
+        self.f_n = self.tau_n = 0.0
+        self._least_before = self._normal_noise_band = self._bias_std = self._difference_variance = 0.0
+
+    def set_friction(self, contact: SoftContact) -> None:
         """Take another friction from the next sample on."""
         table = surface_table(contact)
-        self._table = (table.f, table.tau, table.load)
-        self._contact = (
-            contact.mu, contact.torsion, contact.gamma, contact.delta, float(contact.ellipsoid), *self._unknown
+        self._contact = Contact(
+            float(contact.mu), contact.torsion, contact.gamma, contact.delta, contact.ellipsoid,
+            table.f, table.tau, table.load,
         )  # fmt: skip
 
     @property
     def bias(self) -> Float64:
         """What the fingers show with nothing between them, shape (2, 6)."""
-        return self._bias.copy()
+        return self._filters.bias.copy()
 
     @property
-    def fingers(self) -> tuple[float, float]:
-        return float(self._sensed[0]), float(self._sensed[1])
+    def finger_forces(self) -> tuple[float, float]:
+        """Pressing force of the left and the right finger [N]."""
+        return self.loads.left, self.loads.right
+
+    @property
+    def force_sum(self) -> float:
+        """Both fingers' pressing forces together [N]; beyond `f_n` where a drifting sensor sets them apart."""
+        return self.loads.left + self.loads.right
+
+    @property
+    def least(self) -> float:
+        """The least grasp force that holds the load, without margin [N]."""
+        return self.loads.least
+
+    @property
+    def coulomb(self) -> float:
+        """The same by Coulomb's law, as if there were no moment [N]."""
+        return self.loads.coulomb
+
+    @property
+    def f_t(self) -> float:
+        """Tangential force of both fingers together [N]."""
+        return self.loads.f_t
+
+    @property
+    def f_nd(self) -> float:
+        """Dynamic term [N]."""
+        return self.loads.f_nd
+
+    @property
+    def omega(self) -> float:
+        """Estimated slip velocity [rad/s]."""
+        return self._state.omega
+
+    @property
+    def centre(self) -> float:
+        """Distance of the centre of rotation from the contact [m]."""
+        return self._state.centre
 
     @property
     def rise(self) -> float:
         """How much the least force has risen just now [N]; negative while it falls."""
-        return self.least - self._least_before
+        return self.loads.least - self._least_before
 
     @property
     def twist(self) -> float:
-        """How much more force the moment asks for than the weight alone, as a share of that; 0 … `TWIST_BOUND`."""
-        return min(max(self.least / max(self.coulomb, 0.1) - 1.0, 0.0), TWIST_BOUND)
+        """How much more force the moment asks for than the weight alone, as a share of that; 0 … `twist_bound`."""
+        return min(max(self.loads.least / max(self.loads.coulomb, 0.1) - 1.0, 0.0), self._settings.twist_bound)
 
     @property
     def one_sided_jump(self) -> bool:
         """Whether one finger's tangential force has just jumped and the other's has not: no fruit does that."""
-        return bool(self._sensed[12] > JUMP)
+        return self.loads.one_sided_jump > self._settings.jump
 
     @property
     def reserved(self) -> float:
         """The least force for the measured load and a push of the reserve on the same lever [N]."""
-        return float(self._sensed[15])
-
-    @property
-    def blur(self) -> float:
-        """Standard deviation of what noise alone puts on the least force [N]."""
-        return float(self._sensed[16])
+        return self.loads.reserved
 
     @property
     def cautious(self) -> float:
         """The least force if the fruit's centre lay `offset` off the grasp axis, or as measured if that is more [N]."""
-        return float(self._sensed[13])
+        return self.loads.cautious
 
     @property
-    def unrest(self) -> float:
+    def least_noise_std(self) -> float:
+        """Standard deviation of what noise alone puts on the least force [N]."""
+        return self.loads.least_noise_std
+
+    @property
+    def normal_noise_band(self) -> float:
         """How far noise alone carries the measured grasp force from the true one, twice its standard deviation [N]."""
-        return self._unrest
+        return self._normal_noise_band
 
     @property
-    def doubt(self) -> float:
+    def bias_std(self) -> float:
         """Standard deviation of the error that the bias, itself a mean of noise, puts on the least force [N]."""
-        return self._doubt
+        return self._bias_std
 
-    def settle(self, samples: Float64) -> None:
+    def calibrate_bias(self, samples: Float64) -> None:
         """Take the bias, and how noisy the fingers are, from samples with nothing touching, shape (n, 2, 6)."""
-        self._bias[:] = samples.mean(axis=0)
-        fast_share = self._shares[0]
-        second = MIRROR * samples[:, 1]
-        modes = 0.5 * np.stack([samples[:, 0] + second, samples[:, 0] - second], axis=1)
-        self._noise[:] = NOISE_SHARE * modes.std(axis=0) * math.sqrt(fast_share / (2.0 - fast_share))
-        slow_share = self._shares[2]
-        self._variance[:] = modes.var(axis=0).sum(axis=0) * slow_share / (2.0 - slow_share)
-        normal_share = self._shares[1]
-        apart = float(modes[:, 1, 2].var()) * normal_share / (2.0 - normal_share)
+        filters, shares = self._filters, self._shares
+        filters.bias[:] = samples.mean(axis=0)
+        right = MIRROR * samples[:, 1]
+        modes = 0.5 * np.stack([samples[:, 0] + right, samples[:, 0] - right], axis=1)
+        fast_std = math.sqrt(shares.fast / (2.0 - shares.fast))
+        filters.noise_band[:] = self._settings.noise_share * modes.std(axis=0) * fast_std
+        filters.variance[:] = modes.var(axis=0).sum(axis=0) * shares.load / (2.0 - shares.load)
+        apart = float(modes[:, 1, 2].var()) * shares.normal / (2.0 - shares.normal)
         self._difference_variance = 4.0 * apart
-        mean_of = samples.var(axis=0).sum(axis=0) / len(samples)
-        self._doubt = math.sqrt(float(mean_of[2] + 0.5 * (mean_of[0] + mean_of[1]) / self._contact[0] ** 2))
-        self._unrest = 4.0 * math.sqrt(float(modes[:, :, 2].var(axis=0).sum()) * normal_share / (2.0 - normal_share))
-        for state in (self._fast, self._slow, self._smoothed, self._memory):
-            state[:] = 0.0
+        of_mean = samples.var(axis=0).sum(axis=0) / len(samples)
+        self._bias_std = math.sqrt(float(of_mean[2] + 0.5 * (of_mean[0] + of_mean[1]) / self._contact.mu**2))
+        self._normal_noise_band = 4.0 * math.sqrt(
+            float(modes[:, :, 2].var(axis=0).sum()) * shares.normal / (2.0 - shares.normal)
+        )
+        for array in (filters.fast, filters.slow, filters.smoothed):
+            array[:] = 0.0
+        self._state = REST
 
     def start_observer(self) -> None:
         """Start the observer at rest under the load that the next sample shows."""
-        self._memory[5] = 0.0
+        self._state = self._state._replace(started=False)
 
     def advance(self, raw: Float64, periods: int = 1, expected: float = 0.0) -> None:
         """Take one raw sample, shape (2, 6), that stands for so many periods.
 
         In each of them the fingers' own motion is expected to change the grasp force by `expected` [N].
         """
-        _sense(
-            raw, periods, expected, self._bias, MIRROR, self._noise, self._variance, self._fast, self._slow,
-            self._smoothed, self._shares[:3], self._shares[3], self._contact, *self._table, self._observer,
-            self._dynamic, self._memory, self._sensed,
+        self.loads, self._state = sense_sample(
+            raw, periods, expected, self._filters, self._shares, self._contact, self._unknown, self._observer,
+            self._state,
         )  # fmt: skip
-        first, second, tau_0, tau_1, self.least, self.coulomb, self.f_nd, self.omega, self.centre, self.f_t = (
-            self._sensed[:10].tolist()
-        )
-        self.one_sided_press = self._sensed[14] > JUMP
-        difference = math.sqrt(max((first - second) ** 2 - self._difference_variance, 0.0))
-        self.f_n = max(first + second + (difference if self.one_sided_press else -difference), 0.0)
-        self.tau_n = tau_0 + tau_1
-        self._least_before += min(periods * self._shares[4], 1.0) * (self.least - self._least_before)
+        loads = self.loads
+        self.one_sided_press = loads.one_sided_press > self._settings.jump
+        difference = math.sqrt(max((loads.left - loads.right) ** 2 - self._difference_variance, 0.0))
+        self.f_n = max(loads.left + loads.right + (difference if self.one_sided_press else -difference), 0.0)
+        self.tau_n = loads.tau_left + loads.tau_right
+        self._least_before += min(periods * self._rise_share, 1.0) * (loads.least - self._least_before)

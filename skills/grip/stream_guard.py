@@ -6,8 +6,8 @@ import math
 
 from skills.grip.grip import Float64
 
-LONGEST_CATCH_UP = 10
-"""After a gap the filters run on for at most so many periods of the new sample."""
+LONGEST_CATCH_UP = 0.02
+"""After a gap the filters run on with the new sample for at most so long [s]."""
 
 RESTART_AFTER = 0.05
 """A sequence that falls back with stamps this much later is a sensor that was restarted [s]."""
@@ -18,6 +18,7 @@ class StreamGuard:
 
     def __init__(self, period: float) -> None:
         self.period = period
+        self._most_periods = max(round(LONGEST_CATCH_UP / period), 1)
         self.stamp = -math.inf
         self.sequence = -1
         self.repeated = self.out_of_order = self.missing = self.not_finite = 0
@@ -43,7 +44,7 @@ class StreamGuard:
         self.missing += lost
         self.longest_gap = max(self.longest_gap, gap)
         self.stamp, self.sequence = stamp, sequence
-        return 1 + min(max(round(gap / self.period), 0), LONGEST_CATCH_UP - 1)
+        return 1 + min(max(round(gap / self.period), 0), self._most_periods - 1)
 
     def findings(self) -> tuple[str, ...]:
         """What was odd so far, one sentence each."""

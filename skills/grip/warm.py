@@ -5,11 +5,19 @@ from __future__ import annotations
 import numpy as np
 
 from skills.grip.controller import GripController
-from skills.grip.settings import GripSettings
+from skills.grip.settings import GripSettings, check_rate
 
 
-def warm_up() -> None:
-    """Step a controller that nothing hangs on through its phases."""
+def warm_up(rate: float = 500.0) -> None:
+    """Step a controller that nothing hangs on through its phases.
+
+    Args:
+        rate: of the sensor's samples [Hz].
+
+    Raises:
+        UnusableRate: no grip can use such a sensor.
+    """
+    check_rate(rate)
     controller = GripController(GripSettings())
     controller.width = 0.08
     for i in range(300):

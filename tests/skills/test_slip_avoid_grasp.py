@@ -16,6 +16,7 @@ from drivers.mock.fingers import MockForceSensor, spring_fruit
 from drivers.mock.gripper import MockGripper
 from executive.skill_testing import Outcome, drive
 from executive.views import SeriesView
+from skills.grip.errors import UnusableRate
 from skills.grip.grip import GripPhase
 from skills.grip.hold import Hold, current_hold, take_over
 from skills.pivot import Pivot
@@ -75,6 +76,16 @@ def test_it_closes_and_hands_on_a_grip_that_goes_on() -> None:
     rig.clock.advance(1.0)
     assert hold.reading.f_n == pytest.approx(2.2, abs=0.1)
     assert hold.reading.stamp == rig.clock.now()
+
+
+def test_a_sensor_that_no_grip_can_use_is_refused_before_the_run() -> None:
+    rig = Rig()
+    rig.fingers.rate = 50.0
+    skill = SlipAvoidGrasp()
+    skill.bind(SimpleNamespace(device=rig.devices.get), "grasp", dict, lambda _name, _value: None)  # type: ignore[arg-type]
+    with pytest.raises(UnusableRate, match="50 samples a second"):
+        skill.prepare()
+    assert rig.gripper.speeds == []
 
 
 def test_it_starts_no_motion_before_the_bias_is_taken() -> None:

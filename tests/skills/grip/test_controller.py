@@ -13,6 +13,7 @@ from benchmarks.grasp_mujoco import TORSION, MujocoGrasp
 from benchmarks.grasp_patch import Fruit, PatchGrasp
 from benchmarks.grasp_trial import Corrupt, Lifting, Result, run_trial
 from skills.grip.controller import GripController
+from skills.grip.errors import UnusableRate
 from skills.grip.force_loop import ForceLoopSettings
 from skills.grip.grip import GripPhase
 from skills.grip.limit_surface import SoftContact
@@ -327,3 +328,21 @@ def test_the_contact_of_a_light_fruit_that_is_pressed_hard_gives_no_energy() -> 
     assert grasp.f_n > 38.0
     assert max(borne) < 4.0
     assert abs(grasp.turn) < 0.2
+
+
+# ------------------------------------------------------------------------------------------------ sensors' rates
+
+
+@pytest.mark.parametrize("rate", [100.0, 250.0, 330.0, 1000.0, 2000.0])
+def test_a_sensor_of_any_usable_rate_lifts_the_fruit(rate: float) -> None:
+    result = lift(settings={"rate": rate}, lifting=Lifting(hold=0.5))
+    assert result.held
+    assert result.slip < 0.002
+    assert np.degrees(result.turn) < 5.0
+    assert 1.0 < result.steady / result.least < 1.4
+
+
+@pytest.mark.parametrize("rate", [0.0, 99.0, 2001.0, float("nan")])
+def test_a_sensor_that_is_too_slow_or_too_fast_is_refused_in_words(rate: float) -> None:
+    with pytest.raises(UnusableRate, match="samples a second; a grip needs 100 to 2000"):
+        GripSettings(rate=rate)

@@ -55,7 +55,7 @@ def test_the_moment_is_about_the_contact_and_not_about_the_pads_centre() -> None
 def sense(noise: float = 0.0, seed: int = 0) -> tuple[SlipSense, np.random.Generator]:
     rng = np.random.default_rng(seed)
     made = SlipSense(SoftContact(mu=0.6), ObserverSettings(), DynamicSettings())
-    made.settle(0.1 + rng.normal(0.0, noise, (100, 2, 6)) * [1, 1, 1, 0.005, 0.005, 0.005])
+    made.calibrate_bias(0.1 + rng.normal(0.0, noise, (100, 2, 6)) * [1, 1, 1, 0.005, 0.005, 0.005])
     return made, rng
 
 
@@ -73,7 +73,7 @@ def test_the_grasp_force_is_twice_the_smaller_fingers() -> None:
     wrenches[:, 2] -= [1.5, 1.2]
     for _ in range(400):
         made.advance(wrenches)
-    assert made.fingers == pytest.approx((1.5, 1.2), abs=1e-6)
+    assert made.finger_forces == pytest.approx((1.5, 1.2), abs=1e-6)
     assert made.f_n == pytest.approx(2.4, abs=1e-6)
 
 
@@ -134,7 +134,7 @@ def test_pads_that_are_half_as_stiff_as_told_are_felt_no_worse_than_with_no_word
 def test_a_push_that_is_reserved_for_has_the_lever_of_the_load() -> None:
     plumb, aside = (SlipSense(SoftContact(mu=0.6), ObserverSettings(), DynamicSettings(), reserve=2.0) for _ in "12")
     for made, tau in ((plumb, 0.0), (aside, 0.005)):
-        made.settle(np.zeros((100, 2, 6)))
+        made.calibrate_bias(np.zeros((100, 2, 6)))
         wrenches = np.zeros((2, 6))
         wrenches[:, 2] = -4.0
         wrenches[:, 0] = 0.5

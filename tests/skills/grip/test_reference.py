@@ -15,12 +15,13 @@ PERIOD = 0.002
 MARGIN = 1.1
 
 
-def load(coulomb: float, share: float = 1.0, blur: float = 0.0, rise: float = 0.0, **changes: float) -> Any:
+def load(coulomb: float, share: float = 1.0, noise: float = 0.0, rise: float = 0.0, **changes: float) -> Any:
     """What `SlipSense` would say of a fruit whose moment makes the least force `share` times Coulomb's."""
     least = coulomb * share
     felt = {
         "coulomb": coulomb, "least": least, "reserved": least, "cautious": 1.5 * least, "f_t": 0.6 * coulomb,
-        "rise": rise, "unrest": 0.0, "blur": blur, "doubt": 0.0, "twist": share - 1.0, "f_nd": 0.0,
+        "rise": rise, "normal_noise_band": 0.0, "least_noise_std": noise, "bias_std": 0.0,
+        "twist": share - 1.0, "f_nd": 0.0,
     }  # fmt: skip
     return SimpleNamespace(**{**felt, **changes})
 
@@ -65,14 +66,14 @@ def test_the_answer_fades_when_the_share_grows_no_more() -> None:
 def test_a_share_that_trembles_within_noise_is_not_answered() -> None:
     reference = carrying(share=1.3)
     trembling = 1.3 + 0.05 * np.sin(2.0 * np.pi * 3.0 * PERIOD * np.arange(3000))
-    wanted = follow(reference, [load(2.0, share, blur=0.1) for share in trembling])
+    wanted = follow(reference, [load(2.0, share, noise=0.1) for share in trembling])
     assert np.mean(wanted[1000:]) == pytest.approx(MARGIN * 2.6, rel=0.02)
 
 
 def test_noise_of_light_fruit_costs_no_force() -> None:
     reference = carrying()
     noise = np.random.default_rng(1).normal(0.0, 0.1, 3000)
-    wanted = follow(reference, [load(2.0 + error, blur=0.1) for error in noise])
+    wanted = follow(reference, [load(2.0 + error, noise=0.1) for error in noise])
     assert np.mean(wanted[1000:]) == pytest.approx(MARGIN * 2.0, rel=0.02)
 
 
@@ -84,7 +85,7 @@ def test_a_lift_that_slows_down_hardly_lowers_the_force() -> None:
 
 def test_a_load_that_rises_counts_at_once() -> None:
     reference = carrying()
-    assert follow(reference, [load(3.0, blur=0.02)])[0] > MARGIN * 2.9
+    assert follow(reference, [load(3.0, noise=0.02)])[0] > MARGIN * 2.9
 
 
 def test_what_presses_enough_already_is_not_hurried() -> None:

@@ -42,7 +42,7 @@ def test_what_rubs_is_found_whatever_the_forces_and_the_bias(mu, first, second, 
 
 def test_noise_and_fingers_that_differ_make_it_less_certain():
     up, down = (slid(0.8, way=way, noise=0.04, seed=k) for k, way in enumerate((1.0, -1.0)))
-    noisy = friction_of_slides(up, down, CONTACT, doubt=0.01)
+    noisy = friction_of_slides(up, down, CONTACT, bias_std=0.01)
     assert noisy.mu == pytest.approx(0.8, rel=0.03)
     assert 0.03 < noisy.uncertainty < 0.08
     up[:, 0, 0] *= 1.3

@@ -5,7 +5,8 @@ from __future__ import annotations
 import pytest
 
 from skills.grip.force_loop import ForceLoopSettings, PadStiffness
-from skills.grip.tracking import FORESEEN, ForceTracker
+from skills.grip.tracking import ForceTracker
+from skills.grip.tuning import TrackingSettings
 
 PERIOD = 0.002
 
@@ -22,7 +23,7 @@ def test_fast_motion_is_not_relied_upon() -> None:
     tracker = ForceTracker(ForceLoopSettings())
     for _ in range(100):
         expected = tracker.expected(-0.2, 3.0, PERIOD)
-    assert expected == pytest.approx(FORESEEN * 2000.0 * PERIOD)
+    assert expected == pytest.approx(TrackingSettings().foreseen * 2000.0 * PERIOD)
 
 
 def test_pads_that_stiffen_press_more_for_the_same_way() -> None:
