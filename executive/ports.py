@@ -10,7 +10,7 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from enum import Enum
-from typing import Any
+from typing import Annotated, Any, dataclass_transform
 
 from executive.values.units import (
     ACCELERATION,
@@ -46,10 +46,24 @@ __all__ = [
     "STIFFNESS",
     "TIME",
     "TORQUE",
+    "Acceleration",
+    "Angle",
+    "AngularSpeed",
+    "Force",
+    "Length",
+    "Mass",
+    "Outputs",
     "Port",
     "PortType",
     "Ports",
+    "Pressure",
     "Quantity",
+    "Rate",
+    "Ratio",
+    "Speed",
+    "Stiffness",
+    "Time",
+    "Torque",
     "optional",
     "type_name",
 ]
@@ -64,6 +78,20 @@ REQUIRED = _Missing.REQUIRED
 
 
 PortType = type[Any] | Quantity
+
+Length = Annotated[float, LENGTH]
+Angle = Annotated[float, ANGLE]
+Time = Annotated[float, TIME]
+Mass = Annotated[float, MASS]
+Force = Annotated[float, FORCE]
+Torque = Annotated[float, TORQUE]
+Stiffness = Annotated[float, STIFFNESS]
+Pressure = Annotated[float, PRESSURE]
+Speed = Annotated[float, SPEED]
+AngularSpeed = Annotated[float, ANGULAR_SPEED]
+Acceleration = Annotated[float, ACCELERATION]
+Rate = Annotated[float, RATE]
+Ratio = Annotated[float, RATIO]
 
 
 def type_name(port_type: PortType) -> str:
@@ -81,14 +109,14 @@ class Port:
     """One port's declaration.
 
     Attributes:
-        type: what it carries.
+        type: what it carries; read from the annotation where the port stands in a skill's `run`.
         default: value when the tree wires nothing; a quantity may be written as text. `REQUIRED` when there is none.
         help: one line for people.
         min, max: closed range of a number or quantity, as text with a unit or in SI.
         choices: the only texts that are allowed.
     """
 
-    type: PortType
+    type: PortType = object
     default: Any = REQUIRED
     help: str = ""
     min: Any = None
@@ -135,6 +163,19 @@ class Ports(Mapping[str, Port]):
 
     def __len__(self) -> int:
         return len(self._ports)
+
+
+@dataclass_transform(frozen_default=True)
+class Outputs:
+    """What a skill gives: its subclasses are frozen dataclasses, each field an output port.
+
+    class Weighed(Outputs):
+        mass: Mass
+    """
+
+    def __init_subclass__(cls, **kwargs: Any) -> None:
+        super().__init_subclass__(**kwargs)
+        dataclass(frozen=True)(cls)
 
 
 def optional(port_type: PortType, help: str = "") -> Port:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from enum import Enum
 from importlib.metadata import entry_points
 
-from executive.ports import QUANTITIES, Port, PortType, Quantity, type_name
+from executive.ports import QUANTITIES, RATIO, Port, PortType, Quantity, type_name
 from executive.skill import Skill
 
 GROUP = "pomona.skills"
@@ -88,6 +88,8 @@ def default_text(port: Port) -> str:
         return default.value if isinstance(default.value, str) else default.name
     if isinstance(default, bool):
         return str(default).lower()
+    if isinstance(port.type, Quantity) and not isinstance(default, str):
+        return port.type.format(default)
     return str(default)
 
 
@@ -98,7 +100,10 @@ def port_facts(name: str, port: Port) -> dict[str, object]:
         facts["units"] = list(port.type.units)
     facts["required"] = port.required
     if not port.required and port.default is not None:
-        facts["default"] = port.default if isinstance(port.default, (bool, int, float)) else default_text(port)
+        plain = isinstance(port.default, (bool, int, float)) and not (
+            isinstance(port.type, Quantity) and port.type != RATIO
+        )
+        facts["default"] = port.default if plain else default_text(port)
     if port.min is not None:
         facts["min"] = port.min
     if port.max is not None:

@@ -1,18 +1,22 @@
 """What a skill is: typed ports, a body that is polled, and failure with a reason.
 
 A skill is a py_trees behaviour whose body is one generator, `run`. Each `yield` hands the tick back (RUNNING, with an
-optional line of feedback); `return {...}` is success with outputs; `raise self.failure(CODE, sentence, **data)` is
+optional line of feedback); `return` is success with outputs; `raise self.failure(CODE, sentence, **data)` is
 failure. When the tree interrupts it, `Interrupted` is raised at the `yield`: the body stops what it started, may yield
 on while that takes time, and lets the exception pass. Work that takes longer than a moment goes through `self.compute`.
 
+    class Refined(Outputs):
+        measured: MeasuredFruit
+
     class Refine(Skill):
-        inputs = Ports(detection=Detection)
-        outputs = Ports(measured=MeasuredFruit)
         failures = ("NO_DEPTH", "TOO_FEW_INLIERS")
 
-        def run(self, detection: Detection) -> Work:
+        def run(self, detection: Detection, inlier_band: Length = LENGTH("4 mm")) -> Work[Refined]:
             fit = yield from self.compute(refine, detection.frame.depth, ...)
-            return {"measured": fit}
+            return Refined(measured=fit)
+
+Its ports are said once: the parameters of `run` are the inputs, the fields of what it returns the outputs
+(`executive.signature`). A mistake in them is an error when the class is made.
 """
 
 from __future__ import annotations
@@ -28,10 +32,12 @@ from py_trees.common import Status
 
 from executive.clock import Clock
 from executive.errors import SkillError
-from executive.ports import Ports
+from executive.ports import Outputs, Ports
+from executive.signature import ports_of
 
 T = TypeVar("T")
-Work = Generator["str | None", None, Mapping[str, object] | None]
+Work = Generator["str | None", None, T]
+"""What a `run` that takes several ticks returns: it yields lines of feedback and ends with its outputs."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,18 +103,37 @@ class SkillContext(Protocol):
         """Why a skill may not start yet (another one still lets go of its device), or None."""
         ...
 
-    def halt(self, skill: Skill, work: Work) -> None:
+    def halt(self, skill: Skill, work: Work[Any]) -> None:
         """Drive an interrupted body until it has ended."""
         ...
 
 
 class Skill(py_trees.behaviour.Behaviour):
-    """A leaf of the tree. Subclasses declare their ports, devices and failure codes, and write `run`."""
+    """A leaf of the tree. Subclasses declare their devices and failure codes, and write `run`.
+
+    `run` is the skill's body: a generator function, or for instant work a function that returns the outputs.
+
+    Attributes:
+        inputs, outputs: ports, read from the signature of `run`; only a `run(self, **inputs)` that takes whatever comes
+            (a mock) says them in the class.
+        devices: interfaces of the cell's devices that it uses.
+        failures: codes with which it can fail.
+    """
 
     inputs: ClassVar[Ports] = Ports()
     outputs: ClassVar[Ports] = Ports()
     devices: ClassVar[tuple[type, ...]] = ()
     failures: ClassVar[tuple[str, ...]] = ()
+
+    def __init_subclass__(cls, **kwargs: Any) -> None:
+        super().__init_subclass__(**kwargs)
+        if "run" in vars(cls):
+            ports = ports_of(cls.__name__, vars(cls)["run"])
+            if ports is not None:
+                said = {"inputs", "outputs"} & vars(cls).keys()
+                if said:
+                    raise SkillError(cls.__name__, f"{', '.join(sorted(said))} stand in the signature of run already")
+                cls.inputs, cls.outputs = ports
 
     def __init__(self, name: str = "") -> None:
         super().__init__(name or type(self).__name__)
@@ -116,7 +141,7 @@ class Skill(py_trees.behaviour.Behaviour):
         self.path = self.name
         self.starts = 0
         self.blocked = 0.0  # seconds that the last poll kept the tick waiting
-        self._work: Work | None = None
+        self._work: Work[Any] | None = None
         self._context: SkillContext | None = None
         self._read: Callable[[], Mapping[str, object]] = dict
         self._write: Callable[[str, object], None] = lambda _name, _value: None
@@ -125,10 +150,6 @@ class Skill(py_trees.behaviour.Behaviour):
 
     def prepare(self) -> None:
         """Load and warm what the first start needs (weights, compiled code); called before the run's clock starts."""
-
-    def run(self, **inputs: Any) -> Work:
-        """The skill's body: a generator, or for instant work a function that returns the outputs."""
-        raise SkillError(type(self).__name__, "defines no run()")
 
     def failure(self, code: str, message: str, **data: object) -> SkillFailure:
         """A failure to raise; `code` must be one of the class's `failures`."""
@@ -229,7 +250,7 @@ class Skill(py_trees.behaviour.Behaviour):
                 if obstacle is not None:
                     self.feedback_message = obstacle
                     return Status.RUNNING
-                started: Any = self.run(**self._read())
+                started = self._body()(**self._read())
                 if not isinstance(started, Generator):
                     return self._succeed(started)
                 self._work = started
@@ -249,8 +270,16 @@ class Skill(py_trees.behaviour.Behaviour):
             work, self._work = self._work, None
             self.context.halt(self, work)
 
-    def _succeed(self, outputs: Mapping[str, object] | None) -> Status:
-        given = dict(outputs or {})
+    def _body(self) -> Callable[..., Any]:
+        body: Callable[..., Any] | None = getattr(
+            self, "run", None
+        )  # not declared here: each skill's has its own signature
+        if body is None:
+            raise SkillError(type(self).__name__, "defines no run()")
+        return body
+
+    def _succeed(self, outputs: Any) -> Status:
+        given = dict(vars(outputs) if isinstance(outputs, Outputs) else outputs or {})
         if given.keys() != self.outputs.keys():
             expected, got = sorted(self.outputs), sorted(given)
             raise SkillError(type(self).__name__, f"must return the outputs {expected}, returned {got}")

@@ -51,7 +51,7 @@ class BenchContext:
     computing: int = 0
     computations: list[_Finished] = field(default_factory=list)
     published: list[tuple[str, object]] = field(default_factory=list)
-    halting: list[Work] = field(default_factory=list)
+    halting: list[Work[Any]] = field(default_factory=list)
 
     def device(self, interface: type[T]) -> T:
         return cast(T, self.devices[interface])
@@ -75,7 +75,7 @@ class BenchContext:
     def not_yet(self, skill: Skill) -> str | None:
         return None
 
-    def halt(self, skill: Skill, work: Work) -> None:
+    def halt(self, skill: Skill, work: Work[Any]) -> None:
         try:
             work.throw(Interrupted())
         except (Interrupted, StopIteration):

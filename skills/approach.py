@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
 import numpy as np
 
 from drivers.interfaces import Arm, ForceSensor, Gripper, Workspace
-from executive.ports import ACCELERATION, FORCE, LENGTH, SPEED, Port, Ports, optional
+from executive.ports import ACCELERATION, FORCE, LENGTH, SPEED, Acceleration, Force, Length, Port, Speed
 from executive.skill import Work
 from executive.views import Line3, SceneView
 from skills.grip.hold import take_over
@@ -33,14 +35,6 @@ class Approach(MovingSkill):
     Any lasting change of force at a finger stops the arm: nothing is to be touched before the fingers close.
     """
 
-    inputs = Ports(
-        grasp=Grasp,
-        map=optional(OccupancyMap, "what is in the way; the target is left out of it"),
-        speed=Port(SPEED, default="0.25 m/s", min="1 mm/s", max="1 m/s"),
-        acceleration=Port(ACCELERATION, default="1 m/s²", min="0.01 m/s²", max="3 m/s²"),
-        contact=Port(FORCE, default="1.5 N", min="0.3 N", help="change of force that counts as a touch"),
-        clearance=Port(LENGTH, default="5 mm", min="0 mm", help="kept by the links; gripper and fingers keep a share"),
-    )
     devices = (Arm, Gripper, ForceSensor, Workspace)
     failures = (
         *MOTION_FAILURES,
@@ -55,15 +49,17 @@ class Approach(MovingSkill):
     def prepare(self) -> None:
         prepare_moving(self)
 
-    def run(  # type: ignore[override]
+    def run(
         self,
         grasp: Grasp,
-        map: OccupancyMap | None,
-        speed: float,
-        acceleration: float,
-        contact: float,
-        clearance: float,
-    ) -> Work:
+        map: Annotated[OccupancyMap | None, Port(help="what is in the way; the target is left out of it")] = None,
+        speed: Annotated[Speed, Port(min="1 mm/s", max="1 m/s")] = SPEED("0.25 m/s"),
+        acceleration: Annotated[Acceleration, Port(min="0.01 m/s²", max="3 m/s²")] = ACCELERATION("1 m/s²"),
+        contact: Annotated[Force, Port(min="0.3 N", help="change of force that counts as a touch")] = FORCE("1.5 N"),
+        clearance: Annotated[
+            Length, Port(min="0 mm", help="kept by the links; gripper and fingers keep a share")
+        ] = LENGTH("5 mm"),
+    ) -> Work[None]:
         arm, gripper = self.device(Arm), self.device(Gripper)
         robot = RobotModel.load(arm.description)
         q = arm.state().q
@@ -90,7 +86,7 @@ class Approach(MovingSkill):
         trajectory = time_curve(line.q, line.length, arm.limits, speed, acceleration, acceleration / JERK_TIME)
         with Touch(self.device(ForceSensor)) as touch:
             yield from self.travel(trajectory, lambda: self._feel(touch, contact, robot, grasp))
-        return {}
+        return None
 
     def _require_pre_grasp(self, T_base_tcp: np.ndarray, grasp: Grasp) -> None:
         T_base_pre_grasp = grasp.T_base_pre_grasp

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
-from executive.ports import RATIO, TIME, Port, Ports
+from executive.ports import TIME, Outputs, Port, Ratio, Time
 from executive.skill import Work
-from skills.detect import Detect, find_in_frame, picture
 from skills.perception.detection.compact_detector import DetectorOptions
 from skills.perception.detection.detection import Detection
-from skills.perception.detection.errors import BadFrame
+from skills.shared.looking import LOOKING_FAILURES, LookingSkill, picture
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -26,30 +26,31 @@ class AllDetections:
         return f"{count} fruit found" + (f" in {label}" if label else "")
 
 
-class DetectAll(Detect):
+class AllDetected(Outputs):
+    """What DetectAll gives."""
+
+    all: AllDetections
+
+
+class DetectAll(LookingSkill):
     """Find every fruit in the camera's newest frame."""
 
-    inputs = Ports(
-        fruit=Port(str, help="which fruit to look for: a name in the catalogue, or a path"),
-        score=Port(RATIO, default=0.6, min=0.0, max=1.0, help="least belief that it is this fruit"),
-        max_age=Port(TIME, default="500 ms", min="1 ms", max="60 s", help="older frames are refused"),
-        working_width=Port(
-            int, default=320, min=64, max=4096, help="width at which the whole picture is searched [px]"
-        ),
-        most=Port(int, default=100, min=1, max=1000, help="places that are looked at closely, surest first"),
-    )
-    outputs = Ports(all=AllDetections)
-    failures = ("NO_FRAME", "STALE_FRAME", "NOTHING_FOUND", "NO_WEIGHTS")
+    failures = LOOKING_FAILURES
 
-    def run(self, fruit: str, score: float, max_age: float, working_width: int, most: int) -> Work:  # type: ignore[override]
-        model = self._model(fruit)
-        frame = self._frame(max_age)
-        T_base_camera = self._camera_pose(frame)
-        try:
-            options = DetectorOptions(working_width=working_width, most_fruit=most)
-            instances = yield from self.compute(find_in_frame, frame, model, options)
-        except BadFrame as error:
-            raise self.failure("NO_FRAME", f"the camera's frame cannot be used: {error}") from error
+    def run(
+        self,
+        fruit: Annotated[str, Port(help="which fruit to look for: a name in the catalogue, or a path")],
+        score: Annotated[Ratio, Port(min=0.0, max=1.0, help="least belief that it is this fruit")] = 0.6,
+        max_age: Annotated[Time, Port(min="1 ms", max="60 s", help="older frames are refused")] = TIME("500 ms"),
+        working_width: Annotated[
+            int, Port(min=64, max=4096, help="width at which the whole picture is searched [px]")
+        ] = 320,
+        most: Annotated[int, Port(min=1, max=1000, help="places that are looked at closely, surest first")] = 100,
+    ) -> Work[AllDetected]:
+        model = self.fruit_model(fruit)
+        frame = self.newest_frame(max_age)
+        T_base_camera = self.camera_pose(frame)
+        instances = yield from self.find(frame, model, DetectorOptions(working_width=working_width, most_fruit=most))
         self.publish("detection", picture(frame, T_base_camera, instances, "", score))
         sure = [i for i in instances if i.score >= score and i.T_camera_object is not None]
         if not sure:
@@ -61,4 +62,4 @@ class DetectAll(Detect):
             for k, i in enumerate(sure)
             if i.T_camera_object is not None and i.covariance is not None
         )  # fmt: skip
-        return {"all": AllDetections(detections)}
+        return AllDetected(AllDetections(detections))

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Generator
 from dataclasses import replace
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
 from drivers.interfaces import Arm, ForceSensor, Gripper, Workspace, WrenchSample
-from executive.ports import FORCE, LENGTH, RATIO, SPEED, Port, Ports
+from executive.ports import FORCE, LENGTH, SPEED, Force, Length, Outputs, Port, Ratio, Speed
 from executive.skill import Work
 from skills.grip.hold import Hold
 from skills.grip.slide import NoSlideError, Slide, friction_of_slides
@@ -40,6 +41,13 @@ PATIENCE = 1.0
 """How long the grasp force may take for that [s]."""
 
 
+class Felt(Outputs):
+    """What FeelFriction gives."""
+
+    mu: Ratio
+    mu_uncertainty: Ratio
+
+
 class FeelFriction(MovingSkill):
     """Slide the pads a little up and down a fruit that still stands, and hold it from then on for the friction felt.
 
@@ -48,24 +56,23 @@ class FeelFriction(MovingSkill):
     the slides end, the grip presses with `then` afterwards and the fruit may be lifted.
     """
 
-    inputs = Ports(
-        hold=Hold,
-        force=Port(FORCE, default="0.6 N", min="0.5 N", max="5 N", help="grasp force while the pads slide"),
-        then=Port(FORCE, default="2.2 N", min="0.6 N", max="10 N", help="grasp force afterwards, before the lift"),
-        distance=Port(LENGTH, default="2 mm", min="0.5 mm", max="5 mm", help="how far the pads slide"),
-        speed=Port(SPEED, default="10 mm/s", min="1 mm/s", max="30 mm/s"),
-        least=Port(RATIO, default=0.04, min=0.0, max=0.5, help="least relative uncertainty of what was felt"),
-    )
-    outputs = Ports(mu=RATIO, mu_uncertainty=RATIO)
     devices = (Arm, Gripper, ForceSensor, Workspace)
     failures = (*MOTION_FAILURES, "NOT_HELD", "LOST", "NO_WAY_UP", "SENSOR_STALE", "SENSOR_SATURATED")
 
     def prepare(self) -> None:
         prepare_moving(self)
 
-    def run(  # type: ignore[override]
-        self, hold: Hold, force: float, then: float, distance: float, speed: float, least: float
-    ) -> Work:
+    def run(
+        self,
+        hold: Hold,
+        force: Annotated[Force, Port(min="0.5 N", max="5 N", help="grasp force while the pads slide")] = FORCE("0.6 N"),
+        then: Annotated[Force, Port(min="0.6 N", max="10 N", help="grasp force afterwards, before the lift")] = FORCE(
+            "2.2 N"
+        ),
+        distance: Annotated[Length, Port(min="0.5 mm", max="5 mm", help="how far the pads slide")] = LENGTH("2 mm"),
+        speed: Annotated[Speed, Port(min="1 mm/s", max="30 mm/s")] = SPEED("10 mm/s"),
+        least: Annotated[Ratio, Port(min=0.0, max=0.5, help="least relative uncertainty of what was felt")] = 0.04,
+    ) -> Work[Felt]:
         if not hold.holds:
             raise self.failure("NOT_HELD", "no fruit is held whose friction could be felt")
         settings = hold.controller.settings
@@ -92,7 +99,7 @@ class FeelFriction(MovingSkill):
         hold.set_friction(contact, slide.uncertainty, then)
         show_grip(self, hold, everything=True)
         yield said
-        return {"mu": slide.mu, "mu_uncertainty": slide.uncertainty}
+        return Felt(mu=slide.mu, mu_uncertainty=slide.uncertainty)
 
     def _lines(self, distance: float) -> tuple[Float64, Float64]:
         """Joints straight up by the distance, and back."""

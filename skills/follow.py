@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from drivers.interfaces import Arm, Trajectory
-from executive.ports import Ports
 from executive.skill import Work
 from skills.motion.planning.errors import BadTrajectory
 from skills.motion.planning.trajectory_check import check_trajectory
@@ -21,11 +20,13 @@ class Follow(MovingSkill):
     Interrupted, the arm stops on its path within its deceleration limits, and stays there.
     """
 
-    inputs = Ports(path=Trajectory)
     devices = (Arm,)
     failures = (*MOTION_FAILURES, "BAD_PATH", "NOT_AT_START")
 
-    def run(self, path: Trajectory) -> Work:  # type: ignore[override]
+    def run(
+        self,
+        path: Trajectory,
+    ) -> Work[None]:
         arm = self.device(Arm)
         try:
             check_trajectory(path, arm.limits)
@@ -41,4 +42,4 @@ class Follow(MovingSkill):
                 distance_rad=float(away[joint]),
             )
         yield from self.travel(path)
-        return {}
+        return None

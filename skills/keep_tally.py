@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from typing import Annotated
 
-from executive.ports import Port, Ports, optional
+from executive.ports import Outputs, Port
 from executive.skill import Skill
 from executive.views import TableView
 from skills.perception.detection.detection import Detection
@@ -14,21 +14,25 @@ from skills.shared.tally import DONE, Entry, Tally
 COLUMNS = ("fruit", "seen at", "size", "tries", "outcome", "why")
 
 
+class Kept(Outputs):
+    """What KeepTally gives."""
+
+    tally: Tally
+
+
 class KeepTally(Skill):
     """Note what became of a fruit, in one table for the whole run."""
 
-    inputs = Ports(
-        detection=Port(Detection, help="the fruit as it was found"),
-        measured=optional(MeasuredFruit, "the same fruit measured; another look's measurement is not used"),
-        outcome=Port(str, default=DONE, help=f"{DONE}, or what else became of it"),
-        why=Port(str, default="", help="the reason, for people"),
-        so_far=optional(Tally, "the account to go on with"),
-    )
-    outputs = Ports(tally=Tally)
-
-    def run(  # type: ignore[override]
-        self, detection: Detection, measured: MeasuredFruit | None, outcome: str, why: str, so_far: Tally | None
-    ) -> Mapping[str, object]:
+    def run(
+        self,
+        detection: Annotated[Detection, Port(help="the fruit as it was found")],
+        measured: Annotated[
+            MeasuredFruit | None, Port(help="the same fruit measured; another look's measurement is not used")
+        ] = None,
+        outcome: Annotated[str, Port(help=f"{DONE}, or what else became of it")] = DONE,
+        why: Annotated[str, Port(help="the reason, for people")] = "",
+        so_far: Annotated[Tally | None, Port(help="the account to go on with")] = None,
+    ) -> Kept:
         if measured is None or measured.frame is not detection.frame:
             p_base, size = (detection.T_base_camera @ detection.T_camera_object)[:3, 3], None
         else:
@@ -39,4 +43,4 @@ class KeepTally(Skill):
             for number, entry in enumerate(tally.entries)
         )
         self.publish("tally", TableView(COLUMNS, rows, tally.sentence))
-        return {"tally": tally}
+        return Kept(tally)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
 import numpy as np
 from numpy.typing import NDArray
 
 from drivers.interfaces import Arm, ForceSensor, Gripper, Workspace
-from executive.ports import ACCELERATION, LENGTH, SPEED, TIME, Port, Ports, optional
+from executive.ports import ACCELERATION, LENGTH, SPEED, TIME, Acceleration, Length, Port, Speed, Time
 from executive.skill import Work
 from skills.grip.hold import Hold
 from skills.motion.grasp import Grasp
@@ -35,33 +37,29 @@ class Lift(MovingSkill):
     Interrupted, the arm stops on its line and the grip goes on holding.
     """
 
-    inputs = Ports(
-        height=Port(LENGTH, default="150 mm", min="1 mm", help="how far up"),
-        hold=optional(Hold, "the grip that goes on while lifting"),
-        grasp=optional(Grasp, "by which the fruit is held: the fruit is then part of the robot for collision"),
-        map=optional(OccupancyMap, "what is in the way"),
-        clearance=Port(LENGTH, default="5 mm", min="0 mm", help="kept by the links; gripper and fingers keep a share"),
-        speed=Port(SPEED, default="0.25 m/s", min="1 mm/s", max="1 m/s"),
-        acceleration=Port(ACCELERATION, default="1 m/s²", min="0.01 m/s²", max="3 m/s²"),
-        keep=Port(TIME, default="0 s", min="0 s", help="so long it is watched up there: the grip comes to rest"),
-    )
     devices = (Arm, Gripper, ForceSensor, Workspace)
     failures = (*MOTION_FAILURES, "NOT_HELD", "LOST", "NO_WAY_UP", "MAP_STALE")
 
     def prepare(self) -> None:
         prepare_moving(self)
 
-    def run(  # type: ignore[override]
+    def run(
         self,
-        height: float,
-        hold: Hold | None,
-        grasp: Grasp | None,
-        map: OccupancyMap | None,
-        clearance: float,
-        speed: float,
-        acceleration: float,
-        keep: float,
-    ) -> Work:
+        height: Annotated[Length, Port(min="1 mm", help="how far up")] = LENGTH("150 mm"),
+        hold: Annotated[Hold | None, Port(help="the grip that goes on while lifting")] = None,
+        grasp: Annotated[
+            Grasp | None, Port(help="by which the fruit is held: the fruit is then part of the robot for collision")
+        ] = None,
+        map: Annotated[OccupancyMap | None, Port(help="what is in the way")] = None,
+        clearance: Annotated[
+            Length, Port(min="0 mm", help="kept by the links; gripper and fingers keep a share")
+        ] = LENGTH("5 mm"),
+        speed: Annotated[Speed, Port(min="1 mm/s", max="1 m/s")] = SPEED("0.25 m/s"),
+        acceleration: Annotated[Acceleration, Port(min="0.01 m/s²", max="3 m/s²")] = ACCELERATION("1 m/s²"),
+        keep: Annotated[Time, Port(min="0 s", help="so long it is watched up there: the grip comes to rest")] = TIME(
+            "0 s"
+        ),
+    ) -> Work[None]:
         arm = self.device(Arm)
         if not self._held(hold):
             raise self._not_held("NOT_HELD", "there is nothing between the fingers to lift", hold)
@@ -93,7 +91,7 @@ class Lift(MovingSkill):
             watch()
         if hold is not None:
             show_grip(self, hold, everything=True)
-        return {}
+        return None
 
     def _require_free(self, q_line: Float64, grasp: Grasp | None, map: OccupancyMap | None, clearance: float) -> None:
         width = self.device(Gripper).state().width

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
 from drivers.interfaces import Arm, Gripper, Workspace
-from executive.ports import LENGTH, TIME, Port, Ports, optional
+from executive.ports import LENGTH, TIME, Length, Port, Time
 from executive.skill import Work
 from skills.motion.grasp import Grasp
 from skills.motion.occupancy import OccupancyMap
@@ -20,30 +22,25 @@ class MoveTo(MovingSkill):
     fruit between the fingers is part of the robot and is moved gently.
     """
 
-    inputs = Ports(
-        pose=Port(str, help="a name under workspace.poses in the cell file"),
-        variation=Port(int, default=1, min=1, help="1 is the pose itself, 2 its pose_2 and so on, around"),
-        map=optional(OccupancyMap, "what is in the way"),
-        carrying=optional(Grasp, "the grasp by which a fruit is held"),
-        avoiding=optional(MeasuredFruit, "a fruit that was left out of the map and is still there"),
-        clearance=Port(LENGTH, default="10 mm", min="2 mm", help="kept by the links; gripper and fingers keep a share"),
-        budget=Port(TIME, default="500 ms", min="1 ms", help="planning time"),
-    )
     devices = (Arm, Gripper, Workspace)
     failures = (*MOTION_FAILURES, *POSE_FAILURES)
 
     def prepare(self) -> None:
         prepare_planning(self)
 
-    def run(  # type: ignore[override]
+    def run(
         self,
-        pose: str,
-        variation: int,
-        map: OccupancyMap | None,
-        carrying: Grasp | None,
-        avoiding: MeasuredFruit | None,
-        clearance: float,
-        budget: float,
-    ) -> Work:
+        pose: Annotated[str, Port(help="a name under workspace.poses in the cell file")],
+        variation: Annotated[int, Port(min=1, help="1 is the pose itself, 2 its pose_2 and so on, around")] = 1,
+        map: Annotated[OccupancyMap | None, Port(help="what is in the way")] = None,
+        carrying: Annotated[Grasp | None, Port(help="the grasp by which a fruit is held")] = None,
+        avoiding: Annotated[
+            MeasuredFruit | None, Port(help="a fruit that was left out of the map and is still there")
+        ] = None,
+        clearance: Annotated[
+            Length, Port(min="2 mm", help="kept by the links; gripper and fingers keep a share")
+        ] = LENGTH("10 mm"),
+        budget: Annotated[Time, Port(min="1 ms", help="planning time")] = TIME("500 ms"),
+    ) -> Work[None]:
         yield from move_to_pose(self, pose, variation, map, carrying, clearance, budget, avoiding)
-        return {}
+        return None

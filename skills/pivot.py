@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Generator
+from typing import Annotated
 
 from drivers.interfaces import Gripper
-from executive.ports import LENGTH, TIME, Port, Ports
+from executive.ports import LENGTH, TIME, Length, Port, Time
 from executive.skill import Skill, Work
 from skills.grip.hold import Hold
 from skills.shared.grip_view import show_grip
@@ -24,11 +25,6 @@ class Pivot(Skill):
     is interrupted the fruit is held against turning again.
     """
 
-    inputs = Ports(
-        hold=Hold,
-        plumb=Port(LENGTH, default="4 mm", min="0.5 mm", help="the fruit's centre may hang so far beside the fingers"),
-        patience=Port(TIME, default="8 s", min="0.5 s", help="how long it may take"),
-    )
     devices = (Gripper,)
     failures = (
         "NOT_HELD",
@@ -41,7 +37,14 @@ class Pivot(Skill):
         "SLIPPED",
     )
 
-    def run(self, hold: Hold, plumb: float, patience: float) -> Work:  # type: ignore[override]
+    def run(
+        self,
+        hold: Hold,
+        plumb: Annotated[
+            Length, Port(min="0.5 mm", help="the fruit's centre may hang so far beside the fingers")
+        ] = LENGTH("4 mm"),
+        patience: Annotated[Time, Port(min="0.5 s", help="how long it may take")] = TIME("8 s"),
+    ) -> Work[None]:
         if not hold.holds:
             raise self.failure("NOT_HELD", "no fruit is held that could pivot")
         hold.pivot(True)
@@ -53,7 +56,7 @@ class Pivot(Skill):
         if lever > plumb:
             message = f"the fruit stopped turning with its centre {1e3 * lever:.1f} mm beside the fingers"
             raise self.failure("NOT_PLUMB", message, lever=lever)
-        return {}
+        return None
 
     def _turn(self, hold: Hold, patience: float) -> Generator[str | None, None, float]:
         """Watch until the force is down and the fruit hangs still; the lever that is left [m]."""

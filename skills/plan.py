@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Annotated
 
 import numpy as np
 
 from drivers.interfaces import Arm, Gripper, Trajectory, Workspace
-from executive.ports import LENGTH, TIME, Port, Ports
+from executive.ports import LENGTH, TIME, Length, Outputs, Port, Time
 from executive.skill import Skill, SkillFailure, Work
 from executive.views import Line3, Points3, SceneView
 from skills.motion.grasp import Grasp, GraspCandidates
@@ -24,6 +25,13 @@ from skills.shared.warm_motion import prepare_planning
 OPTIMISING = tuple(name for name, planner in PLANNERS.items() if planner.kind is Kind.OPTIMISING)
 
 
+class Planned(Outputs):
+    """What Plan gives."""
+
+    grasp: Grasp
+    path: Trajectory
+
+
 class Plan(Skill):
     """Plan a timed, checked path from where the arm stands to the pre-grasp of any candidate.
 
@@ -32,34 +40,29 @@ class Plan(Skill):
     wall, so a seed gives the same path on a loaded machine.
     """
 
-    inputs = Ports(
-        to=Port(GraspCandidates, help="where to; any candidate will do"),
-        map=Port(OccupancyMap, help="what is in the way; the target is left out of it"),
-        planner=Port(str, default="RRTConnect", choices=tuple(PLANNERS)),
-        improve=Port(str, default="InformedRRTstar", choices=("none", *OPTIMISING), help="for the rest of the budget"),
-        budget=Port(TIME, default="200 ms", min="1 ms", max="60 s", help="planning time on an unloaded core"),
-        clearance=Port(LENGTH, default="10 mm", min="2 mm", help="kept by the links; gripper and fingers keep a share"),
-        map_age=Port(TIME, default="2 min", min="0 s", help="an older map is stale"),
-        direct=Port(bool, default=True, help="try straight joint motions first; the paper does not"),
-    )
-    outputs = Ports(grasp=Grasp, path=Trajectory)
     devices = (Arm, Gripper, Workspace)
     failures = (*PLANNING_FAILURES, "MAP_STALE")
 
     def prepare(self) -> None:
         prepare_planning(self)
 
-    def run(  # type: ignore[override]
+    def run(
         self,
-        to: GraspCandidates,
-        map: OccupancyMap,
-        planner: str,
-        improve: str,
-        budget: float,
-        clearance: float,
-        map_age: float,
-        direct: bool,
-    ) -> Work:
+        to: Annotated[GraspCandidates, Port(help="where to; any candidate will do")],
+        map: Annotated[OccupancyMap, Port(help="what is in the way; the target is left out of it")],
+        planner: Annotated[str, Port(choices=tuple(PLANNERS))] = "RRTConnect",
+        improve: Annotated[
+            str, Port(choices=("none", *OPTIMISING), help="for the rest of the budget")
+        ] = "InformedRRTstar",
+        budget: Annotated[Time, Port(min="1 ms", max="60 s", help="planning time on an unloaded core")] = TIME(
+            "200 ms"
+        ),
+        clearance: Annotated[
+            Length, Port(min="2 mm", help="kept by the links; gripper and fingers keep a share")
+        ] = LENGTH("10 mm"),
+        map_age: Annotated[Time, Port(min="0 s", help="an older map is stale")] = TIME("2 min"),
+        direct: Annotated[bool, Port(help="try straight joint motions first; the paper does not")] = True,
+    ) -> Work[Planned]:
         arm = self.device(Arm)
         robot = RobotModel.load(arm.description)
         goals = [(grasp, q) for grasp in to.grasps for q in grasp.q_pre_grasp]
@@ -87,7 +90,7 @@ class Plan(Skill):
             raise SkillFailure(replace(reason, data={**reason.data, "candidates": candidates})) from failed
         grasp = goals[result.goal][0]
         self._show(robot, result, grasp)
-        return {"grasp": grasp, "path": result.path}
+        return Planned(grasp=grasp, path=result.path)
 
     def _show(self, robot: RobotModel, result: PlanResult, grasp: Grasp) -> None:
         tcp = np.array([robot.tcp(q)[:3, 3] for q in result.path.q[::4]])

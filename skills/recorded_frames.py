@@ -2,23 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 from drivers.interfaces import FrameSequence
-from executive.ports import Ports
+from executive.ports import Outputs
 from executive.skill import Skill
+
+
+class Counted(Outputs):
+    """What FirstFrame gives."""
+
+    count: int
 
 
 class FirstFrame(Skill):
     """Show the first recorded frame, and say how many there are."""
 
-    outputs = Ports(count=int)
     devices = (FrameSequence,)
 
-    def run(self) -> Mapping[str, object]:  # type: ignore[override]
+    def run(self) -> Counted:
         frames = self.device(FrameSequence)
         frames.rewind()
-        return {"count": frames.count}
+        return Counted(frames.count)
 
 
 class NextFrame(Skill):
@@ -27,8 +30,8 @@ class NextFrame(Skill):
     devices = (FrameSequence,)
     failures = ("LAST_FRAME",)
 
-    def run(self) -> Mapping[str, object]:  # type: ignore[override]
+    def run(self) -> None:
         frames = self.device(FrameSequence)
         if not frames.advance():
             raise self.failure("LAST_FRAME", f"frame {frames.position + 1} of {frames.count} is the last")
-        return {}
+        return

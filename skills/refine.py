@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from contextlib import suppress
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 
 from drivers.interfaces import Intrinsics, Workspace
-from executive.ports import LENGTH, RATIO, Port, Ports, optional
+from executive.ports import LENGTH, Length, Outputs, Port, Ratio
 from executive.skill import Skill, Work
 from executive.views import ImageView, Line2
 from skills.geometry import transform
@@ -19,31 +19,21 @@ from skills.perception.refinement.depth_image import RendererName
 from skills.perception.refinement.errors import RefineError
 from skills.perception.refinement.measure import measure, outline
 from skills.perception.refinement.render import render_depth
-from skills.perception.refinement.result import Limits, Method
+from skills.perception.refinement.result import Limits
 from skills.perception.refinement.scale_fit import fit_scale
 
 _SMALL_CAMERA = Intrinsics(100.0, 100.0, 50.0, 50.0, 101, 101)
 
 
+class Refined(Outputs):
+    """What Refine gives."""
+
+    measured: MeasuredFruit
+
+
 class Refine(Skill):
     """Correct a detection's position and size from the depth image."""
 
-    inputs = Ports(
-        detection=Port(Detection, help="the fruit as the detector saw it, posed as if it had the CAD model's size"),
-        method=Port(
-            str,
-            default="shape",
-            choices=("shape", "uniform", "paper", "none"),
-            help="shape: height and widths apart; uniform: one scale; paper: by repeated rendering; none: as detected",
-        ),
-        earlier=optional(MeasuredFruit, help="the same fruit, measured from another place: its looks are fused in"),
-        inlier_band=Port(LENGTH, default="4 mm", min="0.5 mm", max="50 mm", help="depth within this agrees"),
-        min_inliers=Port(RATIO, default=0.25, min=0.0, max=1.0, help="least share of the depth that must agree"),
-        smallest=Port(RATIO, default=0.4, min=0.01, max=1.0, help="least accepted size relative to the CAD model"),
-        largest=Port(RATIO, default=1.6, min=1.0, max=10.0, help="greatest accepted size relative to the CAD model"),
-        renderer=Port(str, default="pyrender", choices=("pyrender", "zbuffer"), help="what renders virtual depth"),
-    )
-    outputs = Ports(measured=MeasuredFruit)
     devices = (Workspace,)
     failures = ("NO_DEPTH", "TOO_FEW_INLIERS", "SIZE_OUT_OF_RANGE", "AT_BOUND", "RENDER_FAILED")
 
@@ -53,17 +43,30 @@ class Refine(Skill):
             depth, _ = render_depth(load_fruit("apple"), transform(translation=(0.0, 0.0, 0.5)), _SMALL_CAMERA)
             fit_scale(depth, depth)
 
-    def run(  # type: ignore[override]
+    def run(
         self,
-        detection: Detection,
-        method: Method | Literal["none"],
-        earlier: MeasuredFruit | None,
-        inlier_band: float,
-        min_inliers: float,
-        smallest: float,
-        largest: float,
-        renderer: RendererName,
-    ) -> Work:
+        detection: Annotated[
+            Detection, Port(help="the fruit as the detector saw it, posed as if it had the CAD model's size")
+        ],
+        method: Annotated[
+            Literal["shape", "uniform", "paper", "none"],
+            Port(
+                help="shape: height and widths apart; uniform: one scale; paper: rendered repeatedly; none: as detected"
+            ),
+        ] = "shape",
+        earlier: Annotated[
+            MeasuredFruit | None, Port(help="the same fruit, measured from another place: its looks are fused in")
+        ] = None,
+        inlier_band: Annotated[Length, Port(min="0.5 mm", max="50 mm", help="depth within this agrees")] = LENGTH(
+            "4 mm"
+        ),
+        min_inliers: Annotated[Ratio, Port(min=0.0, max=1.0, help="least share of the depth that must agree")] = 0.25,
+        smallest: Annotated[Ratio, Port(min=0.01, max=1.0, help="least accepted size relative to the CAD model")] = 0.4,
+        largest: Annotated[
+            Ratio, Port(min=1.0, max=10.0, help="greatest accepted size relative to the CAD model")
+        ] = 1.6,
+        renderer: Annotated[Literal["pyrender", "zbuffer"], Port(help="what renders virtual depth")] = "pyrender",
+    ) -> Work[Refined]:
         table_z = self.device(Workspace).table_z
         limits = Limits(inlier_band, min_inliers, (smallest, largest))
         try:
@@ -71,7 +74,7 @@ class Refine(Skill):
         except RefineError as problem:
             raise self.failure(problem.code, str(problem), **vars(problem)) from problem
         self.publish("refine", _picture(detection, measured, renderer))
-        return {"measured": measured}
+        return Refined(measured)
 
 
 def _picture(detection: Detection, measured: MeasuredFruit, using: RendererName) -> ImageView:

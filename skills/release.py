@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
 from drivers.interfaces import Arm, ForceSensor, Gripper, Workspace
-from executive.ports import FORCE, LENGTH, SPEED, Port, Ports, optional
+from executive.ports import FORCE, LENGTH, SPEED, Force, Length, Port, Speed
 from executive.skill import Work
 from skills.grip.hold import Hold, current_hold, take_over
 from skills.motion.collision import Margins
@@ -49,37 +50,39 @@ class Release(MovingSkill):
     dropped.
     """
 
-    inputs = Ports(
-        into=optional(str, "a pose of the cell file to go to first, above where the fruit is put"),
-        variation=Port(int, default=1, min=1, help="1 is the pose itself, 2 its pose_2 and so on, around"),
-        depth=Port(LENGTH, default="150 mm", min="1 mm", help="how far down to look for something that carries it"),
-        grasp=optional(Grasp, "the grasp by which the fruit is held: it is then part of the robot on the way"),
-        hold=optional(Hold, "the grip that goes on until the fruit is let go"),
-        map=optional(OccupancyMap, "what is in the way"),
-        clearance=Port(LENGTH, default="5 mm", min="0 mm", help="kept by the links; gripper and fingers keep a share"),
-        contact=Port(FORCE, default="0.35 N", min="0.1 N", help="change of load that says the fruit is carried"),
-        speed=Port(SPEED, default="0.02 m/s", min="1 mm/s", max="0.1 m/s", help="at which the fruit is put down"),
-        fast=Port(SPEED, default="0.15 m/s", min="1 mm/s", max="0.5 m/s", help="as long as nothing known is near"),
-    )
     devices = (Arm, Gripper, ForceSensor, Workspace)
     failures = (*MOTION_FAILURES, *POSE_FAILURES, "NOT_HELD", "NO_CONTACT", "NO_WAY_DOWN")
 
     def prepare(self) -> None:
         prepare_planning(self)
 
-    def run(  # type: ignore[override]
+    def run(
         self,
-        into: str | None,
-        variation: int,
-        depth: float,
-        grasp: Grasp | None,
-        hold: Hold | None,
-        map: OccupancyMap | None,
-        clearance: float,
-        contact: float,
-        speed: float,
-        fast: float,
-    ) -> Work:
+        into: Annotated[
+            str | None, Port(help="a pose of the cell file to go to first, above where the fruit is put")
+        ] = None,
+        variation: Annotated[int, Port(min=1, help="1 is the pose itself, 2 its pose_2 and so on, around")] = 1,
+        depth: Annotated[Length, Port(min="1 mm", help="how far down to look for something that carries it")] = LENGTH(
+            "150 mm"
+        ),
+        grasp: Annotated[
+            Grasp | None, Port(help="the grasp by which the fruit is held: it is then part of the robot on the way")
+        ] = None,
+        hold: Annotated[Hold | None, Port(help="the grip that goes on until the fruit is let go")] = None,
+        map: Annotated[OccupancyMap | None, Port(help="what is in the way")] = None,
+        clearance: Annotated[
+            Length, Port(min="0 mm", help="kept by the links; gripper and fingers keep a share")
+        ] = LENGTH("5 mm"),
+        contact: Annotated[Force, Port(min="0.1 N", help="change of load that says the fruit is carried")] = FORCE(
+            "0.35 N"
+        ),
+        speed: Annotated[Speed, Port(min="1 mm/s", max="0.1 m/s", help="at which the fruit is put down")] = SPEED(
+            "0.02 m/s"
+        ),
+        fast: Annotated[Speed, Port(min="1 mm/s", max="0.5 m/s", help="as long as nothing known is near")] = SPEED(
+            "0.15 m/s"
+        ),
+    ) -> Work[None]:
         if not self._held():
             raise self.failure("NOT_HELD", "there is nothing between the fingers to put down")
         if into is not None:
@@ -91,7 +94,7 @@ class Release(MovingSkill):
         width = self._opening(map, clearance)
         yield from self.move_fingers(width, min(OPENING_SPEED, gripper.limits.speed_max))
         yield from self._along(self._vertical(before - self._tcp()[2, 3]), fast)
-        return {}
+        return None
 
     def _held(self) -> bool:
         hold = current_hold(self.device(Gripper))

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from enum import Enum
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
 from drivers.interfaces import Arm, ForceSensor, Gripper, Workspace
-from executive.ports import ACCELERATION, FORCE, SPEED, Port, Ports, optional
+from executive.ports import ACCELERATION, FORCE, SPEED, Acceleration, Force, Port, Speed
 from executive.skill import Work
 from skills.geometry import inverse
 from skills.grip.hold import current_hold, take_over
@@ -54,27 +55,29 @@ class Retreat(MovingSkill):
     are the ways that the attempt came; all the same they are checked against what is fixed and the arm itself.
     """
 
-    inputs = Ports(
-        grasp=optional(Grasp, "the grasp that was attempted"),
-        speed=Port(SPEED, default="0.15 m/s", min="1 mm/s", max="0.5 m/s"),
-        acceleration=Port(ACCELERATION, default="1 m/s²", min="0.01 m/s²", max="3 m/s²"),
-        contact=Port(FORCE, default="0.8 N", min="0.2 N", help="change of force at which a lowered fruit stands"),
-    )
     devices = (Arm, Gripper, ForceSensor, Workspace)
     failures = (*MOTION_FAILURES, "NO_WAY_BACK")
 
     def prepare(self) -> None:
         prepare_moving(self)
 
-    def run(self, grasp: Grasp | None, speed: float, acceleration: float, contact: float) -> Work:  # type: ignore[override]
+    def run(
+        self,
+        grasp: Annotated[Grasp | None, Port(help="the grasp that was attempted")] = None,
+        speed: Annotated[Speed, Port(min="1 mm/s", max="0.5 m/s")] = SPEED("0.15 m/s"),
+        acceleration: Annotated[Acceleration, Port(min="0.01 m/s²", max="3 m/s²")] = ACCELERATION("1 m/s²"),
+        contact: Annotated[Force, Port(min="0.2 N", help="change of force at which a lowered fruit stands")] = FORCE(
+            "0.8 N"
+        ),
+    ) -> Work[None]:
         if grasp is None:
-            return {}
+            return None
         arm, gripper = self.device(Arm), self.device(Gripper)
         robot = RobotModel.load(arm.description)
         place, height = where(robot.tcp(arm.state().q), grasp)
         held = self._held()
         if place is Place.ELSEWHERE or (place is Place.ABOVE and not held):
-            return {}
+            return None
         if held and height > SUPPORTED:
             yield from self._lower(robot, height, speed, acceleration, contact)
         open_to = min(max(grasp.width, gripper.state().width), gripper.limits.width_max)
@@ -82,7 +85,7 @@ class Retreat(MovingSkill):
         if open_to - gripper.state().width > 1e-3:
             yield from self.move_fingers(open_to, min(OPENING_SPEED, gripper.limits.speed_max))
         yield from self._along(robot, grasp.T_base_pre_grasp, speed, acceleration, None)
-        return {}
+        return None
 
     def _held(self) -> bool:
         hold = current_hold(self.device(Gripper))

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
+from typing import Annotated
 
 import numpy as np
 
 from drivers.interfaces import Arm, Workspace
-from executive.ports import ANGLE, LENGTH, RATIO, Port, Ports, optional
+from executive.ports import ANGLE, LENGTH, Angle, Length, Outputs, Port, Ratio
 from executive.skill import Skill, Work
 from executive.views import Points3, SceneView
 from skills.motion.grasp import Grasp, GraspCandidates, RuledOut
@@ -26,6 +27,12 @@ FINER = 2
 """How often the sphere is sampled at half the spacing when nothing is left to try."""
 
 
+class Sampled(Outputs):
+    """What SampleGrasp gives."""
+
+    candidates: GraspCandidates
+
+
 class SampleGrasp(Skill):
     """Sample pre-grasps on a sphere around a fruit: all that are left to try, best first, the others with a reason.
 
@@ -34,23 +41,6 @@ class SampleGrasp(Skill):
     the sphere is sampled more finely.
     """
 
-    inputs = Ports(
-        around=Port(MeasuredFruit, help="the refined fruit"),
-        map=optional(OccupancyMap, "what is in the way; the target is left out of it"),
-        tried=optional(Grasp, "the candidate of the attempt before"),
-        radius=Port(LENGTH, default="120 mm", min="20 mm", help="the paper's r_o"),
-        theta_min=Port(ANGLE, default="0 deg", min="0 deg", max="90 deg", help="tilt of the approach"),
-        theta_max=Port(ANGLE, default="45 deg", min="0 deg", max="90 deg"),
-        thetas=Port(int, default=4, min=1),
-        alpha_min=Port(ANGLE, default="0 deg", help="azimuth about the world's z"),
-        alpha_max=Port(ANGLE, default="360 deg"),
-        alphas=Port(int, default=12, min=1),
-        clearance=Port(LENGTH, default="10 mm", min="2 mm", help="kept by the links; gripper and fingers keep a share"),
-        sigmas=Port(RATIO, default=2.0, min=0.0, max=10.0, help="standard deviations of the measurement kept as air"),
-        count=Port(int, default=0, min=0, help="how many candidates to give at most; 0 gives all"),
-        check=Port(bool, default=True, help="rule out what cannot be approached; the paper leaves that to planning"),
-    )
-    outputs = Ports(candidates=GraspCandidates)
     devices = (Arm, Workspace)
     failures = ("NO_CANDIDATE", "ALL_TRIED", "MAP_STALE")
 
@@ -61,23 +51,29 @@ class SampleGrasp(Skill):
     def prepare(self) -> None:
         warm_up(RobotModel.load(self.device(Arm).description))
 
-    def run(  # type: ignore[override]
+    def run(
         self,
-        around: MeasuredFruit,
-        map: OccupancyMap | None,
-        tried: Grasp | None,
-        radius: float,
-        theta_min: float,
-        theta_max: float,
-        thetas: int,
-        alpha_min: float,
-        alpha_max: float,
-        alphas: int,
-        clearance: float,
-        sigmas: float,
-        count: int,
-        check: bool,
-    ) -> Work:
+        around: Annotated[MeasuredFruit, Port(help="the refined fruit")],
+        map: Annotated[OccupancyMap | None, Port(help="what is in the way; the target is left out of it")] = None,
+        tried: Annotated[Grasp | None, Port(help="the candidate of the attempt before")] = None,
+        radius: Annotated[Length, Port(min="20 mm", help="the paper's r_o")] = LENGTH("120 mm"),
+        theta_min: Annotated[Angle, Port(min="0 deg", max="90 deg", help="tilt of the approach")] = ANGLE("0 deg"),
+        theta_max: Annotated[Angle, Port(min="0 deg", max="90 deg")] = ANGLE("45 deg"),
+        thetas: Annotated[int, Port(min=1)] = 4,
+        alpha_min: Annotated[Angle, Port(help="azimuth about the world's z")] = ANGLE("0 deg"),
+        alpha_max: Angle = ANGLE("360 deg"),
+        alphas: Annotated[int, Port(min=1)] = 12,
+        clearance: Annotated[
+            Length, Port(min="2 mm", help="kept by the links; gripper and fingers keep a share")
+        ] = LENGTH("10 mm"),
+        sigmas: Annotated[
+            Ratio, Port(min=0.0, max=10.0, help="standard deviations of the measurement kept as air")
+        ] = 2.0,
+        count: Annotated[int, Port(min=0, help="how many candidates to give at most; 0 gives all")] = 0,
+        check: Annotated[
+            bool, Port(help="rule out what cannot be approached; the paper leaves that to planning")
+        ] = True,
+    ) -> Work[Sampled]:
         arm, workspace = self.device(Arm), self.device(Workspace)
         self._tried.begin(around)
         if tried is not None:
@@ -110,7 +106,7 @@ class SampleGrasp(Skill):
             left = left[:count]
         if count == 1:
             self._tried.add(left[0])
-        return {"candidates": GraspCandidates(left, ruled_out, self._tried.attempt)}
+        return Sampled(GraspCandidates(left, ruled_out, self._tried.attempt))
 
     def _show(
         self,

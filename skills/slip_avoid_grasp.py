@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from typing import Annotated, Literal
+
 from drivers.interfaces import ForceSensor, Gripper
-from executive.ports import FORCE, LENGTH, RATIO, STIFFNESS, Port, Ports, optional
+from executive.ports import FORCE, LENGTH, STIFFNESS, Force, Length, Outputs, Port, Ratio, Stiffness
 from executive.skill import Interrupted, Skill, Work
 from skills.grip.controller import GripController
 from skills.grip.dynamic_term import GENTLE, DynamicSettings
@@ -23,31 +25,15 @@ NARROWEST = 0.5
 """A fruit is nowhere narrower between the fingers than this share of its least dimension."""
 
 
+class Grasped(Outputs):
+    """What SlipAvoidGrasp gives."""
+
+    hold: Hold
+
+
 class SlipAvoidGrasp(Skill):
     """Close on the fruit with the least force that will hold it; the grip goes on when this node has ended."""
 
-    inputs = Ports(
-        fruit=optional(MeasuredFruit, help="its size tells where the fingers may move fast"),
-        mu=Port(RATIO, default=0.75, min=0.05, max=3.0, help="friction coefficient between pad and fruit"),
-        mu_uncertainty=Port(RATIO, default=0.1, min=0.0, max=0.5, help="relative, covered by more force"),
-        delta=Port(LENGTH, default="4.353 mm", help="contact radius at 1 N"),
-        gamma=Port(RATIO, default=0.2569, min=0.0, max=1.0, help="how the contact radius grows with the force"),
-        k=Port(RATIO, default=4.0, min=1.0, max=100.0, help="shape of the pressure; 2 is Hertz's"),
-        surface=Port(str, default="exact", choices=("exact", "ellipsoid"), help="limit surface"),
-        margin=Port(RATIO, default=1.125, min=1.0, max=3.0, help="on the least force"),
-        reserve=Port(FORCE, default="0 N", min="0 N", max="10 N", help="push at the fruit's centre to be held"),
-        offset=Port(
-            LENGTH, default="3 mm", min="0 mm", max="50 mm", help="the fruit's centre may lie so far off the grip"
-        ),
-        initial_force=Port(FORCE, default="2.2 N", min="0.6 N", max="10 N", help="grasp force before the lift"),
-        max_force=Port(FORCE, default="14 N", min="1 N", max="40 N", help="largest grasp force, both fingers"),
-        stiffness=Port(
-            STIFFNESS, default="2000 N/m", min="100 N/m", max="100 kN/m", help="of the pads: grasp force over closing"
-        ),
-        law=Port(str, default="slip_avoidance", choices=tuple(law.value for law in ForceLaw), help="for comparison"),
-        gentle=Port(bool, default=False, help="answer slip with a tenth of the force"),
-    )
-    outputs = Ports(hold=Hold)
     devices = (Gripper, ForceSensor)
     failures = (
         "NO_CONTACT",
@@ -63,24 +49,36 @@ class SlipAvoidGrasp(Skill):
     def prepare(self) -> None:
         warm_up(self.device(ForceSensor).rate)
 
-    def run(  # type: ignore[override]
+    def run(
         self,
-        fruit: MeasuredFruit | None,
-        mu: float,
-        mu_uncertainty: float,
-        delta: float,
-        gamma: float,
-        k: float,
-        surface: str,
-        margin: float,
-        offset: float,
-        reserve: float,
-        initial_force: float,
-        max_force: float,
-        stiffness: float,
-        law: str,
-        gentle: bool,
-    ) -> Work:
+        fruit: Annotated[MeasuredFruit | None, Port(help="its size tells where the fingers may move fast")] = None,
+        mu: Annotated[Ratio, Port(min=0.05, max=3.0, help="friction coefficient between pad and fruit")] = 0.75,
+        mu_uncertainty: Annotated[Ratio, Port(min=0.0, max=0.5, help="relative, covered by more force")] = 0.1,
+        delta: Annotated[Length, Port(help="contact radius at 1 N")] = LENGTH("4.353 mm"),
+        gamma: Annotated[Ratio, Port(min=0.0, max=1.0, help="how the contact radius grows with the force")] = 0.2569,
+        k: Annotated[Ratio, Port(min=1.0, max=100.0, help="shape of the pressure; 2 is Hertz's")] = 4.0,
+        surface: Annotated[Literal["exact", "ellipsoid"], Port(help="limit surface")] = "exact",
+        margin: Annotated[Ratio, Port(min=1.0, max=3.0, help="on the least force")] = 1.125,
+        reserve: Annotated[Force, Port(min="0 N", max="10 N", help="push at the fruit's centre to be held")] = FORCE(
+            "0 N"
+        ),
+        offset: Annotated[
+            Length, Port(min="0 mm", max="50 mm", help="the fruit's centre may lie so far off the grip")
+        ] = LENGTH("3 mm"),
+        initial_force: Annotated[Force, Port(min="0.6 N", max="10 N", help="grasp force before the lift")] = FORCE(
+            "2.2 N"
+        ),
+        max_force: Annotated[Force, Port(min="1 N", max="40 N", help="largest grasp force, both fingers")] = FORCE(
+            "14 N"
+        ),
+        stiffness: Annotated[
+            Stiffness, Port(min="100 N/m", max="100 kN/m", help="of the pads: grasp force over closing")
+        ] = STIFFNESS("2000 N/m"),
+        law: Annotated[
+            str, Port(choices=tuple(law.value for law in ForceLaw), help="for comparison")
+        ] = "slip_avoidance",
+        gentle: Annotated[bool, Port(help="answer slip with a tenth of the force")] = False,
+    ) -> Work[Grasped]:
         gripper, sensor = self.device(Gripper), self.device(ForceSensor)
         contact = SoftContact(mu, delta, gamma, k, ellipsoid=surface == "ellipsoid")
         yield from self.compute(surface_table, contact)
@@ -116,9 +114,9 @@ class SlipAvoidGrasp(Skill):
             hold.take_over()
             raise
         show_grip(self, hold, everything=True)
-        return {"hold": hold}
+        return Grasped(hold)
 
-    def _watch(self, hold: Hold) -> Work:
+    def _watch(self, hold: Hold) -> Work[None]:
         while hold.phase is not GripPhase.HOLDING:
             problem = hold.problem
             if problem is not None:

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 
-from executive.ports import Ports
 from executive.skill import Skill
 from executive.views import ImageView, Line2, TableView
 from skills.perception.measured_fruit import MeasuredFruit
@@ -17,14 +14,15 @@ COLUMNS = ("frame", "fruit", "u [px]", "v [px]", "width [mm]", "height [mm]", "d
 class Tabulate(Skill):
     """Add a measured fruit to the run's table, and its contour to the picture of its frame."""
 
-    inputs = Ports(measured=MeasuredFruit)
-
     def __init__(self, name: str = "") -> None:
         super().__init__(name)
         self._rows: list[tuple[str, ...]] = []
         self._contours: dict[str, list[Line2]] = {}
 
-    def run(self, measured: MeasuredFruit) -> Mapping[str, object]:  # type: ignore[override]
+    def run(
+        self,
+        measured: MeasuredFruit,
+    ) -> None:
         frame = measured.frame
         label = frame.label or f"frame {frame.sequence}"
         contours = self._contours.setdefault(label, [])
@@ -49,4 +47,4 @@ class Tabulate(Skill):
         contours.append(Line2(measured.contour, "measured", "refined", closed=True))
         self.publish("measured", TableView(COLUMNS, tuple(self._rows), f"{len(self._rows)} fruit measured"))
         self.publish("overlay", ImageView(frame.colour, tuple(contours), caption=f"{label}: {number + 1} measured"))
-        return {}
+        return

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
 import numpy as np
 from numpy.typing import NDArray
 
 from drivers.interfaces import Arm, Camera, Frame, Gripper, Intrinsics, Workspace
-from executive.ports import LENGTH, TIME, Port, Ports, optional
+from executive.ports import LENGTH, TIME, Length, Outputs, Port, Time
 from executive.skill import Skill, Work
 from executive.views import Points3, SceneView
 from skills.motion.collision import Convex, RobotShape
@@ -21,6 +23,12 @@ from skills.perception.measured_fruit import MeasuredFruit
 Float64 = NDArray[np.float64]
 
 
+class Mapped(Outputs):
+    """What UpdateMap gives."""
+
+    map: OccupancyMap
+
+
 class UpdateMap(Skill):
     """Fuse a look into the occupancy map.
 
@@ -28,32 +36,27 @@ class UpdateMap(Skill):
     the map: planning knows it by its refined shape.
     """
 
-    inputs = Ports(
-        measured=optional(MeasuredFruit, help="the fruit to be picked; its look is fused and its shape left out"),
-        detection=optional(Detection, help="its look is fused when nothing was measured"),
-        previous=optional(OccupancyMap, help="an earlier map to add to; without it the map starts afresh"),
-        resolution=Port(LENGTH, default="10 mm", min="5 mm", max="50 mm", help="edge of a cell"),
-        max_age=Port(TIME, default="5 s", min="0 s", help="largest age of the look"),
-        target_margin=Port(
-            LENGTH, default="10 mm", min="0 mm", max="50 mm", help="what so close to the fruit is its own"
-        ),
-    )
-    outputs = Ports(map=OccupancyMap)
     devices = (Camera, Arm, Gripper, Workspace)
     failures = ("NO_FRAME", "NO_DEPTH", "STALE_FRAME", "POSE_MISMATCH")
 
     def prepare(self) -> None:
         _warm_up()
 
-    def run(  # type: ignore[override]
+    def run(
         self,
-        measured: MeasuredFruit | None,
-        detection: Detection | None,
-        previous: OccupancyMap | None,
-        resolution: float,
-        max_age: float,
-        target_margin: float,
-    ) -> Work:
+        measured: Annotated[
+            MeasuredFruit | None, Port(help="the fruit to be picked; its look is fused and its shape left out")
+        ] = None,
+        detection: Annotated[Detection | None, Port(help="its look is fused when nothing was measured")] = None,
+        previous: Annotated[
+            OccupancyMap | None, Port(help="an earlier map to add to; without it the map starts afresh")
+        ] = None,
+        resolution: Annotated[Length, Port(min="5 mm", max="50 mm", help="edge of a cell")] = LENGTH("10 mm"),
+        max_age: Annotated[Time, Port(min="0 s", help="largest age of the look")] = TIME("5 s"),
+        target_margin: Annotated[
+            Length, Port(min="0 mm", max="50 mm", help="what so close to the fruit is its own")
+        ] = LENGTH("10 mm"),
+    ) -> Work[Mapped]:
         arm, workspace = self.device(Arm), self.device(Workspace)
         model = RobotModel.load(arm.description)
         look = measured or detection
@@ -81,7 +84,7 @@ class UpdateMap(Skill):
         except (CameraPoseMismatch, BadJoints) as error:
             raise self.failure("POSE_MISMATCH", str(error)) from error
         self.publish("map", view_of(fused))
-        return {"map": fused}
+        return Mapped(fused)
 
 
 def view_of(map: OccupancyMap) -> SceneView:

@@ -63,7 +63,7 @@ class MockSkill(Skill):
     results: tuple[MockResult, ...] = (MockResult(),)
     replaced: type[Skill] = Skill
 
-    def run(self, **inputs: Any) -> Work:
+    def run(self, **inputs: Any) -> Work[Mapping[str, object]]:
         result = self.results[min(self.starts, len(self.results)) - 1]
         if result.after > 0.0:
             yield from self.wait(result.after)

@@ -48,7 +48,7 @@ class DryContext:
     def not_yet(self, skill: Skill) -> str | None:
         return None
 
-    def halt(self, skill: Skill, work: Work) -> None:
+    def halt(self, skill: Skill, work: Work[Any]) -> None:
         try:
             work.throw(Interrupted())
         except (Interrupted, StopIteration):

@@ -30,7 +30,7 @@ class RunContext:
     ) -> None:
         self.cell, self.computations, self.run_seed = cell, computations, seed
         self._publish = publish
-        self._halting: list[tuple[Skill, Work, float]] = []
+        self._halting: list[tuple[Skill, Work[Any], float]] = []
         self._paused_for = 0.0
         self._paused_since: float | None = None
         self._start = cell.clock.now()
@@ -64,7 +64,7 @@ class RunContext:
                 return f"waiting until {other.name} has stopped"
         return None
 
-    def halt(self, skill: Skill, work: Work) -> None:
+    def halt(self, skill: Skill, work: Work[Any]) -> None:
         try:
             work.throw(Interrupted())
         except (Interrupted, StopIteration):

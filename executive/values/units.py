@@ -48,12 +48,19 @@ class Quantity:
             raise ValueError(f"'{text.strip()}' is too large for a {self.name}")
         return value
 
+    def __call__(self, text: str) -> float:
+        """`LENGTH("120 mm")` is 0.12: `parse`, as defaults of ports are written."""
+        return self.parse(text)
+
     def format(self, value: float) -> str:
-        """The value with the unit that keeps it readable: 0.12 -> '120 mm'."""
-        readable = [(abs(value) / size, unit, size) for unit, size in self.units.items()]
-        fitting = [entry for entry in readable if 1.0 <= entry[0] < 1000.0]
-        _, unit, size = min(fitting) if fitting else (0.0, self.si_unit, 1.0)
-        return f"{value / size:.6g} {unit}"
+        """The value with the unit that keeps it short: 0.12 -> '12 cm', 0.1234 -> '123.4 mm'; a ratio without one."""
+        if self.bare:
+            return f"{value:.6g}"
+        readable = [
+            (f"{value / size:.6g}", unit) for unit, size in self.units.items() if 1.0 <= abs(value) / size < 1000.0
+        ]
+        number, unit = min(readable, key=lambda entry: len(entry[0]), default=(f"{value:.6g}", self.si_unit))
+        return f"{number} {unit}"
 
 
 _DEGREE = math.pi / 180.0

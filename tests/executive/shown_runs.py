@@ -14,7 +14,7 @@ from fake_cell import FakeCell, Wheel
 from executive.dashboard.security import Access
 from executive.dashboard.server import Dashboard
 from executive.language import build, read
-from executive.ports import TIME, Port, Ports
+from executive.ports import Outputs, Time
 from executive.recording.recorder import Recorder
 from executive.registry import Registry
 from executive.running.events import EventStream, RunStarted
@@ -46,12 +46,14 @@ class Hold(Skill):
         return {}
 
 
+class Seen(Outputs):
+    seen: str
+
+
 class Look(Skill):
     """Show one view of each kind."""
 
-    outputs = Ports(seen=str)
-
-    def run(self) -> Work:
+    def run(self) -> Work[Seen]:
         image = np.zeros((48, 64, 3), np.uint8)
         outline = np.array([[8.0, 8.0], [40.0, 8.0], [40.0, 30.0]])
         self.publish("camera", ImageView(image, (Line2(outline, "apple", "refined", True),), outline, "one apple"))
@@ -66,7 +68,7 @@ class Look(Skill):
         t = np.arange(5) * 0.002
         self.publish("grip", SeriesView(t, {"grasp force [N]": t, "width [m]": t}, {"limit [N]": 0.005}))
         yield None
-        return {"seen": "an apple"}
+        return Seen("an apple")
 
 
 class Jam(Skill):
@@ -82,9 +84,7 @@ class Jam(Skill):
 class Rest(Skill):
     """Let time pass."""
 
-    inputs = Ports(duration=Port(TIME, default="100 ms"))
-
-    def run(self, duration: float) -> Work:
+    def run(self, duration: Time = 0.1) -> Work[None]:
         yield from self.wait(duration)
         return {}
 

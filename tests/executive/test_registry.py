@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 from importlib.metadata import EntryPoint
+from typing import Annotated
 
 import pytest
 
 from executive import registry
-from executive.ports import LENGTH, Port, Ports
+from executive.ports import LENGTH, Length, Outputs, Port
 from executive.registry import Registry
-from executive.skill import Skill
+from executive.skill import Skill, Work
 
 
 class Basket:
     """A type that skills exchange."""
+
+
+class Weighed(Outputs):
+    result: float
 
 
 class Weigh(Skill):
@@ -22,9 +27,13 @@ class Weigh(Skill):
     And more about it.
     """
 
-    inputs = Ports(basket=Basket, height=Port(LENGTH, default="3 cm", max="1 m", help="above the scale"))
-    outputs = Ports(result=float)
     failures = ("TOO_HEAVY",)
+
+    def run(
+        self, basket: Basket, height: Annotated[Length, Port(max="1 m", help="above the scale")] = LENGTH("3 cm")
+    ) -> Work[Weighed]:
+        yield None
+        return Weighed(1.0)
 
 
 @pytest.fixture

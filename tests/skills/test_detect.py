@@ -1,6 +1,7 @@
 """The Detect skill: outputs, choice of the target, and every way in which it fails."""
 
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,13 +10,13 @@ from py_trees.common import Status
 from drivers.interfaces import Camera, Frame, Intrinsics
 from executive.clock import ManualClock
 from executive.skill_testing import Outcome, drive
-from skills import detect
 from skills.detect import Detect
 from skills.geometry import rotation_about, transform
 from skills.perception.detection.cuboid import cuboid_keypoints
 from skills.perception.detection.errors import BadFrame
 from skills.perception.detection.instances import Instance, rank
 from skills.perception.fruit import load_fruit
+from skills.shared import looking
 
 INTRINSICS = Intrinsics(610.6, 610.6, 317.7, 238.1, 640, 480)
 T_BASE_CAMERA = transform(rotation_about((1.0, 0.0, 0.0), np.pi), (0.0, -0.4, 0.6))
@@ -48,9 +49,9 @@ def instance(x: float, z: float, score: float = 0.9, visibility: float = 1.0, po
 def scripted(monkeypatch: pytest.MonkeyPatch, tmp_path: object) -> list[Instance]:
     """What the detector will say, instead of running networks."""
     instances: list[Instance] = []
-    monkeypatch.setattr(detect, "find_in_frame", lambda _frame, _fruit, _options: list(instances))
-    apple = replace(load_fruit("apple"), weights=detect.Path("apple.pt"))
-    monkeypatch.setattr(detect, "load_fruit", lambda name: apple if name == "apple" else load_fruit(name))
+    monkeypatch.setattr(looking, "find_in_frame", lambda _frame, _fruit, _options: list(instances))
+    apple = replace(load_fruit("apple"), weights=Path("apple.pt"))
+    monkeypatch.setattr(looking, "load_fruit", lambda name: apple if name == "apple" else load_fruit(name))
     return instances
 
 
@@ -156,7 +157,7 @@ def test_a_frame_that_cannot_be_used_is_no_frame(monkeypatch: pytest.MonkeyPatch
     def refuse(*_: object) -> list[Instance]:
         raise BadFrame("(h, w, 3) uint8 RGB", "(480, 640) float64")
 
-    monkeypatch.setattr(detect, "find_in_frame", refuse)
+    monkeypatch.setattr(looking, "find_in_frame", refuse)
     outcome = look()
     assert outcome.reason is not None
     assert outcome.reason.code == "NO_FRAME"

@@ -1,6 +1,7 @@
 """The DetectAll skill: every fruit of a frame, and every way in which it fails."""
 
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,12 +10,12 @@ from py_trees.common import Status
 from drivers.interfaces import Camera, Frame, Intrinsics
 from executive.clock import ManualClock
 from executive.skill_testing import Outcome, drive
-from skills import detect, detect_all
 from skills.detect_all import DetectAll
 from skills.geometry import transform
 from skills.perception.detection.errors import BadFrame
 from skills.perception.detection.instances import Instance
 from skills.perception.fruit import load_fruit
+from skills.shared import looking
 
 FRAME = Frame(
     0.0, 0, np.zeros((48, 64, 3), np.uint8), None, Intrinsics(61.0, 61.0, 31.5, 23.5, 64, 48), None, np.eye(4), "look"
@@ -42,9 +43,9 @@ def instance(score: float, posed: bool = True) -> Instance:
 def scripted(monkeypatch: pytest.MonkeyPatch) -> list[Instance]:
     """What the detector will say, instead of running networks."""
     instances: list[Instance] = []
-    monkeypatch.setattr(detect_all, "find_in_frame", lambda _frame, _fruit, _options: list(instances))
-    apple = replace(load_fruit("apple"), weights=detect.Path("apple.pt"))
-    monkeypatch.setattr(detect, "load_fruit", lambda name: apple if name == "apple" else load_fruit(name))
+    monkeypatch.setattr(looking, "find_in_frame", lambda _frame, _fruit, _options: list(instances))
+    apple = replace(load_fruit("apple"), weights=Path("apple.pt"))
+    monkeypatch.setattr(looking, "load_fruit", lambda name: apple if name == "apple" else load_fruit(name))
     return instances
 
 
@@ -84,7 +85,7 @@ def test_a_frame_that_cannot_be_used_is_no_frame(monkeypatch: pytest.MonkeyPatch
     def refuse(*_: object) -> list[Instance]:
         raise BadFrame("(h, w, 3) uint8 RGB", "(480, 640) float64")
 
-    monkeypatch.setattr(detect_all, "find_in_frame", refuse)
+    monkeypatch.setattr(looking, "find_in_frame", refuse)
     outcome = look()
     assert outcome.reason is not None
     assert outcome.reason.code == "NO_FRAME"

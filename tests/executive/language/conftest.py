@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import pytest
@@ -195,9 +195,7 @@ class Retreat(Scripted):
 class Beep(Skill):
     """Make a noise; cannot fail."""
 
-    inputs = Ports(times=Port(int, default=1, min=1, max=10), loud=Port(bool, default=False))
-
-    def run(self, times: int, loud: bool) -> None:
+    def run(self, times: Annotated[int, Port(min=1, max=10)] = 1, loud: bool = False) -> None:
         return None
 
 

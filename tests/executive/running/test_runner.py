@@ -10,7 +10,7 @@ import pytest
 from fake_cell import FakeCell, Wheel
 
 from executive.language import build, read
-from executive.ports import TIME, Port, Ports
+from executive.ports import Outputs, Time
 from executive.registry import Registry
 from executive.running.breakpoints import UnknownNodeError
 from executive.running.compute import Computations
@@ -29,15 +29,17 @@ from executive.running.runner import Runner
 from executive.skill import Interrupted, Skill, Work
 
 
+class Turned(Outputs):
+    turned: float
+
+
 class Turn(Skill):
     """Turn the wheel for a while."""
 
-    inputs = Ports(duration=Port(TIME, default="200 ms"))
-    outputs = Ports(turned=float)
     devices = (Wheel,)
     failures = ("JAMMED",)
 
-    def run(self, duration: float) -> Work:
+    def run(self, duration: Time = 0.2) -> Work[Turned]:
         wheel = self.device(Wheel)
         wheel.start()
         try:
@@ -49,7 +51,7 @@ class Turn(Skill):
             wheel.log.append("at rest")
             raise
         wheel.stop()
-        return {"turned": duration}
+        return Turned(duration)
 
 
 class Jam(Skill):
@@ -70,14 +72,16 @@ class Break(Skill):
         raise ZeroDivisionError("one over nothing")
 
 
+class Squared(Outputs):
+    y: int
+
+
 class Square(Skill):
     """Compute beside the tick."""
 
-    outputs = Ports(y=int)
-
-    def run(self) -> Work:
+    def run(self) -> Work[Squared]:
         y = yield from self.compute(pow, 7, 2)
-        return {"y": y}
+        return Squared(y)
 
 
 REGISTRY = Registry({"Turn": Turn, "Jam": Jam, "Break": Break, "Square": Square})

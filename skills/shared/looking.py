@@ -1,0 +1,116 @@
+"""What skills share that look for fruit in a frame."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.interfaces import Arm, Camera, Frame
+from executive.skill import Skill
+from executive.views import ImageView, Line2, Pinhole
+from skills.motion.robot.model import RobotModel
+from skills.perception.detection import reprojection
+from skills.perception.detection.compact_detector import CompactDetector, DetectorOptions
+from skills.perception.detection.errors import BadFrame, BadWeights
+from skills.perception.detection.instances import Instance, find_instances
+from skills.perception.fruit import FruitModel, load_fruit
+from skills.perception.fruit.catalogue import SHIPPED_WEIGHTS
+from skills.perception.fruit.errors import FruitError
+
+Float64 = NDArray[np.float64]
+
+_EDGES = np.array([0, 1, 2, 3, 0, 4, 5, 1, 5, 6, 2, 6, 7, 3, 7, 4])
+
+
+LOOKING_FAILURES = ("NO_FRAME", "STALE_FRAME", "NOTHING_FOUND", "NO_WEIGHTS")
+"""Codes of every skill that looks."""
+
+
+class LookingSkill(Skill):
+    """A skill that finds fruit in the camera's newest frame; it must declare `LOOKING_FAILURES`."""
+
+    devices = (Camera,)
+
+    def prepare(self) -> None:
+        """Load and warm the apple's detector; another fruit's is loaded at its first use."""
+        fruit = load_fruit("apple")
+        if fruit.weights is None:
+            raise BadWeights(
+                SHIPPED_WEIGHTS / "apple.pt", "the apple's weights are missing: restore them, or make train-detect"
+            )
+        _detector(fruit.weights, DetectorOptions())
+
+    def fruit_model(self, fruit: str) -> FruitModel:
+        """The fruit of a name or path, with weights to find it by; fails with NO_WEIGHTS."""
+        try:
+            model = load_fruit(fruit)
+        except FruitError as error:
+            raise self.failure("NO_WEIGHTS", str(error), fruit=fruit) from error
+        if model.weights is None:
+            raise self.failure("NO_WEIGHTS", f"there are no detector weights for {model.name}: train them", fruit=fruit)
+        return model
+
+    def newest_frame(self, max_age: float) -> Frame:
+        """The camera's newest frame, not older than `max_age` [s]; fails with NO_FRAME or STALE_FRAME."""
+        frame = self.device(Camera).latest()
+        if frame is None:
+            raise self.failure("NO_FRAME", "the camera has not delivered a frame yet")
+        age = self.clock.now() - frame.stamp
+        if age > max_age:
+            raise self.failure(
+                "STALE_FRAME", f"the newest frame is {age:.2f} s old, {max_age:.2f} s are allowed", age_s=age
+            )
+        return frame
+
+    def camera_pose(self, frame: Frame) -> Float64:
+        """T_base_camera of a frame, shape (4, 4)."""
+        if frame.q is None:
+            return frame.T_mount_camera
+        # Asked for only when the camera rides on an arm, so that cells without one can detect too.
+        robot = RobotModel.load(self.context.device(Arm).description)
+        T_base_camera: Float64 = robot.fk(frame.q) @ frame.T_mount_camera
+        return T_base_camera
+
+    def find(
+        self, frame: Frame, model: FruitModel, options: DetectorOptions
+    ) -> Generator[str | None, None, list[Instance]]:
+        """Every fruit of a frame, found beside the tick; fails with NO_FRAME where the frame is unusable."""
+        try:
+            return (yield from self.compute(find_in_frame, frame, model, options))
+        except BadFrame as error:
+            raise self.failure("NO_FRAME", f"the camera's frame cannot be used: {error}") from error
+
+
+@lru_cache(maxsize=4)
+def _detector(weights: Path, options: DetectorOptions) -> CompactDetector:
+    detector = CompactDetector.load(weights, options)
+    detector.warm_up()
+    reprojection.warm_up()
+    return detector
+
+
+def find_in_frame(frame: Frame, fruit: FruitModel, options: DetectorOptions) -> list[Instance]:
+    """Every fruit of a frame; its detector is loaded once in a process."""
+    assert fruit.weights is not None
+    return find_instances(_detector(fruit.weights, options), frame.colour, frame.intrinsics.K, fruit)
+
+
+def picture(
+    frame: Frame, T_base_camera: Float64, instances: list[Instance], chosen: int | str, score: float
+) -> ImageView:
+    """The frame with the cuboids that were found; `chosen` is the target's index, or why there is none."""
+    lines = []
+    for k, instance in enumerate(instances):
+        if instance.score < score:
+            continue
+        style = "found" if k == chosen else "muted"
+        lines.append(Line2(instance.keypoints[_EDGES], f"{k}: {instance.score:.2f}", style))
+    centres = np.array([i.keypoints[8] for i in instances if i.score >= score]).reshape(-1, 2)
+    target = f"target {chosen}" if isinstance(chosen, int) else chosen
+    optics = frame.intrinsics
+    pinhole = Pinhole(optics.fx, optics.fy, optics.cx, optics.cy, T_base_camera)
+    return ImageView(frame.colour, tuple(lines), centres, f"{len(lines)} found, {target}", frame.depth, pinhole)
