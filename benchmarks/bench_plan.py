@@ -23,13 +23,13 @@ from numpy.typing import NDArray
 from benchmarks.planning_oracle import PlanningOracle
 from benchmarks.planning_scenes import OBSERVE, PEDESTAL, TABLE_Z, WORKSPACE, PlanningScene, random_scene, table_look
 from drivers.interfaces import ArmLimits
+from drivers.trajectory import check_trajectory
 from skills.motion.grasp import Grasp
 from skills.motion.grasps.sample import GraspRules, sample_pre_grasps
 from skills.motion.grasps.sphere import Sphere
 from skills.motion.occupancy import OccupancyMap, integrate
 from skills.motion.planning.errors import PlanningFailed
 from skills.motion.planning.plan import PlanRequest, PlanResult, plan
-from skills.motion.planning.trajectory_check import check_trajectory
 from skills.motion.robot import RobotModel
 from skills.motion.straight_line import straight_line
 from skills.sample_grasp import FINER

@@ -2,6 +2,7 @@
 
 DriverError
 ├── CellFileError       the cell file is wrong, with its place
+├── BadTrajectory       a trajectory that no arm may execute
 ├── UnusableRobotFile   the robot's description cannot be used
 └── DeviceError         a device refused or failed; carries the device's name
     ├── MotionRefused   nothing has moved
@@ -34,6 +35,18 @@ class UnusableRobotFile(DriverError):
     def __init__(self, path: Path, problem: str) -> None:
         self.path, self.problem = path, problem
         super().__init__(f"{path}: {problem}")
+
+
+class BadTrajectory(DriverError):
+    """A trajectory that must not be executed: malformed, or beyond a limit.
+
+    Attributes:
+        sample, joint: the first that is wrong, counted from 0; None where no single one is.
+    """
+
+    def __init__(self, problem: str, sample: int | None = None, joint: int | None = None) -> None:
+        self.problem, self.sample, self.joint = problem, sample, joint
+        super().__init__(problem)
 
 
 class DeviceError(DriverError):

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from drivers.errors import BadTrajectory
 from drivers.interfaces import Arm, Trajectory
+from drivers.trajectory import check_trajectory
 from executive.skill import Work
-from skills.motion.planning.errors import BadTrajectory
-from skills.motion.planning.trajectory_check import check_trajectory
 from skills.shared.following import MOTION_FAILURES, MovingSkill
 
 START_TOLERANCE = 0.02

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 
 from drivers.device import Device
-from drivers.errors import DeviceError, MotionRefused
+from drivers.errors import BadTrajectory, DeviceError, MotionRefused
 from drivers.interfaces import Arm, ArmLimits, ArmState, Float64, Motion, Trajectory
 from drivers.mock.clock import PERIOD, MockClock
 from drivers.path_motion import PathMotion
-from drivers.trajectory_check import problem_with
+from drivers.trajectory import check_trajectory
 
 ROBOT = Path(__file__).resolve().parents[2] / "trees" / "robots" / "sia5f_wsg32.xml"
 
@@ -80,9 +80,12 @@ class MockArm(Device):
             refusal = f"latched in the safe state ({self._latched})"
         elif self._motion is not None and not self._motion.settled:
             refusal = "still moves; stop the motion and wait until it has settled"
-        refusal = refusal or problem_with(trajectory, self.limits, self.q)
         if refusal:
             raise MotionRefused(self.name, refusal)
+        try:
+            check_trajectory(trajectory, self.limits, self.q)
+        except BadTrajectory as bad:
+            raise MotionRefused(self.name, bad.problem) from bad
         self.followed.append(trajectory)
         self._motion = PathMotion(trajectory, self.limits, PERIOD)
         return self._motion

@@ -15,14 +15,14 @@ from pathlib import Path
 import numpy as np
 
 from drivers.device import Device
-from drivers.errors import DeviceError, DeviceFault, DeviceLost, MotionRefused
+from drivers.errors import BadTrajectory, DeviceError, DeviceFault, DeviceLost, MotionRefused
 from drivers.interfaces import Arm, ArmLimits, ArmState, Float64, Motion, MotionState, Trajectory
 from drivers.motoman.codec import Control, Order, Result, Valid
 from drivers.motoman.session import Session
 from drivers.motoman.stream import INTERPOLATION, PointStream
 from drivers.motoman.words import fault, refusal
 from drivers.path_motion import PathMotion
-from drivers.trajectory_check import problem_with
+from drivers.trajectory import check_trajectory
 from drivers.wire import Link, ServiceLoop
 from executive.clock import Clock
 
@@ -275,9 +275,10 @@ class MotomanArm(Device):
             if self._motion is not None and not self._motion.settled:
                 raise MotionRefused(self.name, "still moves; stop the motion and wait until it has settled")
             q = self._state.q
-            problem = problem_with(trajectory, self.limits, q)
-            if problem:
-                raise MotionRefused(self.name, problem)
+            try:
+                check_trajectory(trajectory, self.limits, q)
+            except BadTrajectory as bad:
+                raise MotionRefused(self.name, bad.problem) from bad
             on_wire = Trajectory(trajectory.t, *map(self._to_wire, (trajectory.q, trajectory.qd, trajectory.qdd)))
             limits = ArmLimits(*(self._to_wire(rate) for rate in _rates(self.limits)))
             options = self.options

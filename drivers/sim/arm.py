@@ -6,13 +6,13 @@ from pathlib import Path
 
 import numpy as np
 
-from drivers.errors import DeviceFault, DeviceLost, MotionRefused
+from drivers.errors import BadTrajectory, DeviceFault, DeviceLost, MotionRefused
 from drivers.interfaces import Arm, ArmLimits, ArmState, Float64, Motion, Trajectory
 from drivers.path_motion import PathMotion
 from drivers.sim.faults import FaultyDevice
 from drivers.sim.scene import TIMESTEP
 from drivers.sim.world import SimWorld
-from drivers.trajectory_check import problem_with
+from drivers.trajectory import check_trajectory
 
 AT_REST = 5e-3
 """No joint moves faster than this when the arm rests [rad/s]."""
@@ -62,9 +62,10 @@ class SimArm(FaultyDevice):
             raise MotionRefused(self.name, f"not ready: {self.fault}")
         if self._motion is not None and not self._motion.settled:
             raise MotionRefused(self.name, "still moves; stop the motion and wait until it has settled")
-        problem = problem_with(trajectory, self.limits, self._set_point)
-        if problem:
-            raise MotionRefused(self.name, problem)
+        try:
+            check_trajectory(trajectory, self.limits, self._set_point)
+        except BadTrajectory as bad:
+            raise MotionRefused(self.name, bad.problem) from bad
         self._motion = PathMotion(trajectory, self.limits, TIMESTEP)
         return self._motion
 

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from py_trees.common import Status
 
+from drivers.trajectory import check_trajectory
 from executive.skill_testing import drive
 from executive.views import SceneView
 from skills.motion.collision import CollisionWorld
 from skills.motion.grasp import GraspCandidates
 from skills.motion.occupancy import OccupancyMap
 from skills.motion.occupancy.occupancy_map import OCCUPIED
-from skills.motion.planning.trajectory_check import check_trajectory
 from skills.plan import Plan
 from tests.skills.picking_scene import OBSERVE, ROBOT_MODEL, WORKSPACE, Bench, RealTimeClock, a_grasp, seen_map
 

@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from drivers.interfaces import Trajectory, Workspace
+from drivers.interfaces import ArmLimits, Trajectory, Workspace
+from drivers.trajectory import check_trajectory
 from skills.motion.collision import kernel
 from skills.motion.collision.convex import Convex
 from skills.motion.collision.distance_field import DistanceField
@@ -16,7 +17,6 @@ from skills.motion.collision.errors import UnknownObstacle
 from skills.motion.collision.kernel import WorldArrays
 from skills.motion.collision.robot_shape import RobotShape
 from skills.motion.collision.segment import check_path, check_segment
-from skills.motion.collision.trajectory_form import check_shape_and_limits
 from skills.motion.collision.verdict import Collision, Margins
 from skills.motion.robot import RobotModel
 
@@ -203,10 +203,12 @@ class CollisionWorld:
         this can mean is added to what every part must keep clear.
 
         Raises:
-            BadTrajectory: malformed, not finite, or outside the position limits.
+            BadTrajectory: malformed, or beyond a limit of the arm: see `drivers.trajectory`.
         """
         model = self.shape.model
-        check_shape_and_limits(trajectory, model)
+        check_trajectory(
+            trajectory, ArmLimits(model.lower, model.upper, model.velocity, model.acceleration, model.jerk)
+        )
         q, qdd = trajectory.q, np.abs(trajectory.qdd)
         bow = np.maximum(qdd[:-1], qdd[1:]) * np.diff(trajectory.t)[:, None] ** 2 / 8.0
         bulge = float(np.max(bow @ self.shape.arrays.reach, initial=0.0))

@@ -3,7 +3,6 @@
 PlanningError
 ├── PlanningFailed    there is no path to give; carries a code of the skill Plan, a sentence and data
 ├── BadRequest        a request that is none: NaN, a wrong number of joints, no such planner
-├── BadTrajectory     a trajectory that must not be executed: NaN, or beyond a limit
 └── BadProblem        a benchmark's problem file that cannot be used
 """
 
@@ -30,10 +29,6 @@ class PlanningFailed(PlanningError):
 
 class BadRequest(PlanningError):
     """A request that cannot be planned, whatever the scene."""
-
-
-class BadTrajectory(PlanningError):
-    """A trajectory that is not executed."""
 
 
 class BadProblem(PlanningError):

@@ -168,11 +168,13 @@ def time_curve(
     s3 = np.gradient(s2[:, 0], profile.t)[:, None]
     qd, qdd = first * s1, second * s1**2 + first * s2
     qddd = third * s1**3 + 3.0 * second * s1 * s2 + first * s3
+    jerk_between = np.diff(qdd, axis=0) / np.diff(profile.t)[:, None]  # what a controller makes of the samples
     stretch = max(
         1.0,
         float((np.abs(qd) / limits.velocity).max()),
         float((np.abs(qdd) / limits.acceleration).max()) ** 0.5,
         float((np.abs(qddd) / limits.jerk).max()) ** (1.0 / 3.0),
+        float((np.abs(jerk_between) / limits.jerk).max()) ** (1.0 / 3.0),
     )
     if stretch > 1.0:
         slower = stretch * 1.02

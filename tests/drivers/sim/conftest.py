@@ -40,7 +40,12 @@ def rest_to_rest(waypoints: Float64, limits: ArmLimits, share: float = 0.6) -> T
         lookup = [np.column_stack([np.interp(w, fine, a[:, j]) for j in range(a.shape[1])]) for a in (first, second)]
         qd = lookup[0] * wd[:, None]
         qdd = lookup[1] * wd[:, None] ** 2 + lookup[0] * wdd[:, None]
-        load = max((np.abs(qd) / limits.velocity).max(), (np.abs(qdd) / limits.acceleration).max())
+        qddd = np.diff(qdd, axis=0) / (x[1] * duration)
+        load = max(
+            (np.abs(qd) / limits.velocity).max(),
+            (np.abs(qdd) / limits.acceleration).max(),
+            (np.abs(qddd) / limits.jerk).max(),
+        )
         if load <= share:
             break
         duration *= 1.05

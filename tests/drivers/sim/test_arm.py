@@ -138,15 +138,16 @@ def spoil(path, **changes):
     ("changes", "says"),
     [
         (lambda p: {"q": p.q + 0.01}, "starts .* away from the arm"),
-        (lambda p: {"qd": p.qd * 9.0}, "velocity limit"),
-        (lambda p: {"qdd": p.qdd * 9.0}, "acceleration limit"),
+        (lambda p: {"qd": p.qd * 9.0}, "velocity of joint"),
+        (lambda p: {"qdd": p.qdd * 9.0}, "acceleration of joint"),
         (lambda p: {"t": p.t[::-1].copy()}, "increase from 0"),
-        (lambda p: {"q": p.q[:, :6]}, r"joints \(n, 7\)"),
-        (lambda p: {"q": np.where(p.t[:, None] > p.t[-1] / 2, np.nan, p.q)}, "not finite"),
-        (lambda p: {"t": p.t / 20.0}, "jumps"),
+        (lambda p: {"q": p.q[:, :6]}, "samples of 7 joints"),
+        (lambda p: {"q": np.where(p.t[:, None] > p.t[-1] / 2, np.nan, p.q)}, "not a finite number"),
+        (lambda p: {"t": p.t / 20.0}, "jerk of joint"),
         (lambda p: {"qd": p.qd + 0.01}, "at rest"),
-        (lambda p: {"q": p.q + np.linspace(0, 3.0, len(p.t))[:, None]}, "beyond its range|jumps"),
+        (lambda p: {"q": p.q + np.linspace(0, 3.0, len(p.t))[:, None]}, "its limits are|jumps"),
         (lambda p: {"qd": p.qd * 0.0}, "do not belong"),
+        (lambda p: {"q": np.where(p.t[:, None] > p.t[-1] / 2, p.q + 0.2, p.q)}, "joint 1 jumps"),
     ],
 )
 def test_a_bad_trajectory_is_refused_and_nothing_moves(cell, arm, plan_rest_to_rest, changes, says):

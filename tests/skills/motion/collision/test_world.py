@@ -1,6 +1,7 @@
 """The collision world says who hits what, lets nothing slip through along a path, and keeps a margin for each body."""
 
 import pickle
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,10 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from benchmarks.collision_oracle import Oracle, compare, random_scene
-from drivers.interfaces import Box, Trajectory, Workspace
+from drivers.errors import BadTrajectory
+from drivers.interfaces import ArmLimits, Box, Trajectory, Workspace
 from skills.geometry import rot_x, transform
 from skills.motion.collision import (
-    BadTrajectory,
     CollisionWorld,
     Convex,
     DistanceField,
@@ -21,6 +22,7 @@ from skills.motion.collision import (
     UnknownObstacle,
 )
 from skills.motion.collision.cover import fibonacci_sphere
+from skills.motion.planning.timing import time_polyline
 from skills.motion.robot import BadJoints, RobotModel, inverse_kinematics
 
 ROOT = Path(__file__).resolve().parents[4]
@@ -174,27 +176,29 @@ def test_a_thin_plate_between_two_free_postures_is_not_jumped() -> None:
     assert 0.0 < hit.at < 1.0
 
 
-def timed(q: np.ndarray, duration: float = 1.0, qdd: float = 0.0) -> Trajectory:
-    t = np.linspace(0.0, duration, len(q))
-    return Trajectory(t, q, np.zeros_like(q), np.full_like(q, qdd))
+STILL = Trajectory(np.array([0.0, 1.0]), np.repeat(OBSERVE[None], 2, axis=0), np.zeros((2, 7)), np.zeros((2, 7)))
 
 
 def test_a_trajectory_between_distant_samples_must_keep_clear_of_its_possible_bow() -> None:
     world = CollisionWorld.build(robot, table)
     q = np.linspace(above(0.05), above(0.06), 5)
-    assert world.check_trajectory(timed(q), OPEN) is None
-    assert world.check_trajectory(timed(q, qdd=8.0), OPEN) is not None  # 6 cm of bow may be hidden between samples
+    limits = ArmLimits(robot.lower, robot.upper, robot.velocity, robot.acceleration, robot.jerk)
+    assert world.check_trajectory(time_polyline(q, limits), OPEN) is None
+    at_rest = replace(STILL, q=q[[0, 0]])
+    assert world.check_trajectory(at_rest, OPEN) is None
+    swinging = replace(at_rest, qdd=np.full((2, 7), 8.0))
+    assert world.check_trajectory(swinging, OPEN) is not None  # 6 cm of bow may be hidden between samples
 
 
 @pytest.mark.parametrize(
     ("wrong", "complaint"),
     [
-        (Trajectory(np.array([0.0, 1.0]), np.zeros((2, 6)), np.zeros((2, 6)), np.zeros((2, 6))), "do not fit"),
-        (Trajectory(np.array([0.0, 0.0]), *(np.zeros((2, 7)) for _ in range(3))), "time does not increase"),
-        (timed(np.vstack((np.zeros(7), np.full(7, np.nan)))), "not finite"),
-        (timed(np.vstack((np.zeros(7), np.full(7, 2.5)))), "joint_l = 2.5000 rad is outside"),
+        (replace(STILL, q=np.zeros((2, 6))), "two or more samples of 7 joints"),
+        (replace(STILL, t=np.array([0.0, 0.0])), "time does not increase"),
+        (replace(STILL, q=np.full((2, 7), np.nan)), "the position of sample 0 is not a finite number"),
+        (replace(STILL, q=np.full((2, 7), 2.5)), "joint 2 would be at 143.2°"),
     ],
-)  # fmt: skip
+)
 def test_a_trajectory_that_must_not_be_executed_is_refused(wrong: Trajectory, complaint: str) -> None:
     with pytest.raises(BadTrajectory, match=complaint):
         CollisionWorld.build(robot, table).check_trajectory(wrong, OPEN)
