@@ -114,6 +114,7 @@ class Port:
         help: one line for people.
         min, max: closed range of a number or quantity, as text with a unit or in SI.
         choices: the only texts that are allowed.
+        was: its name in the version before; the checker tells who still writes it.
     """
 
     type: PortType = object
@@ -122,6 +123,7 @@ class Port:
     min: Any = None
     max: Any = None
     choices: tuple[str, ...] = ()
+    was: str = ""
 
     @property
     def required(self) -> bool:

@@ -30,9 +30,9 @@ class Detected(Outputs):
 class Detect(LookingSkill):
     """Find the fruit in the camera's newest frame and choose one as the target.
 
-    A fruit that this node chose before is chosen again only when `again` allows it: that the tree comes back here means
-    that it did not work out. With `never`, `times` says how often one fruit is chosen, those chosen less often first.
-    From its second look on it may choose what it doubts (`unsure`), when nothing surer is left that is new.
+    A fruit that this node chose before is chosen again only when `reselect` allows it: that the tree comes back here
+    means that it did not work out. With `never`, `max_selections` says how often one fruit is chosen, those chosen less
+    often first. From its second look on it may choose what it doubts (`fallback_score`), when nothing surer is new.
     """
 
     failures = (*LOOKING_FAILURES, "LOW_CONFIDENCE", "POSE_UNSOLVED")
@@ -47,18 +47,23 @@ class Detect(LookingSkill):
         fruit: Annotated[str, Port(help="which fruit to look for: a name in the catalogue, or a path")],
         target: Annotated[str, Port(choices=POLICIES, help="which one, when there are several")] = "nearest",
         index: Annotated[int, Port(min=0, max=99, help="place by falling score, for target: index")] = 0,
-        again: Annotated[
+        reselect: Annotated[
             Literal["freely", "last", "never"],
-            Port(help="fruit chosen before: like any other, only when nothing else is left, or not at all"),
+            Port(
+                help="fruit chosen before: like any other, only when nothing else is left, or not at all", was="again"
+            ),
         ] = "last",
-        times: Annotated[int, Port(min=1, help="how often one fruit may be chosen, for again: never")] = 1,
+        max_selections: Annotated[
+            int, Port(min=1, help="how often one fruit may be chosen, for reselect: never", was="times")
+        ] = 1,
         score: Annotated[Ratio, Port(min=0.0, max=1.0, help="least belief that it is this fruit")] = 0.6,
-        unsure: Annotated[
+        fallback_score: Annotated[
             Ratio,
             Port(
                 min=0.0,
                 max=1.0,
                 help="least belief from the second look on, when nothing surer is left that is new; 1: never",
+                was="unsure",
             ),
         ] = 1.0,
         max_age: Annotated[Time, Port(min="1 ms", max="60 s", help="older frames are refused")] = TIME("500 ms"),
@@ -71,10 +76,14 @@ class Detect(LookingSkill):
         T_base_camera = self.camera_pose(frame)
         instances = yield from self.find(frame, model, DetectorOptions(working_width=working_width))
         self._looks += 1
-        if self._looks > 1 and unsure < score and not self._sure_and_new(instances, frame, T_base_camera, score):
-            score = unsure
+        if (
+            self._looks > 1
+            and fallback_score < score
+            and not self._sure_and_new(instances, frame, T_base_camera, score)
+        ):
+            score = fallback_score
         try:
-            chosen = self._choose(instances, frame, T_base_camera, target, index, again, times, score)
+            chosen = self._choose(instances, frame, T_base_camera, target, index, reselect, max_selections, score)
         except SkillFailure as failed:
             self.publish("detection", picture(frame, T_base_camera, instances, failed.failure.message, score))
             raise
@@ -103,8 +112,8 @@ class Detect(LookingSkill):
         T_base_camera: Float64,
         target: str,
         index: int,
-        again: str,
-        times: int,
+        reselect: str,
+        max_selections: int,
         score: float,
     ) -> int:
         """The target's index among the instances; fails with why there is none."""
@@ -127,16 +136,16 @@ class Detect(LookingSkill):
         order = [posed[k] for k in rank([instances[k] for k in posed], target, index)]
         if not order:
             raise none("NOTHING_FOUND", f"there are {len(posed)} fruit in the frame, number {index} was asked for")
-        if again == "freely" or target == "index":
+        if reselect == "freely" or target == "index":
             return order[0]
         before = {k: self._times_chosen(instances[k], frame, T_base_camera) for k in order}
         rarest = min(order, key=lambda k: before[k])  # the first of those, in the policy's order
         if before[rarest] == 0:
             return rarest
-        if again == "never":
-            if before[rarest] < times:
+        if reselect == "never":
+            if before[rarest] < max_selections:
                 return rarest
-            often = "before" if times == 1 else f"{times} times"
+            often = "before" if max_selections == 1 else f"{max_selections} times"
             raise none("NOTHING_FOUND", f"all {len(order)} fruit in the frame were chosen {often}")
         return order[0]
 

@@ -45,12 +45,16 @@ class DetectAll(LookingSkill):
         working_width: Annotated[
             int, Port(min=64, max=4096, help="width at which the whole picture is searched [px]")
         ] = 320,
-        most: Annotated[int, Port(min=1, max=1000, help="places that are looked at closely, surest first")] = 100,
+        max_places: Annotated[
+            int, Port(min=1, max=1000, help="places that are looked at closely, surest first", was="most")
+        ] = 100,
     ) -> Work[AllDetected]:
         model = self.fruit_model(fruit)
         frame = self.newest_frame(max_age)
         T_base_camera = self.camera_pose(frame)
-        instances = yield from self.find(frame, model, DetectorOptions(working_width=working_width, most_fruit=most))
+        instances = yield from self.find(
+            frame, model, DetectorOptions(working_width=working_width, most_fruit=max_places)
+        )
         self.publish("detection", picture(frame, T_base_camera, instances, "", score))
         sure = [i for i in instances if i.score >= score and i.T_camera_object is not None]
         if not sure:

@@ -53,11 +53,11 @@ class FeelFriction(MovingSkill):
 
     Pressed lightly the fruit stays where it is and the pads slide: their friction is measured, fruit by fruit, instead
     of being told. Where they do not slide, since the fruit is lighter than the friction, what was told is kept. However
-    the slides end, the grip presses with `then` afterwards and the fruit may be lifted.
+    the slides end, the grip presses with `force_after` afterwards and the fruit may be lifted.
     """
 
     devices = (Arm, Gripper, ForceSensor, Workspace)
-    failures = (*MOTION_FAILURES, "NOT_HELD", "LOST", "NO_WAY_UP", "SENSOR_STALE", "SENSOR_SATURATED")
+    failures = (*MOTION_FAILURES, "NOT_HELD", "LOST", "LIFT_BLOCKED", "SENSOR_STALE", "SENSOR_SATURATED")
 
     def prepare(self) -> None:
         prepare_moving(self)
@@ -66,12 +66,14 @@ class FeelFriction(MovingSkill):
         self,
         hold: Hold,
         force: Annotated[Force, Port(min="0.5 N", max="5 N", help="grasp force while the pads slide")] = FORCE("0.6 N"),
-        then: Annotated[Force, Port(min="0.6 N", max="10 N", help="grasp force afterwards, before the lift")] = FORCE(
-            "2.2 N"
-        ),
+        force_after: Annotated[
+            Force, Port(min="0.6 N", max="10 N", help="grasp force afterwards, before the lift", was="then")
+        ] = FORCE("2.2 N"),
         distance: Annotated[Length, Port(min="0.5 mm", max="5 mm", help="how far the pads slide")] = LENGTH("2 mm"),
         speed: Annotated[Speed, Port(min="1 mm/s", max="30 mm/s")] = SPEED("10 mm/s"),
-        least: Annotated[Ratio, Port(min=0.0, max=0.5, help="least relative uncertainty of what was felt")] = 0.04,
+        min_rel_uncertainty: Annotated[
+            Ratio, Port(min=0.0, max=0.5, help="least relative uncertainty of what was felt", was="least")
+        ] = 0.04,
     ) -> Work[Felt]:
         if not hold.holds:
             raise self.failure("NOT_HELD", "no fruit is held whose friction could be felt")
@@ -82,8 +84,8 @@ class FeelFriction(MovingSkill):
             yield from self._press(hold, force)
             felt_up = yield from self._slide(hold, up, distance, speed)
             felt_down = yield from self._slide(hold, down, distance, speed)
-            hold.slide(then)
-            yield from self._press(hold, then)
+            hold.slide(force_after)
+            yield from self._press(hold, force_after)
         finally:
             hold.slide(None)
         try:
@@ -93,10 +95,10 @@ class FeelFriction(MovingSkill):
             slide = Slide(settings.contact.mu, settings.mu_uncertainty, (np.nan, np.nan), 0.0)
             said = f"{problem}: {slide.mu:.2f} ± {slide.uncertainty:.0%} is kept"
         else:
-            slide = replace(slide, uncertainty=max(slide.uncertainty, least))
+            slide = replace(slide, uncertainty=max(slide.uncertainty, min_rel_uncertainty))
             said = f"friction {slide.mu:.2f} ± {slide.uncertainty:.0%}"
         contact = replace(settings.contact, mu=slide.mu)
-        hold.set_friction(contact, slide.uncertainty, then)
+        hold.set_friction(contact, slide.uncertainty, force_after)
         show_grip(self, hold, everything=True)
         yield said
         return Felt(mu=slide.mu, mu_uncertainty=slide.uncertainty)
@@ -110,13 +112,13 @@ class FeelFriction(MovingSkill):
         T_base_goal[2, 3] += distance
         line = straight_line(robot, q, T_base_goal, step=0.25 * distance)
         if not line.complete:
-            raise self.failure("NO_WAY_UP", line.reason)
+            raise self.failure("LIFT_BLOCKED", line.reason)
         width = self.device(Gripper).state().width
         space = arm_space(arm, self.device(Workspace), None, width, 0.0).leaving_table()
         blocked = space.first_blocked(line.q)
         if blocked is not None:
             reason, found = space.explain(line.q[blocked + 1])
-            raise self.failure("NO_WAY_UP", f"on the way up {reason}", **found)
+            raise self.failure("LIFT_BLOCKED", f"on the way up {reason}", **found)
         return line.q, line.q[::-1]
 
     def _press(self, hold: Hold, force: float) -> Watching:

@@ -33,12 +33,12 @@ class Lift(MovingSkill):
     """Lift straight up with a smooth profile while the grip is controlled, and verify that the fruit came along.
 
     With a `hold` its controller says whether the fruit is still there; without one the fingers' force and opening do.
-    A fruit that creeps out of the grip falls later: `keep` watches it for a while.
+    A fruit that creeps out of the grip falls later: `hold_time` watches it for a while.
     Interrupted, the arm stops on its line and the grip goes on holding.
     """
 
     devices = (Arm, Gripper, ForceSensor, Workspace)
-    failures = (*MOTION_FAILURES, "NOT_HELD", "LOST", "NO_WAY_UP", "MAP_STALE")
+    failures = (*MOTION_FAILURES, "NOT_HELD", "LOST", "LIFT_BLOCKED", "MAP_STALE")
 
     def prepare(self) -> None:
         prepare_moving(self)
@@ -56,9 +56,9 @@ class Lift(MovingSkill):
         ] = LENGTH("5 mm"),
         speed: Annotated[Speed, Port(min="1 mm/s", max="1 m/s")] = SPEED("0.25 m/s"),
         acceleration: Annotated[Acceleration, Port(min="0.01 m/s²", max="3 m/s²")] = ACCELERATION("1 m/s²"),
-        keep: Annotated[Time, Port(min="0 s", help="so long it is watched up there: the grip comes to rest")] = TIME(
-            "0 s"
-        ),
+        hold_time: Annotated[
+            Time, Port(min="0 s", help="so long it is watched up there: the grip comes to rest", was="keep")
+        ] = TIME("0 s"),
     ) -> Work[None]:
         arm = self.device(Arm)
         if not self._held(hold):
@@ -69,7 +69,7 @@ class Lift(MovingSkill):
         line = straight_line(robot, arm.state().q, T_base_goal)
         if not line.complete:
             raise self.failure(
-                "NO_WAY_UP",
+                "LIFT_BLOCKED",
                 f"{line.reason} after {1e3 * line.reached * height:.0f} of {1e3 * height:.0f} mm",
                 reached_m=line.reached * height,
             )
@@ -86,7 +86,7 @@ class Lift(MovingSkill):
         yield from self.travel(trajectory, watch)
         watch()
         up_since = self.context.elapsed()
-        while self.context.elapsed() - up_since < keep - 1e-9:
+        while self.context.elapsed() - up_since < hold_time - 1e-9:
             yield "held up"
             watch()
         if hold is not None:
@@ -101,7 +101,7 @@ class Lift(MovingSkill):
         blocked = space.first_blocked(q_line)
         if blocked is not None:
             reason, found = space.explain(q_line[blocked + 1])
-            raise self.failure("NO_WAY_UP", f"on the way up {reason}", **found)
+            raise self.failure("LIFT_BLOCKED", f"on the way up {reason}", **found)
 
     def _held(self, hold: Hold | None) -> bool:
         if hold is not None and not hold.ended:

@@ -51,7 +51,7 @@ class Release(MovingSkill):
     """
 
     devices = (Arm, Gripper, ForceSensor, Workspace)
-    failures = (*MOTION_FAILURES, *POSE_FAILURES, "NOT_HELD", "NO_CONTACT", "NO_WAY_DOWN")
+    failures = (*MOTION_FAILURES, *POSE_FAILURES, "NOT_HELD", "NO_CONTACT", "LOWERING_BLOCKED")
 
     def prepare(self) -> None:
         prepare_planning(self)
@@ -161,7 +161,7 @@ class Release(MovingSkill):
             if blocked is not None:
                 way, ends = way[: blocked + 1], space.explain(way[blocked + 1])[0]
         if len(way) < 4:
-            raise self.failure("NO_WAY_DOWN", f"the gripper cannot move vertically: {ends}")
+            raise self.failure("LOWERING_BLOCKED", f"the gripper cannot move vertically: {ends}")
         return way
 
     def _along(self, way: Float64, speed: float, watch: Callable[[], None] | None = None) -> Watching:

@@ -56,7 +56,7 @@ class Retreat(MovingSkill):
     """
 
     devices = (Arm, Gripper, ForceSensor, Workspace)
-    failures = (*MOTION_FAILURES, "NO_WAY_BACK")
+    failures = (*MOTION_FAILURES, "RETREAT_BLOCKED")
 
     def prepare(self) -> None:
         prepare_moving(self)
@@ -120,7 +120,7 @@ class Retreat(MovingSkill):
         line = straight_line(robot, arm.state().q, T_base_goal)
         if not line.complete:
             raise self.failure(
-                "NO_WAY_BACK",
+                "RETREAT_BLOCKED",
                 f"{line.reason} after {1e3 * line.reached * line.length:.0f} of {1e3 * line.length:.0f} mm",
                 reached_m=line.reached * line.length,
             )
@@ -128,7 +128,7 @@ class Retreat(MovingSkill):
         blocked = space.first_blocked(line.q)
         if blocked is not None:
             reason, found = space.explain(line.q[blocked + 1])
-            raise self.failure("NO_WAY_BACK", f"on the way back {reason}", **found)
+            raise self.failure("RETREAT_BLOCKED", f"on the way back {reason}", **found)
         if line.length > 1e-4:
             trajectory = time_curve(line.q, line.length, arm.limits, speed, acceleration, acceleration / JERK_TIME)
             yield from self.travel(trajectory, watch)

@@ -295,7 +295,8 @@ class NodeChecker:
                     found.inputs[name] = read
             elif name not in outputs:
                 known = [*inputs, *outputs]
-                hint = did_you_mean(name, known) or f"ports of {who}: {', '.join(known) or 'none'}"
+                renamed = [f"it is called '{new}' now" for new, port in inputs.items() if port.was == name]
+                hint = "".join(renamed) or did_you_mean(name, known) or f"ports of {who}: {', '.join(known) or 'none'}"
                 self.findings.error(key, "unknown-port", f"{who} has no port '{name}'", hint)
         missing = [name for name, port in inputs.items() if port.required and name not in node.ports]
         for name in missing:

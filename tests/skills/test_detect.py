@@ -97,8 +97,8 @@ def test_fruit_chosen_before_may_be_chosen_freely_or_never(scripted: list[Instan
     scripted += [instance(0.1, 0.5)]
     skill = Detect()
     assert look(skill).status is Status.SUCCESS
-    assert look(skill, again="freely").status is Status.SUCCESS
-    outcome = look(skill, again="never")
+    assert look(skill, reselect="freely").status is Status.SUCCESS
+    outcome = look(skill, reselect="never")
     assert outcome.reason is not None
     assert outcome.reason.code == "NOTHING_FOUND"
 
@@ -106,9 +106,9 @@ def test_fruit_chosen_before_may_be_chosen_freely_or_never(scripted: list[Instan
 def test_what_is_doubted_is_chosen_from_the_second_look_on_when_nothing_surer_is_left(scripted: list[Instance]) -> None:
     scripted += [instance(0.1, 0.5, score=0.9), instance(-0.1, 0.6, score=0.45), instance(0.0, 0.7, score=0.2)]
     skill = Detect()
-    chosen = [look(skill, unsure=0.4).outputs["detection"].index for _ in range(3)]
+    chosen = [look(skill, fallback_score=0.4).outputs["detection"].index for _ in range(3)]
     assert chosen == [0, 1, 0]
-    assert look(skill, unsure=0.4, again="never").status is Status.FAILURE
+    assert look(skill, fallback_score=0.4, reselect="never").status is Status.FAILURE
     surest_first = [look(Detect()).outputs["detection"].index for _ in range(2)]
     assert surest_first == [0, 0]
 
@@ -116,7 +116,7 @@ def test_what_is_doubted_is_chosen_from_the_second_look_on_when_nothing_surer_is
 def test_what_is_doubted_is_not_chosen_at_the_first_look(scripted: list[Instance]) -> None:
     scripted += [instance(0.0, 0.5, score=0.45)]
     skill = Detect()
-    first, second = look(skill, unsure=0.4), look(skill, unsure=0.4)
+    first, second = look(skill, fallback_score=0.4), look(skill, fallback_score=0.4)
     assert first.reason is not None
     assert first.reason.code == "LOW_CONFIDENCE"
     assert second.status is Status.SUCCESS
@@ -174,9 +174,9 @@ def test_ranking_is_total_for_equal_instances() -> None:
 def test_a_fruit_is_chosen_so_many_times_and_the_others_first(scripted: list[Instance]) -> None:
     scripted += [instance(0.1, 0.5), instance(-0.1, 0.6)]
     skill = Detect()
-    chosen = [look(skill, again="never", times=2).outputs["detection"].index for _ in range(4)]
+    chosen = [look(skill, reselect="never", max_selections=2).outputs["detection"].index for _ in range(4)]
     assert chosen == [0, 1, 0, 1]
-    outcome = look(skill, again="never", times=2)
+    outcome = look(skill, reselect="never", max_selections=2)
     assert outcome.reason is not None
     assert outcome.reason.code == "NOTHING_FOUND"
     assert outcome.reason.message == "all 2 fruit in the frame were chosen 2 times"

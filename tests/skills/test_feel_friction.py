@@ -128,7 +128,7 @@ def test_beyond_reach_nothing_moves():
     hold = bench.grasp()
     bench.arm.q = bench.arm.limits.upper - 1e-6
     outcome = bench.feel_friction(hold)
-    assert outcome.reason.code == "NO_WAY_UP"
+    assert outcome.reason.code == "LIFT_BLOCKED"
     assert bench.arm.followed == []
 
 

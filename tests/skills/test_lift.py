@@ -53,14 +53,14 @@ def test_closed_fingers_that_press_each_other_hold_nothing():
 
 def test_a_fruit_that_falls_while_it_is_held_up_is_lost_too():
     bench = holding()
-    assert drive(Lift(), {"keep": 1.0}, bench.devices, clock=bench.clock).duration == pytest.approx(1.96, abs=0.1)
+    assert drive(Lift(), {"hold_time": 1.0}, bench.devices, clock=bench.clock).duration == pytest.approx(1.96, abs=0.1)
     bench = holding()
 
     def drop(tick: int) -> None:
         if tick == 70:  # up since tick 48
             bench.fingers.feel = lambda _now: np.zeros((2, 6))
 
-    outcome = drive(Lift(), {"keep": 1.0}, bench.devices, clock=bench.clock, each_tick=drop)
+    outcome = drive(Lift(), {"hold_time": 1.0}, bench.devices, clock=bench.clock, each_tick=drop)
     assert outcome.reason.code == "LOST"
     assert "lost 150 mm up" in outcome.reason.message
 
@@ -82,7 +82,7 @@ def test_a_fruit_that_slips_out_on_the_way_is_lost_and_the_arm_stops():
 def test_beyond_reach_nothing_moves():
     bench = holding()
     outcome = drive(Lift(), {"height": 0.9}, bench.devices, clock=bench.clock)
-    assert outcome.reason.code == "NO_WAY_UP"
+    assert outcome.reason.code == "LIFT_BLOCKED"
     assert outcome.reason.data["reached_m"] == pytest.approx(0.4, abs=0.3)
     assert bench.arm.followed == []
 
@@ -111,7 +111,7 @@ def test_something_above_is_known_before_anything_moves():
     outcome = drive(
         Lift(), {"grasp": GRASP, "map": seen_map(blocked=(above,))}, bench.devices, clock=bench.clock
     )  # fmt: skip
-    assert outcome.reason.code == "NO_WAY_UP"
+    assert outcome.reason.code == "LIFT_BLOCKED"
     assert outcome.reason.data["obstacle"] == "map"
     assert bench.arm.followed == []
 
@@ -124,7 +124,7 @@ def test_the_held_fruit_is_part_of_the_robot():
     given = {"grasp": GRASP, "map": seen_map(blocked=(beside,))}
     outcome = drive(Lift(), given, bench.devices, clock=bench.clock)
     assert without.status is Status.SUCCESS
-    assert outcome.reason.code == "NO_WAY_UP"
+    assert outcome.reason.code == "LIFT_BLOCKED"
     assert outcome.reason.data["link"] == "held fruit"
 
 

@@ -117,7 +117,7 @@ def test_where_the_gripper_cannot_go_down_nothing_moves():
     bench = over_ground(None)
     below_finger = (bench.tcp @ [0.0, 0.045, 0.055, 1.0])[:3]
     outcome = drive(Release(), {"map": seen_map(blocked=(below_finger,))}, bench.devices, clock=bench.clock)
-    assert outcome.reason.code == "NO_WAY_DOWN"
+    assert outcome.reason.code == "LOWERING_BLOCKED"
     assert "map" in outcome.reason.message
     assert bench.arm.followed == []
 

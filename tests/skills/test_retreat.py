@@ -121,7 +121,7 @@ def test_a_pre_grasp_out_of_reach_is_no_way_back():
     outcome = drive(
         Retreat(), {"grasp": replace(GRASP, T_base_pre_grasp=far)}, bench.devices, clock=bench.clock
     )  # fmt: skip
-    assert outcome.reason.code == "NO_WAY_BACK"
+    assert outcome.reason.code == "RETREAT_BLOCKED"
     assert bench.arm.followed == []
 
 
@@ -130,6 +130,6 @@ def test_something_fixed_on_the_way_back_stops_it_before_it_moves():
     box = Box("lamp", behind, (0.02, 0.15, 0.02))
     bench = Bench(q=LINE[-1].copy(), width=GRASP.width, workspace=replace(WORKSPACE, obstacles=(box,)))
     outcome = retreat(bench)
-    assert outcome.reason.code == "NO_WAY_BACK"
+    assert outcome.reason.code == "RETREAT_BLOCKED"
     assert outcome.reason.data["obstacle"] == "lamp"
     assert bench.arm.followed == []

@@ -195,7 +195,7 @@ class Retreat(Scripted):
 class Beep(Skill):
     """Make a noise; cannot fail."""
 
-    def run(self, times: Annotated[int, Port(min=1, max=10)] = 1, loud: bool = False) -> None:
+    def run(self, times: Annotated[int, Port(min=1, max=10, was="rings")] = 1, loud: bool = False) -> None:
         return None
 
 

@@ -41,6 +41,9 @@ class TestNamesAreKnown:
     def test_missing_port(self, findings_of):
         assert "'pose', a text" in only(findings_of(sequence("MoveTo: {}")), "missing-port").message
 
+    def test_a_port_s_name_of_the_version_before(self, findings_of):
+        assert only(findings_of(sequence("Beep: {rings: 3}")), "unknown-port").hint == "it is called 'times' now"
+
     def test_unknown_modifier(self, findings_of):
         found = only(findings_of("root:\n  Beep: {}\n  tmeout: 3 s"), "unknown-key")
         assert (found.line, found.column) == (5, 3)
