@@ -27,6 +27,7 @@ from executive.running.dry_cell import DryCell
 from executive.running.events import EventStream, Listener, RunStarted
 from executive.running.run_state import RunResult
 from executive.running.runner import Runner
+from executive.running.traces import place_of, sentence_of
 from executive.running.watching import installed_watchers
 from executive.source_commit import commit_here
 from executive.terminal.summary import Summary
@@ -174,8 +175,10 @@ def _read_mocks(path: Path | None, texts: Mapping[str, str], document: Document,
 def _prepare(runner: Runner) -> None:
     try:
         runner.prepare()
-    except Exception as error:  # weights that do not load, a robot file that is wrong: nothing has moved
-        raise UsageError(f"the skills cannot be prepared: {error or type(error).__name__}") from error
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # weights that do not load, a robot file that is wrong: nothing has moved
+        raise UsageError(f"the skills cannot be prepared: {_with_place(error)}") from error
 
 
 def read_document(path: Path, texts: Mapping[str, str] | None = None) -> Document:
@@ -215,12 +218,20 @@ def load_cell(
     loader = next(iter(entry_points(group="pomona.cells", name="file"))).load()
     try:
         cell: Cell = loader(path, seed=seed, overrides=settings, text=text)
-    except Exception as error:  # whatever a driver raises while it connects, nothing has moved
-        text = str(error) or type(error).__name__
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # whatever a driver raises while it connects, nothing has moved
+        text = _with_place(error)
         if tree_parameters and settings:
             text += f"\n  (parameters of the tree: {', '.join(sorted(tree_parameters))})"
         raise UsageError(text) from error
     return cell
+
+
+def _with_place(error: BaseException) -> str:
+    """What an exception says; of Python's own kinds, which nobody raises for people, with the place in the code."""
+    place = place_of(error) if type(error).__module__ == "builtins" and not isinstance(error, OSError) else ""
+    return f"{sentence_of(error)} ({place})" if place else sentence_of(error)
 
 
 def _started(order: RunOrder, runner: Runner, document: Document, cell: Cell, folder: Path | None) -> RunStarted:

@@ -24,6 +24,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Generator, Iterator, Mapping
 from dataclasses import dataclass, field
+from inspect import isgeneratorfunction
 from typing import Any, ClassVar, Protocol, TypeVar
 
 import numpy as np
@@ -99,12 +100,16 @@ class SkillContext(Protocol):
         """Seconds that the run has been running; stands still while it is paused. Deadlines of the tree use this."""
         ...
 
-    def not_yet(self, skill: Skill) -> str | None:
-        """Why a skill may not start yet (another one still lets go of its device), or None."""
+    def acquire(self, skill: Skill) -> str | None:
+        """Make a skill the owner of what it moves; or say what it must wait for, and take nothing."""
+        ...
+
+    def release(self, skill: Skill) -> None:
+        """The skill moves nothing any more. Harmless when it owns nothing."""
         ...
 
     def halt(self, skill: Skill, work: Work[Any]) -> None:
-        """Drive an interrupted body until it has ended."""
+        """Drive an interrupted body until it has ended; the skill owns what it moves until then. Never raises."""
         ...
 
 
@@ -123,6 +128,9 @@ class Skill(py_trees.behaviour.Behaviour):
     inputs: ClassVar[Ports] = Ports()
     outputs: ClassVar[Ports] = Ports()
     devices: ClassVar[tuple[type, ...]] = ()
+    moves: ClassVar[tuple[type, ...] | None] = None
+    """Those of its devices that it moves, of which it must be the only owner; the others it only looks at. By default
+    all of them, or none for instant work."""
     failures: ClassVar[tuple[str, ...]] = ()
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
@@ -141,10 +149,18 @@ class Skill(py_trees.behaviour.Behaviour):
         self.path = self.name
         self.starts = 0
         self.blocked = 0.0  # seconds that the last poll kept the tick waiting
+        self.broke = False  # whether it raised what is no failure: this ends the run
         self._work: Work[Any] | None = None
         self._context: SkillContext | None = None
         self._read: Callable[[], Mapping[str, object]] = dict
         self._write: Callable[[str, object], None] = lambda _name, _value: None
+
+    @classmethod
+    def claims(cls) -> tuple[type, ...]:
+        """What it moves: nobody else may move it from its start until it has ended or let go."""
+        if cls.moves is not None:
+            return cls.moves
+        return cls.devices if isgeneratorfunction(getattr(cls, "run", None)) else ()
 
     # ------------------------------------------------------------------------------------- for subclasses
 
@@ -238,29 +254,39 @@ class Skill(py_trees.behaviour.Behaviour):
 
     def update(self) -> Status:
         began = time.perf_counter()
+        status = None
         try:
-            return self._poll()
-        finally:
-            self.blocked = time.perf_counter() - began
-
-    def _poll(self) -> Status:
-        try:
-            if self._work is None:
-                obstacle = self.context.not_yet(self)
-                if obstacle is not None:
-                    self.feedback_message = obstacle
-                    return Status.RUNNING
-                started = self._body()(**self._read())
-                if not isinstance(started, Generator):
-                    return self._succeed(started)
-                self._work = started
-            feedback = next(self._work)
-        except StopIteration as stop:
-            return self._succeed(stop.value)
+            status = self._poll()
         except SkillFailure as failed:
             self.reason = failed.failure
             self.feedback_message = str(failed)
-            return Status.FAILURE
+            status = Status.FAILURE
+        except Interrupted as error:
+            self.broke = True
+            raise SkillError(type(self).__name__, "raised Interrupted although nobody interrupted it") from error
+        except BaseException:
+            self.broke = True
+            raise
+        finally:
+            self.blocked = time.perf_counter() - began
+            if status is not Status.RUNNING:
+                self.context.release(self)
+        return status
+
+    def _poll(self) -> Status:
+        if self._work is None:
+            obstacle = self.context.acquire(self)
+            if obstacle is not None:
+                self.feedback_message = obstacle
+                return Status.RUNNING
+            started = self._body()(**self._read())
+            if not isinstance(started, Generator):
+                return self._succeed(started)
+            self._work = started
+        try:
+            feedback = next(self._work)
+        except StopIteration as stop:
+            return self._succeed(stop.value)
         if feedback is not None:
             self.feedback_message = feedback
         return Status.RUNNING

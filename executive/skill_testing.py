@@ -72,8 +72,11 @@ class BenchContext:
     def elapsed(self) -> float:
         return self.clock.now()
 
-    def not_yet(self, skill: Skill) -> str | None:
+    def acquire(self, skill: Skill) -> str | None:
         return None
+
+    def release(self, skill: Skill) -> None:
+        """Nobody else wants anything here."""
 
     def halt(self, skill: Skill, work: Work[Any]) -> None:
         try:

@@ -36,6 +36,7 @@ class Approach(MovingSkill):
     """
 
     devices = (Arm, Gripper, ForceSensor, Workspace)
+    moves = (Arm, Gripper)
     failures = (
         *MOTION_FAILURES,
         "NOT_AT_PRE_GRASP",

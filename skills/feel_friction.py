@@ -57,6 +57,7 @@ class FeelFriction(MovingSkill):
     """
 
     devices = (Arm, Gripper, ForceSensor, Workspace)
+    moves = (Arm, Gripper)
     failures = (*MOTION_FAILURES, "NOT_HELD", "LOST", "LIFT_BLOCKED", "SENSOR_STALE", "SENSOR_SATURATED")
 
     def prepare(self) -> None:

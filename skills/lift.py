@@ -38,6 +38,7 @@ class Lift(MovingSkill):
     """
 
     devices = (Arm, Gripper, ForceSensor, Workspace)
+    moves = (Arm, Gripper)
     failures = (*MOTION_FAILURES, "NOT_HELD", "LOST", "LIFT_BLOCKED", "MAP_STALE")
 
     def prepare(self) -> None:

@@ -23,6 +23,7 @@ class MoveTo(MovingSkill):
     """
 
     devices = (Arm, Gripper, Workspace)
+    moves = (Arm,)
     failures = (*MOTION_FAILURES, *POSE_FAILURES)
 
     def prepare(self) -> None:

@@ -41,6 +41,7 @@ class Plan(Skill):
     """
 
     devices = (Arm, Gripper, Workspace)
+    moves = ()
     failures = (*PLANNING_FAILURES, "MAP_STALE")
 
     def prepare(self) -> None:

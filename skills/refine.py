@@ -35,6 +35,7 @@ class Refine(Skill):
     """Correct a detection's position and size from the depth image."""
 
     devices = (Workspace,)
+    moves = ()
     failures = ("NO_DEPTH", "TOO_FEW_INLIERS", "SIZE_OUT_OF_RANGE", "AT_BOUND", "RENDER_FAILED")
 
     def prepare(self) -> None:

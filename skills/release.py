@@ -51,6 +51,7 @@ class Release(MovingSkill):
     """
 
     devices = (Arm, Gripper, ForceSensor, Workspace)
+    moves = (Arm, Gripper)
     failures = (*MOTION_FAILURES, *POSE_FAILURES, "NOT_HELD", "NO_CONTACT", "LOWERING_BLOCKED")
 
     def prepare(self) -> None:

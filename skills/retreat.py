@@ -56,6 +56,7 @@ class Retreat(MovingSkill):
     """
 
     devices = (Arm, Gripper, ForceSensor, Workspace)
+    moves = (Arm, Gripper)
     failures = (*MOTION_FAILURES, "RETREAT_BLOCKED")
 
     def prepare(self) -> None:

@@ -42,6 +42,7 @@ class SampleGrasp(Skill):
     """
 
     devices = (Arm, Workspace)
+    moves = ()
     failures = ("NO_CANDIDATE", "ALL_TRIED", "MAP_STALE")
 
     def __init__(self, name: str = "") -> None:

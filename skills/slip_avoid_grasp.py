@@ -35,6 +35,7 @@ class SlipAvoidGrasp(Skill):
     """Close on the fruit with the least force that will hold it; the grip goes on when this node has ended."""
 
     devices = (Gripper, ForceSensor)
+    moves = (Gripper,)
     failures = (
         "NO_CONTACT",
         "ONE_FINGER",

@@ -37,6 +37,7 @@ class UpdateMap(Skill):
     """
 
     devices = (Camera, Arm, Gripper, Workspace)
+    moves = ()
     failures = ("NO_FRAME", "NO_DEPTH", "STALE_FRAME", "POSE_MISMATCH")
 
     def prepare(self) -> None:

@@ -33,5 +33,5 @@ def main(options: argparse.Namespace) -> int:
     record = find_record(options.run, options.record)
     console = Console()
     for paragraph in explain(read_events(record), is_being_written(events_file(record))):
-        console.print(paragraph, highlight=False, markup=False)
+        console.print(paragraph, highlight=False, markup=False, soft_wrap="\n" in paragraph)
     return 0

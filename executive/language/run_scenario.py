@@ -45,8 +45,11 @@ class DryContext:
     def elapsed(self) -> float:
         return self.clock.now()
 
-    def not_yet(self, skill: Skill) -> str | None:
+    def acquire(self, skill: Skill) -> str | None:
         return None
+
+    def release(self, skill: Skill) -> None:
+        """A mock moves nothing."""
 
     def halt(self, skill: Skill, work: Work[Any]) -> None:
         try:

@@ -17,6 +17,7 @@ OF_THE_MOMENT: Mapping[str, tuple[str, ...]] = {
     "RunStarted": ("run", "wall_time", "versions", "tree_path", "cell_path", "tree_files"),
     "Computed": ("wall",),
     "RunEnded": ("wall",),
+    "ErrorRaised": ("traceback",),
 }
 """Fields of events that differ although nothing does."""
 

@@ -31,6 +31,7 @@ from executive.recording.schemas import (
 )
 from executive.running.events import (
     AttemptEnded,
+    ErrorRaised,
     Event,
     LinkChanged,
     NodeChanged,
@@ -351,6 +352,8 @@ def _say(event: Event) -> tuple[int, str, str] | None:
             return WARNING, event.who, f"{event.action} {event.detail}".strip()
         case SafeStopped():
             return ERROR, "run", f"safe stop: {event.reason}"
+        case ErrorRaised():
+            return ERROR, event.node or "run", f"during {event.during}: {event.traceback.rstrip()}"
         case RunEnded():
             why = f": {event.reason.code}: {event.reason.message}" if event.reason else ""
             return (INFO if event.outcome == "success" else ERROR), "run", f"{event.outcome}{why}"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from typing import ClassVar
 
 from executive.errors import PomonaError
 from executive.running.cell import Cell
@@ -11,6 +12,14 @@ from executive.running.watching import Watch
 
 class SafeStopRequestedError(PomonaError):
     """The run must end in the safe state, for the reason that this says."""
+
+    code: ClassVar[str] = "SAFE_STOP"
+
+
+class InterruptRequestedError(SafeStopRequestedError):
+    """Somebody at the keyboard wants the run to end."""
+
+    code = "INTERRUPTED"
 
 
 class CellWatch:

@@ -9,17 +9,18 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import pickle
 import signal
 import sys
 import threading
 import time
-import traceback
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from multiprocessing.connection import Connection
 from typing import Any
 
 from executive.errors import PomonaError
+from executive.running.traces import keep_place, place_of, sentence_of, traceback_of
 
 NICENESS = 10
 """Of computations, beside 0 of the tick. On two busy processors the tick was up to 14 ms late without it."""
@@ -66,13 +67,29 @@ def _serve(connection: Connection) -> None:
             return
         try:
             answer = (True, function(*arguments))
-        except Exception as error:
-            error.add_note("in the worker process:\n" + traceback.format_exc())
-            answer = (False, error)
+        except BaseException as error:  # SystemExit, too: it is the caller's to judge
+            answer = (False, _portable(error))
         try:
             connection.send(answer)
+        except OSError:  # nobody is there any more
+            return
         except Exception as error:  # an answer that cannot be pickled
             connection.send((False, RuntimeError(f"the result cannot be sent back: {error}")))
+
+
+def _portable(error: BaseException) -> BaseException:
+    """The same exception with its traceback as a note; where it cannot travel, another that says the same."""
+    trace = "in the worker process:\n" + traceback_of(error)
+    place = place_of(error)
+    try:
+        error.add_note(trace)
+        keep_place(error, place)
+        pickle.loads(pickle.dumps(error))
+    except Exception:  # its class takes other arguments than its message, or holds what cannot be pickled
+        error = RuntimeError(f"{type(error).__name__}: {sentence_of(error)}")
+        error.add_note(trace)
+        keep_place(error, place)
+    return error
 
 
 class Worker:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any, TypeVar
 
 from executive.clock import Clock
@@ -31,6 +32,8 @@ class RunContext:
         self.cell, self.computations, self.run_seed = cell, computations, seed
         self._publish = publish
         self._halting: list[tuple[Skill, Work[Any], float]] = []
+        self._owners: dict[type, Skill] = {}
+        self._failures: list[tuple[str, BaseException]] = []
         self._paused_for = 0.0
         self._paused_since: float | None = None
         self._start = cell.clock.now()
@@ -58,18 +61,24 @@ class RunContext:
     def publish(self, node: str, topic: str, value: object) -> None:
         self._publish(node, topic, value)
 
-    def not_yet(self, skill: Skill) -> str | None:
+    def acquire(self, skill: Skill) -> str | None:
         for other, _work, _deadline in self._halting:
-            if set(other.devices) & set(skill.devices):
-                return f"waiting until {other.name} has stopped"
+            if set(other.claims()) & set(skill.devices):
+                return f"waiting until {other.name} has let go"
+        for interface in skill.claims():
+            owner = self._owners.get(interface)
+            if owner is not None and owner is not skill:
+                return f"waiting for {owner.name}, which uses the {interface.__name__}"
+        self._owners.update(dict.fromkeys(skill.claims(), skill))
         return None
 
+    def release(self, skill: Skill) -> None:
+        for interface in [interface for interface, owner in self._owners.items() if owner is skill]:
+            del self._owners[interface]
+
     def halt(self, skill: Skill, work: Work[Any]) -> None:
-        try:
-            work.throw(Interrupted())
-        except (Interrupted, StopIteration):
-            return
-        self._halting.append((skill, work, self.clock.now() + LETTING_GO_LIMIT))
+        if not self._let_go(skill, lambda: work.throw(Interrupted())):
+            self._halting.append((skill, work, self.clock.now() + LETTING_GO_LIMIT))
 
     # ------------------------------------------------------------------------------------- for the runner
 
@@ -93,20 +102,38 @@ class RunContext:
         """Names of the skills that were interrupted and have not let go yet."""
         return tuple(skill.name for skill, _work, _deadline in self._halting)
 
-    def drive_halting(self) -> None:
-        """One more step for every interrupted skill.
+    @property
+    def owners(self) -> Mapping[type, str]:
+        """Who moves what: names of skills that run or still let go."""
+        return {interface: skill.name for interface, skill in self._owners.items()}
 
-        Raises:
-            SkillError: one did not let go in time.
-        """
+    def drive_halting(self) -> None:
+        """One more step for every interrupted skill; what fails is for `take_failure`."""
         still = []
         for skill, work, deadline in self._halting:
-            try:
-                next(work)
-            except (Interrupted, StopIteration):
+            if self._let_go(skill, partial(next, work)):
                 continue
             if self.clock.now() > deadline:
-                self._halting = []
-                raise SkillError(skill.name, f"was interrupted and has not let go within {LETTING_GO_LIMIT:.0f} s")
+                late = SkillError(skill.name, f"was interrupted and has not let go within {LETTING_GO_LIMIT:.0f} s")
+                self._failures.append((skill.path, late))
+                self.release(skill)
+                continue
             still.append((skill, work, deadline))
         self._halting = still
+
+    def take_failure(self) -> tuple[str, BaseException] | None:
+        """What a skill raised while it let go, with the skill's path; None when there is nothing more."""
+        return self._failures.pop(0) if self._failures else None
+
+    def _let_go(self, skill: Skill, step: Callable[[], object]) -> bool:
+        """Whether the body has ended with this step, well or not: one that fails must not keep the others from it."""
+        try:
+            step()
+        except (Interrupted, StopIteration):
+            pass
+        except BaseException as error:
+            self._failures.append((skill.path, error))
+        else:
+            return False
+        self.release(skill)
+        return True

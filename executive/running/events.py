@@ -139,6 +139,27 @@ class SafeStopped(Event):
 
 
 @dataclass(frozen=True, slots=True)
+class ErrorRaised(Event):
+    """An exception that is nobody's declared failure: a bug, a device's fault, or what failed beside them.
+
+    Attributes:
+        node: path of the node that it came from; empty when it was none.
+        during: what was going on, for people: 'the tick', 'letting go' …
+        error: the exception's name.
+        message: what it says.
+        place: `file:line, in function`, the innermost in somebody's own code.
+        traceback: the whole one.
+    """
+
+    node: str
+    during: str
+    error: str
+    message: str
+    place: str
+    traceback: str
+
+
+@dataclass(frozen=True, slots=True)
 class RunEnded(Event):
     """The run is over. `outcome` is success, failure, stopped or error; `truth` is the simulated world's score."""
 
@@ -154,15 +175,30 @@ Listener = Callable[[Event], None]
 
 
 class EventStream:
-    """Hands every event to every listener, in order, in the thread that emits it."""
+    """Hands every event to every listener, in order, in the thread that emits it.
+
+    A listener that fails keeps nothing from the others; `take_failure` says so to the run.
+    """
 
     def __init__(self) -> None:
         self._listeners: list[Listener] = []
+        self._failed: set[int] = set()  # their ids: a listener need not be hashable
+        self._failures: list[BaseException] = []
 
     def subscribe(self, listener: Listener) -> None:
         """Listeners must return at once; slow ones keep a queue of their own."""
         self._listeners.append(listener)
 
     def emit(self, event: Event) -> None:
+        """Never raises for what a listener does."""
         for listener in self._listeners:
-            listener(event)
+            try:
+                listener(event)
+            except BaseException as error:  # whatever it is, the record must hear what happens next
+                if id(listener) not in self._failed:  # a terminal that is gone fails with every event
+                    self._failed.add(id(listener))
+                    self._failures.append(error)
+
+    def take_failure(self) -> BaseException | None:
+        """What a listener raised first, once for each; None when there is nothing more."""
+        return self._failures.pop(0) if self._failures else None

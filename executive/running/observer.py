@@ -44,10 +44,12 @@ class TreeObserver:
         """Why the tree failed, from the root down."""
         return reason_of(self._tree.root)
 
-    def running_leaf(self) -> str:
-        """Path of the last running leaf: where a fault happened, as far as the tree can tell."""
+    def culprit(self) -> str:
+        """Path of the skill that broke; else of the last running leaf: where a fault happened, as far as the tree can
+        tell."""
+        broke = [skill.path for skill in self._tree.skills if skill.broke]
         running = [path for path, behaviour in self._nodes if _is_running_leaf(behaviour)]
-        return running[-1] if running else ""
+        return (broke or running or [""])[-1]
 
     def _attempt(self, path: str, attempt: Attempt, of: int) -> None:
         succeeded = attempt.status is Status.SUCCESS

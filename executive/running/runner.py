@@ -11,10 +11,11 @@ The other methods may be called from any thread; they are carried out between tw
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import queue
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 from py_trees.common import Status
 
@@ -22,13 +23,14 @@ from executive.board import Board, Entry
 from executive.errors import PomonaError
 from executive.language import BuiltTree
 from executive.reasons import Reason
-from executive.running.breakpoints import BREAK_ACTIONS, Breakpoints, Side
+from executive.running.breakpoints import BREAK_ACTIONS, Breakpoints
 from executive.running.cell import Cell
-from executive.running.cell_watch import CellWatch, SafeStopRequestedError
+from executive.running.cell_watch import CellWatch, InterruptRequestedError, SafeStopRequestedError
 from executive.running.compute import Computations
 from executive.running.context import RunContext
 from executive.running.events import (
     Computed,
+    ErrorRaised,
     Event,
     EventStream,
     LinkChanged,
@@ -41,7 +43,9 @@ from executive.running.events import (
     TickOverran,
 )
 from executive.running.observer import TreeObserver
+from executive.running.requests import Requests
 from executive.running.run_state import RunResult, RunState
+from executive.running.traces import place_of, sentence_of, traceback_of
 from executive.running.watching import Watch, Watcher
 
 logger = logging.getLogger(__name__)
@@ -50,11 +54,19 @@ STOP_LIMIT = 10.0
 """Seconds of the cell's clock that a stop may take before it becomes a safe stop."""
 
 
+class ListenerError(PomonaError):
+    """What follows the run (a terminal, a page, a record) failed: nobody may see what happens next."""
+
+    def __init__(self, error: BaseException) -> None:
+        self.error = error
+        super().__init__(f"what follows the run failed: {sentence_of(error)}")
+
+
 Build = Callable[[RunContext, Board], BuiltTree]
 """Makes a tree that is bound to a run."""
 
 
-class Runner:
+class Runner(Requests):
     """Runs one tree once."""
 
     def __init__(
@@ -78,9 +90,9 @@ class Runner:
             real_time: pace a simulated cell to the wall's clock; otherwise it runs as fast as the machine allows.
             watchers: show what the cell looks like.
         """
-        self._cell, self._events, self._seed = cell, events, seed
+        super().__init__()
+        self._cell, self._events = cell, events
         self._period, self._real_time = period, real_time
-        self._commands: queue.SimpleQueue[tuple[str, str, str]] = queue.SimpleQueue()
         self._computations = Computations(self._computed)
         self.context = RunContext(cell, self._computations, seed, self._published)
         self.board = Board(cell.clock)
@@ -91,73 +103,18 @@ class Runner:
         self._state = RunState.IDLE
         self._ticks = 0
         self._step = False
+        self._end: tuple[RunState, str] | None = None
+        self._stop_deadline = 0.0
         self._reason: Reason | None = None
-        self._interrupted = False
-        self._leaving = False
+        self._culprit = ""
+        self._interrupted = self._hurried = False
         self._reported: dict[str, object] = {}
-        self._watch = CellWatch(cell, self._linked, Watch(cell, self._published, watchers))
-
-    # ------------------------------------------------------------------------------------ from any thread
+        self._watch = CellWatch(cell, self._linked, Watch(cell, self._published, watchers, self._tell))
 
     @property
     def state(self) -> RunState:
+        """From any thread."""
         return self._state
-
-    def pause(self, who: str = "operator") -> None:
-        """Stop motions on their paths and hold; force control goes on."""
-        self._commands.put(("pause", who, ""))
-
-    def resume(self, who: str = "operator") -> None:
-        """Go on in place, after checking that the world is as it was."""
-        self._commands.put(("resume", who, ""))
-
-    def step(self, who: str = "operator") -> None:
-        """Run one tick, then pause again."""
-        self._commands.put(("step", who, ""))
-
-    def stop(self, who: str = "operator") -> None:
-        """Halt every running skill, wait until each has let go, end the run."""
-        self._commands.put(("stop", who, ""))
-
-    def safe_stop(self, reason: str, who: str = "operator") -> None:
-        """Bring the cell into its safe state now, whatever the tick is doing, and end the run."""
-        self._cell.safe_stop(reason)
-        self._commands.put(("safe_stop", who, reason))
-
-    def interrupt(self) -> None:
-        """What Ctrl-C asks for: the safe state before the next tick. A signal's handler may call it.
-
-        An exception raised by the handler itself could come up anywhere, also where a library swallows it.
-        """
-        self._commands.put(("interrupt", "keyboard", ""))
-
-    def break_at(self, path: str, side: Side = "before", on: bool = True, who: str = "operator") -> None:
-        """Pause before the node at this path starts, or after it has ended; `on=False` takes the breakpoint away.
-
-        Raises:
-            UnknownNodeError: the tree has no such node.
-        """
-        self._breakpoints.check(path)
-        action = next(action for action, change in BREAK_ACTIONS.items() if change == (side, on))
-        self._commands.put((action, who, path))
-
-    def note(self, who: str, action: str) -> None:
-        """Record that somebody took or released control: it changes nothing in the run."""
-        self._commands.put((action, who, ""))
-
-    def acknowledge(self, who: str = "operator") -> None:
-        """Release the latch of the safe state, once the run has ended; `hold_latched` waits for this."""
-        self._commands.put(("acknowledge", who, ""))
-
-    def leave(self) -> None:
-        """Make `hold_latched` return although nobody has acknowledged: the process ends."""
-        self._leaving = True
-        self._commands.put(("leave", "", ""))
-
-    @property
-    def latched(self) -> str | None:
-        """The reason of the cell's safe state, while it is latched."""
-        return self._cell.latched
 
     @property
     def progress(self) -> tuple[float, int]:
@@ -187,19 +144,14 @@ class Runner:
     def run(self) -> RunResult:
         """Run the tree to its end. Never raises for what goes wrong in the run: that is an outcome."""
         started = time.perf_counter()
-        self.board.adopt()
-        self.context.start_clock()
         try:
+            self.board.adopt()
+            self.context.start_clock()
             self._set_state(RunState.RUNNING, "started")
             self._loop(started)
-        except KeyboardInterrupt:
-            self._interrupted = True
-            self._fault("INTERRUPTED", "interrupted from the keyboard", None)
-        except SafeStopRequestedError as request:
-            self._fault("SAFE_STOP", str(request), None)
-        except Exception as error:
-            self._fault(type(error).__name__, str(error) or type(error).__name__, error)
-        finally:
+        except BaseException as error:  # SystemExit, too: whatever it is, nothing may go on moving
+            self._fault(error)
+        with self._telling("", "closing"):
             self.close()
         result = self._result(time.perf_counter() - started)
         self._emit(
@@ -230,10 +182,11 @@ class Runner:
             if self._has_ended():
                 return
             self._watch.look()
-            ticking = self._state is RunState.RUNNING
+            ticking = self._state is RunState.RUNNING and self._end is None
             if ticking:
                 self._tick()
             self.context.drive_halting()
+            self._raise_what_failed()
             self._move_on()
             if self._has_ended():
                 return
@@ -260,11 +213,11 @@ class Runner:
             return
         status = self.tree.root.status
         if status is Status.SUCCESS:
-            self._set_state(RunState.SUCCEEDED, "the tree succeeded")
+            self._end = RunState.SUCCEEDED, "the tree succeeded"
         elif status is Status.FAILURE:
             self._reason = self._observer.root_reason()
-            self._set_state(RunState.FAILED, "the tree failed")
-        if self._step and not self._state.ended:
+            self._end = RunState.FAILED, "the tree failed"
+        if self._step and self._end is None:
             self._step = False
             self._pause("step", "")
 
@@ -280,7 +233,7 @@ class Runner:
             if action == "safe_stop":
                 raise SafeStopRequestedError(detail)
             if action == "interrupt":
-                raise KeyboardInterrupt
+                raise InterruptRequestedError("interrupted from the keyboard")
             if action == "stop":
                 self._stop(f"stopped by {who}")
             elif action == "pause" and self._state is RunState.RUNNING:
@@ -314,7 +267,10 @@ class Runner:
 
     def _move_on(self) -> None:
         """The transitions that wait for the cell."""
-        if self._state is RunState.PAUSING and self._cell.settled():
+        if self._state is RunState.RUNNING and self._end is not None:
+            if not self.context.halting:  # what the tree's end has interrupted lets go first
+                self._set_state(*self._end)
+        elif self._state is RunState.PAUSING and self._cell.settled():
             self._set_state(RunState.PAUSED, "at rest")
         elif self._state is RunState.STOPPING:
             if not self.context.halting and self._cell.settled():
@@ -351,30 +307,90 @@ class Runner:
         clock.advance(next_tick - clock.now())
         return next_tick
 
-    def _fault(self, code: str, message: str, error: BaseException | None) -> None:
-        """The one way into the safe state: latch the cell, halt the tree, drive the halting as long as it takes."""
-        if error is not None:
+    def _raise_what_failed(self) -> None:
+        """What a skill raised while it let go, or a listener that heard of the run, is a fault like any other."""
+        if (failed := self.context.take_failure()) is not None:
+            self._culprit, error = failed
+            raise error
+        if (unheard := self._events.take_failure()) is not None:
+            if isinstance(unheard, Exception):
+                raise ListenerError(unheard) from unheard
+            raise unheard
+
+    def _fault(self, error: BaseException) -> None:
+        """The one way into the safe state: latch the cell, tell why, halt the tree, drive that as long as it takes."""
+        self._interrupted = isinstance(error, (KeyboardInterrupt, InterruptRequestedError))
+        code, message = _called(error)
+        node = self._culprit or self._observer.culprit()
+        data: dict[str, object] = {}
+        with self._telling(node, "the safe stop"):
+            self._safe_stop(message)
+        if not isinstance(error, SafeStopRequestedError):
             logger.debug("fault", exc_info=error)
-        self._safe_stop(message)
-        node = self._observer.running_leaf()
-        data = {"exception": type(error).__name__} if error is not None else {}
+            data = {"exception": type(error).__name__, "place": place_of(error)}
+            self._tell(node, "the tick", error)
         self._reason = Reason(node, code, message, data)
-        self.context.thaw()
-        self._breakpoints.drop()
-        try:
+        with self._telling(node, "letting go"):
+            self.context.thaw()
+            self._breakpoints.drop()
             self.tree.root.stop(Status.INVALID)
-            deadline = self._cell.clock.now() + STOP_LIMIT
-            while (self.context.halting or not self._cell.settled()) and self._cell.clock.now() < deadline:
-                self.context.drive_halting()
-                self._cell.clock.advance(self._period)
-        except Exception as second:  # the safe state stands already: what fails now is only told
-            logger.error("while halting after a fault: %s", second)
-        self._observer.after_tick()
-        while not self._commands.empty():  # what was asked for in the last moment is recorded, too
+        for skill in self.tree.skills:  # below a node that broke in its first tick nobody has asked them yet
+            if skill.status is Status.RUNNING:
+                with self._telling(skill.path, "letting go"):
+                    skill.stop(Status.INVALID)
+        with self._telling(node, "letting go"):
+            self._come_to_rest()
+        with self._telling("", "the end"):
+            self._observer.after_tick()
+            self._take_last_commands()
+        self._set_state(RunState.FAULTED, message)
+
+    def _come_to_rest(self) -> None:
+        """Let time pass until every skill has let go and the cell has settled.
+
+        Raises:
+            PomonaError: it has not within `STOP_LIMIT`.
+        """
+        deadline = self._cell.clock.now() + STOP_LIMIT
+        while self.context.halting or not self._cell.settled():
+            if self._hurried:
+                raise PomonaError("nobody waited for everything to let go: it was interrupted again")
+            if self._cell.clock.now() >= deadline:
+                still = ", ".join(self.context.halting) or "the cell"
+                raise PomonaError(f"{still} has not come to rest within {STOP_LIMIT:.0f} s of the safe stop")
+            self.context.drive_halting()
+            self._tell_what_failed()
+            self._cell.clock.advance(self._period)
+
+    @contextlib.contextmanager
+    def _telling(self, node: str, during: str) -> Iterator[None]:
+        """What fails now is told, and keeps nothing that follows from happening: the safe state stands already."""
+        try:
+            yield
+        except BaseException as error:
+            self._tell(node, during, error)
+        self._tell_what_failed()
+
+    def _tell_what_failed(self) -> None:
+        while (failed := self.context.take_failure()) is not None:
+            self._tell(failed[0], "letting go", failed[1])
+        while (unheard := self._events.take_failure()) is not None:
+            self._tell("", "telling of the run", unheard)
+
+    def _tell(self, node: str, during: str, error: BaseException) -> None:
+        self._emit(
+            ErrorRaised(
+                *self._stamp(), node, during, type(error).__name__, sentence_of(error), place_of(error),
+                traceback_of(error),
+            )
+        )  # fmt: skip
+
+    def _take_last_commands(self) -> None:
+        """What was asked for in the last moment is recorded, too."""
+        while not self._commands.empty():
             action, who, detail = self._commands.get()
             if action != "leave":
                 self._emit(OperatorActed(*self._stamp(), who, action, detail))
-        self._set_state(RunState.FAULTED, message)
 
     def _safe_stop(self, reason: str) -> None:
         self._cell.safe_stop(reason)
@@ -388,7 +404,9 @@ class Runner:
         }.get(self._state, "error")
         if self._reason is not None and self._reason.code in ("SAFE_STOP", "INTERRUPTED"):
             outcome = "stopped"
-        truth = self._cell.truth(self._reported)
+        truth = None
+        with self._telling("", "scoring the run"):
+            truth = self._cell.truth(self._reported)
         return RunResult(
             outcome, self._reason, self._ticks, self.context.elapsed(), wall, truth, self._interrupted
         )  # fmt: skip
@@ -421,3 +439,12 @@ class Runner:
 
     def _published(self, node: str, topic: str, value: object) -> None:
         self._emit(Published(*self._stamp(), node, topic, value))
+
+
+def _called(error: BaseException) -> tuple[str, str]:
+    """The code and the sentence of what ends a run."""
+    if isinstance(error, SafeStopRequestedError):
+        return error.code, str(error)
+    if isinstance(error, KeyboardInterrupt):
+        return InterruptRequestedError.code, str(error) or "interrupted from the keyboard"
+    return type(error).__name__, sentence_of(error)

@@ -32,8 +32,21 @@ class Watcher(Protocol):
 class Watch:
     """All watchers of one run."""
 
-    def __init__(self, cell: Cell, publish: Callable[[str, str, object], None], watchers: Sequence[Watcher]) -> None:
-        self._cell, self._publish, self._watchers = cell, publish, list(watchers)
+    def __init__(
+        self,
+        cell: Cell,
+        publish: Callable[[str, str, object], None],
+        watchers: Sequence[Watcher],
+        tell: Callable[[str, str, BaseException], None] = lambda _node, _during, _error: None,
+    ) -> None:
+        """
+        Args:
+            cell: connected.
+            publish: called with ("", topic, view) for what is new.
+            watchers: asked in this order.
+            tell: called with ("", what was going on, the exception) when one fails.
+        """
+        self._cell, self._publish, self._watchers, self._tell = cell, publish, list(watchers), tell
         self._next = -math.inf
         self.heard: Mapping[str, float] = {}
         """When each device was last heard [s], as of the last look."""
@@ -52,6 +65,7 @@ class Watch:
             except Exception as error:  # of a third party's code
                 logger.warning("%s is not asked again: %s", type(watcher).__name__, error)
                 self._watchers.remove(watcher)
+                self._tell("", f"a look of {type(watcher).__name__}, which is not asked again", error)
 
 
 def installed_watchers(cell: Cell) -> list[Watcher]:

@@ -15,6 +15,7 @@ from executive.reasons import Reason
 from executive.recording.difference import Difference, first_difference
 from executive.running.events import (
     AttemptEnded,
+    ErrorRaised,
     Event,
     LinkChanged,
     NodeChanged,
@@ -24,7 +25,7 @@ from executive.running.events import (
     SafeStopped,
 )
 from executive.terminal.summary import Summary
-from executive.terminal.words import seconds
+from executive.terminal.words import at_place, seconds
 
 ORDINALS = ("first", "second", "third", "fourth", "fifth", "sixth", "seventh", "eighth", "ninth", "tenth")
 UNITS = {"mm": "mm", "m": "m", "n": "N", "nm": "N·m", "kg": "kg", "deg": "°", "s": "s"}
@@ -53,6 +54,7 @@ class _Story:
         self.acts: list[OperatorActed] = []
         self.stops: list[SafeStopped] = []
         self.links: list[LinkChanged] = []
+        self.errors: list[ErrorRaised] = []
         self.running: dict[str, float] = {}
         self.t = 0.0
 
@@ -72,6 +74,8 @@ class _Story:
             self.acts.append(event)
         elif isinstance(event, SafeStopped):
             self.stops.append(event)
+        elif isinstance(event, ErrorRaised):
+            self.errors.append(event)
         elif isinstance(event, LinkChanged) and event.state != "ok":
             self.links.append(event)
 
@@ -88,6 +92,7 @@ class _Story:
         yield self._attempts()
         yield self._on_the_way(ended)
         yield self._interventions()
+        yield from self._errors()
         yield " ".join(
             f"{name.capitalize()}: {_sentence(re.sub(' {2,}', ', ', told))}"
             for name, told in self.summary.notes.items()
@@ -121,7 +126,8 @@ class _Story:
     def _why(self, reason: Reason) -> str:
         leaf = list(reason.leaves())[-1]
         where = self._place(leaf.node_path)
-        text = f"The reason is {leaf.code}" + (f" of {where}" if where else "") + f": {_sentence(leaf.message)}"
+        text = f"The reason is {leaf.code}" + (f" of {where}" if where else "")
+        text += f": {_sentence(leaf.message + at_place(leaf))}"
         text += _figures(leaf.data)
         chain = list(dict.fromkeys(self._name(step.node_path) for step in _last_chain(reason)))
         if len(chain) > 2:
@@ -175,6 +181,13 @@ class _Story:
         parts += [f"At {act.t:.1f} s {act.who} asked for {act.action} {act.detail}".rstrip() + "." for act in self.acts]
         parts += [f"At {stop.t:.1f} s the cell went to its safe state: {_sentence(stop.reason)}" for stop in self.stops]
         return " ".join(parts)
+
+    def _errors(self) -> Iterator[str]:
+        """Every exception where it was raised, with its traceback as it stands in the record."""
+        for error in self.errors:
+            of = f" of {self._name(error.node)}" if error.node else ""
+            opening = f"At {error.t:.1f} s, during {error.during}{of}, {error.error} was raised"
+            yield f"{opening}{f' in {error.place}' if error.place else ''}:\n{error.traceback.rstrip()}"
 
     def _time(self, ended: RunEnded | None) -> str:
         shares = sorted(self.summary.robot_time.items(), key=lambda item: -item[1])

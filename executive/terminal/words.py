@@ -24,4 +24,10 @@ def say(reason: Reason | None) -> str:
         return ""
     last = list(reason.leaves())[-1]
     node = last.node_path.rsplit("/", 1)[-1]
-    return f"{node} {last.code}: {last.message}".strip()
+    return f"{node} {last.code}: {last.message}{at_place(last)}".strip()
+
+
+def at_place(reason: Reason) -> str:
+    """` (skills/lift.py:42, in run)` for a reason that is an exception; else nothing."""
+    place = reason.data.get("place")
+    return f" ({place})" if isinstance(place, str) and place else ""

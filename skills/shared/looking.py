@@ -34,6 +34,7 @@ class LookingSkill(Skill):
     """A skill that finds fruit in the camera's newest frame; it must declare `LOOKING_FAILURES`."""
 
     devices = (Camera,)
+    moves = ()
 
     def prepare(self) -> None:
         """Load and warm the apple's detector; another fruit's is loaded at its first use."""

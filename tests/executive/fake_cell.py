@@ -10,21 +10,30 @@ from executive.clock import ManualClock
 T = TypeVar("T")
 
 
-class Wheel:
-    """Turns from `start` until `stop`, and takes `coasting` checks of the cell to come to rest."""
+COASTING = 0.06
+"""Seconds that the wheel takes to come to rest: three ticks."""
 
-    def __init__(self) -> None:
+
+class Wheel:
+    """Turns from `start` until `stop`, and takes a while to come to rest."""
+
+    def __init__(self, clock: ManualClock) -> None:
+        self._clock = clock
+        self._stopped = -1.0
         self.turning = False
-        self.coasting = 0
         self.log: list[str] = []
 
+    @property
+    def coasting(self) -> bool:
+        return self._clock.now() < self._stopped + COASTING - 1e-9
+
     def start(self) -> None:
+        self.log.append("refused" if self.turning else "start")
         self.turning = True
-        self.log.append("start")
 
     def stop(self) -> None:
         if self.turning:
-            self.turning, self.coasting = False, 3
+            self.turning, self._stopped = False, self._clock.now()
             self.log.append("stop")
 
 
@@ -36,7 +45,7 @@ class FakeCell:
 
     def __init__(self) -> None:
         self.clock = ManualClock()
-        self.wheel = Wheel()
+        self.wheel = Wheel(self.clock)
         self.latched: str | None = None
         self.paused = False
         self.fault: Exception | None = None
@@ -59,7 +68,6 @@ class FakeCell:
         return {"wheel": {"turning": float(self.wheel.turning)}}
 
     def check(self) -> None:
-        self.wheel.coasting = max(0, self.wheel.coasting - 1)
         if self.fault is not None:
             raise self.fault
 
@@ -79,7 +87,7 @@ class FakeCell:
         self.paused = False
 
     def settled(self) -> bool:
-        return self.wheel.coasting == 0 and (not self.wheel.turning or self.paused)
+        return not self.wheel.coasting and (not self.wheel.turning or self.paused)
 
     def truth(self, reported: Mapping[str, object] | None = None) -> Mapping[str, Any] | None:
         return None

@@ -142,6 +142,9 @@ const HANDLERS = {
     s.safeStop = m.reason;
     s.marks.push({ t: m.t, kind: "bad", text: `safe stop: ${m.reason}` });
   },
+  ErrorRaised(s, m) {
+    s.marks.push({ t: m.t, kind: "bad", text: `${m.error}: ${m.message}${m.place ? ` (${m.place})` : ""}` });
+  },
   RunEnded(s, m) {
     s.ended = m;
     for (const span of s.spans) if (span.end === null) span.end = m.t;

@@ -7,16 +7,16 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
-from fake_cell import FakeCell, Wheel
+from fake_cell import FakeCell
+from fake_runs import TURN, Turn
+from fake_runs import make as make_run
 
-from executive.language import build, read
-from executive.ports import Outputs, Time
+from executive.ports import Outputs
 from executive.registry import Registry
 from executive.running.breakpoints import UnknownNodeError
 from executive.running.compute import Computations
 from executive.running.events import (
     Event,
-    EventStream,
     NodeChanged,
     OperatorActed,
     PortWritten,
@@ -27,31 +27,6 @@ from executive.running.events import (
 from executive.running.run_state import RunState
 from executive.running.runner import Runner
 from executive.skill import Interrupted, Skill, Work
-
-
-class Turned(Outputs):
-    turned: float
-
-
-class Turn(Skill):
-    """Turn the wheel for a while."""
-
-    devices = (Wheel,)
-    failures = ("JAMMED",)
-
-    def run(self, duration: Time = 0.2) -> Work[Turned]:
-        wheel = self.device(Wheel)
-        wheel.start()
-        try:
-            yield from self.wait(duration)
-        except Interrupted:
-            wheel.stop()
-            while wheel.coasting:
-                yield "coasting"
-            wheel.log.append("at rest")
-            raise
-        wheel.stop()
-        return Turned(duration)
 
 
 class Jam(Skill):
@@ -85,14 +60,6 @@ class Square(Skill):
 
 
 REGISTRY = Registry({"Turn": Turn, "Jam": Jam, "Break": Break, "Square": Square})
-TURN = """
-pomona: 1
-tree: turn
-root:
-  sequence:
-    - Turn: {duration: 200 ms, turned: "{a}"}
-    - Turn: {duration: 200 ms, turned: "{b}"}
-"""
 
 
 def make(
@@ -100,22 +67,7 @@ def make(
     at_tick: dict[int, Callable[[Runner, FakeCell], Any]] | None = None,
     registry: Registry = REGISTRY,
 ) -> tuple[Runner, FakeCell, list[Event]]:
-    """A runner on a fake cell. `at_tick` acts at the start of the n-th look at the cell, paused ones counted too."""
-    cell, events, heard = FakeCell(), EventStream(), []
-    events.subscribe(heard.append)
-    document = read(text, "tree.yaml")
-    runner = Runner(lambda context, board: build(document, registry, context=context, board=board), cell, events)
-    looks = iter(range(1, 10_000))
-    check = cell.check
-
-    def scripted_check() -> None:
-        action = (at_tick or {}).get(next(looks))
-        if action is not None:
-            action(runner, cell)
-        check()
-
-    cell.check = scripted_check  # type: ignore[method-assign]
-    return runner, cell, heard
+    return make_run(text, registry, at_tick)
 
 
 def states(events: list[Event]) -> list[str]:

@@ -1,0 +1,75 @@
+"""What others ask of a run, from any thread: carried out between two ticks. `safe_stop` alone acts at once."""
+
+from __future__ import annotations
+
+import queue
+
+from executive.running.breakpoints import BREAK_ACTIONS, Breakpoints, Side
+from executive.running.cell import Cell
+
+
+class Requests:
+    """The part of a run that operators, dashboards and signals reach."""
+
+    _cell: Cell
+    _breakpoints: Breakpoints
+
+    def __init__(self) -> None:
+        self._commands: queue.SimpleQueue[tuple[str, str, str]] = queue.SimpleQueue()
+        self._leaving = False
+
+    def pause(self, who: str = "operator") -> None:
+        """Stop motions on their paths and hold; force control goes on."""
+        self._commands.put(("pause", who, ""))
+
+    def resume(self, who: str = "operator") -> None:
+        """Go on in place, after checking that the world is as it was."""
+        self._commands.put(("resume", who, ""))
+
+    def step(self, who: str = "operator") -> None:
+        """Run one tick, then pause again."""
+        self._commands.put(("step", who, ""))
+
+    def stop(self, who: str = "operator") -> None:
+        """Halt every running skill, wait until each has let go, end the run."""
+        self._commands.put(("stop", who, ""))
+
+    def safe_stop(self, reason: str, who: str = "operator") -> None:
+        """Bring the cell into its safe state now, whatever the tick is doing, and end the run."""
+        self._cell.safe_stop(reason)
+        self._commands.put(("safe_stop", who, reason))
+
+    def interrupt(self) -> None:
+        """What Ctrl-C asks for: the safe state before the next tick. A signal's handler may call it.
+
+        An exception raised by the handler itself could come up anywhere, also where a library swallows it.
+        """
+        self._commands.put(("interrupt", "keyboard", ""))
+
+    def break_at(self, path: str, side: Side = "before", on: bool = True, who: str = "operator") -> None:
+        """Pause before the node at this path starts, or after it has ended; `on=False` takes the breakpoint away.
+
+        Raises:
+            UnknownNodeError: the tree has no such node.
+        """
+        self._breakpoints.check(path)
+        action = next(action for action, change in BREAK_ACTIONS.items() if change == (side, on))
+        self._commands.put((action, who, path))
+
+    def note(self, who: str, action: str) -> None:
+        """Record that somebody took or released control: it changes nothing in the run."""
+        self._commands.put((action, who, ""))
+
+    def acknowledge(self, who: str = "operator") -> None:
+        """Release the latch of the safe state, once the run has ended; `hold_latched` waits for this."""
+        self._commands.put(("acknowledge", who, ""))
+
+    def leave(self) -> None:
+        """Make `hold_latched` return although nobody has acknowledged: the process ends."""
+        self._leaving = True
+        self._commands.put(("leave", "", ""))
+
+    @property
+    def latched(self) -> str | None:
+        """The reason of the cell's safe state, while it is latched."""
+        return self._cell.latched

@@ -1,0 +1,71 @@
+"""Runs on a fake cell: a skill that turns its wheel, and a runner whose looks at the cell can be scripted."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from fake_cell import FakeCell, Wheel
+
+from executive.language import build, read
+from executive.ports import Outputs, Time
+from executive.registry import Registry
+from executive.running.events import Event, EventStream
+from executive.running.runner import Runner
+from executive.skill import Interrupted, Skill, Work
+
+
+class Turned(Outputs):
+    turned: float
+
+
+class Turn(Skill):
+    """Turn the wheel for a while."""
+
+    devices = (Wheel,)
+    failures = ("JAMMED",)
+
+    def run(self, duration: Time = 0.2) -> Work[Turned]:
+        wheel = self.device(Wheel)
+        wheel.start()
+        try:
+            yield from self.wait(duration)
+        except Interrupted:
+            wheel.stop()
+            while wheel.coasting:
+                yield "coasting"
+            wheel.log.append("at rest")
+            raise
+        wheel.stop()
+        return Turned(duration)
+
+
+TURN = """
+pomona: 1
+tree: turn
+root:
+  sequence:
+    - Turn: {duration: 200 ms, turned: "{a}"}
+    - Turn: {duration: 200 ms, turned: "{b}"}
+"""
+
+
+def make(
+    text: str, registry: Registry, at_tick: dict[int, Callable[[Runner, FakeCell], Any]] | None = None
+) -> tuple[Runner, FakeCell, list[Event]]:
+    """A runner on a fake cell. `at_tick` acts at the start of the n-th look at the cell, paused ones counted too."""
+    cell, events, heard = FakeCell(), EventStream(), []
+    events.subscribe(heard.append)
+    document = read(text, "tree.yaml")
+    runner = Runner(lambda context, board: build(document, registry, context=context, board=board), cell, events)
+    looks = iter(range(1, 10_000))
+    check = cell.check
+
+    def scripted_check() -> None:
+        action = (at_tick or {}).get(next(looks))
+        if action is not None:
+            action(runner, cell)
+        check()
+
+    cell.check = scripted_check  # type: ignore[method-assign]
+    return runner, cell, heard

@@ -1,0 +1,230 @@
+"""Whatever is raised, wherever: the cell ends in its safe state, at rest, and record and people learn what it was."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from fake_cell import FakeCell
+from fake_runs import Turn, make
+
+from executive.registry import Registry
+from executive.running.events import ErrorRaised, Event, RunEnded, RunStarted, SafeStopped
+from executive.running.runner import Runner
+from executive.skill import Interrupted, Skill, Work
+from executive.terminal.explain import explain
+
+RAISED = [SystemExit(0), KeyboardInterrupt(), GeneratorExit(), MemoryError(), RecursionError("too deep"), Interrupted()]
+BESIDE = """
+pomona: 1
+tree: beside
+root:
+  parallel:
+    - Turn: {duration: 9 s}
+    - Raise: {}
+"""
+"""One skill turns the wheel, the other raises."""
+
+
+def raising(error: BaseException, ticks: int = 3, letting_go: bool = False) -> Registry:
+    """Skills of a tree: Turn, and Raise, which raises after so many ticks, or while it lets go."""
+
+    class Raise(Skill):
+        """Raises what it is told to."""
+
+        def run(self) -> Work:
+            try:
+                for _ in range(ticks):
+                    yield None
+                if letting_go:
+                    raise ValueError("first")
+            except Interrupted:
+                if letting_go:
+                    raise error from None
+                raise
+            raise error
+
+    return Registry({"Turn": Turn, "Raise": Raise})
+
+
+def errors(events: list[Event]) -> list[ErrorRaised]:
+    return [event for event in events if isinstance(event, ErrorRaised)]
+
+
+def is_safe(runner: Runner, cell: FakeCell, events: list[Event]) -> bool:
+    """Latched, at rest, and everybody was told the end."""
+    still = not cell.wheel.turning and not cell.wheel.coasting
+    told = any(isinstance(event, SafeStopped) for event in events)
+    return still and told and cell.latched is not None and isinstance(events[-1], RunEnded) and runner.state.ended
+
+
+@pytest.mark.parametrize("error", RAISED, ids=lambda error: type(error).__name__)
+@pytest.mark.parametrize("ticks", [0, 3])
+def test_whatever_a_skill_raises_beside_a_moving_one_ends_in_the_safe_state(error: BaseException, ticks: int) -> None:
+    runner, cell, events = make(BESIDE, raising(error, ticks))
+    result = runner.run()
+    assert result.outcome in ("error", "stopped")
+    assert result.outcome == "error" or isinstance(error, KeyboardInterrupt)
+    assert is_safe(runner, cell, events)
+    assert cell.wheel.log == ["start", "stop", "at rest"]
+    assert result.reason is not None
+    assert result.reason.node_path.endswith("Raise")
+    (told,) = errors(events)
+    assert "test_faults.py" in told.place
+    assert "in run" in told.traceback
+
+
+def test_a_function_that_raises_stop_iteration_is_no_success() -> None:
+    class Raise(Skill):
+        """Instant work with a bug."""
+
+        def run(self) -> None:
+            return next(iter(()))
+
+    runner, cell, events = make(BESIDE, Registry({"Turn": Turn, "Raise": Raise}))
+    assert runner.run().outcome == "error"
+    assert is_safe(runner, cell, events)
+
+
+def test_what_fails_while_halting_is_told_and_the_others_let_go_all_the_same() -> None:
+    runner, cell, events = make(
+        BESIDE.replace("- Raise", "- Raise: {}\n      name: First\n    - Raise"), raising(OSError("no hands"), 3, True)
+    )
+    result = runner.run()
+    assert result.outcome == "error"
+    assert is_safe(runner, cell, events)
+    assert cell.wheel.log[-1] == "at rest"
+    assert [(e.error, e.during) for e in errors(events)] == [("ValueError", "the tick"), ("OSError", "letting go")]
+
+
+def test_a_skill_that_fails_to_let_go_in_a_healthy_run_is_a_fault() -> None:
+    text = BESIDE.replace("parallel:", "parallel:\n    - sequence: [{wait: 60 ms}, {fail: {}}]")
+    runner, cell, events = make(text, raising(SystemExit(0), 99, True))
+    result = runner.run()
+    assert result.outcome == "error"
+    assert result.reason is not None
+    assert result.reason.code == "SystemExit"
+    assert result.reason.node_path.endswith("Raise")
+    assert is_safe(runner, cell, events)
+
+
+def test_a_listener_that_fails_ends_the_run_safely_and_the_others_hear_the_end() -> None:
+    runner, cell, events = make("pomona: 1\ntree: t\nroot: {Turn: {duration: 9 s}}", raising(SystemExit()))
+
+    def broken(event: Event) -> None:
+        if event.tick == 1:
+            raise BrokenPipeError(32, "Broken pipe")
+
+    heard: list[Event] = []
+    runner._events.subscribe(broken)
+    runner._events.subscribe(heard.append)
+    result = runner.run()
+    assert result.outcome == "error"
+    assert result.reason is not None
+    assert "Broken pipe" in result.reason.message
+    assert is_safe(runner, cell, events)
+    assert heard == events
+
+
+@pytest.mark.parametrize("error", [SystemExit(0), MemoryError()])
+def test_a_watcher_that_ends_the_process_ends_the_run_safely(error: BaseException) -> None:
+    class Leaving:
+        """Looks once too often."""
+
+        looks = 0
+
+        def look(self) -> list[tuple[str, object]]:
+            self.looks += 1
+            if self.looks == 2:
+                raise error
+            return []
+
+    runner, cell, events = make("pomona: 1\ntree: t\nroot: {Turn: {duration: 1 s}}", raising(SystemExit()))
+    runner._watch._watch._watchers.append(Leaving())
+    result = runner.run()
+    assert errors(events)[0].error == type(error).__name__
+    if isinstance(error, SystemExit):
+        assert result.outcome == "error"
+        assert is_safe(runner, cell, events)
+    else:  # an exception leaves the watcher out, and is told
+        assert result.outcome == "success"
+
+
+@pytest.mark.parametrize("isolated", [False, True])
+def test_a_computation_that_ends_the_process_ends_the_run_safely(isolated: bool) -> None:
+    class Raise(Skill):
+        """Computes what leaves."""
+
+        def run(self) -> Work:
+            yield from self.compute(leave, isolated=isolated)
+            return {}
+
+    runner, cell, events = make(BESIDE, Registry({"Turn": Turn, "Raise": Raise}))
+    assert runner.run().outcome == "error"
+    assert is_safe(runner, cell, events)
+    (told,) = errors(events)
+    assert told.error == "SystemExit"
+    assert "test_faults.py" in told.place
+    assert told.place.endswith("in leave")
+
+
+def leave() -> None:
+    raise SystemExit(0)
+
+
+def test_a_cell_that_cannot_be_scored_or_stepped_any_more_is_told() -> None:
+    runner, cell, events = make(BESIDE, raising(ValueError("bug")))
+
+    def broken(*_: object) -> Any:
+        raise RuntimeError("the world has ended")
+
+    cell.truth = broken  # type: ignore[method-assign]
+    cell.clock.advance = broken  # type: ignore[method-assign]
+    assert runner.run().outcome == "error"
+    assert {e.during for e in errors(events)} >= {"the tick", "scoring the run"}
+    assert cell.latched is not None
+    assert isinstance(events[-1], RunEnded)
+
+
+def test_an_error_is_explained_with_its_place_and_its_traceback() -> None:
+    class Raise(Skill):
+        """A plain bug."""
+
+        def run(self) -> Work:
+            yield None
+            samples: list[float] = []
+            samples[3]
+
+    runner, _cell, events = make(BESIDE, Registry({"Turn": Turn, "Raise": Raise}))
+    runner.run()
+    story = "\n".join(explain([started(runner), *events]))
+    assert "list index out of range" in story
+    assert "test_faults.py:" in story
+    assert "samples[3]" in story
+    assert "Traceback (most recent call last)" in story
+
+
+def test_a_long_recursion_keeps_a_traceback_of_limited_length() -> None:
+    class Raise(Skill):
+        """Calls itself."""
+
+        def run(self) -> Work:
+            yield None
+            self.down(lambda again: self.down(again))
+
+        def down(self, again: Callable[..., Any]) -> None:
+            again(lambda other: self.down(other) if other else again(again))
+            self.down(again)
+
+    runner, cell, events = make(BESIDE, Registry({"Turn": Turn, "Raise": Raise}))
+    runner.run()
+    (told,) = errors(events)
+    assert told.error == "RecursionError"
+    assert len(told.traceback) < 20_000
+    assert is_safe(runner, cell, events)
+
+
+def started(runner: Runner) -> Event:
+    nodes = tuple(node.facts() for node in runner.tree.nodes)
+    return RunStarted(0.0, 0, "r", "t", "t", "", "", "c", "mock", "", "", 0, {}, nodes, {}, 0.0, 0.02)
