@@ -95,6 +95,8 @@ class Cell:
         """
         for device in self.devices.values():
             device.check()
+            if device.distrusted:
+                raise DeviceFault(device.name, device.distrusted)
         if self._paused and self.settled():
             self._watch.note()
         if self._readings is not None:
@@ -127,6 +129,7 @@ class Cell:
         with self._lock:
             for device in self.devices.values():
                 device.acknowledge()
+                device.distrusted = ""
             self._latched = None
 
     def pause(self) -> None:

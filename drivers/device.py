@@ -29,6 +29,7 @@ class Device:
     """A named device of a cell. Methods are called from the tick's thread; `safe_stop` from any thread."""
 
     interfaces: ClassVar[tuple[type, ...]] = ()
+    distrusted = ""
 
     def __init__(self, name: str) -> None:
         self.name = name
@@ -54,6 +55,13 @@ class Device:
             DeviceLost: no answer within the device's deadline, or its stream is stale.
             DeviceFault: the device reports a fault.
         """
+
+    def distrust(self, reason: str) -> None:
+        """What the device says cannot be true: until `acknowledge` the cell's check raises `DeviceFault` with this.
+
+        Called from any thread by who compares its signals with others'. The first reason stays.
+        """
+        self.distrusted = self.distrusted or reason
 
     def safe_stop(self, reason: str) -> None:
         """Bring the device to rest within its limits, hold, keep the grip; latch. Must not raise."""

@@ -216,12 +216,20 @@ class GripperLimits:
 
 @dataclass(frozen=True, slots=True)
 class GripperState:
-    """Opening between the pads' faces [m] and its rate [m/s, negative closes] at `stamp`."""
+    """What a gripper measures at `stamp`.
+
+    Attributes:
+        width: opening between the pads' faces [m]; speed: its rate, negative closes [m/s].
+        moving: a move or a speed is under way.
+        motor_force: what the motor presses with by its current, both fingers together, negative pushes outwards [N];
+            rough. None where the gripper does not tell. A witness for fingers that feel nothing.
+    """
 
     stamp: float
     width: float
     speed: float
     moving: bool
+    motor_force: float | None = None
 
 
 @runtime_checkable
@@ -294,6 +302,13 @@ class ForceSensor(Protocol):
 
     def subscribe(self, listener: Callable[[WrenchSample], None]) -> Subscription:
         """Call `listener` with every sample, in order, from the sensor's own loop; it returns within a millisecond."""
+        ...
+
+    def distrust(self, reason: str) -> None:
+        """What the sensor says cannot be true: until `acknowledge` the cell's check ends a run with this reason.
+
+        For who compares the samples with other signals. The first reason stays. May be called from any thread.
+        """
         ...
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from drivers.errors import DeviceLost
 from drivers.interfaces import Float64, ForceSensor, Subscription, WrenchSample
 from drivers.sim.faults import FaultyDevice
+from drivers.sim.finger_faults import LIES
 from drivers.sim.scene import PADS, TIMESTEP
 from drivers.sim.world import SimWorld
 
@@ -54,11 +55,11 @@ class _Listener:
 class SimFingers(FaultyDevice):
     """Two pads. Errors: a constant bias per channel, white noise, and the range's end.
 
-    Faults: `lost` (no more samples), `dead_left` (the left finger reads zero), `bias_jump` (1 N more on the left).
+    Faults: `lost` (no more samples), and every way to lie in `finger_faults.LIES`.
     """
 
     interfaces = (ForceSensor,)
-    known_faults = ("lost", "dead_left", "bias_jump")
+    known_faults = ("lost", *LIES)
     rate = 1.0 / TIMESTEP
 
     def __init__(self, world: SimWorld, noise: float, bias: float, force_range: float) -> None:
@@ -75,6 +76,7 @@ class SimFingers(FaultyDevice):
         self._rotations = [world.state.site_xmat[site] for site in sites]
         self._listeners: list[_Listener] = []
         self._lost: WrenchSample | None = None
+        self._before: WrenchSample | None = None
         self._newest: WrenchSample | None = None
         world.after_step.append(self._stream)
 
@@ -95,6 +97,7 @@ class SimFingers(FaultyDevice):
     def inject_fault(self, kind: str) -> None:
         newest = self._measure()
         super().inject_fault(kind)
+        self._before = newest
         self._lost = newest if kind == "lost" else None
 
     def clear_fault(self) -> None:
@@ -115,10 +118,6 @@ class SimFingers(FaultyDevice):
         for i in range(2):
             pad_wrench(self._contacts[i], self._positions[i], self._rotations[i], wrenches[i])
         wrenches += self._errors[sequence % _NOISE_ROWS]
-        if self.fault == "dead_left":
-            wrenches[0] = 0.0
-        elif self.fault == "bias_jump":
-            wrenches[0, 2] -= 1.0
         forces = wrenches[:, :3]
         beyond = np.abs(forces) >= self._range
         saturated = (False, False)
@@ -126,4 +125,6 @@ class SimFingers(FaultyDevice):
             np.clip(forces, -self._range, self._range, out=forces)
             saturated = (bool(beyond[0].any()), bool(beyond[1].any()))
         self._newest = WrenchSample(sequence * TIMESTEP, sequence, wrenches, saturated)
+        if self.fault in LIES and self._before is not None:
+            self._newest = LIES[self.fault](self._newest, self._before)
         return self._newest

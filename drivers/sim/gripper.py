@@ -23,6 +23,9 @@ PATIENCE = 0.05
 YIELD = 1e-3
 """How far force control may open while latched [m]: the grip is kept, and never opened."""
 
+MOTOR_STEP = 0.5
+"""The grasp force by the motor's current comes in steps of so much [N]."""
+
 
 class GripperMove:
     """A move to a width."""
@@ -80,7 +83,8 @@ class SimGripper(FaultyDevice):
         state = self._world.state
         width = self._closed + float(state.qpos[self._address[0]] + state.qpos[self._address[1]])
         speed = float(state.qvel[self._dof[0]] + state.qvel[self._dof[1]])
-        return GripperState(self._world.clock.now(), width, speed, not self.settled())
+        motor_force = MOTOR_STEP * round(-float(state.actuator_force[self._actuator]) / MOTOR_STEP)
+        return GripperState(self._world.clock.now(), width, speed, not self.settled(), motor_force)
 
     def move(self, width: float, speed: float) -> Motion:
         if self._latched is not None:

@@ -88,3 +88,16 @@ def test_a_paused_cell_notices_that_the_fruit_is_gone(cell):
 
 def test_closing_goes_on_when_a_device_fails(cell):
     cell.close()
+
+
+def test_a_sensor_that_somebody_distrusts_ends_the_run_until_it_is_acknowledged():
+    device = Device("fingers")
+    cell = Cell("test", "mock", MockClock(), {"fingers": device})
+    cell.check()
+    device.distrust("the left finger's samples do not change")
+    device.distrust("something else")
+    with pytest.raises(DeviceFault, match="fingers: the left finger's samples do not change"):
+        cell.check()
+    cell.safe_stop("fingers: …")
+    cell.acknowledge()
+    cell.check()

@@ -5,6 +5,7 @@ import pytest
 
 from drivers.errors import DeviceFault, DeviceLost
 from drivers.interfaces import ForceSensor
+from drivers.sim.finger_faults import LIES
 from drivers.sim.fingers import SimFingers
 from drivers.sim.gl import load_mujoco
 
@@ -137,3 +138,31 @@ def test_resume_is_refused_when_the_fruit_is_gone(open_cell, probe_of, pick_with
         cell.clock.advance(0.02)
     with pytest.raises(DeviceFault, match="gone"):
         cell.resume()
+
+
+@pytest.mark.parametrize("kind", LIES)
+def test_every_way_to_lie_changes_what_arrives_until_it_is_cleared(open_cell, kind):
+    cell = open_cell()
+    fingers = cell.device(ForceSensor)
+    samples = []
+    fingers.subscribe(samples.append)
+    cell.clock.advance(0.02)
+    fingers.inject_fault(kind)
+    cell.clock.advance(0.02)
+    fingers.clear_fault()
+    cell.clock.advance(0.02)
+    honest, lying = samples[:10], samples[10:20]
+    assert all(sample.stamp == pytest.approx(0.002 * (n + 1)) for n, sample in enumerate(samples[20:], 20))
+    if kind in ("old", "early", "repeated"):
+        assert all(sample.stamp != pytest.approx(0.002 * (n + 1)) for n, sample in enumerate(lying, 10))
+    elif kind == "swapped":
+        left, right = (np.mean([s.wrenches[i, :3] for s in honest], axis=0) for i in range(2))
+        assert np.mean([s.wrenches[0, :3] for s in lying], axis=0) == pytest.approx(right, abs=0.1)
+        assert np.mean([s.wrenches[1, :3] for s in lying], axis=0) == pytest.approx(left, abs=0.1)
+    elif kind == "clipped_left":
+        assert np.abs([sample.wrenches[0, :3] for sample in lying]).max() <= 0.5
+    else:
+        truth = fingers.latest().wrenches  # nothing touches: noise and bias
+        changed = [not np.allclose(s.wrenches, truth, atol=0.4) for s in lying]
+        still = len({s.wrenches[i].tobytes() for s in lying for i in range(2)}) < 20
+        assert all(changed) or still
