@@ -16,6 +16,7 @@ from drivers.wsg.codec import (
     Observe,
     Plain,
     Reply,
+    Request,
     Script,
     SetSoftLimits,
     SetValue,
@@ -37,12 +38,27 @@ class WsgEmulator:
         referenced: False until homing, if it is started so: moves are refused.
         has_script: whether the finger script is loaded.
         silent: the cable is pulled: nothing is heard and nothing said.
+        faults: bits of faults that the gripper reports besides its own state.
+        refusing: commands that are answered with ACCESS_DENIED and not carried out.
+        deaf: commands that are neither answered nor carried out, and updates that do not come.
+        busy: a move is taken on (PENDING), and never begins or ends.
+        runaway: a speed with which the fingers move whatever they are told, until a fast stop [m/s].
+        frozen: width and speed are told as they were when this was set.
+        width_told: a width that is told instead of the true one [m].
     """
 
     def __init__(
         self, fingers: Gripper, finger_offset: float = 0.0, referenced: bool = True, has_script: bool = True
     ) -> None:
         self.referenced, self.has_script, self.silent = referenced, has_script, False
+        self.faults = SystemState(0)
+        self.refusing: set[Command] = set()
+        self.deaf: set[Command] = set()
+        self.busy = False
+        self.runaway = 0.0
+        self.frozen = False
+        self.width_told: float | None = None
+        self._told: dict[Command, tuple[float, ...]] = {}
         self._fingers, self._offset = fingers, finger_offset
         self._peer: Peer | None = None
         self._decoder = Decoder()
@@ -59,6 +75,7 @@ class WsgEmulator:
 
     def fast_stop(self) -> None:
         """Stop at once and refuse motion until it is acknowledged."""
+        self.runaway = 0.0
         self._end_motion(Status.CMD_ABORTED)
         self._bits |= SystemState.FAST_STOP
 
@@ -90,7 +107,9 @@ class WsgEmulator:
     def advance(self, now: float) -> None:
         self._now = now
         self._fingers.state()  # lets kinematic fingers move on
-        if self._motion is not None:
+        if self.runaway:
+            self._fingers.set_speed(self.runaway)
+        elif self._motion is not None:
             command, motion = self._motion
             if motion.state is MotionState.DONE:
                 self._motion = None
@@ -107,13 +126,19 @@ class WsgEmulator:
                 self._speed = 0.0
             self._fingers.set_speed(self._limited(self._speed))
         for observed, (period, due) in self._updates.items():
-            if now >= due:
+            if now >= due and observed not in self.deaf:
                 self._updates[observed] = (period, max(due + period, now))
                 self._reply(observed, values=self._observe(observed))
 
     # ----------------------------------------------------------------------------------------- commands
 
-    def _answer(self, request: object) -> None:
+    def _answer(self, request: Request) -> None:
+        command = _command_of(request)
+        if command in self.deaf:
+            return
+        if command in self.refusing:
+            self._reply(command, Status.ACCESS_DENIED)
+            return
         match request:
             case Loop(payload):
                 self._say(encode_reply(Reply(Command.LOOP, Status.SUCCESS, payload=payload)))
@@ -181,7 +206,7 @@ class WsgEmulator:
         low, high = self._soft_limits or (-1.0, 1.0)
         if refusal is None and command is not Command.HOMING and not low <= width <= high:
             refusal = Status.RANGE_ERROR
-        if refusal is None:
+        if refusal is None and not self.busy:
             try:
                 motion = self._fingers.move(width + self._offset, speed)
             except MotionRefused:
@@ -212,15 +237,15 @@ class WsgEmulator:
                 return
             self._end_motion(Status.CMD_ABORTED)
             self._speed, self._speed_until = speed, self._now + SCRIPT_WATCHDOG
-            self._fingers.set_speed(self._limited(speed))
-        self._reply(command, values=(self._jaw(), self._fingers.state().speed))
+            self._fingers.set_speed(self.runaway or self._limited(speed))
+        self._reply(command, values=(*self._observe(Command.WIDTH), *self._observe(Command.SPEED)))
 
     def _end_motion(self, status: Status) -> None:
         self._speed = 0.0
         if self._motion is not None:
             (command, _), self._motion = self._motion, None
             self._reply(command, status)
-        self._fingers.set_speed(0.0)
+        self._fingers.set_speed(self.runaway)
 
     def _limited(self, speed: float) -> float:
         """Soft limits hold for streamed speeds too."""
@@ -240,8 +265,13 @@ class WsgEmulator:
     def _observe(self, command: Command) -> tuple[float, ...]:
         if command is Command.SYSTEM_STATE:
             return (int(self._system_state()),)
+        if not (self.frozen and command in self._told):
+            self._told[command] = self._measure(command)
+        return self._told[command]
+
+    def _measure(self, command: Command) -> tuple[float, ...]:
         if command is Command.WIDTH:
-            return (self._jaw(),)
+            return (self._jaw() if self.width_told is None else self.width_told,)
         if command is Command.SPEED:
             return (self._fingers.state().speed,)
         if command is Command.GRASP_STATE:
@@ -249,7 +279,7 @@ class WsgEmulator:
         return (0.0,)
 
     def _system_state(self) -> SystemState:
-        bits = self._bits
+        bits = self._bits | self.faults
         bits |= SystemState.REFERENCED if self.referenced else SystemState(0)
         bits |= SystemState.MOVING if self._fingers.state().moving else SystemState(0)
         bits |= SystemState.SCRIPT_RUNNING if self.has_script else SystemState(0)
@@ -261,3 +291,17 @@ class WsgEmulator:
     def _say(self, chunk: bytes) -> None:
         if self._peer is not None and not self.silent:
             self._peer.send(chunk)
+
+
+def _command_of(request: Request) -> Command:
+    match request:
+        case Loop():
+            return Command.LOOP
+        case Homing():
+            return Command.HOMING
+        case Move():
+            return Command.MOVE
+        case SetSoftLimits():
+            return Command.SET_SOFT_LIMITS
+        case _:
+            return request.command

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from drivers.errors import DeviceFault
 from drivers.interfaces import GripperLimits
 from drivers.wsg.codec import (
     Command,
@@ -75,9 +76,16 @@ class WsgIdentity:
         low, high = options.soft_limits or (options.finger_offset, options.finger_offset + self.stroke)
         return GripperLimits(low, high, min(options.speed_max or self.speed_max, self.speed_max), self.force_max)
 
+    def reach(self, options: WsgOptions) -> GripperLimits:
+        """The hardware's limits, as openings between the pads."""
+        low = options.finger_offset
+        return GripperLimits(low, low + self.stroke, self.speed_max, self.force_max)
+
 
 def shake_hands(session: Session, options: WsgOptions, take: Callable[[Reply], None], first: bool) -> WsgIdentity:
-    """Ask for identity and limits, set and read back the settings, switch on the automatic updates.
+    """Ask who is there, stop the fingers, set and read back the settings, switch on the automatic updates.
+
+    The stop comes before everything else: a move from before may still be under way.
 
     Args:
         take: gets every update of state, width and speed.
@@ -93,6 +101,7 @@ def shake_hands(session: Session, options: WsgOptions, take: Callable[[Reply], N
         return reply.values
 
     kind, hardware, firmware, serial = demand(Plain(Command.INFO), Command.INFO)
+    stop = session.ask(Plain(Command.STOP), Command.STOP, take, ANSWER)
     stroke, _, speed_max, _, _, _, force_max, _ = demand(Plain(Command.LIMITS), Command.LIMITS)
     if options.acceleration is not None:
         demand(SetValue(Command.SET_ACCELERATION, options.acceleration), Command.SET_ACCELERATION)
@@ -106,6 +115,8 @@ def shake_hands(session: Session, options: WsgOptions, take: Callable[[Reply], N
     (acceleration,) = demand(Plain(Command.GET_ACCELERATION), Command.GET_ACCELERATION)
     (force_limit,) = demand(Plain(Command.GET_FORCE_LIMIT), Command.GET_FORCE_LIMIT)
     (bits,) = demand(Observe(Command.SYSTEM_STATE), Command.SYSTEM_STATE)
+    if stop.status is not Status.SUCCESS and int(bits) & SystemState.MOVING:
+        raise DeviceFault(session.device, f"moves, and refused STOP: {stop.status.name}")
     if options.home and first and not int(bits) & SystemState.REFERENCED:
         demand(Homing(), Command.HOMING, HOMING)
     if options.tare and first:

@@ -17,7 +17,7 @@ QUIET = 0.02
 
 
 class Session:
-    """Talks to the gripper over one link until something fails."""
+    """Talks to the gripper over one link until something fails. It belongs to one thread."""
 
     def __init__(self, device: str, link: Link, clock: Clock) -> None:
         self.device = device
@@ -62,10 +62,15 @@ class Session:
             self.last_heard = now
         for reply in replies:
             self._awaited.pop(reply.command, None)
-        overdue = next((command for command, due in self._awaited.items() if now > due), None)
-        if not chunk and overdue is not None:
-            self._complain(f"{overdue.name} was not answered within {1e3 * ANSWER:.0f} ms")
+        for command, due in self._awaited.items():
+            # An answer may lie behind what was just read, when this thread itself was held up; but not for long.
+            if now > (due + ANSWER if chunk else due):
+                self._complain(f"{command.name} was not answered within {1e3 * ANSWER:.0f} ms")
         return replies
+
+    def awaits(self, command: Command) -> bool:
+        """Whether a request with this command is not answered yet."""
+        return command in self._awaited
 
     def ask(
         self, request: Request, command: Command, others: Callable[[Reply], None], deadline: float = ANSWER

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import pytest
 
 from drivers.emulators.free_gripper import FreeGripper
 from drivers.emulators.wsg import WsgEmulator
-from drivers.errors import DeviceFault, DeviceLost, MotionRefused
-from drivers.interfaces import MotionState
+from drivers.errors import DeviceFault, DeviceLost, MotionRefused, StopFailed
+from drivers.interfaces import GripperState, MotionState
 from drivers.wire import Nonsense
-from drivers.wsg.codec import Command, Plain, encode
-from drivers.wsg.driver import RECONNECT, WsgGripper
+from drivers.wsg.codec import Command, Plain, SystemState, encode
+from drivers.wsg.driver import WsgGripper
 from drivers.wsg.handshake import WsgOptions
+from drivers.wsg.jaws import RECONNECT
 from executive.clock import ManualClock
 
 OFFSET = 0.035
@@ -318,3 +321,222 @@ def test_closing_says_goodbye_so_that_the_gripper_makes_no_fast_stop(wire: Wire)
     gripper = connected(wire)
     gripper.close()
     assert wire.sent[-1] == encode(Plain(Command.DISCONNECT))
+
+
+# ------------------------------------------------------------------------------------------------- when it goes wrong
+
+
+def serve_until(gripper: WsgGripper, wire: Wire, done: Callable[[], bool], limit: float = 5.0) -> float:
+    """Seconds until it is so."""
+    began = wire.clock.now()
+    while not done():
+        assert wire.clock.now() - began < limit
+        serve(gripper, wire, 0.001)
+    return wire.clock.now() - began
+
+
+STOP = encode(Plain(Command.STOP))
+FAULT_BITS = (
+    SystemState.FAST_STOP,
+    SystemState.TEMPERATURE,
+    SystemState.POWER,
+    SystemState.CURRENT,
+    SystemState.FINGER_FAULT,
+    SystemState.SCRIPT_FAILURE,
+)
+
+
+@pytest.mark.parametrize("bit", FAULT_BITS)
+@pytest.mark.parametrize("moving", ["by a move", "by a stream", "not at all"])
+def test_a_safe_stop_stops_a_gripper_that_reports_a_fault(wire: Wire, bit: SystemState, moving: str) -> None:
+    gripper = connected(wire)
+    if moving == "by a move":
+        gripper.move(0.100, 0.05)
+    serve(gripper, wire, 0.2, renew=0.02 if moving == "by a stream" else None)
+    wire.device.faults = bit
+    serve(gripper, wire, 0.02)
+    with pytest.raises(DeviceFault):
+        gripper.check()
+    wire.sent.clear()
+    gripper.safe_stop("fault")
+    assert STOP in wire.sent
+    serve_until(gripper, wire, gripper.settled, 0.3)
+    stood = wire.fingers.state().width
+    serve(gripper, wire, 0.5)
+    assert wire.fingers.state() == GripperState(wire.clock.now(), stood, 0.0, False)
+
+
+def test_a_move_that_fails_by_a_fault_is_stopped_before_anybody_asks(wire: Wire) -> None:
+    gripper = connected(wire)
+    motion = gripper.move(0.100, 0.05)
+    serve(gripper, wire, 0.2)
+    wire.device.faults = SystemState.CURRENT
+    serve(gripper, wire, 0.03)
+    assert (motion.state, motion.problem) == (MotionState.FAILED, "gripper: draws too much current")
+    assert wire.fingers.state().speed == 0.0
+
+
+@pytest.mark.parametrize("speed", [0.05, -0.03])
+def test_fingers_that_move_are_never_called_settled(wire: Wire, speed: float) -> None:
+    gripper = connected(wire)
+    serve(gripper, wire, 0.5)
+    assert gripper.settled()
+    wire.device.runaway, wire.device.refusing = speed, {Command.STOP, Command.FAST_STOP}
+    serve(gripper, wire, 0.05)
+    gripper.safe_stop("test")
+    while 0.001 < wire.fingers.state().width < 0.067:
+        assert not gripper.settled()
+        serve(gripper, wire, 0.005)
+
+
+def test_fingers_that_move_without_a_command_are_told_within_100_ms_and_stopped(wire: Wire) -> None:
+    gripper = connected(wire)
+    serve(gripper, wire, 0.5)
+    wire.device.runaway = 0.05
+    assert serve_until(gripper, wire, lambda: gripper.link() != "ok") <= 0.1
+    with pytest.raises(DeviceFault, match=r"opens without being told to: 65\.\d → 68\.\d mm"):
+        gripper.check()
+    serve_until(gripper, wire, lambda: wire.device.runaway == 0.0, 0.3)  # no stop helped: a fast stop did
+    assert isinstance(gripper._jaws.problem, StopFailed)
+    serve_until(gripper, wire, gripper.settled, 0.3)
+
+
+def test_fingers_that_open_while_they_are_told_to_close_are_told(wire: Wire) -> None:
+    gripper = connected(wire)
+    serve(gripper, wire, 0.5, renew=-0.01)
+    wire.device.runaway = 0.04
+    serve(gripper, wire, 0.15, renew=-0.01)
+    assert "opens without being told to" in gripper.link()
+    assert not gripper.settled()
+
+
+@pytest.mark.parametrize("command", [Command.STOP, Command.FAST_STOP])
+def test_a_stop_that_is_refused_is_told_as_such(wire: Wire, command: Command) -> None:
+    gripper = connected(wire)
+    gripper.move(0.100, 0.02)
+    serve(gripper, wire, 0.2)
+    wire.device.refusing = {Command.STOP, command}
+    gripper.safe_stop("test")
+    serve(gripper, wire, 0.05)
+    with pytest.raises(StopFailed, match=f"refused {command.name}: ACCESS_DENIED"):
+        gripper.check()
+    assert gripper.settled() is (command is Command.STOP)  # the fast stop worked, or it did not
+
+
+def test_what_was_wrong_before_a_stop_failed_is_told_too(wire: Wire) -> None:
+    gripper = connected(wire)
+    gripper.move(0.100, 0.02)
+    serve(gripper, wire, 0.2)
+    wire.device.faults, wire.device.refusing = SystemState.TEMPERATURE, {Command.STOP}
+    serve(gripper, wire, 0.05)
+    with pytest.raises(StopFailed, match="refused STOP: ACCESS_DENIED; before that it is too hot"):
+        gripper.check()
+
+
+def test_a_stop_that_is_not_answered_is_a_lost_gripper_that_is_not_settled(wire: Wire) -> None:
+    gripper = connected(wire)
+    gripper.move(0.100, 0.02)
+    serve(gripper, wire, 0.2)
+    wire.device.deaf = {Command.STOP}
+    gripper.safe_stop("test")
+    serve(gripper, wire, 0.25)
+    with pytest.raises(DeviceLost, match="STOP was not answered within 100 ms"):
+        gripper.check()
+    while wire.fingers.state().speed > 0.0:
+        assert not gripper.settled()
+        serve(gripper, wire, 0.02)
+
+
+def test_a_stop_that_nothing_answers_is_told_although_updates_come_all_the_time(wire: Wire) -> None:
+    gripper = connected(wire, period=0.001)
+    wire.device.deaf = {Command.STOP}
+    gripper.safe_stop("test")
+    serve(gripper, wire, 0.25)
+    with pytest.raises(DeviceLost, match="STOP was not answered"):
+        gripper.check()
+
+
+def test_a_move_that_never_ends_is_told_when_it_should_have(wire: Wire) -> None:
+    gripper = connected(wire)
+    wire.device.busy = True
+    motion = gripper.move(0.075, 0.1)  # 0.1 s of way, 0.05 s of braking
+    took = serve_until(gripper, wire, lambda: motion.ended)
+    assert 0.15 < took < 0.8
+    assert motion.state is MotionState.FAILED
+    with pytest.raises(DeviceFault, match=r"has not ended its move to 75\.0 mm in the time that it needs"):
+        gripper.check()
+
+
+def test_a_paused_move_is_not_overdue(wire: Wire) -> None:
+    gripper = connected(wire)
+    gripper.move(0.100, 0.05)
+    serve(gripper, wire, 0.1)
+    gripper.pause()
+    serve(gripper, wire, 10.0)
+    gripper.check()
+
+
+@pytest.mark.parametrize("command", [Command.WIDTH, Command.SPEED, Command.SYSTEM_STATE])
+def test_an_update_that_ceases_to_come_is_told(wire: Wire, command: Command) -> None:
+    gripper = connected(wire)
+    serve(gripper, wire, 0.1)
+    wire.device.deaf = {command}
+    assert serve_until(gripper, wire, lambda: gripper.link() != "ok") <= 0.15
+    with pytest.raises(DeviceLost, match=f"has not told its {command.name} for"):
+        gripper.check()
+
+
+@pytest.mark.parametrize(("width", "words"), [(0.2, "outside its stroke"), (-0.1, "outside its stroke")])
+def test_a_width_that_cannot_be_is_told(wire: Wire, width: float, words: str) -> None:
+    gripper = connected(wire)
+    serve(gripper, wire, 0.1)
+    wire.device.width_told = width
+    serve(gripper, wire, 0.03)
+    with pytest.raises(DeviceFault, match=words):
+        gripper.check()
+
+
+def test_a_width_that_stays_the_same_for_a_whole_move_is_told(wire: Wire) -> None:
+    gripper = connected(wire)
+    serve(gripper, wire, 0.1)
+    wire.device.frozen = True
+    motion = gripper.move(0.100, 0.1)
+    serve(gripper, wire, 1.0)
+    assert motion.state is MotionState.FAILED
+    with pytest.raises(DeviceFault, match=r"says 65\.0 mm at the end of a move to 100\.0 mm"):
+        gripper.check()
+
+
+def test_no_stream_moves_the_fingers_after_a_loss_until_it_is_acknowledged(wire: Wire) -> None:
+    gripper = connected(wire)
+    serve(gripper, wire, 0.2, renew=-0.01)
+    wire.device.silent = True
+    serve(gripper, wire, 0.2)
+    wire.device.silent = False
+    serve(gripper, wire, RECONNECT + 0.3)
+    assert wire.opened == 2
+    stood = wire.fingers.state().width
+    for _ in range(20):
+        with pytest.raises(DeviceLost, match="acknowledge that before it moves: no answer for"):
+            gripper.set_speed(-0.01)
+        serve(gripper, wire, 0.02)
+    assert wire.fingers.state().width == stood
+    gripper.acknowledge()
+    serve(gripper, wire, 0.2, renew=-0.01)
+    assert wire.fingers.state().width < stood
+
+
+def test_a_move_that_outlives_the_wire_is_stopped_when_it_is_open_again(wire: Wire) -> None:
+    gripper = connected(wire)
+    motion = gripper.move(0.100, 0.02)  # 1.75 s
+    serve(gripper, wire, 0.1)
+    wire.device.silent = True
+    serve(gripper, wire, 0.1)
+    assert motion.state is MotionState.FAILED
+    assert not gripper.settled()
+    wire.device.silent = False
+    serve_until(gripper, wire, lambda: wire.opened == 2)
+    serve(gripper, wire, 0.1)
+    assert wire.fingers.state().speed == 0.0
+    assert motion.settled
+    assert gripper.settled()

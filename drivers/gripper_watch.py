@@ -1,0 +1,131 @@
+"""Does a gripper do what it was told, and can what it says be true? One supervisor for every gripper.
+
+A driver says what it commanded (`move`, `stream`, `rest`), hands over every state that the gripper reports to `look`,
+and gets back what is wrong, in words. Nothing here talks to a device.
+"""
+
+from __future__ import annotations
+
+import math
+
+from drivers.interfaces import GripperLimits, GripperState
+
+MARGIN, SHARE = 0.5, 0.5
+"""A move may take longer than it should by so much [s] and by this share of its time."""
+COASTING = 0.3
+"""So long after a move the fingers come to rest [s]: 0.2 m/s are braked in 0.1 s at 2 m/s²."""
+STRAY = 3e-3
+"""Fingers that nobody moves stay within this [m]: pads and fruit give way by one or two millimetres."""
+LAG = 0.1
+"""Fingers follow a streamed speed this much later at most [s]."""
+BEYOND = 5e-3
+"""A width outside the stroke by more than this is none [m]."""
+FASTER = 2.0
+"""A speed above so many times the greatest is none."""
+SLOW = 2e-3
+"""Fingers slower than this rest [m/s] …"""
+STEADY, STILL = 5e-4, 0.03
+"""… once their width has stayed within the first [m] for the second [s]."""
+
+
+class GripperWatch:
+    """Compares a gripper's states with its commands; times are the cell's [s].
+
+    Attributes:
+        at_rest: whether the fingers were measured to stand still.
+        follows: whether they move no faster than a streamed speed told them to, and nowhere else.
+        rest_by: fingers that are left alone now do not move beyond this time [s].
+    """
+
+    def __init__(self, limits: GripperLimits, acceleration: float) -> None:
+        """
+        Args:
+            limits: of the hardware: the whole stroke.
+            acceleration: with which moves begin and end [m/s²].
+        """
+        self.at_rest = self.follows = False
+        self.rest_by = -math.inf
+        self._limits, self._acceleration = limits, acceleration
+        self._due, self._target = math.inf, 0.0
+        self._free_until = -math.inf  # until then the fingers may move as they like: a move, or what is left of it
+        self._speed = self._fastest = 0.0
+        self._least, self._most = math.inf, -math.inf
+        self._steady: tuple[float, float] | None = None
+        self._last: GripperState | None = None
+
+    def move(self, now: float, start: float, width: float, speed: float) -> None:
+        """A move from one opening to another was commanded."""
+        expected = abs(width - start) / speed + speed / self._acceleration
+        self._due, self._target = now + expected * (1.0 + SHARE) + MARGIN, width
+        self._free_until, self.rest_by = math.inf, self._due
+
+    def stream(self, now: float, speed: float, watchdog: float) -> None:
+        """A speed [m/s] was commanded; without another it ends after `watchdog` [s]."""
+        if math.isinf(self._free_until):
+            self.rest(now)
+        self._speed = speed
+        self._fastest = max(self._fastest, abs(speed))
+        if speed:
+            self.rest_by = max(self.rest_by, now + watchdog + LAG)
+
+    def rest(self, now: float) -> None:
+        """The fingers were told to stand still, or have ended their move."""
+        self._due, self._speed = math.inf, 0.0
+        self._free_until = now + COASTING
+        self.rest_by = max(self.rest_by, self._free_until)
+
+    def look(self, now: float, state: GripperState) -> str:
+        """What is wrong, as the rest of a sentence that begins with the gripper's name; empty when all is well."""
+        last = self._last
+        if last is not None and state.stamp <= last.stamp:
+            return self._overdue(now)
+        impossible = self._impossible(state)
+        if impossible:
+            self.at_rest = self.follows = False
+            return impossible
+        self._last = state
+        if self._steady is None or abs(state.width - self._steady[1]) > STEADY:
+            self._steady = (state.stamp, state.width)
+        self.at_rest = abs(state.speed) < SLOW and (last is None or state.stamp - self._steady[0] >= STILL)
+        stray = self._stray(state.stamp, state.width, 0.0 if last is None else state.stamp - last.stamp)
+        self.follows = not stray and abs(state.speed) <= self._fastest + SLOW
+        if stray:
+            self.rest_by = math.inf
+        elif self.at_rest and state.stamp > self._free_until and not self._speed:
+            self.rest_by = now
+        return self._overdue(now) or stray
+
+    def _impossible(self, state: GripperState) -> str:
+        width, speed, limits = state.width, state.speed, self._limits
+        if not (math.isfinite(width) and math.isfinite(speed)):
+            return f"says a width of {1e3 * width:g} mm and a speed of {1e3 * speed:g} mm/s"
+        if not limits.width_min - BEYOND <= width <= limits.width_max + BEYOND:
+            return f"says a width of {1e3 * width:.1f} mm, which lies outside its stroke"
+        if abs(speed) > FASTER * limits.speed_max:
+            return f"says a speed of {1e3 * speed:.0f} mm/s, which it cannot reach"
+        if self._last is not None:
+            way, elapsed = abs(width - self._last.width), state.stamp - self._last.stamp
+            if way > BEYOND + FASTER * limits.speed_max * (elapsed + LAG):
+                return f"says that it jumped from {1e3 * self._last.width:.1f} to {1e3 * width:.1f} mm"
+        return ""
+
+    def _overdue(self, now: float) -> str:
+        if now <= self._due:
+            return ""
+        return f"has not ended its move to {1e3 * self._target:.1f} mm in the time that it needs"
+
+    def _stray(self, stamp: float, width: float, elapsed: float) -> str:
+        """Fingers may open and close by no more than they were told to, and less when something is in the way."""
+        self._fastest = max(abs(self._speed), self._fastest * (1.0 - min(elapsed / LAG, 1.0) / 3.0))
+        if stamp <= self._free_until:
+            self._least, self._most = width, width
+            return ""
+        told = self._speed * elapsed
+        self._least = min(self._least + max(told, 0.0), width)
+        self._most = max(self._most + min(told, 0.0), width)
+        allowed = STRAY + LAG * self._fastest
+        if width - self._least > allowed:
+            return f"opens without being told to: {1e3 * self._least:.1f} → {1e3 * width:.1f} mm"
+        if self._most - width > allowed:
+            return f"closes without being told to: {1e3 * self._most:.1f} → {1e3 * width:.1f} mm"
+        return ""
