@@ -1,4 +1,4 @@
-"""What drivers of devices on a wire share: links that move bytes, the loop that serves one, typed complaints."""
+"""What drivers of devices on a wire share: links that move bytes, priority for their threads, typed complaints."""
 
 from __future__ import annotations
 
@@ -7,13 +7,10 @@ import os
 import select
 import socket
 import threading
-from collections.abc import Callable
-from queue import Empty, SimpleQueue
-from typing import Protocol, runtime_checkable
+from typing import Protocol
 
 from drivers.cell_file import Settings
 from drivers.errors import DeviceFault, DriverError
-from executive.clock import Clock
 
 
 class Malformed(DriverError):
@@ -84,82 +81,6 @@ def raise_priority() -> None:
     """Let the calling thread run before others; without the right to do so (CAP_SYS_NICE) nothing changes."""
     with contextlib.suppress(OSError):
         os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), URGENT)
-
-
-class Thread(Protocol):
-    """What is needed of a `threading.Thread`."""
-
-    def start(self) -> None: ...
-
-    def join(self, timeout: float | None = None) -> None: ...
-
-    def is_alive(self) -> bool: ...
-
-
-@runtime_checkable
-class TurnTaking(Protocol):
-    """A clock whose threads run one at a time, in an order that is the same in every run: a simulated one's."""
-
-    def thread(self, name: str, run: Callable[[], None]) -> Thread: ...
-
-
-class ServiceLoop:
-    """The one thread that owns a device's wire: it calls `step` again and again until it is closed.
-
-    Other threads never touch the wire; they hand over what shall be done with `post`, and it is carried out in
-    the order of the posts before the next step. `step` and what is posted must return within a moment. An exception
-    is handed to `failed`; one of a step ends the thread, too: a device that nobody serves must not look alive.
-    """
-
-    def __init__(
-        self, name: str, step: Callable[[], None], failed: Callable[[Exception], None], clock: Clock | None = None
-    ) -> None:
-        """
-        Args:
-            clock: the cell's; a `TurnTaking` one makes the thread.
-        """
-        self._step, self._failed = step, failed
-        self._closed = threading.Event()
-        self._posted: SimpleQueue[Callable[[], None]] = SimpleQueue()
-        threads: object = clock
-        if isinstance(threads, TurnTaking):
-            self._thread: Thread = threads.thread(name, self._run)
-        else:
-            self._thread = threading.Thread(target=self._run, name=name, daemon=True)
-
-    def start(self) -> None:
-        self._thread.start()
-
-    def post(self, command: Callable[[], None]) -> None:
-        """Have this done by the loop's thread, before its next step; from any thread, without waiting."""
-        self._posted.put(command)
-
-    def turn(self) -> None:
-        """Do what was posted, then one step: what the thread does without end, and a test by hand."""
-        while True:
-            try:
-                command = self._posted.get_nowait()
-            except Empty:
-                break
-            try:
-                command()
-            except Exception as error:
-                self._failed(error)
-        self._step()
-
-    def close(self, deadline: float = 2.0) -> None:
-        """Let the present step end, then the thread."""
-        self._closed.set()
-        if self._thread.is_alive() and self._thread is not threading.current_thread():
-            self._thread.join(deadline)
-
-    def _run(self) -> None:
-        raise_priority()
-        try:
-            while not self._closed.is_set():
-                self.turn()
-        except Exception as error:
-            self._failed(error)
 
 
 def read_address(settings: Settings, key: str, default_port: int) -> tuple[str, int]:

@@ -21,9 +21,10 @@ from drivers.motoman.codec import Control, Order, Result, Valid
 from drivers.motoman.session import Session
 from drivers.motoman.stream import INTERPOLATION, PointStream
 from drivers.motoman.words import fault, refusal
+from drivers.owner import Owner
 from drivers.path_motion import PathMotion
 from drivers.trajectory import check_trajectory
-from drivers.wire import Link, ServiceLoop
+from drivers.wire import Link
 from executive.clock import Clock
 
 RECONNECT = 0.5
@@ -80,7 +81,7 @@ class MotomanArm(Device):
         self._open_state, self._open_motion, self._clock = open_state, open_motion, clock
         self._wire = np.array(self.options.wire_joints)
         self._lock = threading.RLock()
-        self._loop = ServiceLoop(f"{name} wire", self.step, self._lose)
+        self._loop = Owner(name, self.step, self._lose, clock)
         self._session: Session | None = None
         self._retry_at = 0.0
         self._state = ArmState(0.0, np.zeros(len(self._wire)), np.zeros(len(self._wire)), False)
@@ -163,7 +164,7 @@ class MotomanArm(Device):
             return
         self._session = self._open()
 
-    def _lose(self, error: Exception) -> None:
+    def _lose(self, error: BaseException) -> None:
         with self._lock:
             session, self._session = self._session, None
             if session is not None:

@@ -9,9 +9,9 @@ from typing import Protocol
 from drivers.device import Device
 from drivers.errors import DeviceError, DeviceLost
 from drivers.interfaces import Camera, Frame
+from drivers.owner import Owner
 from drivers.realsense.ride import Ride
 from drivers.realsense.source import Pair
-from drivers.wire import ServiceLoop
 from executive.clock import Clock
 
 RECONNECT = 1.0
@@ -47,7 +47,7 @@ class StreamingCamera(Device):
         self._open_source, self._ride, self._clock = open_source, ride, clock
         self._silence, self._label = silence, label
         self._source: Source | None = None
-        self._loop = ServiceLoop(f"{name} stream", self.step, self._lose, clock)
+        self._owner = Owner(name, self.step, self._lose, clock)
         self._newest: Frame | None = None
         self._sequence = 0
         self._heard = 0.0
@@ -71,7 +71,7 @@ class StreamingCamera(Device):
 
     def start(self) -> None:
         """Stream in a thread of its own from now on."""
-        self._loop.start()
+        self._owner.start()
 
     def step(self) -> None:
         """Wait for one pair of images; the camera's own thread calls this without end."""
@@ -107,7 +107,7 @@ class StreamingCamera(Device):
         self._problem = None
 
     def close(self) -> None:
-        self._loop.close()
+        self._owner.close()
         self._close_source()
         self._problem = DeviceLost(self.name, "is closed")
 
@@ -145,7 +145,7 @@ class StreamingCamera(Device):
         self._sequence += 1
         return frame
 
-    def _lose(self, error: Exception) -> None:
+    def _lose(self, error: BaseException) -> None:
         if self._source is not None:
             self._problem = error if isinstance(error, DeviceError) else DeviceLost(self.name, repr(error))
         self._retry_at = self._clock.now() + RECONNECT

@@ -14,9 +14,9 @@ import numpy as np
 from drivers.device import Device
 from drivers.errors import DeviceError, DeviceFault, DeviceLost
 from drivers.interfaces import ForceSensor, Subscription, WrenchSample
+from drivers.owner import Owner
 from drivers.suntouch.codec import Reading
 from drivers.suntouch.finger import Finger
-from drivers.wire import ServiceLoop
 from executive.clock import Clock
 
 RECONNECT = 0.5
@@ -66,7 +66,7 @@ class SunTouchFingers(Device):
         self.fingers = (left, right)
         self._clock, self._silence = clock, silence
         self._period = 1.0 / rate
-        self._loop = ServiceLoop(f"{name} stream", self.step, self._lose, clock)
+        self._owner = Owner(name, self.step, self._lose, clock)
         self._lock = threading.Lock()
         self._listeners: tuple[_Listener, ...] = ()
         self._newest: WrenchSample | None = None
@@ -102,7 +102,7 @@ class SunTouchFingers(Device):
 
     def start(self) -> None:
         """Stream in a thread of its own from now on."""
-        self._loop.start()
+        self._owner.start()
 
     def bias(self) -> None:
         """Take the voltages of the next readings as those without contact: 10 are left out, 100 averaged."""
@@ -203,7 +203,7 @@ class SunTouchFingers(Device):
                 finger.bias = np.mean([reading.volts for reading in readings], axis=0)
             self._biasing = None
 
-    def _lose(self, error: Exception) -> None:
+    def _lose(self, error: BaseException) -> None:
         first = self._streaming
         self._streaming = False
         self._retry_at = self._clock.now() + RECONNECT
@@ -253,7 +253,7 @@ class SunTouchFingers(Device):
         self._problem = None
 
     def close(self) -> None:
-        self._loop.close()
+        self._owner.close()
         self._close_lines()
         self._streaming = False
         self._problem = DeviceLost(self.name, "is closed")

@@ -32,7 +32,7 @@ class WsgGripper(Device):
         super().__init__(name)
         self._jaws = Jaws(self, open_link, clock, options or WsgOptions())
         self._clock = clock
-        self._owner = Owner(name, self._jaws.step, self._jaws.lose)
+        self._owner = Owner(name, self._jaws.step, self._jaws.lose, clock)
         self._asked: GripperMotion | None = None  # the last that was asked for, before the owner hears of it
 
     @property
@@ -84,11 +84,11 @@ class WsgGripper(Device):
             raise MotionRefused(self.name, f"a speed of {speed:g} m/s lies outside 0 … {limits.speed_max:g} m/s")
         motion = GripperMotion(width, min(speed, limits.speed_max), self._jaws.state.width, self._leave_stop)
         self._asked = motion
-        self._owner.do(lambda: self._jaws.begin(motion))
+        self._owner.post(lambda: self._jaws.begin(motion))
         return motion
 
     def _leave_stop(self, motion: GripperMotion) -> None:
-        self._owner.do(lambda: self._jaws.stop_motion(motion))
+        self._owner.post(lambda: self._jaws.stop_motion(motion))
 
     def set_speed(self, speed: float) -> None:
         """As the Protocol says; while latched the fingers may close and hold but not open.
@@ -105,12 +105,12 @@ class WsgGripper(Device):
             raise DeviceFault(self.name, "has no finger script for streamed speeds: load drivers/wsg/velocity.lua")
         if jaws.bits & SystemState.FAST_STOP:
             raise DeviceFault(self.name, FAULTS[SystemState.FAST_STOP])
-        self._owner.do(lambda: jaws.stream(speed))
+        self._owner.post(lambda: jaws.stream(speed))
 
     def tare(self) -> None:
         """Tare the gripper's own force sensor; nothing must touch the fingers."""
         self._need_link()
-        self._owner.do(lambda: self._jaws.send(Plain(Command.TARE), Command.TARE))
+        self._owner.post(lambda: self._jaws.send(Plain(Command.TARE), Command.TARE))
 
     def _need_link(self) -> None:
         if self._jaws.session is None:
@@ -132,7 +132,7 @@ class WsgGripper(Device):
         """Latch, and send a stop whatever the gripper reports; a gripper that does not obey it gets a fast stop."""
         if self._jaws.latched is None:
             self._jaws.latched = reason
-        self._owner.do(lambda: self._jaws.stop_safely(reason))
+        self._owner.post(lambda: self._jaws.stop_safely(reason))
 
     def acknowledge(self) -> None:
         """Release the latch, and a fast stop of the gripper.
@@ -145,13 +145,13 @@ class WsgGripper(Device):
         self._owner.ask(self._jaws.release)
 
     def pause(self) -> None:
-        self._owner.do(self._jaws.pause)
+        self._owner.post(self._jaws.pause)
 
     def resume(self) -> None:
         motion, refusal = self._asked, self._jaws.unready()
         if motion is not None and motion.state is MotionState.PAUSED and refusal:
             raise MotionRefused(self.name, refusal)
-        self._owner.do(self._jaws.resume)
+        self._owner.post(self._jaws.resume)
 
     def settled(self) -> bool:
         """Whether the fingers were measured to rest, and a stop was obeyed.

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import pytest
 
 import drivers.owner
 from drivers.errors import DeviceFault, DeviceLost
 from drivers.owner import Owner
+from executive.clock import ManualClock, SystemClock
 
 PATIENCE = 20.0
 """Nothing here takes long; a loaded machine may let a thread wait [s]."""
@@ -25,7 +26,7 @@ class Served:
         self.failures: list[BaseException] = []
         self.failed = threading.Semaphore(0)
         self.raising: BaseException | None = None
-        self.owner = Owner("thing", self.step, self.lose)
+        self.owner = Owner("thing", self.step, self.lose, SystemClock())
 
     def step(self) -> None:
         self.threads.add(threading.get_ident())
@@ -50,7 +51,7 @@ def served() -> Iterator[Served]:
 
 def test_before_the_start_whoever_calls_is_the_owner(served: Served) -> None:
     made: list[int] = []
-    served.owner.do(lambda: made.append(threading.get_ident()))
+    served.owner.post(lambda: made.append(threading.get_ident()))
     assert made == [threading.get_ident()]
     assert served.owner.ask(lambda: 7) == 7
 
@@ -60,7 +61,7 @@ def test_calls_of_many_threads_are_made_by_the_owner_alone_and_each_threads_in_o
 
     def leave(number: int) -> None:
         for count in range(200):
-            served.owner.do(lambda count=count: note(number, count))
+            served.owner.post(lambda count=count: note(number, count))
 
     def note(number: int, count: int) -> None:
         served.threads.add(threading.get_ident())
@@ -116,8 +117,8 @@ def test_a_call_that_fails_is_told_and_the_next_is_made(served: Served) -> None:
     def fail() -> None:
         raise RuntimeError("bug")
 
-    served.owner.do(fail)
-    served.owner.do(lambda: made.append("next"))
+    served.owner.post(fail)
+    served.owner.post(lambda: made.append("next"))
     assert [str(error) for error in served.failures] == ["bug"]
     assert made == ["next"]
 
@@ -133,8 +134,46 @@ def test_a_thread_that_hangs_is_found(served: Served, monkeypatch: pytest.Monkey
 def test_closing_makes_the_calls_that_are_left(served: Served) -> None:
     made: list[str] = []
     served.owner.start()
-    served.owner.do(lambda: made.append("last"))
+    served.owner.post(lambda: made.append("last"))
     served.go.release(1)
     served.owner.close(PATIENCE)
     assert made == ["last"]
     served.owner.check()
+
+
+class TurnClock(ManualClock):
+    """Gives a thread that runs when somebody lets time pass."""
+
+    class Turns:
+        def __init__(self, run: Callable[[], None]) -> None:
+            self._run, self.alive = run, False
+
+        def start(self) -> None:
+            self.alive = True
+
+        def join(self, timeout: float | None = None) -> None:
+            self.alive = False
+            runner = threading.Thread(target=self._run)
+            runner.start()
+            runner.join()
+
+        def is_alive(self) -> bool:
+            return self.alive
+
+    def thread(self, name: str, run: Callable[[], None]) -> Turns:
+        self.given = self.Turns(run)
+        return self.given
+
+
+def test_a_clock_that_takes_turns_gives_the_thread() -> None:
+    made: list[str] = []
+    clock = TurnClock()
+    owner = Owner("thing", lambda: None, lambda error: None, clock)
+    owner.start()
+    owner.post(lambda: made.append("call"))
+    assert made == []
+    with pytest.raises(DeviceLost, match="did nothing"):  # waits on the cell's clock, not on the wall's
+        owner.ask(lambda: None)
+    assert clock.now() >= drivers.owner.ANSWER
+    owner.close()
+    assert made == ["call"]
