@@ -10,6 +10,7 @@ from drivers.interfaces import Arm, ForceSensor, Gripper, Workspace
 from executive.ports import ACCELERATION, FORCE, LENGTH, SPEED, Acceleration, Force, Length, Port, Speed
 from executive.skill import Work
 from executive.views import Line3, SceneView
+from skills.geometry import angle_between
 from skills.grip.hold import take_over
 from skills.motion.grasp import Grasp
 from skills.motion.occupancy import OccupancyMap
@@ -92,8 +93,7 @@ class Approach(MovingSkill):
     def _require_pre_grasp(self, T_base_tcp: np.ndarray, grasp: Grasp) -> None:
         T_base_pre_grasp = grasp.T_base_pre_grasp
         distance = float(np.linalg.norm(T_base_tcp[:3, 3] - T_base_pre_grasp[:3, 3]))
-        cosine = (np.trace(T_base_tcp[:3, :3].T @ T_base_pre_grasp[:3, :3]) - 1.0) / 2.0
-        angle = float(np.arccos(np.clip(cosine, -1.0, 1.0)))
+        angle = angle_between(T_base_tcp[:3, :3], T_base_pre_grasp[:3, :3])
         if distance > START_DISTANCE or angle > START_ANGLE:
             raise self.failure(
                 "NOT_AT_PRE_GRASP",

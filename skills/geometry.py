@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.spatial.transform import Rotation
 
 Float64 = NDArray[np.float64]
 
@@ -61,6 +62,11 @@ def rot_y(angle: float) -> Float64:
 def rot_z(angle: float) -> Float64:
     """Rotation about z [rad] -> (3, 3)."""
     return rotation_about((0.0, 0.0, 1.0), angle)
+
+
+def angle_between(R_a: Float64, R_b: Float64) -> float:
+    """The angle of the turn from one rotation to another, shapes (3, 3), in [0, pi] [rad]."""
+    return float(Rotation.from_matrix(R_a.T @ R_b).magnitude())
 
 
 def is_pose(T: Float64, tolerance: float = 1e-6) -> bool:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from drivers.interfaces import Arm, ForceSensor, Gripper, Workspace
 from executive.ports import ACCELERATION, FORCE, SPEED, Acceleration, Force, Port, Speed
 from executive.skill import Work
-from skills.geometry import inverse
+from skills.geometry import angle_between, inverse
 from skills.grip.hold import current_hold, take_over
 from skills.motion.grasp import Grasp
 from skills.motion.planning.arm_space import arm_space
@@ -145,7 +145,7 @@ def where(T_base_tcp: Float64, grasp: Grasp) -> tuple[Place, float]:
     T_grasp_tcp = inverse(grasp.T_base_grasp) @ T_base_tcp
     reach = float(np.linalg.norm(grasp.T_base_pre_grasp[:3, 3] - grasp.T_base_grasp[:3, 3]))
     height = float(T_base_tcp[2, 3] - grasp.T_base_grasp[2, 3])
-    angle = float(np.arccos(np.clip((np.trace(T_grasp_tcp[:3, :3]) - 1.0) / 2.0, -1.0, 1.0)))
+    angle = angle_between(grasp.T_base_grasp[:3, :3], T_base_tcp[:3, :3])
     if angle > TILTED:
         return Place.ELSEWHERE, height
     back, beside = -T_grasp_tcp[2, 3], float(np.linalg.norm(T_grasp_tcp[:2, 3]))

@@ -16,6 +16,7 @@ from executive.language.expression_parser import UNITS
 from executive.language.value_types import ANY, SI_NUMBER, ListOf, ValueType, describe, fields_of
 from executive.ports import RATIO, Quantity
 from executive.values.findings import did_you_mean
+from executive.values.rotations import from_quaternion, from_rpy
 from executive.values.yaml_nodes import YamlList, YamlMapping, YamlNode, YamlScalar
 
 _INT = re.compile(r"[-+]?[0-9]{1,18}")
@@ -181,7 +182,7 @@ def _pose(node: YamlMapping) -> NDArray[np.float64]:
     T = np.eye(4)
     T[:3, 3] = _vector(node, "position", 3)
     if "rpy" in node.entries:
-        T[:3, :3] = _from_rpy(_vector(node, "rpy", 3))
+        T[:3, :3] = from_rpy(_vector(node, "rpy", 3))
     elif "quaternion" in node.entries:
         T[:3, :3] = _from_quaternion(_vector(node, "quaternion", 4), node)
     return T
@@ -194,30 +195,11 @@ def _vector(node: YamlMapping, name: str, length: int) -> NDArray[np.float64]:
     return _array(written)
 
 
-def _from_rpy(rpy: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Rotations about the fixed axes x, y, z, in this order."""
-    (cr, cp, cy), (sr, sp, sy) = np.cos(rpy), np.sin(rpy)
-    return np.array(
-        [
-            [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
-            [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
-            [-sp, cp * sr, cp * cr],
-        ]
-    )
-
-
 def _from_quaternion(q: NDArray[np.float64], node: YamlNode) -> NDArray[np.float64]:
     norm = float(np.linalg.norm(q))
     if not 0.99 < norm < 1.01:
         raise LiteralError(node, f"a quaternion has length 1, this one {norm:.3g}")
-    x, y, z, w = q / norm
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-        ]
-    )
+    return from_quaternion(q)
 
 
 def scalar_type(node: YamlScalar) -> ValueType:

@@ -43,6 +43,7 @@ from executive.running.events import (
     SafeStopped,
     StateChanged,
 )
+from executive.values.rotations import to_quaternion
 from executive.views import BodiesView, ImageView, Mesh3, Points3, PosesView, SceneView, SeriesView
 
 Message = tuple[str, Schema, dict[str, Any]]
@@ -216,32 +217,16 @@ def _transform(at: Mapping[str, int], child: str, entry: tuple[str, Any]) -> dic
 
 
 def _is_pose(T: Any) -> bool:
-    return isinstance(T, np.ndarray) and T.shape == (4, 4) and bool(np.isfinite(T).all())
+    return (
+        isinstance(T, np.ndarray)
+        and T.shape == (4, 4)
+        and bool(np.isfinite(T).all() and np.linalg.det(T[:3, :3]) > 0.0)
+    )
 
 
 def _pose(T: NDArray[np.float64]) -> dict[str, Any]:
-    x, y, z, w = quaternion(T[:3, :3])
+    x, y, z, w = to_quaternion(T[:3, :3]).tolist()
     return {"position": _xyz(T[:3, 3]), "orientation": {"x": x, "y": y, "z": z, "w": w}}
-
-
-def quaternion(R: NDArray[np.float64]) -> tuple[float, float, float, float]:
-    """The unit quaternion (x, y, z, w), w ≥ 0, of a rotation matrix; exact also near half turns.
-
-    The largest of the four squared components is well away from zero, so the others follow from it without loss
-    (Shepperd, 1978).
-    """
-    trace = float(np.trace(R))
-    squares = np.array([*(1.0 + 2.0 * np.diag(R) - trace), 1.0 + trace])
-    k = int(np.argmax(squares))
-    q = np.empty(4)
-    q[k] = squares[k]
-    if k == 3:
-        q[:3] = R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]
-    else:
-        i, j = (k + 1) % 3, (k + 2) % 3
-        q[i], q[j], q[3] = R[i, k] + R[k, i], R[j, k] + R[k, j], R[j, i] - R[i, j]
-    q /= np.linalg.norm(q) * (1.0 if q[3] >= 0.0 else -1.0)
-    return float(q[0]), float(q[1]), float(q[2]), float(q[3])
 
 
 # -------------------------------------------------------------------------------------------------- space

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.interfaces import ArmState, Frame
-from skills.geometry import inverse
+from skills.geometry import angle_between
 from skills.motion.occupancy.errors import CameraPoseMismatch
 from skills.motion.robot import RobotModel
 
@@ -36,9 +36,9 @@ def check_camera_pose(frame: Frame, T_base_camera: Float64, model: RobotModel, a
         CameraPoseMismatch: they contradict each other.
         BadJoints: the frame's joints are none of this arm.
     """
-    difference = inverse(pose_of_camera(frame, model)) @ T_base_camera
-    distance = float(np.linalg.norm(difference[:3, 3]))
-    angle = float(np.arccos(np.clip((np.trace(difference[:3, :3]) - 1.0) / 2.0, -1.0, 1.0)))
+    T_base_expected = pose_of_camera(frame, model)
+    distance = float(np.linalg.norm(T_base_camera[:3, 3] - T_base_expected[:3, 3]))
+    angle = angle_between(T_base_expected[:3, :3], T_base_camera[:3, :3])
     if not (distance <= _DISTANCE and angle <= _ANGLE):
         raise CameraPoseMismatch(
             f"it is stated {1e3 * distance:.1f} mm and {np.degrees(angle):.2f}° from where the frame's joints put it",

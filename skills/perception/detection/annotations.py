@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from executive.values.rotations import from_quaternion, to_quaternion
 from skills.perception.detection.errors import BadAnnotation
 
 F64 = NDArray[np.float64]
@@ -105,7 +106,7 @@ def _object_json(item: AnnotatedObject) -> dict[str, Any]:
         "class": item.name,
         "visibility": round(item.visibility, 4),
         "location": [round(float(v), 6) for v in item.T_camera_object[:3, 3]],
-        "quaternion_xyzw": [round(float(v), 7) for v in _quaternion(item.T_camera_object[:3, :3])],
+        "quaternion_xyzw": [round(float(v), 7) for v in to_quaternion(item.T_camera_object[:3, :3])],
         "projected_cuboid": [[round(float(u), 3), round(float(v), 3)] for u, v in item.keypoints],
         "projected_cuboid_centroid": [round(float(v), 3) for v in item.keypoints[8]],
         "scale": round(item.scale, 5),
@@ -124,7 +125,7 @@ def _object(item: dict[str, Any]) -> AnnotatedObject:
     if points.shape != (9, 2):
         raise ValueError(f"projected_cuboid must hold 8 or 9 points, not shape {points.shape}")
     T = np.eye(4)
-    T[:3, :3] = _rotation(np.asarray(item.get("quaternion_xyzw", (0, 0, 0, 1)), np.float64))
+    T[:3, :3] = from_quaternion(item.get("quaternion_xyzw", (0, 0, 0, 1)))
     T[:3, 3] = item.get("location", (0.0, 0.0, 0.0))
     dimensions, box = item.get("dimensions"), item.get("bounding_box")
     return AnnotatedObject(
@@ -135,31 +136,4 @@ def _object(item: dict[str, Any]) -> AnnotatedObject:
         scale=float(item.get("scale", 1.0)),
         dimensions=None if dimensions is None else np.asarray(dimensions, np.float64),
         box=None if box is None else (int(box[0]), int(box[1]), int(box[2]), int(box[3])),
-    )
-
-
-def _quaternion(R: F64) -> F64:
-    """(x, y, z, w) of a rotation, from the eigenvector of Bar-Itzhack's symmetric matrix."""
-    xx, yy, zz = R[0, 0], R[1, 1], R[2, 2]
-    K = np.array(
-        [
-            [xx - yy - zz, 0.0, 0.0, 0.0],
-            [R[1, 0] + R[0, 1], yy - xx - zz, 0.0, 0.0],
-            [R[2, 0] + R[0, 2], R[2, 1] + R[1, 2], zz - xx - yy, 0.0],
-            [R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1], xx + yy + zz],
-        ]
-    )
-    values, vectors = np.linalg.eigh(K / 3.0)
-    q: F64 = vectors[:, np.argmax(values)]
-    return -q if q[3] < 0.0 else q
-
-
-def _rotation(q: F64) -> F64:
-    x, y, z, w = q / np.linalg.norm(q)
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-        ]
     )

@@ -9,14 +9,11 @@ from typing import Any
 import jsonschema
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from mcap.reader import make_reader
 from recorded_events import contents, everything, pose, record
-from scipy.spatial.transform import Rotation
 
 from executive.recording.read import read_events
-from executive.recording.well_known import Images, plain_name, quaternion
+from executive.recording.well_known import Images, plain_name
 from executive.running.events import Published
 from executive.views import ImageView
 
@@ -109,15 +106,6 @@ def test_the_log_tells_what_a_person_would_be_told(tmp_path: Path) -> None:
 def test_a_samples_gap_is_left_out(tmp_path: Path) -> None:
     found = [content for topic, _n, _s, content in contents(record(tmp_path, everything())) if topic == "/series/grip"]
     assert found == [{"t": 0.5, "slip_speed_m_per_s": 0.1}, {"t": 0.6}]
-
-
-@given(st.lists(st.floats(-1.0, 1.0), min_size=4, max_size=4).filter(lambda q: np.linalg.norm(q) > 1e-3))
-def test_a_quaternion_is_scipys(q: list[float]) -> None:
-    R = Rotation.from_quat(q)
-    ours, theirs = np.array(quaternion(R.as_matrix())), R.as_quat(canonical=True)
-    assert np.linalg.norm(ours) == pytest.approx(1.0)
-    assert abs(float(ours @ theirs)) == pytest.approx(1.0, abs=1e-12)
-    assert ours[3] >= 0.0
 
 
 def test_names_fit_into_a_plots_path() -> None:
