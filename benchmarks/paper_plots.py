@@ -6,10 +6,11 @@ import numpy as np
 
 from benchmarks import paper_numbers as printed
 from benchmarks.paper_cells import FRUITS, REFINED, UNREFINED, Cells
-from executive.campaign.plots import COLOURS, INK, SOFT, Plot, rate_map
+from executive.campaign.plots import Plot, rate_map
 from executive.campaign.report import numbers
+from executive.palette import INK, MUTED, SERIES
 
-OURS, PAPER = COLOURS[0], COLOURS[1]
+OURS, PAPER = SERIES[0], SERIES[1]
 APPLES = tuple(f"Apple {i}" for i in range(1, 6))
 ATTEMPTS = tuple(f"att. {i}" for i in range(1, 6))
 
@@ -52,7 +53,7 @@ def errors_plot(cells: Cells) -> str:
             where = np.arange(5) + 0.2
             axes.scatter(where, 1e3 * as_printed, s=36, facecolors="none", edgecolors=PAPER, label="paper, printed")
             axes.scatter(where, 1e3 * recomputed, s=22, color=PAPER, label="paper, recomputed")
-            axes.axhline(0.0, color=SOFT, linewidth=0.8)
+            axes.axhline(0.0, color=MUTED, linewidth=0.8)
             axes.set_xticks(range(5), APPLES)
             axes.grid(visible=False, axis="x")
             axes.set_title(title)
@@ -68,7 +69,7 @@ def sizes_plot(cells: Cells) -> str:
     with Plot(1, 2, height=3.6) as plot:
         for axes, axis, title in zip(plot.axes, (0, 1), ("Width d_x [mm]", "Height d_y [mm]"), strict=True):
             low, high = 1e3 * printed.APPLES[:, axis].min() - 8, 1e3 * printed.APPLES[:, axis].max() + 8
-            axes.plot([low, high], [low, high], color=SOFT, linewidth=0.8)
+            axes.plot([low, high], [low, high], color=MUTED, linewidth=0.8)
             axes.scatter(true[:, axis], estimated[:, axis], s=9, alpha=0.5, color=OURS, linewidths=0, label="ours")
             paper = (1e3 * printed.APPLES[:, axis], 1e3 * printed.REFINED_DIMENSIONS[:, axis])
             axes.scatter(*paper, s=30, color=PAPER, label="paper")
@@ -88,10 +89,10 @@ def force_plot(cells: Cells) -> str:
             runs = [run for run in good if run["varied"]["fruit"] == fruit]
             force = np.array([run["truth"]["end_force_n"] for run in runs])
             least = force / np.array([run["truth"]["end_ratio"] for run in runs])
-            left.scatter(least, force, s=14, alpha=0.7, color=COLOURS[i], linewidths=0, label=APPLES[i])
+            left.scatter(least, force, s=14, alpha=0.7, color=SERIES[i], linewidths=0, label=APPLES[i])
             slips = numbers(runs, cells.truth("slip_mm"))
             at = i + np.random.default_rng(i).uniform(-0.2, 0.2, len(slips))
-            right.scatter(at, slips, s=14, alpha=0.6, color=COLOURS[i], linewidths=0)
+            right.scatter(at, slips, s=14, alpha=0.6, color=SERIES[i], linewidths=0)
         top = max((run["truth"]["end_force_n"] for run in good), default=1.0)
         for factor, style in ((1.0, "-"), (1.25, "--")):
             left.plot([0.0, top / factor], [0.0, top], color=INK, linewidth=0.8, linestyle=style)
@@ -118,7 +119,7 @@ def time_plot(cells: Cells) -> str:
             start, drawn = 0.0, []
             for i, name in enumerate(skills):
                 value = float(np.median([run.get(kind, {}).get(name, 0.0) for run in good])) if good else 0.0
-                axes.barh(0, value, left=start, color=COLOURS[i % len(COLOURS)], edgecolor="white", height=0.6)
+                axes.barh(0, value, left=start, color=SERIES[i % len(SERIES)], edgecolor="white", height=0.6)
                 drawn.append((name, start + value / 2, value))
                 start += value
             for name, middle, value in drawn:

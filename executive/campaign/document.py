@@ -8,6 +8,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from executive.palette import BAD, GOOD, INK, LINE, MUTED
+
 
 @dataclass(frozen=True, slots=True)
 class Heading:
@@ -197,8 +199,12 @@ _PAGE = """<!doctype html>
 </html>
 """
 
-_STYLE = """
-:root { --ink: #1d2a22; --soft: #5d6b62; --line: #dfe5df; --leaf: #2f7d4f; --apple: #b83a2b; --paper: #fbfbf8; }
+_COLOURS = (
+    f":root {{ --ink: {INK}; --soft: {MUTED}; --line: {LINE}; --leaf: {GOOD}; --apple: {BAD}; --paper: #fbfbf8; }}"
+)
+_STYLE = (
+    f"\n{_COLOURS}"
+    """
 * { box-sizing: border-box; }
 body { margin: 0; background: var(--paper); color: var(--ink); font: 16px/1.55 system-ui, "Segoe UI", sans-serif; }
 main { max-width: 70rem; margin: 0 auto; padding: 3rem 1.5rem 5rem; }
@@ -230,3 +236,4 @@ figure { margin: 1.5rem 0; } figure svg { width: 100%; height: auto; background:
   border-radius: 6px; }
 @media print { main { max-width: none; padding: 0; } h2 { break-after: avoid; } figure, table { break-inside: avoid; } }
 """
+)

@@ -13,21 +13,19 @@ from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 
-INK, SOFT, LINE = "#1d2a22", "#5d6b62", "#dfe5df"
-COLOURS = ("#2f7d4f", "#b83a2b", "#c98a1b", "#3b6ea5", "#7a5195", "#6b6b6b")
-"""Of arms, in their order."""
+from executive.palette import BAD, GOOD, INK, LINE, MUTED, SERIES
 
-RATES = LinearSegmentedColormap.from_list("rates", ["#b83a2b", "#e9b872", "#f4efd9", "#9cc7a0", "#2f7d4f"])
+RATES = LinearSegmentedColormap.from_list("rates", [BAD, "#e9b872", "#f4efd9", "#9cc7a0", GOOD])
 _STYLE = {
     "svg.fonttype": "none",
     "svg.hashsalt": "pomona",
     "font.family": "sans-serif",
     "font.size": 9,
-    "axes.edgecolor": SOFT,
+    "axes.edgecolor": MUTED,
     "axes.labelcolor": INK,
     "text.color": INK,
-    "xtick.color": SOFT,
-    "ytick.color": SOFT,
+    "xtick.color": MUTED,
+    "ytick.color": MUTED,
     "axes.spines.top": False,
     "axes.spines.right": False,
     "axes.titlesize": 10,
@@ -94,7 +92,7 @@ def rate_map(
     axes.set_title(title)
 
 
-def spread(axes: Any, groups: Mapping[str, Sequence[float]], label: str, colours: Sequence[str] = COLOURS) -> None:
+def spread(axes: Any, groups: Mapping[str, Sequence[float]], label: str, colours: Sequence[str] = SERIES) -> None:
     """Every value as a dot, its quartiles as a box, group beside group."""
     names = [name for name, values in groups.items() if len(values)]
     jitter = np.random.default_rng(0)

@@ -11,24 +11,9 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from executive.palette import INK, MUTED, OVERLAY, SCENE, SERIES
 from executive.running.events import Event, Published
 from executive.views import ImageView, SceneView, SeriesView
-
-COLOURS = {
-    "found": "#f5a623",
-    "refined": "#18b26b",
-    "muted": "#8a8f98",
-    "planned": "#2f6fed",
-    "executed": "#111827",
-    "approach": "#d6336c",
-    "occupied": "#7a7f87",
-    "free": "#9ad0f5",
-    "chosen": "#18b26b",
-    "ruled_out": "#e03131",
-    "tried": "#f5a623",
-    "fruit": "#c0392b",
-}
-
 
 MOST_LABELS = 8
 """Entries of a legend; with more it would hide the picture."""
@@ -85,16 +70,22 @@ class Picture:
         axes.set_axis_off()
         with_image = [view for view in self._images.values() if view.image is not None]
         if not with_image:
-            axes.text(0.5, 0.5, "no image", ha="center", va="center", color=COLOURS["muted"])
+            axes.text(0.5, 0.5, "no image", ha="center", va="center", color=MUTED)
             return
         axes.imshow(with_image[-1].image)
         height, width = with_image[-1].image.shape[:2]  # type: ignore[union-attr]
         for view in self._images.values():
             for line in view.lines:
                 points = np.vstack([line.points, line.points[:1]]) if line.closed else line.points
-                axes.plot(points[:, 0], points[:, 1], color=COLOURS.get(line.style, "w"), lw=1.6, label=line.label)
+                axes.plot(
+                    points[:, 0],
+                    points[:, 1],
+                    color=OVERLAY.get(line.style, OVERLAY["found"]),
+                    lw=1.6,
+                    label=line.label,
+                )
             if view.points.size:
-                axes.plot(view.points[:, 0], view.points[:, 1], "o", ms=3.5, color=COLOURS["found"])
+                axes.plot(view.points[:, 0], view.points[:, 1], "o", ms=3.5, color=OVERLAY["found"])
         axes.set_xlim(0, width)
         axes.set_ylim(height, 0)
         axes.set_title("\n".join(v.caption for v in self._images.values() if v.caption), fontsize=8, loc="left")
@@ -103,13 +94,13 @@ class Picture:
     def _draw_scene(self, axes: Any) -> None:
         for view in self._scenes.values():
             for points in view.points:
-                axes.scatter(*points.points.T, s=6, color=COLOURS.get(points.style, "k"), label=points.label, alpha=0.5)
+                axes.scatter(*points.points.T, s=6, color=SCENE.get(points.style, INK), label=points.label, alpha=0.5)
             for mesh in view.meshes:
                 axes.plot_trisurf(
-                    *mesh.vertices.T, triangles=mesh.faces, color=COLOURS.get(mesh.style, "r"), lw=0, alpha=0.9
+                    *mesh.vertices.T, triangles=mesh.faces, color=SCENE.get(mesh.style, INK), lw=0, alpha=0.9
                 )
             for line in view.lines:
-                axes.plot(*line.points.T, color=COLOURS.get(line.style, "k"), lw=2, label=line.label)
+                axes.plot(*line.points.T, color=SCENE.get(line.style, INK), lw=2, label=line.label)
         axes.set_xlabel("x [m]")
         axes.set_ylabel("y [m]")
         axes.set_zlabel("z [m]")
@@ -133,12 +124,13 @@ class Picture:
     def _draw_series(
         self, axes: Any, unit: str, lines: list[tuple[str, NDArray[np.float64], NDArray[np.float64]]]
     ) -> None:
+        axes.set_prop_cycle(color=SERIES)
         for name, t, values in lines:
             axes.plot(t, values, lw=1.3, label=name.replace(f" [{unit}]", ""))
         thresholds = {k: v for views in self._series.values() for k, v in views[-1].thresholds.items()}
         for name, value in thresholds.items():
             if f"[{unit}]" in name:
-                axes.axhline(value, lw=0.9, ls="--", color=COLOURS["muted"], label=name.replace(f" [{unit}]", ""))
+                axes.axhline(value, lw=0.9, ls="--", color=MUTED, label=name.replace(f" [{unit}]", ""))
         axes.set_xlabel("time [s]")
         axes.set_ylabel(unit)
         axes.grid(alpha=0.25)

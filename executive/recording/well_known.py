@@ -16,6 +16,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from executive.palette import MUTED, SCENE, rgb
 from executive.reasons import Reason
 from executive.recording.schemas import (
     CAMERA_CALIBRATION,
@@ -53,11 +54,6 @@ SERIES_TOPIC = "/series/"
 INFO, WARNING, ERROR = 2, 3, 4
 FLOAT32 = 7
 IDENTITY = {"position": {"x": 0.0, "y": 0.0, "z": 0.0}, "orientation": {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}}
-ROLES = {
-    "planned": (0.18, 0.44, 0.93), "executed": (0.07, 0.09, 0.15), "approach": (0.84, 0.20, 0.42),
-    "fruit": (0.75, 0.22, 0.17), "occupied": (0.48, 0.50, 0.53), "free": (0.60, 0.82, 0.96),
-    "chosen": (0.09, 0.70, 0.42), "ruled_out": (0.88, 0.19, 0.19), "tried": (0.96, 0.65, 0.14),
-}  # fmt: skip
 _T = re.compile(r"T_([a-z0-9]+)_([a-z0-9_]+)")
 
 
@@ -305,7 +301,7 @@ def _xyz(p: NDArray[np.float64]) -> dict[str, float]:
 
 
 def _colour(role: str) -> dict[str, float]:
-    r, g, b = ROLES.get(role, (0.54, 0.56, 0.60))
+    r, g, b = rgb(SCENE.get(role, MUTED))
     return {"r": r, "g": g, "b": b, "a": 1.0}
 
 
