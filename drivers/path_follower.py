@@ -30,6 +30,11 @@ class PathFollower:
         return min(self.path_time / self._duration, 1.0)
 
     @property
+    def time_left(self) -> float:
+        """Seconds to the end at the path's own pace."""
+        return self._duration - self.path_time
+
+    @property
     def finished(self) -> bool:
         return self.path_time >= self._duration - 1e-9
 
@@ -40,6 +45,10 @@ class PathFollower:
     def slow_down(self) -> None:
         """Come to rest on the path."""
         self._wanted = 0.0
+
+    def halt(self) -> None:
+        """Stand still now, without braking: the arm does not follow any more."""
+        self.rate = self._rate_change = self._wanted = 0.0
 
     def go_on(self) -> None:
         """Run the path at its own pace again."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from enum import Enum
 
 from drivers.interfaces import ArmLimits, Float64, MotionState, Trajectory
 from drivers.path_follower import PathFollower
@@ -12,6 +13,14 @@ ARRIVED = 2e-3
 
 HELD_UP = 1.0
 """Joints that rest so long beside the path's end do not get there any more [s]."""
+
+
+class Phase(Enum):
+    """What the set-point does: go along the path, come to rest on it, or rest."""
+
+    RUNNING = "running"
+    BRAKING = "braking"
+    RESTING = "resting"
 
 
 class PathMotion:
@@ -28,6 +37,18 @@ class PathMotion:
     @property
     def progress(self) -> float:
         return self._follower.progress
+
+    @property
+    def time_left(self) -> float:
+        """Seconds to the path's end at its own pace."""
+        return self._follower.time_left
+
+    @property
+    def phase(self) -> Phase:
+        """RESTING once nothing moves any more, as `at_rest`."""
+        if self.at_rest:
+            return Phase.RESTING
+        return Phase.BRAKING if self._stopping or self.state is not MotionState.RUNNING else Phase.RUNNING
 
     @property
     def set_point_rests(self) -> bool:
@@ -49,6 +70,12 @@ class PathMotion:
         if self.state in (MotionState.RUNNING, MotionState.PAUSED):
             self.problem = self.problem or problem
             self.stop()
+
+    def abandon(self, problem: str) -> None:
+        """End as FAILED where the arm is: its controller has stopped, or does not go on."""
+        if self.state in (MotionState.RUNNING, MotionState.PAUSED):
+            self.problem, self.state, self._stopping = problem, MotionState.FAILED, True
+            self._follower.halt()
 
     def pause(self) -> None:
         if self.state is MotionState.RUNNING and not self._stopping:

@@ -10,7 +10,7 @@ import threading
 from typing import Protocol
 
 from drivers.cell_file import Settings
-from drivers.errors import DeviceFault, DriverError
+from drivers.errors import DeviceLost, DriverError
 
 
 class Malformed(DriverError):
@@ -22,8 +22,8 @@ class Malformed(DriverError):
         super().__init__(f"{message}: {shown or 'no byte'}")
 
 
-class Nonsense(DeviceFault):
-    """A device that answers with bytes that its protocol does not know."""
+class Nonsense(DeviceLost):
+    """A device that answers with bytes that its protocol does not know: whatever is there, it is lost as a device."""
 
     def __init__(self, device: str, malformed: Malformed) -> None:
         self.received = malformed.received

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.emulators.server import Peer
+from drivers.faults import FaultSwitch
 from drivers.motoman.codec import (
     Body,
     Communication,
@@ -75,8 +76,13 @@ class _Knot:
     qd: Float64
 
 
-class MotomanEmulator:
+class MotomanEmulator(FaultSwitch):
     """The controller; `motion`, `state` and `io` are what its three ports serve.
+
+    Faults: `e_stop`, `teach`, `alarm`, `hold`; `lost` (the cable is pulled); `busy` (takes no more points, plays what
+    it has); `stuck` (the joints stand still while it believes that they move); `frozen` (pushes the same feedback for
+    ever); `nan`, `wild` (feedback that cannot be true); `no_status` (pushes feedback, but no status); `nonsense`
+    (answers on the motion's connection with bytes that are none of its protocol).
 
     Attributes:
         drives_on, e_stopped, teach, alarm, hold, remote: as on the pendant; set them to see what the driver does.
@@ -85,9 +91,14 @@ class MotomanEmulator:
         gaps: how often the queue ran empty while the arm moved.
     """
 
+    known_faults = (
+        "e_stop", "teach", "alarm", "hold", "lost", "busy", "stuck", "frozen", "nan", "wild", "no_status", "nonsense",
+    )  # fmt: skip
+
     def __init__(
         self, joints: Joints, velocity: Float64, order: Order = "<", buffer: float = 0.8, drives_on: bool = False
     ) -> None:
+        super().__init__()
         self.drives_on, self.trajectory_mode = drives_on, drives_on
         self.e_stopped = self.teach = self.hold = self.silent = False
         self.remote = True
@@ -104,8 +115,30 @@ class MotomanEmulator:
         self._servo_due: float | None = None
         self._servo_request: tuple[Peer, MotionControl] | None = None
         self._next_state = 0.0
+        self._frozen = joints.measured()
 
     # ------------------------------------------------------------------------------------------ faults
+
+    def inject_fault(self, kind: str) -> None:
+        super().inject_fault(kind)
+        match kind:
+            case "e_stop":
+                self.press_e_stop()
+            case "teach":
+                self.turn_to_teach()
+            case "alarm":
+                self.raise_alarm(4107)
+            case "hold":
+                self.hold = True
+                self._halt()
+            case "lost":
+                self.silent = True
+        self._frozen = self._joints.measured()
+
+    def clear_fault(self) -> None:
+        """Release the button, turn the key back, plug the cable in; an alarm is reset by a command."""
+        super().clear_fault()
+        self.e_stopped = self.teach = self.hold = self.silent = False
 
     def press_e_stop(self) -> None:
         """Brakes on, drives off, queue gone."""
@@ -134,10 +167,27 @@ class MotomanEmulator:
             self._servos_on()
         if now >= self._next_state:
             self._next_state = max(self._next_state + STATE_PERIOD, now)
-            q, qd = self._joints.measured()
+            q, qd = self._measured()
             valid = Valid.TIME | Valid.POSITION | Valid.VELOCITY
             self.state.push(JointFeedback(0, valid, now, tuple(q.tolist()), tuple(qd.tolist())))
-            self.state.push(self._status(qd))
+            if self.fault != "no_status":
+                self.state.push(self._status(qd))
+
+    def _measured(self) -> tuple[Float64, Float64]:
+        """What it says of its joints."""
+        q, qd = self._joints.measured()
+        match self.fault:
+            case "frozen":
+                return self._frozen
+            case "nan":
+                return np.full_like(q, np.nan), qd
+            case "wild":
+                return np.full_like(q, 1e30), qd
+        return q, qd
+
+    def _drive(self, q: Float64, qd: Float64) -> None:
+        if self.fault != "stuck":
+            self._joints.drive(q, qd)
 
     def _status(self, qd: Float64) -> RobotStatus:
         moving = int(bool(self._knots) and (len(self._knots) > 1 or bool(np.abs(qd).max() > 1e-3)))
@@ -163,14 +213,14 @@ class MotomanEmulator:
             if np.abs(last.qd).max() > 1e-6:
                 self.gaps += 1
             self._played = last.time
-            self._joints.drive(last.q, np.zeros(self._dof))
+            self._drive(last.q, np.zeros(self._dof))
             return
         a, b = self._knots[0], self._knots[1]
         h = b.time - a.time
         s = (self._played - a.time) / h
         v0, v1, step = a.qd * h, b.qd * h, b.q - a.q
         cubic, square = v0 + v1 - 2.0 * step, 3.0 * step - 2.0 * v0 - v1
-        self._joints.drive(a.q + s * (v0 + s * (square + s * cubic)), (v0 + s * (2.0 * square + s * 3.0 * cubic)) / h)
+        self._drive(a.q + s * (v0 + s * (square + s * cubic)), (v0 + s * (2.0 * square + s * 3.0 * cubic)) / h)
 
     def _halt(self) -> None:
         self._knots.clear()
@@ -268,7 +318,8 @@ class MotomanEmulator:
             return Result.INVALID, 3016
         if np.any(np.abs(q - last.q) > OVERSPEED * self._velocity * (point.time - last.time) + 1e-6):
             return Result.INVALID, 3013
-        return (Result.BUSY, 0) if last.time - self._played > self.buffer else (Result.SUCCESS, 0)
+        full = last.time - self._played > self.buffer or self.fault == "busy"
+        return (Result.BUSY, 0) if full else (Result.SUCCESS, 0)
 
     def _answer(
         self, peer: Peer, request: MotionControl | TrajectoryPoint, result: Result = Result.SUCCESS, subcode: int = 0
@@ -312,6 +363,12 @@ class _Port:
 
 
 class _MotionPort(_Port):
+    def say(self, peer: Peer, message: Message) -> None:
+        if self._controller.fault == "nonsense":
+            peer.send(b"HTTP/1.1 400 Bad Request\r\n\r\n")
+        else:
+            super().say(peer, message)
+
     def hear(self, peer: Peer, body: Body) -> None:
         if isinstance(body, TrajectoryPoint):
             self._controller.point(peer, body)

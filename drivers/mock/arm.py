@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ from drivers.device import Device
 from drivers.errors import BadTrajectory, DeviceError, MotionRefused
 from drivers.interfaces import Arm, ArmLimits, ArmState, Float64, Motion, Trajectory
 from drivers.mock.clock import PERIOD, MockClock
+from drivers.motion_supervisor import MotionSupervisor, Supervision
 from drivers.path_motion import PathMotion
 from drivers.trajectory import check_trajectory
 
@@ -31,16 +33,23 @@ class MockArm(Device):
         clock: that moves it.
         q: where it stands, shape (dof,) [rad]; zeros by default.
         limits, description: of the robot; the shipped one by default.
+        supervision: how far the arm is believed.
 
     Attributes:
         followed: every trajectory that was started.
         q: where it stands now; write it to move the arm by hand.
+        says: what it tells of its joints' positions, given the true ones; replace it to let the arm lie.
     """
 
     interfaces = (Arm,)
 
     def __init__(
-        self, clock: MockClock, q: Float64 | None = None, limits: ArmLimits = SIA5F_LIMITS, description: Path = ROBOT
+        self,
+        clock: MockClock,
+        q: Float64 | None = None,
+        limits: ArmLimits = SIA5F_LIMITS,
+        description: Path = ROBOT,
+        supervision: Supervision | None = None,
     ) -> None:
         super().__init__("arm")
         self._clock = clock
@@ -49,6 +58,9 @@ class MockArm(Device):
         self._qd = np.zeros_like(self.q)
         self.followed: list[Trajectory] = []
         self._motion: PathMotion | None = None
+        self.says: Callable[[Float64], Float64] = lambda q: q
+        self._supervisor = MotionSupervisor(self.name, limits, supervision or Supervision())
+        self._steps = 0
         self._latched: str | None = None
         self._refusal: str | None = None
         self._failure: tuple[float, str] | None = None
@@ -87,6 +99,7 @@ class MockArm(Device):
         except BadTrajectory as bad:
             raise MotionRefused(self.name, bad.problem) from bad
         self.followed.append(trajectory)
+        self._supervisor.end()
         self._motion = PathMotion(trajectory, self.limits, PERIOD)
         return self._motion
 
@@ -103,6 +116,7 @@ class MockArm(Device):
             self._motion.stop()
 
     def acknowledge(self) -> None:
+        self._supervisor.forget()
         self._latched = None
 
     def pause(self) -> None:
@@ -118,6 +132,7 @@ class MockArm(Device):
 
     def _step(self) -> None:
         motion = self._motion
+        self._supervise(motion)
         if motion is None or motion.settled:
             return
         if self._failure is not None and motion.progress >= self._failure[0]:
@@ -125,4 +140,19 @@ class MockArm(Device):
             self._failure = None
         if not motion.at_rest:
             self.q, self._qd = motion.step()
+            self._steps += 1
         motion.look(resting=True, beside=0.0, now=self._clock.now())
+
+    def _supervise(self, motion: PathMotion | None) -> None:
+        now = self._clock.now()
+        if not self._supervisor.due(now):
+            return
+        try:
+            self._supervisor.hear(now, np.array(self.says(self.q)), self._qd)
+            if motion is not None and not motion.settled:
+                self._supervisor.command(now, self.q)
+                self._supervisor.look(now, motion, self._steps)
+        except DeviceError as error:
+            self._error = self._error or error
+            if motion is not None:
+                motion.fail(error.message)

@@ -11,6 +11,7 @@ from drivers.mock.camera import MockCamera
 from drivers.mock.clock import MockClock
 from drivers.mock.fingers import MockForceSensor, spring_fruit
 from drivers.mock.gripper import MockGripper
+from drivers.motion_supervisor import read_supervision
 
 
 class MockWorld(Device):
@@ -33,7 +34,7 @@ def connect_arm(settings: Settings, bench: Bench) -> MockArm:
     """`driver: mock-arm`; `start` names a pose of the workspace."""
     poses = bench.workspace.poses if bench.workspace else {}
     q = poses[settings.choice("start", poses)] if settings.has("start") else None
-    return MockArm(_clock(settings, bench), q)
+    return MockArm(_clock(settings, bench), q, supervision=read_supervision(settings))
 
 
 def connect_gripper(settings: Settings, bench: Bench) -> MockGripper:

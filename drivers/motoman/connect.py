@@ -5,6 +5,7 @@ from __future__ import annotations
 from drivers.cell_file import Settings
 from drivers.device import Bench
 from drivers.errors import DeviceLost, UnusableRobotFile
+from drivers.motion_supervisor import read_supervision
 from drivers.motoman.codec import Order
 from drivers.motoman.driver import MotomanArm, MotomanOptions
 from drivers.motoman.limits import read_limits
@@ -28,6 +29,7 @@ def connect(settings: Settings, bench: Bench) -> MotomanArm:
       servo_on: true                    # switch the servos on when the run starts
       lead: 150 ms                      # how far ahead of the arm points are sent
       silence: 90 ms                    # no feedback for so long: the arm is lost
+      supervision: {following_error: 0.08 rad, lag: 200 ms, margin: 2 s, stall: 500 ms, status: 250 ms}
     """
     host, port = read_address(settings, "address", MOTION_PORT)
     order = ORDERS[settings.choice("controller", ORDERS)]
@@ -48,6 +50,7 @@ def connect(settings: Settings, bench: Bench) -> MotomanArm:
         point_period=settings.number("point_period", "time", 0.02, 0.008, 0.2),
         lead=settings.number("lead", "time", 0.15, 0.03, 0.7),
         silence=settings.number("silence", "time", 0.09, 0.03, 1.0),
+        supervision=read_supervision(settings),
     )
     arm = MotomanArm(lambda: TcpLink(host, port + 1), lambda: TcpLink(host, port), bench.clock, robot, limits, options)
     try:

@@ -1,7 +1,8 @@
 """A Yaskawa arm under MotoROS as an `Arm`: state watched, trajectories streamed, faults in words.
 
-One thread serves both connections. A lost controller, an emergency stop, teach mode or an alarm fails the motion and
-stays latched until somebody acknowledges it; the handshake is then repeated, and nothing goes on by itself.
+One thread owns both connections and the motion; what others ask is posted to it. A lost controller, an emergency stop,
+teach mode, an alarm, feedback that cannot be true or a motion that does not go on fails the motion and stays latched
+until somebody acknowledges it; the handshake is then repeated, and nothing goes on by itself.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ from __future__ import annotations
 import contextlib
 import threading
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -17,14 +18,16 @@ import numpy as np
 from drivers.device import Device
 from drivers.errors import BadTrajectory, DeviceError, DeviceFault, DeviceLost, MotionRefused
 from drivers.interfaces import Arm, ArmLimits, ArmState, Float64, Motion, MotionState, Trajectory
+from drivers.motion_supervisor import MotionSupervisor, Supervision
 from drivers.motoman.codec import Control, Order, Result, Valid
 from drivers.motoman.session import Session
 from drivers.motoman.stream import INTERPOLATION, PointStream
 from drivers.motoman.words import fault, refusal
 from drivers.owner import Owner
 from drivers.path_motion import PathMotion
+from drivers.posted_motion import PostedMotion
 from drivers.trajectory import check_trajectory
-from drivers.wire import Link
+from drivers.wire import Link, Nonsense
 from executive.clock import Clock
 
 RECONNECT = 0.5
@@ -49,6 +52,7 @@ class MotomanOptions:
         point_period: time between points that are sent [s].
         lead: how far ahead of the arm points are sent [s]: a stop takes effect behind them.
         silence: without feedback for so long the arm is lost [s].
+        supervision: how far the arm is believed.
     """
 
     order: Order = "<"
@@ -58,6 +62,7 @@ class MotomanOptions:
     point_period: float = 0.02
     lead: float = 0.15
     silence: float = 0.09
+    supervision: Supervision = field(default_factory=Supervision)
 
 
 class MotomanArm(Device):
@@ -80,11 +85,16 @@ class MotomanArm(Device):
         self.options = options or MotomanOptions()
         self._open_state, self._open_motion, self._clock = open_state, open_motion, clock
         self._wire = np.array(self.options.wire_joints)
-        self._lock = threading.RLock()
-        self._loop = Owner(name, self.step, self._lose, clock)
+        self._lock = threading.Lock()  # of the four flags latched, enabling, problem and motion; nobody waits with it
+        self._owner = Owner(name, self.step, self._lose, clock)
+        self._supervisor = MotionSupervisor(name, limits, self.options.supervision)
         self._session: Session | None = None
         self._retry_at = 0.0
         self._state = ArmState(0.0, np.zeros(len(self._wire)), np.zeros(len(self._wire)), False)
+        self._taken_at = -np.inf
+        self._believed = False  # the newest feedback can be true
+        self._doubted = False  # feedback was not, since the last acknowledgement
+        self._limits_on_wire = ArmLimits(*(self._to_wire(rate) for rate in _rates(limits)))
         self._motion: PathMotion | None = None
         self._stream: PointStream | None = None
         self._latched: str | None = None
@@ -112,7 +122,7 @@ class MotomanArm(Device):
 
     def start(self) -> None:
         """Serve the connections in a thread of its own from now on."""
-        self._loop.start()
+        self._owner.start()
 
     def _open(self) -> Session:
         links: list[Link] = []
@@ -130,7 +140,12 @@ class MotomanArm(Device):
                 link.close()
             lost = DeviceLost(self.name, f"cannot be reached: {error}")
             raise (error if isinstance(error, DeviceError) else lost) from error
-        self._take_feedback(session)
+        self._supervisor.forget()
+        try:
+            self._believe(session)
+        except DeviceLost:
+            session.close()
+            raise
         return session
 
     def _enable(self, session: Session, servo_on: bool) -> None:
@@ -149,7 +164,7 @@ class MotomanArm(Device):
         session.forget_status()  # pushed while the servos were still off
 
     def step(self) -> None:
-        """Serve both connections for a few milliseconds; the arm's own thread calls this without end."""
+        """Serve both connections for a moment; the arm's own thread calls this without end."""
         try:
             if self._session is None:
                 self._reconnect()
@@ -165,89 +180,133 @@ class MotomanArm(Device):
         self._session = self._open()
 
     def _lose(self, error: BaseException) -> None:
-        with self._lock:
-            session, self._session = self._session, None
-            if session is not None:
-                words = (
-                    f"the connection failed: {error}" if isinstance(error, OSError) else f"the driver failed: {error!r}"
-                )
-                self._problem = error if isinstance(error, DeviceError) else DeviceLost(self.name, words)
-                self._fail_motion(self._problem.message)
-                if self._motion is not None:
-                    self._motion.settled = True  # nobody knows better
-            self._retry_at = self._clock.now() + RECONNECT
-            self._enabling = False
+        """The wire is gone, or what answers there is no controller: the motion has failed, the wire is opened again."""
+        session, self._session = self._session, None
         if session is not None:
+            words = f"the connection failed: {error}" if isinstance(error, OSError) else f"the driver failed: {error!r}"
+            self._blame(error if isinstance(error, DeviceError) else DeviceLost(self.name, words))
+            self._abandon_motion(_words(self._problem))
+            if self._motion is not None:
+                self._motion.settled = True  # nobody knows better
             session.close()
+        self._retry_at = self._clock.now() + RECONNECT
+        self._enabling = False
+
+    def _blame(self, problem: DeviceError) -> None:
+        """Latch a problem until somebody acknowledges it; the first is kept."""
+        with self._lock:
+            if self._problem is None:
+                self._problem = problem
 
     # ----------------------------------------------------------------------------------------- the wire
 
     def _serve(self, session: Session) -> None:
-        streaming = self._stream is not None
-        session.listen(0.001 if streaming else 0.004)
+        try:
+            session.listen(0.001 if self._stream is not None else 0.004)
+        except Nonsense as error:
+            self._doubt(error)
+        if self._stream is None or not self._doubted:  # else the motion's connection still brakes the arm
+            self._watch_silence(session)
+        if self._enabling:
+            self._enable_again(session)
+        try:
+            self._believe(session)
+            self._watch_status(session)
+        except DeviceLost as error:
+            self._doubt(error)
+        if self._stream is not None:
+            self._pump(session, self._stream)
+        self._watch_motion(session)
+
+    def _watch_silence(self, session: Session) -> None:
         silent = self._clock.now() - session.heard
         if silent > self.options.silence and not session.listen(0.0):  # unless this thread itself was held up
             raise DeviceLost(self.name, f"no feedback for {1e3 * silent:.0f} ms")
-        if self._enabling:
-            self._enable_again(session)
-        with self._lock:
-            self._take_feedback(session)
-            self._watch_status(session)
-            if self._stream is not None:
-                self._pump(session, self._stream)
-            self._watch_motion()
 
     def _enable_again(self, session: Session) -> None:
         """After an acknowledgement; takes seconds, in which motions are refused."""
         try:
+            self._supervisor.forget()
+            self._doubted = False
             self._enable(session, self.options.servo_on)
         except DeviceFault as error:
-            self._problem = error
+            self._blame(error)
         finally:
             self._enabling = False
 
-    def _take_feedback(self, session: Session) -> None:
+    def _believe(self, session: Session) -> None:
+        """Take the newest feedback.
+
+        Raises:
+            DeviceLost: it cannot be true.
+        """
         feedback = session.feedback
-        if feedback is None or session.heard == self._state.stamp:
+        if feedback is None or session.heard == self._taken_at:
             return
+        elapsed, self._taken_at = session.heard - self._state.stamp, session.heard
         q = np.array(feedback.position)[self._wire]
         if feedback.valid & Valid.VELOCITY:
             qd = np.array(feedback.velocity)[self._wire]
         else:
-            elapsed = session.heard - self._state.stamp
             qd = (q - self._state.q) / elapsed if 0.0 < elapsed < 0.2 else np.zeros_like(q)
+        self._believed = False
+        self._supervisor.hear(session.heard, q, qd)
+        self._believed = True
         self._state = ArmState(session.heard, q, qd, self._motion is not None and not self._motion.at_rest)
 
+    def _doubt(self, error: DeviceLost) -> None:
+        """Brake on the path: that needs no feedback."""
+        self._believed, self._doubted = False, True
+        self._blame(error)
+        if self._motion is not None:
+            self._motion.fail(error.message)
+
     def _watch_status(self, session: Session) -> None:
-        words = fault(session.status) if session.status is not None else ""
-        if words and self._problem is None:
-            self._problem = DeviceFault(self.name, words)
-            self._fail_motion(words)
+        if session.status is not None:
+            self._supervisor.hear_status(session.status_heard)
+            words = fault(session.status)
+            if words and self._problem is None:
+                self._blame(DeviceFault(self.name, words))
+                self._abandon_motion(words)
+        self._supervisor.check_status(self._clock.now())
 
     def _pump(self, session: Session, stream: PointStream) -> None:
         try:
             stream.pump(session)
         except DeviceFault as error:
-            self._fail_motion(error.message)
+            self._abandon_motion(error.message)
             session.ask(Control.STOP)
 
-    def _watch_motion(self) -> None:
+    def _watch_motion(self, session: Session) -> None:
         motion, stream, state = self._motion, self._stream, self._state
         if motion is None or motion.settled:
             self._stream = None
+            self._supervisor.end()
             return
-        resting = bool(np.abs(state.qd).max() < AT_REST)
+        # Feedback in doubt says nothing about rest either: what was sent is over, then.
+        resting = bool(np.abs(state.qd).max() < AT_REST) if not self._doubted else stream is None or stream.played
         if stream is None:
-            motion.settled = resting
-        elif motion.set_point_rests and stream.played:
+            motion.settled = resting and motion.state is MotionState.FAILED  # else it has not begun yet
+            return
+        if motion.set_point_rests and stream.played:
             motion.look(resting, float(np.abs(state.q - self._from_wire(stream.q_last)).max()), state.stamp)
+        now = self._clock.now()
+        if not motion.settled and self._supervisor.due(now):
+            try:
+                self._supervisor.look(now, motion, stream.sent)
+            except DeviceLost as error:
+                self._doubt(error)
+            except DeviceFault as error:
+                self._blame(error)
+                self._abandon_motion(error.message)
+                session.ask(Control.STOP)
 
-    def _fail_motion(self, problem: str) -> None:
-        """The controller has stopped or will not go on: nothing more is sent."""
-        motion = self._motion
+    def _abandon_motion(self, problem: str) -> None:
+        """The controller has stopped, will not go on, or shall stop by itself: nothing more is sent."""
         self._stream = None
-        if motion is not None and motion.state in (MotionState.RUNNING, MotionState.PAUSED):
-            motion.problem, motion.state = problem, MotionState.FAILED
+        self._supervisor.end()
+        if self._motion is not None:
+            self._motion.abandon(problem)
 
     def _from_wire(self, q_wire: Float64) -> Float64:
         q: Float64 = q_wire[self._wire]
@@ -281,19 +340,26 @@ class MotomanArm(Device):
             except BadTrajectory as bad:
                 raise MotionRefused(self.name, bad.problem) from bad
             on_wire = Trajectory(trajectory.t, *map(self._to_wire, (trajectory.q, trajectory.qd, trajectory.qdd)))
-            limits = ArmLimits(*(self._to_wire(rate) for rate in _rates(self.limits)))
-            options = self.options
-            self._motion = PathMotion(on_wire, limits, INTERPOLATION)
-            self._stream = PointStream(
-                self._motion,
-                on_wire.q[0],
-                self._to_wire(q),
-                self._clock,
-                options.group,
-                options.point_period,
-                options.lead,
-            )
-            return self._motion
+            motion = PathMotion(on_wire, self._limits_on_wire, INTERPOLATION)
+            self._motion = motion
+        self._owner.post(lambda: self._begin(motion, on_wire.q[0], self._to_wire(q)))
+        return PostedMotion(motion, self._owner)
+
+    def _begin(self, motion: PathMotion, q_start: Float64, q_arm: Float64) -> None:
+        """Stream a motion, unless the arm was stopped or lost since it was asked for."""
+        problem = self._latched or (_words(self._problem) if self._problem is not None else None)
+        if problem is not None or self._session is None:
+            motion.abandon(problem or "lost")
+            motion.settled = True
+            return
+        self._supervisor.end()
+        options = self.options
+        self._stream = PointStream(
+            motion, q_start, q_arm, self._clock, options.group, options.point_period, options.lead, self._commanded
+        )
+
+    def _commanded(self, due: float, q_wire: Float64) -> None:
+        self._supervisor.command(due, self._from_wire(q_wire))
 
     def _to_wire(self, values: Float64) -> Float64:
         """Joints of the description, shape (..., dof), on their places of the wire."""
@@ -310,36 +376,39 @@ class MotomanArm(Device):
         problem = self._problem
         if problem is not None:
             raise problem
+        if not self._enabling:  # which takes seconds
+            self._owner.check()
 
     def safe_stop(self, reason: str) -> None:
         with self._lock:
             if self._latched is None:
                 self._latched = reason
-            if self._motion is not None:
-                self._motion.stop()
+            motion = self._motion
+        if motion is not None:
+            self._owner.post(motion.stop)
 
     def acknowledge(self) -> None:
         """Release the latch; reset an alarm and switch the servos on again where the options allow it.
 
         Raises:
-            DeviceLost: the controller is still lost.
+            DeviceLost: the controller is still lost, or still says what cannot be true.
         """
         with self._lock:
-            if self._session is None:
+            if self._session is None or not self._believed:
                 raise DeviceLost(self.name, f"is still lost: {_words(self._problem)}")
             self._latched = None
             if self._problem is not None:
                 self._enabling, self._problem = True, None
 
     def pause(self) -> None:
-        with self._lock:
-            if self._motion is not None:
-                self._motion.pause()
+        motion = self._motion
+        if motion is not None:
+            self._owner.post(motion.pause)
 
     def resume(self) -> None:
-        with self._lock:
-            if self._motion is not None:
-                self._motion.resume()
+        motion = self._motion
+        if motion is not None:
+            self._owner.post(motion.resume)
 
     def settled(self) -> bool:
         motion, stream = self._motion, self._stream
@@ -353,7 +422,7 @@ class MotomanArm(Device):
         end = self._clock.now() + 2.0
         while not self.settled() and self._session is not None and self._clock.now() < end:
             self._clock.advance(0.02)
-        self._loop.close()
+        self._owner.close()
         session, self._session = self._session, None
         if session is not None:
             with contextlib.suppress(OSError):

@@ -33,14 +33,14 @@ class Session:
 
     Attributes:
         feedback, status: the newest of each, or None before the first.
-        heard: when the newest feedback came, on the cell's clock [s].
+        heard, status_heard: when the newest of each came, on the cell's clock [s].
     """
 
     def __init__(self, device: str, state: Link, motion: Link, clock: Clock, order: Order, group: int) -> None:
         self.device = device
         self.feedback: JointFeedback | None = None
         self.status: RobotStatus | None = None
-        self.heard = clock.now()
+        self.heard = self.status_heard = clock.now()
         self._state, self._motion, self._clock = state, motion, clock
         self._order: Order = order
         self._group = group
@@ -73,7 +73,7 @@ class Session:
             if isinstance(message.body, JointFeedback) and message.body.group == self._group:
                 self.feedback, self.heard, fresh = message.body, self._clock.now(), True
             elif isinstance(message.body, RobotStatus):
-                self.status = message.body
+                self.status, self.status_heard = message.body, self._clock.now()
         return fresh
 
     @property

@@ -6,6 +6,8 @@ kept short (`lead`), because what is in it can no longer be changed: a stop take
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from drivers.errors import DeviceFault
@@ -34,9 +36,22 @@ class PointStream:
     """
 
     def __init__(
-        self, motion: PathMotion, q_start: Float64, q_arm: Float64, clock: Clock, group: int, period: float, lead: float
+        self,
+        motion: PathMotion,
+        q_start: Float64,
+        q_arm: Float64,
+        clock: Clock,
+        group: int,
+        period: float,
+        lead: float,
+        commanded: Callable[[float, Float64], None] = lambda due, q: None,
     ) -> None:
-        """Begin at the arm's own position `q_arm`, which may differ a little from the path's start `q_start`."""
+        """Begin at the arm's own position `q_arm`, which may differ a little from the path's start `q_start`.
+
+        Args:
+            commanded: told of every point that the controller accepted, and when the arm shall pass it [s].
+        """
+        self._commanded = commanded
         self.motion = motion
         self.sent, self.busy, self.dry = 0, 0, 0
         self.q_last = q_arm
@@ -89,10 +104,12 @@ class PointStream:
             session.send(self._point)
 
     def _accepted(self, now: float) -> None:
-        self._point = None
+        point, self._point = self._point, None
         self.sent += 1
         if self._began is None:
             self._began = now
+        if point is not None:
+            self._commanded(self._began + point.time, np.array(point.position[: len(self.q_last)]))
 
     def _next(self) -> TrajectoryPoint | None:
         """The next point, or None while the set-point rests."""

@@ -6,8 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
-from drivers.errors import BadTrajectory, DeviceFault, DeviceLost, MotionRefused
+from drivers.errors import BadTrajectory, DeviceError, DeviceFault, DeviceLost, MotionRefused
 from drivers.interfaces import Arm, ArmLimits, ArmState, Float64, Motion, Trajectory
+from drivers.motion_supervisor import MotionSupervisor, Supervision
 from drivers.path_motion import PathMotion
 from drivers.sim.faults import FaultyDevice
 from drivers.sim.scene import TIMESTEP
@@ -16,18 +17,24 @@ from drivers.trajectory import check_trajectory
 
 AT_REST = 5e-3
 """No joint moves faster than this when the arm rests [rad/s]."""
+LIES = ("nan", "wild", "jump", "frozen")
+"""Faults of what the arm says, not of what it does."""
+JUMP = 0.6
+"""What the fault `jump` adds to the first joint's position [rad]."""
 
 
 class SimArm(FaultyDevice):
     """The robot's arm joints, in the order of the robot file's actuators.
 
-    Faults: `alarm` (the controller decelerates and reports a fault), `lost` (the same, and no answer).
+    Faults: `alarm` (the controller decelerates and reports a fault), `lost` (the same, and no answer), `nan`, `wild`,
+    `jump` (feedback that cannot be true), `frozen` (the same feedback for ever), `stuck` (the joints stand still,
+    whatever is commanded), `stall` (the controller does not go on with a motion, and says nothing).
     """
 
     interfaces = (Arm,)
-    known_faults = ("alarm", "lost")
+    known_faults = ("alarm", "lost", "nan", "wild", "jump", "frozen", "stuck", "stall")
 
-    def __init__(self, world: SimWorld, description: Path) -> None:
+    def __init__(self, world: SimWorld, description: Path, supervision: Supervision | None = None) -> None:
         super().__init__("arm")
         self.description = description
         self._world = world
@@ -45,27 +52,33 @@ class SimArm(FaultyDevice):
         )
         self._set_point: Float64 = world.state.ctrl[self._actuators].copy()
         self._motion: PathMotion | None = None
+        self._steps = 0
         self._latched: str | None = None
+        self._supervisor = MotionSupervisor(self.name, self.limits, supervision or Supervision())
+        self._problem: DeviceError | None = None
+        self._state = self._measure()
         world.before_step.append(self._command)
         world.after_step.append(self._watch)
 
     def state(self) -> ArmState:
-        state = self._world.state
-        return ArmState(
-            self._world.clock.now(), state.qpos[self._qpos].copy(), state.qvel[self._qvel].copy(), not self.settled()
-        )
+        """What it says of its joints now; the last that could be true, when that cannot."""
+        measured = self._measure()
+        if self.fault not in LIES and np.isfinite(measured.q).all():
+            self._state = measured
+        return self._state
 
     def follow(self, trajectory: Trajectory) -> Motion:
         if self._latched is not None:
             raise MotionRefused(self.name, f"latched in the safe state ({self._latched})")
-        if self.fault is not None:
-            raise MotionRefused(self.name, f"not ready: {self.fault}")
+        if self._problem is not None or self.fault in ("alarm", "lost"):
+            raise MotionRefused(self.name, f"not ready: {self._problem.message if self._problem else self.fault}")
         if self._motion is not None and not self._motion.settled:
             raise MotionRefused(self.name, "still moves; stop the motion and wait until it has settled")
         try:
             check_trajectory(trajectory, self.limits, self._set_point)
         except BadTrajectory as bad:
             raise MotionRefused(self.name, bad.problem) from bad
+        self._supervisor.end()
         self._motion = PathMotion(trajectory, self.limits, TIMESTEP)
         return self._motion
 
@@ -74,10 +87,13 @@ class SimArm(FaultyDevice):
             raise DeviceLost(self.name, "does not answer")
         if self.fault == "alarm":
             raise DeviceFault(self.name, "the controller reports an alarm")
+        if self._problem is not None:
+            raise self._problem
 
     def inject_fault(self, kind: str) -> None:
+        self._state = self._measure()
         super().inject_fault(kind)
-        if self._motion is not None:
+        if self._motion is not None and kind in ("alarm", "lost"):
             self._motion.fail(f"the arm's controller stopped: {kind}")
 
     def safe_stop(self, reason: str) -> None:
@@ -86,7 +102,15 @@ class SimArm(FaultyDevice):
             self._motion.stop()
 
     def acknowledge(self) -> None:
-        self._latched = None
+        """Release the latch.
+
+        Raises:
+            DeviceLost: the arm still says what cannot be true.
+        """
+        if self.fault in LIES:
+            raise DeviceLost(self.name, f"is still lost: {self._problem.message if self._problem else self.fault}")
+        self._supervisor.forget()
+        self._latched = self._problem = None
 
     def pause(self) -> None:
         if self._motion is not None:
@@ -101,13 +125,58 @@ class SimArm(FaultyDevice):
 
     def _command(self) -> None:
         motion = self._motion
-        if motion is not None and not motion.settled:
+        if motion is not None and not motion.settled and self.fault != "stall":
             q, qd = motion.step()
+            self._steps += 1
             self._set_point = q
-            self._world.state.ctrl[self._actuators] = q + self._feed_forward * qd
+            if self.fault != "stuck":
+                self._world.state.ctrl[self._actuators] = q + self._feed_forward * qd
+
+    def _measure(self) -> ArmState:
+        state = self._world.state
+        q, qd = state.qpos[self._qpos].copy(), state.qvel[self._qvel].copy()
+        return ArmState(self._world.clock.now(), q, qd, not self.settled())
+
+    def _said(self) -> tuple[Float64, Float64]:
+        """Positions and velocities as the arm tells them, lies included."""
+        measured = self._measure()
+        match self.fault:
+            case "nan":
+                return np.full_like(measured.q, np.nan), measured.qd
+            case "wild":
+                return np.full_like(measured.q, 1e30), measured.qd
+            case "jump":
+                return measured.q + JUMP * (np.arange(measured.q.size) == 0), measured.qd
+            case "frozen":
+                return self._state.q, self._state.qd
+        return measured.q, measured.qd
+
+    def _supervise(self, motion: PathMotion | None) -> None:
+        now = self._world.clock.now()
+        try:
+            self._supervisor.hear(now, *self._said())
+            if motion is not None and not motion.settled:
+                self._supervisor.command(now, self._set_point)
+                self._supervisor.look(now, motion, self._steps)
+        except DeviceLost as error:
+            self._problem = self._problem or error
+            if motion is not None:
+                motion.fail(error.message)  # braking on the path needs no feedback
+        except DeviceFault as error:
+            self._problem = self._problem or error
+            if motion is not None:
+                motion.abandon(error.message)
+                self._hold_here()
+
+    def _hold_here(self) -> None:
+        """What a controller does that is told to stop: the set-point goes where the arm is."""
+        self._set_point = self._measure().q
+        self._world.state.ctrl[self._actuators] = self._set_point
 
     def _watch(self) -> None:
         motion = self._motion
+        if self._supervisor.due(self._world.clock.now()):
+            self._supervise(motion)
         if motion is not None and not motion.settled and motion.set_point_rests:
             state = self._world.state
             beside = float(np.abs(state.qpos[self._qpos] - self._set_point).max())

@@ -6,6 +6,7 @@ from drivers.cell_file import Settings
 from drivers.device import Bench
 from drivers.errors import UnusableRobotFile
 from drivers.interfaces import Intrinsics
+from drivers.motion_supervisor import read_supervision
 from drivers.sim.arm import SimArm
 from drivers.sim.camera import SimCamera
 from drivers.sim.fingers import SimFingers
@@ -35,7 +36,7 @@ def connect_world(settings: Settings, bench: Bench) -> SimWorld:
 def connect_arm(settings: Settings, bench: Bench) -> SimArm:
     """`driver: sim-arm`"""
     world = _world(settings, bench)
-    return SimArm(world, world.description)
+    return SimArm(world, world.description, read_supervision(settings))
 
 
 def connect_gripper(settings: Settings, bench: Bench) -> SimGripper:

@@ -1,34 +1,17 @@
-"""Faults that tests inject into simulated devices, to see that a run ends safely. Nothing but tests calls this."""
+"""A simulated device that can be made to fail, to see that a run ends safely."""
 
 from __future__ import annotations
 
-from typing import ClassVar
-
 from drivers.device import Device
+from drivers.faults import FaultSwitch
 
 
-class FaultyDevice(Device):
-    """A simulated device that can be made to fail on request."""
-
-    known_faults: ClassVar[tuple[str, ...]] = ()
+class FaultyDevice(Device, FaultSwitch):
+    """A simulated device with a switch."""
 
     def __init__(self, name: str) -> None:
-        super().__init__(name)
-        self.fault: str | None = None
-
-    def inject_fault(self, kind: str) -> None:
-        """Make the device fail from now on; for tests.
-
-        Raises:
-            ValueError: the device has no such fault.
-        """
-        if kind not in self.known_faults:
-            raise ValueError(f"{self.name} has the faults {', '.join(self.known_faults)}, not {kind}")
-        self.fault = kind
-
-    def clear_fault(self) -> None:
-        """Repair the device; for tests."""
-        self.fault = None
+        Device.__init__(self, name)
+        FaultSwitch.__init__(self)
 
     def link(self) -> str:
         return "ok" if self.fault is None else self.fault

@@ -92,6 +92,15 @@ def test_an_arm_that_does_not_know_where_it_stands_does_not_move():
         arm.follow(sweep())
 
 
+def test_an_arm_that_lies_is_found_as_a_real_one_is(mock_arm, mock_clock, mock_cell):
+    mock_clock.advance(0.1)
+    mock_cell.check()
+    mock_arm.says = lambda q: q * np.nan
+    mock_clock.advance(0.02)
+    with pytest.raises(DeviceLost, match="its joints are not finite numbers"):
+        mock_cell.check()
+
+
 def test_a_gripper_moves_streams_and_has_a_watchdog(mock_gripper, mock_clock):
     motion = mock_gripper.move(0.05, 0.1)
     mock_clock.advance(0.6)

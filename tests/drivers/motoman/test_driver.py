@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import threading
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -11,12 +12,13 @@ import numpy as np
 import pytest
 
 from drivers.emulators.motoman import FreeJoints, MotomanEmulator
-from drivers.errors import DeviceFault, DeviceLost, MotionRefused
+from drivers.errors import DeviceError, DeviceFault, DeviceLost, MotionRefused
 from drivers.interfaces import ArmLimits, Motion, MotionState, Trajectory
+from drivers.motion_supervisor import Supervision
 from drivers.motoman.codec import Communication, Message, RobotStatus, encode
 from drivers.motoman.driver import RECONNECT, MotomanArm, MotomanOptions
 from drivers.wire import Nonsense
-from executive.clock import ManualClock
+from executive.clock import ManualClock, SystemClock
 
 DOF = 7
 LIMITS = ArmLimits(-np.full(DOF, 3.0), np.full(DOF, 3.0), np.full(DOF, 3.0), np.full(DOF, 10.0), np.full(DOF, 200.0))
@@ -176,6 +178,7 @@ def test_a_full_queue_answers_busy_and_the_same_point_is_sent_again() -> None:
     cell = Cell(buffer=0.05)
     arm = connected(cell, lead=0.5)
     motion = arm.follow(swing(START, CHANGE))
+    serve(arm, cell, 0.01)
     stream = arm._stream
     serve(arm, cell, 2.0, lambda: motion.settled)
     assert motion.state is MotionState.DONE
@@ -188,6 +191,7 @@ def test_500_points_are_streamed_without_a_gap() -> None:
     cell = Cell()
     arm = connected(cell)
     motion = arm.follow(swing(START, CHANGE, duration=10.0, samples=501))
+    serve(arm, cell, 0.01)
     stream = arm._stream
     serve(arm, cell, 12.0, lambda: motion.settled)
     assert motion.state is MotionState.DONE
@@ -407,3 +411,147 @@ def test_a_safe_stop_decelerates_and_is_latched() -> None:
         arm.follow(swing(arm.state().q, -0.1 * CHANGE))
     arm.acknowledge()
     arm.follow(swing(arm.state().q, -0.1 * CHANGE))
+
+
+@pytest.mark.parametrize(
+    ("kind", "within", "problem", "words"),
+    [
+        ("busy", 1.2, DeviceFault, "has not gone on with the motion"),
+        ("stuck", 0.6, DeviceError, "does not follow|although the arm is moved"),
+        ("frozen", 0.6, DeviceError, "does not follow|although the arm is moved"),
+        ("nan", 0.1, Nonsense, "answered nonsense"),
+        ("wild", 0.1, DeviceLost, r"at 1e\+30 rad, far outside its range"),
+        ("no_status", 0.4, DeviceLost, "has not told its status for"),
+        ("nonsense", 0.1, Nonsense, "answered nonsense"),
+    ],
+)
+def test_what_goes_wrong_without_a_word_is_noticed_and_the_arm_comes_to_rest(
+    kind: str, within: float, problem: type[DeviceError], words: str
+) -> None:
+    cell = Cell()
+    arm = connected(cell)
+    motion = arm.follow(swing(START, CHANGE, duration=4.0, samples=201))
+    serve(arm, cell, 1.5)
+    arm.check()
+    cell.controller.inject_fault(kind)
+    before = cell.clock.now()
+    serve(arm, cell, 120.0, lambda: arm.link() != "ok")
+    assert cell.clock.now() - before <= within
+    with pytest.raises(problem, match=words):
+        arm.check()
+    serve(arm, cell, 2.0, lambda: motion.settled)
+    assert (motion.state, motion.settled) == (MotionState.FAILED, True)
+    assert re.search(words, motion.problem)
+    serve(arm, cell, 1.0)
+    stood = cell.joints.measured()[0]
+    serve(arm, cell, 2.0)
+    assert np.array_equal(cell.joints.measured()[0], stood)
+    with pytest.raises(MotionRefused):
+        arm.follow(swing(stood, CHANGE))
+
+
+@pytest.mark.parametrize("kind", ["nan", "frozen"])
+def test_feedback_that_lies_lets_the_arm_brake_on_its_path_within_its_limits(kind: str) -> None:
+    cell = Cell()
+    arm = connected(cell)
+    motion = arm.follow(swing(START, CHANGE, duration=2.0))
+    serve(arm, cell, 0.8)
+    cell.controller.inject_fault(kind)
+    speeds = []
+    drive = cell.joints.drive
+    cell.joints.drive = lambda q, qd: (speeds.append(qd), drive(q, qd))[1]  # type: ignore[method-assign,func-returns-value]
+    serve(arm, cell, 4.0, lambda: motion.settled)
+    serve(arm, cell, 0.1)
+    q, qd = cell.joints.measured()
+    share = (q - START) / CHANGE
+    assert np.abs(share - share[0]).max() < 1e-4
+    assert np.all(qd == 0.0)
+    if kind == "nan":  # what is frozen may also be an arm that does not follow, which is stopped at once
+        assert (np.abs(np.diff(np.array(speeds), axis=0)) / 0.001).max() < 2.0 * LIMITS.acceleration[0]
+
+
+def test_an_arm_that_still_lies_cannot_be_acknowledged_and_one_that_lied_moves_only_after_that() -> None:
+    cell = Cell()
+    arm = connected(cell)
+    cell.controller.inject_fault("wild")
+    serve(arm, cell, 0.2)
+    with pytest.raises(DeviceLost, match="still lost: its feedback cannot be true"):
+        arm.acknowledge()
+    cell.controller.clear_fault()
+    serve(arm, cell, 0.2)
+    with pytest.raises(DeviceLost):
+        arm.check()
+    with pytest.raises(MotionRefused, match="not ready"):
+        arm.follow(swing(START, CHANGE))
+    arm.acknowledge()
+    serve(arm, cell, 1.0)
+    arm.check()
+    motion = arm.follow(swing(START, CHANGE))
+    serve(arm, cell, 3.0, lambda: motion.settled)
+    assert motion.state is MotionState.DONE
+
+
+def test_an_emergency_stop_is_not_hidden_by_a_status_that_is_not_told() -> None:
+    cell = Cell()
+    arm = connected(cell)
+    cell.controller.inject_fault("no_status")
+    cell.controller.e_stopped = True
+    serve(arm, cell, 0.4)
+    with pytest.raises(DeviceLost, match="has not told its status"):
+        arm.check()
+
+
+def test_many_threads_at_once_never_touch_the_wire_and_never_break_the_driver() -> None:
+    cell = Cell()
+    cell.clock = SystemClock()  # type: ignore[assignment]
+    cell.let_pass = lambda seconds, until=lambda: False: cell.controller.advance(cell.clock.now())  # type: ignore[method-assign]
+    arm = connected(cell, silence=5.0, supervision=Supervision(status=2.0, stall=5.0, margin=30.0, following_error=0.5))
+    touched: set[str] = set()
+    received = cell.controller.motion.received
+
+    def receive(peer: Any, chunk: bytes) -> None:
+        touched.add(threading.current_thread().name)
+        received(peer, chunk)
+
+    cell.controller.motion.received = receive  # type: ignore[method-assign]
+    wrong: list[BaseException] = []
+    end = cell.clock.now() + 2.0
+
+    def ask(seed: int) -> None:
+        rng = np.random.default_rng(seed)
+        ways = (arm.check, arm.settled, arm.pause, arm.resume, arm.acknowledge, arm.state, arm.link)
+        motions = []
+        while cell.clock.now() < end:
+            try:
+                if rng.random() < 0.2:
+                    motions.append(arm.follow(swing(arm.state().q, CHANGE * rng.uniform(-0.1, 0.1))))
+                elif motions and rng.random() < 0.2:
+                    motions[-1].stop()
+                elif rng.random() < 0.05:
+                    arm.safe_stop(f"by {seed}")
+                else:
+                    ways[rng.integers(len(ways))]()
+            except DeviceError:
+                pass
+            except BaseException as error:
+                wrong.append(error)
+                return
+
+    threads = [threading.Thread(target=ask, args=(seed,)) for seed in range(4)]
+    arm.start()
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert not wrong
+    assert touched == {"arm owner"}
+    arm.safe_stop("the end")
+    deadline = cell.clock.now() + 5.0
+    while not arm.settled() and cell.clock.now() < deadline:
+        cell.clock.advance(0.01)
+    assert arm.settled()
+    stood = cell.joints.measured()[0]
+    cell.clock.advance(0.3)
+    assert np.array_equal(cell.joints.measured()[0], stood)  # latched: nothing that was asked before goes on
+    arm._owner.check()
+    arm.close()

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from drivers.errors import DeviceFault, DeviceLost, MotionRefused
+from drivers.errors import DeviceError, DeviceFault, DeviceLost, MotionRefused
 from drivers.interfaces import Arm, MotionState, Trajectory
 
 HERE = np.array([-1.36, -0.316, -0.264, -0.234, 0.065, -1.294, 0.048])
@@ -175,3 +175,41 @@ def test_an_alarm_stops_the_arm_and_is_reported(cell, arm, plan_rest_to_rest):
         cell.check()
     with pytest.raises(ValueError, match="faults alarm, lost"):
         arm.inject_fault("explode")
+
+
+@pytest.mark.parametrize(
+    ("kind", "within", "problem", "words"),
+    [
+        ("nan", 0.05, DeviceLost, "not finite"),
+        ("wild", 0.05, DeviceLost, r"at 1e\+30 rad, far outside its range"),
+        ("jump", 0.05, DeviceLost, r"joint 1 jumped by 3\d\.\d°"),
+        ("frozen", 0.5, DeviceError, "although the arm is moved|does not follow"),
+        ("stuck", 0.5, DeviceError, "although the arm is moved|does not follow"),
+        ("stall", 0.6, DeviceFault, "has not gone on with the motion"),
+    ],
+)
+def test_an_arm_that_lies_or_does_not_go_on_is_noticed_and_comes_to_rest(
+    cell, arm, plan_rest_to_rest, kind, within, problem, words
+):
+    motion = arm.follow(plan_rest_to_rest([HERE, THERE], arm.limits, share=0.3))
+    advance(cell, 0.8)
+    cell.check()
+    arm.inject_fault(kind)
+    with pytest.raises(problem, match=words):
+        advance(cell, within, cell.check)
+    cell.safe_stop("the check found it")
+    run_out(cell, motion, 3.0)
+    assert motion.state is MotionState.FAILED
+    stood = cell.devices["world"].state.qpos[:7].copy()
+    advance(cell, 1.0)
+    assert np.abs(cell.devices["world"].state.qpos[:7] - stood).max() < 1e-3
+    assert np.isfinite(arm.state().q).all()
+    if kind in ("nan", "wild", "jump", "frozen"):
+        with pytest.raises(DeviceLost, match="still lost"):
+            cell.acknowledge()
+    arm.clear_fault()
+    cell.acknowledge()
+    cell.check()
+    again = arm.follow(plan_rest_to_rest([arm.state().q, HERE], arm.limits, share=0.3))
+    run_out(cell, again)
+    assert again.state is MotionState.DONE

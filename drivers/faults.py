@@ -1,0 +1,96 @@
+"""Faults on purpose: what simulated and emulated devices, their wires and sensors can be made to do.
+
+Everything that can fail has a `FaultSwitch`; a cell names them all in `Cell.switches`. A `FaultPlan` turns them at
+given times, or so long after a phase of the run has begun. Real devices have none.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+
+class FaultSwitch:
+    """Something that can be made to fail in ways that it names, one at a time.
+
+    Attributes:
+        fault: the present one, or None.
+    """
+
+    known_faults: ClassVar[tuple[str, ...]] = ()
+
+    def __init__(self) -> None:
+        self.fault: str | None = None
+
+    def inject_fault(self, kind: str) -> None:
+        """Fail from now on.
+
+        Raises:
+            ValueError: there is no such fault here.
+        """
+        if kind not in self.known_faults:
+            raise ValueError(f"there are the faults {', '.join(self.known_faults)}, not {kind}")
+        self.fault = kind
+
+    def clear_fault(self) -> None:
+        """Work again; what the fault has changed stays changed."""
+        self.fault = None
+
+
+@dataclass(frozen=True, slots=True)
+class PlannedFault:
+    """A fault and when it begins.
+
+    Attributes:
+        switch: as the cell names it.
+        kind: one of the switch's faults.
+        after: seconds after the phase has begun; of the cell's clock when there is no phase.
+        phase: any name that whoever watches the run gives to what it does; None for the start of time.
+        lasts: seconds until it is cleared, or None for good.
+    """
+
+    switch: str
+    kind: str
+    after: float = 0.0
+    phase: str | None = None
+    lasts: float | None = None
+
+
+class FaultPlan:
+    """Turns switches when it is time; call `step` with every step of the world, or as often as faults may come."""
+
+    def __init__(self, faults: Sequence[PlannedFault], switches: Mapping[str, FaultSwitch]) -> None:
+        """
+        Raises:
+            ValueError: a fault names no switch, or none of its faults.
+        """
+        for fault in faults:
+            if fault.switch not in switches:
+                raise ValueError(f"there is no switch '{fault.switch}'; there are {', '.join(switches)}")
+            known = switches[fault.switch].known_faults
+            if fault.kind not in known:
+                raise ValueError(f"{fault.switch} has the faults {', '.join(known)}, not '{fault.kind}'")
+        self._switches = dict(switches)
+        self._waiting = [fault for fault in faults if fault.phase is not None]
+        self._due = [(fault.after, fault) for fault in faults if fault.phase is None]
+        self._clearing: list[tuple[float, PlannedFault]] = []
+        self.injected: list[tuple[float, PlannedFault]] = []
+        """What has begun, and when."""
+
+    def begin(self, phase: str, now: float) -> None:
+        """A phase of the run begins; only the first time counts."""
+        self._due += [(now + fault.after, fault) for fault in self._waiting if fault.phase == phase]
+        self._waiting = [fault for fault in self._waiting if fault.phase != phase]
+
+    def step(self, now: float) -> None:
+        """Turn what is due."""
+        for due, fault in [entry for entry in self._due if entry[0] <= now]:
+            self._due.remove((due, fault))
+            self._switches[fault.switch].inject_fault(fault.kind)
+            self.injected.append((now, fault))
+            if fault.lasts is not None:
+                self._clearing.append((now + fault.lasts, fault))
+        for due, fault in [entry for entry in self._clearing if entry[0] <= now]:
+            self._clearing.remove((due, fault))
+            self._switches[fault.switch].clear_fault()

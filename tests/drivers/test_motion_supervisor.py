@@ -1,0 +1,173 @@
+"""The supervisor finds feedback that cannot be true and motions that do not go as they must, and nothing else."""
+
+import numpy as np
+import pytest
+
+from drivers.errors import DeviceFault, DeviceLost
+from drivers.interfaces import ArmLimits, Trajectory
+from drivers.motion_supervisor import MotionSupervisor, Supervision
+from drivers.path_motion import PathMotion
+
+DOF = 3
+LIMITS = ArmLimits(-np.full(DOF, 3.0), np.full(DOF, 3.0), np.full(DOF, 3.0), np.full(DOF, 10.0), np.full(DOF, 200.0))
+CHANGE = np.array([0.8, -0.4, 0.2])
+STEP = 0.004
+AT_REST = np.zeros(DOF)
+
+
+def swing(duration=1.0):
+    s = np.linspace(0.0, 1.0, 101)[:, None]
+    q = CHANGE * (10 * s**3 - 15 * s**4 + 6 * s**5)
+    qd = CHANGE * (30 * s**2 - 60 * s**3 + 30 * s**4) / duration
+    qdd = CHANGE * (60 * s - 180 * s**2 + 120 * s**3) / duration**2
+    return Trajectory(s[:, 0] * duration, q, qd, qdd)
+
+
+class Bench:
+    """An arm that follows `delay` seconds late, under a supervisor; `measured` may lie."""
+
+    def __init__(self, delay=0.05, **supervision):
+        self.supervisor = MotionSupervisor("arm", LIMITS, Supervision(**supervision))
+        self.motion = PathMotion(swing(), LIMITS, STEP)
+        self.now, self.delay = 10.0, delay
+        self.went = [(0.0, AT_REST, AT_REST)]
+        self.steps = 0
+        self.halted = False
+
+    def measured(self):
+        return next((q, qd) for due, q, qd in reversed(self.went) if due <= self.now - self.delay)
+
+    def run(self, seconds, feedback=None):
+        for _ in range(round(seconds / STEP)):
+            self.now += STEP
+            if not (self.motion.set_point_rests or self.halted):
+                q, qd = self.motion.step()
+                self.steps += 1
+                self.went.append((self.now, q, qd))
+                self.supervisor.command(self.now, q)
+            if self.supervisor.due(self.now):
+                q, qd = (feedback or self.measured)()
+                self.supervisor.hear(self.now, q, qd)
+                self.supervisor.look(self.now, self.motion, self.steps)
+                if self.motion.set_point_rests:
+                    beside = float(np.abs(q - self.went[-1][1]).max())
+                    self.motion.look(bool(np.abs(qd).max() < 5e-3), beside, self.now)
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.05, 0.15])
+def test_a_motion_that_is_followed_late_but_well_raises_nothing(delay):
+    bench = Bench(delay)
+    bench.run(2.0)
+    assert bench.motion.settled
+    bench.run(100.0)  # at rest, the same feedback for ever
+
+
+def test_pauses_of_any_length_and_a_stop_raise_nothing():
+    bench = Bench()
+    for pause in (5.0, 0.1, 300.0):
+        bench.run(0.3)
+        bench.motion.pause()
+        bench.run(pause)
+        bench.motion.resume()
+    bench.run(0.1)
+    bench.motion.stop()
+    bench.run(10.0)
+    assert bench.motion.settled
+
+
+@pytest.mark.parametrize(
+    ("q", "qd", "says"),
+    [
+        ((np.nan, 0, 0), AT_REST, "not finite"),
+        ((0, 0, 0), (0, -np.inf, 0), "not finite"),
+        ((0, 1e30, 0), AT_REST, "joint 2 at 1e[+]30 rad, far outside its range"),
+        ((0, 0, -3.2), AT_REST, "joint 3 at -3.2 rad"),
+        ((0, 0, 0), (0, 0, 6.0), "joint 3 at 2 times its largest speed"),
+        ((0.5, 0, 0), AT_REST, r"joint 1 jumped by 28\.6°"),
+    ],
+)
+def test_feedback_that_cannot_be_true_is_a_lost_device(q, qd, says):
+    supervisor = MotionSupervisor("arm", LIMITS, Supervision())
+    supervisor.hear(1.0, AT_REST, AT_REST)
+    with pytest.raises(DeviceLost, match=says):
+        supervisor.hear(1.025, np.array(q, float), np.array(qd, float))
+
+
+def test_feedback_from_before_what_was_heard_is_a_lost_device():
+    supervisor = MotionSupervisor("arm", LIMITS, Supervision())
+    supervisor.hear(1.0, AT_REST, AT_REST)
+    with pytest.raises(DeviceLost, match="time goes back"):
+        supervisor.hear(0.9, AT_REST, AT_REST)
+
+
+def test_an_arm_at_full_speed_whose_pushes_come_in_bunches_is_believed():
+    supervisor = MotionSupervisor("arm", LIMITS, Supervision())
+    for push in range(40):
+        arrived = (push // 3) * 0.075 + 0.0001 * push  # three at once
+        supervisor.hear(arrived, np.full(DOF, 0.025 * 3.0 * push - 2.9)[:DOF].clip(-3, 3), np.full(DOF, 3.0))
+
+
+def test_feedback_that_repeats_itself_while_the_arm_is_moved_is_a_lost_device():
+    bench = Bench()
+    bench.run(0.4)
+    frozen = bench.measured()
+    before = bench.now
+    with pytest.raises(DeviceLost, match=r"has been the same for .* although the arm is moved"):
+        bench.run(2.0, lambda: frozen)
+    assert bench.now - before < 0.3
+
+
+def test_an_arm_that_never_moves_off_is_noticed_too():
+    bench = Bench()
+    before = bench.now
+    with pytest.raises(DeviceLost, match="although the arm is moved"):
+        bench.run(2.0, lambda: (AT_REST, AT_REST))
+    assert bench.now - before < 0.6
+
+
+def test_an_arm_that_does_not_follow_is_a_fault():
+    bench = Bench()
+    rng = np.random.default_rng(0)
+    bench.run(0.4)
+    stuck, _ = bench.measured()
+    with pytest.raises(DeviceFault, match=r"does not follow: joint 1 is \d\.\d° away"):
+        bench.run(2.0, lambda: (stuck + rng.normal(size=DOF) * 1e-5, AT_REST))
+
+
+def test_a_controller_that_takes_no_more_of_the_motion_is_a_fault_within_the_stall_time():
+    bench = Bench(stall=0.5)
+    bench.run(0.4)
+    bench.halted, before = True, bench.now
+    with pytest.raises(DeviceFault, match="has not gone on with the motion"):
+        bench.run(120.0)
+    assert bench.now - before == pytest.approx(0.5, abs=0.03)
+
+
+def test_a_motion_that_does_not_end_is_a_fault():
+    bench = Bench(margin=1.0, following_error=0.3)
+    shaking = iter(range(10**6))
+    with pytest.raises(DeviceFault, match="the motion did not end within 1 s of when it should"):
+        bench.run(120.0, lambda: (bench.measured()[0] + 1e-2 * (next(shaking) % 2), np.full(DOF, 0.5)))
+    assert bench.now - 10.0 == pytest.approx(2.0, abs=0.03)
+
+
+def test_a_stop_that_does_not_come_to_rest_is_a_fault():
+    bench = Bench(margin=1.0)
+    bench.run(0.4)
+    bench.motion.stop()
+    before = bench.now
+    with pytest.raises(DeviceFault, match="did not come to rest within 1 s"):
+        bench.run(120.0, lambda: (bench.measured()[0], np.full(DOF, 0.5)))
+    assert bench.now - before == pytest.approx(1.0, abs=0.03)
+
+
+def test_a_status_that_is_not_told_any_more_is_a_lost_device():
+    supervisor = MotionSupervisor("arm", LIMITS, Supervision(status=0.25))
+    supervisor.check_status(5.0)  # from now on it is waited for
+    supervisor.check_status(5.2)
+    supervisor.hear_status(5.24)
+    supervisor.check_status(5.45)
+    with pytest.raises(DeviceLost, match="not told its status for 310 ms"):
+        supervisor.check_status(5.55)
+    supervisor.forget()
+    supervisor.check_status(9.0)
