@@ -32,9 +32,9 @@ ACCELERATION, JERK = 0.5, 5.0
 """Of lowering and rising [m/s², m/s³]."""
 OPENING_SPEED = 0.03
 """Of the opening while the fruit is let go [m/s]."""
-NEAR = 0.02
+SLOW_WITHIN = 0.02
 """Distance of the fruit from what is known to be below at which lowering slows down [m]."""
-LET_GO = 0.02
+RELEASED_WIDTH = 0.02
 """How much wider than the fruit the fingers open before they rise [m]."""
 
 
@@ -134,14 +134,14 @@ class Release(MovingSkill):
         if grasp is None:
             return 0
         space = self._space(map, clearance, grasp)
-        world = space.world.with_margins(Margins(0.0, 0.0, 0.0, NEAR, 0.0))
+        world = space.world.with_margins(Margins(0.0, 0.0, 0.0, SLOW_WITHIN, 0.0))
         near = np.flatnonzero(~world.free(way, space.width))
         return int(near[0]) if len(near) else 0
 
     def _opening(self, map: OccupancyMap | None, clearance: float) -> float:
         """How wide to open: as much less as it takes not to touch what is beside the fruit."""
         gripper, q = self.device(Gripper), self.device(Arm).state().q
-        widths = [min(gripper.state().width + LET_GO / part, gripper.limits.width_max) for part in (1, 2, 4)]
+        widths = [min(gripper.state().width + RELEASED_WIDTH / part, gripper.limits.width_max) for part in (1, 2, 4)]
         space = self._space(map, clearance)
         return next((width for width in widths if space.at_width(width).free(q)), widths[-1])
 

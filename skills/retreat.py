@@ -25,9 +25,9 @@ from skills.shared.warm_motion import prepare_moving
 
 Float64 = NDArray[np.float64]
 
-BESIDE = 0.015
+LATERAL_TOLERANCE = 0.015
 """How far from the approach line, or from the vertical above the grasp, the TCP still counts as on it [m]."""
-TILTED = 0.2
+TILT_TOLERANCE = 0.2
 """How far the gripper may be turned out of the grasp's orientation [rad]."""
 SUPPORTED = 3e-3
 """A fruit that is held this little above where it was taken still stands on its support [m]."""
@@ -146,11 +146,11 @@ def where(T_base_tcp: Float64, grasp: Grasp) -> tuple[Place, float]:
     reach = float(np.linalg.norm(grasp.T_base_pre_grasp[:3, 3] - grasp.T_base_grasp[:3, 3]))
     height = float(T_base_tcp[2, 3] - grasp.T_base_grasp[2, 3])
     angle = angle_between(grasp.T_base_grasp[:3, :3], T_base_tcp[:3, :3])
-    if angle > TILTED:
+    if angle > TILT_TOLERANCE:
         return Place.ELSEWHERE, height
     back, beside = -T_grasp_tcp[2, 3], float(np.linalg.norm(T_grasp_tcp[:2, 3]))
-    if beside < BESIDE and -BESIDE < back < reach + BESIDE:
+    if beside < LATERAL_TOLERANCE and -LATERAL_TOLERANCE < back < reach + LATERAL_TOLERANCE:
         return Place.ON_APPROACH, height
-    if np.linalg.norm(T_base_tcp[:2, 3] - grasp.T_base_grasp[:2, 3]) < BESIDE and height > 0.0:
+    if np.linalg.norm(T_base_tcp[:2, 3] - grasp.T_base_grasp[:2, 3]) < LATERAL_TOLERANCE and height > 0.0:
         return Place.ABOVE, height
     return Place.ELSEWHERE, height

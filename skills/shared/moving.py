@@ -20,7 +20,7 @@ from skills.shared.named_pose import named_pose
 from skills.shared.planning import PLANNING_FAILURES, patience, planned
 from skills.shared.usable_map import usable_field
 
-THERE = 1e-3
+POSE_TOLERANCE = 1e-3
 """An arm this near to the pose in every joint is there [rad]."""
 
 CARRIED_ACCELERATION = 2.0
@@ -58,7 +58,7 @@ def move_to_pose(
         known = ", ".join(workspace.poses) or "none"
         raise skill.failure("UNKNOWN_POSE", f"the cell file has no pose '{pose}'; it has {known}") from None
     q = arm.state().q
-    if np.abs(q_goal - q).max() < THERE:
+    if np.abs(q_goal - q).max() < POSE_TOLERANCE:
         return
     field = usable_field(skill, map)
     space = arm_space(arm, workspace, field, skill.device(Gripper).state().width, clearance, held=carrying)

@@ -137,7 +137,7 @@ def check_states(
     width: float,
     enough: float,
     clearances: Float64,
-    culprits: Int64,
+    closest: Int64,
 ) -> None:
     """Judge postures Q, shape (n, dof), with one opening of the gripper.
 
@@ -146,25 +146,25 @@ def check_states(
     is known to collide.
     """
     numbers = robot.links.shape[0] + robot.pairs.shape[0]
-    due = np.ones(numbers, np.bool_)
+    active = np.ones(numbers, np.bool_)
     wanted = np.empty(numbers)
     found = np.empty(numbers)
     which = np.empty(numbers, np.int64)
-    room = make_room(robot)
+    scratch = make_scratch(robot)
     for g in range(robot.links.shape[0]):
-        due[g] = robot.links[g] > 0
+        active[g] = robot.links[g] > 0
     wanted[:] = enough
     for n in range(Q.shape[0]):
-        place(robot, Q[n], width, room)
-        worst = look(robot, world, width, due, wanted, True, room, found, which)
-        clearances[n], culprits[n, 0], culprits[n, 1] = enough, -1, -1
+        place(robot, Q[n], width, scratch)
+        worst = evaluate_clearances(robot, world, width, active, wanted, True, scratch, found, which)
+        clearances[n], closest[n, 0], closest[n, 1] = enough, -1, -1
         if worst >= 0 and found[worst] < enough:
             clearances[n] = found[worst]
             geom = worst if worst < robot.links.shape[0] else robot.pairs[worst - robot.links.shape[0], 1]
-            culprits[n, 0], culprits[n, 1] = geom, which[worst]
+            closest[n, 0], closest[n, 1] = geom, which[worst]
 
 
-class Room(NamedTuple):
+class Scratch(NamedTuple):
     """Memory for one posture: poses of links, centres of geoms and of spheres, geoms whose spheres are placed."""
 
     links: Float64
@@ -174,10 +174,10 @@ class Room(NamedTuple):
 
 
 @njit(cache=True, nogil=True)
-def make_room(robot: RobotArrays) -> Room:
+def make_scratch(robot: RobotArrays) -> Scratch:
     """Memory to judge postures of a robot in."""
     geoms = robot.links.shape[0]
-    return Room(
+    return Scratch(
         np.empty((robot.steps.shape[0] + 1, 3, 4)),
         np.empty((geoms, 3)),
         np.empty((robot.spheres.shape[0], 3)),
@@ -186,10 +186,10 @@ def make_room(robot: RobotArrays) -> Room:
 
 
 @njit(cache=True, nogil=True)
-def place(robot: RobotArrays, q: Float64, width: float, room: Room) -> None:
+def place(robot: RobotArrays, q: Float64, width: float, scratch: Scratch) -> None:
     """Put the links and the centres of all geoms where they are in a posture."""
     of_geom, slides, bounds, opening = robot.links, robot.slides, robot.bounds, width - robot.closed
-    links, centres, ready = room.links, room.centres, room.ready
+    links, centres, ready = scratch.links, scratch.centres, scratch.ready
     forward(robot.steps, robot.sliding, q, links)
     for g in range(of_geom.shape[0]):
         n = of_geom[g]
@@ -202,11 +202,11 @@ def place(robot: RobotArrays, q: Float64, width: float, room: Room) -> None:
 
 
 @njit(cache=True, nogil=True)
-def look(
-    robot: RobotArrays, world: WorldArrays, width: float, due: NDArray[np.bool_], wanted: Float64,
-    only_worst: bool, room: Room, found: Float64, which: Int64,
+def evaluate_clearances(
+    robot: RobotArrays, world: WorldArrays, width: float, active: NDArray[np.bool_], wanted: Float64,
+    only_worst: bool, scratch: Scratch, found: Float64, which: Int64,
 ) -> int:  # fmt: skip
-    """Judge what is due in the posture that was placed: geoms against the world, then pairs of geoms.
+    """Judge what is active in the posture that was placed: geoms against the world, then pairs of geoms.
 
     Writes the clearance beyond the margin into `found` (resolved only below `wanted`) and into `which` the obstacle, or
     -1 - the pair's first geom. Returns the number of the smallest; with `only_worst`, what cannot be smaller than what
@@ -215,7 +215,7 @@ def look(
     # Local names: reading an array out of a tuple counts references, which costs more than the arithmetic.
     of_geom, slides, bounds, spheres, start = robot.links, robot.slides, robot.bounds, robot.spheres, robot.sphere_start
     support, support_start, pairs = robot.support, robot.support_start, robot.pairs
-    links, centres, placed, ready = room.links, room.centres, room.placed, room.ready
+    links, centres, placed, ready = scratch.links, scratch.centres, scratch.placed, scratch.ready
     field, origin, resolution, planes, plane_start = (
         world.field, world.origin, world.resolution, world.planes, world.plane_start,
     )  # fmt: skip
@@ -224,7 +224,7 @@ def look(
     worst: int = -1
     smallest: float = 1e9
     for g in range(geoms - 1, -1, -1):  # the gripper is what most often collides
-        if not due[g]:
+        if not active[g]:
             continue
         enough = min(wanted[g], smallest) if only_worst else wanted[g]
         x, y, z, margin = centres[g, 0], centres[g, 1], centres[g, 2], margins[g]
@@ -268,7 +268,7 @@ def look(
                 return worst
     for p in range(pairs.shape[0]):
         number = geoms + p
-        if not due[number]:
+        if not active[number]:
             continue
         enough = min(wanted[number], smallest) if only_worst else wanted[number]
         i, j = pairs[p, 0], pairs[p, 1]

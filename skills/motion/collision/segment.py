@@ -20,7 +20,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from skills.motion.collision.kernel import WorldArrays, look, make_room, place
+from skills.motion.collision.kernel import WorldArrays, evaluate_clearances, make_scratch, place
 from skills.motion.collision.robot_shape import RobotArrays
 
 Float64 = NDArray[np.float64]
@@ -40,12 +40,12 @@ def check_segment(
     """
     dof, geoms, pairs, of_geom = start.shape[0], robot.links.shape[0], robot.pairs, robot.links
     numbers = geoms + pairs.shape[0]
-    room = make_room(robot)
+    scratch = make_scratch(robot)
     step = end - start
     turns, shifts = np.zeros((dof + 1, 3)), np.zeros((dof + 1, 3))
     rates, bends, speeds = np.zeros(numbers), np.zeros(numbers), np.zeros(numbers)  # [m] per unit of the segment
     safe_until = np.zeros(numbers)
-    due = np.empty(numbers, np.bool_)
+    active = np.empty(numbers, np.bool_)
     wanted, found = np.empty(numbers), np.empty(numbers)
     which = np.empty(numbers, np.int64)
     for n in range(numbers):
@@ -64,26 +64,26 @@ def check_segment(
             return 2.0, smallest, geom, other
         for j in range(dof):
             q[j] = start[j] + t * step[j]
-        place(robot, q, width, room)
-        write_twists(robot.sliding, room.links, step, turns, shifts)
+        place(robot, q, width, scratch)
+        write_twists(robot.sliding, scratch.links, step, turns, shifts)
         rest = 1.0 - t
         for n in range(numbers):
-            due[n] = safe_until[n] <= t
-            if due[n]:
+            active[n] = safe_until[n] <= t
+            if active[n]:
                 inner, outer = (0, n) if n < geoms else (of_geom[pairs[n - geoms, 0]], pairs[n - geoms, 1])
                 speeds[n] = speed_of_ball(
-                    turns, shifts, inner, of_geom[outer], room.centres[outer], robot.bounds[outer, 3]
+                    turns, shifts, inner, of_geom[outer], scratch.centres[outer], robot.bounds[outer, 3]
                 )
                 motion = min(rates[n] * rest, (speeds[n] + 0.5 * bends[n] * rest) * rest)
                 wanted[n] = min(motion, _LOOK_AHEAD) + 1e-9
-        worst = look(robot, world, width, due, wanted, False, room, found, which)
+        worst = evaluate_clearances(robot, world, width, active, wanted, False, scratch, found, which)
         if found[worst] < smallest:
             geom = worst if worst < geoms else pairs[worst - geoms, 1]
             smallest, other = found[worst], which[worst]
             if smallest < 0.0:
                 return t, smallest, geom, other
         for n in range(numbers):
-            if due[n]:
+            if active[n]:
                 reached = _reaches(found[n] + slack, rates[n], speeds[n], bends[n])
                 safe_until[n] = 2.0 if reached > rest else t + reached
 

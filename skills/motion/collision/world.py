@@ -138,10 +138,10 @@ class CollisionWorld:
             BadJoints: q is no posture of this robot.
         """
         joints = self.shape.model.checked(q)
-        clearances, culprits = self._judge(joints[None], width, _FAR)
+        clearances, closest = self._judge(joints[None], width, _FAR)
         if clearances[0] >= 0.0:
             return None
-        return self._collision(joints, width, float(clearances[0]), int(culprits[0, 0]), int(culprits[0, 1]), 0.0)
+        return self._collision(joints, width, float(clearances[0]), int(closest[0, 0]), int(closest[0, 1]), 0.0)
 
     def clearance(self, q: ArrayLike, width: float) -> float:
         """Distance that is left beyond the margins [m], negative in collision; 0.25 m and more are told as 0.25 m.
@@ -249,9 +249,9 @@ class CollisionWorld:
         return postures
 
     def _judge(self, Q: Float64, width: float, enough: float) -> tuple[Float64, NDArray[np.int64]]:
-        clearances, culprits = np.empty(len(Q)), np.empty((len(Q), 2), dtype=np.int64)
-        kernel.check_states(self.shape.arrays, self.arrays, Q, width, enough, clearances, culprits)
-        return clearances, culprits
+        clearances, closest = np.empty(len(Q)), np.empty((len(Q), 2), dtype=np.int64)
+        kernel.check_states(self.shape.arrays, self.arrays, Q, width, enough, clearances, closest)
+        return clearances, closest
 
     def _collision(self, q: Float64, width: float, away: float, geom: int, other: int, at: float) -> Collision:
         itself = other < 0

@@ -55,12 +55,12 @@ def follow_through(
         the number of good solutions.
     """
     good = 0
-    clearances, culprits = np.empty(1), np.empty((1, 2), np.int64)
+    clearances, closest = np.empty(1), np.empty((1, 2), np.int64)
     verdicts[:] = -1
     for n in range(solutions.shape[0]):
         witnesses[n] = solutions[n]
         verdicts[n] = START_BLOCKED
-        check_states(robot, world, solutions[n : n + 1], width, 0.0, clearances, culprits)
+        check_states(robot, world, solutions[n : n + 1], width, 0.0, clearances, closest)
         if clearances[0] < 0.0:
             continue
         line = lines[n]
@@ -70,7 +70,7 @@ def follow_through(
         )
         if ended != REACHED:
             continue
-        check_states(robot, world, line[-1:], width, 0.0, clearances, culprits)
+        check_states(robot, world, line[-1:], width, 0.0, clearances, closest)
         if (
             clearances[0] < 0.0
         ):  # most that fail fail at the grasp itself, which is judged far more quickly than the way

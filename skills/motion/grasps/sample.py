@@ -70,7 +70,7 @@ class GraspRules:
     check: bool = True
 
 
-class _OutOfQuestion(Exception):
+class CandidateRejected(Exception):
     """A candidate that is ruled out."""
 
     def __init__(self, code: str, reason: str) -> None:
@@ -132,7 +132,7 @@ def sample_pre_grasps(
     ):
         try:
             grasps.append(_candidate(setting, index, theta, alpha, R_base_tcp))
-        except _OutOfQuestion as out:
+        except CandidateRejected as out:
             ruled_out.append(RuledOut(index, theta, alpha, out.code, out.reason))
     if setting.rules.check:
         grasps.sort(key=lambda grasp: cost(grasp, robot, setting.q_now))
@@ -160,7 +160,7 @@ def _candidate(setting: _Setting, index: int, theta: float, alpha: float, R_base
     """Follow one candidate through.
 
     Raises:
-        _OutOfQuestion: at the first step that fails for all joint solutions.
+        CandidateRejected: at the first step that fails for all joint solutions.
     """
     section = fruit_section(setting.measured, setting.vertices_base, R_base_tcp)
     width = _opening(setting, section)
@@ -173,7 +173,7 @@ def _candidate(setting: _Setting, index: int, theta: float, alpha: float, R_base
     angles = setting.rules.arm_angles
     solutions = inverse_kinematics(setting.robot, T_base_pre_grasp, arm_angles=angles, near=setting.q_now)
     if len(solutions) == 0:
-        raise _OutOfQuestion("UNREACHABLE", "the arm does not reach the pre-grasp")
+        raise CandidateRejected("UNREACHABLE", "the arm does not reach the pre-grasp")
     kept, clearance = solutions[: setting.rules.solutions], np.inf
     if setting.rules.check:
         kept, clearance = _approachable(setting, solutions, T_base_grasp, width)
@@ -187,7 +187,7 @@ def _opening(setting: _Setting, section: FruitSection) -> float:
     wanted, needed = setting.rules.side
     unsure = setting.rules.sigmas * np.hypot(section.sigma_across, section.sigma_width / 2.0)
     if section.width + 2.0 * (needed + unsure) > setting.robot.width_max:
-        raise _OutOfQuestion(
+        raise CandidateRejected(
             "TOO_WIDE",
             f"the fruit is {1e3 * section.width:.0f} ± {2e3 * unsure:.0f} mm wide here, the fingers open to "
             f"{1e3 * setting.robot.width_max:.0f} mm",
@@ -198,7 +198,7 @@ def _opening(setting: _Setting, section: FruitSection) -> float:
 def _clear_palm(setting: _Setting, section: FruitSection) -> None:
     left = setting.shape.palm_depth - section.behind
     if left < setting.rules.palm:
-        raise _OutOfQuestion("TOO_TALL", f"the fruit would be {1e3 * left:.0f} mm from the palm")
+        raise CandidateRejected("TOO_TALL", f"the fruit would be {1e3 * left:.0f} mm from the palm")
 
 
 def _above_table(setting: _Setting, section: FruitSection, T_base_grasp: Float64, width: float) -> Float64:
@@ -214,7 +214,7 @@ def _above_table(setting: _Setting, section: FruitSection, T_base_grasp: Float64
     if back > setting.rules.raise_up_to:
         name = body.replace("_", " ").replace("finger left", "left finger").replace("finger right", "right finger")
         where = f"{-1e3 * air:.0f} mm inside" if air < 0.0 else f"only {1e3 * air:.0f} mm above"
-        raise _OutOfQuestion("TABLE", f"the {name} would be {where} the table")
+        raise CandidateRejected("TABLE", f"the {name} would be {where} the table")
     raised = T_base_grasp.copy()
     raised[:3, 3] -= back * T_base_grasp[:3, 2]
     return raised
@@ -271,10 +271,10 @@ def warm_up(robot: RobotModel) -> None:
     _judge(robot, space, q[None], poses, np.ascontiguousarray(robot.T_link_tcp[:3]), 1)
 
 
-def _why_not(space: ArmSpace, verdicts: Int64, witnesses: Float64) -> _OutOfQuestion:
+def _why_not(space: ArmSpace, verdicts: Int64, witnesses: Float64) -> CandidateRejected:
     """The reason of the solution that came furthest."""
     furthest = int(verdicts.argmax())
     if verdicts[furthest] == LINE_BROKEN:
-        return _OutOfQuestion("UNREACHABLE", "the arm cannot go straight from the pre-grasp to the grasp")
+        return CandidateRejected("UNREACHABLE", "the arm cannot go straight from the pre-grasp to the grasp")
     where = "at the pre-grasp" if verdicts[furthest] == START_BLOCKED else "on the approach"
-    return _OutOfQuestion("IN_COLLISION", f"{where} {space.explain(witnesses[furthest])[0]}")
+    return CandidateRejected("IN_COLLISION", f"{where} {space.explain(witnesses[furthest])[0]}")

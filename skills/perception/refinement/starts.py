@@ -22,7 +22,7 @@ _SETTLED = 0.95
 _CLEARLY = 0.02
 """Another axis of the stem must explain so much more of the depth."""
 
-_ODD = 0.05
+_ASPECT_WEIGHT = 0.05
 """Of two axes the one that makes the fruit odder must explain so much more for each squared standard deviation: upside
 down a fruit fits its depth nearly as well, but wider and flatter than it is."""
 
@@ -88,7 +88,7 @@ class Judge:
         hidden = np.count_nonzero(difference < -_HIDDEN * self.band)
         return int(agree), int(difference.size - agree - hidden)
 
-    def oddness(self, dimensions: Float64) -> float:
+    def aspect_penalty(self, dimensions: Float64) -> float:
         """How far height over width is from the model's, squared, in standard deviations."""
         wide, model_wide = dimensions[[0, 2]].mean(), self.model[[0, 2]].mean()
         return float((np.log(dimensions[1] * model_wide / (wide * self.model[1])) / self.aspect) ** 2)
@@ -96,8 +96,8 @@ class Judge:
     def score(self, result: RefineResult) -> tuple[float, float, bool]:
         """Pixels explained less those that are not and what is odd; by how much another must be better; settled."""
         agree, differ = self.explained(result)
-        odd = _ODD * self.oddness(result.dimensions) * agree
-        return agree - differ - odd, _CLEARLY * agree, agree >= _SETTLED * (agree + differ)
+        penalty = _ASPECT_WEIGHT * self.aspect_penalty(result.dimensions) * agree
+        return agree - differ - penalty, _CLEARLY * agree, agree >= _SETTLED * (agree + differ)
 
 
 def best_of_starts(

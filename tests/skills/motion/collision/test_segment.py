@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from drivers.interfaces import Workspace
 from skills.geometry import inverse, rot_x, transform
 from skills.motion.collision import CollisionWorld, RobotShape
-from skills.motion.collision.kernel import make_room, place
+from skills.motion.collision.kernel import make_scratch, place
 from skills.motion.collision.segment import bounds_of_motion, speed_of_ball, write_twists
 from skills.motion.robot import RobotModel, inverse_kinematics
 from skills.motion.straight_line import straight_line
@@ -34,7 +34,7 @@ SLIDING = """<robot name="gantry">
 
 def bound(shape: RobotShape, q: np.ndarray, step: np.ndarray, share: float, inner: int, geom: int) -> float:
     """How far a geom can move, in the frame of link `inner`, while the joints go from q by a share of a step."""
-    arrays, room = shape.arrays, make_room(shape.arrays)
+    arrays, room = shape.arrays, make_scratch(shape.arrays)
     place(arrays, q, shape.model.width_max, room)
     turns, shifts = np.zeros((len(q) + 1, 3)), np.zeros((len(q) + 1, 3))
     write_twists(arrays.sliding, room.links, step, turns, shifts)
