@@ -16,6 +16,8 @@ PITCH = 0.004
 """Distance of neighbouring taxels [m]."""
 SPREAD = 0.006
 """Width of the dent that a contact makes [m]."""
+NOISE = 4e-4
+"""Of every taxel [V]: half a step of the converter. No live sensor says the same twice."""
 
 
 class Pad:
@@ -54,14 +56,20 @@ class SunTouchEmulator:
         silent: the cable is pulled.
         drop_bytes: so many bytes of the next answer get lost on the way.
         spike: added to a taxel of the next answer [V].
+        restless: by so much a taxel jumps with every answer [V].
+        stuck: the answer stays what it was.
+        dead: every taxel says 0 V.
     """
 
     def __init__(self, wrench: Callable[[], Float64], seed: int = 0) -> None:
         self.pad = Pad(seed)
         self.silent = False
         self.drop_bytes = 0
-        self.spike = 0.0
+        self.spike = self.restless = 0.0
+        self.stuck = self.dead = False
         self._wrench = wrench
+        self._rng = np.random.default_rng([seed, 26])
+        self._said = np.zeros(TAXELS)
 
     def connected(self, peer: Peer) -> None:
         """Nothing to do: the finger speaks when it is asked."""
@@ -78,8 +86,15 @@ class SunTouchEmulator:
         """The finger has no time of its own."""
 
     def _answer(self) -> bytes:
-        volts = self.pad.volts(self._wrench())
-        volts[12] += self.spike
+        if self.dead:
+            volts = np.zeros(TAXELS)
+        elif self.stuck:
+            volts = self._said
+        else:
+            volts = self.pad.volts(self._wrench()) + self._rng.normal(0.0, NOISE, TAXELS)
+            volts[12] += self.spike + self.restless
+            self.restless = -self.restless
+        self._said = volts
         answer = encode(volts)[self.drop_bytes :]
         self.spike, self.drop_bytes = 0.0, 0
         return answer

@@ -11,6 +11,7 @@ from drivers.errors import DeviceError
 from drivers.interfaces import Float64, ForceSensor, Subscription, WrenchSample
 from drivers.mock.clock import PERIOD, MockClock
 from drivers.mock.gripper import MockGripper
+from drivers.streams import WrenchStream
 
 Script = Callable[[float], Float64]
 """Wrenches of both fingers, shape (2, 6), at a time [s]."""
@@ -27,14 +28,8 @@ def spring_fruit(gripper: MockGripper, width: float, stiffness: float = 2000.0) 
     return feel
 
 
-class _Listener:
-    def __init__(self, call: Callable[[WrenchSample], None], listeners: list[_Listener]) -> None:
-        self.call = call
-        self._listeners = listeners
-
-    def close(self) -> None:
-        if self in self._listeners:
-            self._listeners.remove(self)
+RIPPLE = 1e-13
+"""Of every sample, to either side [N, N·m]: no live sensor says the same to the last bit."""
 
 
 class MockForceSensor(Device):
@@ -55,8 +50,7 @@ class MockForceSensor(Device):
         self.saturated = (False, False)
         self._silent = 0.0
         self._sequence = 0
-        self._newest: WrenchSample | None = None
-        self._listeners: list[_Listener] = []
+        self._stream = WrenchStream(clock)
         self._error: DeviceError | None = None
         clock.each_step.append(self._step)
 
@@ -67,10 +61,8 @@ class MockForceSensor(Device):
         self._silent = self._clock.now() + duration
 
     def give(self, sample: WrenchSample) -> None:
-        """Deliver one sample now, whatever its stamp and sequence."""
-        self._newest = sample
-        for listener in tuple(self._listeners):
-            listener.call(sample)
+        """Deliver one sample now, whatever it says: nothing judges it."""
+        self._stream.hand_on(sample)
 
     def fail_check(self, error: DeviceError | None) -> None:
         """Raise this from every `check` from now on; None ends it."""
@@ -79,22 +71,29 @@ class MockForceSensor(Device):
     # ----------------------------------------------------------------------------------------------- device
 
     def latest(self) -> WrenchSample | None:
-        return self._newest
+        return self._stream.newest
 
     def subscribe(self, listener: Callable[[WrenchSample], None]) -> Subscription:
-        entry = _Listener(listener, self._listeners)
-        self._listeners.append(entry)
-        return entry
+        return self._stream.subscribe(listener)
 
     def check(self) -> None:
-        if self._error is not None:
-            raise self._error
+        problem = self._wrong()
+        if problem is not None:
+            raise problem
 
     def link(self) -> str:
-        return "ok" if self._error is None else self._error.message
+        problem = self._wrong()
+        return "ok" if problem is None else problem.message
+
+    def acknowledge(self) -> None:
+        self._stream.acknowledge(self.name)
+
+    def _wrong(self) -> DeviceError | None:
+        return self._error or self._stream.problem(self.name)
 
     def _step(self) -> None:
         self._sequence += 1
         now = self._clock.now()
         if now > self._silent:
-            self.give(WrenchSample(now, self._sequence, np.array(self.feel(now), np.float64), self.saturated))
+            felt = np.array(self.feel(now), np.float64) + (RIPPLE if self._sequence % 2 else -RIPPLE)
+            self._stream.deliver(WrenchSample(now, self._sequence, felt, self.saturated))

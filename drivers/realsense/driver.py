@@ -1,8 +1,11 @@
-"""A RealSense camera as a `Camera`: a thread keeps the newest pair of images and where the camera was."""
+"""A RealSense camera as a `Camera`: its owner keeps the newest pair of images and where the camera was.
+
+A frame that is old, of the future, repeated or frozen (`drivers.streams.FrameGuard`) is never the newest; a camera that
+gives nothing else is lost, opened again, and stays latched.
+"""
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from typing import Protocol
 
@@ -12,12 +15,14 @@ from drivers.interfaces import Camera, Frame
 from drivers.owner import Owner
 from drivers.realsense.ride import Ride
 from drivers.realsense.source import Pair
+from drivers.realsense.stamps import Stamps
+from drivers.streams import FrameGuard
 from executive.clock import Clock
 
 RECONNECT = 1.0
 """Pause between attempts to open a lost camera again [s]."""
-LATENCY = 0.035
-"""From exposure to arrival, where the camera's stamp cannot be compared with the host's clock [s]."""
+PIXELS = 16
+"""Every so many rows and columns a pixel is compared with the frame before."""
 
 
 class Source(Protocol):
@@ -46,6 +51,7 @@ class StreamingCamera(Device):
         super().__init__(name)
         self._open_source, self._ride, self._clock = open_source, ride, clock
         self._silence, self._label = silence, label
+        self._stamps, self._guard = Stamps(clock), FrameGuard(clock, silence)
         self._source: Source | None = None
         self._owner = Owner(name, self.step, self._lose, clock)
         self._newest: Frame | None = None
@@ -62,11 +68,14 @@ class StreamingCamera(Device):
         """
         self._open()
         end = self._clock.now() + deadline
-        while self._newest is None:
-            self._look()
-            if self._clock.now() > end:
-                self._close_source()
-                raise DeviceLost(self.name, f"no image within {deadline:g} s")
+        try:
+            while self._newest is None:
+                self._look()
+                if self._clock.now() > end:
+                    raise DeviceLost(self.name, f"no image within {deadline:g} s")
+        except (OSError, DeviceError):
+            self._close_source()
+            raise
         self._problem = None
 
     def start(self) -> None:
@@ -95,6 +104,7 @@ class StreamingCamera(Device):
         problem = self._problem
         if problem is not None:
             raise problem
+        self._owner.check()
 
     def acknowledge(self) -> None:
         """Accept that the camera had been lost.
@@ -102,6 +112,11 @@ class StreamingCamera(Device):
         Raises:
             DeviceLost: it still is.
         """
+        if self._source is None:
+            raise DeviceLost(self.name, f"is still lost: {_words(self._problem)}")
+        self._owner.ask(self._release)
+
+    def _release(self) -> None:
         if self._source is None:
             raise DeviceLost(self.name, f"is still lost: {_words(self._problem)}")
         self._problem = None
@@ -114,6 +129,8 @@ class StreamingCamera(Device):
     def _open(self) -> None:
         self._source = self._open_source()
         self._heard = self._clock.now()
+        self._stamps.restart()
+        self._guard.restart()
 
     def _look(self) -> None:
         source = self._source
@@ -125,13 +142,14 @@ class StreamingCamera(Device):
         now = self._clock.now()
         if pair is not None:
             self._heard = now
-            self._newest = self._frame(pair, now)
+            stamp = self._stamps.stamp(pair)
+            if self._guard.judge(stamp, pair.number, _some_pixels(pair)):
+                self._newest = self._frame(pair, min(stamp, now))
+            self._guard.check(self.name)
         elif now - self._heard > self._silence:
             raise DeviceLost(self.name, f"no image for {now - self._heard:.1f} s")
 
-    def _frame(self, pair: Pair, now: float) -> Frame:
-        age = time.time() - pair.taken if pair.on_host_clock else LATENCY
-        stamp = now - (age if 0.0 <= age < 1.0 else LATENCY)
+    def _frame(self, pair: Pair, stamp: float) -> Frame:
         frame = Frame(
             stamp=stamp,
             sequence=self._sequence,
@@ -155,6 +173,11 @@ class StreamingCamera(Device):
         source, self._source = self._source, None
         if source is not None:
             source.close()
+
+
+def _some_pixels(pair: Pair) -> bytes:
+    colour, depth = pair.colour[::PIXELS, ::PIXELS], pair.depth[::PIXELS, ::PIXELS]
+    return colour.tobytes() + depth.tobytes()
 
 
 def _words(problem: DeviceError | None) -> str:

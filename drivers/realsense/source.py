@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -63,7 +63,7 @@ class Pair:
     """Aligned images: colour (h, w, 3) uint8 RGB, depth (h, w) float32 [m], and when the camera took them.
 
     Attributes:
-        taken: the camera's own time [s], in the domain that `on_host_clock` tells.
+        taken: the camera's own time [s], in the domain that `on_host_clock` tells; None for a recording.
         on_host_clock: whether `taken` is the host's wall clock; else the camera's hardware counter.
         number: the camera's frame number.
     """
@@ -71,7 +71,7 @@ class Pair:
     colour: NDArray[np.uint8]
     depth: NDArray[np.float32]
     intrinsics: Intrinsics
-    taken: float
+    taken: float | None
     on_host_clock: bool
     number: int
 
@@ -126,6 +126,7 @@ class PipelineSource:
             DeviceLost: no such camera, or it does not offer these images.
         """
         rs = load_library()
+        self._recorded = settings.bag is not None
         config = rs.config()
         width, height = settings.size
         if settings.bag is not None:
@@ -164,7 +165,8 @@ class PipelineSource:
             came, frames = self._pipeline.try_wait_for_frames(int(timeout * 1000.0))
         except RuntimeError as error:
             raise DeviceLost("camera", str(error)) from error
-        return self._aligner.pair(frames) if came else None
+        pair = self._aligner.pair(frames) if came else None
+        return replace(pair, taken=None) if pair is not None and self._recorded else pair
 
     def close(self) -> None:
         self._pipeline.stop()

@@ -14,19 +14,25 @@ from drivers.sim.faults import FaultyDevice
 from drivers.sim.gl import in_gl_thread, load_mujoco, open_renderer
 from drivers.sim.stereo_depth import Stereo, measure_depth
 from drivers.sim.world import SimWorld
+from drivers.streams import FrameGuard
 
 STALE = 1.0
 """A picture that did not change for this long although time went on is lost [s]."""
+SILENCE = 0.5
+"""A camera of which no frame can be believed for so long is not to be believed [s]; as a real one."""
+LIES = {"old": -30.0, "early": 10.0, "repeated": 0.0}
+"""Faults of a camera that goes on sending, and by how much its stamps are wrong [s]."""
 
 
 class SimCamera(FaultyDevice):
     """Renders the present state of the world, at most once per frame period. Depth is registered to colour.
 
-    Faults: `freeze` (the newest frame stays the same), `lost` (no frame).
+    Faults: `freeze` (the newest frame stays the same), `lost` (no frame), and frames that are `old`, `early` (of the
+    future) or `repeated` (with the number of the one before).
     """
 
     interfaces = (Camera,)
-    known_faults = ("freeze", "lost")
+    known_faults = ("freeze", "lost", "old", "early", "repeated")
 
     def __init__(self, world: SimWorld, intrinsics: Intrinsics, stereo: Stereo, rate: float) -> None:
         super().__init__("camera")
@@ -39,17 +45,26 @@ class SimCamera(FaultyDevice):
         self._renderer: Any = None
         self._frame: Frame | None = None
         self._fault_since = 0.0
+        self._guard = FrameGuard(world.clock, SILENCE)
 
     def latest(self) -> Frame | None:
         """The view of this moment. Two calls within one frame period get the same frame."""
         if self.fault == "lost":
             return None
-        now = self._world.clock.now()
-        sequence = int(now * self._rate + 1e-6)
+        stamp, sequence = self._next()
         if self.fault == "freeze" or (self._frame is not None and self._frame.sequence == sequence):
             return self._frame
-        self._frame = self._expose(now, sequence)
+        if self._guard.judge(stamp, sequence):
+            self._frame = self._expose(stamp, sequence)
         return self._frame
+
+    def _next(self) -> tuple[float, int]:
+        """Stamp and number of the frame of this moment."""
+        now = self._world.clock.now()
+        sequence = int(now * self._rate + 1e-6)
+        if self.fault == "repeated":
+            return now, self._frame.sequence if self._frame is not None else 0
+        return now + LIES.get(self.fault or "", 0.0), sequence
 
     def heard(self) -> float | None:
         """Every moment has its view, and asking for its stamp takes no picture: a picture is a look that is scored."""
@@ -58,11 +73,17 @@ class SimCamera(FaultyDevice):
         return None if self._frame is None else self._frame.stamp
 
     def check(self) -> None:
-        if self.fault is not None and self._world.clock.now() - self._fault_since > STALE:
+        if self.fault in LIES:  # judged without taking a picture: a picture is a look that is scored
+            self._guard.judge(*self._next())
+            self._guard.check(self.name)
+        elif self.fault is not None and self._world.clock.now() - self._fault_since > STALE:
             raise DeviceLost(self.name, f"no new frame for {self._world.clock.now() - self._fault_since:.1f} s")
 
     def inject_fault(self, kind: str) -> None:
         super().inject_fault(kind)
+        self._guard.restart()
+        if self._frame is not None:
+            self._guard.judge(self._frame.stamp, self._frame.sequence)
         self._fault_since = self._world.clock.now()
 
     def close(self) -> None:

@@ -13,6 +13,7 @@ from drivers.sim.faults import FaultyDevice
 from drivers.sim.finger_faults import LIES
 from drivers.sim.scene import PADS, TIMESTEP
 from drivers.sim.world import SimWorld
+from drivers.streams import WrenchStream
 
 STALE = 0.05
 """A stream without a sample for this long is lost [s]."""
@@ -42,16 +43,6 @@ def pad_wrench(contact: Float64, site_position: Float64, site_rotation: Float64,
         wrench[3 + k] = a * tx + b * ty + c * tz
 
 
-class _Listener:
-    def __init__(self, listener: Callable[[WrenchSample], None], listeners: list[_Listener]) -> None:
-        self.call = listener
-        self._listeners = listeners
-
-    def close(self) -> None:
-        if self in self._listeners:
-            self._listeners.remove(self)
-
-
 class SimFingers(FaultyDevice):
     """Two pads. Errors: a constant bias per channel, white noise, and the range's end.
 
@@ -74,25 +65,37 @@ class SimFingers(FaultyDevice):
         sites = [world.model.site(pad).id for pad in PADS]
         self._positions = [world.state.site_xpos[site] for site in sites]
         self._rotations = [world.state.site_xmat[site] for site in sites]
-        self._listeners: list[_Listener] = []
+        self._passing = WrenchStream(world.clock)
         self._lost: WrenchSample | None = None
         self._before: WrenchSample | None = None
-        self._newest: WrenchSample | None = None
+        self._passed = -1  # the step whose sample was measured last
         world.after_step.append(self._stream)
 
     def latest(self) -> WrenchSample | None:
-        if self.fault == "lost":
-            return self._lost
-        return self._measure()
+        self._pass_on()
+        return self._passing.newest
 
     def subscribe(self, listener: Callable[[WrenchSample], None]) -> Subscription:
-        entry = _Listener(listener, self._listeners)
-        self._listeners.append(entry)
-        return entry
+        return self._passing.subscribe(listener)
 
     def check(self) -> None:
         if self._lost is not None and self._world.clock.now() - self._lost.stamp > STALE:
             raise DeviceLost(self.name, f"no sample for {1e3 * (self._world.clock.now() - self._lost.stamp):.0f} ms")
+        problem = self._passing.problem(self.name)
+        if problem is not None:
+            raise problem
+
+    def link(self) -> str:
+        problem = self._passing.problem(self.name)
+        return super().link() if problem is None else problem.message
+
+    def acknowledge(self) -> None:
+        """Accept what was wrong with the samples.
+
+        Raises:
+            DeviceFault: it still is.
+        """
+        self._passing.acknowledge(self.name)
 
     def inject_fault(self, kind: str) -> None:
         newest = self._measure()
@@ -105,15 +108,22 @@ class SimFingers(FaultyDevice):
         self._lost = None
 
     def _stream(self) -> None:
-        if self._listeners and self.fault != "lost":
-            sample = self._measure()
-            for entry in tuple(self._listeners):
-                entry.call(sample)
+        if self._passing.heard or self.fault is not None:  # a fault is found whether or not anybody listens
+            self._pass_on()
+
+    def _pass_on(self) -> None:
+        """Deliver the sample of this step, once."""
+        step = self._world.clock.steps
+        if self._passed == step or self.fault == "lost":
+            return
+        self._passed = step
+        sample = self._measure()
+        if self.fault in LIES and self._before is not None:
+            sample = LIES[self.fault](sample, self._before)
+        self._passing.deliver(sample)
 
     def _measure(self) -> WrenchSample:
         sequence = self._world.clock.steps
-        if self._newest is not None and self._newest.sequence == sequence and self.fault is None:
-            return self._newest
         wrenches = np.empty((2, 6))
         for i in range(2):
             pad_wrench(self._contacts[i], self._positions[i], self._rotations[i], wrenches[i])
@@ -124,7 +134,4 @@ class SimFingers(FaultyDevice):
         if beyond.any():
             np.clip(forces, -self._range, self._range, out=forces)
             saturated = (bool(beyond[0].any()), bool(beyond[1].any()))
-        self._newest = WrenchSample(sequence * TIMESTEP, sequence, wrenches, saturated)
-        if self.fault in LIES and self._before is not None:
-            self._newest = LIES[self.fault](self._newest, self._before)
-        return self._newest
+        return WrenchSample(sequence * TIMESTEP, sequence, wrenches, saturated)

@@ -31,10 +31,12 @@ class Reading:
     Attributes:
         volts: shape (25,) [V], of the taxels row by row.
         saturated: whether any taxel is at an end of its range.
+        dead: whether all of them are at the same end: no light, no supply, or a line that is stuck.
     """
 
     volts: Float64
     saturated: bool
+    dead: bool = False
 
 
 def encode(volts: Float64) -> bytes:
@@ -54,9 +56,9 @@ def decode(answer: bytes) -> Reading:
     if len(answer) != SIZE:
         raise Malformed(answer, f"a finger answers {SIZE} bytes, not {len(answer)}")
     counts = np.array(struct.unpack(f"<{TAXELS}H", answer)) & (COUNTS - 1)
-    saturated = bool(counts.min() == 0 or counts.max() == COUNTS - 1)
+    low, high = int(counts.min()), int(counts.max())
     volts: Float64 = counts * np.float64(VOLTS / COUNTS)
-    return Reading(volts, saturated)
+    return Reading(volts, low == 0 or high == COUNTS - 1, high == 0 or low == COUNTS - 1)
 
 
 class Assembler:

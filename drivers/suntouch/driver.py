@@ -1,22 +1,24 @@
 """Two SUNTouch fingers as a `ForceSensor`: asked together 500 times a second by one thread.
 
-A sample that one finger did not answer, or that holds a spike, is left out and leaves a gap in the sequence. A lost
-finger stops the gripper, stays latched, and is opened again in the background.
+A sample that one finger did not answer, that holds a spike or that cannot be true (`drivers.streams`) is left out and
+leaves a gap in the sequence. A finger that is lost or not to be believed stops the gripper and stays latched; a lost
+one is opened again in the background.
 """
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable
 
 import numpy as np
 
 from drivers.device import Device
-from drivers.errors import DeviceError, DeviceFault, DeviceLost
+from drivers.errors import DeviceError, DeviceLost
 from drivers.interfaces import ForceSensor, Subscription, WrenchSample
 from drivers.owner import Owner
+from drivers.streams import SIDES, SILENCE, WrenchStream
 from drivers.suntouch.codec import Reading
 from drivers.suntouch.finger import Finger
+from drivers.suntouch.spike_filter import JUMP
 from executive.clock import Clock
 
 RECONNECT = 0.5
@@ -31,20 +33,11 @@ DROPPED, AVERAGED = 10, 100
 """Samples left out before and taken for the bias."""
 
 
-class _Listener:
-    def __init__(self, call: Callable[[WrenchSample], None], fingers: SunTouchFingers) -> None:
-        self.call, self._fingers = call, fingers
-
-    def close(self) -> None:
-        self._fingers._unsubscribe(self)
-
-
 class SunTouchFingers(Device):
     """The left and the right finger.
 
     Attributes:
         lost_samples: periods in which no sample was delivered.
-        on_lost: called once when the stream is lost, from the sensor's thread: stops the gripper.
     """
 
     interfaces = (ForceSensor,)
@@ -56,20 +49,22 @@ class SunTouchFingers(Device):
         clock: Clock,
         *,
         rate: float = 500.0,
-        silence: float = 0.040,
+        silence: float = SILENCE,
         on_lost: Callable[[], None] = lambda: None,
         name: str = "fingers",
     ) -> None:
+        """
+        Args:
+            on_lost: called once when the stream is lost or not to be believed, by the owner: stops the gripper.
+        """
         super().__init__(name)
-        self.rate, self.on_lost = rate, on_lost
+        self.rate = rate
         self.lost_samples = 0
         self.fingers = (left, right)
         self._clock, self._silence = clock, silence
         self._period = 1.0 / rate
         self._owner = Owner(name, self.step, self._lose, clock)
-        self._lock = threading.Lock()
-        self._listeners: tuple[_Listener, ...] = ()
-        self._newest: WrenchSample | None = None
+        self._stream = WrenchStream(clock, silence, on_lost)
         self._sequence = 0
         self._due = 0.0
         self._heard = 0.0
@@ -77,6 +72,7 @@ class SunTouchFingers(Device):
         self._streaming = False
         self._retry_at = 0.0
         self._biasing: list[tuple[Reading, Reading]] | None = None
+        self._biases_asked = self._biases_begun = 0
         self._problem: DeviceError | None = DeviceLost(name, "was never connected")
 
     # ---------------------------------------------------------------------------------------- connection
@@ -90,7 +86,7 @@ class SunTouchFingers(Device):
         try:
             self._open()
             self.bias()
-            while self._biasing is not None:
+            while not self.biased:
                 self._sample()
         except OSError as error:
             self._close_lines()
@@ -106,12 +102,17 @@ class SunTouchFingers(Device):
 
     def bias(self) -> None:
         """Take the voltages of the next readings as those without contact: 10 are left out, 100 averaged."""
-        self._biasing = []
+        self._biases_asked += 1
+        self._owner.post(self._begin_bias)
 
     @property
     def biased(self) -> bool:
         """False while the bias is being taken."""
-        return self._biasing is None
+        return self._biasing is None and self._biases_begun == self._biases_asked
+
+    def _begin_bias(self) -> None:
+        self._biasing = []
+        self._biases_begun = self._biases_asked
 
     def step(self) -> None:
         """One period; the sensor's own thread calls this without end."""
@@ -133,6 +134,7 @@ class SunTouchFingers(Device):
             except (OSError, DeviceLost) as error:
                 raise DeviceLost(self.name, f"the {side} finger: {error}") from error
         self._due = self._heard = self._clock.now()
+        self._stream.restart()
         self._streaming = True
 
     def _first_reading(self, finger: Finger) -> None:
@@ -161,13 +163,25 @@ class SunTouchFingers(Device):
                 raise DeviceLost(self.name, f"no sample for {1e3 * (now - self._heard):.0f} ms")
             return
         self._heard, self._unanswered = now, 0
-        believed = [f.spikes.accept(reading.volts) for f, reading in zip(self.fingers, (left, right), strict=True)]
-        if not all(believed):
+        flaw = self._flaw((left, right))
+        if flaw:
             self.lost_samples += 1
+            self._stream.leave_out(flaw)
             return
         if self._biasing is not None:
             self._take_bias(left, right)
         self._deliver(asked, left, right)
+
+    def _flaw(self, readings: tuple[Reading, Reading]) -> str:
+        """Why the readings cannot be believed; empty when they can."""
+        believed = [f.spikes.accept(reading.volts) for f, reading in zip(self.fingers, readings, strict=True)]
+        for side, reading in zip(SIDES, readings, strict=True):
+            if reading.dead:
+                return f"{side} has every taxel at the end of its range"
+        for side, good in zip(SIDES, believed, strict=True):
+            if not good:
+                return f"{side} says nothing but spikes: a taxel jumps by more than {JUMP:g} V each time"
+        return ""
 
     def _await_period(self) -> None:
         """Sleep until the next period; periods that were overslept by more than a moment are lost samples."""
@@ -184,15 +198,7 @@ class SunTouchFingers(Device):
 
     def _deliver(self, stamp: float, left: Reading, right: Reading) -> None:
         wrenches = np.stack([f.wrench(reading) for f, reading in zip(self.fingers, (left, right), strict=True)])
-        sample = WrenchSample(stamp, self._sequence, wrenches, (left.saturated, right.saturated))
-        self._newest = sample
-        for listener in self._listeners:
-            try:
-                listener.call(sample)
-            except Exception as error:  # whoever controls the grip by these samples no longer does
-                listener.close()
-                self.on_lost()
-                self._problem = DeviceFault(self.name, f"a listener failed: {error!r}")
+        self._stream.deliver(WrenchSample(stamp, self._sequence, wrenches, (left.saturated, right.saturated)))
 
     def _take_bias(self, left: Reading, right: Reading) -> None:
         taken = self._biasing
@@ -210,7 +216,7 @@ class SunTouchFingers(Device):
         if first:
             words = f"a line failed: {error}" if isinstance(error, OSError) else f"the driver failed: {error!r}"
             self._problem = error if isinstance(error, DeviceError) else DeviceLost(self.name, words)
-            self.on_lost()
+            self._stream.on_lost()
         self._close_lines()
 
     def _close_lines(self) -> None:
@@ -220,37 +226,39 @@ class SunTouchFingers(Device):
     # ------------------------------------------------------------------------------------- the interface
 
     def latest(self) -> WrenchSample | None:
-        return self._newest
+        return self._stream.newest
 
     def subscribe(self, listener: Callable[[WrenchSample], None]) -> Subscription:
-        with self._lock:
-            entry = _Listener(listener, self)
-            self._listeners = (*self._listeners, entry)
-        return entry
-
-    def _unsubscribe(self, entry: _Listener) -> None:
-        with self._lock:
-            self._listeners = tuple(listener for listener in self._listeners if listener is not entry)
+        return self._stream.subscribe(listener)
 
     # ---------------------------------------------------------------------------------------- the device
 
     def link(self) -> str:
-        return "ok" if self._problem is None else self._problem.message
+        problem = self._wrong()
+        return "ok" if problem is None else problem.message
 
     def check(self) -> None:
-        problem = self._problem
+        problem = self._wrong()
         if problem is not None:
             raise problem
+        self._owner.check()
 
     def acknowledge(self) -> None:
         """Accept that the stream had been lost.
 
         Raises:
-            DeviceLost: it still is.
+            DeviceError: it still is, or still cannot be believed.
         """
         if not self._streaming:
             raise DeviceLost(self.name, f"is still lost: {_words(self._problem)}")
+        self._owner.ask(self._release)
+
+    def _release(self) -> None:
+        self._stream.acknowledge(self.name)
         self._problem = None
+
+    def _wrong(self) -> DeviceError | None:
+        return self._problem or self._stream.problem(self.name)
 
     def close(self) -> None:
         self._owner.close()

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from drivers.errors import DeviceLost
+from drivers.errors import DeviceFault, DeviceLost
 from drivers.interfaces import Camera, Intrinsics, Workspace
 from drivers.sim.camera import _set_projection
 from drivers.sim.gl import in_gl_thread, load_mujoco, open_renderer
@@ -119,6 +119,35 @@ def test_a_frozen_camera_keeps_its_frame_and_is_noticed(open_cell):
         cell.check()
     camera.inject_fault("lost")
     assert camera.latest() is None
+
+
+@pytest.mark.parametrize(
+    ("kind", "words"),
+    [
+        ("old", "delivers frames that are 30 s old"),
+        ("early", "stamps its frames 10 s in the future"),
+        ("repeated", "repeats its frame 0"),
+    ],
+)
+@pytest.mark.parametrize("looked_before", [True, False])
+def test_frames_that_cannot_be_the_present_are_told_within_a_second_and_never_shown(
+    open_cell, kind, words, looked_before
+):
+    cell = open_cell(seed=3)
+    camera = cell.device(Camera)
+    before = camera.latest() if looked_before else None
+    camera.inject_fault(kind)
+    for _ in range(20):
+        cell.clock.advance(0.02)
+        cell.check()
+        assert camera.latest() is before
+    cell.clock.advance(0.14)  # 0.54 s after the last frame that could be believed
+    with pytest.raises(DeviceFault) as caught:
+        cell.check()
+    assert caught.value.message == words
+    camera.clear_fault()
+    cell.check()
+    assert camera.latest().stamp == cell.clock.now()
 
 
 @pytest.mark.parametrize("pose", ["observe", "observe_2", "observe_3"])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -110,10 +111,10 @@ def test_samples_come_500_times_a_second_in_order_and_without_gaps(rig: Rig) -> 
 
 def test_the_bias_is_taken_at_the_connection_and_a_press_is_felt_on_its_finger(rig: Rig) -> None:
     rig.run(0.05)
-    assert rig.samples[-1].wrenches == pytest.approx(0.0, abs=0.01)
+    assert rig.samples[-1].wrenches == pytest.approx(0.0, abs=0.02)
     rig.right.wrench = np.array([0.0, 0.0, -0.2, 0.0, 0.0, 0.0])
     rig.run(0.05)
-    assert rig.samples[-1].wrenches[0] == pytest.approx(0.0, abs=0.01)
+    assert rig.samples[-1].wrenches[0] == pytest.approx(0.0, abs=0.02)
     assert rig.samples[-1].wrenches[1, 2] < -0.1
 
 
@@ -123,7 +124,7 @@ def test_a_new_bias_can_be_taken_while_streaming(rig: Rig) -> None:
     assert not rig.fingers.biased
     rig.run(0.3)
     assert rig.fingers.biased
-    assert rig.samples[-1].wrenches == pytest.approx(0.0, abs=0.01)
+    assert rig.samples[-1].wrenches == pytest.approx(0.0, abs=0.02)
 
 
 @pytest.mark.parametrize("lost", [1, 25, 49, 50])
@@ -131,7 +132,7 @@ def test_lost_bytes_cost_one_sample_and_shift_nothing(rig: Rig, lost: int) -> No
     rig.run(0.02)
     rig.left.device.drop_bytes = lost
     rig.run(0.1)
-    assert all(np.abs(sample.wrenches).max() < 0.01 for sample in rig.samples)
+    assert all(np.abs(sample.wrenches).max() < 0.02 for sample in rig.samples)
     gaps = np.diff([sample.sequence for sample in rig.samples])
     assert 1 < gaps.max() <= 4
     assert (gaps > 1).sum() == 1
@@ -141,7 +142,7 @@ def test_bytes_too_many_are_thrown_away(rig: Rig) -> None:
     rig.run(0.02)
     rig.left._arrived += b"\x01\x02\x03"
     rig.run(0.1)
-    assert all(np.abs(sample.wrenches).max() < 0.01 for sample in rig.samples)
+    assert all(np.abs(sample.wrenches).max() < 0.02 for sample in rig.samples)
     assert rig.fingers.fingers[0].resynchronised == 1
 
 
@@ -169,7 +170,7 @@ def test_a_spike_is_left_out(rig: Rig) -> None:
     rig.run(0.02)
     rig.left.device.spike = 0.3
     rig.run(0.02)
-    assert all(np.abs(sample.wrenches).max() < 0.01 for sample in rig.samples)
+    assert all(np.abs(sample.wrenches).max() < 0.02 for sample in rig.samples)
     assert rig.fingers.fingers[0].spikes.rejected == 1
     assert rig.fingers.lost_samples == 1
 
@@ -267,3 +268,58 @@ def test_it_streams_over_real_pseudo_terminals(terminals: tuple[str, str]) -> No
     assert all(np.abs(sample.wrenches).max() < 0.05 for sample in heard)
     with pytest.raises(DeviceLost, match="closed"):
         fingers.check()
+
+
+# ------------------------------------------------------------------------------------------- fingers that lie
+
+
+def told(rig: Rig, limit: float = 0.05) -> str:
+    """What is wrong, within so many seconds."""
+    end = rig.clock.now() + limit
+    while rig.fingers.link() == "ok" and rig.clock.now() < end:
+        rig.fingers.step()
+    with pytest.raises(DeviceFault) as caught:
+        rig.fingers.check()
+    assert rig.stopped == 1
+    return caught.value.message
+
+
+def test_a_finger_whose_every_sample_is_a_spike_is_a_fault_within_50_ms(rig: Rig) -> None:
+    rig.run(0.1)
+    rig.left.device.restless = 0.2
+    assert told(rig) == "the left finger says nothing but spikes: a taxel jumps by more than 0.05 V each time"
+
+
+def test_a_stuck_finger_is_a_fault_within_50_ms(rig: Rig) -> None:
+    rig.run(0.1)
+    rig.right.device.stuck = True
+    assert told(rig) == "the right finger has said the same to the last bit for 30 ms"
+
+
+def test_a_finger_that_says_no_volt_is_a_fault_within_50_ms_and_no_force_is_made_of_it(rig: Rig) -> None:
+    rig.run(0.1)
+    rig.right.device.dead = True
+    assert told(rig) == "the right finger has every taxel at the end of its range"
+    assert all(np.abs(sample.wrenches).max() < 0.02 for sample in rig.samples)
+
+
+@pytest.mark.parametrize("value", [np.nan, 1e30])
+def test_a_calibration_that_gives_no_force_is_a_fault_at_once(rig: Rig, value: float) -> None:
+    rig.run(0.1)
+    rig.fingers.fingers[1].calibration = replace(CALIBRATION, out_low=np.full(6, value), out_high=np.full(6, value))
+    assert told(rig, 0.005).startswith(
+        f"the right finger says {'nan instead of a force' if np.isnan(value) else '1e+30 N'}"
+    )
+
+
+def test_a_fault_of_the_fingers_is_over_when_they_can_be_believed_and_somebody_acknowledges(rig: Rig) -> None:
+    rig.left.device.stuck = True
+    rig.run(0.1)
+    with pytest.raises(DeviceFault, match="still: the left finger"):
+        rig.fingers.acknowledge()
+    rig.left.device.stuck = False
+    rig.run(0.1)
+    with pytest.raises(DeviceFault):
+        rig.fingers.check()
+    rig.fingers.acknowledge()
+    rig.fingers.check()

@@ -1,0 +1,266 @@
+"""Samples on their way from a device to those who listen: only what can be true gets through.
+
+Every driver of force fingers delivers its samples through a `WrenchStream`, and every driver of a camera asks a
+`FrameGuard` about its frames: real, emulated, simulated and mock devices are judged alike, and what is wrong is told in
+the same words. Neither talks to a device, and neither compares sensors with each other: that is for skills.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections.abc import Callable
+
+import numpy as np
+
+from drivers.errors import DeviceError, DeviceFault
+from drivers.interfaces import Float64, Subscription, WrenchSample
+from executive.clock import Clock
+
+SILENCE = 0.040
+"""Fingers of which nothing can be believed for so long are not to be believed at all [s]."""
+FEW = 5
+"""Fewer samples in a row than this accuse nobody: the computer itself may have been held up."""
+STUCK = 0.030
+"""A finger that says the same to the last bit for so long is stuck [s]; every live sensor has noise."""
+EARLY = 0.005
+"""Stamps are read from the cell's clock; ahead of it by more than this they are wrong [s]."""
+FEW_FRAMES, EARLY_FRAME = 2, 0.020
+"""The same of cameras: frames, and seconds; a camera's clock is followed to a few milliseconds."""
+STRONGEST = 200.0
+"""No gripper here presses with more than 50 N; a force above this is none [N], nor a torque above so many N·m."""
+
+SIDES = ("the left finger", "the right finger")
+
+
+class _Listener:
+    def __init__(self, call: Callable[[WrenchSample], None], stream: WrenchStream) -> None:
+        self.call, self._stream = call, stream
+
+    def close(self) -> None:
+        self._stream._forget(self)
+
+
+class WrenchStream:
+    """Judges the samples of two fingers and hands those that can be true to every listener.
+
+    What cannot be true is left out, and becomes a fault of the device when nothing else comes; a force that is no
+    number, an impossible one and a stuck finger are one at once. A listener that fails is served no more, and is a
+    fault as well: whoever controls the grip by these samples no longer does.
+
+    Attributes:
+        newest: the newest sample that was believed, or None.
+        left_out: samples so far that were not.
+        on_lost: called once when a fault begins, in the thread that delivers: stops the gripper.
+    """
+
+    def __init__(self, clock: Clock, silence: float = SILENCE, on_lost: Callable[[], None] = lambda: None) -> None:
+        self.newest: WrenchSample | None = None
+        self.left_out = 0
+        self.on_lost = on_lost
+        self._clock, self._silence = clock, silence
+        self._lock = threading.Lock()
+        self._listeners: tuple[_Listener, ...] = ()
+        self._wrong = ""
+        self._cause: Exception | None = None
+        self._forget_past()
+
+    # ------------------------------------------------------------------------------------------ who listens
+
+    def subscribe(self, call: Callable[[WrenchSample], None]) -> Subscription:
+        """Call this with every sample that is believed, in the thread that delivers."""
+        with self._lock:
+            listener = _Listener(call, self)
+            self._listeners = (*self._listeners, listener)
+        return listener
+
+    @property
+    def heard(self) -> bool:
+        """Whether anybody listens."""
+        return bool(self._listeners)
+
+    def _forget(self, listener: _Listener) -> None:
+        with self._lock:
+            self._listeners = tuple(other for other in self._listeners if other is not listener)
+
+    # ------------------------------------------------------------------------------------------ who delivers
+
+    def deliver(self, sample: WrenchSample) -> None:
+        """Judge a sample and hand it on."""
+        flaw = self._flaw(sample)
+        if flaw:
+            self.leave_out(flaw)
+            return
+        same = self._unchanged(sample)
+        if same:
+            self.leave_out(same, certain=True)
+            return
+        self._left_out, self._believed_at = 0, self._clock.now()
+        self.hand_on(sample)
+
+    def hand_on(self, sample: WrenchSample) -> None:
+        """Give a sample to every listener without judging it."""
+        self.newest = sample
+        for listener in self._listeners:
+            try:
+                listener.call(sample)
+            except Exception as error:
+                listener.close()
+                self._accuse(f"a listener failed: {error!r}", error)
+
+    def leave_out(self, flaw: str, certain: bool = False) -> None:
+        """Count a sample that cannot be believed; the driver may have a reason of its own.
+
+        Args:
+            flaw: what is wrong, as a sentence that follows the device's name.
+            certain: one is enough for a fault.
+        """
+        self.left_out += 1
+        self._left_out += 1
+        silent = self._clock.now() - self._believed_at
+        if certain or (self._left_out >= FEW and silent > self._silence):
+            self._accuse(flaw)
+
+    def restart(self) -> None:
+        """The sensor was started anew: its next sample has no past."""
+        self._forget_past()
+
+    # ------------------------------------------------------------------------------------------- the device
+
+    def problem(self, device: str) -> DeviceError | None:
+        """What is wrong with the stream until it is acknowledged, or None."""
+        if not self._wrong:
+            return None
+        fault = DeviceFault(device, self._wrong)
+        fault.__cause__ = self._cause
+        return fault
+
+    def acknowledge(self, device: str) -> None:
+        """Forget what was wrong.
+
+        Raises:
+            DeviceFault: it still is.
+        """
+        if self._wrong and self._left_out:
+            raise DeviceFault(device, f"still: {self._wrong}")
+        self._wrong, self._cause = "", None
+
+    # -------------------------------------------------------------------------------------------- judgement
+
+    def _forget_past(self) -> None:
+        self._last = (-math.inf, -1)
+        self._same: Float64 | None = None
+        self._same_since, self._same_count = [0.0, 0.0], [0, 0]
+        self._left_out = 0
+        self._believed_at = self._clock.now()
+
+    def _accuse(self, words: str, cause: Exception | None = None) -> None:
+        if not self._wrong:
+            self._wrong, self._cause = words, cause
+            self.on_lost()
+
+    def _flaw(self, sample: WrenchSample) -> str:
+        """Why a sample cannot be true; empty when it can."""
+        age = self._clock.now() - sample.stamp
+        if not math.isfinite(age):
+            return "stamps its samples with no time"
+        stamp, sequence = self._last
+        if sample.sequence == sequence or sample.stamp == stamp:
+            return f"repeats its sample {sample.sequence}"
+        if age < -EARLY:
+            return f"stamps its samples {-age:.3g} s in the future"
+        if age > self._silence:
+            return f"delivers samples that are {age:.3g} s old"
+        if sample.sequence < sequence or sample.stamp < stamp:
+            return "delivers its samples out of order"
+        self._last = (sample.stamp, sample.sequence)
+        return ""
+
+    def _unchanged(self, sample: WrenchSample) -> str:
+        """What is certainly wrong with what the fingers say: impossible, or the same for too long."""
+        wrenches = sample.wrenches
+        if not np.abs(wrenches).max() <= STRONGEST:  # written so that it is True of what is no number
+            finger = 0 if not np.abs(wrenches[0]).max() <= STRONGEST else 1
+            value = next(float(value) for value in wrenches[finger] if not abs(value) <= STRONGEST)
+            what = f"{value:g} N" if math.isfinite(value) else f"{value} instead of a force"
+            return f"{SIDES[finger]} says {what}"
+        same = (wrenches == self._same).all(axis=1) if self._same is not None else (False, False)
+        self._same = wrenches
+        stuck = []
+        for finger in (0, 1):
+            if not same[finger]:
+                self._same_since[finger], self._same_count[finger] = sample.stamp, 0
+                continue
+            self._same_count[finger] += 1
+            if self._same_count[finger] >= FEW and sample.stamp - self._same_since[finger] >= STUCK:
+                stuck.append(finger)
+        if not stuck:
+            return ""
+        who, have = ("both fingers", "have") if len(stuck) == 2 else (SIDES[stuck[0]], "has")
+        what = "zero" if not wrenches[stuck].any() else "the same to the last bit"
+        return f"{who} {have} said {what} for {1e3 * STUCK:.0f} ms"
+
+
+class FrameGuard:
+    """Judges when a camera's frames were taken, and whether they are new ones."""
+
+    def __init__(self, clock: Clock, silence: float) -> None:
+        """
+        Args:
+            silence: a camera of which no frame can be believed for so long is not to be believed [s]; older frames
+                are not the present.
+        """
+        self._clock, self._silence = clock, silence
+        self.restart()
+
+    def restart(self) -> None:
+        """The camera was started anew: its next frame has no past."""
+        self._last = (-math.inf, -1)
+        self._picture: tuple[bytes, float] | None = None
+        self._flaw, self._flawed = "", 0
+        self._believed_at = self._clock.now()
+
+    def judge(self, stamp: float, number: int, picture: bytes | None = None) -> bool:
+        """Whether a frame may be believed.
+
+        Args:
+            stamp: when it was taken, on the cell's clock [s].
+            number: the camera's own.
+            picture: some of its pixels; a live camera never sees the same twice, to the last bit.
+        """
+        self._flaw = self._flaw_of(stamp, number) or self._frozen(picture)
+        if self._flaw:
+            self._flawed += 1
+            return False
+        self._last, self._flawed, self._believed_at = (stamp, number), 0, self._clock.now()
+        return True
+
+    def check(self, device: str) -> None:
+        """Look whether frames come that can be believed.
+
+        Raises:
+            DeviceFault: all that came lately cannot be true; says why.
+        """
+        if self._flawed >= FEW_FRAMES and self._clock.now() - self._believed_at > self._silence:
+            raise DeviceFault(device, self._flaw)
+
+    def _flaw_of(self, stamp: float, number: int) -> str:
+        age = self._clock.now() - stamp
+        if not math.isfinite(age):
+            return "stamps its frames with no time"
+        if number == self._last[1]:
+            return f"repeats its frame {number}"
+        if age < -EARLY_FRAME:
+            return f"stamps its frames {-age:.3g} s in the future"
+        if age > self._silence:
+            return f"delivers frames that are {age:.3g} s old"
+        if number < self._last[1] or stamp <= self._last[0]:
+            return "delivers its frames out of order"
+        return ""
+
+    def _frozen(self, picture: bytes | None) -> str:
+        now = self._clock.now()
+        if picture is None or self._picture is None or picture != self._picture[0]:
+            self._picture = None if picture is None else (picture, now)
+            return ""
+        return f"shows the same picture for {now - self._picture[1]:.2g} s, to the last bit"

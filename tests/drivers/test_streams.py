@@ -1,0 +1,178 @@
+"""Which samples of a device are let through, and what is told of the others."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from drivers.errors import DeviceFault
+from drivers.interfaces import WrenchSample
+from drivers.streams import FEW, SILENCE, STUCK, WrenchStream
+from executive.clock import ManualClock
+
+PERIOD = 0.002
+
+
+class Sensor:
+    """A live sensor with noise; `change` makes something else of each sample."""
+
+    def __init__(self) -> None:
+        self.clock = ManualClock(50.0)
+        self.lost = 0
+        self.stream = WrenchStream(self.clock, on_lost=self.lose)
+        self.heard: list[WrenchSample] = []
+        self.stream.subscribe(self.heard.append)
+        self.rng = np.random.default_rng(1)
+        self.sequence = 0
+
+    def lose(self) -> None:
+        self.lost += 1
+
+    def sample(self, late: float = 0.0) -> WrenchSample:
+        self.sequence += 1
+        wrenches = self.rng.normal(0.0, 0.05, (2, 6))
+        return WrenchSample(self.clock.now() - late, self.sequence, wrenches)
+
+    def run(self, seconds: float, change: Callable[[WrenchSample], WrenchSample] = lambda sample: sample) -> None:
+        for _ in range(round(seconds / PERIOD)):
+            self.clock.advance(PERIOD)
+            self.stream.deliver(change(self.sample()))
+
+    def told(self) -> str:
+        problem = self.stream.problem("fingers")
+        return "" if problem is None else problem.message
+
+
+@pytest.fixture
+def sensor() -> Sensor:
+    sensor = Sensor()
+    sensor.run(0.1)
+    assert len(sensor.heard) == 50
+    return sensor
+
+
+def with_value(finger: int, value: float) -> Callable[[WrenchSample], WrenchSample]:
+    def change(sample: WrenchSample) -> WrenchSample:
+        sample.wrenches[finger, 2] = value
+        return sample
+
+    return change
+
+
+def shifted(seconds: float) -> Callable[[WrenchSample], WrenchSample]:
+    return lambda sample: WrenchSample(sample.stamp + seconds, sample.sequence, sample.wrenches)
+
+
+@pytest.mark.parametrize("finger", [0, 1])
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 1e30, -201.0])
+def test_a_force_that_cannot_be_is_a_fault_at_once_and_reaches_nobody(
+    sensor: Sensor, finger: int, value: float
+) -> None:
+    sensor.run(PERIOD, with_value(finger, value))
+    assert sensor.told().startswith(f"the {('left', 'right')[finger]} finger says {value:g} ")
+    assert len(sensor.heard) == 50
+    assert sensor.lost == 1
+
+
+@pytest.mark.parametrize("shift", [-0.5, -30.0, 0.1, 10.0, np.nan, -np.inf])
+def test_stamps_that_cannot_be_are_a_fault_within_50_ms(sensor: Sensor, shift: float) -> None:
+    sensor.run(0.050, shifted(shift))
+    assert "stamps its samples" in sensor.told() or "s old" in sensor.told()
+    assert len(sensor.heard) == 50
+
+
+def test_a_sample_that_is_repeated_is_a_fault_within_50_ms(sensor: Sensor) -> None:
+    last = sensor.heard[-1]
+    sensor.run(0.050, lambda _: last)
+    assert sensor.told() == "repeats its sample 50"
+    assert len(sensor.heard) == 50
+
+
+def test_samples_out_of_order_are_left_out(sensor: Sensor) -> None:
+    late = sensor.sample(late=0.01)
+    sensor.run(PERIOD)
+    sensor.stream.deliver(WrenchSample(late.stamp, late.sequence, late.wrenches))
+    assert len(sensor.heard) == 51
+    assert sensor.stream.left_out == 1
+    assert sensor.told() == ""
+
+
+def test_a_hold_up_of_the_computer_itself_accuses_nobody(sensor: Sensor) -> None:
+    sensor.clock.advance(0.5)
+    for age in (0.4, 0.3, 0.2):  # what waited meanwhile is old
+        sensor.stream.deliver(sensor.sample(late=age))
+    sensor.run(0.1)
+    assert sensor.told() == ""
+    assert sensor.stream.left_out == 3
+
+
+@pytest.mark.parametrize("fingers", [[0], [1], [0, 1]])
+@pytest.mark.parametrize("zero", [True, False])
+def test_a_finger_that_says_the_same_is_stuck(sensor: Sensor, fingers: list[int], zero: bool) -> None:
+    stuck = np.zeros((2, 6)) if zero else sensor.heard[-1].wrenches.copy()
+
+    def hold(sample: WrenchSample) -> WrenchSample:
+        sample.wrenches[fingers] = stuck[fingers]
+        return sample
+
+    sensor.run(STUCK - 2 * PERIOD, hold)
+    assert sensor.told() == ""
+    sensor.run(3 * PERIOD, hold)
+    who = "both fingers have" if len(fingers) == 2 else f"the {('left', 'right')[fingers[0]]} finger has"
+    assert sensor.told() == f"{who} said {'zero' if zero else 'the same to the last bit'} for 30 ms"
+
+
+def test_a_reason_of_the_drivers_own_is_a_fault_when_nothing_else_comes(sensor: Sensor) -> None:
+    for _ in range(round(SILENCE / PERIOD) + 1):
+        sensor.clock.advance(PERIOD)
+        sensor.stream.leave_out("says nothing but spikes")
+    assert sensor.told() == "says nothing but spikes"
+
+
+def test_single_samples_that_are_left_out_are_no_fault(sensor: Sensor) -> None:
+    for _ in range(200):
+        sensor.run(2 * PERIOD)
+        for _ in range(FEW - 1):
+            sensor.clock.advance(PERIOD)
+            sensor.stream.leave_out("a spike")
+    assert sensor.told() == ""
+
+
+def test_a_fault_stays_until_it_is_acknowledged_and_is_over(sensor: Sensor) -> None:
+    sensor.run(PERIOD, with_value(0, np.nan))
+    with pytest.raises(DeviceFault, match="still: the left finger says nan"):
+        sensor.stream.acknowledge("fingers")
+    sensor.run(0.1)
+    assert "nan" in sensor.told()
+    assert len(sensor.heard) == 100  # good samples are handed on: whoever holds a fruit needs them
+    sensor.stream.acknowledge("fingers")
+    assert sensor.told() == ""
+    assert sensor.lost == 1
+
+
+def test_a_listener_that_fails_is_a_fault_with_its_cause_and_the_others_are_served(sensor: Sensor) -> None:
+    error = ArithmeticError("control law")
+
+    def fail(_: WrenchSample) -> None:
+        raise error
+
+    sensor.stream.subscribe(fail)
+    sensor.run(0.02)
+    problem = sensor.stream.problem("fingers")
+    assert problem is not None
+    assert problem.__cause__ is error
+    assert problem.message == "a listener failed: ArithmeticError('control law')"
+    assert len(sensor.heard) == 60
+    assert sensor.lost == 1
+
+
+def test_a_closed_subscription_hears_nothing(sensor: Sensor) -> None:
+    heard: list[WrenchSample] = []
+    subscription = sensor.stream.subscribe(heard.append)
+    sensor.run(0.01)
+    subscription.close()
+    subscription.close()
+    sensor.run(0.01)
+    assert len(heard) == 5
