@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections import abc
 from collections.abc import Callable, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
 import py_trees
 from py_trees.behaviour import Behaviour
-from py_trees.common import ParallelPolicy, Status
 
 from executive.board import Board
 from executive.language.bind_ports import bind_skill
@@ -19,32 +18,16 @@ from executive.language.check import Analysis, analyse
 from executive.language.expression_run import Getter
 from executive.language.model import Definition, Document, TreeNode
 from executive.language.names_of_nodes import UniquePaths
-from executive.language.scope import Given, Resolved
-from executive.nodes import (
-    Check,
-    Fail,
-    Fallback,
-    Force,
-    ForEach,
-    Guard,
-    Invert,
-    Parallel,
-    Repeat,
-    Retry,
-    Sequence,
-    SetValues,
-    Subtree,
-    Succeed,
-    Timeout,
-    Wait,
-    WaitUntil,
-    When,
-)
-from executive.nodes.in_sight import FailureInSight, ForEachCount, RepeatCount, RetryCount
+from executive.language.scope import Resolved
+from executive.nodes.behaviours import Subtree, WholeTree
+from executive.nodes.conditions import Condition
+from executive.nodes.node_type import NodeType
+from executive.nodes.takes import Nothing
 from executive.registry import Registry
 from executive.skill import Skill, SkillContext
 from executive.values.findings import Finding, TreeFileError
 from executive.values.written import written
+from executive.values.yaml_nodes import YamlNode
 
 
 class Mocks(Protocol):
@@ -90,7 +73,10 @@ def build(
     builder = _Builder(analysis, context, board, mocks)
     names: dict[str, Getter] = {name: constant(value) for name, value in analysis.parameters.items()}
     scope = InstanceScope(analysis, main, board, "/", names)
-    root = builder.node(main.root, scope, None, "", root_path=document.main.name)
+    root = builder.node(main.root, scope, None, path=document.main.name)
+    assert analysis.outcomes is not None
+    if analysis.outcomes.of(main.root).skips:
+        root = WholeTree(document.main.name, root)
     return BuiltTree(
         document.main.name,
         root,
@@ -113,262 +99,177 @@ def _inputs_nobody_gives(main: Definition) -> list[Finding]:
 class _Builder:
     def __init__(self, analysis: Analysis, context: SkillContext, board: Board, mocks: Mocks | None) -> None:
         self.analysis, self.context, self.board, self.mocks = analysis, context, board, mocks
-        self.now = context.elapsed
         self.nodes: dict[str, NodeInfo] = {}
         self.behaviours: dict[str, Behaviour] = {}
         self.paths = UniquePaths()
 
-    def note(self, info: NodeInfo) -> None:
-        """Reserve the node's place in drawing order; its behaviour follows."""
-        self.nodes[info.path] = info
-        self.behaviours[info.path] = py_trees.behaviours.Dummy(info.name)
-
-    def made(self, path: str, behaviour: Behaviour) -> Behaviour:
-        behaviour.path = path  # type: ignore[attr-defined]
-        self.behaviours[path] = behaviour
-        return behaviour
-
-    # ------------------------------------------------------------------------------------------- one node
-
-    def node(
-        self,
-        node: TreeNode,
-        scope: InstanceScope,
-        parent_path: str | None,
-        parent_kind: str,
-        *,
-        root_path: str = "",
-        parent: str | None = None,
-        fixed_path: str = "",
-    ) -> Behaviour:
-        """Build a node with its modifiers, from the outside to the inside; then everything in reverse.
+    def node(self, node: TreeNode, scope: InstanceScope, parent: str | None, *, path: str) -> Behaviour:
+        """Build a node with its modifiers.
 
         Args:
-            parent_path: path under which its own name is put.
-            parent: path of the node that it is a child of; by default the same.
+            parent: path of the node that it is a child of.
+            path: its own, unless it is taken.
         """
-        found = self.analysis.resolved[id(node)]
-        path = self.paths.take(fixed_path or root_path or f"{parent_path}/{node.label}")
-        above = parent if parent is not None else parent_path
-        inner = scope
-        wrappers: list[Callable[[Behaviour], Behaviour]] = []
-        for name in reversed(node.decorators):
-            if name == "invert" and not found.setting("invert", True):
-                continue
-            wrapped_path = f"{path}:{name}"
-            text = {n: _written(node, n) for n in (name, *_TOGETHER.get(name, ())) if n in node.modifiers}
-            self.note(self.info(node, wrapped_path, above, name, name, settings=text))
-            inner, wrap = self.wrapper(node, found, name, wrapped_path, inner, parent_kind)
-            wrappers.append(wrap)
-            above = wrapped_path
-        behaviour = self.bare(node, found, path, above, inner)
-        for wrap in reversed(wrappers):
-            behaviour = wrap(behaviour)
+        return self.layer(node, 0, scope, self.paths.take(path), parent)
+
+    def layer(self, node: TreeNode, index: int, scope: InstanceScope, path: str, parent: str | None) -> Behaviour:
+        """Build a node without its outer modifiers; what is outside stands before what is inside in drawing order."""
+        layer = node.layers[index]
+        found = self.analysis.resolved[id(node), layer.key]
+        at = LayerBuild(self, node, index, layer, found, scope, path, parent)
+        if not layer.needed(at):
+            return at.inside()
+        self.nodes[at.own_path] = at.info()
+        self.behaviours[at.own_path] = py_trees.behaviours.Dummy(at.name)  # keeps the place in drawing order
+        behaviour = layer.build(at)
+        behaviour.path = at.own_path  # type: ignore[attr-defined]
+        self.behaviours[at.own_path] = behaviour
         return behaviour
 
-    def info(self, node: TreeNode, path: str, parent: str | None, kind: str, type_: str, **more: Any) -> NodeInfo:
-        own = kind == node.kind
-        source = node.at.source
-        name = node.label if own else kind
-        if own and parent is None and node.name is None:
-            name = path
+
+@dataclass(slots=True, eq=False)
+class LayerBuild:
+    """One layer of a node being built by its type (a `Building`).
+
+    Attributes:
+        path: of the node itself.
+        parent: path of what is around the layer.
+    """
+
+    builder: _Builder
+    node: TreeNode
+    index: int
+    layer: NodeType
+    found: Resolved
+    scope: InstanceScope
+    path: str
+    parent: str | None
+
+    @property
+    def wraps(self) -> bool:
+        return self.layer is not self.node.type
+
+    @property
+    def own_path(self) -> str:
+        """The layer's path: a modifier's is called after the node that it wraps."""
+        return f"{self.path}:{self.layer.key}" if self.wraps else self.path
+
+    @property
+    def name(self) -> str:
+        if self.wraps and self.layer.named:
+            return f"{self.layer.key} {self.node.label}"
+        return self.node.label
+
+    @property
+    def now(self) -> Callable[[], float]:
+        return self.builder.context.elapsed
+
+    def info(self) -> NodeInfo:
+        """What views and records are told of the layer."""
+        node, layer, source = self.node, self.layer, self.node.at.source
+        if self.wraps:
+            return NodeInfo(
+                self.own_path, self.parent, layer.key, layer.key, layer.key, file=source.path, line=node.at.line,
+                end_line=node.at.end_line, settings=self.settings(),
+            )  # fmt: skip
+        name = self.path if self.parent is None and node.name is None else node.label
+        inputs = {n: written(node.ports[n][1]) for n in self.found.inputs if n in node.ports}
+        outputs = {n: written(node.ports[n][1]) for n in self.found.outputs if n in node.ports and n not in inputs}
+        skill, mocked = self.found.skill, self.stand_in() is not None
         return NodeInfo(
-            path, parent, kind, name, type_,
-            node.description if own else "", node.comment if own else "",
-            source.path, node.at.line, node.at.end_line, **more,
+            self.path, self.parent, layer.key, name, node.key.text if layer.calls else layer.key,
+            node.description, node.comment, source.path, node.at.line, node.at.end_line,
+            inputs, outputs, self.settings(),
+            tuple(interface.__name__ for interface in skill.devices) if skill is not None else (),
+            skill.failures if skill is not None else (), mocked,
         )  # fmt: skip
 
-    # ------------------------------------------------------------------------------------------- modifiers
+    def settings(self) -> dict[str, str]:
+        """What is written for the layer, without nodes and wires."""
+        found = {}
+        for slot, taken in self.layer.slots.items():
+            value = self.written(slot)
+            if value is not None and not taken.nodes and not taken.wires and not isinstance(taken, Nothing):
+                found[slot] = written(value)
+        return found
 
-    def wrapper(
-        self, node: TreeNode, found: Resolved, name: str, path: str, scope: InstanceScope, parent_kind: str
-    ) -> tuple[InstanceScope, Callable[[Behaviour], Behaviour]]:
-        """The scope inside a modifier, and what puts the modifier's node around the one inside."""
-        label = f"{name} {node.label}" if name != "retry" else node.label
-        settings = found.settings
-        match name:
-            case "timeout":
-                duration = getter(settings["timeout"], scope)
-                return scope, lambda child: self.made(path, Timeout(label, child, duration, self.now))
-            case "invert":
-                return scope, lambda child: self.made(path, Invert(label, child))
-            case "force":
-                return scope, lambda child: self.made(path, Force(label, child, found.setting("force", "success")))
-            case "guard":
-                guard = condition(settings["guard"], scope)
-                return scope, lambda child: self.made(path, Guard(label, child, guard))
-            case "when":
-                when = condition(settings["when"], scope)
-                skipped = Status.FAILURE if parent_kind in ("fallback", "reactive_fallback") else Status.SUCCESS
-                return scope, lambda child: self.made(path, When(label, child, when, skipped))
-            case "repeat":
-                rounds = getter(settings["repeat"], scope)
-                repeat_count = RepeatCount()
-                inside = replace(scope, repeat=repeat_count)
-                return inside, lambda child: self.made(path, Repeat(label, child, rounds, repeat_count))
-            case "for_each":
-                return self.for_each(found, path, label, scope)
-            case "retry":
-                return self.retry(node, found, path, label, scope)
-            case _:
-                raise AssertionError(f"no such modifier: {name}")
+    def written(self, slot: str) -> YamlNode | None:
+        entry = self.node.entry(self.layer, slot)
+        return None if entry is None else entry[1]
 
-    def for_each(
-        self, found: Resolved, path: str, label: str, scope: InstanceScope
-    ) -> tuple[InstanceScope, Callable[[Behaviour], Behaviour]]:
-        items = getter(found.settings["for_each"], scope)
-        count = ForEachCount()
-        key, write = scope.key(found.outputs["for_each"]), self.board.write
+    def literal(self, slot: str) -> Any:
+        return self.found.setting(slot, None)
 
-        def give(item: Any) -> None:
-            write(key, item, path)
+    # ------------------------------------------------------------------------------------------- values
 
-        return replace(scope, for_each=count), lambda child: self.made(path, ForEach(label, child, items, give, count))
+    def given(self, slot: str) -> bool:
+        return slot in self.found.settings
 
-    def retry(
-        self, node: TreeNode, found: Resolved, path: str, label: str, scope: InstanceScope
-    ) -> tuple[InstanceScope, Callable[[Behaviour], Behaviour]]:
-        total = getter(found.settings["retry"], scope)
-        count, sight = RetryCount(), FailureInSight()
-        inside = replace(scope, retry=count)
-        after = replace(inside, failure=sight)
-        retry_if = None
-        if "retry_if" in found.settings:
-            retry_if = condition(found.settings["retry_if"], after).holds
-        own_path = path.removesuffix(":retry")
+    def value(self, slot: str, default: Any = None, **names: object) -> Getter:
+        value = self.found.settings.get(slot)
+        return constant(default) if value is None else getter(value, self.inner(names))
 
-        def wrap(child: Behaviour) -> Behaviour:
-            on_failure = None
-            if node.on_failure is not None:
-                on_failure = self.node(
-                    node.on_failure, after, own_path, "retry", parent=path, fixed_path=f"{own_path}:on_failure"
-                )
-            return self.made(
-                path,
-                Retry(
-                    label, child, self.now, total,
-                    count=count, on_failure=on_failure, retry_if=retry_if, in_sight=sight,
-                ),
-            )  # fmt: skip
+    def condition(self, slot: str, **names: object) -> Condition:
+        return condition(self.found.settings[slot], self.inner(names))
 
-        return inside, wrap
+    def inputs(self) -> dict[str, Getter]:
+        return {name: getter(value, self.scope) for name, value in self.found.inputs.items()}
 
-    # ------------------------------------------------------------------------------------------- types
+    def writer(self, name: str) -> Callable[[Any], None]:
+        write, key, path = self.builder.board.write, self.scope.key(self.found.outputs[name]), self.own_path
+        return lambda value: write(key, value, path)
 
-    def bare(self, node: TreeNode, found: Resolved, path: str, parent: str | None, scope: InstanceScope) -> Behaviour:
-        kind = node.kind
-        if kind == "skill":
-            return self.skill(node, found, path, parent, scope)
-        wiring: dict[str, Any] = {}
-        if kind in ("subtree", "set", "fail"):
-            wiring["inputs"] = {name: written(node.ports[name][1]) for name in found.inputs}
-            wiring["outputs"] = {
-                n: written(node.ports[n][1]) for n in found.outputs if n in node.ports and kind != "set"
-            }
-        else:
-            wiring["settings"] = {n: _written(node, n) for n in ("success_on", "attempts") if n in node.modifiers}
-            if kind in ("check", "wait", "wait_until"):
-                wiring["settings"] = {kind: written(node.value)}
-        type_ = node.key.text if kind == "subtree" else kind
-        self.note(self.info(node, path, parent, kind, type_, **wiring))
-        name = self.nodes[path].name
-        if kind == "subtree":
-            return self.subtree(node, found, path, scope)
-        if kind in ("check", "wait_until"):
-            looked_at = condition(found.settings[kind], scope)
-            return self.made(path, Check(name, looked_at) if kind == "check" else WaitUntil(name, looked_at))
-        if kind == "wait":
-            return self.made(path, Wait(name, getter(found.settings["wait"], scope), self.now))
-        if kind == "set":
-            values = {scope.key(target): getter(value, scope) for target, value in found.inputs.items()}
-            return self.made(path, SetValues(name, values, lambda key, value: self.board.write(key, value, path)))
-        if kind == "fail":
-            code = getter(found.inputs.get("code", Given("FAILED", node.key)), scope)
-            message = getter(found.inputs.get("message", Given("", node.key)), scope)
-            return self.made(path, Fail(name, code, message))
-        if kind == "succeed":
-            return self.made(path, Succeed(name))
-        return self.branch(node, found, path, name, scope)
+    def inner(self, names: Mapping[str, Any]) -> InstanceScope:
+        return replace(self.scope, **names) if names else self.scope
 
-    def branch(self, node: TreeNode, found: Resolved, path: str, name: str, scope: InstanceScope) -> Behaviour:
-        kind = node.kind
-        if kind == "recovery":
-            return self.recovery(node, found, path, name, scope)
-        sight = scope.failure
-        inside = scope
-        if kind in ("fallback", "reactive_fallback"):
-            sight = FailureInSight()
-            inside = replace(scope, failure=sight)
-        children = [
-            self.node(child, scope if index == 0 else inside, path, kind) for index, child in enumerate(node.children)
-        ]
-        if kind in ("fallback", "reactive_fallback"):
-            return self.made(path, Fallback(name, kind == "fallback", children, sight))
-        if kind == "parallel":
-            return self.made(path, Parallel(name, self.policy(node, found, children), children))
-        return self.made(path, Sequence(name, kind == "sequence", children))
+    # ------------------------------------------------------------------------------------------- what is inside
 
-    @staticmethod
-    def policy(node: TreeNode, found: Resolved, children: list[Behaviour]) -> ParallelPolicy.Base:
-        success_on = found.setting("success_on", "all")
-        if success_on == "all":
-            return ParallelPolicy.SuccessOnAll()
-        if success_on == "one":
-            return ParallelPolicy.SuccessOnOne()
-        chosen = [b for child, b in zip(node.children, children, strict=True) if child.label in success_on]
-        return ParallelPolicy.SuccessOnSelected(chosen)
+    def inside(self, **names: object) -> Behaviour:
+        parent = self.own_path if self.layer.needed(self) else self.parent
+        return self.builder.layer(self.node, self.index + 1, self.inner(names), self.path, parent)
 
-    def recovery(self, node: TreeNode, found: Resolved, path: str, name: str, scope: InstanceScope) -> Behaviour:
-        attempts = found.settings.get("attempts")
-        total = getter(attempts, scope) if attempts is not None else constant(2)
-        count, sight = RetryCount(), FailureInSight()
-        inside = replace(scope, retry=count)
-        child = self.node(node.children[0], inside, path, "recovery")
-        recover = self.node(node.children[1], replace(inside, failure=sight), path, "recovery")
-        retry = Retry(name, child, self.now, total, count=count, on_failure=recover, between_only=True, in_sight=sight)
-        return self.made(path, retry)
+    def child(self, index: int, **names: object) -> Behaviour:
+        child = self.node.children[index]
+        return self.builder.node(child, self.inner(names), self.path, path=f"{self.path}/{child.label}")
 
-    def subtree(self, node: TreeNode, found: Resolved, path: str, scope: InstanceScope) -> Behaviour:
-        called = found.subtree
+    def children(self, **names: object) -> list[Behaviour]:
+        return [self.child(index, **names) for index in range(len(self.node.children))]
+
+    def part(self, slot: str, **names: object) -> Behaviour | None:
+        part = self.node.parts.get(slot)
+        if part is None:
+            return None
+        return self.builder.node(part, self.inner(names), self.own_path, path=f"{self.path}:{slot}")
+
+    def stand_in(self) -> Skill | None:
+        """The mock that replaces the node's skill."""
+        mocks, skill = self.builder.mocks, self.found.skill
+        if mocks is None or skill is None:
+            return None
+        return mocks.replace(skill, self.node.key.text, self.node.label, self.path)
+
+    def skill(self) -> Behaviour:
+        cls = self.found.skill
+        assert cls is not None
+        behaviour = self.stand_in() or cls(self.node.label)
+        keys = {name: self.scope.key(target) for name, target in self.found.outputs.items() if name in cls.outputs}
+        builder = self.builder
+        bind_skill(behaviour, cls.inputs, builder.context, self.path, self.inputs(), keys, builder.board)
+        return behaviour
+
+    def subtree(self) -> Behaviour:
+        called, scope = self.found.subtree, self.scope
         assert called is not None
         assert called.root is not None
-        interface = self.analysis.interfaces[id(called)]
+        interface = self.builder.analysis.interfaces[id(called)]
         shared = called.file.parameters if called.file is scope.definition.file else {}
         names: dict[str, Getter] = {name: scope.names[name] for name in shared}
+        wired = self.inputs()
         for name, port in interface.inputs.items():
-            value = found.inputs.get(name)
-            names[name] = getter(value, scope) if value is not None else constant(port.default_value)
-        _, _, below_root = path.partition("/")
-        prefix = f"/{below_root or path}/"
-        keys = {port: scope.key(target) for port, target in found.outputs.items()}
+            names[name] = wired.get(name) or constant(port.default_value)
+        _, _, below_root = self.path.partition("/")
+        prefix = f"/{below_root or self.path}/"
+        keys = {port: scope.key(target) for port, target in self.found.outputs.items()}
         inside = replace(scope, definition=called, prefix=prefix, names=names, keys=keys, failure=None)
-        child = self.node(called.root, inside, path, "subtree")
-        return self.made(path, Subtree(node.label, child))
-
-    def skill(self, node: TreeNode, found: Resolved, path: str, parent: str | None, scope: InstanceScope) -> Behaviour:
-        cls = found.skill
-        assert cls is not None
-        mock = self.mocks.replace(cls, node.key.text, node.label, path) if self.mocks is not None else None
-        behaviour = mock if mock is not None else cls(node.label)
-        wired = {name: written(node.ports[name][1]) for name in found.inputs}
-        self.note(
-            self.info(
-                node, path, parent, "skill", node.key.text,
-                inputs=wired,
-                outputs={name: written(node.ports[name][1]) for name in found.outputs if name in node.ports},
-                devices=tuple(interface.__name__ for interface in cls.devices),
-                failures=cls.failures,
-                mocked=mock is not None,
-            )
-        )  # fmt: skip
-        getters = {name: getter(value, scope) for name, value in found.inputs.items()}
-        keys = {name: scope.key(target) for name, target in found.outputs.items() if name in cls.outputs}
-        bind_skill(behaviour, cls.inputs, self.context, path, getters, keys, self.board)
-        return self.made(path, behaviour)
-
-
-_TOGETHER = {"retry": ("retry_if",), "for_each": ("as",)}
-
-
-def _written(node: TreeNode, name: str) -> str:
-    return written(node.modifiers[name][1])
+        path = f"{self.path}/{called.root.label}"
+        return Subtree(self.node.label, self.builder.node(called.root, inside, self.path, path=path))

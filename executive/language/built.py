@@ -9,7 +9,6 @@ from typing import Any
 from py_trees.behaviour import Behaviour
 
 from executive.board import Board
-from executive.language.model import DECORATORS
 from executive.nodes import Attempt, Retry
 from executive.skill import Skill
 
@@ -87,7 +86,7 @@ class BuiltTree:
         A name or a type means the node itself, not the modifiers around it.
         """
         found = [path for path in self.behaviours if path == name or path.endswith(f"/{name}")]
-        modifiers = {info.path for info in self.nodes if info.kind in DECORATORS}
+        modifiers = {info.path for info in self.nodes if info.path.endswith(f":{info.kind}")}
         named = [i.path for i in self.nodes if name in (i.name, i.type) and i.path not in modifiers]
         return tuple(dict.fromkeys([*found, *named]))
 

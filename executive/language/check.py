@@ -7,14 +7,16 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from executive.language.check_node import NodeChecker
-from executive.language.failures import Failures
-from executive.language.flow import Flow, Names
+from executive.language.flow import Flow
 from executive.language.interface import InterfaceReader, PortDeclared
 from executive.language.model import Definition, Document, TreeNode
+from executive.language.outcomes import Outcomes
 from executive.language.overrides import parameter_values
 from executive.language.scope import Named, Origin, Read, Resolved, Scope
 from executive.language.value_types import can_flow, describe
 from executive.language.values import static_type
+from executive.nodes.calls import SUBTREE
+from executive.nodes.ends import Names
 from executive.ports import Port
 from executive.registry import Registry
 from executive.values.findings import Finding, Findings, did_you_mean
@@ -30,7 +32,7 @@ class Analysis:
 
     Attributes:
         findings: in reading order.
-        resolved: by id of the node.
+        resolved: by id of the node and word of the layer: its type's, or a modifier's.
         scopes: by id of the definition.
         interfaces: ports of each definition, by id.
         parameters: values of the main tree's parameters, overrides applied.
@@ -38,11 +40,11 @@ class Analysis:
 
     document: Document
     findings: list[Finding] = field(default_factory=list)
-    resolved: dict[int, Resolved] = field(default_factory=dict)
+    resolved: dict[tuple[int, str], Resolved] = field(default_factory=dict)
     scopes: dict[int, Scope] = field(default_factory=dict)
     interfaces: dict[int, PortDeclared] = field(default_factory=dict)
     parameters: dict[str, Any] = field(default_factory=dict)
-    codes: Failures | None = None
+    outcomes: Outcomes | None = None
 
     @property
     def errors(self) -> list[Finding]:
@@ -85,7 +87,7 @@ class _Checker:
         self.findings.extend(document.findings)
         self.analysis = Analysis(document)
         self.called: dict[int, Definition] = {}
-        self.failures = self.analysis.codes = Failures(skills, self.called)
+        self.outcomes = self.analysis.outcomes = Outcomes(skills, self.called)
         self.readers: dict[int, InterfaceReader] = {}
         self.recursive = False
 
@@ -95,13 +97,13 @@ class _Checker:
             reader = self.readers.setdefault(id(definition.file), InterfaceReader(self.findings, self.skills))
             self.analysis.interfaces[id(definition)] = reader.interface(definition)
             for node in definition.root.walk() if definition.root is not None else ():
-                if node.kind == "subtree" and node.key.text in definition.file.subtrees:
+                if node.type is SUBTREE and node.key.text in definition.file.subtrees:
                     self.called[id(node)] = definition.file.subtrees[node.key.text]
         main_reader = self.readers.setdefault(id(self.document.main), InterfaceReader(self.findings, self.skills))
         self.analysis.parameters = parameter_values(self.document.main, overrides, main_reader, self.findings)
         order = self.callees_first(definitions)
         for definition in order:
-            self.failures.of_definition(definition)
+            self.outcomes.of_definition(definition)
         for definition in definitions:
             self.definition(definition)
         if not self.recursive:
@@ -117,8 +119,8 @@ class _Checker:
         scope = self.analysis.scopes[id(definition)] = Scope(definition)
         self.declared_names(definition, scope)
         checker = NodeChecker(
-            self.findings, self.skills, scope, self.called, self.failures, self.analysis.interfaces,
-            self.analysis.resolved, self.devices,
+            self.findings, self.skills, scope, self.document.types, self.called, self.outcomes,
+            self.analysis.interfaces, self.analysis.resolved, self.devices,
         )  # fmt: skip
         if definition.root is None:
             return
@@ -159,7 +161,7 @@ class _Checker:
             )
             self.findings.error(read.where, "unset", message, "it must be written on every path that leads here")
 
-        ends = Flow(self.analysis.resolved, self.failures, unset).node(definition.root, Names(known))
+        ends = Flow(self.analysis.resolved, self.outcomes, unset).node(definition.root, Names(known))
         interface = self.analysis.interfaces[id(definition)]
         for name, declared in definition.outputs.items():
             written = scope.names.get(name)
@@ -238,7 +240,7 @@ class _Checker:
 
         def measure(node: TreeNode) -> tuple[int, int]:
             own = 1 + len(node.decorators)
-            below = [measure(child) for child in (*node.children, *([node.on_failure] if node.on_failure else []))]
+            below = [measure(child) for child in node.below()]
             if id(node) in self.called:
                 below.append(sizes[id(self.called[id(node)])])
             return own + sum(n for n, _ in below), own + max((d for _, d in below), default=0)

@@ -86,11 +86,13 @@ def _below(node: TreeNode, path: str, taken: dict[str, int]) -> Iterator[tuple[s
         path = f"{path}#{taken[path]}"
     facts = {"type": node.key.text}
     facts.update({name: written(value) for name, (_, value) in node.ports.items()})
-    facts.update({name: written(value) for name, (_, value) in node.modifiers.items() if name != "on_failure"})
-    if node.kind in ("check", "wait", "wait_until"):
-        facts[node.kind] = written(node.value)
+    for layer in node.layers:
+        for slot, field in layer.slots.items():
+            entry = node.entry(layer, slot)
+            if entry is not None and not field.nodes and not field.wires:
+                facts[slot] = written(entry[1])
     yield path, facts
     for child in node.children:
         yield from _below(child, f"{path}/{child.label}" if path != "root" else child.label, taken)
-    if node.on_failure is not None:
-        yield from _below(node.on_failure, f"{path}:on_failure", taken)
+    for slot, part in node.parts.items():
+        yield from _below(part, f"{path}:{slot}", taken)

@@ -5,12 +5,14 @@ from __future__ import annotations
 import json
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Mapping
+from dataclasses import dataclass
 from xml.etree.ElementTree import Element, SubElement
 
 from executive.language.expression import Reference
 from executive.language.expression_parser import ExpressionSyntaxError, parse_expression
-from executive.language.groot_names import BRANCH_TO_XML, BUILTIN, LITERAL, MODELS, PREFIX
+from executive.language.groot_names import BUILTIN, LITERAL, PREFIX
 from executive.language.model import Declared, Definition, Document, TreeNode
+from executive.nodes.node_type import NodeType
 from executive.ports import TIME, Port, type_name
 from executive.registry import Registry, default_text
 from executive.values.findings import Finding, Findings, TreeFileError
@@ -35,7 +37,7 @@ class _Exporter:
         self.document, self.skills = document, skills
         self.findings = Findings()
         self.ids: dict[int, str] = {}
-        self.own: set[str] = set()
+        self.own: dict[str, tuple[NodeType, set[str]]] = {}
         self.used: dict[str, TreeNode] = {}
 
     def text(self) -> str:
@@ -67,93 +69,26 @@ class _Exporter:
     # ------------------------------------------------------------------------------------------- nodes
 
     def node(self, node: TreeNode, definition: Definition) -> Element:
-        element = self.bare(node, definition)
-        if node.name is not None:
-            element.set("name", node.name.text)
-        described = node.description or node.comment
-        if described:
-            element.set("_description", described)
-        for name in node.decorators:
-            element = self.wrapped(node, name, element, definition)
+        """The element of a node with its modifiers."""
+        return self.layer(node, 0, definition)
+
+    def layer(self, node: TreeNode, index: int, definition: Definition) -> Element:
+        """The element of a node without its outer modifiers."""
+        layer = node.layers[index]
+        at = LayerXml(self, node, index, layer, definition)
+        if not layer.needed(at):
+            return self.layer(node, index + 1, definition)
+        element: Element = layer.to_xml(at)
+        if layer is node.type:
+            if node.name is not None:
+                element.set("name", node.name.text)
+            described = node.description or node.comment
+            if described:
+                element.set("_description", described)
         return element
-
-    def ours(self, tag: str, **attributes: str) -> Element:
-        self.own.add(PREFIX + tag)
-        return Element(PREFIX + tag, {name: value for name, value in attributes.items() if value})
-
-    def wrapped(self, node: TreeNode, name: str, inner: Element, definition: Definition) -> Element:
-        value = node.modifiers[name][1]
-        text = _attribute(value)
-        match name:
-            case "timeout":
-                duration = _milliseconds(value)
-                outer = Element("Timeout", {"msec": duration}) if duration else self.ours("Timeout", duration=text)
-            case "invert":
-                if text == "false":
-                    return inner
-                outer = Element("Inverter")
-            case "force":
-                outer = Element("ForceFailure" if text == "failure" else "ForceSuccess")
-            case "repeat":
-                if text == "forever":
-                    outer = Element("Repeat", {"num_cycles": "-1"})
-                else:
-                    simple = _is_simple(value)
-                    outer = Element("Repeat", {"num_cycles": text}) if simple else self.ours("Repeat", rounds=text)
-            case "retry":
-                outer = self.retry(node, text)
-            case "for_each":
-                item = _attribute(node.modifiers["as"][1]) if "as" in node.modifiers else "item"
-                outer = self.ours("ForEach", items=text, item=f"{{{item}}}")
-            case _:
-                outer = self.ours(name.capitalize(), condition=text)
-        outer.append(inner)
-        if name == "retry" and node.on_failure is not None:
-            outer.append(self.node(node.on_failure, definition))
-        return outer
-
-    def retry(self, node: TreeNode, text: str) -> Element:
-        more = "retry_if" in node.modifiers or node.on_failure is not None
-        if more or not _is_simple(node.modifiers["retry"][1]):
-            retry_if = _attribute(node.modifiers["retry_if"][1]) if "retry_if" in node.modifiers else ""
-            return self.ours("Retry", attempts=text, retry_if=retry_if)
-        return Element("RetryUntilSuccessful", {"num_attempts": text})
-
-    def bare(self, node: TreeNode, definition: Definition) -> Element:
-        kind = node.kind
-        if kind in BRANCH_TO_XML:
-            element = Element(BRANCH_TO_XML[kind])
-        elif kind == "parallel":
-            element = self.parallel(node)
-        elif kind == "recovery":
-            attempts = _attribute(node.modifiers["attempts"][1]) if "attempts" in node.modifiers else "2"
-            element = self.ours("Recovery", attempts=attempts)
-        elif kind == "subtree":
-            called = definition.file.subtrees.get(node.key.text)
-            called_id = node.key.text if called is None else self.ids.get(id(called), node.key.text)
-            element = Element("SubTree", {"ID": called_id, **self.ports(node)})
-        elif kind == "skill":
-            element = self.skill(node)
-        else:
-            element = self.leaf(node)
-        element.extend(self.node(child, definition) for child in node.children)
-        return element
-
-    def parallel(self, node: TreeNode) -> Element:
-        success_on = _attribute(node.modifiers["success_on"][1]) if "success_on" in node.modifiers else "all"
-        if success_on not in ("all", "one"):
-            return self.ours("Parallel", success_on=success_on)
-        return Element("Parallel", {"success_count": "-1" if success_on == "all" else "1", "failure_count": "1"})
-
-    def skill(self, node: TreeNode) -> Element:
-        name = node.key.text
-        if name in BUILTIN or name.startswith(PREFIX):
-            message = f"'{name}' means something else to BehaviorTree.CPP"
-            self.findings.error(node.key, "groot-name", message, "a skill with this name cannot be exported")
-        self.used.setdefault(name, node)
-        return Element(name, self.ports(node))
 
     def ports(self, node: TreeNode) -> dict[str, str]:
+        """What is wired to a node's ports."""
         found = {}
         for port, (key, value) in node.ports.items():
             if port in ("name", "ID") or port.startswith("_"):
@@ -161,25 +96,6 @@ class _Exporter:
                 self.findings.error(key, "groot-name", message)
             found[port] = _attribute(value)
         return found
-
-    def leaf(self, node: TreeNode) -> Element:
-        match node.kind:
-            case "check":
-                return self.ours("Check", condition=_attribute(node.value))
-            case "wait_until":
-                return self.ours("WaitUntil", condition=_attribute(node.value))
-            case "wait":
-                duration = _milliseconds(node.value)
-                text = _attribute(node.value)
-                return Element("Sleep", {"msec": duration}) if duration else self.ours("Wait", duration=text)
-            case "set":
-                return self.ours("Set", values=LITERAL + flow(_plain(node.value)))
-            case "fail":
-                if not node.ports:
-                    return Element("AlwaysFailure")
-                return self.ours("Fail", **self.ports(node))
-            case _:
-                return Element("AlwaysSuccess")
 
     # ------------------------------------------------------------------------------------------- models
 
@@ -195,11 +111,14 @@ class _Exporter:
             for direction, ports in (("input_port", skill.inputs), ("output_port", skill.outputs)):
                 for port_name, port in ports.items():
                     self.port(model, direction, port_name, port)
-        for name in sorted(self.own):
-            category, inputs, description = MODELS[name]
-            model = SubElement(parent, category, {"ID": name})
-            for port_name in inputs:
-                SubElement(model, "input_port", {"name": port_name}).text = description
+        for tag, (found, used) in sorted(self.own.items()):
+            parts = any(taken.nodes for taken in found.fields.values())
+            category = "Decorator" if found.role == "modifier" and not parts else "Control"
+            model = SubElement(
+                parent, category if found.role != "leaf" else "Condition" if found.ends else "Action", {"ID": tag}
+            )
+            for port_name in sorted(used):
+                SubElement(model, "input_port", {"name": port_name}).text = found.summary
         for definition in definitions:
             self.subtree_model(parent, definition)
 
@@ -236,6 +155,73 @@ class _Exporter:
                 told[key] = {name: _declaration(port) for name, port in declared.items()}
         fields = SubElement(model, "MetadataFields")
         SubElement(fields, "Metadata", {"pomona": json.dumps(told, ensure_ascii=False)})
+
+
+@dataclass(frozen=True, slots=True)
+class LayerXml:
+    """One layer of a node being written (an `XmlOut`)."""
+
+    exporter: _Exporter
+    node: TreeNode
+    index: int
+    layer: NodeType
+    definition: Definition
+
+    def written(self, slot: str) -> YamlNode | None:
+        entry = self.node.entry(self.layer, slot)
+        return None if entry is None else entry[1]
+
+    def literal(self, slot: str) -> object:
+        text = self.text(slot)
+        return {"true": True, "false": False}.get(text, text or None)
+
+    def text(self, slot: str) -> str:
+        written = self.written(slot)
+        return "" if written is None else _attribute(written)
+
+    def plain(self, slot: str) -> bool:
+        written = self.written(slot)
+        return written is not None and _is_simple(written)
+
+    def milliseconds(self, slot: str) -> str:
+        written = self.written(slot)
+        return "" if written is None else _milliseconds(written)
+
+    def ports(self) -> dict[str, str]:
+        return self.exporter.ports(self.node)
+
+    def element(self, tag: str, attributes: Mapping[str, str] | None = None) -> Element:
+        element = Element(tag, dict(attributes or {}))
+        node, exporter = self.node, self.exporter
+        if self.layer is node.type:
+            element.extend(exporter.node(child, self.definition) for child in node.children)
+            return element
+        element.append(exporter.layer(node, self.index + 1, self.definition))
+        parts = [node.parts[slot] for slot in self.layer.fields if slot in node.parts]
+        element.extend(exporter.node(part, self.definition) for part in parts)
+        return element
+
+    def own(self, attributes: Mapping[str, str]) -> Element:
+        given = {name: value for name, value in attributes.items() if value}
+        _, ports = self.exporter.own.setdefault(self.layer.xml_tag, (self.layer, set()))
+        ports.update(given)
+        return self.element(self.layer.xml_tag, given)
+
+    def skill(self) -> Element:
+        name = self.node.key.text
+        if name in BUILTIN or name.startswith(PREFIX):
+            message = f"'{name}' means something else to BehaviorTree.CPP"
+            self.exporter.findings.error(
+                self.node.key, "groot-name", message, "a skill with this name cannot be exported"
+            )
+        self.exporter.used.setdefault(name, self.node)
+        return Element(name, self.ports())
+
+    def subtree(self) -> Element:
+        name = self.node.key.text
+        called = self.definition.file.subtrees.get(name)
+        called_id = name if called is None else self.exporter.ids.get(id(called), name)
+        return Element("SubTree", {"ID": called_id, **self.ports()})
 
 
 def _declaration(declared: Declared) -> object:

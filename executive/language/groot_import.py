@@ -4,24 +4,27 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-from executive.language.groot_names import BUILTIN, LITERAL, XML_TO_BRANCH
-from executive.language.model import DECORATORS
+from executive.language.groot_names import BUILTIN, LITERAL
+from executive.language.groot_scripts import ScriptError, assignments_of, condition_of
 from executive.language.xml_nodes import XmlElement, read_xml
+from executive.nodes.calls import SKILL
+from executive.nodes.catalogue import NodeTypes
+from executive.nodes.node_type import Words
 from executive.ports import TIME
 from executive.values.findings import Finding, Findings, Source
 from executive.values.yaml_text import Flow, block
 
-Node = dict[str, Any]
-
 _ATTRIBUTES = ("name", "ID", "_description", "_autoremap", "_fullpath", "_uid")
+_PRECONDITIONS = ("_failureIf", "_successIf", "_skipIf", "_while")
+"""In the order in which BehaviorTree.CPP looks at them."""
 _NAME = re.compile(r"[a-z][a-z0-9_]*")
 
 
-def import_groot(text: str, path: str | Path) -> tuple[str, list[Finding]]:
+def import_groot(text: str, path: str | Path, types: NodeTypes | None = None) -> tuple[str, list[Finding]]:
     """The text of a tree file, and what could not be translated. The text is empty when there is nothing to translate.
 
     Raises nothing. Check the text before you run it: other people's nodes may not be installed as skills here.
@@ -36,26 +39,13 @@ def import_groot(text: str, path: str | Path) -> tuple[str, list[Finding]]:
     if root.get("BTCPP_format") != "4":
         findings.error(root, "version", 'only version 4 of the format is read: <root BTCPP_format="4">')
         return "", findings.sorted()
-    return _Importer(findings).file(root), findings.sorted()
+    return _Importer(findings, types or NodeTypes.installed()).file(root), findings.sorted()
 
 
 class _Importer:
-    def __init__(self, findings: Findings) -> None:
-        self.findings = findings
-        self.decorators: Mapping[str, Callable[[XmlElement], tuple[str, object] | None]] = {
-            "RetryUntilSuccessful": lambda e: ("retry", e.get("num_attempts")),
-            "Repeat": lambda e: ("repeat", "forever" if e.get("num_cycles") == "-1" else e.get("num_cycles")),
-            "PomonaRepeat": lambda e: ("repeat", e.get("rounds")),
-            "Timeout": lambda e: ("timeout", _duration(e.get("msec"))),
-            "PomonaTimeout": lambda e: ("timeout", e.get("duration")),
-            "Inverter": lambda _: ("invert", Flow("true")),
-            "ForceSuccess": lambda _: ("force", "success"),
-            "ForceFailure": lambda _: ("force", "failure"),
-            "PomonaGuard": lambda e: ("guard", e.get("condition")),
-            "PomonaWhen": lambda e: ("when", e.get("condition")),
-            "PomonaForEach": lambda e: ("for_each", e.get("items")),
-            "KeepRunningUntilFailure": lambda _: ("repeat", "forever"),
-        }
+    def __init__(self, findings: Findings, types: NodeTypes) -> None:
+        self.findings, self.types = findings, types
+        self.names: dict[str, str] = {}
 
     def file(self, root: XmlElement) -> str:
         trees = {tree.get("ID") or f"tree_{i}": tree for i, tree in enumerate(root.all("BehaviorTree"), start=1)}
@@ -68,7 +58,7 @@ class _Importer:
             return ""
         self.names = {tree_id: _tree_name(tree_id) for tree_id in trees}
         models = {m.get("ID"): m for group in root.all("TreeNodesModel") for m in group.all("SubTree")}
-        top: Node = {"pomona": Flow("1"), "tree": self.names[main]}
+        top: Words = {"pomona": Flow("1"), "tree": self.names[main]}
         top.update(self.interface(models.get(main)))
         top["root"] = self.tree(trees[main])
         subtrees = {}
@@ -81,7 +71,7 @@ class _Importer:
             self.findings.error(root.all("include")[0], "xml", "<include> is not followed", "import that file as well")
         return "\n".join(block(top)) + "\n"
 
-    def interface(self, model: XmlElement | None) -> Node:
+    def interface(self, model: XmlElement | None) -> Words:
         """Parameters, constants and ports: from our own metadata, or from the model's ports."""
         if model is None:
             return {}
@@ -89,14 +79,14 @@ class _Importer:
             for metadata in fields.all("Metadata"):
                 if metadata.get("pomona"):
                     return self.told(metadata)
-        found: Node = {}
+        found: Words = {}
         for tag, key in (("input_port", "in"), ("output_port", "out")):
             ports = {p.get("name"): _foreign_port(p) for p in model.all(tag) if _NAME.fullmatch(p.get("name"))}
             if ports:
                 found[key] = ports
         return found
 
-    def told(self, metadata: XmlElement) -> Node:
+    def told(self, metadata: XmlElement) -> Words:
         try:
             told = json.loads(metadata.get("pomona"))
         except (ValueError, RecursionError):
@@ -104,7 +94,7 @@ class _Importer:
         if not isinstance(told, dict):
             self.findings.error(metadata, "xml", "the tree's metadata cannot be read")
             return {}
-        found: Node = {}
+        found: Words = {}
         if isinstance(told.get("description"), str):
             found["description"] = told["description"]
         for key in ("parameters", "constants", "in", "out"):
@@ -113,7 +103,7 @@ class _Importer:
                 found[key] = {str(name): _declared(port) for name, port in ports.items()}
         return found
 
-    def tree(self, tree: XmlElement) -> Node:
+    def tree(self, tree: XmlElement) -> Words:
         if len(tree.children) != 1:
             self.findings.error(tree, "xml", f"a <BehaviorTree> has one child, this one {len(tree.children)}")
             return {"succeed": {}}
@@ -121,119 +111,142 @@ class _Importer:
 
     # ------------------------------------------------------------------------------------------- nodes
 
-    def node(self, element: XmlElement) -> Node:
-        tag = element.tag
-        if tag in ("Action", "Condition", "Control", "Decorator"):
-            tag = element.get("ID")
-        self.conditions(element)
-        if tag in self.decorators:
-            return self.decorator(element, tag)
-        if tag == "PomonaRetry":
-            return self.retry(element)
-        found = self.bare(element, tag)
-        if element.get("name"):
+    def node(self, element: XmlElement) -> Words:
+        """A node of a tree file; a placeholder when nothing means the same."""
+        tag = element.get("ID") if element.tag in ("Action", "Condition", "Control", "Decorator") else element.tag
+        reading = ElementIn(self, element, tag)
+        found = self.bare(reading)
+        if element.get("name") and "name" not in found and not reading.wrapped:
             found["name"] = _node_name(element.get("name"))
-        if element.get("_description"):
+        if element.get("_description") and "description" not in found:
             found["description"] = element.get("_description")
-        return found
+        return self.conditions(element, found)
 
-    def conditions(self, element: XmlElement) -> None:
-        for name in element.attributes:
-            if name.startswith("_") and name not in _ATTRIBUTES:
-                message = f"'{name}' of <{element.tag}> is BehaviorTree.CPP's own script language and is left out"
-                self.findings.warning(element, "not-translated", message, "write a 'when', 'guard' or 'check' instead")
-
-    def decorator(self, element: XmlElement, tag: str) -> Node:
-        if len(element.children) != 1:
-            self.findings.error(element, "xml", f"<{tag}> has one child, this one {len(element.children)}")
-            return {"succeed": {}}
-        child = self.node(element.children[0])
-        modifier = self.decorators[tag](element)
-        assert modifier is not None
-        name, value = modifier
-        more = {"as": element.get("item").strip("{}")} if tag == "PomonaForEach" else {}
-        return _modified(child, name, _value(value), more)
-
-    def retry(self, element: XmlElement) -> Node:
-        if not 1 <= len(element.children) <= 2:
-            self.findings.error(element, "xml", "<PomonaRetry> has one or two children")
-            return {"succeed": {}}
-        more: Node = {"retry_if": element.get("retry_if")} if element.get("retry_if") else {}
-        if len(element.children) == 2:
-            more["on_failure"] = self.node(element.children[1])
-        return _modified(self.node(element.children[0]), "retry", element.get("attempts"), more)
-
-    def bare(self, element: XmlElement, tag: str) -> Node:
-        ports = {n: _value(v) for n, v in element.attributes.items() if n not in _ATTRIBUTES and not n.startswith("_")}
-        children = [self.node(child) for child in element.children]
-        if tag in XML_TO_BRANCH:
-            return {XML_TO_BRANCH[tag]: children}
-        match tag:
-            case "Parallel" | "ParallelAll":
-                return self.parallel(element, children)
-            case "PomonaParallel":
-                return {"parallel": children, "success_on": ports.get("success_on", "all")}
-            case "PomonaRecovery":
-                return {"recovery": children, "attempts": ports.get("attempts", "2")}
-            case "PomonaCheck":
-                return {"check": element.get("condition")}
-            case "PomonaWaitUntil":
-                return {"wait_until": element.get("condition")}
-            case "PomonaWait":
-                return {"wait": element.get("duration")}
-            case "Sleep":
-                return {"wait": _duration(element.get("msec"))}
-            case "PomonaSet":
-                return {"set": ports.get("values", {})}
-            case "PomonaFail":
-                return {"fail": ports}
-            case "AlwaysFailure":
-                return {"fail": {}}
-            case "AlwaysSuccess":
-                return {"succeed": {}}
-            case "SubTree":
-                return self.subtree(element, ports)
+    def bare(self, element: ElementIn) -> Words:
+        tag = element.tag
+        found = self.types.of_tag(tag)
+        if found is not None:
+            if found.role == "modifier" and tag in found.xml_tags and len(element.found.children) != 1:
+                return element.refuse(f"has {len(element.found.children)} children")
+            return found.from_xml(element)
+        if tag == "SubTree":
+            return self.subtree(element)
+        if tag in ("Script", "ScriptCondition"):
+            return self.script(element)
         if tag in BUILTIN or not re.fullmatch(r"[A-Z][A-Za-z0-9_]*", tag):
-            message = f"<{tag or element.tag}> has no counterpart in tree files"
-            self.findings.error(element, "not-translated", message, "write it with other nodes")
-            return {"sequence": children} if children else {"succeed": {}}
-        if children:
-            self.findings.error(element, "not-translated", f"<{tag}> has children, which a skill cannot have")
-        return {tag: ports}
+            return element.refuse("has no counterpart in tree files")
+        return SKILL.from_xml(element)
 
-    def subtree(self, element: XmlElement, ports: Node) -> Node:
+    def subtree(self, element: ElementIn) -> Words:
         called = element.get("ID")
         if called not in self.names:
-            self.findings.error(element, "xml", f"the subtree '{called}' is not in the file")
+            self.findings.error(element.found, "xml", f"the subtree '{called}' is not in the file")
         if element.get("_autoremap") in ("1", "true"):
             message = f"'_autoremap' of subtree '{called}' is left out"
-            self.findings.warning(element, "not-translated", message, "wire its ports by name")
-        return {self.names.get(called, _tree_name(called)): ports}
+            self.findings.warning(element.found, "not-translated", message, "wire its ports by name")
+        return {self.names.get(called, _tree_name(called)): element.ports()}
 
-    def parallel(self, element: XmlElement, children: list[Node]) -> Node:
-        success, failure = element.get("success_count") or "-1", element.get("failure_count") or "1"
-        if element.tag == "ParallelAll":
-            success, failure = "-1", element.get("max_failures") or "1"
-        everything = success in ("-1", str(len(children)))
-        if failure != "1" or not (everything or success == "1"):
-            message = f"a parallel that succeeds on {success} and fails on {failure} has no counterpart in tree files"
-            self.findings.error(element, "not-translated", message)
-        return {"parallel": children} if everything else {"parallel": children, "success_on": "one"}
+    def script(self, element: ElementIn) -> Words:
+        try:
+            if element.tag == "ScriptCondition":
+                return {"check": condition_of(element.get("code"))}
+            steps: list[Words] = [{"set": {name: value}} for name, value in assignments_of(element.get("code"))]
+        except ScriptError as error:
+            return element.refuse(str(error))
+        return steps[0] if len(steps) == 1 else {"sequence": steps}
+
+    def conditions(self, element: XmlElement, found: Words) -> Words:
+        """Put the pre- and postconditions of BehaviorTree.CPP around a node."""
+        others = [name for name in element.attributes if name.startswith("_") and name not in _ATTRIBUTES]
+        for name in (*reversed(_PRECONDITIONS), *(name for name in others if name not in _PRECONDITIONS)):
+            if name not in element.attributes:
+                continue
+            if name not in _PRECONDITIONS:
+                found = self.untranslated(element, name, {"code": element.get(name)}, [found], "is a script")
+                continue
+            try:
+                found = _guarded(found, name, condition_of(element.get(name)))
+            except ScriptError as error:
+                found = self.untranslated(element, name, {"code": element.get(name)}, [found], str(error))
+        return found
+
+    def untranslated(self, element: XmlElement, name: str, attributes: Words, children: list[Words], why: str) -> Words:
+        """A placeholder that `check` refuses."""
+        self.findings.error(element, "not-translated", f"<{name}> {why}", "write it with other nodes")
+        found: Words = {"untranslated": children, "element": name}
+        return {**found, "attributes": attributes} if attributes else found
+
+    def modified(self, child: Words, name: str, value: object, more: Words) -> Words:
+        """The child with one more modifier around it; in a sequence of its own when the order would be another."""
+        order = [modifier.key for modifier in self.types.modifiers]
+        inside = [order.index(other) for other in order if other in child]
+        if inside and max(inside) >= order.index(name):
+            child = {"sequence": [child]}
+        return {**child, name: value, **more}
 
 
-def _modified(child: Node, name: str, value: object, more: Node) -> Node:
-    """The child with one more modifier around it; in a sequence of its own when the order would be another."""
-    inside = [other for other in DECORATORS if other in child]
-    if inside and DECORATORS.index(inside[-1]) >= DECORATORS.index(name):
-        child = {"sequence": [child]}
-    return {**child, name: value, **more}
+@dataclass(slots=True)
+class ElementIn:
+    """An element being read by a node type (an `XmlIn`). Its children are read when they are first asked for."""
+
+    importer: _Importer
+    found: XmlElement
+    tag: str
+    wrapped: bool = False
+    read: list[Words] | None = None
+
+    @property
+    def attributes(self) -> Mapping[str, str]:
+        return self.found.attributes
+
+    def get(self, name: str) -> str:
+        return self.found.get(name)
+
+    def value(self, name: str) -> object:
+        return _value(self.found.get(name))
+
+    def duration(self, name: str) -> str:
+        return _duration(self.found.get(name))
+
+    def children(self) -> list[Words]:
+        if self.read is None:
+            self.read = [self.importer.node(child) for child in self.found.children]
+        return self.read
+
+    def ports(self) -> Words:
+        given = self.found.attributes.items()
+        return {name: _value(text) for name, text in given if name not in _ATTRIBUTES and not name.startswith("_")}
+
+    def refuse(self, message: str) -> Words:
+        kept = {n: v for n, v in self.found.attributes.items() if n != "name" and not n.startswith("_")}
+        if kept.get("ID") == self.tag:
+            del kept["ID"]
+        return self.importer.untranslated(
+            self.found, self.tag, kept, self.children(), message or "is not as it should be"
+        )
+
+    def wrap(self, child: Words, word: str, value: object, more: Words | None = None) -> Words:
+        self.wrapped = True
+        return self.importer.modified(child, word, value, more or {})
 
 
-def _value(text: object) -> object:
-    return Flow(text.removeprefix(LITERAL)) if isinstance(text, str) and text.startswith(LITERAL) else text
+def _guarded(found: Words, name: str, condition: str) -> Words:
+    """What BehaviorTree.CPP does before a node that has a precondition."""
+    if name == "_skipIf":
+        inner = {"sequence": [found]} if "when" in found else found
+        return {**inner, "when": f"not ({condition})"}
+    if name == "_while":
+        return {"reactive_if": condition, "then": found}
+    return {"if": condition, "then": {"succeed": {}} if name == "_successIf" else {"fail": {}}, "else": found}
+
+
+def _value(text: str) -> object:
+    return Flow(text.removeprefix(LITERAL)) if text.startswith(LITERAL) else text
 
 
 def _duration(milliseconds: str) -> str:
+    if milliseconds.startswith("{"):
+        return f"{milliseconds} * 1 ms"
     try:
         return TIME.format(float(milliseconds) * 1e-3)
     except (ValueError, OverflowError):
@@ -255,14 +268,14 @@ def _declared(port: object) -> object:
         return Flow(port or "null")
     if not isinstance(port, dict):
         return Flow("null")
-    found: Node = {}
+    found: Words = {}
     for key, value in port.items():
         found[str(key)] = Flow(value) if key in ("default", "min", "max") and isinstance(value, str) else value
     return found["type"] if list(found) == ["type"] else found
 
 
-def _foreign_port(port: XmlElement) -> Node:
-    found: Node = {"type": port.get("type") if _NAME.fullmatch(port.get("type")) else "text"}
+def _foreign_port(port: XmlElement) -> Words:
+    found: Words = {"type": port.get("type") if _NAME.fullmatch(port.get("type")) else "text"}
     if "default" in port.attributes and port.tag == "input_port":
         found["default"] = port.get("default")
     if port.text.strip():

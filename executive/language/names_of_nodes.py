@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from executive.language.model import Definition, Document, TreeNode
+from executive.nodes.calls import SKILL, SUBTREE
 
 MAX_PATHS = 10_000
 
@@ -29,7 +30,7 @@ def skills_by_node(document: Document) -> dict[str, str]:
     found: dict[str, str] = {}
     for definition in document.definitions():
         for node in definition.root.walk() if definition.root is not None else ():
-            if node.kind == "skill":
+            if node.type is SKILL:
                 found.setdefault(node.key.text, node.key.text)
                 found.setdefault(node.label, node.key.text)
     for path, skill in _paths(document):
@@ -44,15 +45,15 @@ def _paths(document: Document) -> Iterator[tuple[str, str]]:
     paths = UniquePaths()
 
     def walk(node: TreeNode, path: str, definition: Definition, depth: int) -> Iterator[tuple[str, str]]:
-        if node.kind == "skill":
+        if node.type is SKILL:
             yield path, node.key.text
         for child in node.children:
             yield from walk(child, paths.take(f"{path}/{child.label}"), definition, depth)
-        called = definition.file.subtrees.get(node.key.text) if node.kind == "subtree" else None
+        called = definition.file.subtrees.get(node.key.text) if node.type is SUBTREE else None
         if called is not None and called.root is not None and depth < 50 and len(paths.taken) < MAX_PATHS:
             yield from walk(called.root, paths.take(f"{path}/{called.root.label}"), called, depth + 1)
-        if node.on_failure is not None:
-            yield from walk(node.on_failure, f"{path}:on_failure", definition, depth)
+        for slot, part in node.parts.items():
+            yield from walk(part, f"{path}:{slot}", definition, depth)
 
     main = document.main.main
     if main is not None and main.root is not None:

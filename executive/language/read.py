@@ -8,7 +8,8 @@ from pathlib import Path
 
 from executive.language.expression import SPECIAL
 from executive.language.model import Declared, Definition, Document, TreeFile
-from executive.language.read_node import NodeReader
+from executive.language.read_node import NodeReader, is_word
+from executive.nodes.catalogue import NodeTypes
 from executive.values.findings import Finding, Findings, Source
 from executive.values.shape import Shape
 from executive.values.yaml_nodes import MAX_CHARACTERS, YamlList, YamlMapping, YamlNode, YamlScalar, read_yaml
@@ -22,7 +23,12 @@ _NAME = re.compile(r"[a-z][a-z0-9_]*")
 
 
 def read(
-    text: str, path: str | Path, *, tree_folders: Sequence[Path] = (), texts: Mapping[str, str] | None = None
+    text: str,
+    path: str | Path,
+    *,
+    tree_folders: Sequence[Path] = (),
+    texts: Mapping[str, str] | None = None,
+    types: NodeTypes | None = None,
 ) -> Document:
     """The document of a tree file's text. Raises nothing: what is wrong is in its findings.
 
@@ -31,8 +37,9 @@ def read(
         path: where it stands; files that it calls are found beside it or below.
         tree_folders: folders of installed trees, in which called files are looked for as well.
         texts: contents of called files, by the path that findings show, that are not to be read from the disk.
+        types: the words of the language; all that are installed when it is left out.
     """
-    return _Reader(tree_folders, texts or {}).document(text, Path(path))
+    return _Reader(tree_folders, texts or {}, types or NodeTypes.installed()).document(text, Path(path))
 
 
 def read_file(path: str | Path, *, tree_folders: Sequence[Path] = ()) -> Document:
@@ -41,7 +48,7 @@ def read_file(path: str | Path, *, tree_folders: Sequence[Path] = ()) -> Documen
     text = _load(Path(path), str(path), findings)
     if text is None:
         source = Source(str(path), "")
-        return Document(str(path), "", TreeFile(source), [], findings.sorted())
+        return Document(str(path), "", TreeFile(source), [], findings.sorted(), NodeTypes.installed())
     return read(text, path, tree_folders=tree_folders)
 
 
@@ -67,9 +74,9 @@ def _load(path: Path, shown: str, findings: Findings, where: YamlNode | None = N
 
 
 class _Reader:
-    def __init__(self, tree_folders: Sequence[Path], texts: Mapping[str, str]) -> None:
+    def __init__(self, tree_folders: Sequence[Path], texts: Mapping[str, str], types: NodeTypes) -> None:
         self.findings = Findings()
-        self.texts = texts
+        self.texts, self.types = texts, types
         self.folders = [folder.resolve() for folder in tree_folders]
         self.files: dict[Path, TreeFile] = {}
 
@@ -77,7 +84,7 @@ class _Reader:
         folder = path.parent.resolve()
         self.folders.insert(0, folder)
         main = self.file(text, str(path), folder / path.name)
-        return Document(str(path), text, main, list(self.files.values()), self.findings.sorted())
+        return Document(str(path), text, main, list(self.files.values()), self.findings.sorted(), self.types)
 
     def file(self, text: str, shown: str, resolved: Path) -> TreeFile:
         source = Source(shown, text)
@@ -109,12 +116,12 @@ class _Reader:
         if root_node is None:
             self.findings.error(_start(top), "missing-key", "the file has no 'root': nothing would run")
         else:
-            main.root = NodeReader(self.findings, file).node(root_node)
+            main.root = NodeReader(self.findings, file, self.types).node(root_node)
         for subtree in file.subtrees.values():
             if subtree.file is file and isinstance(subtree.at, YamlMapping):
                 written = subtree.at.get("root")
                 if written is not None:
-                    subtree.root = NodeReader(self.findings, file).node(written)
+                    subtree.root = NodeReader(self.findings, file, self.types).node(written)
         return file
 
     def version(self, top: YamlMapping) -> None:
@@ -176,6 +183,10 @@ class _Reader:
     def read_subtrees(self, shape: Shape, top: YamlMapping, file: TreeFile, folder: Path) -> None:
         for key, value in shape.entries(top.get("subtrees"), "subtrees", "'name: {in: …, out: …, root: …}' for each"):
             if not self.good_name(key, "a subtree"):
+                continue
+            if is_word(self.types, key.text):
+                message = f"'{key.text}' is a word of the language and names no subtree"
+                self.findings.error(key, "bad-name", message, "give the subtree another name")
                 continue
             at = shape.mapping(value, "a subtree")
             if at is None:

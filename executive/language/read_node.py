@@ -4,23 +4,27 @@ from __future__ import annotations
 
 import re
 
-from executive.language.model import BRANCHES, LEAVES, MODIFIERS, SPECIFIC, Entry, TreeFile, TreeNode
+from executive.language.model import Entry, TreeFile, TreeNode
+from executive.nodes.calls import SKILL, SUBTREE
+from executive.nodes.catalogue import RESERVED, NodeTypes
+from executive.nodes.node_type import NodeType
 from executive.values.findings import Findings, did_you_mean
 from executive.values.shape import Shape, shape_of
-from executive.values.yaml_nodes import YamlList, YamlMapping, YamlNode, YamlScalar
+from executive.values.yaml_nodes import YamlMapping, YamlNode, YamlScalar
 
 _SKILL = re.compile(r"[A-Z][A-Za-z0-9_]*")
 _BAD_IN_NAMES = re.compile(r"[/:#{}\x00-\x1f]")
-_ALL_SPECIFIC = {name: kind for kind, names in SPECIFIC.items() for name in names}
 
 
 class NodeReader:
-    """Reads the nodes of one file."""
+    """Reads the nodes of one file (a `Reading`)."""
 
-    def __init__(self, findings: Findings, file: TreeFile) -> None:
-        self.findings, self.file = findings, file
+    def __init__(self, findings: Findings, file: TreeFile, types: NodeTypes) -> None:
+        self.findings, self.file, self.types = findings, file, types
         self.shape = Shape(findings)
         self.commented: set[int] = set()
+        self.beside = ("name", "description", *types.beside)
+        self.words = frozenset({*self.beside, *types.fields})
 
     def node(self, written: YamlNode) -> TreeNode | None:
         """The node, or None when it has no type that could be guessed."""
@@ -33,25 +37,40 @@ class NodeReader:
         entry = self.type_of(written)
         if entry is None:
             return None
-        key, value = entry
-        kind = key.text
-        if kind not in BRANCHES and kind not in LEAVES:
-            kind = "subtree" if kind in self.file.subtrees or not _SKILL.fullmatch(kind) else "skill"
-        node = TreeNode(kind, key, value, written)
+        problem = self.types.problems.get(entry[0].text)
+        if problem is not None:
+            self.findings.error(entry[0], "broken-node", f"'{entry[0].text}' cannot be used: {problem}")
+            return None
+        node = TreeNode(self.type_named(entry[0].text), *entry, written)
         node.comment = self.comment(written.line)
         self.modifiers(node)
-        if kind in BRANCHES:
-            self.children(node)
-        elif kind in ("skill", "subtree", "set", "fail"):
-            node.ports = self.ports(node)
-        elif kind == "succeed" and not _is_empty(value):
-            self.findings.error(value, "shape", "'succeed' takes nothing", "write 'succeed: {}'")
+        node.wrap(tuple(modifier for modifier in self.types.modifiers if modifier.key in node.modifiers))
+        for modifier in node.wrapping:
+            self.take(node, modifier)
+        self.take(node, node.type)
         return node
 
+    def take(self, node: TreeNode, layer: NodeType) -> None:
+        """Let everything that is written for a type or a modifier read what stands in it."""
+        for slot, taken in layer.slots.items():
+            entry = node.entry(layer, slot)
+            if entry is not None:
+                taken.take(self, node, layer, slot, entry[1])
+            elif taken.required:
+                message, hint = f"'{layer.key}' has no '{slot}'", f"add '{slot}: …' beside it"
+                self.findings.error(node.key, "missing-key", message, hint)
+
+    def type_named(self, word: str) -> NodeType:
+        found = self.types.get(word)
+        if found is not None:
+            return found
+        return SUBTREE if word in self.file.subtrees or not _SKILL.fullmatch(word) else SKILL
+
     def type_of(self, written: YamlMapping) -> Entry | None:
-        candidates = [e for name, e in written.entries.items() if name not in MODIFIERS and name not in _ALL_SPECIFIC]
+        candidates = [entry for name, entry in written.entries.items() if name not in self.words]
+        types = (*self.types.composites, *self.types.leaves)
         if not candidates:
-            hint = "name a skill, a subtree or one of " + ", ".join(BRANCHES + LEAVES)
+            hint = "name a skill, a subtree or one of " + ", ".join(types)
             self.findings.error(self.first_key(written), "no-type", "this node does not say what it does", hint)
             return None
         known = [e for e in candidates if self.is_type(e[0].text)] or candidates[:1]
@@ -62,44 +81,47 @@ class NodeReader:
             if any(key is other[0] for other in known):
                 message = f"a node has one type; this one is '{chosen[0].text}' and '{key.text}'"
                 self.findings.error(key, "two-types", message, "put both into a sequence")
+            elif key.text in self.types.problems:
+                message = f"'{key.text}' cannot be used: {self.types.problems[key.text]}"
+                self.findings.error(key, "broken-node", message)
             else:
-                allowed = (*MODIFIERS, *SPECIFIC.get(chosen[0].text, ()))
+                own = self.types.get(chosen[0].text)
+                allowed = (*self.beside, *(own.fields if own is not None else ()))
                 hint = did_you_mean(key.text, allowed) or "modifiers are " + ", ".join(allowed)
                 self.findings.error(key, "unknown-key", f"no modifier named '{key.text}'", hint)
         return chosen
 
     def is_type(self, word: str) -> bool:
-        return word in BRANCHES or word in LEAVES or word in self.file.subtrees or bool(_SKILL.fullmatch(word))
+        return word in self.types or word in self.file.subtrees or bool(_SKILL.fullmatch(word))
 
     def first_key(self, written: YamlMapping) -> YamlNode:
         return next((key for key, _ in written.entries.values()), written)
 
     def modifiers(self, node: TreeNode) -> None:
         for name, (key, value) in node.at.entries.items():
-            if key is node.key:
+            if key is node.key or name not in self.words:
                 continue
             if name == "name":
                 node.name = self.name(value)
             elif name == "description":
                 described = self.shape.text(value)
                 node.description = described.text if described is not None else ""
-            elif name == "on_failure":
-                node.on_failure = self.node(value)
-                if node.on_failure is not None:
-                    node.on_failure.comment = node.on_failure.comment or self.comment(key.line)
+            elif name in self.types or self.belongs(node, key):
                 node.modifiers[name] = (key, value)
-            elif name in MODIFIERS:
-                node.modifiers[name] = (key, value)
-            elif name in _ALL_SPECIFIC:
-                if name in SPECIFIC.get(node.kind, ()):
-                    node.modifiers[name] = (key, value)
-                else:
-                    message = f"'{name}' belongs to {_ALL_SPECIFIC[name]}, not to {node.key.text}"
-                    self.findings.error(key, "unknown-key", message)
-        for name, needs in (("on_failure", "retry"), ("retry_if", "retry"), ("as", "for_each")):
-            if name in node.modifiers and needs not in node.modifiers:
-                message = f"'{name}' means nothing without '{needs}'"
-                self.findings.error(node.modifiers[name][0], "missing-key", message, f"add '{needs}: …' beside it")
+
+    def belongs(self, node: TreeNode, key: YamlScalar) -> bool:
+        """Whether something beside a field has such a field; reports when nothing has."""
+        owners = self.types.owners(key.text)
+        if node.type in owners or any(owner.role == "modifier" and owner.key in node.at.entries for owner in owners):
+            return True
+        owner = owners[0]
+        if owner.role == "modifier":
+            message, hint = f"'{key.text}' means nothing without '{owner.key}'", f"add '{owner.key}: …' beside it"
+            self.findings.error(key, "missing-key", message, hint)
+        else:
+            message = f"'{key.text}' belongs to {owner.key}, not to {node.key.text}"
+            self.findings.error(key, "unknown-key", message)
+        return False
 
     def name(self, value: YamlNode) -> YamlScalar | None:
         name = self.shape.text(value)
@@ -108,28 +130,6 @@ class NodeReader:
             self.findings.error(name, "bad-name", f"'{name.text[:80]}' is no name for a node", hint)
             return None
         return name
-
-    def children(self, node: TreeNode) -> None:
-        if not isinstance(node.value, YamlList):
-            message = f"'{node.kind}' takes a list of nodes, this is {shape_of(node.value)}"
-            self.findings.error(node.value, "shape", message, "start each child with '- '")
-            return
-        if not node.value.items:
-            self.findings.error(node.value, "shape", f"'{node.kind}' has no children")
-        node.children = [child for item in node.value.items if (child := self.node(item)) is not None]
-        if node.kind == "recovery" and len(node.value.items) != 2:
-            message = f"'recovery' takes two nodes, here are {len(node.value.items)}"
-            self.findings.error(node.key, "shape", message, "first what to do, then what to do when it failed")
-
-    def ports(self, node: TreeNode) -> dict[str, Entry]:
-        value = node.value
-        if isinstance(value, YamlScalar) and value.is_null:
-            return {}
-        if not isinstance(value, YamlMapping):
-            message = f"{node.key.text} takes its ports as a mapping, this is {shape_of(value)}"
-            self.findings.error(value, "shape", message, f"write '{node.key.text}: {{port: value}}'")
-            return {}
-        return dict(value.entries)
 
     def comment(self, line: int) -> str:
         """The comment on the node's first line and the lines of comment above it, each given to one node only."""
@@ -146,5 +146,6 @@ class NodeReader:
         return " ".join(source.comments[number] for number in lines).strip()
 
 
-def _is_empty(value: YamlNode) -> bool:
-    return value.is_null if isinstance(value, YamlScalar) else isinstance(value, YamlMapping) and not value.entries
+def is_word(types: NodeTypes, name: str) -> bool:
+    """Whether a name is a word of the language, which no subtree can have."""
+    return name in types or name in types.fields or name in RESERVED

@@ -14,6 +14,7 @@ from executive.errors import SkillError
 from executive.language.build import build
 from executive.language.built import BuiltTree, NodeInfo
 from executive.language.scenario import Case, Scenario
+from executive.nodes.node_type import NodeType
 from executive.reasons import Reason, reason_of
 from executive.registry import Registry
 from executive.skill import Computation, Interrupted, Skill, Work
@@ -75,10 +76,19 @@ class CaseResult:
         return not self.problems
 
 
+_ENDS: Mapping[str, frozenset[Status]] = {
+    "success": frozenset({Status.SUCCESS}),
+    "failure": frozenset({Status.FAILURE}),
+    "skipped": frozenset({Status.INVALID}),
+    "not skipped": frozenset({Status.SUCCESS, Status.FAILURE, Status.RUNNING}),
+}
+
+
 @dataclass(slots=True, eq=False)
 class Coverage:
     """Which nodes were ticked, and how they ended."""
 
+    types: Mapping[str, NodeType]
     nodes: dict[str, NodeInfo] = field(default_factory=dict)
     seen: dict[str, set[Status]] = field(default_factory=dict)
 
@@ -87,13 +97,13 @@ class Coverage:
         return tuple(info for path, info in self.nodes.items() if path not in self.seen)
 
     def ends_never_seen(self) -> tuple[tuple[NodeInfo, str], ...]:
-        """Skills and conditions that ran and never ended in one of their two ways."""
+        """Skills and conditions that ran and never ended in one of their ways."""
         found: list[tuple[NodeInfo, str]] = []
         for path, info in self.nodes.items():
-            two_ways = info.failures or info.kind in ("check", "when", "guard")
-            if path in self.seen and two_ways:
-                missing = [s for s in (Status.SUCCESS, Status.FAILURE) if s not in self.seen[path]]
-                found.extend((info, status.name.lower()) for status in missing)
+            if path in self.seen:
+                known = self.types[info.kind].ends if info.kind in self.types else ()
+                ends = ("success", "failure") if info.failures else known
+                found.extend((info, end) for end in ends if not _ENDS[end] & self.seen[path])
         return tuple(found)
 
     def share(self) -> float:
@@ -123,7 +133,7 @@ def run_scenario(scenario: Scenario, skills: Registry) -> ScenarioResult:
     errors = [finding for finding in scenario.findings if finding.severity == "error"]
     if errors or scenario.document is None:
         raise TreeFileError(errors)
-    coverage = Coverage()
+    coverage = Coverage(scenario.document.types)
     results = []
     for case in scenario.cases:
         context = DryContext()
@@ -144,6 +154,8 @@ def _run_case(case: Case, tree: BuiltTree, clock: Clock, coverage: Coverage) -> 
         now_running: set[str] = set()
         for node in tree.root.tick():
             path = str(getattr(node, "path", node.name))
+            if path not in tree.behaviours:
+                continue
             seen.setdefault(path, set()).add(node.status)
             if path not in running:
                 starts[path] = starts.get(path, 0) + 1

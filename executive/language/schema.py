@@ -7,9 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from executive.language.model import BRANCHES
 from executive.language.value_types import fields_of
-from executive.ports import RATIO, TIME, Port, Quantity, type_name
+from executive.nodes.catalogue import NodeTypes
+from executive.nodes.node_type import NodeType
+from executive.ports import RATIO, Port, Quantity, type_name
 from executive.registry import Registry
 from executive.skill import Skill
 
@@ -21,10 +22,10 @@ WIRE = r"\{"
 Schema = dict[str, Any]
 
 
-def schema(skills: Registry) -> Schema:
+def schema(skills: Registry, types: NodeTypes | None = None) -> Schema:
     """The schema (draft 2020-12)."""
     definitions: Schema = {
-        "node": _node(skills),
+        "node": _node(skills, types or NodeTypes.installed()),
         "nodes": {"type": "array", "minItems": 1, "items": {"$ref": "#/$defs/node"}},
         "condition": {"type": ["string", "boolean"], "description": 'an expression such as "{measured.mu} > 0.6"'},
         "wires": {"type": ["object", "null"], "description": "ports of a subtree"},
@@ -66,48 +67,38 @@ def _or_wire(*kinds: Schema) -> Schema:
     return {"anyOf": [*kinds, {"type": "string", "pattern": WIRE}]}
 
 
-def _node(skills: Registry) -> Schema:
-    count = _or_wire({"type": "integer", "minimum": 1})
-    time = _or_wire(_quantity(TIME))
-    condition = _ref("condition")
-    branches: Schema = {name: _ref("nodes") for name in BRANCHES}
-    leaves: Schema = {
-        "check": {**condition, "description": "succeeds when it holds, fails otherwise"},
-        "wait_until": {**condition, "description": "runs until it holds"},
-        "wait": {**time, "description": "lets time pass"},
-        "set": {"type": "object", "minProperties": 1, "propertyNames": {"pattern": _NAME}},
-        "succeed": {"type": ["object", "null"], "maxProperties": 0},
-        "fail": {"type": ["object", "null"], "properties": {"code": {"type": "string"}, "message": {"type": "string"}},
-                 "additionalProperties": False},
-    }  # fmt: skip
-    modifiers: Schema = {
-        "name": {"type": "string", "maxLength": 80},
-        "description": {"type": "string"},
-        "when": {**condition, "description": "looked at once; when it does not hold the node is skipped"},
-        "guard": {**condition, "description": "looked at before each tick; when it does not hold the node fails"},
-        "for_each": {"description": "a list; the node runs once for each item"},
-        "as": {"type": "string", "pattern": _NAME, "description": "name of the item, 'item' by default"},
-        "repeat": {**_or_wire({"type": "integer", "minimum": 1}, {"const": "forever"})},
-        "retry": {**count, "description": "number of tries"},
-        "retry_if": {**condition, "description": "looked at after a failed try: go on trying?"},
-        "on_failure": {**_ref("node"), "description": "runs after each failed try"},
-        "timeout": {**time, "description": "for each try"},
-        "invert": {"type": "boolean"},
-        "force": {"enum": ["success", "failure"]},
-        "success_on": {"anyOf": [{"enum": ["all", "one"]}, {"type": "array", "items": {"type": "string"}}]},
-        "attempts": count,
-    }
+def _node(skills: Registry, types: NodeTypes) -> Schema:
+    own = {word: found for word, found in types.items() if found.role != "modifier"}
+    words: Schema = {word: {**_described(found, word)} for word, found in own.items()}
     called: Schema = {name: _ref(f"skill.{name}") for name in sorted(skills)}
-    types = [{"required": [name]} for name in (*branches, *leaves, *called)]
-    subtree = {"not": {"anyOf": [*types, {"propertyNames": {"enum": list(modifiers)}}]}}
+    beside: Schema = {"name": {"type": "string", "maxLength": 80}, "description": {"type": "string"}}
+    beside.update({modifier.key: _described(modifier, modifier.key) for modifier in types.modifiers})
+    beside.update({word: _described(types.owners(word)[0], word) for word in types.fields})
+    kinds = [{"required": [name]} for name in (*words, *called)]
+    subtree = {"not": {"anyOf": [*kinds, {"propertyNames": {"enum": list(beside)}}]}}
+    single = {word: types.owners(word)[0].key for word in types.fields if len(types.owners(word)) == 1}
+    needed = [
+        {"if": {"required": [word]}, "then": {"required": required}}
+        for word, found in types.items()
+        if (required := [slot for slot, taken in found.fields.items() if taken.required])
+    ]
     return {
         "type": "object",
-        "properties": {**branches, **leaves, **called, **modifiers},
-        "patternProperties": {_subtree_names([*branches, *leaves, *modifiers]): _ref("wires")},
+        "properties": {**words, **called, **beside},
+        "patternProperties": {_subtree_names([*words, *beside]): _ref("wires")},
         "additionalProperties": False,
-        "oneOf": [*types, subtree],
-        "dependentRequired": {"on_failure": ["retry"], "retry_if": ["retry"], "as": ["for_each"]},
+        "oneOf": [*kinds, subtree],
+        "dependentRequired": {word: [key] for word, key in single.items()},
+        "allOf": needed,
     }
+
+
+def _described(found: NodeType, word: str) -> Schema:
+    return {"description": found.summary, **found.slots[word].described(_port_value)}
+
+
+def _port_value(port: Port) -> Schema:
+    return _or_wire(_literal(port)) if _literal(port) else {}
 
 
 def _subtree_names(words: list[str]) -> str:

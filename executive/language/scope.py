@@ -62,7 +62,7 @@ Value = Given | Computed
 
 @dataclass(frozen=True, slots=True)
 class Read:
-    """A name that a node reads: for one of its ports or for a modifier (`slot`)."""
+    """A name that a layer of a node reads, for one of its ports or words (`slot`)."""
 
     slot: str
     name: str
@@ -72,7 +72,7 @@ class Read:
 
 @dataclass(slots=True, eq=False)
 class Resolved:
-    """A node with every name looked up: all that building it needs."""
+    """A layer of a node (its type, or a modifier) with every name looked up: all that building it needs."""
 
     node: TreeNode
     skill: type[Skill] | None = None

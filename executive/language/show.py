@@ -2,38 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from xml.sax.saxutils import escape
 
 from executive.language.model import Document, TreeNode
+from executive.nodes.calls import SUBTREE
+from executive.nodes.node_type import NodeType
 from executive.values.written import written
-
-SYMBOLS: Mapping[str, str] = {
-    "sequence": "→",
-    "reactive_sequence": "⇉",
-    "fallback": "?",
-    "reactive_fallback": "⁇",
-    "parallel": "∥",
-    "recovery": "↺",
-    "subtree": "▣",
-    "skill": "●",
-    "check": "◇",
-    "wait_until": "◇",
-    "wait": "◷",
-    "set": "=",
-    "succeed": "✓",
-    "fail": "✗",
-    "timeout": "◷",
-    "invert": "!",
-    "force": "!",
-    "retry": "↻",
-    "repeat": "↻",
-    "for_each": "∀",
-    "guard": "◇",
-    "when": "◇",
-    "on_failure": "✗",
-}
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +17,7 @@ class Drawn:
     """One line of a drawing. `rails` says for each level above whether its line goes on below this one."""
 
     depth: int
-    kind: str
+    type: NodeType
     name: str
     detail: str
     comment: str
@@ -71,43 +47,34 @@ class _Drawing:
     subtrees: bool
 
     def node(self, node: TreeNode, rails: tuple[bool, ...], last: bool, calls: tuple[str, ...], lead: str = "") -> None:
-        below: list[tuple[TreeNode, str, tuple[str, ...]]] = [(child, "", calls) for child in node.children]
-        if node.kind == "recovery" and len(below) == 2:
-            below[1] = (node.children[1], "on failure: ", calls)
+        below = [(child, lead, calls) for child, lead in zip(node.children, node.leads, strict=True)]
         called = self.called(node) if self.subtrees else None
         if called is not None and node.key.text not in calls and len(self.lines) < 20_000:
             below.append((called, "", (*calls, node.key.text)))
-        if node.on_failure is not None:
-            below.append((node.on_failure, "on failure: ", calls))
-        modifiers = [f"{name} {written(node.modifiers[name][1])}" for name in _in_words(node)]
-        detail = " · ".join(part for part in (_ports(node), *modifiers) if part)
+        below += [(part, f"{slot.replace('_', ' ')}: ", calls) for slot, part in node.parts.items()]
+        detail = " · ".join(_details(node))
         named = node.name.text if node.name is not None else ""
         name = node.key.text if not named else f"{named} ({node.key.text})"
         comment = node.description or node.comment
-        self.lines.append(Drawn(len(rails), node.kind, lead + name, detail, comment, rails, last))
+        self.lines.append(Drawn(len(rails), node.type, lead + name, detail, comment, rails, last))
         for index, (child, child_lead, child_calls) in enumerate(below):
             self.node(child, (*rails, not last), index == len(below) - 1, child_calls, child_lead)
 
     def called(self, node: TreeNode) -> TreeNode | None:
-        if node.kind != "subtree":
-            return None
-        for file in self.document.files:
-            definition = file.subtrees.get(node.key.text)
-            if definition is not None and file.source is node.at.source:
-                return definition.root
-        return None
+        definition = self.document.called(node) if node.type is SUBTREE else None
+        return None if definition is None else definition.root
 
 
-def _in_words(node: TreeNode) -> Iterator[str]:
-    for name in (*reversed(node.decorators), "retry_if", "as", "success_on", "attempts"):
-        if name in node.modifiers:
-            yield name
-
-
-def _ports(node: TreeNode) -> str:
+def _details(node: TreeNode) -> Iterator[str]:
+    """Its ports or its value, then its modifiers from the outside to the inside, then all fields."""
     if node.ports:
-        return ", ".join(f"{name}: {written(value)}" for name, (_, value) in node.ports.items())
-    return written(node.value) if node.kind in ("check", "wait", "wait_until") else ""
+        yield ", ".join(f"{name}: {written(value)}" for name, (_, value) in node.ports.items())
+    elif not (node.type.value.nodes or node.type.value.wires) and written(node.value) not in ("", "{}"):
+        yield written(node.value)
+    fields = [slot for layer in (*node.wrapping, node.type) for slot, taken in layer.fields.items() if not taken.nodes]
+    for slot in (*reversed(node.decorators), *fields):
+        if slot in node.modifiers:
+            yield f"{slot} {written(node.modifiers[slot][1])}"
 
 
 def show_text(document: Document, *, subtrees: bool = True, width: int = 120) -> str:
@@ -116,7 +83,7 @@ def show_text(document: Document, *, subtrees: bool = True, width: int = 120) ->
     for line in draw(document, subtrees=subtrees):
         rails = "".join("│  " if rail else "   " for rail in line.rails[1:])
         joint = "" if line.depth == 0 else ("└─ " if line.last else "├─ ")
-        text = f"{rails}{joint}{SYMBOLS.get(line.kind, '●')} {line.name}"
+        text = f"{rails}{joint}{line.type.symbol} {line.name}"
         if line.detail:
             text += f"  {line.detail}"
         if line.comment:
@@ -126,7 +93,6 @@ def show_text(document: Document, *, subtrees: bool = True, width: int = 120) ->
 
 
 _ROW, _INDENT, _TEXT = 26, 22, 13
-_COLOURS: Mapping[str, str] = {"skill": "#0b6e4f", "subtree": "#6c4ab6", "check": "#b26a00", "fail": "#a4262c"}
 
 
 def show_svg(document: Document, *, subtrees: bool = True) -> str:
@@ -145,8 +111,8 @@ def show_svg(document: Document, *, subtrees: bool = True) -> str:
     ]
     for row, line in enumerate(lines):
         x, y = 24 + _INDENT * line.depth, 40 + _ROW * row + _ROW // 2
-        colour = _COLOURS.get(line.kind, "#444444")
-        symbol, name = escape(SYMBOLS.get(line.kind, "●")), escape(line.name)
+        colour = line.type.colour
+        symbol, name = escape(line.type.symbol), escape(line.name)
         parts.append(f'<text x="{x}" y="{y}" fill="{colour}" text-anchor="middle">{symbol}</text>')
         detail = f'  <tspan fill="#666666">{escape(line.detail)}</tspan>' if line.detail else ""
         parts.append(f'<text x="{x + 14}" y="{y}"><tspan fill="{colour}">{name}</tspan>{detail}</text>')

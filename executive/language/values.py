@@ -10,29 +10,16 @@ from typing import Any
 from executive.language.expression import SPECIAL, Expression, Reference
 from executive.language.expression_parser import ExpressionSyntaxError, parse_expression
 from executive.language.expression_types import check_condition, type_of
-from executive.language.failures import UNKNOWN
 from executive.language.literals import LiteralError, literal
 from executive.language.scope import Computed, Given, Named, Read, Resolved, Scope, Value
 from executive.language.value_types import ANY, SI_NUMBER, ListOf, ValueType, can_flow, describe
-from executive.nodes.in_sight import FailureInSight, ForEachCount, RepeatCount, RetryCount
+from executive.nodes.ends import UNKNOWN
+from executive.nodes.in_sight import COUNTERS, Around, FailureInSight
 from executive.ports import RATIO, Port, Quantity
 from executive.values.findings import Findings, Located, Spot, did_you_mean
 from executive.values.yaml_nodes import YamlMapping, YamlNode, YamlScalar
 
-
-@dataclass(frozen=True, slots=True)
-class Around:
-    """What surrounds a node: counters, codes of the failure in sight (None when there is none), names of items."""
-
-    retry: bool = False
-    repeat: bool = False
-    for_each: bool = False
-    failure: frozenset[str] | None = None
-    items: frozenset[str] = frozenset()
-
-
 _IN_BRACES = re.compile(r"\{\s*([A-Za-z_][A-Za-z0-9_]*)")
-_COUNTERS: dict[str, type[Any]] = {"retry": RetryCount, "repeat": RepeatCount, "for_each": ForEachCount}
 ALWAYS_POSSIBLE = frozenset({"BAD_VALUE"})
 """Codes with which any node may fail that computes a value."""
 
@@ -81,10 +68,10 @@ class _Stand:
                 self.report(reference, "no-failure", message, hint)
             return FailureInSight
         inside_subtree = not self.reader.scope.definition.main
-        if not getattr(self.around, name) and not inside_subtree:
+        if name not in self.around.counters and not inside_subtree:
             message = f"there is no {name} around this node"
             self.report(reference, "no-counter", message, f"add '{name}: …' to this node or to one around it")
-        return _COUNTERS[name]
+        return COUNTERS[name]
 
     def _unknown(self, reference: Reference) -> None:
         scope = self.reader.scope

@@ -1,36 +1,23 @@
-"""Nodes that py_trees lacks, or whose behaviour would surprise the author of a tree file.
+"""The words of the tree language, one class each: syntax, data flow, failure codes, behaviour, drawing, XML.
 
-All are py_trees behaviours. They say why they failed (`explain`), read time from the run, and take values that are
-known only when they start.
+The behaviours are py_trees behaviours. They say why they failed (`explain`), read time from the run, and take values
+that are known only when they start.
 """
 
-from executive.nodes.branches import Parallel, Sequence
-from executive.nodes.conditions import Check, Guard, WaitUntil, When
-from executive.nodes.fallback import Fallback
-from executive.nodes.leaves import Fail, SetValues, Succeed, Wait
-from executive.nodes.loops import ForEach, Repeat
+from executive.nodes import takes
+from executive.nodes.catalogue import NodeTypeError, NodeTypes
+from executive.nodes.node_type import Composite, Leaf, Modifier, NodeType, TreeNode
 from executive.nodes.retry import Attempt, Retry
-from executive.nodes.wrapper import Force, Invert, Subtree, Timeout, Wrapper
 
 __all__ = [
     "Attempt",
-    "Check",
-    "Fail",
-    "Fallback",
-    "ForEach",
-    "Force",
-    "Guard",
-    "Invert",
-    "Parallel",
-    "Repeat",
+    "Composite",
+    "Leaf",
+    "Modifier",
+    "NodeType",
+    "NodeTypeError",
+    "NodeTypes",
     "Retry",
-    "Sequence",
-    "SetValues",
-    "Subtree",
-    "Succeed",
-    "Timeout",
-    "Wait",
-    "WaitUntil",
-    "When",
-    "Wrapper",
+    "TreeNode",
+    "takes",
 ]

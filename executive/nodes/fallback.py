@@ -1,76 +1,135 @@
-"""Fallback: try children until one succeeds, and remember why each of the others failed."""
+"""Fallbacks: one alternative after the other until one succeeds, with the reason why each of the others failed."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from typing import ClassVar
 
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
-from py_trees.composites import Selector
 
-from executive.nodes.in_sight import FailureInSight
+from executive.nodes import takes
+from executive.nodes.behaviours import Branch
+from executive.nodes.ends import ALL, Ends, Names, Outcome, codes_of
+from executive.nodes.in_sight import Around, FailureInSight
+from executive.nodes.node_type import Building, Checking, Composite, Ending, Flowing, Words, XmlIn, XmlOut
 from executive.reasons import Reason, from_causes, path_of, reason_of
 
 
-class Fallback(Selector):
+class Fallback(Branch):
     """py_trees' selector forgets a child's failure once it has gone on; this one keeps it and shows it to the next.
 
     Without memory every tick starts again with the first child.
     """
 
-    path = ""
-
     def __init__(
         self, name: str, memory: bool, children: Sequence[Behaviour], in_sight: FailureInSight | None = None
     ) -> None:
-        super().__init__(name, memory, children)
+        super().__init__(name, children)
+        self.memory = memory
+        self._at = self._skipped = 0
         self._causes: list[Reason] = []
         self._in_sight = in_sight or FailureInSight()
 
     def explain(self) -> Reason:
-        """All children's reasons; the code is that of the last one that was not skipped.
-
-        Those that were skipped come first: the last cause is what the fallback failed with.
-        """
-        tried = [cause for cause in self._causes if cause.code != "SKIPPED"]
-        if not tried:
-            return from_causes(self, tuple(self._causes))
-        skipped = [cause for cause in self._causes if cause.code == "SKIPPED"]
-        message = tried[-1].message
-        if len(tried) > 1:
-            message = f"none of {len(tried)} alternatives succeeded; the last: {message}"
-        return Reason(path_of(self), tried[-1].code, message, causes=(*skipped, *tried))
+        """All children's reasons; the code is that of the last one."""
+        causes = tuple(self._causes)
+        if len(causes) < 2:
+            return from_causes(self, causes)
+        message = f"none of {len(causes)} alternatives succeeded; the last: {causes[-1].message}"
+        return Reason(path_of(self), causes[-1].code, message, causes=causes)
 
     def tick(self) -> Iterator[Behaviour]:
         children = self.children
-        index = 0
         if self.status is not Status.RUNNING:
-            for child in children:
-                if child.status is not Status.INVALID:
-                    child.stop(Status.INVALID)
-            self._causes.clear()
-        elif self.memory and self.current_child is not None:
-            index = children.index(self.current_child)
-        else:
-            self._causes.clear()
-        for at in range(index, len(children)):
-            child = children[at]
+            self.reset()
+            self._begin()
+        elif not self.memory:
+            self._begin()
+        for at in range(self._at, len(children)):
+            child = self.current_child = children[at]
             yield from child.tick()
-            if child.status is Status.RUNNING or child.status is Status.SUCCESS:
-                self.current_child = child
-                for lower in children[at + 1 :]:
-                    if lower.status is not Status.INVALID:
-                        lower.stop(Status.INVALID)
-                if child.status is Status.SUCCESS:
-                    self.stop(Status.SUCCESS)
-                else:
-                    self.status = Status.RUNNING
-                yield self
-                return
-            reason = reason_of(child)
-            self._causes.append(reason)
-            if reason.code != "SKIPPED":
+            status = child.status
+            if status is Status.INVALID:
+                self._skipped += 1
+                continue
+            if status is Status.FAILURE:
+                reason = reason_of(child)
+                self._causes.append(reason)
                 self._in_sight.see(reason)
-        self.current_child = children[-1] if children else None
-        self.stop(Status.FAILURE)
+                continue
+            self._at = at
+            for lower in children[at + 1 :]:
+                if lower.status is not Status.INVALID:
+                    lower.stop(Status.INVALID)
+            if status is Status.SUCCESS:
+                self.stop(status)
+            else:
+                self.status = status
+            yield self
+            return
+        self.stop(Status.INVALID if self._skipped == len(children) else Status.FAILURE)
         yield self
+
+    def _begin(self) -> None:
+        self._at = self._skipped = 0
+        self._causes.clear()
+
+
+class FallbackType(Composite):
+    """one after the other until one succeeds"""
+
+    key, symbol = "fallback", "?"
+    value = takes.Children("one after the other until one succeeds")
+    xml_tags: ClassVar[tuple[str, ...]] = ("Fallback", "FallbackStar", "AsyncFallback")
+    memory: ClassVar[bool] = True
+
+    def around(self, at: Checking, index: int) -> Around:
+        around = at.around
+        for before, outcome in zip(at.node.children[:index], at.outcomes.children(), strict=False):
+            earlier = around.failure or frozenset()
+            codes = outcome.codes | earlier if outcome.skips else outcome.codes
+            around = Around(around.counters, codes, around.items)
+            if before is at.node.children[index - 1] and not (outcome.codes or outcome.skips):
+                child = at.node.children[index]
+                message = f"{child.label} is never reached: {before.label} cannot fail"
+                at.findings.warning(child.key, "unreachable", message)
+        return around
+
+    def outcome(self, at: Ending) -> Outcome:
+        outcomes = at.children()
+        skips = all(outcome.skips for outcome in outcomes)
+        succeeds = any(outcome.succeeds for outcome in outcomes)
+        least = min((outcome.least for outcome in outcomes if outcome.succeeds), default=0.0)
+        if not all(outcome.codes or outcome.skips for outcome in outcomes):
+            return Outcome(succeeds=succeeds, least=least)
+        return Outcome(codes_of(outcomes), succeeds, skips, least)
+
+    def flow(self, at: Flowing, before: Names) -> Ends:
+        success, failure, skipped = ALL, ALL, before
+        for index in range(len(at.node.children)):
+            ends = at.child(index, failure & skipped)
+            success &= ends.success
+            failure = ends.failure & ends.skipped.when(failure)
+            skipped = ends.skipped.when(skipped)
+        return Ends(success, failure, skipped)
+
+    def build(self, at: Building) -> Behaviour:
+        sight = FailureInSight()
+        children = [at.child(i, failure=sight) if i else at.child(i) for i in range(len(at.node.children))]
+        return Fallback(at.name, self.memory, children, sight)
+
+    def to_xml(self, at: XmlOut) -> object:
+        return at.element(self.xml_tags[0])
+
+    def from_xml(self, element: XmlIn) -> Words:
+        return {self.key: element.children()}
+
+
+class ReactiveFallbackType(FallbackType):
+    """begins again with the first in every tick"""
+
+    key, symbol = "reactive_fallback", "⁇"
+    value = takes.Children("begins again with the first in every tick")
+    xml_tags = ("ReactiveFallback",)
+    memory = False

@@ -9,6 +9,21 @@ from typing import Any
 from executive.reasons import Reason
 
 
+@dataclass(frozen=True, slots=True)
+class Around:
+    """What surrounds a node in the file.
+
+    Attributes:
+        counters: which of `retry`, `repeat` and `for_each` count here.
+        failure: codes of the failure in sight; None when there is none.
+        items: names of the items of all for_each around.
+    """
+
+    counters: frozenset[str] = frozenset()
+    failure: frozenset[str] | None = None
+    items: frozenset[str] = frozenset()
+
+
 @dataclass(slots=True)
 class FailureInSight:
     """The failure that led here: of the sibling before in a fallback, or of the try that `on_failure` follows."""
@@ -49,3 +64,7 @@ class ForEachCount:
 
     index: int = 1
     of: int = 1
+
+
+COUNTERS: Mapping[str, type[Any]] = {"retry": RetryCount, "repeat": RepeatCount, "for_each": ForEachCount}
+"""What counts, by the name in expressions."""

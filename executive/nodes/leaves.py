@@ -2,60 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
-from executive.reasons import NoValue, Reason, path_of
+from executive.nodes import takes
+from executive.nodes.behaviours import LeafBehaviour
+from executive.nodes.ends import UNKNOWN, Outcome
+from executive.nodes.node_type import Building, Ending, Leaf, Words, XmlIn, XmlOut
+from executive.ports import Port
+from executive.values.yaml_nodes import YamlScalar
 
 
-class Leaf(Behaviour):
-    """A leaf that knows why it failed. Subclasses override `act`, and `begin` if they must."""
-
-    path = ""
-
-    def __init__(self, name: str) -> None:
-        super().__init__(name)
-        self.why: Reason | None = None
-
-    def begin(self) -> None:
-        """Called at each start; may raise NoValue."""
-
-    def act(self) -> Status:
-        """One tick; may raise NoValue."""
-        return Status.SUCCESS
-
-    def fails(self, code: str, message: str, **data: object) -> Status:
-        """Note why the node fails."""
-        self.why = Reason(path_of(self), code, message, data)
-        self.feedback_message = message
-        return Status.FAILURE
-
-    def explain(self) -> Reason:
-        """Why the node failed."""
-        return self.why or Reason(path_of(self), "FAILED", f"{self.name} failed")
-
-    def update(self) -> Status:
-        return self.act()
-
-    def tick(self) -> Iterator[Behaviour]:
-        try:
-            if self.status is not Status.RUNNING:
-                self.why = None
-                self.feedback_message = ""
-                self.begin()
-            status = self.act()
-        except NoValue as missing:
-            status = self.fails("BAD_VALUE", str(missing))
-        if status is not Status.RUNNING:
-            self.stop(status)
-        self.status = status
-        yield self
-
-
-class Wait(Leaf):
+class Wait(LeafBehaviour):
     """Lets a duration on the run's clock pass."""
 
     def __init__(self, name: str, duration: Callable[[], float], now: Callable[[], float]) -> None:
@@ -72,24 +33,24 @@ class Wait(Leaf):
         return Status.RUNNING if left > 1e-9 else Status.SUCCESS
 
 
-class SetValues(Leaf):
-    """Writes values to the board."""
+class SetValues(LeafBehaviour):
+    """Writes values to the board: reads all of them first."""
 
-    def __init__(self, name: str, values: Mapping[str, Callable[[], Any]], write: Callable[[str, Any], None]) -> None:
+    def __init__(self, name: str, values: Mapping[Callable[[Any], None], Callable[[], Any]]) -> None:
         super().__init__(name)
-        self._values, self._write = dict(values), write
+        self._values = tuple(values.items())
 
     def act(self) -> Status:
-        for name, value in {name: get() for name, get in self._values.items()}.items():
-            self._write(name, value)
+        for write, value in [(write, get()) for write, get in self._values]:
+            write(value)
         return Status.SUCCESS
 
 
-class Succeed(Leaf):
+class Succeed(LeafBehaviour):
     """Succeeds at once."""
 
 
-class Fail(Leaf):
+class Fail(LeafBehaviour):
     """Fails at once, with a code and a sentence of the author's choice."""
 
     def __init__(self, name: str, code: Callable[[], str], message: Callable[[], str]) -> None:
@@ -98,3 +59,89 @@ class Fail(Leaf):
 
     def act(self) -> Status:
         return self.fails(self._code(), self._message() or f"{self.name} fails")
+
+
+class WaitType(Leaf):
+    """lets time pass"""
+
+    key, symbol = "wait", "◷"
+    value = takes.duration("lets time pass")
+    xml_value = "duration"
+    xml_tags = ("Sleep",)
+
+    def outcome(self, at: Ending) -> Outcome:
+        duration = at.literal(self.key)
+        return Outcome(least=duration if isinstance(duration, float) else 0.0)
+
+    def build(self, at: Building) -> Behaviour:
+        return Wait(at.name, at.value(self.key), at.now)
+
+    def to_xml(self, at: XmlOut) -> object:
+        milliseconds = at.milliseconds(self.key)
+        return at.element("Sleep", {"msec": milliseconds}) if milliseconds else super().to_xml(at)
+
+    def from_xml(self, element: XmlIn) -> Words:
+        return {self.key: element.duration("msec")} if element.tag == "Sleep" else super().from_xml(element)
+
+
+class SetType(Leaf):
+    """writes values"""
+
+    key, symbol = "set", "="
+    value = takes.Assignments()
+    xml_value = "values"
+
+    def outcome(self, at: Ending) -> Outcome:
+        return Outcome()
+
+    def build(self, at: Building) -> Behaviour:
+        return SetValues(at.name, {at.writer(name): get for name, get in at.inputs().items()})
+
+    def xml_attributes(self, at: XmlOut) -> dict[str, str]:
+        return {"values": at.text(self.key)}
+
+    def from_xml(self, element: XmlIn) -> Words:
+        return {self.key: element.value("values") or {}}
+
+
+class SucceedType(Leaf):
+    """ends at once with success"""
+
+    key, symbol = "succeed", "✓"
+    value = takes.Nothing()
+    xml_tags = ("AlwaysSuccess",)
+
+    def outcome(self, at: Ending) -> Outcome:
+        return Outcome()
+
+    def build(self, at: Building) -> Behaviour:
+        return Succeed(at.name)
+
+    def to_xml(self, at: XmlOut) -> object:
+        return at.element("AlwaysSuccess")
+
+    def from_xml(self, element: XmlIn) -> Words:
+        return {self.key: {}}
+
+
+class FailType(Leaf):
+    """ends at once with a failure of the author's choice"""
+
+    key, symbol, colour = "fail", "✗", "#a4262c"
+    value = takes.Wires({"code": Port(str, default="FAILED"), "message": Port(str, default="")})
+    xml_tags = ("AlwaysFailure",)
+
+    def outcome(self, at: Ending) -> Outcome:
+        code = at.node.ports.get("code")
+        text = code[1].text if code is not None and isinstance(code[1], YamlScalar) else "FAILED"
+        return Outcome(frozenset({UNKNOWN if "{" in text else text}), succeeds=False)
+
+    def build(self, at: Building) -> Behaviour:
+        inputs = at.inputs()
+        return Fail(at.name, inputs.get("code", lambda: "FAILED"), inputs.get("message", lambda: ""))
+
+    def to_xml(self, at: XmlOut) -> object:
+        return super().to_xml(at) if at.node.ports else at.element("AlwaysFailure")
+
+    def from_xml(self, element: XmlIn) -> Words:
+        return {self.key: element.ports() if element.tag == self.xml_tag else {}}

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import ClassVar
 
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
-from py_trees.composites import Composite
 
-from executive.nodes.in_sight import FailureInSight, RetryCount
+from executive.nodes import takes
+from executive.nodes.behaviours import Branch
+from executive.nodes.ends import Ends, Names, Outcome
+from executive.nodes.in_sight import Around, FailureInSight, RetryCount
+from executive.nodes.node_type import Building, Checking, Ending, Flowing, Modifier, Words, XmlIn, XmlOut
 from executive.reasons import NoValue, Reason, path_of, reason_of
 
 
@@ -24,19 +28,17 @@ class Attempt:
     ended: float
 
 
-class Retry(Composite):
+class Retry(Branch):
     """Ticks its first child until it succeeds or all tries are used up; one tick at least for each try.
 
     The second child, if there is one, runs after each failed try; also after the last one unless `between_only`. When
-    it fails itself, the retry fails at once, with both reasons.
+    it fails itself, the retry fails at once, with both reasons. A try that is skipped skips the retry.
 
     Attributes:
         attempts: the tries of the newest start that have ended.
         total: how many tries there are.
         listener: called with the node and each attempt that ends.
     """
-
-    path = ""
 
     def __init__(
         self,
@@ -96,9 +98,7 @@ class Retry(Composite):
         yield self
 
     def _start(self) -> None:
-        for child in self.children:
-            if child.status is not Status.INVALID:
-                child.stop(Status.INVALID)
+        self.reset()
         self.attempts, self._why, self._recovering, self._last = (), None, False, False
         total = self._total()
         if total < 1:
@@ -111,8 +111,8 @@ class Retry(Composite):
         self._started = self._now()
 
     def _after_try(self, child: Behaviour) -> Status:
-        if child.status is Status.RUNNING:
-            return Status.RUNNING
+        if child.status is Status.RUNNING or child.status is Status.INVALID:
+            return child.status
         number = self._count.attempt
         succeeded = child.status is Status.SUCCESS
         reason = None if succeeded else reason_of(child)
@@ -134,10 +134,80 @@ class Retry(Composite):
         if child.status is Status.RUNNING:
             return Status.RUNNING
         self._recovering = False
-        if child.status is Status.SUCCESS:
+        if child.status is Status.SUCCESS or (child.status is Status.INVALID and not self._between_only):
             return Status.FAILURE if self._last else Status.RUNNING
+        if child.status is Status.INVALID:
+            return Status.FAILURE  # a recovery that is skipped: there is none
         broken = reason_of(child)
         tried = tuple(attempt.reason for attempt in self.attempts if attempt.reason is not None)
         message = f"{child.name}, which follows a failed attempt, failed: {broken.message}"
         self._why = Reason(path_of(self), broken.code, message, {"attempts": len(tried)}, (*tried, broken))
         return Status.FAILURE
+
+
+class RetryType(Modifier):
+    """so many tries in all"""
+
+    key, symbol = "retry", "↻"
+    value = takes.count("number of tries")
+    fields: ClassVar[takes.Fields] = {
+        "retry_if": takes.Condition("looked at after a failed try: go on trying?"),
+        "on_failure": takes.Part("runs after each failed try, also the last one"),
+    }
+    late = frozenset({"retry_if"})
+    named = False
+    xml_value = "attempts"
+    xml_tags = ("RetryUntilSuccessful", "RetryUntilSuccesful")
+
+    def check(self, at: Checking) -> None:
+        codes = at.outcomes.inside().codes
+        if not codes:
+            key = at.node.modifiers[self.key][0]
+            message = f"'retry' around {at.node.label}, which cannot fail"
+            at.findings.warning(key, "cannot-fail", message, "leave the retry out")
+        written = at.written("retry_if")
+        if written is not None:
+            at.condition("retry_if", written, self.after(at))
+        super().check(at)
+
+    def after(self, at: Checking) -> Around:
+        """What `retry_if` and `on_failure` see around them."""
+        return replace(self.around(at, 0), failure=at.outcomes.inside().codes)
+
+    def around(self, at: Checking, index: int) -> Around:
+        if index > 0:
+            return self.after(at)
+        return replace(at.around, counters=at.around.counters | {"retry"})
+
+    def outcome(self, at: Ending) -> Outcome:
+        inside, after = at.inside(), at.part("on_failure")
+        return inside.plus(*after.codes) if inside.codes and after is not None else inside
+
+    def flow(self, at: Flowing, before: Names) -> Ends:
+        ends = at.inside(before)
+        at.require("retry_if", ends.failure)
+        recovered = at.part("on_failure", ends.failure)
+        return ends if recovered is None else Ends(ends.success, recovered.any(), ends.skipped)
+
+    def build(self, at: Building) -> Behaviour:
+        count, sight = RetryCount(), FailureInSight()
+        retry_if = at.condition("retry_if", retry=count, failure=sight).holds if at.given("retry_if") else None
+        child = at.inside(retry=count)
+        on_failure = at.part("on_failure", retry=count, failure=sight)
+        total = at.value(self.key)
+        return Retry(
+            at.name, child, at.now, total, count=count, on_failure=on_failure, retry_if=retry_if, in_sight=sight
+        )
+
+    def to_xml(self, at: XmlOut) -> object:
+        if self.fields.keys() & at.node.modifiers.keys() or not at.plain(self.key):
+            return super().to_xml(at)
+        return at.element("RetryUntilSuccessful", {"num_attempts": at.text(self.key)})
+
+    def from_xml(self, element: XmlIn) -> Words:
+        if element.tag == self.xml_tag:
+            return super().from_xml(element)
+        if element.get("num_attempts") == "-1":
+            return element.refuse("retries for ever")
+        (child,) = element.children()
+        return element.wrap(child, self.key, element.value("num_attempts"))

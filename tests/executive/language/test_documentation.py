@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from executive.language.model import BRANCHES, DECORATORS, LEAVES
+from executive.nodes import NodeTypes
 
 HERE = Path(__file__).parent
 PAGE = (HERE.parents[2] / "docs" / "tree_language.md").read_text()
@@ -28,9 +28,12 @@ def test_every_row_of_a_table_with_proofs_has_one():
     assert [row for row in rows if "`test_" not in row] == []
 
 
-def test_every_word_of_the_language_is_on_the_page():
-    for word in (*BRANCHES, *LEAVES, *DECORATORS, "retry_if", "on_failure", "as", "success_on", "attempts"):
-        assert re.search(rf"`{word}:? ?|`{word}\b", PAGE), word
+@pytest.mark.parametrize("found", NodeTypes().values(), ids=lambda found: found.key)
+def test_the_page_says_of_every_type_what_the_type_says(found):
+    row = rf"^\| (?:`[^|]*`, )?`{found.key}\b[^|]*\| {re.escape(found.summary)}[^|]*\|"
+    assert re.search(row, PAGE, re.MULTILINE), f"no row of a table reads `{found.key}: …` | {found.summary}"
+    for word in found.fields:
+        assert re.search(rf"`{word}\b", PAGE), word
 
 
 def test_the_first_example_is_right(findings_of):

@@ -5,8 +5,9 @@ from __future__ import annotations
 import xml.etree.ElementTree as ElementTree
 
 import pytest
+import yaml
 
-from executive.language import TreeFileError, read
+from executive.language import TreeFileError, check, read
 from executive.language.groot_export import export_groot
 from executive.language.groot_import import import_groot
 from executive.language.literals import scalar_of_any_type
@@ -32,6 +33,12 @@ TREES = [
     "  a: {in: {x: {type: int, default: 4}}, out: {y: text}, root: {b: {}, force: success}}\n"
     "  b: {description: a b, root: {Beep: {}, force: failure}}",
     "description: 'one: two'\nroot: {Beep: {}, description: it beeps}",
+    "root: {if: '1 == 1', then: {Beep: {}}, else: {if: {MoveTo: {pose: a}}, then: {Beep: {}}}}",
+    "root: {reactive_if: '1 == 1', then: {Beep: {}}, else: {Beep: {}}}",
+    "root: {sequence: [{set: {v: a}}, {switch: '{v}', cases: {a: {Beep: {}}, b: {succeed: {}}}, default: {Beep: {}}}]}",
+    "root: {sequence: [{set: {v: a}}, {switch: '{v}', cases: {a: {Beep: {}}}}]}",
+    "root: {sequence_with_memory: [{Beep: {}, delay: 2 s, rate: 0.5 Hz}, {Beep: {}, run_once: true}]}",
+    "root: {pipeline_sequence: [{round_robin: [{Beep: {}}, {Beep: {}}]}, {Beep: {}, delay: 1.5 ms}]}",
 ]
 
 
@@ -59,7 +66,7 @@ def node(found: TreeNode) -> object:
     modifiers = {k: value(v) for k, (_, v) in found.modifiers.items() if k != "on_failure"}
     if found.kind == "recovery":
         modifiers.setdefault("attempts", 2)
-    simple = found.kind in ("check", "wait", "wait_until")
+    simple = not (found.type.value.nodes or found.type.value.wires)
     return (
         found.kind,
         found.key.text,
@@ -140,17 +147,88 @@ FOREIGN = """<root BTCPP_format="4">
 </root>"""
 
 
+def test_what_has_no_counterpart_keeps_its_children_and_is_refused(skills):
+    text = (
+        '<root BTCPP_format="4"><BehaviorTree ID="a"><Mystery level="3"><Beep/><Beep/></Mystery></BehaviorTree></root>'
+    )
+    translated, findings = import_groot(text, "x.xml")
+    assert [finding.code for finding in findings] == ["not-translated"]
+    document = read(translated, "x.yaml")
+    assert [child.key.text for child in document.main.main.root.children] == ["Beep", "Beep"]
+    assert [finding.code for finding in check(document, skills)] == ["untranslated"]
+    back = export_groot(document, skills)
+    assert '<Mystery level="3">' in back
+    assert import_groot(back, "x.xml")[0] == translated
+
+
+@pytest.mark.parametrize(
+    ("xml", "expected"),
+    [
+        ("<IfThenElse><A/><B/><C/></IfThenElse>", "{if: {A: {}}, then: {B: {}}, else: {C: {}}}"),
+        ("<IfThenElse><A/><B/></IfThenElse>", "{if: {A: {}}, then: {B: {}}, else: {fail: {}}}"),
+        ("<WhileDoElse><A/><B/><C/></WhileDoElse>", "{reactive_if: {A: {}}, then: {B: {}}, else: {C: {}}}"),
+        (
+            "<Switch2 variable='{v}' case_1='1' case_2='x'><A/><B/><C/></Switch2>",
+            "{switch: '{v}', cases: {1: {A: {}}, x: {B: {}}}, default: {C: {}}}",
+        ),
+        ("<Delay delay_msec='1500'><A/></Delay>", "{A: {}, delay: 1.5 s}"),
+        ("<Timeout msec='{limit}'><A/></Timeout>", "{A: {}, timeout: '{limit} * 1 ms'}"),
+        ("<RunOnce><A/></RunOnce>", "{A: {}, run_once: true}"),
+        ("<KeepRunningUntilFailure><A/></KeepRunningUntilFailure>", "{A: {}, repeat: forever}"),
+        ("<SequenceWithMemory><A/></SequenceWithMemory>", "{sequence_with_memory: [{A: {}}]}"),
+        ("<Script code='x := 3; y = x + 1'/>", "{sequence: [{set: {x: 3}}, {set: {y: '{x} + 1'}}]}"),
+        ("<ScriptCondition code='a &amp;&amp; !(b > 3)'/>", "{check: '{a} and not ({b} > 3)'}"),
+        ("<A _skipIf='open == true'/>", "{A: {}, when: 'not ({open} == true)'}"),
+        ("<A _while='go'/>", "{reactive_if: '{go}', then: {A: {}}}"),
+        ("<A _successIf='done'/>", "{if: '{done}', then: {succeed: {}}, else: {A: {}}}"),
+        ("<A _failureIf='bad'/>", "{if: '{bad}', then: {fail: {}}, else: {A: {}}}"),
+        ("<RecoveryNode number_of_retries='6'><A/><B/></RecoveryNode>", "{recovery: [{A: {}}, {B: {}}], attempts: 7}"),
+        ("<PipelineSequence><A/><B/></PipelineSequence>", "{pipeline_sequence: [{A: {}}, {B: {}}]}"),
+        ("<RoundRobin><A/><B/></RoundRobin>", "{round_robin: [{A: {}}, {B: {}}]}"),
+        ("<RateController hz='1.5'><A/></RateController>", "{A: {}, rate: 1.5 Hz}"),
+    ],
+)
+def test_words_of_behaviortree_cpp_and_nav2_mean_the_same(xml, expected):
+    text, findings = import_groot(f'<root BTCPP_format="4"><BehaviorTree ID="t">{xml}</BehaviorTree></root>', "t.xml")
+    assert findings == []
+    assert yaml.safe_load(text)["root"] == yaml.safe_load(expected)
+
+
+@pytest.mark.parametrize(
+    "xml",
+    [
+        "<A _onSuccess='x := 1'/>",
+        "<Script code='print(3)'/>",
+        "<A _skipIf='a ? b : c'/>",
+        "<RunOnce then_skip='false'><A/></RunOnce>",
+        "<RetryUntilSuccessful num_attempts='-1'><A/></RetryUntilSuccessful>",
+        "<Parallel success_count='2' failure_count='1'><A/><B/><C/></Parallel>",
+        "<SetBlackboard output_key='a' value='b'/>",
+        "<TryCatch><A/><B/></TryCatch>",
+        "<SpeedController><A/></SpeedController>",
+        "<Inverter/>",
+    ],
+)
+def test_what_cannot_be_said_is_a_finding_and_the_check_refuses_it(skills, xml):
+    text, findings = import_groot(f'<root BTCPP_format="4"><BehaviorTree ID="t">{xml}</BehaviorTree></root>', "t.xml")
+    assert [finding.code for finding in findings] == ["not-translated"]
+    assert "untranslated" in [finding.code for finding in check(read(text, "t.yaml"), skills)]
+
+
 class TestForeignFiles:
     def test_a_tree_made_for_behaviortree_cpp(self):
         text, findings = import_groot(FOREIGN, "door.xml")
-        assert [f.code for f in findings] == ["not-translated"]
+        assert findings == []
         document = read(text, "door.yaml")
         assert document.findings == []
         root = document.main.main.root
         assert (root.kind, root.label, document.main.name) == ("fallback", "root", "main_tree")
         wrapper, window, slow, home = root.children
         assert (wrapper.kind, list(wrapper.modifiers)) == ("sequence", ["invert"])
-        assert wrapper.children[0].decorators == ["timeout", "retry"]
+        (door,) = wrapper.children
+        assert door.decorators == ["timeout", "retry"]
+        assert [(n.key.text, n.decorators) for n in door.children] == [("OpenDoor", ["when"])]
+        assert door.children[0].modifiers["when"][1].text == "not ({open})"
         assert window.key.text == "PassWindow"
         assert slow.decorators == ["timeout"]
         assert slow.children[0].decorators == ["retry"]
@@ -165,7 +243,7 @@ class TestForeignFiles:
             ('<root BTCPP_format="3"/>', "version"),
             ('<root BTCPP_format="4"/>', "xml"),
             ('<!DOCTYPE a [<!ENTITY b "c">]><root BTCPP_format="4"/>', "xml"),
-            (FOREIGN.replace("AlwaysSuccess", "IfThenElse"), "not-translated"),
+            (FOREIGN.replace("AlwaysSuccess", "ManualSelector"), "not-translated"),
             (FOREIGN.replace('<SubTree ID="GoHome"', '<SubTree ID="Nowhere"'), "xml"),
             ('<root BTCPP_format="4"><BehaviorTree ID="a"/></root>', "xml"),
             ('<?xml version="1.0" encoding="no such"?><tree/>', "xml"),

@@ -235,7 +235,7 @@ class TestOtherModifiers:
         run = built(f"root: {{fallback: [{move('A')}, {move('B', when='1 == 2')}]}}").script("t/A", "NO_PATH")
         assert run.run() == "FAILURE"
         reason = reason_of(run.tree.root)
-        assert (reason.code, [c.code for c in reason.causes]) == ("NO_PATH", ["SKIPPED", "NO_PATH"])
+        assert (reason.code, [c.code for c in reason.causes]) == ("NO_PATH", ["NO_PATH"])
 
     def test_modifiers_wrap_in_one_order_however_they_are_written(self, built):
         run = built("root: {MoveTo: {pose: a}, when: 1 == 1, retry: 2, timeout: 1 s, repeat: 2}")

@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
-from executive.nodes.branches import Sequence
+from executive.nodes.behaviours import LeafBehaviour as Leaf
 from executive.nodes.fallback import Fallback
-from executive.nodes.leaves import Leaf
+from executive.nodes.sequence import Sequence
 from executive.running.breakpoints import Breakpoints, Held, Side, UnknownNodeError
 
 SIDES: tuple[Side, ...] = ("before", "after")

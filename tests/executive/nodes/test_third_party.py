@@ -1,0 +1,179 @@
+"""A package outside of this repository adds words to the language; everything knows them, or refuses them whole."""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+from importlib.metadata import EntryPoint
+from pathlib import Path
+
+import jsonschema
+import pytest
+import yaml
+
+from executive.language import build, check, read
+from executive.language.groot_export import export_groot
+from executive.language.groot_import import import_groot
+from executive.language.schema import schema
+from executive.language.show import show_svg, show_text
+from executive.nodes import Modifier, NodeTypeError, NodeTypes, catalogue, takes
+from executive.registry import Registry
+from executive.skill import Skill
+from executive.skill_testing import BenchContext
+
+PACKAGE = "pomona_more_words"
+
+
+class Beep(Skill):
+    """Make a noise."""
+
+    failures = ("MUTE",)
+
+    def run(self) -> None:
+        return None
+
+
+SKILLS = Registry({"Beep": Beep})
+TREE = """\
+pomona: 1
+tree: t
+root:
+  take_turns:
+    - Beep: {}
+      name: A
+      paced: 5 Hz
+      because: the horn is hot
+    - wait: 100 ms
+  repeat: 4
+"""
+
+
+@pytest.fixture(scope="module")
+def words():
+    here = Path(__file__).parent / "more_words" / "__init__.py"
+    spec = importlib.util.spec_from_file_location(PACKAGE, here)
+    module = sys.modules[PACKAGE] = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    yield module
+    del sys.modules[PACKAGE]
+
+
+@pytest.fixture
+def installed(words, monkeypatch):
+    """The words that are found when the package is installed."""
+
+    def offer(**classes):
+        points = [EntryPoint(name, f"{PACKAGE}:{cls}", catalogue.GROUP) for name, cls in classes.items()]
+        monkeypatch.setattr(catalogue, "entry_points", lambda group: points if group == catalogue.GROUP else [])
+        NodeTypes.installed.cache_clear()
+        return NodeTypes.installed()
+
+    yield offer
+    monkeypatch.undo()
+    NodeTypes.installed.cache_clear()
+
+
+@pytest.fixture
+def types(installed):
+    return installed(take_turns="TakeTurnsType", paced="PacedType")
+
+
+def test_check_knows_them(types):
+    assert types.problems == {}
+    assert check(read(TREE, "t.yaml"), SKILLS) == []
+    wrong = read(TREE.replace("5 Hz", "5").replace("wait: 100 ms", "Bep: {}"), "t.yaml")
+    assert [finding.code for finding in check(wrong, SKILLS)] == ["value", "unknown-skill"]
+    alone = read("pomona: 1\ntree: t\nroot: {Beep: {}, because: why}", "t.yaml")
+    assert [(f.code, "paced" in f.message) for f in check(alone, SKILLS)] == [("missing-key", True)]
+
+
+def test_the_data_flow_goes_through_them(types):
+    text = "pomona: 1\ntree: t\nroot: {sequence: [{take_turns: [{set: {x: 1}}, {succeed: {}}]}, {check: '{x} > 0'}]}"
+    assert [finding.code for finding in check(read(text, "t.yaml"), SKILLS)] == ["unset"]
+    both = text.replace("{succeed: {}}", "{set: {x: 2}}")
+    assert check(read(both, "t.yaml"), SKILLS) == []
+
+
+def test_build_makes_their_behaviours(types):
+    context = BenchContext()
+    tree = build(read(TREE, "t.yaml"), SKILLS, context=context)
+    assert [(info.path, info.kind) for info in tree.nodes] == [
+        ("t:repeat", "repeat"), ("t", "take_turns"), ("t/A:paced", "paced"), ("t/A", "skill"), ("t/wait", "wait"),
+    ]  # fmt: skip
+    while tree.root.status.name != "SUCCESS":
+        tree.root.tick_once()
+        context.clock.advance(0.02)
+    assert tree.behaviours["t/A"].starts == 2
+    assert context.clock.now() >= 0.2
+
+
+def test_the_dashboard_and_the_record_are_told_of_them(types):
+    nodes = {info.path: info.facts() for info in build(read(TREE, "t.yaml"), SKILLS, context=BenchContext()).nodes}
+    assert nodes["t/A:paced"]["settings"] == {"paced": "5 Hz", "because": "the horn is hot"}
+    assert nodes["t"]["type"] == "take_turns"
+
+
+def test_the_schema_completes_them(types):
+    made = schema(SKILLS)
+    validator = jsonschema.Draft202012Validator(made)
+    assert [error.message for error in validator.iter_errors(yaml.safe_load(TREE))] == []
+    assert not validator.is_valid(yaml.safe_load(TREE.replace("5 Hz", "5 kg")))
+    assert not validator.is_valid(yaml.safe_load(TREE.replace("paced: 5 Hz", "name2: x")))
+    assert made["$defs"]["node"]["properties"]["paced"]["description"] == "ticks a second at most"
+
+
+def test_show_draws_them(types):
+    text = show_text(read(TREE, "t.yaml"))
+    assert "⟲ take_turns  repeat 4" in text
+    assert "● A (Beep)  paced 5 Hz · because the horn is hot" in text
+    assert "⟲" in show_svg(read(TREE, "t.yaml"))
+
+
+def test_groot_gets_them_and_gives_them_back(types):
+    xml = export_groot(read(TREE, "t.yaml"), SKILLS)
+    assert '<PomonaPaced value="5 Hz" because="the horn is hot">' in xml
+    assert '<Control ID="PomonaTakeTurns"' in xml
+    text, findings = import_groot(xml, "t.xml")
+    assert findings == []
+    assert yaml.safe_load(text) == yaml.safe_load(TREE)
+
+
+def test_a_half_declared_type_is_refused_and_named(installed):
+    types = installed(no_flow="NoFlow", paced="PacedType")
+    assert types.problems == {"no_flow": "node type NoFlow does not say flow"}
+    assert "paced" in types
+    text = "pomona: 1\ntree: t\nroot: {no_flow: [{Beep: {}}]}"
+    (finding,) = check(read(text, "t.yaml"), SKILLS)
+    assert (finding.code, finding.line) == ("broken-node", 3)
+    assert "does not say flow" in finding.message
+
+
+def test_a_package_that_cannot_be_imported_is_a_problem_and_no_traceback(installed):
+    assert "cannot be imported" in installed(x="NotThere").problems["x"]
+
+
+@pytest.mark.parametrize(
+    ("body", "message"),
+    [
+        ({"symbol": "x", "value": takes.Nothing()}, "does not say key"),
+        ({"key": "x", "value": takes.Nothing()}, "does not say symbol"),
+        ({"key": "x", "symbol": "x"}, "does not say value"),
+        ({"key": "X", "symbol": "x", "value": takes.Nothing()}, "small letters"),
+        ({"key": "x", "symbol": "xy", "value": takes.Nothing()}, "one character"),
+        ({"key": "x", "symbol": "x", "value": takes.Nothing(), "fields": {"y": 3}}, "stands behind y"),
+        ({"key": "retry", "symbol": "x", "value": takes.Nothing()}, "'retry' is taken"),
+        ({"key": "x", "symbol": "x", "value": takes.Nothing(), "outside_of": "nowhere"}, "no modifier named"),
+    ],
+)
+def test_what_a_type_leaves_out_is_told_when_it_is_registered(body, message):
+    cls = type("Incomplete", (Modifier,), {"__doc__": "does x", "build": lambda self, at: at.inside(), **body})
+    with pytest.raises(NodeTypeError, match=message):
+        NodeTypes().register(cls)
+    undocumented = type("Incomplete", (Modifier,), {"build": lambda self, at: at.inside(), **body})
+    with pytest.raises(NodeTypeError):
+        NodeTypes().register(undocumented)
+
+
+def test_every_word_of_the_language_is_complete():
+    assert NodeTypes().problems == {}
+    assert all(found.summary for found in NodeTypes().values())
