@@ -10,9 +10,8 @@ import sys
 from collections.abc import Sequence
 from importlib.metadata import entry_points, version
 
-from rich.console import Console
-
 from executive.errors import UsageError
+from executive.terminal.screen import Screen, filtered_output
 
 COMMANDS = "pomona.commands"
 """Entry point group of subcommands: functions that add one parser to argparse's subparsers and set its `main`.
@@ -26,12 +25,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns:
         the exit status.
     """
-    words = list(sys.argv[1:] if arguments is None else arguments)
+    with filtered_output():
+        return _main(list(sys.argv[1:] if arguments is None else arguments))
+
+
+def _main(words: list[str]) -> int:
     options = _parser(words[:1]).parse_args(words)
     try:
         status: int = options.main(options)
     except UsageError as error:
-        Console(stderr=True).print(str(error), style="red", markup=False, highlight=False, soft_wrap=True)
+        Screen(stderr=True).print(str(error), style="red", soft_wrap=True)
         return 2
     except BrokenPipeError:  # `pomona … | head`
         sys.stderr.close()
@@ -39,7 +42,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except OSError as error:  # a folder that is not there, a disk that is full: which file, and what is wrong with it
         if error.filename is None:
             raise
-        Console(stderr=True).print(f"{error.filename}: {error.strerror}", style="red", markup=False, soft_wrap=True)
+        Screen(stderr=True).print(f"{error.filename}: {error.strerror}", style="red", soft_wrap=True)
         return 2
     except KeyboardInterrupt:
         return 130

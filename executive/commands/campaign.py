@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from executive.campaign.report import failure_code, failure_message, report
@@ -16,6 +15,7 @@ from executive.campaign.run import RESULTS, finished_runs, run_campaign, succeed
 from executive.campaign.spec import Campaign, CampaignRun, read_campaign
 from executive.engine import add_engine_options, open_engine
 from executive.errors import UsageError
+from executive.terminal.screen import Screen
 
 
 def add(subparsers: Any) -> None:
@@ -40,7 +40,7 @@ def main(options: argparse.Namespace) -> int:
     Returns:
         the exit status.
     """
-    console = Console()
+    console = Screen()
     planned = read_campaign(options.file)
     campaign = planned.only(subset(planned, options.seeds, options.only))
     out: Path = options.out or Path("runs") / f"campaign_{campaign.name}"
@@ -54,13 +54,13 @@ def main(options: argparse.Namespace) -> int:
                 run_campaign(campaign, out, engine, shown.ended, options.record)
         except KeyboardInterrupt:
             interrupted = True
-            console.print("interrupted; the same command goes on from here", highlight=False)
+            console.print("interrupted; the same command goes on from here")
     results = list(finished_runs(campaign, out).values())
     if not results:
         raise UsageError(f"{out / RESULTS} holds no results of this campaign yet")
     markdown, page = report(campaign, results).write(options.report_to or out)
-    console.print(markdown.read_text(encoding="utf-8"), markup=False, highlight=False)
-    console.print(f"written to {page} and {markdown}", markup=False, highlight=False, soft_wrap=True)
+    console.print(markdown.read_text(encoding="utf-8"))
+    console.print(f"written to {page} and {markdown}", soft_wrap=True)
     return 130 if interrupted else 0
 
 
@@ -95,11 +95,11 @@ def subset(campaign: Campaign, seeds: int | None, only: Sequence[str]) -> list[C
 class _Shown:
     """Progress: a bar in a terminal, else a line a run."""
 
-    def __init__(self, campaign: Campaign, console: Console) -> None:
+    def __init__(self, campaign: Campaign, console: Screen) -> None:
         self._campaign, self._console = campaign, console
         columns = (BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn())
         self._bar = Progress(
-            TextColumn("{task.description}"), *columns, console=console, disable=not console.is_terminal
+            TextColumn("{task.description}", markup=False), *columns, console=console, disable=not console.is_terminal
         )
         self._task = self._bar.add_task(campaign.name, total=len(campaign.runs))
         self._good = self._ended = 0
@@ -124,4 +124,4 @@ class _Shown:
         if not self._console.is_terminal:
             line = f"[{done}/{of}] {line}   {self._good}/{self._ended} succeeded, {left:.0f} min left"
         if not good or not self._console.is_terminal:
-            self._bar.console.print(line, markup=False, highlight=False, soft_wrap=True)
+            self._bar.console.print(line, soft_wrap=True)

@@ -5,17 +5,15 @@ from __future__ import annotations
 import argparse
 import contextlib
 import dataclasses
-import json
 import sys
 from typing import Any
-
-from rich.console import Console
 
 from executive.execute import load_cell, read_document
 from executive.files import find_cell, find_tree
 from executive.language import Finding, check, format_findings
 from executive.registry import Registry
 from executive.settings import parse_settings
+from executive.terminal.screen import Screen, write_json
 
 
 def add(subparsers: Any) -> None:
@@ -44,9 +42,9 @@ def main(options: argparse.Namespace) -> int:
         document = read_document(find_tree(name))
         findings += check(document, registry, overrides=parse_settings(options.set), interfaces=interfaces)
     if options.json:
-        sys.stdout.write(json.dumps([dataclasses.asdict(finding) for finding in findings], ensure_ascii=False) + "\n")
+        write_json([dataclasses.asdict(finding) for finding in findings])
     elif findings:
         sys.stdout.write(format_findings(findings) + "\n")
     else:
-        Console().print(f"{len(options.trees)} file{'s' if len(options.trees) > 1 else ''}: nothing is wrong")
+        Screen().print(f"{len(options.trees)} file{'s' if len(options.trees) > 1 else ''}: nothing is wrong")
     return 2 if any(finding.severity == "error" for finding in findings) else 0

@@ -7,8 +7,6 @@ import threading
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
-
 from executive.dashboard.choices import Choices
 from executive.dashboard.desk import RefusedError
 from executive.dashboard.security import Access
@@ -16,6 +14,7 @@ from executive.dashboard.server import Dashboard
 from executive.errors import PomonaError, UsageError
 from executive.execute import RunOrder, execute
 from executive.running.runner import Runner
+from executive.terminal.screen import Screen
 
 
 def add(subparsers: Any) -> None:
@@ -141,13 +140,13 @@ def main(options: argparse.Namespace) -> int:
     Returns:
         the exit status.
     """
-    console = Console()
+    console = Screen()
     dashboard = Dashboard(make_access(options), options.record)
     choices = Choices.installed(options.tree, options.cell)
     launcher = Launcher(dashboard, options.record, choices)
     dashboard.allow_starts(launcher.start, choices)
     dashboard.start()
-    console.print(f"dashboard: {dashboard.link}   (Ctrl-C ends it)", highlight=False, soft_wrap=True)
+    console.print(f"dashboard: {dashboard.link}   (Ctrl-C ends it)", soft_wrap=True)
     try:
         threading.Event().wait()
     except KeyboardInterrupt:

@@ -6,12 +6,13 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
-
 from executive.commands.runs import RUN
+from executive.recording.digest import trusted
 from executive.recording.read import events_file, find_record, read_events
 from executive.recording.recorder import is_being_written
 from executive.terminal.explain import explain
+from executive.terminal.run_list import UNCHECKED
+from executive.terminal.screen import Screen
 
 
 def add(subparsers: Any) -> None:
@@ -31,7 +32,13 @@ def main(options: argparse.Namespace) -> int:
         the exit status.
     """
     record = find_record(options.run, options.record)
-    console = Console()
-    for paragraph in explain(read_events(record), is_being_written(events_file(record))):
-        console.print(paragraph, highlight=False, markup=False, soft_wrap="\n" in paragraph)
+    console = Screen()
+    run = trusted(record)
+    why_cut = run.message or "nobody knows why"
+    for paragraph in explain(read_events(record), is_being_written(events_file(record)), why_cut):
+        console.print(paragraph, soft_wrap="\n" in paragraph)
+    if run.lost:
+        console.print(f"The record was damaged and repaired; what it lost: {run.lost}.", style="yellow")
+    if not run.checked:
+        console.print(UNCHECKED, style="yellow")
     return 0

@@ -7,10 +7,11 @@ import time
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
-
+from executive.recording.digest import trusted
 from executive.recording.read import find_record, read_events
 from executive.terminal.live import LiveTree
+from executive.terminal.run_list import UNCHECKED, ending
+from executive.terminal.screen import Screen
 from executive.terminal.summary import Summary
 
 
@@ -34,7 +35,8 @@ def main(options: argparse.Namespace) -> int:
         the exit status.
     """
     folder = find_record(options.run, options.record)
-    console = Console()
+    run = trusted(folder)
+    console = Screen()
     live, summary = LiveTree(console), Summary()
     shown = 0.0
     try:
@@ -47,7 +49,11 @@ def main(options: argparse.Namespace) -> int:
     finally:
         live.close()
     if summary.started is None or summary.ended is None:
-        console.print(f"{folder}: the record was cut off; what is left is shown above")
+        console.print(f"{folder}: {ending(run)}; what is there is shown above")
         return 0
     summary.print(console, folder)
+    if run.lost:
+        console.print(f"the record was damaged and repaired; what it lost: {run.lost}", style="yellow")
+    if not run.checked:
+        console.print(UNCHECKED, style="yellow")
     return 0

@@ -8,17 +8,17 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
-
 from executive.commands.runs import RUN
 from executive.errors import UsageError
 from executive.execute import RunOrder, execute, versions
 from executive.files import installed_trees
 from executive.recording.difference import first_difference
+from executive.recording.digest import trusted
 from executive.recording.read import find_record, read_events
 from executive.running.events import OperatorActed, RunEnded, RunStarted
 from executive.terminal.explain import describe
 from executive.terminal.live import LiveTree
+from executive.terminal.screen import Screen
 from executive.terminal.words import seconds
 
 REPEATABLE = ("simulated", "frames", "mock")
@@ -46,7 +46,8 @@ def main(options: argparse.Namespace) -> int:
         the exit status.
     """
     record = find_record(options.run, options.record)
-    console = Console()
+    trusted(record)
+    console = Screen()
     started, remarks = _beginning(record)
     with tempfile.TemporaryDirectory(prefix="pomona-rerun-") as folder:
         order = _order(started, Path(folder))
@@ -59,12 +60,12 @@ def main(options: argparse.Namespace) -> int:
         console.print(
             f"[green]✓[/] the same {count} events, {seconds(executed.result.time)} of the run, "
             f"{seconds(executed.result.wall)} here",
-            highlight=False,
+            markup=True,
         )
         return 0
-    console.print(f"[red]✗[/] {count} events are the same, then", highlight=False)
+    console.print(f"[red]✗[/] {count} events are the same, then", markup=True)
     for line in [*describe(difference, "recorded", "now"), *remarks, *_versions_differ(started)]:
-        console.print(f"  {line}", highlight=False, markup=False, soft_wrap=True)
+        console.print(f"  {line}", soft_wrap=True)
     return 1
 
 

@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import json
 import logging
 import sys
 import threading
 from pathlib import Path
 from typing import Any
-
-from rich.console import Console
 
 from executive.commands.dashboard import add_address, make_access
 from executive.commands.watch import run_on_save
@@ -22,6 +19,7 @@ from executive.files import find_cell, find_tree
 from executive.running.runner import Runner
 from executive.settings import parse_settings
 from executive.terminal.live import LiveTree
+from executive.terminal.screen import Screen, write_json
 
 EXIT = {"success": 0, "failure": 1, "stopped": 3, "error": 3}
 
@@ -80,7 +78,7 @@ def main(options: argparse.Namespace) -> int:
         the exit status.
     """
     logging.basicConfig(level=logging.WARNING, format="%(name)s: %(message)s")
-    console = Console(stderr=options.json, quiet=options.quiet)
+    console = Screen(stderr=options.json, quiet=options.quiet)
     order = RunOrder(
         tree=find_tree(options.tree),
         cell=find_cell(options.cell),
@@ -111,26 +109,26 @@ def main(options: argparse.Namespace) -> int:
     return status
 
 
-def _run_once(options: argparse.Namespace, order: RunOrder, dashboard: Dashboard | None, console: Console) -> int:
+def _run_once(options: argparse.Namespace, order: RunOrder, dashboard: Dashboard | None, console: Screen) -> int:
     with contextlib.closing(LiveTree(console)) as live:
         executed = _execute(order, live, dashboard, console)
     executed.summary.print(console, executed.record)
     if executed.problem:
-        console.print(executed.problem, style="red", markup=False)
+        console.print(executed.problem, style="red")
     if options.json:
-        sys.stdout.write(json.dumps(executed.summary.as_json(executed.record), ensure_ascii=False) + "\n")
+        write_json(executed.summary.as_json(executed.record))
     return 130 if executed.result.interrupted else EXIT[executed.result.outcome]
 
 
-def _serve(options: argparse.Namespace, console: Console, stack: contextlib.ExitStack) -> Dashboard:
+def _serve(options: argparse.Namespace, console: Screen, stack: contextlib.ExitStack) -> Dashboard:
     dashboard = Dashboard(make_access(options), options.record)
     dashboard.start()
     stack.callback(dashboard.close)
-    console.print(f"dashboard: {dashboard.link}", highlight=False, soft_wrap=True)
+    console.print(f"dashboard: {dashboard.link}", soft_wrap=True)
     return dashboard
 
 
-def _execute(order: RunOrder, live: LiveTree, dashboard: Dashboard | None, console: Console) -> Executed:
+def _execute(order: RunOrder, live: LiveTree, dashboard: Dashboard | None, console: Screen) -> Executed:
     if dashboard is None:
         return execute(order, [live.hear])
     try:
@@ -144,12 +142,10 @@ def _execute(order: RunOrder, live: LiveTree, dashboard: Dashboard | None, conso
         dashboard.desk.serve(None)
 
 
-def _hold(runner: Runner, dashboard: Dashboard, console: Console) -> None:
+def _hold(runner: Runner, dashboard: Dashboard, console: Screen) -> None:
     """Keep the cell in its safe state while there is somebody who can reset it; Ctrl-C lets go, too."""
     if not dashboard.hub.viewers and not sys.stdin.isatty():
         return
-    console.print(
-        f"safe state: {runner.latched}. Reset it on the page, or let go with Ctrl-C.", style="red", markup=False
-    )
+    console.print(f"safe state: {runner.latched}. Reset it on the page, or let go with Ctrl-C.", style="red")
     with contextlib.suppress(KeyboardInterrupt):
         runner.hold_latched()

@@ -3,27 +3,25 @@
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
-
 from executive.errors import UsageError
 from executive.recording import prune as pruning
 from executive.recording.copy import is_whole
-from executive.recording.digest import Digest, digest
+from executive.recording.digest import Digest, trusted
 from executive.recording.export import FORMATS, export
 from executive.recording.extract import extract
-from executive.recording.index import RunIndex
+from executive.recording.index import RunIndex, records_in
 from executive.recording.read import find_record, read_events
 from executive.recording.recorder import EVENTS_FILE, is_being_written
 from executive.recording.repair import repair
 from executive.terminal.explain import explain_parting
 from executive.terminal.run_list import how, print_comparison, print_list, size, wide_console
 from executive.terminal.run_sheet import print_sheet
+from executive.terminal.screen import Screen, write_json
 from executive.terminal.summary import Summary
 
 RUN = "a record's folder or MCAP file, its name (or the beginning of it) below --record, or 'last'"
@@ -97,12 +95,12 @@ def _list(options: argparse.Namespace) -> int:
     index = RunIndex(options.record)
     runs = index.rebuild() if options.rebuild else index.read()
     if index.problem:
-        Console(stderr=True).print(index.problem, style="yellow", markup=False, soft_wrap=True)
+        Screen(stderr=True).print(index.problem, style="yellow", soft_wrap=True)
     chosen = [run for run in runs if _wanted(run, options)]
     shown = chosen if options.all else chosen[: options.limit]
     if options.json:
         for run in shown:
-            sys.stdout.write(json.dumps(run.as_json(), ensure_ascii=False) + "\n")
+            write_json(run.as_json())
         return 0
     print_list(wide_console(), shown, len(runs), sum(run.bytes for run in runs))
     return 0
@@ -122,9 +120,10 @@ def _wanted(run: Digest, options: argparse.Namespace) -> bool:
 def _show(options: argparse.Namespace) -> int:
     record = find_record(options.run, options.record)
     if options.json:
-        sys.stdout.write(json.dumps(_digest(record).as_json(), ensure_ascii=False) + "\n")
+        write_json(trusted(record).as_json())
         return 0
-    print_sheet(wide_console(), record, _digest(record), _summary(record))
+    run = trusted(record)
+    print_sheet(wide_console(), record, run, _summary(record))
     return 0
 
 
@@ -133,30 +132,18 @@ def _compare(options: argparse.Namespace) -> int:
         raise UsageError("compare at least two runs: pomona runs compare RUN RUN")
     records = [find_record(name, options.record) for name in options.runs]
     console = wide_console()
+    digests = [trusted(record) for record in records]
     summaries = [_summary(record) for record in records]
-    digests = [_digest(record) for record in records]
     print_comparison(console, digests, [summary.robot_time for summary in summaries])
     if len(records) == 2 and _same_start(digests[0]) == _same_start(digests[1]):
         for line in explain_parting(records[0], records[1]):
-            console.print(line, highlight=False, markup=False, soft_wrap=True)
+            console.print(line, soft_wrap=True)
     return 0
 
 
 def _same_start(run: Digest) -> tuple[Any, ...]:
     """What two runs must share to be expected to happen alike."""
     return run.tree_hash, run.cell_hash, run.seed, dict(run.settings)
-
-
-def _digest(record: Path) -> Digest:
-    """A run's digest.
-
-    Raises:
-        UsageError: its record cannot be read.
-    """
-    found = digest(record)
-    if found.state == "unreadable":
-        raise UsageError(found.message or f"{record} cannot be read")
-    return found
 
 
 def _summary(record: Path) -> Summary:
@@ -173,7 +160,7 @@ def _export(options: argparse.Namespace) -> int:
     record = find_record(options.run, options.record)
     target = options.file or Path(f"{_name(record)}.zip")
     export(record, target)
-    Console().print(f"{target}  {size(target.stat().st_size)}", highlight=False, markup=False)
+    Screen().print(f"{target}  {size(target.stat().st_size)}")
     return 0
 
 
@@ -181,10 +168,10 @@ def _frames(options: argparse.Namespace) -> int:
     record = find_record(options.run, options.record)
     folder = options.folder or Path(f"{_name(record)}_frames")
     written = extract(record, folder)
-    console = Console()
-    console.print(f"{folder}", style="bold", markup=False)
+    console = Screen()
+    console.print(f"{folder}", style="bold")
     for name, what in written.items():
-        console.print(f"  {name:<18} {what}", highlight=False, markup=False, soft_wrap=True)
+        console.print(f"  {name:<18} {what}", soft_wrap=True)
     return 0
 
 
@@ -205,16 +192,16 @@ def _prune(options: argparse.Namespace) -> int:
     console = wide_console()
     sizes = {run.run: run.bytes for run in runs}
     for run, why in chosen.items():
-        console.print(f"  {run:<44} {size(sizes[run]):>9}   {why}", highlight=False, markup=False)
+        console.print(f"  {run:<44} {size(sizes[run]):>9}   {why}")
     amount = f"{len(chosen)} of {len(runs)} records, {size(sum(sizes[run] for run in chosen))}"
     if options.dry or not chosen:
-        console.print(f"{amount} would go" if chosen else "nothing to throw away", highlight=False)
+        console.print(f"{amount} would go" if chosen else "nothing to throw away")
         return 0
     if not options.yes and not _agreed(f"throw away {amount}? [y/N] "):
         console.print("nothing was thrown away")
         return 1
     removed = [run for run in chosen if pruning.remove(options.record, run)]
-    console.print(f"threw away {len(removed)} records, {size(sum(sizes[run] for run in removed))}", highlight=False)
+    console.print(f"threw away {len(removed)} records, {size(sum(sizes[run] for run in removed))}")
     return 0
 
 
@@ -225,34 +212,39 @@ def _agreed(question: str) -> bool:
 
 
 def _repair(options: argparse.Namespace) -> int:
-    console = Console()
+    console = Screen()
     if options.runs:
         records: Iterable[Path] = [find_record(name, options.record) for name in options.runs]
     else:
-        records = sorted(path.parent for path in options.record.glob(f"*/{EVENTS_FILE}") if _needs_repair(path))
+        records = sorted(path.parent for path in records_in(options.record) if _needs_repair(path))
     status, count = 0, 0
     for record in records:
         count += 1
         try:
             done = repair(record)
         except UsageError as error:
-            console.print(f"✗ {error}", style="red", markup=False, soft_wrap=True)
+            console.print(f"✗ {error}", style="red", soft_wrap=True)
             status = 2
             continue
         if done is None:
-            console.print(f"· {record}: whole already", highlight=False, markup=False, soft_wrap=True)
+            console.print(f"· {record}: whole already", soft_wrap=True)
             continue
         copied = done.copied
-        parts = [f"{copied.messages} messages, up to {copied.seconds:.2f} s of the run"]
-        if copied.cut:
-            parts.append(f"{size(copied.cut)} of a half-written one kept in {EVENTS_FILE}.tail")
+        parts = [done.why, f"{copied.messages} messages saved, up to {copied.seconds:.2f} s of the run"]
+        if copied.gaps:
+            parts.append(f"lost {copied.lost}; the damaged file is {EVENTS_FILE}.damaged")
+        elif copied.cut:
+            parts.append(f"{size(copied.cut)} of a half-written piece kept in {EVENTS_FILE}.tail")
         if done.made:
             parts.append(f"made {', '.join(done.made)}")
-        console.print(f"✓ {record}: {'; '.join(parts)}", highlight=False, markup=False, soft_wrap=True)
+        console.print(f"✓ {record}: {'; '.join(parts)}", soft_wrap=True)
     if not count:
         console.print("every record is whole")
     return status
 
 
 def _needs_repair(path: Path) -> bool:
-    return not is_whole(path) and not is_being_written(path)
+    try:
+        return not is_whole(path) and not is_being_written(path)
+    except UsageError:
+        return True  # repairing it says what is wrong

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import json
-import sys
 from typing import Any
 
 from executive.language.schema import schema
 from executive.registry import Registry
+from executive.terminal.screen import write_json
 
 
 def add(subparsers: Any) -> None:
@@ -23,5 +22,5 @@ def main(_options: argparse.Namespace) -> int:
     Returns:
         the exit status.
     """
-    sys.stdout.write(json.dumps(schema(Registry.installed()), ensure_ascii=False, indent=2) + "\n")
+    write_json(schema(Registry.installed()), indent=2)
     return 0

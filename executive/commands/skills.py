@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
-import json
-import sys
 from collections.abc import Mapping
 from typing import Any
 
-from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
 from executive.errors import UsageError
 from executive.registry import Registry, SkillListing
+from executive.terminal.screen import Screen, write_json
 
 
 def add(subparsers: Any) -> None:
@@ -36,22 +34,22 @@ def main(options: argparse.Namespace) -> int:
     if options.name and not listing:
         raise UsageError(f"no skill '{options.name}'; there are {', '.join(sorted(registry))}")
     if options.json:
-        sys.stdout.write(json.dumps([dataclasses.asdict(skill) for skill in listing], ensure_ascii=False) + "\n")
+        write_json([dataclasses.asdict(skill) for skill in listing])
         return 0
-    console = Console()
+    console = Screen()
     if options.name:
         _print_one(console, listing[0])
     else:
         for skill in listing:
             _print_short(console, skill)
-        console.print("`pomona skills NAME` shows one with ranges and help.", highlight=False)
+        console.print("`pomona skills NAME` shows one with ranges and help.")
     for name, problem in registry.problems.items():
-        console.print(f"{name}: {problem}", style="red", markup=False)
+        console.print(f"{name}: {problem}", style="red")
     return 0
 
 
-def _print_short(console: Console, skill: SkillListing) -> None:
-    console.print(f"[bold]{skill.name}[/]  {escape(skill.summary)}", highlight=False)
+def _print_short(console: Screen, skill: SkillListing) -> None:
+    console.print(f"[bold]{escape(skill.name)}[/]  {escape(skill.summary)}", markup=True)
     rows = Table(box=None, show_header=False, padding=(0, 2, 0, 0))
     rows.add_column(min_width=11, no_wrap=True, style="dim")
     rows.add_column()
@@ -62,7 +60,7 @@ def _print_short(console: Console, skill: SkillListing) -> None:
         ("  failures", skill.failures),
     ):
         if words:
-            rows.add_row(title, escape(", ".join(words)))
+            rows.add_row(title, ", ".join(words))
     console.print(rows)
 
 
@@ -72,8 +70,8 @@ def _port(port: Mapping[str, Any]) -> str:
     return f"{port['name']}: {port['type']}" + ("" if default in (None, "") else f" = {default}")
 
 
-def _print_one(console: Console, skill: SkillListing) -> None:
-    console.print(f"[bold]{skill.name}[/]  {skill.summary}", highlight=False)
+def _print_one(console: Screen, skill: SkillListing) -> None:
+    console.print(f"[bold]{escape(skill.name)}[/]  {escape(skill.summary)}", markup=True)
     for title, ports in (("inputs", skill.inputs), ("outputs", skill.outputs)):
         if not ports:
             continue
@@ -87,8 +85,8 @@ def _print_one(console: Console, skill: SkillListing) -> None:
                 str(port.get("help", "")),
             )  # fmt: skip
         console.print(table)
-    console.print(f"devices: {', '.join(skill.devices) or 'none'}", highlight=False)
-    console.print(f"failure codes: {', '.join(skill.failures) or 'none'}", highlight=False)
+    console.print(f"devices: {', '.join(skill.devices) or 'none'}")
+    console.print(f"failure codes: {', '.join(skill.failures) or 'none'}")
 
 
 def _range(port: Mapping[str, Any]) -> str:

@@ -6,13 +6,14 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
+from rich.markup import escape
 
 from executive.errors import UsageError
 from executive.files import installed_trees, read_text
 from executive.language.run_scenario import ScenarioResult, run_scenario
 from executive.language.scenario import is_scenario, read_scenario
 from executive.registry import Registry
+from executive.terminal.screen import Screen
 from executive.terminal.words import say, seconds
 
 
@@ -31,7 +32,7 @@ def main(options: argparse.Namespace) -> int:
     Returns:
         0 when every case went as expected, else 1.
     """
-    console, registry = Console(), Registry.installed()
+    console, registry = Screen(), Registry.installed()
     results = []
     for path in _scenarios(options.paths):
         scenario = read_scenario(read_text(path), path, registry, tree_folders=[installed_trees()])
@@ -40,7 +41,7 @@ def main(options: argparse.Namespace) -> int:
         _print(console, path, result)
     cases = [case for result in results for case in result.cases]
     failed = sum(not case.passed for case in cases)
-    console.print(f"{len(cases) - failed} passed, {failed} failed", highlight=False)
+    console.print(f"{len(cases) - failed} passed, {failed} failed")
     return 1 if failed else 0
 
 
@@ -56,18 +57,18 @@ def _scenarios(paths: list[Path]) -> list[Path]:
     return found
 
 
-def _print(console: Console, path: Path, result: ScenarioResult) -> None:
-    console.print(str(path), style="bold", highlight=False)
+def _print(console: Screen, path: Path, result: ScenarioResult) -> None:
+    console.print(str(path), style="bold")
     for case in result.cases:
         sign = "[green]✓[/]" if case.passed else "[red]✗[/]"
-        console.print(f"  {sign} {case.case.name}  {case.status}, {seconds(case.time)}", highlight=False)
+        console.print(f"  {sign} {escape(case.case.name)}  {case.status}, {seconds(case.time)}", markup=True)
         for problem in case.problems:
-            console.print(f"      {problem}", style="red", markup=False, highlight=False)
+            console.print(f"      {problem}", style="red")
         if not case.passed and case.reason is not None:
-            console.print(f"      it failed because: {say(case.reason)}", markup=False, highlight=False)
+            console.print(f"      it failed because: {say(case.reason)}")
     coverage = result.coverage
-    console.print(f"  {coverage.share():.0%} of the nodes were reached", highlight=False)
+    console.print(f"  {coverage.share():.0%} of the nodes were reached")
     for node in coverage.unreached():
-        console.print(f"    never reached: {node.path} (line {node.line})", style="yellow", markup=False)
+        console.print(f"    never reached: {node.path} (line {node.line})", style="yellow")
     for node, end in coverage.ends_never_seen():
-        console.print(f"    never ended in {end}: {node.path}", style="yellow", markup=False)
+        console.print(f"    never ended in {end}: {node.path}", style="yellow")

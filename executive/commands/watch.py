@@ -6,13 +6,12 @@ import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from rich.console import Console
-
 from executive.errors import UsageError
 from executive.execute import read_document, refuse_errors
 from executive.language import Document
 from executive.language.compare import changes
 from executive.registry import Registry
+from executive.terminal.screen import Screen
 
 LOOK_EVERY = 0.3
 """Seconds between two looks at the file."""
@@ -22,7 +21,7 @@ def run_on_save(
     path: Path,
     settings: Mapping[str, str],
     run: Callable[[], int],
-    console: Console,
+    console: Screen,
     wait: Callable[[float], None] = time.sleep,
 ) -> int:
     """Run, then again after each save that changes the tree and leaves no error, until Ctrl-C.
@@ -40,7 +39,7 @@ def run_on_save(
     registry = Registry.installed()
     status = run()
     document, stamp = read_document(path), _stamp(path)
-    console.print(f"watching {path}: save it to run it again, Ctrl-C ends", highlight=False)
+    console.print(f"watching {path}: save it to run it again, Ctrl-C ends")
     try:
         while True:
             wait(LOOK_EVERY)
@@ -51,27 +50,27 @@ def run_on_save(
             if changed is not None:
                 document = changed
                 status = run()
-                console.print(f"watching {path}", highlight=False)
+                console.print(f"watching {path}")
     except KeyboardInterrupt:
         return status
 
 
 def _reload(
-    path: Path, before: Document, settings: Mapping[str, str], registry: Registry, console: Console
+    path: Path, before: Document, settings: Mapping[str, str], registry: Registry, console: Screen
 ) -> Document | None:
     try:
         document = read_document(path)
         declared = set(document.main.parameters)
         refuse_errors(document, registry, {k: v for k, v in settings.items() if k in declared}, None)
     except UsageError as error:
-        console.print(str(error), style="red", markup=False, highlight=False, soft_wrap=True)
+        console.print(str(error), style="red", soft_wrap=True)
         return None
     lines = changes(before, document)
     if not lines:
         console.print("saved, nothing that runs has changed")
         return None
     for line in lines:
-        console.print(f"  {line}", markup=False, highlight=False)
+        console.print(f"  {line}")
     return document
 
 

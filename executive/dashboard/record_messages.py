@@ -9,26 +9,30 @@ from __future__ import annotations
 
 import base64
 import json
-import mmap
+import os
 import re
 import struct
 from collections.abc import Callable, Hashable, Iterable, Iterator
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from executive.dashboard.jpeg import size_of_jpeg
+import orjson
+
 from executive.dashboard.messages import VERSION, encode, encode_number
 from executive.errors import UsageError
-from executive.recording.decode import event_from
+from executive.recording.container import HEAD, MESSAGE, MESSAGE_HEAD
+from executive.recording.decode import ForeignRecordError, event_from
+from executive.recording.image_size import size_of_jpeg
+from executive.recording.json_text import is_strict, parse_object
+from executive.recording.plain_file import open_plain
 from executive.recording.read import read_events
-from executive.recording.recorder import EVENTS_FILE
+from executive.recording.recorder import EVENTS, EVENTS_FILE
+from executive.recording.scan import believed, walk
 
-MAGIC = b"\x89MCAP0\r\n"
-CHANNEL, MESSAGE, CHUNK = 0x04, 0x05, 0x06
-EVENTS, IMAGES = b"/events", b"/images/"
-HEAD = struct.Struct("<BQ")
-MESSAGE_HEAD = 22
-"""Bytes before a message's content: channel, sequence, two times."""
+IMAGES = "/images/"
+MOST_IMAGE = 50_000_000
+"""Bytes of an image that is handed out."""
 
 LARGE = 200_000
 """Bytes above which an event is decoded, so that arrays that no browser draws in time are left out."""
@@ -53,8 +57,8 @@ STREAMED = (b"SeriesView", b"PosesView")
 """Views of which there are many, each one moment's."""
 
 
-class _ChunkedError(Exception):
-    """A record that another program has written with chunks."""
+class _PackedError(Exception):
+    """A record whose chunks are compressed: nothing can be cut out of it."""
 
 
 Line = tuple[int, float, bytes, int]
@@ -94,25 +98,39 @@ def between(folder: Path, images: str, begin: float, end: float) -> Iterator[byt
 
 def image(folder: Path, at: int) -> bytes | None:
     """The JPEG image at a place in the record, or None: there is none."""
+    path = folder / EVENTS_FILE
     try:
-        with (folder / EVENTS_FILE).open("rb") as stream:
+        with open_plain(path) as stream:
+            about = os.fstat(stream.fileno())
+            if not _is_believed(path, about.st_ino, about.st_size, about.st_mtime_ns):
+                return None
             stream.seek(at)
             opcode, length = HEAD.unpack(stream.read(HEAD.size))
-            if opcode != MESSAGE or length > 50_000_000:
+            if opcode != MESSAGE or length > MOST_IMAGE:
                 return None
-            found = json.loads(stream.read(length)[MESSAGE_HEAD:])
+            found = parse_object(stream.read(length)[MESSAGE_HEAD.size :])
             return base64.b64decode(found["data"]) if found["format"] == "jpeg" else None
     except (OSError, OverflowError, ValueError, KeyError, TypeError, struct.error):
         return None
 
 
+@lru_cache(maxsize=64)
+def _is_believed(path: Path, _inode: int, _size: int, _changed: int) -> bool:
+    """Whether a file passes its checks; asked once for all images of a file that nobody has changed."""
+    try:
+        believed(path)
+    except UsageError:
+        return False
+    return True
+
+
 def first_event(folder: Path) -> dict[str, Any]:
     """The record's first event as it was written: a RunStarted, unless the record was cut off before."""
     try:
-        for _seq, _t, content, _image_at in _lines(folder / EVENTS_FILE):
-            event: dict[str, Any] = json.loads(content)
-            return event
-    except (UsageError, _ChunkedError, ValueError):
+        for found in walk(folder / EVENTS_FILE):
+            if found.topic == EVENTS:
+                return parse_object(found.content)
+    except (UsageError, ValueError):
         pass
     return {}
 
@@ -141,13 +159,24 @@ def _written(folder: Path, images: str, choose: Choose) -> Iterator[bytes]:
             seq, _t, content, image_at = line
             if image_at >= 0:
                 yield _with_image(path, line, images)
-            elif len(content) > LARGE:
-                yield encode(event_from(json.loads(content)), seq).encode()
-            else:
+            elif len(content) <= LARGE and _is_message(content):
                 yield b"%b%b" % (encode_number(seq), content[1:])
-    except _ChunkedError:
+            else:
+                yield encode(event_from(parse_object(content)), seq).encode(errors="replace")
+    except _PackedError:
         for number, event in enumerate(read_events(folder), start=1):
-            yield encode(event, number).encode()
+            yield encode(event, number).encode(errors="replace")
+
+
+def _is_message(content: bytes) -> bool:
+    """Whether an event can go out as it stands: one of the frequent kinds, in one line of JSON that a browser reads."""
+    if FREQUENT.match(content) is None or b"\n" in content or not is_strict(content):
+        return False
+    try:
+        orjson.loads(content)
+    except ValueError:
+        return False
+    return b'"reason":{' not in content
 
 
 def _thinned(lines: Iterable[Line]) -> Iterable[Line | bytes]:
@@ -188,47 +217,29 @@ def _place(line: Line, interval: float, state: dict[bytes, tuple[bytes, bytes]])
 
 def _with_image(path: Path, line: Line, images: str) -> bytes:
     seq, _t, content, image_at = line
-    event = json.loads(content)
+    event = parse_object(content)
     coded = image(path.parent, image_at) or b""
     address = f"{images}{image_at}" if images else f"data:image/jpeg;base64,{base64.b64encode(coded).decode()}"
-    event["value"] |= {"image": address, "size": size_of_jpeg(coded)}
-    return json.dumps({"v": VERSION, "seq": seq, **event}, ensure_ascii=False, separators=(",", ":")).encode()
+    value = event.get("value")
+    if not isinstance(value, dict):
+        raise ForeignRecordError("an event with an image has no view")
+    event["value"] = value | {"image": address, "size": size_of_jpeg(coded)}
+    text = json.dumps({"v": VERSION, "seq": seq, **event}, ensure_ascii=False, separators=(",", ":"))
+    return text.encode(errors="replace")
 
 
 def _lines(path: Path) -> Iterator[Line]:
-    """Every whole event of an MCAP file without chunks; an image belongs to the event after it."""
-    with path.open("rb") as stream:
-        if stream.read(len(MAGIC)) != MAGIC:
-            raise UsageError(f"{path}: not a record of a run")
-        with mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as buffer:
-            yield from _walk(buffer)
-
-
-def _walk(buffer: mmap.mmap) -> Iterator[Line]:
-    topics: dict[int, bytes] = {}
-    pictures: dict[bytes, int] = {}
-    at, end, seq = len(MAGIC), len(buffer), 0
-    head, inner = HEAD.unpack_from, struct.Struct("<HIQ").unpack_from
-    while at + HEAD.size <= end:
-        opcode, length = head(buffer, at)
-        begin = at + HEAD.size
-        if begin + length > end:
-            return
-        if opcode == MESSAGE:
-            channel, _sequence, stamp = inner(buffer, begin)
-            topic = topics.get(channel, b"")
-            if topic == EVENTS:
-                seq += 1
-                content = buffer[begin + MESSAGE_HEAD : begin + length]
-                image_at = -1
-                if pictures and (view := TOPIC.search(content)) is not None:
-                    image_at = pictures.pop(IMAGES + view[1], -1)
-                yield seq, stamp / 1e9, content, image_at
-            elif topic.startswith(IMAGES):
-                pictures[topic] = at
-        elif opcode == CHANNEL:
-            channel, _schema, size = struct.unpack_from("<HHI", buffer, begin)
-            topics[channel] = buffer[begin + 8 : begin + 8 + size]
-        elif opcode == CHUNK:
-            raise _ChunkedError
-        at = begin + length
+    """Every event; an image belongs to the event after it."""
+    pictures: dict[str, int] = {}
+    seq = 0
+    for topic, stamp, content, at in walk(path):
+        if at < 0:
+            raise _PackedError
+        if topic == EVENTS:
+            seq += 1
+            image_at = -1
+            if pictures and (view := TOPIC.search(content)) is not None:
+                image_at = pictures.pop(IMAGES + view[1].decode(errors="replace"), -1)
+            yield seq, stamp / 1e9, content, image_at
+        elif topic.startswith(IMAGES):
+            pictures[topic] = at

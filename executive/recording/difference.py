@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from executive.recording.json_text import parse_object
 from executive.recording.read import events_file
 from executive.recording.recorder import EVENTS
 from executive.recording.scan import scan
@@ -46,13 +47,13 @@ def comparable(record: Path) -> Iterator[dict[str, Any]]:
     """The events of a record, and a fingerprint of each image, without what belongs to the moment."""
     for topic, content in scan(events_file(record)):
         if topic == EVENTS:
-            event = json.loads(content)
-            for name in OF_THE_MOMENT.get(event["event"], ()):
+            event = parse_object(content)
+            event.setdefault("event", "")
+            for name in OF_THE_MOMENT.get(str(event["event"]), ()):
                 event.pop(name, None)
             yield event
         elif topic.startswith(("/images/", "/depth/")):
-            image = json.loads(content)
-            yield {"event": "Image", "t": 0.0, "topic": topic, "data": image["data"]}
+            yield {"event": "Image", "t": 0.0, "topic": topic, "data": parse_object(content).get("data")}
 
 
 def first_difference(before: Path, now: Path) -> tuple[int, Difference | None]:
@@ -66,7 +67,8 @@ def first_difference(before: Path, now: Path) -> tuple[int, Difference | None]:
 
 
 def _difference(number: int, one: dict[str, Any] | None, other: dict[str, Any] | None) -> Difference:
-    t = float((one or other or {}).get("t", 0.0))
+    told = (one or other or {}).get("t", 0.0)
+    t = float(told) if isinstance(told, (int, float)) else 0.0
     if one is None or other is None or _name(one) != _name(other):
         before, now = (("no event: it ends here" if event is None else _name(event)) for event in (one, other))
         return Difference(number, t, "another event", "", before, now)

@@ -2,20 +2,28 @@
 
 from __future__ import annotations
 
-import json
+import math
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
 from executive.errors import UsageError
+from executive.recording.ending import why_cut
+from executive.recording.interventions import INTERVENTIONS, read_log
+from executive.recording.json_text import parse_object
+from executive.recording.plain_file import is_plain
 from executive.recording.read import events_file
 from executive.recording.recorder import EVENTS, hash_of
-from executive.recording.scan import scan
+from executive.recording.scan import DamagedRecordError, Verdict, believed, scan
 
-_HEADS = tuple(f'{{"event":"{name}"'.encode() for name in ("RunStarted", "AttemptEnded", "RunEnded"))
+_NAMES = ("RunStarted", "AttemptEnded", "RunEnded", "OperatorActed", "NodeChanged")
+_HEADS = tuple(f'{{"event":"{name}"'.encode() for name in _NAMES)
 _NODE, _FAILURE = b'{"event":"NodeChanged"', b'"status":"FAILURE"'
+
+MOST_TEXT, MOST_CODE, MOST_CODES, MOST_ENTRIES = 2000, 100, 200, 1000
+"""Of what an index keeps of one run: characters of a text, of a code; codes; settings and other names with values."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,9 +32,9 @@ class Digest:
 
     Attributes:
         run: its id, the name of its folder.
-        state: ended, running, cut off (the process was killed), or unreadable (`message` says why).
+        state: ended, running, cut off, damaged (it fails its checks, so nothing in it is believed), or unreadable.
         outcome: success, failure, stopped or error, of a run that has ended.
-        code, message: why it did not succeed.
+        code, message: why it did not succeed; of a run without an end, why it has none.
         codes: how often leaves of the tree failed, by code.
         attempts: how many attempts of retries there were.
         time, wall: seconds on the run's clock and really.
@@ -35,6 +43,8 @@ class Digest:
         git: commit of the Pomona that ran, with a + for a changed one.
         bytes: size of its MCAP file.
         picture: whether there is one.
+        checked: whether everything in it has a checksum.
+        lost: what a repair could not save; empty when it was not needed or lost nothing.
     """
 
     run: str
@@ -60,6 +70,8 @@ class Digest:
     truth: Mapping[str, Any] | None = None
     bytes: int = 0
     picture: bool = False
+    checked: bool = True
+    lost: str = ""
 
     def as_json(self) -> dict[str, Any]:
         """For the page and for scripts."""
@@ -67,45 +79,125 @@ class Digest:
 
 
 def digest(record: Path) -> Digest:
-    """Read a record's digest. A run without an end is `cut off`: whether it is still going on is asked elsewhere."""
+    """Read a record's digest, whatever its file holds: nothing but a missing file is an error.
+
+    A run without an end is `cut off`: whether it is still going on is asked elsewhere.
+
+    Raises:
+        OSError: the file is not there.
+    """
     path = events_file(record)
-    about: dict[str, Any] = {"run": record.name, "state": "cut off", "bytes": path.stat().st_size}
-    about["picture"] = (record / "picture.png").is_file()
+    about: dict[str, Any] = {"run": record.name, "state": "cut off", "bytes": path.lstat().st_size}
+    about["picture"] = is_plain(record / "picture.png")
+    try:
+        verdict = believed(path)
+        about |= _read(path, verdict)
+        if about["state"] == "cut off":
+            about["message"] = why_cut(record)
+    except DamagedRecordError as error:
+        about |= {"state": "damaged", "message": str(error).removeprefix(f"{path}: ")}
+    except Exception as error:  # one record that nobody foresaw must not take the list of all down
+        about |= {"state": "unreadable", "message": _text(str(error) or type(error).__name__)}
+    return Digest(**about)
+
+
+def _read(path: Path, verdict: Verdict) -> dict[str, Any]:
+    about: dict[str, Any] = {}
     codes: Counter[str] = Counter()
     attempts = 0
-    try:
-        for event in _events_of_interest(path):
-            match event["event"]:
-                case "RunStarted":
-                    about |= _beginning(event)
-                case "AttemptEnded":
-                    attempts += 1
-                case "NodeChanged":
-                    reason = event.get("reason") or {}
-                    if reason and not reason["causes"] and reason["code"] != "SKIPPED":
-                        codes[reason["code"]] += 1
-                case "RunEnded":
-                    about |= _end(event)
-    except (UsageError, ValueError, KeyError, TypeError, AttributeError) as error:
-        about |= {"state": "unreadable", "message": str(error)}
-    if not about.get("tree") and about["state"] == "ended":
-        about |= {"state": "unreadable", "message": "it does not say how the run began"}
-    return Digest(**about, codes=dict(codes), attempts=attempts)
-
-
-def _events_of_interest(path: Path) -> Iterator[dict[str, Any]]:
-    for topic, content in scan(path):
-        if topic == EVENTS and (content.startswith(_HEADS) or (content.startswith(_NODE) and _FAILURE in content)):
-            yield json.loads(content, parse_constant=lambda _name: None)
+    entries: list[bytes] = []
+    acts: list[dict[str, Any]] = []
+    for topic, content in scan(path, verdict):
+        if topic == INTERVENTIONS:
+            entries.append(content)
+        if topic != EVENTS or not content.startswith(_HEADS):
+            continue
+        if content.startswith(_NODE) and _FAILURE not in content:
+            continue
+        event = parse_object(content)
+        match event["event"]:
+            case "RunStarted":
+                about |= _beginning(event)
+            case "AttemptEnded":
+                attempts += 1
+            case "OperatorActed":
+                acts.append(event)
+            case "NodeChanged":
+                reason = event.get("reason") or {}
+                if reason and not reason["causes"] and reason["code"] != "SKIPPED":
+                    code = _text(reason["code"], MOST_CODE)
+                    codes[code if code in codes or len(codes) < MOST_CODES else "…"] += 1
+            case "RunEnded":
+                about |= _end(event)
+    if entries and (broken := read_log(entries, acts, verdict.state != "whole").problem):
+        raise DamagedRecordError(f"{path}: {broken}")
+    if not about.get("tree") and about.get("state") == "ended":
+        raise UsageError("it does not say how the run began")
+    if verdict.lost:
+        about["lost"] = _text(verdict.lost)
+    return {**about, "codes": dict(codes), "attempts": attempts, "checked": verdict.checked}
 
 
 def _beginning(event: Mapping[str, Any]) -> dict[str, Any]:
-    same = ("tree", "tree_hash", "cell", "cell_kind", "seed", "wall_time", "parameters", "settings")
-    found = {name: event[name] for name in same if name in event}
-    return {**found, "cell_hash": hash_of(event.get("cell_text", "")), "git": event.get("versions", {}).get("git", "")}
+    about: dict[str, Any] = {name: _text(event.get(name, "")) for name in ("tree", "tree_hash", "cell", "cell_kind")}
+    seed = event.get("seed")
+    return {
+        **about,
+        "seed": seed if isinstance(seed, int) and abs(seed) < 2**63 else None,
+        "wall_time": _number(event.get("wall_time")) or 0.0,
+        "parameters": _mapping(event.get("parameters")),
+        "settings": {key: _text(value) for key, value in _mapping(event.get("settings")).items()},
+        "cell_hash": hash_of(_text(event.get("cell_text", ""), None)),
+        "git": _text(_mapping(event.get("versions")).get("git", "")),
+    }
 
 
 def _end(event: Mapping[str, Any]) -> dict[str, Any]:
-    reason = event["reason"] or {}
-    same = {name: event[name] for name in ("outcome", "time", "wall", "ticks", "truth")}
-    return {**same, "state": "ended", "code": reason.get("code"), "message": reason.get("message")}
+    reason = event["reason"]
+    ticks, truth = event["ticks"], event["truth"]
+    return {
+        "state": "ended",
+        "outcome": _text(event["outcome"]),
+        "time": _number(event["time"]),
+        "wall": _number(event["wall"]),
+        "ticks": ticks if isinstance(ticks, int) and abs(ticks) < 2**63 else None,
+        "truth": None if truth is None else _mapping(truth),
+        "code": None if reason is None else _text(reason["code"], MOST_CODE),
+        "message": None if reason is None else _text(reason["message"]),
+    }
+
+
+def _text(value: Any, most: int | None = MOST_TEXT) -> str:
+    if not isinstance(value, str):
+        raise UsageError(f"{str(value)[:40]!r} stands where a text is expected")
+    return value if most is None or len(value) <= most else f"{value[: most - 1]}…"
+
+
+def _number(value: Any) -> float | None:
+    """A finite number; None for what was not finite when it was written."""
+    if value is None:
+        return None
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+        raise UsageError(f"{str(value)[:40]!r} stands where a number is expected")
+    return float(value)
+
+
+def _mapping(value: Any) -> Mapping[str, Any]:
+    if not isinstance(value, dict) or len(value) > MOST_ENTRIES:
+        raise UsageError(f"{str(value)[:40]!r} stands where names with values are expected")
+    return value
+
+
+def trusted(record: Path) -> Digest:
+    """A run's digest, for a command that shows or repeats it.
+
+    Raises:
+        UsageError: its record is damaged, is no record, or cannot be read.
+    """
+    try:
+        found = digest(record)
+    except OSError as error:
+        raise UsageError(f"{record}: {error.strerror}") from error
+    if found.state in ("damaged", "unreadable"):
+        raise UsageError(f"{record}: {found.message}")
+    return found

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-import json
 import zipfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from executive.errors import UsageError
 from executive.recording.copy import copy
+from executive.recording.json_text import parse_object
+from executive.recording.plain_file import is_plain
 from executive.recording.read import events_file
 from executive.recording.recorder import EVENTS
-from executive.recording.scan import scan
+from executive.recording.scan import believed, scan
 
 
 def _zip(record: Path, target: Path) -> None:
@@ -19,7 +20,7 @@ def _zip(record: Path, target: Path) -> None:
     name = record.stem if record.is_file() else record.resolve().name
     with zipfile.ZipFile(target, "w", zipfile.ZIP_DEFLATED) as archive:
         for path in sorted(record.iterdir()) if record.is_dir() else [record]:
-            if path.is_file():
+            if is_plain(path):  # a link would take along what is not the record's
                 archive.write(path, f"{name}/{path.name}")
         archive.writestr(f"{name}/events.jsonl", b"".join(content + b"\n" for content in _events(record)))
 
@@ -33,6 +34,7 @@ def _json_lines(record: Path, target: Path) -> None:
 
 def _mcap(record: Path, target: Path) -> None:
     """One indexed and compressed file, for Foxglove and other readers."""
+    believed(events_file(record))
     copy(events_file(record), target, compressed=True)
 
 
@@ -70,7 +72,7 @@ def _events(record: Path) -> list[bytes]:
     found = [content for topic, content in scan(events_file(record)) if topic == EVENTS]
     for content in found[:1]:
         try:
-            json.loads(content)["event"]
-        except (ValueError, KeyError, TypeError) as error:
+            parse_object(content)["event"]
+        except (ValueError, KeyError) as error:
             raise UsageError(f"{record}: not a record of a run") from error
     return found

@@ -23,6 +23,7 @@ import cv2
 import numpy as np
 
 from executive.errors import UsageError
+from executive.recording.json_text import parse_object
 from executive.recording.read import events_file, read_events
 from executive.recording.recorder import DEVICES
 from executive.recording.scan import scan
@@ -50,6 +51,8 @@ def extract(record: Path, folder: Path) -> dict[str, str]:
         return {**taken.finish(), **_measurements(record, folder)}
     except OSError as error:
         raise UsageError(f"{error.filename or folder}: {error.strerror or error}") from error
+    except (ValueError, TypeError, KeyError, AttributeError, IndexError, cv2.error) as error:
+        raise UsageError(f"{record}: what it holds cannot be taken apart: {error}") from error
 
 
 class _Taken:
@@ -119,11 +122,11 @@ def _measurements(record: Path, folder: Path) -> dict[str, str]:
     rows: dict[str, list[Mapping[str, Any]]] = defaultdict(list)
     for topic, content in scan(events_file(record)):
         if topic.startswith(DEVICES):
-            reading = json.loads(content)
+            reading = parse_object(content)
             columns = {name: values for name, values in reading.items() if name not in ("t", "tick")}
             rows[plain_name(topic.removeprefix(DEVICES))].extend(_by_row(columns))
         elif topic.startswith(SERIES_TOPIC):
-            rows[f"series_{plain_name(topic.removeprefix(SERIES_TOPIC))}"].append(json.loads(content))
+            rows[f"series_{plain_name(topic.removeprefix(SERIES_TOPIC))}"].append(parse_object(content))
     for name, samples in rows.items():
         _write_csv(folder / f"{name}.csv", samples)
     return {f"{name}.csv": f"{len(samples)} samples of {_quantities(samples[0])}" for name, samples in rows.items()}

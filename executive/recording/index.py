@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from executive.recording.digest import Digest, digest
+from executive.recording.json_text import parse
 from executive.recording.recorder import EVENTS_FILE, is_being_written
 
 INDEX_FILE = "index.sqlite"
@@ -32,12 +33,22 @@ MIGRATIONS: tuple[str, ...] = (
     CREATE INDEX runs_by_outcome ON runs (outcome, code);
     CREATE INDEX runs_by_tree ON runs (tree, tree_hash);
     """,
+    """
+    ALTER TABLE runs ADD COLUMN checked INTEGER;
+    ALTER TABLE runs ADD COLUMN lost TEXT;
+    UPDATE runs SET stamp = 0
+    """,
 )
 """Each brings the index from one version of its schema to the next. One that adds a column ends with
 `UPDATE runs SET stamp = 0`: every record is then read again."""
 
 _COLUMNS = tuple(field.name for field in fields(Digest))
 _AS_JSON = ("parameters", "settings", "codes", "truth")
+_OPTIONAL = ("seed", "outcome", "code", "message", "time", "wall", "ticks", "truth")
+_KINDS: dict[str, type] = {
+    **dict.fromkeys(_COLUMNS, str), **dict.fromkeys(_AS_JSON, dict), **dict.fromkeys(("picture", "checked"), bool),
+    **dict.fromkeys(("seed", "attempts", "ticks", "bytes"), int), **dict.fromkeys(("wall_time", "time", "wall"), float),
+}  # fmt: skip
 
 
 class NewerIndexError(sqlite3.DatabaseError):
@@ -91,9 +102,9 @@ class RunIndex:
     def _refreshed(self, index: sqlite3.Connection) -> list[Digest]:
         known: dict[str, int] = dict(index.execute("SELECT run, stamp FROM runs"))
         found: dict[str, int] = {}
-        for path in self.root.glob(f"*/{EVENTS_FILE}"):
+        for path in records_in(self.root):
             with contextlib.suppress(OSError):  # removed while we look
-                found[path.parent.name] = path.stat().st_mtime_ns
+                found[path.parent.name] = path.lstat().st_mtime_ns
         gone = [(run,) for run in known.keys() - found.keys()]
         changed = [run for run, stamp in found.items() if known.get(run) != stamp]
         if gone or changed:
@@ -104,7 +115,7 @@ class RunIndex:
             index.executemany(f"INSERT OR REPLACE INTO runs ({', '.join(_COLUMNS)}, stamp) VALUES ({marks})", rows)
             index.execute("COMMIT")
         rows = index.execute(f"SELECT {', '.join(_COLUMNS)} FROM runs ORDER BY run DESC").fetchall()
-        return [self._entry(row) for row in rows]
+        return [entry for row in rows if (entry := self._entry(row)) is not None]
 
     def _rows(self, run: str, stamp: int) -> Iterator[tuple[Any, ...]]:
         with contextlib.suppress(OSError):
@@ -112,19 +123,51 @@ class RunIndex:
             values = (getattr(entry, name) for name in _COLUMNS)
             yield (*(_packed(name, value) for name, value in zip(_COLUMNS, values, strict=True)), stamp)
 
-    def _entry(self, row: Sequence[Any]) -> Digest:
-        values = {name: _unpacked(name, value) for name, value in zip(_COLUMNS, row, strict=True)}
-        entry = Digest(**values)
+    def _entry(self, row: Sequence[Any]) -> Digest | None:
+        """A run as its row says, or as its record says where the row makes no sense."""
+        try:
+            entry = Digest(**{name: _unpacked(name, value) for name, value in zip(_COLUMNS, row, strict=True)})
+        except (ValueError, TypeError):
+            self.problem = f"{self.root / INDEX_FILE}: the row of {str(row[0])[:80]!r} is damaged: its record was read"
+            try:
+                entry = digest(self.root / str(row[0]))
+            except (OSError, ValueError):
+                return None
         if entry.state == "cut off" and is_being_written(self.root / entry.run / EVENTS_FILE):
             return replace(entry, state="running")
         return entry
 
 
+def records_in(root: Path) -> list[Path]:
+    """The MCAP files of a folder's records; one whose folder's name is no text is left out."""
+    return [path for path in root.glob(f"*/{EVENTS_FILE}") if path.parent.name.isprintable()]
+
+
 def _packed(name: str, value: Any) -> Any:
-    return json.dumps(value, ensure_ascii=False) if name in _AS_JSON else value
+    return json.dumps(value) if name in _AS_JSON else value
 
 
 def _unpacked(name: str, value: Any) -> Any:
+    """A column's value.
+
+    Raises:
+        ValueError, TypeError: it is of another kind than this column's.
+    """
     if name in _AS_JSON:
-        return json.loads(value)
-    return bool(value) if name == "picture" else value
+        value = _mapping(name, parse(value))
+    elif name in ("picture", "checked") and value in (0, 1):
+        value = bool(value)
+    elif _KINDS[name] is float and isinstance(value, int):
+        value = float(value)
+    if value is None and name in _OPTIONAL:
+        return None
+    if not isinstance(value, _KINDS[name]):
+        raise TypeError(name)
+    return value
+
+
+def _mapping(name: str, value: Any) -> Any:
+    kind = {"settings": str, "codes": int}.get(name, object)
+    if isinstance(value, dict) and not all(isinstance(item, kind) for item in value.values()):
+        raise TypeError(name)
+    return value

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -42,13 +42,13 @@ class Picture:
     def empty(self) -> bool:
         return not (self._images or self._scenes or self._series)
 
-    def save(self, path: Path, title: str) -> None:
+    def save(self, target: Path | BinaryIO, title: str) -> None:
         """Draw everything into one PNG."""
         figure = Figure(
             figsize=(14, 8.4), dpi=100
         )  # margins are set by hand: computing a layout draws everything twice
         FigureCanvasAgg(figure)
-        figure.suptitle(title, fontsize=13, x=0.01, ha="left")
+        figure.suptitle(title, fontsize=13, x=0.01, ha="left", parse_math=False)
         count = 2 if self._series else 1
         margins = {"left": 0.035, "right": 0.985, "top": 0.91, "bottom": 0.07 if self._series else 0.03}
         rows = figure.add_gridspec(count, 1, height_ratios=[2.4, 1.1][:count], hspace=0.16, **margins)
@@ -64,7 +64,7 @@ class Picture:
             below = rows[1].subgridspec(1, len(units), width_ratios=widths, wspace=0.24)
             for column, (unit, lines) in enumerate(units.items()):
                 self._draw_series(figure.add_subplot(below[column]), unit, lines)
-        figure.savefig(path, pil_kwargs={"compress_level": 2})  # a third of the time of the default, a sixth larger
+        figure.savefig(target, pil_kwargs={"compress_level": 2})  # a third of the time of the default, a sixth larger
 
     def _draw_images(self, axes: Any) -> None:
         axes.set_axis_off()

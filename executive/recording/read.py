@@ -3,26 +3,29 @@
 from __future__ import annotations
 
 import base64
+import binascii
 import difflib
-import json
-import struct
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 import cv2
 import numpy as np
-from mcap.exceptions import McapError
-from mcap.reader import NonSeekingReader
 
 from executive.errors import UsageError
 from executive.recording.decode import ForeignRecordError, event_from
+from executive.recording.image_size import size_of_image
+from executive.recording.json_text import parse_object
 from executive.recording.recorder import EVENTS, EVENTS_FILE
+from executive.recording.scan import scan
 from executive.running.events import Event, Published
 from executive.views import ImageView
 
-MAGIC = b"\x89MCAP0\r\n"
+MOST_PIXELS = 50_000_000
+"""Of an image that is decoded: a few kilobytes may claim gigabytes."""
+MOST_WAITING = 64
+"""Images whose events have not come yet."""
 
 
 def find_record(name: str, root: Path) -> Path:
@@ -60,16 +63,19 @@ def read_events(record: Path) -> Iterator[Event]:
     A record that was cut off gives the events up to there.
 
     Raises:
+        DamagedRecordError: something in the file is not as it was written; nothing is given then.
         UsageError: the file is not a record.
     """
     path = events_file(record)
     pixels: dict[str, Any] = {}
-    for topic, data in messages(path):
+    for topic, data in scan(path):
         try:
             if topic.startswith(("/images/", "/depth/")):
-                pixels[topic] = decode_image(json.loads(data)["data"])
+                if len(pixels) >= MOST_WAITING:
+                    pixels.clear()
+                pixels[topic] = decode_image(parse_object(data)["data"])
             elif topic == EVENTS:
-                event = event_from(json.loads(data))
+                event = event_from(parse_object(data))
                 if isinstance(event, Published) and isinstance(event.value, ImageView):
                     image, depth = pixels.pop(f"/images/{event.topic}", None), pixels.pop(f"/depth/{event.topic}", None)
                     metres = None if depth is None else depth.astype(np.float32) * np.float32(1e-3)
@@ -79,47 +85,23 @@ def read_events(record: Path) -> Iterator[Event]:
             raise UsageError(f"{path}: not a record of a run: {error}") from error
 
 
-def messages(path: Path) -> Iterator[tuple[str, bytes]]:
-    """(topic, content) of every message of an MCAP file as far as it is whole.
-
-    Raises:
-        UsageError: it is no MCAP file, or cannot be read.
-    """
-    try:
-        with path.open("rb") as stream:
-            if not has_begun(path, stream):
-                return
-            stream.seek(0)
-            for _schema, channel, message in NonSeekingReader(stream).iter_messages(log_time_order=False):
-                yield channel.topic, message.data
-    except (McapError, EOFError, struct.error):
-        return  # cut off
-    except (ValueError, KeyError) as error:
-        raise UsageError(f"{path}: not a record of a run: it is damaged ({error})") from error
-    except OSError as error:
-        raise UsageError(f"{path}: {error.strerror}") from error
-
-
-def has_begun(path: Path, stream: BinaryIO) -> bool:
-    """Whether the head of an MCAP file stands in the stream; False when the process was killed before that.
-
-    Raises:
-        UsageError: it is no MCAP file.
-    """
-    start = stream.read(len(MAGIC))
-    if start != MAGIC and not MAGIC.startswith(start):
-        raise UsageError(f"{path}: not a record of a run: it is no MCAP file")
-    return start == MAGIC
-
-
 def decode_image(text: str) -> np.ndarray[Any, Any]:
     """A JPEG as RGB (h, w, 3) uint8, a PNG of depth as (h, w) uint16 [mm].
 
     Raises:
-        ValueError: it is neither.
+        ValueError: it is neither, or larger than `MOST_PIXELS`.
     """
-    coded = np.frombuffer(base64.b64decode(text), np.uint8)
-    image = cv2.imdecode(coded, cv2.IMREAD_UNCHANGED) if coded.size else None
+    try:
+        coded = base64.b64decode(text)
+    except (binascii.Error, TypeError) as error:
+        raise ValueError("an image cannot be decoded") from error
+    width, height = size_of_image(coded)
+    if not 0 < width * height <= MOST_PIXELS:
+        raise ValueError(f"an image of {width} × {height} pixels is not read")
+    try:
+        image = cv2.imdecode(np.frombuffer(coded, np.uint8), cv2.IMREAD_UNCHANGED)
+    except cv2.error as error:
+        raise ValueError("an image cannot be decoded") from error
     if image is None:
         raise ValueError("an image cannot be decoded")
     rgb: np.ndarray[Any, Any] = image[..., ::-1] if image.ndim == 3 else image

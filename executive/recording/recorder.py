@@ -1,8 +1,8 @@
 """A run's record: a folder with the events as an MCAP file, the tree and the cell as they were, and a picture.
 
 Written as it happens, in a thread of its own: the tick only puts events into a queue, and what is in it is handed to
-the operating system every `BATCH` seconds, message by message. A process that is killed loses no more. While a record
-is written its file is locked, which is how others see that the run is going on.
+the operating system every `BATCH` seconds, as one chunk with its checksum. A process that is killed loses no more.
+While a record is written its file is locked, which is how others see that the run is going on.
 """
 
 from __future__ import annotations
@@ -17,16 +17,18 @@ from collections.abc import Mapping
 from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 from mcap.writer import CompressionType, Writer
 
 from executive.encode import encoded, field_names, plain
 from executive.errors import UsageError
-from executive.recording.schemas import EVENT, READING, Schema
+from executive.recording.ending import Ending
+from executive.recording.interventions import INTERVENTIONS, Chain
+from executive.recording.schemas import EVENT, INTERVENTION, READING, Schema
 from executive.recording.well_known import Images, samples, well_known
-from executive.running.events import Event, Published, RunEnded, RunStarted
+from executive.running.events import Event, OperatorActed, Published, RunEnded, RunStarted
 from executive.views import ImageView, SeriesView
 
 EVENTS_FILE = "run.mcap"
@@ -38,6 +40,9 @@ BATCH = 0.2
 WHOLE, PART = 4_000_000, 48
 """Elements of arrays that are written out: of views all, of values of ports those of poses, covariances, joints. Thirty
 candidates with all their joint solutions would be half of a pick's record, and half of the work."""
+
+CHUNK_BYTES = 65_536
+"""At which a chunk is closed before its batch is: what a damaged byte makes unreadable."""
 
 _BUFFER = 1 << 20
 """Bytes that are gathered for one call of the operating system; flushed with every batch."""
@@ -99,9 +104,11 @@ class Recorder:
         try:
             self._file = (folder / EVENTS_FILE).open("wb", buffering=_BUFFER)
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            self._ending = Ending(folder)
         except OSError as error:
             raise RecordError(f"cannot write {folder / EVENTS_FILE}: {error.strerror}") from error
-        self._writer = Writer(self._file, compression=CompressionType.NONE, use_chunking=False)
+        self._writer = new_writer(self._file, CompressionType.NONE)
+        self._interventions = Chain()
         self._thread = threading.Thread(target=self._work, name="pomona-recorder", daemon=True)
         self._thread.start()
 
@@ -126,15 +133,22 @@ class Recorder:
         try:
             self._writer.start(profile="pomona", library="pomona")
             self._take_all()
+            if self._interventions.count:
+                self._write(INTERVENTIONS, INTERVENTION, _stamp(self._t), self._interventions.close())
             self._writer.finish()
             self._file.flush()
+            self._ending.write("closed", bytes=self._file.tell())
         except OSError as error:
-            self.problem = f"the record ends at {self._t:.2f} s of the run: {error.strerror or error}"
+            self._give_up(error.strerror or str(error))
         except Exception as error:  # what a skill publishes may be anything: the run goes on, and this is told
-            self.problem = f"the record ends at {self._t:.2f} s of the run: {type(error).__name__}: {error}"
+            self._give_up(f"{type(error).__name__}: {error}")
         finally:
             with contextlib.suppress(OSError):  # what could not be written cannot be written now either
                 self._file.close()
+
+    def _give_up(self, why: str) -> None:
+        self.problem = f"the record ends at {self._t:.2f} s of the run: {why}"
+        self._ending.write("failed", why=why)
 
     def _take_all(self) -> None:
         """Write in batches: waking up for every event would cost the tick more than the writing does."""
@@ -144,7 +158,7 @@ class Recorder:
             with contextlib.suppress(queue.Empty):
                 while True:
                     self._take(self._queue.get_nowait())
-            self._file.flush()
+            self._writer.flush()
 
     def _take(self, taken: Any) -> None:
         if isinstance(taken, Event):
@@ -165,6 +179,8 @@ class Recorder:
                 for topic, schema, message in samples(event.topic, event.value):
                     self._write(topic, schema, stamp, message)
         self._write(EVENTS, EVENT, stamp, message_of(event))
+        if isinstance(event, OperatorActed):
+            self._write(INTERVENTIONS, INTERVENTION, stamp, self._interventions.add(event))
         for topic, schema, message in well_known(event, stamp):
             self._write(topic, schema, stamp, message)
         if isinstance(event, RunEnded):
@@ -206,6 +222,11 @@ class Recorder:
                 topic=topic, message_encoding="json", schema_id=self._schemas[schema.name]
             )
         self._writer.add_message(self._channels[topic], log_time=stamp, publish_time=stamp, data=encoded(message))
+
+
+def new_writer(stream: BinaryIO, compression: CompressionType) -> Writer:
+    """A writer of files in which a change of any byte is found: chunks, data and summary have checksums."""
+    return Writer(stream, CHUNK_BYTES, compression, enable_crcs=True, enable_data_crcs=True)
 
 
 def message_of(event: Event) -> dict[str, Any]:

@@ -10,7 +10,6 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-from executive.encode import plain
 from executive.reasons import Reason
 from executive.recording.difference import Difference, first_difference
 from executive.running.events import (
@@ -25,25 +24,27 @@ from executive.running.events import (
     SafeStopped,
 )
 from executive.terminal.summary import Summary
-from executive.terminal.words import at_place, seconds
+from executive.terminal.words import at_place, figure, seconds
 
 ORDINALS = ("first", "second", "third", "fourth", "fifth", "sixth", "seventh", "eighth", "ninth", "tenth")
-UNITS = {"mm": "mm", "m": "m", "n": "N", "nm": "N·m", "kg": "kg", "deg": "°", "s": "s"}
 MOST_ATTEMPTS = 4
 """Attempts that are told one by one; of more, the first and the last are."""
 
 
-def explain(events: Iterable[Event], going_on: bool = False) -> list[str]:
+def explain(
+    events: Iterable[Event], going_on: bool = False, why_cut: str = "the process was killed or lost its power"
+) -> list[str]:
     """Paragraphs for a person.
 
     Args:
         events: of the run, from its start.
         going_on: the record has no end because the run is still going on.
+        why_cut: otherwise, why it has none.
     """
     story = _Story()
     for event in events:
         story.hear(event)
-    return [paragraph for paragraph in story.tell(going_on) if paragraph]
+    return [paragraph for paragraph in story.tell(going_on, why_cut) if paragraph]
 
 
 class _Story:
@@ -81,12 +82,12 @@ class _Story:
 
     # ------------------------------------------------------------------------------------------ paragraphs
 
-    def tell(self, going_on: bool) -> Iterator[str]:
+    def tell(self, going_on: bool, why_cut: str) -> Iterator[str]:
         started, ended = self.summary.started, self.summary.ended
         if started is None:
-            yield "The record holds no beginning of a run: it was cut off before anything happened."
+            yield f"The record holds no beginning of a run: {why_cut}."
             return
-        yield f"{self._opening(started)} {self._outcome(ended, going_on)}"
+        yield f"{self._opening(started)} {self._outcome(ended, going_on, why_cut)}"
         if ended is not None and ended.reason is not None:
             yield self._why(ended.reason)
         yield self._attempts()
@@ -108,16 +109,15 @@ class _Story:
         day = f"{datetime.fromtimestamp(started.wall_time):%d %B %Y at %H:%M}".lstrip("0")
         return f"{started.tree} ran on the {kind} cell {started.cell} with {with_what}, on {day}."
 
-    def _outcome(self, ended: RunEnded | None, going_on: bool) -> str:
+    def _outcome(self, ended: RunEnded | None, going_on: bool, why_cut: str) -> str:
         if ended is None:
             at = " and ".join(sorted({self._name(path) for path in self.running if path in self._leaves()}))
             where = f", while {at} was running" if at else ""
             if going_on:
                 return f"It is still going on: {seconds(self.t)} so far{where}."
-            return f"The record ends after {seconds(self.t)}{where}: the process was killed or lost its power."
-        tries = [attempt for attempt in self.summary.attempts if attempt.succeeded]
+            return f"The record ends after {seconds(self.t)}{where}: {why_cut}."
         if ended.outcome == "success":
-            most = max(tries, key=lambda attempt: attempt.number, default=None)
+            most = self.summary.last_attempt()
             which = "" if most is None else f", on the {_ordinal(most.number)} attempt of {most.of}"
             return f"It succeeded after {seconds(ended.time)}{which if most and most.number > 1 else ''}."
         word = {"failure": "failed", "stopped": "was stopped"}.get(ended.outcome, "ended in the safe state")
@@ -136,18 +136,20 @@ class _Story:
 
     def _attempts(self) -> str:
         failed = self._failed_attempts()
-        told: list[AttemptEnded | None] = list(failed)
+        told: list[tuple[AttemptEnded, str] | None] = list(failed)
         if len(failed) > MOST_ATTEMPTS:
             told = [*failed[: MOST_ATTEMPTS - 1], None, failed[-1]]
         ended = self.summary.ended
         known = {_kind(leaf) for leaf in (ended.reason.leaves() if ended and ended.reason else ())}
         sentences = []
-        for attempt in told:
-            if attempt is None:
+        for entry in told:
+            if entry is None:
                 sentences.append(f"So it went on, {len(failed) - MOST_ATTEMPTS} attempts more.")
                 continue
+            attempt, within = entry
             leaf = _leaf(attempt)
-            which = f"Attempt {attempt.number} of {attempt.of} ({self._name(attempt.path.partition(':')[0])})"
+            name = self._name(attempt.path.partition(":")[0]) + (f", in {within}" if within else "")
+            which = f"Attempt {attempt.number} of {attempt.of} ({name})"
             if leaf is None:
                 sentences.append(f"{which} ended at {attempt.t:.1f} s.")
             elif _kind(leaf) in known:
@@ -158,15 +160,15 @@ class _Story:
                 sentences.append(f"{which} ended at {attempt.t:.1f} s: {why}")
         return " ".join(sentences)
 
-    def _failed_attempts(self) -> list[AttemptEnded]:
-        """Attempts that failed, without those around them that failed with them."""
-        failed: list[AttemptEnded] = []
-        for attempt in self.summary.attempts:
-            before = failed[-1] if failed else None
+    def _failed_attempts(self) -> list[tuple[AttemptEnded, str]]:
+        """Attempts that failed, without those around them that failed with them; each with what it is within."""
+        failed: list[tuple[AttemptEnded, str]] = []
+        for attempt, within in zip(self.summary.attempts, self.summary.within, strict=True):
+            before = failed[-1][0] if failed else None
             around = before is not None and before.path != attempt.path and _leaf(before) == _leaf(attempt)
             if attempt.succeeded or around:
                 continue
-            failed.append(attempt)
+            failed.append((attempt, within))
         return failed
 
     def _on_the_way(self, ended: RunEnded | None) -> str:
@@ -233,33 +235,17 @@ def _last_chain(reason: Reason) -> Iterator[Reason]:
 
 def _world(truth: Mapping[str, Any]) -> str:
     """The simulated world's score, as far as it is figures."""
-    parts = []
-    for name, value in truth.items():
-        if isinstance(value, bool):
-            parts.append(f"{name.replace('_', ' ')}: {'yes' if value else 'no'}")
-        elif isinstance(value, (int, float)) and math.isfinite(value):
-            parts.append(_figure(name, value))
+    parts = [figure(name, value) for name, value in truth.items() if _is_figure(value)]
     return f"The simulated world says {', '.join(parts)}." if parts else ""
 
 
-def _figure(name: str, value: float) -> str:
-    """slip_mm, 0.1392 -> 'slip 0.139 mm'"""
-    found = re.fullmatch(r"(.+)_([a-z]+)", name)
-    if found and found[2] in UNITS:
-        return f"{found[1].replace('_', ' ')} {value:.3g} {UNITS[found[2]]}"
-    return f"{name.replace('_', ' ')} {value:.3g}"
+def _is_figure(value: Any) -> bool:
+    return isinstance(value, (int, float)) and math.isfinite(value)
 
 
 def _figures(data: Mapping[str, Any]) -> str:
-    numbers = {k: plain(v) for k, v in data.items() if isinstance(v, (int, float)) and not isinstance(v, bool)}
-    if not numbers:
-        return ""
-    return f" ({', '.join(_figure(name, value) for name, value in numbers.items() if value is not None)})"
-
-
-def _note(name: str, told: str) -> str:
-    """What a value says of itself; its columns become commas."""
-    return f"{name.capitalize()}: {_sentence(re.sub(' {2,}', ', ', told))}"
+    parts = [figure(name, v) for name, v in data.items() if _is_figure(v) and not isinstance(v, bool)]
+    return f" ({', '.join(parts)})" if parts else ""
 
 
 def _sentence(text: str) -> str:
@@ -268,7 +254,7 @@ def _sentence(text: str) -> str:
 
 
 def _ordinal(number: int) -> str:
-    return ORDINALS[number - 1] if number <= len(ORDINALS) else f"{number}th"
+    return ORDINALS[number - 1] if 0 < number <= len(ORDINALS) else f"{number}th"
 
 
 def _times(number: int) -> str:

@@ -6,7 +6,6 @@ import time
 from collections.abc import Mapping
 from typing import Any
 
-from rich.console import Console
 from rich.live import Live
 from rich.text import Text
 
@@ -20,6 +19,7 @@ from executive.running.events import (
     SafeStopped,
     StateChanged,
 )
+from executive.terminal.screen import Screen
 from executive.terminal.words import ICONS, STYLES, say
 
 REFRESH = 0.08
@@ -29,9 +29,10 @@ REFRESH = 0.08
 class LiveTree:
     """Draws on a terminal; on anything else it prints a line for every leaf that ends."""
 
-    def __init__(self, console: Console) -> None:
+    def __init__(self, console: Screen) -> None:
         self._console = console
         self._nodes: tuple[Mapping[str, Any], ...] = ()
+        self._names: dict[str, str] = {}
         self._now: dict[str, NodeChanged] = {}
         self._attempts: dict[str, AttemptEnded] = {}
         self._header = ""
@@ -45,6 +46,7 @@ class LiveTree:
         self._t = event.t
         if isinstance(event, RunStarted):
             self._nodes = event.nodes
+            self._names = {node["path"]: str(node["name"]) for node in event.nodes}
             parents = {node["parent"] for node in event.nodes}
             self._leaves = {node["path"] for node in event.nodes} - parents
             self._header = f"{event.tree} on {event.cell} ({event.cell_kind}), seed {event.seed}"
@@ -55,15 +57,15 @@ class LiveTree:
             if self._live is None and event.path in self._leaves and event.status in ("SUCCESS", "FAILURE"):
                 name = self._name(event.path)
                 detail = say(event.reason) if event.reason else event.feedback
-                self._console.print(f"{event.t:7.2f} s  {ICONS[event.status]} {name}  {detail}", highlight=False)
+                self._console.print(f"{event.t:7.2f} s  {ICONS[event.status]} {name}  {detail}")
         elif isinstance(event, AttemptEnded):
             self._attempts[event.path] = event
         elif isinstance(event, SafeStopped):
-            self._console.print(f"[bold red]■ safe stop:[/] {event.reason}", highlight=False)
+            self._console.print(Text.assemble(("■ safe stop:", "bold red"), f" {event.reason}"))
         elif isinstance(event, LinkChanged) and event.state != "ok":
-            self._console.print(f"{event.t:7.2f} s  ! {event.device}: {event.state}", style="yellow", markup=False)
+            self._console.print(f"{event.t:7.2f} s  ! {event.device}: {event.state}", style="yellow")
         elif isinstance(event, StateChanged) and event.state in ("paused", "running") and self._live is None:
-            self._console.print(f"{event.t:7.2f} s  {event.state}: {event.because}", highlight=False)
+            self._console.print(f"{event.t:7.2f} s  {event.state}: {event.because}")
         elif isinstance(event, RunEnded):
             self.close()
             return
@@ -75,7 +77,7 @@ class LiveTree:
             self._live.stop()
 
     def _name(self, path: str) -> str:
-        return next((str(node["name"]) for node in self._nodes if node["path"] == path), path)
+        return self._names.get(path, path)
 
     def _draw(self) -> None:
         if self._live is None or not self._live.is_started or time.monotonic() - self._drawn < REFRESH:
@@ -93,10 +95,11 @@ class LiveTree:
             change = self._now.get(path)
             status = change.status if change else "INVALID"
             text.append("  " * level)
-            text.append(f"{ICONS[status]} {node['name']}", style=STYLES[status])
+            text.append(f"{ICONS.get(status, '?')} {node['name']}", style=STYLES.get(status, ""))
             if path in self._attempts:
                 attempt = self._attempts[path]
-                text.append(f"  attempt {min(attempt.number + 1, attempt.of)} of {attempt.of}", style="yellow")
+                number = attempt.number if attempt.succeeded else min(attempt.number + 1, attempt.of)
+                text.append(f"  attempt {number} of {attempt.of}", style="yellow")
             if change and change.feedback and path in self._leaves:
                 text.append(f"  {change.feedback}", style="dim")
             text.append("\n")

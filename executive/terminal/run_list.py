@@ -9,27 +9,29 @@ from collections.abc import Mapping, Sequence
 from datetime import datetime
 from typing import Any
 
-from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
 from executive.recording.digest import Digest
+from executive.terminal.screen import Screen
 from executive.terminal.words import seconds
 
 MARKS = {
     "success": ("✓", "green"), "failure": ("✗", "red"), "stopped": ("■", "yellow"), "error": ("■", "red"),
-    "running": ("▶", "bold cyan"), "cut off": ("…", "yellow"), "unreadable": ("?", "red"),
+    "running": ("▶", "bold cyan"), "cut off": ("…", "yellow"), "damaged": ("!", "bold red"), "unreadable": ("?", "red"),
 }  # fmt: skip
 """By outcome, or by state for a run without one."""
 
+UNCHECKED = "This record was written without checksums: nobody can tell whether it is still as it was written."
 
-def wide_console() -> Console:
+
+def wide_console() -> Screen:
     """A console that cuts nothing off when its output goes into a file or a pipe."""
-    console = Console()
-    return console if console.is_terminal else Console(width=2000)
+    console = Screen()
+    return console if console.is_terminal else Screen(width=2000)
 
 
-def print_list(console: Console, runs: Sequence[Digest], of: int, total: int) -> None:
+def print_list(console: Screen, runs: Sequence[Digest], of: int, total: int) -> None:
     """The list, newest first, with a line that sums it up.
 
     Args:
@@ -46,7 +48,7 @@ def print_list(console: Console, runs: Sequence[Digest], of: int, total: int) ->
         table.add_column(name, justify=justify, no_wrap=True)  # type: ignore[arg-type]
     room = console.width - 40 - max((len(run.run) + len(run.cell) for run in runs), default=0)
     for run in runs:
-        sign, style = MARKS[how(run)]
+        sign, style = MARKS.get(how(run), ("?", "red"))
         table.add_row(
             Text(sign, style),
             run.run,
@@ -60,7 +62,7 @@ def print_list(console: Console, runs: Sequence[Digest], of: int, total: int) ->
     counted = Counter(map(how, runs))
     words = ", ".join(f"{number} {word}" for word, number in counted.most_common())
     shown = f"{len(runs)} runs" if len(runs) == of else f"{len(runs)} of {of} runs"
-    console.print(f"{shown}, {size(total)} in all: {words or 'none'}", style="dim", highlight=False)
+    console.print(f"{shown}, {size(total)} in all: {words or 'none'}", style="dim")
 
 
 def _shortened(text: str, width: int) -> str:
@@ -75,14 +77,17 @@ def how(run: Digest) -> str:
 def ending(run: Digest) -> str:
     """How a run ended, in a few words."""
     settings = "  ".join(f"{key}={value}" for key, value in run.settings.items())
+    lost = f"repaired, lost {run.lost}   " if run.lost else ""
     if how(run) == "success":
-        return settings
+        return f"{lost}{settings}"
     if run.state == "running":
         return f"running for {seconds(time.time() - run.wall_time)}"
     if run.state == "cut off":
-        return "cut off: `pomona runs repair` makes it whole"
+        return f"cut off: {run.message}; `pomona runs repair` makes it whole"
+    if run.state == "damaged":
+        return run.message or "damaged"
     why = f"{run.code}: {run.message}" if run.code else run.message or ""
-    return f"{why}   {settings}".strip()
+    return f"{lost}{why}   {settings}".strip()
 
 
 def size(value: float) -> str:
@@ -98,7 +103,7 @@ def when(wall_time: float) -> str:
     return f"{datetime.fromtimestamp(wall_time):%d %B %Y, %H:%M:%S}"
 
 
-def print_comparison(console: Console, runs: Sequence[Digest], skills: Sequence[Mapping[str, float]]) -> None:
+def print_comparison(console: Screen, runs: Sequence[Digest], skills: Sequence[Mapping[str, float]]) -> None:
     """Runs beside each other: one column each, one row for everything that at least one of them says.
 
     Args:

@@ -6,25 +6,28 @@ import json
 from collections import Counter
 from pathlib import Path
 
-from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
 from executive.recording.digest import Digest
+from executive.recording.interventions import interventions
 from executive.recording.read import events_file
 from executive.recording.recorder import is_being_written
 from executive.recording.scan import scan
-from executive.terminal.run_list import MARKS, ending, how, size, when
+from executive.terminal.run_list import MARKS, UNCHECKED, ending, how, size, when
+from executive.terminal.screen import Screen
 from executive.terminal.summary import Summary
 
 
-def print_sheet(console: Console, record: Path, run: Digest, summary: Summary) -> None:
+def print_sheet(console: Screen, record: Path, run: Digest, summary: Summary) -> None:
     """What it was, how it went, and what its record holds."""
     if summary.started is not None and summary.ended is not None:
         summary.print(console, None)
     else:
         going_on = is_being_written(events_file(record))
         sign, style = MARKS["running" if going_on else "cut off"]
-        console.print(f"[{style}]{sign} {run.tree or record.name}[/]  {'running' if going_on else ending(run)}")
+        how_so = "running" if going_on else ending(run)
+        console.print(Text.assemble((f"{sign} {run.tree or record.name}", style), f"  {how_so}"))
     started = summary.started
     console.print()
     rows = {"record": str(record), "began": when(run.wall_time) if run.wall_time else "unknown", "how": how(run)}
@@ -37,12 +40,20 @@ def print_sheet(console: Console, record: Path, run: Digest, summary: Summary) -
             "parameters": "  ".join(f"{k}={json.dumps(v, ensure_ascii=False)}" for k, v in run.parameters.items()),
             "versions": "  ".join(f"{name} {version}" for name, version in started.versions.items()),
         }
+    log = interventions(events_file(record), run.state != "ended")
+    if log.acts:
+        acts = [f"{act.t:.2f} s {act.who}: {act.action} {act.detail}".strip() for act in log.acts]
+        rows["acts"] = "  ".join(acts)
+        rows["their log"] = f"chained, {'closed' if log.closed else 'without its end'}, digest {log.digest}"
+    if run.lost:
+        rows["lost"] = f"{run.lost} (damaged and repaired)"
+    if not run.checked:
+        rows["checks"] = UNCHECKED
     if run.codes:
         rows["failures"] = "  ".join(f"{code} × {number}" for code, number in run.codes.items())
     for name, value in rows.items():
         if value:
-            console.print(f"  [bold]{name:<11}[/] ", end="")
-            console.print(value, markup=False, highlight=False, soft_wrap=True)
+            console.print(Text.assemble("  ", (f"{name:<11}", "bold"), f" {value}"), soft_wrap=True)
     console.print()
     console.print(_topics(record))
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
 from executive.encode import plain
 from executive.reasons import Reason
@@ -22,7 +22,8 @@ from executive.running.events import (
     RunEnded,
     RunStarted,
 )
-from executive.terminal.words import say, seconds
+from executive.terminal.screen import Screen
+from executive.terminal.words import figure, say, seconds
 from executive.views import TableView
 
 
@@ -33,6 +34,8 @@ class Summary:
         self.started: RunStarted | None = None
         self.ended: RunEnded | None = None
         self.attempts: list[AttemptEnded] = []
+        self.within: list[str] = []
+        """Of each attempt, in which attempt of a retry around it: `outer 2 of 3`; empty for the outermost."""
         self.tables: dict[str, TableView] = {}
         self.notes: dict[str, str] = {}
         self.facts: dict[str, Mapping[str, Any]] = {}
@@ -40,6 +43,8 @@ class Summary:
         self.compute_time: dict[str, float] = defaultdict(float)
         self._running_since: dict[str, float] = {}
         self._names: dict[str, str] = {}
+        self._retry_around: dict[str, str] = {}
+        self._attempts_of: dict[str, AttemptEnded] = {}
 
     def hear(self, event: Event) -> None:
         """Follow the run."""
@@ -47,10 +52,13 @@ class Summary:
             self.started = event
             parents = {node["parent"] for node in event.nodes}
             self._names = {node["path"]: str(node["name"]) for node in event.nodes if node["path"] not in parents}
+            self._retry_around = _retries_around(event.nodes)
         elif isinstance(event, NodeChanged) and event.path in self._names:
             self._account(event)
         elif isinstance(event, AttemptEnded):
             self.attempts.append(event)
+            self.within.append(self._attempt_around(event.path))
+            self._attempts_of[event.path] = event
         elif isinstance(event, Computed):
             self.compute_time[self._names.get(event.node, event.node)] += event.wall
         elif isinstance(event, Published) and isinstance(event.value, TableView):
@@ -62,6 +70,15 @@ class Summary:
                 self.facts[event.key.rsplit("/", 1)[-1]] = event.facts
         elif isinstance(event, RunEnded):
             self.ended = event
+
+    def _attempt_around(self, path: str) -> str:
+        around = self._retry_around.get(path)
+        if around is None:
+            return ""
+        before = self._attempts_of.get(around)
+        of = f" of {before.of}" if before is not None else ""
+        over = before is None or before.succeeded or before.number >= before.of
+        return f"{retry_name(around)} {1 if before is None or over else before.number + 1}{of}"
 
     def _account(self, event: NodeChanged) -> None:
         if event.status == "RUNNING":
@@ -91,10 +108,11 @@ class Summary:
                     "node": attempt.path,
                     "number": attempt.number,
                     "of": attempt.of,
+                    "within": within,
                     "succeeded": attempt.succeeded,
                     "reason": _reason_json(attempt.reason),
                 }
-                for attempt in self.attempts
+                for attempt, within in zip(self.attempts, self.within, strict=True)
             ],
             "robot_time_s": {name: round(value, 3) for name, value in self.robot_time.items()},
             "compute_s": {name: round(value, 3) for name, value in self.compute_time.items()},
@@ -104,7 +122,7 @@ class Summary:
 
     # ------------------------------------------------------------------------------------------ for people
 
-    def print(self, console: Console, record: Path | None) -> None:
+    def print(self, console: Screen, record: Path | None) -> None:
         """The summary in the terminal."""
         assert self.started is not None
         assert self.ended is not None
@@ -112,19 +130,20 @@ class Summary:
             self.ended.outcome, ("■", "bold red")
         )
         clock = "simulated" if self.started.cell_kind == "simulated" else "on the cell's clock"
+        took = f"{seconds(self.ended.time)} {clock}, {seconds(self.ended.wall)} here, seed {self.started.seed}"
         console.print(
-            f"[{style}]{sign} {self.started.tree}[/]  {self._headline()}   "
-            f"[dim]{seconds(self.ended.time)} {clock}, {seconds(self.ended.wall)} here, seed {self.started.seed}[/]",
-            highlight=False,
+            Text.assemble((f"{sign} {self.started.tree}", style), f"  {self._headline()}   ", (took, "dim")),
         )
         for name, sentence in self.notes.items():
             _row(console, name, sentence)
-        for attempt in self.attempts:
+        for attempt, within in zip(self.attempts, self.within, strict=True):
             if attempt.succeeded and attempt.number == 1:
                 continue  # it worked at once: there is nothing to tell
-            mark = "[green]✓[/]" if attempt.succeeded else "[red]✗[/]"
-            label = self._label(attempt.path)
-            _row(console, f"{label} {attempt.number}", f"{mark} {_escape(say(attempt.reason))}")
+            mark = ("✓ ", "green") if attempt.succeeded else ("✗ ", "red")
+            which = f"{attempt.number} of {attempt.of}" + (f" in {within}" if within else "")
+            _row(
+                console, retry_name(attempt.path), mark, f"{which}, at {attempt.t:.2f} s  {say(attempt.reason)}".strip()
+            )
         for table in self.tables.values():
             console.print(_table(table))
         if self.ended.truth:
@@ -138,20 +157,40 @@ class Summary:
             _row(console, "computing", f"{seconds(total)} in all: {parts}")
         if record is not None:
             picture = record / "picture.png"
-            _row(console, "record", f"{record}   [dim](picture: {picture})[/]" if picture.is_file() else str(record))
+            _row(console, "record", str(record), (f"   (picture: {picture})", "dim") if picture.is_file() else "")
 
     def _headline(self) -> str:
         assert self.ended is not None
         if self.ended.outcome == "success":
-            tries = [attempt for attempt in self.attempts if attempt.succeeded]
-            return f"succeeded on attempt {tries[-1].number} of {tries[-1].of}" if tries else "succeeded"
-        word = {"failure": "failed", "stopped": "stopped", "error": "ended in the safe state"}[self.ended.outcome]
-        return f"{word}: {_escape(say(self.ended.reason))}"
+            last = self.last_attempt()
+            return f"succeeded on attempt {last.number} of {last.of}" if last is not None else "succeeded"
+        word = {"failure": "failed", "stopped": "stopped"}.get(self.ended.outcome, "ended in the safe state")
+        return f"{word}: {say(self.ended.reason)}"
 
-    @staticmethod
-    def _label(path: str) -> str:
-        """`pick_apple/Attempt:retry` -> attempt."""
-        return path.rsplit("/", 1)[-1].partition(":")[0].lower()
+    def last_attempt(self) -> AttemptEnded | None:
+        """The newest attempt that succeeded of a retry that no other retry surrounds."""
+        outermost = (a for a, within in zip(self.attempts, self.within, strict=True) if a.succeeded and not within)
+        return next(reversed(list(outermost)), None)
+
+
+def retry_name(path: str) -> str:
+    """`pick_apple/Attempt:retry` -> attempt."""
+    return path.rsplit("/", 1)[-1].partition(":")[0].lower()
+
+
+def _retries_around(nodes: Sequence[Mapping[str, Any]]) -> dict[str, str]:
+    """Of every retry within another one, the nearest around it; a parent stands before its children."""
+    nearest: dict[str | None, str] = {}
+    around = {}
+    for node in nodes:
+        path, above = node["path"], nearest.get(node["parent"])
+        if node.get("type") == "retry":
+            if above is not None:
+                around[path] = above
+            nearest[path] = path
+        elif above is not None:
+            nearest[path] = above
+    return around
 
 
 def _reason_json(reason: Reason | None) -> dict[str, Any] | None:
@@ -169,24 +208,11 @@ def _reason_json(reason: Reason | None) -> dict[str, Any] | None:
 
 def _truth(truth: Mapping[str, Any]) -> str:
     shown = {name: value for name, value in truth.items() if value is not None and not name.startswith("T_")}
-    return "  ".join(f"{name} {_number(value)}" for name, value in shown.items())
+    return "  ".join(figure(name, value) for name, value in shown.items())
 
 
-def _number(value: Any) -> str:
-    value = plain(value)
-    if isinstance(value, float):
-        return f"{value:.4g}"
-    if isinstance(value, list):
-        return "(" + ", ".join(_number(item) for item in value) + ")"
-    return str(value)
-
-
-def _row(console: Console, label: str, text: str) -> None:
-    console.print(f"  [bold]{label:<11}[/] {text}", highlight=False, soft_wrap=True)
-
-
-def _escape(text: str) -> str:
-    return text.replace("[", r"\[")
+def _row(console: Screen, label: str, *text: str | tuple[str, str]) -> None:
+    console.print(Text.assemble("  ", (f"{label:<11}", "bold"), " ", *text), soft_wrap=True)
 
 
 def _table(view: TableView) -> Table:

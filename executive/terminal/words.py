@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import math
+import re
+from typing import Any
+
+from executive.encode import plain
 from executive.reasons import Reason
 
 ICONS = {"SUCCESS": "✓", "FAILURE": "✗", "RUNNING": "▶", "INVALID": "·"}
@@ -31,3 +36,30 @@ def at_place(reason: Reason) -> str:
     """` (skills/lift.py:42, in run)` for a reason that is an exception; else nothing."""
     place = reason.data.get("place")
     return f" ({place})" if isinstance(place, str) and place else ""
+
+
+UNITS = {"mm": "mm", "m": "m", "n": "N", "nm": "N·m", "kg": "kg", "deg": "°", "s": "s"}
+RESOLUTION = {"mm": 1e-3, "m": 1e-5, "n": 1e-3, "nm": 1e-5, "kg": 1e-4, "deg": 1e-2, "s": 1e-3}
+"""What is smaller is nothing: no device and no simulation of ours measures finer. In the unit itself."""
+
+
+def figure(name: str, value: Any) -> str:
+    """slip_mm, 0.1392 -> 'slip 0.1392 mm'; height_gained_m, -7.4e-08 -> 'height gained 0 m'; lifted -> 'lifted: yes'.
+
+    What is smaller than any device or simulation of ours measures is 0.
+    """
+    value = plain(value)
+    if isinstance(value, bool):
+        return f"{name.replace('_', ' ')}: {'yes' if value else 'no'}"
+    found = re.fullmatch(r"(.+)_([a-z]+)", name)
+    unit = found[2] if found and found[2] in UNITS else ""
+    said = f"{(found[1] if found and unit else name).replace('_', ' ')} {_number(value, RESOLUTION.get(unit, 0.0))}"
+    return f"{said} {UNITS[unit]}" if unit else said
+
+
+def _number(value: Any, resolution: float) -> str:
+    if isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value):
+        return "0" if abs(value) < resolution / 2 or value == 0 else f"{value:.4g}"
+    if isinstance(value, list):
+        return "(" + ", ".join(_number(item, resolution) for item in value) + ")"
+    return str(value)

@@ -37,7 +37,7 @@ def test_every_message_obeys_its_schema_to_the_letter(tmp_path: Path) -> None:
     assert seen == {
         "pomona.Event", "pomona.Sample", "pomona.Reading", "foxglove.CompressedImage", "foxglove.CameraCalibration",
         "foxglove.PoseInFrame", "foxglove.PosesInFrame", "foxglove.FrameTransforms", "foxglove.PointCloud",
-        "foxglove.SceneUpdate", "foxglove.Log",
+        "foxglove.SceneUpdate", "foxglove.Log", "pomona.Intervention",
     }  # fmt: skip
 
 

@@ -1,4 +1,4 @@
-"""How large a JPEG image is, without decoding it."""
+"""How large a JPEG or PNG image is, without decoding it."""
 
 from __future__ import annotations
 
@@ -6,6 +6,14 @@ import struct
 
 FRAMES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
 """Markers of segments that hold the image's size."""
+PNG = b"\x89PNG\r\n\x1a\n"
+
+
+def size_of_image(coded: bytes) -> list[int]:
+    """[width, height] in pixels; [0, 0] for what is neither JPEG nor PNG."""
+    if coded.startswith(PNG) and len(coded) >= 24:
+        return list(struct.unpack_from(">II", coded, 16))
+    return size_of_jpeg(coded)
 
 
 def size_of_jpeg(coded: bytes) -> list[int]:

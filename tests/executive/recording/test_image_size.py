@@ -7,7 +7,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from executive.dashboard.jpeg import size_of_jpeg
+from executive.recording.image_size import size_of_jpeg
 
 
 @given(st.integers(1, 300), st.integers(1, 300))

@@ -1,0 +1,67 @@
+"""How the writing of a record ended, in a small file beside it: what tells a killed process from a full disk.
+
+The file has its full length from the start, so that what is written last needs no room that a full disk does not have.
+Nothing is believed because of it: it gives a reason for what the record itself shows.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from pathlib import Path
+from typing import Any
+
+from executive.encode import encoded
+from executive.recording.json_text import parse_object
+from executive.recording.plain_file import open_plain
+
+ENDING_FILE = "ending.json"
+LENGTH = 1024
+"""Bytes of the file, filled with spaces."""
+_BOOT = Path("/proc/sys/kernel/random/boot_id")
+
+
+class Ending:
+    """Keeps the file of one record while it is written."""
+
+    def __init__(self, folder: Path) -> None:
+        """
+        Raises:
+            OSError: it cannot be written.
+        """
+        self._path = folder / ENDING_FILE
+        self._path.write_bytes(_filled(state="writing", boot=_boot()))
+
+    def write(self, state: str, **facts: Any) -> None:
+        """Say how it ended: `closed` with `bytes`, `failed` with `why`. A file that cannot be written stays."""
+        with contextlib.suppress(OSError), self._path.open("r+b") as stream:
+            stream.write(_filled(state=state, **facts))
+
+
+def why_cut(record: Path) -> str:
+    """Why a record ends too early, as the second half of a sentence."""
+    try:
+        with open_plain(record / ENDING_FILE) as stream:
+            found = parse_object(stream.read(4 * LENGTH))
+    except (OSError, ValueError):
+        return "the process was killed or lost its power, or the file was cut"
+    match found.get("state"):
+        case "failed":
+            return f"it could not be written: {str(found.get('why', 'nobody knows why'))[:200]}"
+        case "closed":
+            return f"it was whole once, with {found.get('bytes')} bytes, and the file was cut afterwards"
+        case "writing" if found.get("boot") == _boot():
+            return "the process was killed"
+    return "the machine lost its power or was started anew"
+
+
+def _filled(**facts: Any) -> bytes:
+    facts = {key: value[:300] if isinstance(value, str) else value for key, value in facts.items()}
+    return encoded(facts).ljust(LENGTH - 1)[: LENGTH - 1] + b"\n"
+
+
+def _boot() -> str:
+    """What names this start of the machine; empty where the system does not say."""
+    with contextlib.suppress(OSError):
+        return _BOOT.read_text(encoding="ascii").strip()
+    return f"process {os.getpid()}"

@@ -1,0 +1,39 @@
+"""Files of a record are plain files: a link, a pipe or a device among them is never followed or waited for."""
+
+from __future__ import annotations
+
+import os
+import stat
+from pathlib import Path
+from typing import BinaryIO
+
+
+class NotPlainError(OSError):
+    """What stands there is a link, a folder, a pipe or a device."""
+
+
+def open_plain(path: Path) -> BinaryIO:
+    """Open a file for reading, if it is one itself.
+
+    Raises:
+        NotPlainError: it is a link, a pipe, a device, a folder.
+        OSError: it cannot be opened.
+    """
+    try:
+        handle = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
+    except OSError as error:
+        if path.is_symlink():
+            raise NotPlainError(error.errno, "is a link, and links in a record are not followed", str(path)) from error
+        raise
+    if not stat.S_ISREG(os.fstat(handle).st_mode):
+        os.close(handle)
+        raise NotPlainError(0, "is no plain file", str(path))
+    return os.fdopen(handle, "rb")
+
+
+def is_plain(path: Path) -> bool:
+    """Whether a plain file stands there, not a link to one."""
+    try:
+        return stat.S_ISREG(path.lstat().st_mode)
+    except OSError:
+        return False
