@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import difflib
+import sys
 from importlib.resources import files
 from pathlib import Path
 
 from executive.errors import UsageError
-from executive.terminal.screen import write_document
 
 
 def installed_trees() -> Path:
@@ -55,7 +55,8 @@ def write_text(text: str, path: Path | None) -> None:
     """
     text = text if text.endswith("\n") else text + "\n"
     if path is None:
-        write_document(text)
+        # In a terminal a document is filtered like everything, into a file or a pipe it goes as it is.
+        getattr(sys.stdout, "write_document", sys.stdout.write)(text)
         return
     try:
         path.write_text(text, encoding="utf-8")

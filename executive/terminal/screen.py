@@ -42,15 +42,6 @@ def write_json(value: Any, indent: int | None = None) -> None:
     sys.stdout.write(json_text(value, indent) + "\n")
 
 
-def write_document(text: str) -> None:
-    """Write a file's text to standard output: as it is where that is a file or a pipe, filtered in a terminal."""
-    stream = sys.stdout
-    if isinstance(stream, _Filtered) and not stream.unfiltered.isatty():
-        stream.unfiltered.write(text)
-    else:
-        stream.write(visible(text))
-
-
 def _sign(found: re.Match[str]) -> str:
     code = ord(found[0])
     if code < 0x20:
@@ -102,6 +93,10 @@ class _Filtered:
     def writelines(self, lines: Iterable[str]) -> None:
         for line in lines:
             self.write(line)
+
+    def write_document(self, text: str) -> None:
+        """Write a file's text: as it is where that goes into a file or a pipe, filtered in a terminal."""
+        self.unfiltered.write(visible(text) if self.unfiltered.isatty() else text)
 
     def isatty(self) -> bool:
         return False
