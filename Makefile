@@ -5,7 +5,7 @@ BIN    := $(VENV)/bin
 STAMP  := $(VENV)/.installed
 
 .DEFAULT_GOAL := help
-.PHONY: help setup run test test-realtime check bench paper paper-large ablations bench-tree bench-dashboard bench-record screenshots train-detect bench-detect bench-refine bench-plan bench-grasp bench-devices oracle fuzz clean
+.PHONY: help setup run test test-realtime check bench paper paper-large ablations bench-tree bench-dashboard bench-record screenshots train-detect bench-detect bench-refine bench-plan bench-grasp bench-devices oracle fuzz kill-points clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-16s %s\n", $$1, $$2}'
@@ -89,6 +89,9 @@ oracle: $(STAMP) ## the collision model beside MuJoCo over 10 000 random states
 fuzz: $(STAMP) ## 100 000 damaged tree files, a million damaged device streams
 	$(BIN)/python tests/executive/language/fuzz.py --cases 100000
 	$(BIN)/python -m benchmarks.fuzz_codecs
+
+kill-points: $(STAMP) ## 1 000 runs ended at random points with every signal (an hour or two)
+	$(BIN)/python -m benchmarks.kill_points --points 1000
 
 clean: ## remove the virtual environment and caches (records in runs/ stay)
 	find executive skills drivers -name __pycache__ -prune -exec rm -rf {} +

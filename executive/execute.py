@@ -5,28 +5,29 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import platform
-import signal
-import threading
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from importlib.metadata import PackageNotFoundError, entry_points, version
 from pathlib import Path
 
+from executive.board import Board
 from executive.errors import UsageError
 from executive.files import installed_trees, read_text
-from executive.language import Document, Mocks, build, check, format_findings, read
+from executive.language import BuiltTree, Document, Mocks, build, check, format_findings, read
 from executive.language.mocks import MockPlan
 from executive.language.scenario import read_mocks
 from executive.recording.keeping import Keeping
 from executive.registry import Registry
 from executive.running.breakpoints import Side
 from executive.running.cell import Cell
+from executive.running.context import RunContext
 from executive.running.dry_cell import DryCell
 from executive.running.events import EventStream, Listener, RunStarted
 from executive.running.run_state import RunResult
 from executive.running.runner import Runner
+from executive.running.signals import RunSignals
 from executive.running.traces import place_of, sentence_of
 from executive.running.watching import installed_watchers
 from executive.source_commit import commit_here
@@ -67,12 +68,21 @@ class RunOrder:
 
 @dataclass(frozen=True, slots=True)
 class Executed:
-    """How an order went. `problem` says what is wrong with the record, if anything."""
+    """How an order went.
+
+    Attributes:
+        result: of the run.
+        summary: of its events.
+        record: its folder.
+        problem: what is wrong with the record, if anything.
+        signal: number of the signal that wanted it to end, if one did.
+    """
 
     result: RunResult
     summary: Summary
     record: Path | None
     problem: str
+    signal: int | None = None
 
 
 def execute(
@@ -103,29 +113,46 @@ def execute(
         if cell_settings:
             raise UsageError(f"the tree has no parameter {', '.join(sorted(cell_settings))}, and a dry run has no cell")
         mocks = _read_mocks(order.mocks, order.texts, document, registry)
-        return _run(order, listeners, on_ready, on_latched, registry, document, tree_settings, DryCell(), mocks)
-    cell = load_cell(order.cell, order.seed, cell_settings, declared, order.texts.get(str(order.cell)))
-    with contextlib.closing(cell):
+        with RunSignals() as signals:
+            work = _Work(order, registry, document, tree_settings, DryCell(), mocks, signals)
+            return _run(work, listeners, on_ready, on_latched)
+    with RunSignals() as signals, contextlib.ExitStack() as stack:
+        cell = load_cell(order.cell, order.seed, cell_settings, declared, order.texts.get(str(order.cell)))
+        stack.callback(cell.close)
+        stack.callback(signals.wait)  # whatever ends the run, the cell is closed without being disturbed
         refuse_errors(document, registry, tree_settings, cell.interfaces())
-        return _run(order, listeners, on_ready, on_latched, registry, document, tree_settings, cell, None)
+        work = _Work(order, registry, document, tree_settings, cell, None, signals)
+        return _run(work, listeners, on_ready, on_latched)
+
+
+@dataclass(frozen=True, slots=True)
+class _Work:
+    """An order whose files are read and whose cell is connected."""
+
+    order: RunOrder
+    registry: Registry
+    document: Document
+    settings: Mapping[str, str]
+    cell: Cell
+    mocks: Mocks | None
+    signals: RunSignals
+
+    def build(self, context: RunContext, board: Board) -> BuiltTree:
+        return build(
+            self.document, self.registry, overrides=self.settings, context=context, board=board, mocks=self.mocks
+        )
 
 
 def _run(
-    order: RunOrder,
+    work: _Work,
     listeners: Sequence[Listener],
     on_ready: Callable[[Runner], None],
     on_latched: Callable[[Runner], None],
-    registry: Registry,
-    document: Document,
-    tree_settings: Mapping[str, str],
-    cell: Cell,
-    mocks: Mocks | None,
 ) -> Executed:
+    order, cell, signals = work.order, work.cell, work.signals
     events, summary, keeping = EventStream(), Summary(), Keeping(order.record, cell)
     runner = Runner(
-        lambda context, board: build(
-            document, registry, overrides=tree_settings, context=context, board=board, mocks=mocks
-        ),
+        work.build,
         cell,
         events,
         seed=order.seed,
@@ -139,18 +166,20 @@ def _run(
     problem = ""
     try:
         _prepare(runner)
-        keeping.begin(runner, events)
-        events.emit(_started(order, runner, document, cell, keeping.folder))
-        on_ready(runner)
-        with _terminate_safely(runner):
+        with signals.ask(runner):
+            keeping.begin(runner, events)
+            events.emit(_started(order, runner, work.document, cell, keeping.folder))
+            on_ready(runner)
             result = runner.run()
         keeping.draw(f"{runner.tree.name}: {result.outcome}, seed {order.seed}")
         if runner.latched is not None:
-            on_latched(runner)
+            with signals.raise_again():
+                on_latched(runner)
     finally:
+        signals.wait()
         runner.close()
         problem = keeping.close()
-    return Executed(result, summary, keeping.folder, problem)
+    return Executed(result, summary, keeping.folder, problem, signals.number)
 
 
 def _set_breakpoints(runner: Runner, breaks: Sequence[tuple[str, Side]]) -> None:
@@ -275,28 +304,3 @@ def versions() -> Mapping[str, str]:
         with contextlib.suppress(PackageNotFoundError):
             found[package] = version(package)
     return found
-
-
-@contextlib.contextmanager
-def _terminate_safely(runner: Runner) -> Iterator[None]:
-    """SIGTERM and Ctrl-C end a run in the safe state, with its record closed; a second Ctrl-C is Python's own.
-
-    Signals reach the main thread only.
-    """
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    interrupted = signal.getsignal(signal.SIGINT)
-
-    def interrupt(_signal: int, _frame: object) -> None:
-        signal.signal(signal.SIGINT, interrupted)
-        runner.interrupt()
-
-    before = signal.signal(signal.SIGTERM, lambda _signal, _frame: runner.safe_stop("the process was terminated"))
-    if interrupted is signal.default_int_handler:  # a worker of a campaign leaves Ctrl-C to its parent
-        signal.signal(signal.SIGINT, interrupt)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)
-        signal.signal(signal.SIGINT, interrupted)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import fcntl
 import json
 import os
+import signal
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
@@ -16,11 +17,14 @@ from executive.engine import Engine
 from executive.errors import PomonaError, UsageError
 from executive.execute import RunOrder, execute
 from executive.running.compute import keep_workers_warm
+from executive.running.signals import WORDS
 from executive.source_commit import commit_here
 
 RESULTS = "results.jsonl"
 RUN_LIMIT = 600.0
 """Seconds after which a run's process is killed and the run counted as an error."""
+
+INTERRUPTED = "interrupted"
 
 Result = dict[str, Any]
 Progress = Callable[[Result, int, int], None]
@@ -37,6 +41,8 @@ def run_order(order: RunOrder) -> Result:
         executed = execute(order)
     except PomonaError as error:
         return _broken(type(error).__name__, str(error), "unusable")
+    if executed.signal is not None:
+        return _broken("INTERRUPTED", WORDS[signal.Signals(executed.signal)], INTERRUPTED)
     return executed.summary.as_json(executed.record)
 
 
@@ -104,6 +110,8 @@ def run_campaign(
         for index, answer in engine.map(run_order, orders, RUN_LIMIT):
             run = waiting[index]
             result = _result(run, answer, commit)
+            if result["outcome"] == INTERRUPTED:
+                continue  # somebody ended its process: no result, and no reason not to run it again
             stream.write(json.dumps(result, ensure_ascii=False) + "\n")
             stream.flush()
             os.fsync(stream.fileno())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import threading
 from pathlib import Path
 from typing import Any
@@ -113,8 +114,9 @@ class Launcher:
         if runner is not None:
             runner.safe_stop("the dashboard was ended")
             runner.leave()
-        if self._thread is not None:
-            self._thread.join()
+        while self._thread is not None and self._thread.is_alive():
+            with contextlib.suppress(KeyboardInterrupt):  # it ends in the safe state, and that takes seconds at most
+                self._thread.join()
 
     def _order(self, form: dict[str, Any]) -> RunOrder:
         seed, settings = form.get("seed", 0), form.get("settings", {})

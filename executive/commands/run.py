@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import logging
+import signal
 import sys
 import threading
 from pathlib import Path
@@ -17,6 +18,7 @@ from executive.errors import UsageError
 from executive.execute import Executed, RunOrder, execute
 from executive.files import find_cell, find_tree
 from executive.running.runner import Runner
+from executive.running.signals import Terminated
 from executive.settings import parse_settings
 from executive.terminal.live import LiveTree
 from executive.terminal.screen import Screen, write_json
@@ -99,7 +101,10 @@ def main(options: argparse.Namespace) -> int:
         dashboard = _serve(options, console, stack) if options.dashboard else None
 
         def run() -> int:
-            return _run_once(options, order, dashboard, console)
+            executed = _run_once(options, order, dashboard, console)
+            if executed.signal not in (None, signal.SIGINT) and (options.watch or dashboard is not None):
+                raise Terminated(executed.signal)  # it was meant for the whole process, not for this run
+            return 130 if executed.result.interrupted else EXIT[executed.result.outcome]
 
         status = run_on_save(order.tree, order.settings, run, console) if options.watch else run()
         if dashboard is not None and sys.stdin.isatty() and not options.quiet:
@@ -109,15 +114,19 @@ def main(options: argparse.Namespace) -> int:
     return status
 
 
-def _run_once(options: argparse.Namespace, order: RunOrder, dashboard: Dashboard | None, console: Screen) -> int:
+def _run_once(options: argparse.Namespace, order: RunOrder, dashboard: Dashboard | None, console: Screen) -> Executed:
     with contextlib.closing(LiveTree(console)) as live:
         executed = _execute(order, live, dashboard, console)
-    executed.summary.print(console, executed.record)
-    if executed.problem:
-        console.print(executed.problem, style="red")
-    if options.json:
-        write_json(executed.summary.as_json(executed.record))
-    return 130 if executed.result.interrupted else EXIT[executed.result.outcome]
+    with contextlib.suppress(OSError):  # nobody reads any more: the exit status says it all the same
+        executed.summary.print(console, executed.record)
+        if executed.problem:
+            console.print(executed.problem, style="red")
+        if options.quiet and executed.result.outcome != "success":
+            Screen(stderr=True).print(executed.summary.sentence(), soft_wrap=True)
+        if options.json:
+            write_json(executed.summary.as_json(executed.record))
+            sys.stdout.flush()
+    return executed
 
 
 def _serve(options: argparse.Namespace, console: Screen, stack: contextlib.ExitStack) -> Dashboard:

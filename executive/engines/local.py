@@ -15,6 +15,9 @@ from executive.engine import ONE_THREAD, RENEWED_AFTER, TRIES, Engine, OrderLost
 from executive.errors import UsageError
 from executive.running.compute import Worker
 
+SAFE_LIMIT = 5.0
+"""Seconds that an order's process has to end its run in the safe state before it is killed."""
+
 
 @dataclass(slots=True)
 class _Running:
@@ -57,14 +60,16 @@ class LocalEngine:
                     else:
                         self._rest(running.worker)
                         yield running.index, answer
-                for running in [r for r in self._busy.values() if r.ends <= time.monotonic()]:
+                late = [running for running in self._busy.values() if running.ends <= time.monotonic()]
+                for running in late:
                     del self._busy[running.worker.connection]
-                    running.worker.kill()
+                _end(late)
+                for running in late:
                     yield running.index, OrderTooLong(f"not done within {limit:.0f} s")
         finally:
-            for running in self._busy.values():
-                running.worker.kill()
+            busy = list(self._busy.values())
             self._busy.clear()
+            _end(busy)
 
     def close(self) -> None:
         """End the processes."""
@@ -94,12 +99,25 @@ class LocalEngine:
         return code
 
 
+def _end(busy: Sequence[_Running]) -> None:
+    """End workers in the middle of an order: a run is first given the time to reach its safe state."""
+    try:
+        for running in busy:
+            running.worker.tell_to_end()
+        end = time.monotonic() + SAFE_LIMIT
+        for running in busy:
+            running.worker.process.join(max(0.0, end - time.monotonic()))
+    finally:
+        for running in busy:
+            running.worker.kill()
+
+
 def _spawn() -> Worker:
     """A worker in the environment of one thread; this process keeps its own."""
     before = {name: os.environ.get(name) for name in ONE_THREAD}
     os.environ.update(ONE_THREAD)
     try:
-        return Worker(daemon=False)
+        return Worker(runs=True)
     finally:
         for name, value in before.items():
             if value is None:

@@ -26,6 +26,10 @@ NICENESS = 10
 """Of computations, beside 0 of the tick. On two busy processors the tick was up to 14 ms late without it."""
 
 
+ORPHAN_LIMIT = 15.0
+"""Seconds that a run has to end in its safe state when the process that wanted it is gone."""
+
+
 class WorkerDied(PomonaError):
     """The process of an isolated computation ended without an answer."""
 
@@ -56,14 +60,20 @@ class _Threaded:
         self._future.cancel()
 
 
-def _serve(connection: Connection) -> None:
-    """The worker's loop: receive (function, arguments), send (True, result) or (False, exception)."""
+def _serve(connection: Connection, runs: bool) -> None:
+    """The worker's loop: receive (function, arguments), send (True, result) or (False, exception).
+
+    What the terminal or the system sends to all processes of a group is the parent's to handle. `runs` leaves SIGTERM
+    to what is computed: a run ends in its safe state then.
+    """
     _give_way()
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C in the terminal is the parent's to handle
+    for number in (signal.SIGINT, signal.SIGHUP) if runs else (signal.SIGINT, signal.SIGHUP, signal.SIGTERM):
+        signal.signal(number, signal.SIG_IGN)
+    threading.Thread(target=_end_with_parent, args=(runs,), name="pomona-parent", daemon=True).start()
     while True:
         try:
             function, arguments = connection.recv()
-        except EOFError:
+        except (EOFError, OSError):
             return
         try:
             answer = (True, function(*arguments))
@@ -75,6 +85,18 @@ def _serve(connection: Connection) -> None:
             return
         except Exception as error:  # an answer that cannot be pickled
             connection.send((False, RuntimeError(f"the result cannot be sent back: {error}")))
+
+
+def _end_with_parent(runs: bool) -> None:
+    """A worker whose parent was killed computes for nobody, and must not hold a device."""
+    parent = multiprocessing.parent_process()
+    if parent is None:
+        return
+    parent.join()
+    if runs:
+        os.kill(os.getpid(), signal.SIGTERM)
+        time.sleep(ORPHAN_LIMIT)
+    os._exit(1)
 
 
 def _portable(error: BaseException) -> BaseException:
@@ -93,14 +115,23 @@ def _portable(error: BaseException) -> BaseException:
 
 
 class Worker:
-    """One spawned process that computes one thing at a time. A daemon may not have processes of its own."""
+    """One spawned process that computes one thing at a time.
 
-    def __init__(self, daemon: bool = True) -> None:
+    With `runs` it computes whole runs: it may have processes of its own, and ends a run in its safe state when it is
+    told to end.
+    """
+
+    def __init__(self, runs: bool = False) -> None:
         spawn = multiprocessing.get_context("spawn")
         self.connection, there = spawn.Pipe()
-        self.process = spawn.Process(target=_serve, args=(there,), daemon=daemon, name="pomona-worker")
+        self.process = spawn.Process(target=_serve, args=(there, runs), daemon=not runs, name="pomona-worker")
         self.process.start()
         there.close()
+
+    def tell_to_end(self) -> None:
+        """What it computes is not wanted any more: a run ends in its safe state. `kill` must follow, in a while."""
+        self.process.terminate()
+        self.connection.close()
 
     def kill(self) -> None:
         self.process.kill()

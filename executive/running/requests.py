@@ -17,6 +17,8 @@ class Requests:
     def __init__(self) -> None:
         self._commands: queue.SimpleQueue[tuple[str, str, str]] = queue.SimpleQueue()
         self._leaving = False
+        self.breakable = False
+        """Whether the run survives an exception that a signal's handler raises in the tick thread now."""
 
     def pause(self, who: str = "operator") -> None:
         """Stop motions on their paths and hold; force control goes on."""
@@ -39,12 +41,12 @@ class Requests:
         self._cell.safe_stop(reason)
         self._commands.put(("safe_stop", who, reason))
 
-    def interrupt(self) -> None:
-        """What Ctrl-C asks for: the safe state before the next tick. A signal's handler may call it.
-
-        An exception raised by the handler itself could come up anywhere, also where a library swallows it.
+    def interrupt(self, who: str = "keyboard", reason: str = "interrupted from the keyboard") -> None:
+        """What a signal asks for: the safe state now, and the run's end. Not for the signal's handler itself: the tick
+        that it interrupts may hold the cell's lock.
         """
-        self._commands.put(("interrupt", "keyboard", ""))
+        self._commands.put(("interrupt", who, reason))
+        self._cell.safe_stop(reason)
 
     def break_at(self, path: str, side: Side = "before", on: bool = True, who: str = "operator") -> None:
         """Pause before the node at this path starts, or after it has ended; `on=False` takes the breakpoint away.

@@ -107,7 +107,7 @@ class Runner(Requests):
         self._stop_deadline = 0.0
         self._reason: Reason | None = None
         self._culprit = ""
-        self._interrupted = self._hurried = False
+        self._interrupted = False
         self._reported: dict[str, object] = {}
         self._watch = CellWatch(cell, self._linked, Watch(cell, self._published, watchers, self._tell))
 
@@ -148,7 +148,9 @@ class Runner(Requests):
             self.board.adopt()
             self.context.start_clock()
             self._set_state(RunState.RUNNING, "started")
+            self.breakable = True
             self._loop(started)
+            self.breakable = False
         except BaseException as error:  # SystemExit, too: whatever it is, nothing may go on moving
             self._fault(error)
         with self._telling("", "closing"):
@@ -181,7 +183,7 @@ class Runner(Requests):
             self._take_commands()
             if self._has_ended():
                 return
-            self._watch.look()
+            self._look()
             ticking = self._state is RunState.RUNNING and self._end is None
             if ticking:
                 self._tick()
@@ -233,7 +235,7 @@ class Runner(Requests):
             if action == "safe_stop":
                 raise SafeStopRequestedError(detail)
             if action == "interrupt":
-                raise InterruptRequestedError("interrupted from the keyboard")
+                raise InterruptRequestedError(detail) if who == "keyboard" else SafeStopRequestedError(detail)
             if action == "stop":
                 self._stop(f"stopped by {who}")
             elif action == "pause" and self._state is RunState.RUNNING:
@@ -269,6 +271,7 @@ class Runner(Requests):
         """The transitions that wait for the cell."""
         if self._state is RunState.RUNNING and self._end is not None:
             if not self.context.halting:  # what the tree's end has interrupted lets go first
+                self._refuse_latched()
                 self._set_state(*self._end)
         elif self._state is RunState.PAUSING and self._cell.settled():
             self._set_state(RunState.PAUSED, "at rest")
@@ -279,6 +282,23 @@ class Runner(Requests):
             elif self._cell.clock.now() > self._stop_deadline:
                 still = ", ".join(self.context.halting) or "the cell"
                 raise PomonaError(f"{still} has not come to rest within {STOP_LIMIT:.0f} s of a stop")
+
+    def _look(self) -> None:
+        try:
+            self._watch.look()
+        except SafeStopRequestedError:
+            self._take_commands()  # it may have been asked for after they were taken: then this says by whom
+            raise
+
+    def _refuse_latched(self) -> None:
+        """A tree that ends on a cell in its safe state has not ended by itself: skills see their motions stopped.
+
+        Raises:
+            SafeStopRequestedError: the safe state came during the tick; with the reason of who asked for it.
+        """
+        if self._cell.latched is not None:
+            self._take_commands()
+            raise SafeStopRequestedError(self._cell.latched)
 
     def _wait_for_computations(self) -> bool:
         """On a simulated clock, wait for what was started in this tick; True when there was something.
@@ -319,6 +339,7 @@ class Runner(Requests):
 
     def _fault(self, error: BaseException) -> None:
         """The one way into the safe state: latch the cell, tell why, halt the tree, drive that as long as it takes."""
+        self.breakable = False
         self._interrupted = isinstance(error, (KeyboardInterrupt, InterruptRequestedError))
         code, message = _called(error)
         node = self._culprit or self._observer.culprit()
@@ -339,7 +360,10 @@ class Runner(Requests):
                 with self._telling(skill.path, "letting go"):
                     skill.stop(Status.INVALID)
         with self._telling(node, "letting go"):
+            self.breakable = True
             self._come_to_rest()
+            self.breakable = False
+        self.breakable = False
         with self._telling("", "the end"):
             self._observer.after_tick()
             self._take_last_commands()
@@ -353,8 +377,6 @@ class Runner(Requests):
         """
         deadline = self._cell.clock.now() + STOP_LIMIT
         while self.context.halting or not self._cell.settled():
-            if self._hurried:
-                raise PomonaError("nobody waited for everything to let go: it was interrupted again")
             if self._cell.clock.now() >= deadline:
                 still = ", ".join(self.context.halting) or "the cell"
                 raise PomonaError(f"{still} has not come to rest within {STOP_LIMIT:.0f} s of the safe stop")

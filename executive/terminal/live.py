@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import time
 from collections.abc import Mapping
 from typing import Any
@@ -74,7 +75,8 @@ class LiveTree:
     def close(self) -> None:
         """Leave the terminal as it was. Harmless when closed already."""
         if self._live is not None and self._live.is_started:
-            self._live.stop()
+            with contextlib.suppress(OSError):  # the terminal is gone
+                self._live.stop()
 
     def _name(self, path: str) -> str:
         return self._names.get(path, path)

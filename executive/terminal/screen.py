@@ -11,11 +11,12 @@ what it writes, and filters what it is given before it does.
 from __future__ import annotations
 
 import contextlib
+import errno
 import json
 import re
 import sys
 from collections.abc import Iterable, Iterator
-from typing import IO, Any, TextIO, cast
+from typing import IO, Any, NoReturn, TextIO, cast
 
 from rich.console import Console, ConsoleOptions, RenderableType
 from rich.segment import Segment
@@ -70,6 +71,10 @@ class Screen(Console):
     @file.setter
     def file(self, new_file: IO[str]) -> None:
         self._file = new_file
+
+    def on_broken_pipe(self) -> NoReturn:
+        """Nobody reads any more: an error like any other. Rich's own leaves the process, and a run must end first."""
+        raise BrokenPipeError(errno.EPIPE, "Broken pipe: nobody reads the output any more")
 
     def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterable[Segment]:
         for segment in super().render(renderable, options):

@@ -159,6 +159,11 @@ class Summary:
             picture = record / "picture.png"
             _row(console, "record", str(record), (f"   (picture: {picture})", "dim") if picture.is_file() else "")
 
+    def sentence(self) -> str:
+        """How it ended and why, in one line."""
+        assert self.started is not None
+        return f"{self.started.tree} {self._headline()}"
+
     def _headline(self) -> str:
         assert self.ended is not None
         if self.ended.outcome == "success":

@@ -113,3 +113,40 @@ def test_only_the_command_that_is_asked_for_is_loaded() -> None:
     heavy = "; print([name for name in ('torch', 'numba', 'mujoco') if name in sys.modules])"
     done = subprocess.run([sys.executable, "-c", script + heavy], capture_output=True, text=True, timeout=60)
     assert done.stdout.splitlines()[-1] == "[]", done.stderr
+
+
+FAILING = "pomona: 1\ntree: t\nroot: {fail: {code: NO_LUCK, message: the dice fell badly}}\n"
+
+
+@pytest.mark.parametrize("quiet", [True, False])
+def test_a_quiet_run_that_fails_says_why_in_one_line(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, quiet: bool
+) -> None:
+    tree = tmp_path / "t.yaml"
+    tree.write_text(FAILING)
+    assert main(["run", str(tree), "--dry", "--no-record", *(["--quiet"] if quiet else [])]) == 1
+    said = capsys.readouterr()
+    if quiet:
+        assert said.out == ""
+        (line,) = said.err.splitlines()
+        assert "NO_LUCK" in line
+        assert "the dice fell badly" in line
+    else:
+        assert said.err == ""
+
+
+def test_a_reader_that_is_gone_ends_a_run_in_the_safe_state(tmp_path: Path) -> None:
+    tree = tmp_path / "t.yaml"
+    tree.write_text("pomona: 1\ntree: t\nroot: {repeat: 500, sequence: [{wait: 20 ms}, {succeed: {}}]}\n")
+    command = [sys.executable, "-m", "executive.cli", "run", str(tree), "--dry", "--pace", "real"]
+    with subprocess.Popen(
+        [*command, "--record", str(tmp_path / "runs")], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        process.stdout.readline()
+        process.stdout.close()
+        said = process.stderr.read()
+        assert process.wait(60) == 3
+    assert "Traceback" not in said
+    assert main(["explain", "--record", str(tmp_path / "runs")]) == 0

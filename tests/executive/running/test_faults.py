@@ -228,3 +228,24 @@ def test_a_long_recursion_keeps_a_traceback_of_limited_length() -> None:
 def started(runner: Runner) -> Event:
     nodes = tuple(node.facts() for node in runner.tree.nodes)
     return RunStarted(0.0, 0, "r", "t", "t", "", "", "c", "mock", "", "", 0, {}, nodes, {}, 0.0, 0.02)
+
+
+@pytest.mark.parametrize("ends", ["succeed", "fail"])
+def test_a_tree_that_ends_in_the_tick_of_a_safe_stop_was_stopped(ends: str) -> None:
+    class Raise(Skill):
+        """Sees the cell stop in the middle of the tick in which the tree ends."""
+
+        failures = ("ENDED",)
+
+        def run(self) -> Work:
+            yield None
+            cell.safe_stop("hand in the cell")
+            if ends == "fail":
+                raise self.failure("ENDED", "the motion was stopped")
+
+    runner, cell, events = make("pomona: 1\ntree: t\nroot: {Raise: {}}", Registry({"Raise": Raise}))
+    result = runner.run()
+    assert result.outcome == "stopped"
+    assert result.reason is not None
+    assert (result.reason.code, result.reason.message) == ("SAFE_STOP", "hand in the cell")
+    assert is_safe(runner, cell, events)

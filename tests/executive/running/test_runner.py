@@ -284,7 +284,7 @@ def test_ctrl_c_from_a_signals_handler_ends_the_run_before_the_next_tick() -> No
     assert result.outcome == "stopped"
     assert cell.latched == "interrupted from the keyboard"
     assert [(e.who, e.action) for e in events if isinstance(e, OperatorActed)] == [("keyboard", "interrupt")]
-    assert max(e.tick for e in events) == 4
+    assert max(e.tick for e in events) == 3
 
 
 def test_a_skill_that_never_lets_go_is_a_fault() -> None:

@@ -1,0 +1,152 @@
+"""Signals raise while nothing moves, ask a run for its safe state, and break a tick that hangs."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+from fake_cell import FakeCell
+from fake_runs import Turn, make
+
+from executive.registry import Registry
+from executive.running import signals as module
+from executive.running.events import Event, OperatorActed
+from executive.running.runner import Runner
+from executive.running.signals import RunSignals, Terminated, raising, status_of
+from executive.skill import Skill, Work
+
+LONG = "pomona: 1\ntree: t\nroot: {Turn: {duration: 9 s}}"
+
+
+@pytest.fixture(autouse=True)
+def heard() -> Iterator[None]:
+    """As in a process that was started from a terminal, whatever started the tests."""
+    before = {number: signal.getsignal(number) for number in module.WORDS}
+    for number in before:
+        signal.signal(number, signal.default_int_handler if number == signal.SIGINT else signal.SIG_DFL)
+    yield
+    assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
+    for number, handler in before.items():
+        signal.signal(number, handler)
+
+
+def send(number: int) -> None:
+    os.kill(os.getpid(), number)
+
+
+def run(
+    at_tick: dict[int, Callable[[Runner, FakeCell], Any]], registry: Registry | None = None
+) -> tuple[Any, FakeCell, list[Event], RunSignals]:
+    runner, cell, events = make(LONG, registry or Registry({"Turn": Turn}), at_tick)
+    with RunSignals() as signals, signals.ask(runner):
+        result = runner.run()
+    return result, cell, events, signals
+
+
+@pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143), (signal.SIGHUP, 129)])
+def test_while_nothing_moves_a_signal_raises(number: int, status: int) -> None:
+    with pytest.raises(KeyboardInterrupt) as raised, raising(), RunSignals():
+        send(number)
+    assert status_of(raised.value) == status
+
+
+@pytest.mark.parametrize("number", list(module.WORDS))
+def test_in_a_run_a_signal_is_a_safe_stop_with_its_name(number: signal.Signals) -> None:
+    result, cell, events, signals = run({4: lambda *_: wait_for_latch(_[1], number)})
+    assert result.outcome == "stopped"
+    assert result.interrupted is (number == signal.SIGINT)
+    assert cell.latched == module.WORDS[number]
+    assert cell.wheel.log == ["start", "stop", "at rest"]
+    assert [event.action for event in events if isinstance(event, OperatorActed)] == ["interrupt"]
+    assert signals.number == number
+
+
+def wait_for_latch(cell: FakeCell, number: int) -> None:
+    stopped = threading.Event()
+    safe_stop = cell.safe_stop
+
+    def noted(reason: str) -> None:
+        safe_stop(reason)
+        stopped.set()
+
+    cell.safe_stop = noted  # type: ignore[method-assign]
+    send(number)
+    assert stopped.wait(5.0)
+
+
+def test_signals_in_quick_succession_are_one() -> None:
+    def twice(_runner: Runner, cell: FakeCell) -> None:
+        wait_for_latch(cell, signal.SIGINT)
+        send(signal.SIGINT)
+        send(signal.SIGTERM)
+
+    result, cell, _events, signals = run({4: twice})
+    assert result.interrupted
+    assert cell.wheel.log[-1] == "at rest"
+    assert signals.number == signal.SIGINT
+
+
+def test_a_tick_that_hangs_is_broken_by_the_second_signal_and_the_cell_is_stopped_by_the_first(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(module, "STUCK", 0.0)
+    stopped: list[str | None] = []
+
+    class Hang(Skill):
+        """Never returns from a tick."""
+
+        def run(self) -> Work:
+            send(signal.SIGINT)
+            while cell.latched is None:
+                pass
+            stopped.append(cell.latched)
+            send(signal.SIGINT)
+            while True:
+                pass
+            yield None
+
+    runner, cell, events = make("pomona: 1\ntree: t\nroot: {Hang: {}}", Registry({"Hang": Hang}))
+    with RunSignals() as signals, signals.ask(runner):
+        result = runner.run()
+    assert stopped == ["interrupted from the keyboard"]
+    assert result.outcome == "stopped"
+    assert result.reason is not None
+    assert result.reason.code == "INTERRUPTED"
+    assert "test_signals.py" in str(result.reason.data["place"])  # where it hung
+    assert any("in run" in getattr(event, "traceback", "") for event in events)
+
+
+def test_while_record_and_cell_are_closed_a_signal_waits() -> None:
+    with RunSignals() as signals:
+        signals.wait()
+        send(signal.SIGTERM)
+        assert signals.number == signal.SIGTERM
+
+
+def test_what_was_ignored_at_the_start_stays_ignored() -> None:
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    with raising(), RunSignals():
+        send(signal.SIGHUP)
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
+
+
+def test_outside_the_main_thread_nothing_is_installed() -> None:
+    found = []
+
+    def look() -> None:
+        with RunSignals():
+            found.append(signal.getsignal(signal.SIGTERM))
+
+    thread = threading.Thread(target=look)
+    thread.start()
+    thread.join()
+    assert found == [signal.SIG_DFL]
+
+
+def test_a_terminated_process_is_an_interrupted_one_to_whoever_waits() -> None:
+    assert isinstance(Terminated(signal.SIGHUP), KeyboardInterrupt)
+    assert "terminal was closed" in str(Terminated(signal.SIGHUP))
