@@ -88,8 +88,9 @@ def encoded(message: Any) -> bytes:
     """Compact JSON of what `plain` gives with `keep`: compiled, since a record must not cost the run anything."""
     try:
         return orjson.dumps(message, option=orjson.OPT_SERIALIZE_NUMPY, default=_listed)
-    except TypeError:  # a whole number of more than 64 bits
-        return json.dumps(message, ensure_ascii=False, separators=(",", ":"), default=_listed).encode()
+    except TypeError:  # a whole number of more than 64 bits, or half of a character
+        text = json.dumps(message, ensure_ascii=False, separators=(",", ":"), default=_listed)
+        return text.encode(errors="replace")
 
 
 def _listed(value: Any) -> Any:

@@ -37,7 +37,9 @@ class Access:
         may_act: False when it is bound to another address without TLS and without the explicit insecure flag.
         certificate, key: files for TLS, or None.
         names: further names under which this machine is reached, for `--host 0.0.0.0`.
-        token: must accompany everything that acts; on another address than this machine's, everything that reads too.
+        token: must accompany everything that acts.
+        reading: on another address than this machine's, it or the token must accompany everything that reads. It stands
+            in addresses that a page opens by itself (downloads, the stream), and acts on nothing.
     """
 
     host: str
@@ -47,6 +49,7 @@ class Access:
     key: Path | None = None
     names: tuple[str, ...] = ()
     token: str = field(default_factory=lambda: secrets.token_urlsafe(24))
+    reading: str = field(default_factory=lambda: secrets.token_urlsafe(24))
 
     @property
     def local(self) -> bool:
@@ -74,18 +77,22 @@ class Access:
         return origin is None or urlsplit(origin).netloc in self.hosts
 
     def may_read(self, scope: Scope, headers: Headers) -> bool:
-        """Whether a request may see runs. Addresses that a page opens by itself carry the token in their query."""
+        """Whether a request may see runs. An address may carry what reads, and never what acts."""
         if self.local or not scope["path"].startswith(("/api", "/live")):
             return True
         query = parse_qs(scope.get("query_string", b"").decode("latin-1")).get("token", [""])[0]
-        return self._is_token(headers.get("x-pomona-token", "")) or self._is_token(query)
+        return self._is_token(headers.get("x-pomona-token", "")) or _same(query, self.reading)
 
     def authorised(self, headers: Headers) -> bool:
         """Whether a request may act. A token in an address does not count: addresses are kept and shown."""
         return self.may_act and self._is_token(headers.get("x-pomona-token", ""))
 
     def _is_token(self, given: str) -> bool:
-        return secrets.compare_digest(given.encode(), self.token.encode())
+        return _same(given, self.token)
+
+
+def _same(given: str, expected: str) -> bool:
+    return secrets.compare_digest(given.encode(errors="replace"), expected.encode())
 
 
 class Guard:

@@ -28,7 +28,8 @@ from executive.dashboard.hub import Hub, Viewer
 from executive.dashboard.record_messages import between, image, overview, record_messages
 from executive.dashboard.security import Access, Guard
 from executive.errors import PomonaError, UsageError
-from executive.recording.index import RunIndex
+from executive.recording.index import RunIndex, records_in
+from executive.recording.plain_file import is_plain
 from executive.recording.recorder import EVENTS_FILE
 
 STATIC = Path(__file__).parent / "static"
@@ -89,8 +90,8 @@ class Dashboard:
 
     @property
     def link(self) -> str:
-        """The page's address, with the token that lets it act."""
-        return f"{self.access.address}#token={self.access.token}"
+        """The page's address, with what lets it act and what lets it read."""
+        return f"{self.access.address}#token={self.access.token}&read={self.access.reading}"
 
     def _announce(self) -> None:
         holder = self.desk.holder
@@ -211,15 +212,16 @@ class Dashboard:
 
     async def _picture(self, request: Request) -> Response:
         folder = self._folder(request)
-        if folder is None or not (folder / "picture.png").is_file():
+        if folder is None or not is_plain(folder / "picture.png"):
             return JSONResponse({"error": "no such picture"}, 404)
         return FileResponse(folder / "picture.png")
 
     def _folder(self, request: Request) -> Path | None:
-        """The record's folder; a name that is not exactly that of a folder of records is none."""
+        """The record's folder; a name that is not exactly that of a folder of records is none, nor is a link."""
         name = request.path_params["name"]
-        known = {path.parent.name: path.parent for path in self.records.glob(f"*/{EVENTS_FILE}")}
-        return known.get(name)
+        known = {path.parent.name: path for path in records_in(self.records)}
+        path = known.get(name)
+        return path.parent if path is not None and is_plain(path) and not path.parent.is_symlink() else None
 
     async def _live(self, socket: WebSocket) -> None:
         if self.hub.viewers >= MOST_VIEWERS:

@@ -22,6 +22,7 @@ _NAMES = ("RunStarted", "AttemptEnded", "RunEnded", "OperatorActed", "NodeChange
 _HEADS = tuple(f'{{"event":"{name}"'.encode() for name in _NAMES)
 _NODE, _FAILURE = b'{"event":"NodeChanged"', b'"status":"FAILURE"'
 
+STATES = ("ended", "running", "cut off", "damaged", "unreadable")
 MOST_TEXT, MOST_CODE, MOST_CODES, MOST_ENTRIES = 2000, 100, 200, 1000
 """Of what an index keeps of one run: characters of a text, of a code; codes; settings and other names with values."""
 

@@ -14,7 +14,7 @@ from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
-from executive.recording.digest import Digest, digest
+from executive.recording.digest import STATES, Digest, digest
 from executive.recording.json_text import parse
 from executive.recording.recorder import EVENTS_FILE, is_being_written
 
@@ -161,7 +161,7 @@ def _unpacked(name: str, value: Any) -> Any:
         value = float(value)
     if value is None and name in _OPTIONAL:
         return None
-    if not isinstance(value, _KINDS[name]):
+    if not isinstance(value, _KINDS[name]) or (name == "state" and value not in STATES):
         raise TypeError(name)
     return value
 

@@ -185,16 +185,16 @@ class Recorder:
             self._write(topic, schema, stamp, message)
         if isinstance(event, RunEnded):
             text = json.dumps(plain(event), ensure_ascii=False, indent=1)
-            (self.folder / "summary.json").write_text(text, encoding="utf-8")
+            (self.folder / "summary.json").write_bytes(_coded(text))
 
     def _write_about(self, event: RunStarted) -> None:
         """Tree and cell as files beside the record and as attachments in it; what is asked most as metadata."""
         began = round(event.wall_time * 1e9)
         texts = {"tree.yaml": event.tree_text, "cell.yaml": event.cell_text}
         for name, text in texts.items():
-            (self.folder / name).write_text(text, encoding="utf-8")
+            (self.folder / name).write_bytes(_coded(text))
         for name, text in {**texts, **event.tree_files}.items():
-            self._writer.add_attachment(began, 0, name, "application/yaml", text.encode())
+            self._writer.add_attachment(began, 0, _whole(name), "application/yaml", _coded(text))
         about = {
             "run": event.run, "tree": event.tree, "tree_hash": event.tree_hash, "cell": event.cell,
             "cell_kind": event.cell_kind, "cell_hash": hash_of(event.cell_text), "seed": str(event.seed),
@@ -203,7 +203,7 @@ class Recorder:
             "parameters": json.dumps(plain(event.parameters), ensure_ascii=False),
             **{f"version.{name}": version for name, version in event.versions.items()},
         }  # fmt: skip
-        self._writer.add_metadata("pomona.run", about)
+        self._writer.add_metadata("pomona.run", {_whole(key): _whole(value) for key, value in about.items()})
 
     def _write_readings(self, t: float, tick: int, readings: Mapping[str, Mapping[str, Any]]) -> None:
         stamp = _stamp(t)
@@ -245,6 +245,15 @@ def _stamp(t: float) -> int:
     return round(max(t, 0.0) * 1e9)
 
 
+def _coded(text: str) -> bytes:
+    """A text as bytes; halves of characters, which a name may hold, become "?"."""
+    return text.encode(errors="replace")
+
+
+def _whole(text: str) -> str:
+    return _coded(text).decode()
+
+
 def hash_of(text: str) -> str:
     """What names a tree's or a cell's text."""
-    return hashlib.sha256(text.encode()).hexdigest()[:16]
+    return hashlib.sha256(_coded(text)).hexdigest()[:16]

@@ -9,10 +9,12 @@ from typing import Any
 
 import numpy as np
 from mcap.reader import make_reader
+from mcap.writer import CompressionType
 from scipy.spatial.transform import Rotation
 
+from executive.encode import encoded
 from executive.reasons import Reason
-from executive.recording.recorder import EVENTS_FILE, Recorder
+from executive.recording.recorder import EVENTS_FILE, Recorder, message_of, new_writer
 from executive.running.events import (
     AttemptEnded,
     Event,
@@ -135,3 +137,45 @@ def write(folder: Path, events: tuple[Event, ...]) -> Path:
         recorder.hear(event)
     recorder.close()
     return folder
+
+
+def foreign(folder: Path, *events: bytes) -> Path:
+    """A record whose checksums are right and whose events are whatever somebody wrote."""
+    folder.mkdir(parents=True, exist_ok=True)
+    with (folder / EVENTS_FILE).open("wb") as stream:
+        writer = new_writer(stream, CompressionType.NONE)
+        writer.start(profile="pomona", library="pomona")
+        channel = writer.register_channel("/events", "json", 0)
+        for event in events:
+            writer.add_message(channel, 0, event, 0)
+        writer.finish()
+    return folder
+
+
+def nested(depth: int) -> bytes:
+    """A failure with causes within causes."""
+    opening = b'{"node_path":"a","code":"X","message":"","data":{},"causes":['
+    return (
+        b'{"event":"NodeChanged","t":0,"tick":0,"path":"a","status":"FAILURE","feedback":"","starts":1,"reason":'
+        + opening * depth
+        + b"]}" * depth
+        + b"}"
+    )
+
+
+_STARTED = encoded(message_of(started(nodes=({"path": "a", "parent": None, "name": "a", "type": "sequence"},))))
+HOSTILE: dict[str, bytes] = {
+    "deep": nested(4000),
+    "rather_deep": nested(95),
+    "not_a_number": b'{"event":"NodeChanged","t":NaN,"tick":0,"path":"a","status":"","feedback":"","starts":Infinity}',
+    "huge_number": b'{"event":"Computed","t":1e999,"tick":0,"node":"a","function":"f","wall":' + b"9" * 5000 + b"}",
+    "other_types": _STARTED.replace(b'"seed":3', b'"seed":{"a":[1]}').replace(b'"tree":"pick"', b'"tree":["pick"]'),
+    "huge_seed": _STARTED.replace(b'"seed":3', b'"seed":' + b"9" * 30),
+    "half_character": _STARTED.replace(b'"tree":"pick"', b'"tree":"\\ud800"'),
+    "no_parent": _STARTED.replace(b'"parent":null', b'"parent":7'),
+    "two_lines": b'{"event":"NodeChanged","path":"a",\n"status":"x"}',
+    "a_list": b'{"event":"RunEnded"',
+    "an_image": b'{"event":"Published","t":0,"tick":0,"node":"a","topic":"b","value":{"type":"ImageView","lines":7}}',
+    "bytes": b'{"event":"RunStarted"\xff\xfe\x00',
+}
+"""Events that nobody would write, by what is odd about them."""

@@ -4,7 +4,7 @@ import { emptyState } from "./store.js";
 
 export const page = {
   messages: [], size: 0, whole: emptyState(), base: null, shownState: emptyState(), shownIndex: 0, at: null, playing: false,
-  recorded: null, overview: null, stream: "", token: "", viewer: "", grant: Number(sessionStorage.getItem("pomona-grant") ?? -1),
+  recorded: null, overview: null, stream: "", token: "", reading: "", viewer: "", grant: Number(sessionStorage.getItem("pomona-grant") ?? -1),
   control: { held_by: "", grant: 0, viewers: 0, starts: false }, beat: null, selected: null, dirty: true, socket: null,
 };
 
@@ -17,9 +17,12 @@ export const holdsControl = () => page.control.grant === page.grant && Boolean(p
 export function readAddress() {
   const fields = new URLSearchParams(location.hash.slice(1));
   page.token = fields.get("token") || sessionStorage.getItem("pomona-token") || "";
-  if (fields.has("token")) {
+  page.reading = fields.get("read") || sessionStorage.getItem("pomona-read") || "";
+  if (fields.has("token") || fields.has("read")) {
     sessionStorage.setItem("pomona-token", page.token);
+    sessionStorage.setItem("pomona-read", page.reading);
     fields.delete("token");
+    fields.delete("read");
     history.replaceState(null, "", fields.size ? `#${fields}` : location.pathname);
   }
   return { run: fields.get("run"), t: fields.has("t") ? Number(fields.get("t")) : null };
@@ -29,10 +32,10 @@ export function say(text, rank = "ok") { $("connection").textContent = text; $("
 
 export function read(path) { return fetch(path, { headers: page.token ? { "x-pomona-token": page.token } : {} }); }
 
-// For what the browser opens by itself: a download, the stream.
+// For what the browser opens by itself, a download, the stream: such addresses are kept and shared, so what acts is not in them.
 export function withToken(address) {
   const url = new URL(address, location.href);
-  if (page.token) url.searchParams.set("token", page.token);
+  if (page.reading) url.searchParams.set("token", page.reading);
   return url;
 }
 

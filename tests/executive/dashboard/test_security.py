@@ -7,6 +7,7 @@ import json
 from pathlib import Path
 
 import pytest
+from recorded_events import FAILED, HOSTILE, foreign, write
 from shown_runs import Show
 from starlette.testclient import TestClient
 from starlette.websockets import WebSocketDisconnect
@@ -19,7 +20,7 @@ from executive.dashboard.choices import Choices
 from executive.dashboard.security import Access
 from executive.dashboard.server import Dashboard
 from executive.errors import UsageError
-from executive.recording.recorder import Recorder
+from executive.recording.recorder import EVENTS_FILE, Recorder
 from executive.running.events import StateChanged
 
 HOST = "127.0.0.1:8420"
@@ -93,8 +94,11 @@ def test_another_address_watches_with_the_token_and_does_not_act(tmp_path: Path)
     with pytest.raises(WebSocketDisconnect) as refused, client.websocket_connect("/live"):
         pass
     assert refused.value.code == 4403
-    with client.websocket_connect(f"/live?token={token}", headers={"host": "192.0.2.7:8420"}) as socket:
+    reading = dashboard.access.reading
+    with client.websocket_connect(f"/live?token={reading}", headers={"host": "192.0.2.7:8420"}) as socket:
         assert socket.receive_json()["event"] == "Hello"
+    assert client.get(f"/api/runs?token={reading}").status_code == 200
+    assert client.get(f"/api/runs?token={token}").status_code == 403  # what acts is no part of an address
     answer = client.post("/api/act", json={"action": "take"}, headers={"x-pomona-token": token})
     assert answer.status_code == 403
 
@@ -126,6 +130,38 @@ def test_a_certificate_needs_its_key_and_must_be_readable(tmp_path: Path) -> Non
     dashboard = Dashboard(Access("127.0.0.1", 0, certificate=broken, key=broken), tmp_path)
     with pytest.raises(UsageError, match="cannot be used"):
         dashboard.start()
+
+
+def test_what_reads_does_not_act(client: TestClient, dashboard: Dashboard) -> None:
+    headers = {"x-pomona-token": dashboard.access.reading}
+    assert client.post("/api/act", json={"action": "take"}, headers=headers).status_code == 403
+
+
+def test_links_among_records_are_not_served(client: TestClient, dashboard: Dashboard) -> None:
+    real = write(dashboard.records / "real", FAILED)
+    (real / "picture.png").symlink_to("/etc/passwd")
+    (dashboard.records / "trap").mkdir()
+    (dashboard.records / "trap" / EVENTS_FILE).symlink_to("/etc/passwd")
+    (dashboard.records / "elsewhere").symlink_to(real)
+    for address in ("real/picture", "trap/record", "trap/messages", "elsewhere/record"):
+        assert client.get(f"/api/runs/{address}").status_code == 404, address
+    assert client.get("/api/runs/real/record").status_code == 200
+
+
+def test_one_bad_record_does_not_take_the_list_down(client: TestClient, dashboard: Dashboard) -> None:
+    write(dashboard.records / "good", FAILED)
+    for name, event in HOSTILE.items():
+        foreign(dashboard.records / name, event)
+    answer = client.get("/api/runs")
+    assert answer.status_code == 200
+    listed = {run["run"]: run for run in answer.json()}
+    assert listed.keys() == {"good", *HOSTILE}
+    assert listed["good"]["outcome"] == "failure"
+    for name in HOSTILE:
+        answer = client.get(f"/api/runs/{name}/messages?overview=1")
+        assert answer.status_code == 200
+        for line in answer.text.splitlines():
+            json.loads(line, parse_constant=lambda word: pytest.fail(f"{word} stops a browser"))
 
 
 def test_a_token_in_an_address_does_not_act(client: TestClient, dashboard: Dashboard) -> None:

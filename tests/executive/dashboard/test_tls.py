@@ -121,7 +121,7 @@ def test_with_tls_another_address_watches_and_acts_with_the_token(
     assert ask(dashboard, "/api/act", body=TAKE, context=trusting) == 200
     assert dashboard.desk.holder.who == "ada"
     live = dashboard.access.address.replace("https", "wss") + "live"
-    assert first_word(f"{live}?token={dashboard.access.token}", trusting) == "Hello"
+    assert first_word(f"{live}?token={dashboard.access.reading}", trusting) == "Hello"
     with pytest.raises(InvalidStatus):
         first_word(live, trusting)
 
