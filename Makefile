@@ -5,7 +5,7 @@ BIN    := $(VENV)/bin
 STAMP  := $(VENV)/.installed
 
 .DEFAULT_GOAL := help
-.PHONY: help setup run test test-realtime check bench paper paper-large ablations bench-tree bench-dashboard bench-record screenshots train-detect bench-detect bench-refine bench-plan bench-grasp bench-devices oracle fuzz kill-points clean
+.PHONY: $(shell grep -oE '^[a-z-]+:' $(MAKEFILE_LIST) | tr -d ':')
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-16s %s\n", $$1, $$2}'
@@ -85,6 +85,9 @@ bench-devices: $(STAMP) ## streams and round trips of the device drivers on emul
 
 oracle: $(STAMP) ## the collision model beside MuJoCo over 10 000 random states
 	$(BIN)/python -m benchmarks.collision_oracle --states 10000
+
+faults: $(STAMP) ## every fault in every phase of a pick, judged by the simulator's truth
+	$(BIN)/python -m benchmarks.fault_matrix
 
 fuzz: $(STAMP) ## 100 000 damaged tree files, a million damaged device streams
 	$(BIN)/python tests/executive/language/fuzz.py --cases 100000
