@@ -67,6 +67,7 @@ class Settings:
         return self._at(self._values.get(key or "", self._node), message, hint)
 
     def names(self) -> tuple[str, ...]:
+        """The keys that the section has, in the file's order."""
         return tuple(self._values)
 
     def has(self, key: str) -> bool:
@@ -88,6 +89,7 @@ class Settings:
         return value if isinstance(value, str) else self._need_scalar(key)
 
     def choice(self, key: str, known: Iterable[str], default: str | None = None) -> str:
+        """One of the known words; the default where the key is missing, if there is one."""
         names = tuple(known)
         value = self.text(key, default)
         if value not in names:
@@ -95,6 +97,7 @@ class Settings:
         return value
 
     def boolean(self, key: str, default: bool | None = None) -> bool:
+        """`true` or `false`."""
         value = self.choice(key, ("true", "false"), None if default is None else str(default).lower())
         return value == "true"
 
@@ -119,6 +122,7 @@ class Settings:
         return value
 
     def integer(self, key: str, default: int | None = None, low: int = -(2**31), high: int = 2**31) -> int:
+        """A whole number within [low, high]."""
         value = self.number(key, "number", default, low, high)
         if value != int(value):
             raise self.error(f"{self._name(key)} must be a whole number, not {value:g}", key)

@@ -88,7 +88,9 @@ class World(Protocol):
     """A simulated world: a device that gives the cell its clock and its truth."""
 
     @property
-    def clock(self) -> Clock: ...
+    def clock(self) -> Clock:
+        """The world's own time."""
+        ...
 
     def truth(self) -> Mapping[str, object]: ...
 

@@ -22,6 +22,7 @@ class HoldWatch:
         self._force: float | None = None
 
     def forget(self) -> None:
+        """Nothing is remembered any more."""
         self._q = self._force = None
 
     def note(self) -> None:

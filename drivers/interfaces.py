@@ -135,7 +135,9 @@ class Motion(Protocol):
     """A motion that was started: watch it until it is no longer RUNNING."""
 
     @property
-    def state(self) -> MotionState: ...
+    def state(self) -> MotionState:
+        """How far it has come: running, paused, stopped, failed or done."""
+        ...
 
     @property
     def progress(self) -> float:
@@ -188,9 +190,13 @@ class Arm(Protocol):
         ...
 
     @property
-    def limits(self) -> ArmLimits: ...
+    def limits(self) -> ArmLimits:
+        """What the arm may do, by joint."""
+        ...
 
-    def state(self) -> ArmState: ...
+    def state(self) -> ArmState:
+        """The joints as last measured."""
+        ...
 
     def follow(self, trajectory: Trajectory) -> Motion:
         """Start a trajectory.
@@ -237,9 +243,13 @@ class Gripper(Protocol):
     """A parallel gripper; both fingers move alike."""
 
     @property
-    def limits(self) -> GripperLimits: ...
+    def limits(self) -> GripperLimits:
+        """What the gripper may do."""
+        ...
 
-    def state(self) -> GripperState: ...
+    def state(self) -> GripperState:
+        """Opening and speed as last measured."""
+        ...
 
     def move(self, width: float, speed: float) -> Motion:
         """Start moving to an opening [m] with a speed [m/s]; ends an earlier move or speed.

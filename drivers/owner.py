@@ -41,18 +41,26 @@ HUNG = 1.0
 class Thread(Protocol):
     """What is needed of a `threading.Thread`."""
 
-    def start(self) -> None: ...
+    def start(self) -> None:
+        """Begin to run."""
+        ...
 
-    def join(self, timeout: float | None = None) -> None: ...
+    def join(self, timeout: float | None = None) -> None:
+        """Wait until it has ended, at most `timeout` seconds."""
+        ...
 
-    def is_alive(self) -> bool: ...
+    def is_alive(self) -> bool:
+        """Whether it still runs."""
+        ...
 
 
 @runtime_checkable
 class TurnTaking(Protocol):
     """A clock whose threads run one at a time, in an order that is the same in every run: a simulated one's."""
 
-    def thread(self, name: str, run: Callable[[], None]) -> Thread: ...
+    def thread(self, name: str, run: Callable[[], None]) -> Thread:
+        """A thread that runs when it is its turn."""
+        ...
 
 
 class Owner:

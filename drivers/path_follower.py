@@ -36,10 +36,12 @@ class PathFollower:
 
     @property
     def finished(self) -> bool:
+        """Whether the path's end is reached."""
         return self.path_time >= self._duration - 1e-9
 
     @property
     def at_rest(self) -> bool:
+        """Whether nothing moves along the path."""
         return self.finished or self.rate == 0.0
 
     def slow_down(self) -> None:

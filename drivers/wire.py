@@ -33,7 +33,9 @@ class Nonsense(DeviceLost):
 class Link(Protocol):
     """Moves bytes. Everything that goes wrong with the wire is an OSError."""
 
-    def send(self, chunk: bytes) -> None: ...
+    def send(self, chunk: bytes) -> None:
+        """Send bytes; raises OSError when the link is gone."""
+        ...
 
     def receive(self, timeout: float) -> bytes:
         """What has arrived, waiting up to `timeout` [s] for the first byte; empty when nothing came."""

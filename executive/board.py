@@ -57,6 +57,11 @@ class Board:
         self._listeners.append(listener)
 
     def write(self, key: str, value: Any, writer: str) -> None:
+        """Set a value; the tick thread alone may, once it has adopted the board.
+
+        Raises:
+            WrongThread: another thread writes.
+        """
         if self._owner is not None and threading.get_ident() != self._owner:
             raise WrongThread(key)
         entry = Entry(value, self._clock.now(), self.tick, writer)

@@ -127,6 +127,7 @@ class Port:
 
     @property
     def required(self) -> bool:
+        """Whether it must be wired."""
         return self.default is REQUIRED
 
     def si(self, value: Any) -> Any:

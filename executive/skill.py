@@ -65,7 +65,9 @@ class Interrupted(BaseException):
 class Computation(Protocol):
     """Work that goes on beside the tick."""
 
-    def done(self) -> bool: ...
+    def done(self) -> bool:
+        """Whether it has ended."""
+        ...
 
     def result(self) -> Any:
         """The function's result, or the exception that it raised."""
@@ -80,7 +82,9 @@ class SkillContext(Protocol):
     """What a run offers to its skills."""
 
     @property
-    def clock(self) -> Clock: ...
+    def clock(self) -> Clock:
+        """The cell's clock."""
+        ...
 
     def device(self, interface: type[T]) -> T:
         """The cell's device with this interface; it exists, since the check before the run looked."""
@@ -90,7 +94,9 @@ class SkillContext(Protocol):
         """A seed for one start of a node: the same in every run with the run's seed, different from start to start."""
         ...
 
-    def compute(self, node: str, function: Callable[..., Any], *arguments: Any, isolated: bool) -> Computation: ...
+    def compute(self, node: str, function: Callable[..., Any], *arguments: Any, isolated: bool) -> Computation:
+        """Start a function beside the tick: see `Skill.compute`."""
+        ...
 
     def publish(self, node: str, topic: str, value: object) -> None:
         """Show a value to everyone who watches the run, and record it."""
@@ -175,12 +181,18 @@ class Skill(py_trees.behaviour.Behaviour):
 
     @property
     def context(self) -> SkillContext:
+        """What the run offers.
+
+        Raises:
+            SkillError: the skill is not bound to a run.
+        """
         if self._context is None:
             raise SkillError(type(self).__name__, "is not bound to a run")
         return self._context
 
     @property
     def clock(self) -> Clock:
+        """The cell's clock."""
         return self.context.clock
 
     def device(self, interface: type[T]) -> T:

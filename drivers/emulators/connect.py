@@ -149,6 +149,7 @@ class WireSource:
         self._waiting = False
 
     def wait(self, timeout: float) -> Pair | None:
+        """As `Source.wait`."""
         now = time.monotonic()
         if not self._waiting:
             early = self._asked_at + self._period - now

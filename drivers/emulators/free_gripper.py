@@ -23,6 +23,7 @@ class FreeGripper:
         """Width that the jaws cannot close below [m]: a part between them, or a hand."""
 
     def state(self) -> GripperState:
+        """Where the fingers are now [m], as they move by themselves."""
         self._advance()
         return GripperState(self._then, self._width, self._speed, self._speed != 0.0)
 

@@ -146,10 +146,12 @@ class MotomanEmulator(FaultSwitch):
         self._drop_servos()
 
     def turn_to_teach(self) -> None:
+        """Somebody turns the key to teach: the servos drop."""
         self.teach = True
         self._drop_servos()
 
     def raise_alarm(self, code: int) -> None:
+        """The controller raises an alarm: the servos drop."""
         self.alarm = code
         self._drop_servos()
 

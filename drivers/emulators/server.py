@@ -20,7 +20,9 @@ import can
 class Peer(Protocol):
     """Whoever is at the other end of the wire."""
 
-    def send(self, chunk: bytes) -> None: ...
+    def send(self, chunk: bytes) -> None:
+        """Send bytes to whoever is connected."""
+        ...
 
     def close(self) -> None:
         """Hang up, where the wire knows that."""
@@ -30,11 +32,17 @@ class Peer(Protocol):
 class Emulator(Protocol):
     """A device that answers bytes with bytes."""
 
-    def connected(self, peer: Peer) -> None: ...
+    def connected(self, peer: Peer) -> None:
+        """A peer has connected."""
+        ...
 
-    def received(self, peer: Peer, chunk: bytes) -> None: ...
+    def received(self, peer: Peer, chunk: bytes) -> None:
+        """Bytes came from a peer."""
+        ...
 
-    def disconnected(self, peer: Peer) -> None: ...
+    def disconnected(self, peer: Peer) -> None:
+        """A peer has gone."""
+        ...
 
     def advance(self, now: float) -> None:
         """Let the device's time go on to `now` [s]."""
@@ -45,7 +53,9 @@ class Port(Protocol):
     """A place where an emulated device can be reached."""
 
     @property
-    def address(self) -> str: ...
+    def address(self) -> str:
+        """Where a driver finds it, as cell files write it."""
+        ...
 
     def readable(self) -> Sequence[int]:
         """File descriptors to wait for; none for a port that must be polled."""

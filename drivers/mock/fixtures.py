@@ -31,16 +31,19 @@ def mock_clock() -> MockClock:
 
 @pytest.fixture
 def mock_arm(mock_clock: MockClock) -> MockArm:
+    """An arm on the fixture's clock."""
     return MockArm(mock_clock)
 
 
 @pytest.fixture
 def mock_gripper(mock_clock: MockClock) -> MockGripper:
+    """A gripper on the fixture's clock."""
     return MockGripper(mock_clock)
 
 
 @pytest.fixture
 def mock_fingers(mock_clock: MockClock) -> MockForceSensor:
+    """Fingers on the fixture's clock."""
     return MockForceSensor(mock_clock)
 
 

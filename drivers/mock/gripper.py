@@ -32,6 +32,7 @@ class MockMove:
         self.end(MotionState.STOPPED)
 
     def end(self, state: MotionState, problem: str = "") -> None:
+        """End the move, once, with its state and what went wrong."""
         if not self.settled:
             self.state, self.problem, self.settled = state, problem, True
 

@@ -28,7 +28,9 @@ PIXELS = 16
 class Source(Protocol):
     """What delivers images; see `drivers.realsense.source`."""
 
-    def wait(self, timeout: float) -> Pair | None: ...
+    def wait(self, timeout: float) -> Pair | None:
+        """The next pair of pictures, waiting at most `timeout` seconds; None when none came."""
+        ...
 
     def close(self) -> None: ...
 

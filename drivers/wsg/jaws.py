@@ -423,4 +423,5 @@ class Jaws:
 
 
 def words(problem: DeviceError | None) -> str:
+    """A problem as a sentence."""
     return problem.message if problem is not None else "no problem is known"

@@ -83,6 +83,7 @@ class Document:
     blocks: list[Block] = field(default_factory=list)
 
     def add(self, *blocks: Block) -> None:
+        """Append blocks to the document."""
         self.blocks.extend(blocks)
 
     def write(self, folder: Path, name: str = "report") -> tuple[Path, Path]:

@@ -41,10 +41,12 @@ class Desk:
 
     @property
     def holder(self) -> Held:
+        """Who has control of the run now."""
         return self._held
 
     @property
     def runner(self) -> Runner | None:
+        """The run in progress, or None."""
         return self._runner
 
     def serve(self, runner: Runner | None) -> None:

@@ -120,11 +120,13 @@ class Hub:
         return viewer
 
     def leave(self, viewer: Viewer) -> None:
+        """A viewer has gone."""
         with self._lock:
             self._viewers.discard(viewer)
 
     @property
     def viewers(self) -> int:
+        """How many watch now."""
         return len(self._viewers)
 
     @property

@@ -69,6 +69,7 @@ class Access:
         return frozenset(f"{name}:{self.port}" for name in names)
 
     def knows_host(self, headers: Headers) -> bool:
+        """Whether the request names a host that this server is known by."""
         return headers.get("host", "") in self.hosts
 
     def knows_origin(self, headers: Headers) -> bool:

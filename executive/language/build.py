@@ -147,6 +147,7 @@ class LayerBuild:
 
     @property
     def wraps(self) -> bool:
+        """Whether this layer is a modifier around the node, not the node itself."""
         return self.layer is not self.node.type
 
     @property
@@ -220,6 +221,7 @@ class LayerBuild:
         return lambda value: write(key, value, path)
 
     def inner(self, names: Mapping[str, Any]) -> InstanceScope:
+        """The scope with further names in it."""
         return replace(self.scope, **names) if names else self.scope
 
     # ------------------------------------------------------------------------------------------- what is inside
@@ -229,10 +231,12 @@ class LayerBuild:
         return self.builder.layer(self.node, self.index + 1, self.inner(names), self.path, parent)
 
     def child(self, index: int, **names: object) -> Behaviour:
+        """The behaviour of one child, with further names in its scope."""
         child = self.node.children[index]
         return self.builder.node(child, self.inner(names), self.path, path=f"{self.path}/{child.label}")
 
     def children(self, **names: object) -> list[Behaviour]:
+        """The behaviours of all children, in their order."""
         return [self.child(index, **names) for index in range(len(self.node.children))]
 
     def part(self, slot: str, **names: object) -> Behaviour | None:

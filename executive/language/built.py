@@ -97,6 +97,7 @@ class BuiltTree:
 
     @property
     def retries(self) -> tuple[Retry, ...]:
+        """All retries of the tree."""
         return tuple(b for b in self.behaviours.values() if isinstance(b, Retry))
 
     def prepare(self) -> None:

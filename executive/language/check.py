@@ -48,6 +48,7 @@ class Analysis:
 
     @property
     def errors(self) -> list[Finding]:
+        """The findings that keep the tree from running."""
         return [finding for finding in self.findings if finding.severity == "error"]
 
 

@@ -60,6 +60,7 @@ class NodeChecker:
         return LayerCheck(self, node, index, layer, found, around)
 
     def unique_name(self, node: TreeNode) -> None:
+        """Report a name that another node has already."""
         if node.name is not None:
             first = self.named.setdefault(node.name.text, node.name)
             if first is not node.name:
@@ -69,6 +70,7 @@ class NodeChecker:
     # --------------------------------------------------------------------------------------- who writes what
 
     def known_types(self) -> tuple[str, ...]:
+        """Words that can stand for a node here: composites, leaves and the file's subtrees."""
         types = [word for word, found in self.words.items() if found.role != "modifier"]
         return (*types, *self.scope.definition.file.subtrees)
 
@@ -148,14 +150,17 @@ class LayerCheck:
 
     @property
     def findings(self) -> Findings:
+        """Where findings are reported."""
         return self.whole.findings
 
     @property
     def outcomes(self) -> LayerOutcome:
+        """How the layer, its children and what they hold can end."""
         return LayerOutcome(self.whole.outcomes, self.node, self.index)
 
     @property
     def reader(self) -> ValueReader:
+        """Reads values in the layer's scope."""
         return ValueReader(self.findings, self.whole.scope, self.found)
 
     def check(self) -> None:
@@ -236,6 +241,7 @@ class LayerCheck:
             self.wired_outputs(skill.outputs)
 
     def look_up_subtree(self) -> None:
+        """Find the subtree that the node calls, or report that there is none."""
         called = self.found.subtree = self.whole.called.get(id(self.node))
         if called is not None:
             self.wired_outputs(self.whole.interfaces[id(called)].outputs)
@@ -245,6 +251,7 @@ class LayerCheck:
         self.findings.error(self.node.key, "unknown-type-of-node", f"nothing is named '{name}'", hint)
 
     def wired_outputs(self, outputs: Mapping[str, Port]) -> None:
+        """Read what the node's outputs are wired to."""
         for name, (_, value) in self.node.ports.items():
             if name in outputs:
                 who = f"{self.node.key.text}.{name}"
@@ -276,6 +283,7 @@ class LayerCheck:
         self.whole.layer(self.node, self.index + 1, around).check()
 
     def child(self, index: int, around: Around) -> None:
+        """Check one child, with what surrounds it."""
         self.whole.layer(self.node.children[index], 0, around).check()
 
     def part(self, slot: str, around: Around) -> None:

@@ -37,29 +37,39 @@ class Reference(Expression):
 
 @dataclass(frozen=True, slots=True)
 class Field(Expression):
+    """`of.name`: a field of a value."""
+
     of: Expression
     name: str
 
 
 @dataclass(frozen=True, slots=True)
 class Index(Expression):
+    """`of[index]`: an item of a value."""
+
     of: Expression
     index: Expression
 
 
 @dataclass(frozen=True, slots=True)
 class Items(Expression):
+    """`[a, b, …]`: a list that is written out."""
+
     items: tuple[Expression, ...]
 
 
 @dataclass(frozen=True, slots=True)
 class Unary(Expression):
+    """`-x` or `not x`."""
+
     operator: Literal["-", "not"]
     operand: Expression
 
 
 @dataclass(frozen=True, slots=True)
 class Binary(Expression):
+    """`left operator right`."""
+
     operator: str
     left: Expression
     right: Expression
@@ -67,6 +77,8 @@ class Binary(Expression):
 
 @dataclass(frozen=True, slots=True)
 class Call(Expression):
+    """`function(arguments)`."""
+
     function: str
     arguments: tuple[Expression, ...]
 

@@ -35,7 +35,9 @@ class TypeScope(Protocol):
         """Codes that `failure.code` can have here; None when any."""
         ...
 
-    def report(self, at: Expression, code: str, message: str, hint: str = "") -> None: ...
+    def report(self, at: Expression, code: str, message: str, hint: str = "") -> None:
+        """Report what is wrong with a part of the expression."""
+        ...
 
 
 def type_of(expression: Expression, scope: TypeScope) -> ValueType:

@@ -61,6 +61,7 @@ class LayerFlow:
 
     @property
     def outcomes(self) -> LayerOutcome:
+        """How the layer, its children and what they hold can end."""
         return LayerOutcome(self.whole.outcomes, self.node, self.index)
 
     @property
@@ -87,6 +88,7 @@ class LayerFlow:
         return self.whole.layer(self.node, self.index + 1, before)
 
     def child(self, index: int, before: Names) -> Ends:
+        """What is written after one child, given what was before."""
         return self.whole.node(self.node.children[index], before)
 
     def part(self, slot: str, before: Names) -> Ends | None:

@@ -197,9 +197,11 @@ class ElementIn:
 
     @property
     def attributes(self) -> Mapping[str, str]:
+        """All attributes of the XML element."""
         return self.found.attributes
 
     def get(self, name: str) -> str:
+        """An attribute's text; empty when it is missing."""
         return self.found.get(name)
 
     def value(self, name: str) -> object:
@@ -209,6 +211,7 @@ class ElementIn:
         return _duration(self.found.get(name))
 
     def children(self) -> list[Words]:
+        """The element's children, translated."""
         if self.read is None:
             self.read = [self.importer.node(child) for child in self.found.children]
         return self.read

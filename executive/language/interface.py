@@ -34,6 +34,7 @@ class InterfaceReader:
         self.constants: dict[int, tuple[Any, ValueType]] = {}
 
     def interface(self, definition: Definition) -> PortDeclared:
+        """The ports that a definition declares, with their types and defaults."""
         found = PortDeclared()
         for what, target, declarations in (
             ("input", found.inputs, definition.inputs),
@@ -83,6 +84,7 @@ class InterfaceReader:
             return None
 
     def type_named(self, name: YamlScalar) -> PortType | None:
+        """The type of this name; an unknown one is reported."""
         found = self.skills.types.get(name.text)
         if found is None:
             hint = did_you_mean(name.text, self.skills.types) or "types: " + ", ".join(sorted(self.skills.types))
@@ -90,6 +92,7 @@ class InterfaceReader:
         return found
 
     def constant(self, declared: Declared) -> tuple[Any, ValueType]:
+        """A declared constant's value and type."""
         if id(declared) not in self.constants:
             node = declared.default
             value = None if node is None else self._literal(node, object, ())
@@ -99,4 +102,5 @@ class InterfaceReader:
 
     @staticmethod
     def range_problem(value: Any, port: Port) -> str:
+        """Why a value is out of a port's range; empty when it is within."""
         return out_of_range(value, port)

@@ -132,6 +132,7 @@ class MockReader:
         self.shape = Shape(findings)
 
     def read(self, node: YamlNode | None) -> dict[str, tuple[MockResult, ...]]:
+        """Results by skill or node name, as the file says them."""
         found: dict[str, tuple[MockResult, ...]] = {}
         for key, value in self.shape.entries(node, "mocks", "'Skill: result' for each"):
             skill = self.skills.get(self.nodes.get(key.text, ""))
@@ -174,6 +175,7 @@ class MockReader:
         return [result] * max(1, min(self.value(at.get("calls"), int, 1), 10_000))
 
     def code(self, code: YamlScalar, skill: type[Skill]) -> None:
+        """Report a code with which the skill never fails."""
         if code.text not in skill.failures:
             hint = did_you_mean(code.text, (*skill.failures, *STATUSES)) or "codes: " + ", ".join(skill.failures)
             message = f"{skill.__name__} never fails with {code.text}"

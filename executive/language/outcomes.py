@@ -59,6 +59,7 @@ class LayerOutcome:
 
     @property
     def layer(self) -> NodeType:
+        """The node type of this layer."""
         return self.node.layers[self.index]
 
     def written(self, slot: str) -> YamlNode | None:
@@ -78,9 +79,11 @@ class LayerOutcome:
         return self.outcomes.layer(self.node, self.index + 1)
 
     def child(self, index: int) -> Outcome:
+        """How one child can end."""
         return self.outcomes.of(self.node.children[index])
 
     def children(self) -> list[Outcome]:
+        """How each child can end."""
         return [self.outcomes.of(child) for child in self.node.children]
 
     def part(self, slot: str) -> Outcome | None:

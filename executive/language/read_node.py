@@ -61,6 +61,7 @@ class NodeReader:
                 self.findings.error(node.key, "missing-key", message, hint)
 
     def type_named(self, word: str) -> NodeType:
+        """The node type that a word stands for: a registered one, a subtree, or a skill."""
         found = self.types.get(word)
         if found is not None:
             return found
@@ -92,12 +93,15 @@ class NodeReader:
         return chosen
 
     def is_type(self, word: str) -> bool:
+        """Whether a word can stand for a node."""
         return word in self.types or word in self.file.subtrees or bool(_SKILL.fullmatch(word))
 
     def first_key(self, written: YamlMapping) -> YamlNode:
+        """The first key of a mapping, to point at."""
         return next((key for key, _ in written.entries.values()), written)
 
     def modifiers(self, node: TreeNode) -> None:
+        """Read what stands beside the node's type: name, description and modifiers."""
         for name, (key, value) in node.at.entries.items():
             if key is node.key or name not in self.words:
                 continue

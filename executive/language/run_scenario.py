@@ -73,6 +73,7 @@ class CaseResult:
 
     @property
     def passed(self) -> bool:
+        """Whether everything went as expected."""
         return not self.problems
 
 
@@ -121,6 +122,7 @@ class ScenarioResult:
 
     @property
     def passed(self) -> bool:
+        """Whether all cases passed."""
         return all(result.passed for result in self.cases)
 
 

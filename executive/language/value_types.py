@@ -49,6 +49,7 @@ def _bare(value_type: ValueType) -> str:
 
 
 def is_numeric(value_type: ValueType) -> bool:
+    """Whether a type can be calculated with."""
     return value_type in (int, float, SI_NUMBER, ANY) or isinstance(value_type, Quantity)
 
 

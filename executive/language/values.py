@@ -95,6 +95,7 @@ class ValueReader:
     resolved: Resolved
 
     def parsed(self, scalar: YamlScalar) -> Expression | None:
+        """A text as an expression; a syntax error is reported at its character, and gives None."""
         try:
             return parse_expression(scalar.text)
         except ExpressionSyntaxError as error:
@@ -158,6 +159,7 @@ class ValueReader:
         return Computed(expression, found, node.text, node)
 
     def check_range(self, where: Located, value: Any, port: Port, who: str) -> None:
+        """Report a value that is out of a port's range."""
         problem = out_of_range(value, port)
         if problem:
             self.findings.error(where, "range", f"{who} {problem}")

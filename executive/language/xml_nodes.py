@@ -25,12 +25,15 @@ class XmlElement:
 
     @property
     def length(self) -> int:
+        """Characters of the tag, to underline."""
         return len(self.tag)
 
     def get(self, name: str) -> str:
+        """An attribute's text; empty when it is missing."""
         return self.attributes.get(name, "")
 
     def all(self, tag: str) -> list[XmlElement]:
+        """The children with this tag."""
         return [child for child in self.children if child.tag == tag]
 
 

@@ -133,7 +133,9 @@ class Reading(Protocol):
     """A tree file's nodes being read."""
 
     @property
-    def findings(self) -> Findings: ...
+    def findings(self) -> Findings:
+        """Where findings are reported."""
+        ...
 
     def node(self, written: YamlNode) -> TreeNode | None:
         """Read a node; None when it cannot be one, which is reported."""
@@ -207,9 +209,13 @@ class Ending(Asking, Protocol):
         """Of a modifier: what it wraps."""
         ...
 
-    def child(self, index: int) -> Outcome: ...
+    def child(self, index: int) -> Outcome:
+        """How one child can end."""
+        ...
 
-    def children(self) -> list[Outcome]: ...
+    def children(self) -> list[Outcome]:
+        """How each child can end."""
+        ...
 
     def part(self, slot: str) -> Outcome | None:
         """The node in a modifier's field, if it is written."""
@@ -228,13 +234,19 @@ class Checking(Asking, Protocol):
     """A layer being checked."""
 
     @property
-    def around(self) -> Around: ...
+    def around(self) -> Around:
+        """What surrounds the node: counters, failures in sight, names of items."""
+        ...
 
     @property
-    def findings(self) -> Findings: ...
+    def findings(self) -> Findings:
+        """Where findings are reported."""
+        ...
 
     @property
-    def outcomes(self) -> Ending: ...
+    def outcomes(self) -> Ending:
+        """How this node's children can end."""
+        ...
 
     def condition(self, slot: str, written: YamlNode, around: Around | None = None) -> None:
         """Check an expression that must be true or false, and keep it."""
@@ -268,7 +280,9 @@ class Checking(Asking, Protocol):
         """Check what a modifier wraps."""
         ...
 
-    def child(self, index: int, around: Around) -> None: ...
+    def child(self, index: int, around: Around) -> None:
+        """Check one child, with what surrounds it."""
+        ...
 
     def part(self, slot: str, around: Around) -> None: ...
 
@@ -276,7 +290,9 @@ class Checking(Asking, Protocol):
         """Find the skill that the node calls, and say what it writes."""
         ...
 
-    def look_up_subtree(self) -> None: ...
+    def look_up_subtree(self) -> None:
+        """Find the subtree that the node calls, or report that there is none."""
+        ...
 
     def perhaps_writes(self) -> None:
         """Whatever is wired to what could not be found may be written: one mistake, one finding."""
@@ -295,7 +311,9 @@ class Flowing(Asking, Protocol):
     """A layer whose data flow is followed."""
 
     @property
-    def outcomes(self) -> Ending: ...
+    def outcomes(self) -> Ending:
+        """How this node's children can end."""
+        ...
 
     @property
     def outputs(self) -> tuple[str, ...]:
@@ -313,7 +331,9 @@ class Flowing(Asking, Protocol):
 
     def inside(self, before: Names) -> Ends: ...
 
-    def child(self, index: int, before: Names) -> Ends: ...
+    def child(self, index: int, before: Names) -> Ends:
+        """What is written after one child, given what was before."""
+        ...
 
     def part(self, slot: str, before: Names) -> Ends | None: ...
 
@@ -357,9 +377,13 @@ class Building(Asking, Protocol):
 
     def inside(self, **names: object) -> Behaviour: ...
 
-    def child(self, index: int, **names: object) -> Behaviour: ...
+    def child(self, index: int, **names: object) -> Behaviour:
+        """The behaviour of one child, with further names in its scope."""
+        ...
 
-    def children(self, **names: object) -> list[Behaviour]: ...
+    def children(self, **names: object) -> list[Behaviour]:
+        """The behaviours of all children, in their order."""
+        ...
 
     def part(self, slot: str, **names: object) -> Behaviour | None: ...
 
@@ -400,12 +424,18 @@ class XmlIn(Protocol):
     """An element of XML being read."""
 
     @property
-    def tag(self) -> str: ...
+    def tag(self) -> str:
+        """The XML element's tag."""
+        ...
 
     @property
-    def attributes(self) -> Mapping[str, str]: ...
+    def attributes(self) -> Mapping[str, str]:
+        """All attributes of the XML element."""
+        ...
 
-    def get(self, name: str) -> str: ...
+    def get(self, name: str) -> str:
+        """An attribute's text; empty when it is missing."""
+        ...
 
     def value(self, name: str) -> object:
         """An attribute as it is written in tree files."""
@@ -415,7 +445,9 @@ class XmlIn(Protocol):
         """An attribute in milliseconds as a duration."""
         ...
 
-    def children(self) -> list[Words]: ...
+    def children(self) -> list[Words]:
+        """The element's children, translated."""
+        ...
 
     def ports(self) -> Words:
         """All attributes that are ports."""

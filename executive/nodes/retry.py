@@ -65,6 +65,7 @@ class Retry(Branch):
 
     @property
     def total(self) -> int:
+        """How many tries there are."""
         return self._count.of
 
     def explain(self) -> Reason:

@@ -40,6 +40,7 @@ class Picture:
 
     @property
     def empty(self) -> bool:
+        """Whether nothing was shown that could be drawn."""
         return not (self._images or self._scenes or self._series)
 
     def save(self, target: Path | BinaryIO, title: str) -> None:

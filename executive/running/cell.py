@@ -22,7 +22,9 @@ class Cell(Protocol):
         ...
 
     @property
-    def clock(self) -> Clock: ...
+    def clock(self) -> Clock:
+        """The cell's time: the system's, or the simulated world's."""
+        ...
 
     @property
     def latched(self) -> str | None:

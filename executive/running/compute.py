@@ -134,6 +134,7 @@ class Worker:
         self.connection.close()
 
     def kill(self) -> None:
+        """End the process at once."""
         self.process.kill()
         self.process.join()
         self.connection.close()

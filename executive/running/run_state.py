@@ -25,6 +25,7 @@ class RunState(Enum):
 
     @property
     def ended(self) -> bool:
+        """Whether the run is over."""
         return self in (RunState.STOPPED, RunState.SUCCEEDED, RunState.FAILED, RunState.FAULTED)
 
 

@@ -65,6 +65,7 @@ class Screen(Console):
 
     @property
     def file(self) -> IO[str]:
+        """Where it writes: the stream itself, not filtered a second time."""
         stream = super().file
         return stream.unfiltered if isinstance(stream, _Filtered) else stream
 
@@ -77,6 +78,7 @@ class Screen(Console):
         raise BrokenPipeError(errno.EPIPE, "Broken pipe: nobody reads the output any more")
 
     def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterable[Segment]:
+        """As rich's, with what could act on a terminal made visible."""
         for segment in super().render(renderable, options):
             text, style, control = segment
             if control is None and (_HARMFUL.search(text) or (style is not None and style.link)):

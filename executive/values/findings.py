@@ -39,13 +39,24 @@ class Located(Protocol):
     """Anything that knows where it is written."""
 
     @property
-    def source(self) -> Source: ...
+    def source(self) -> Source:
+        """The file that it stands in."""
+        ...
+
     @property
-    def line(self) -> int: ...
+    def line(self) -> int:
+        """Line, from 1."""
+        ...
+
     @property
-    def column(self) -> int: ...
+    def column(self) -> int:
+        """Column, from 1."""
+        ...
+
     @property
-    def length(self) -> int: ...
+    def length(self) -> int:
+        """How many characters to underline."""
+        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,6 +79,7 @@ class Source:
         self.comment_lines: set[int] = set()
 
     def excerpt(self, line: int) -> str:
+        """The text of a line, from 1; empty beyond the file."""
         return self.lines[line - 1] if 0 < line <= len(self.lines) else ""
 
 
@@ -78,16 +90,20 @@ class Findings:
         self._found: dict[tuple[str, int, int, str, str], Finding] = {}
 
     def error(self, where: Located, code: str, message: str, hint: str = "") -> None:
+        """Report what keeps the file from being used."""
         self._add(where, "error", code, message, hint)
 
     def warning(self, where: Located, code: str, message: str, hint: str = "") -> None:
+        """Report what is probably not meant."""
         self._add(where, "warning", code, message, hint)
 
     def add(self, finding: Finding) -> None:
+        """Keep a finding, once."""
         key = (finding.path, finding.line, finding.column, finding.code, finding.message)
         self._found.setdefault(key, finding)
 
     def extend(self, findings: Iterable[Finding]) -> None:
+        """Keep all of these."""
         for finding in findings:
             self.add(finding)
 

@@ -15,6 +15,7 @@ class Shape:
         self.findings = findings
 
     def mapping(self, node: YamlNode, what: str) -> YamlMapping | None:
+        """The node as a mapping; anything else is reported, and gives None."""
         if isinstance(node, YamlMapping):
             return node
         self.findings.error(node, "shape", f"{what} is a mapping ('key: value'), this is {shape_of(node)}")
@@ -37,6 +38,7 @@ class Shape:
         return None
 
     def known_keys(self, node: YamlMapping, known: Iterable[str], what: str) -> None:
+        """Report keys that are not known, with what was probably meant."""
         names = tuple(known)
         for key, _ in node.entries.values():
             if key.text not in names:

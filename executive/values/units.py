@@ -20,6 +20,7 @@ class Quantity:
 
     @property
     def si_unit(self) -> str:
+        """The unit in which values are kept."""
         return next(iter(self.units))
 
     @property

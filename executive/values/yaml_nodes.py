@@ -33,6 +33,7 @@ class YamlNode:
 
     @property
     def length(self) -> int:
+        """How many characters to underline."""
         return self.end_column - self.column if self.end_line == self.line else 1
 
 
@@ -45,6 +46,7 @@ class YamlScalar(YamlNode):
 
     @property
     def is_null(self) -> bool:
+        """Whether it says nothing: empty, `~` or `null`."""
         return self.plain and self.text in ("", "~", "null")
 
     @property
@@ -55,6 +57,8 @@ class YamlScalar(YamlNode):
 
 @dataclass(slots=True, eq=False)
 class YamlList(YamlNode):
+    """A list, with the places of its items."""
+
     items: list[YamlNode]
 
 
@@ -65,6 +69,7 @@ class YamlMapping(YamlNode):
     entries: dict[str, tuple[YamlScalar, YamlNode]]
 
     def get(self, key: str) -> YamlNode | None:
+        """The value of a key, or None."""
         entry = self.entries.get(key)
         return None if entry is None else entry[1]
 

@@ -66,6 +66,7 @@ class GripController:
 
     @property
     def warnings(self) -> tuple[str, ...]:
+        """What is doubtful about the grip now, as sentences."""
         told = (self.reference.frozen, self._pressed_alone)
         return (*self._guard.findings(), *(sentence for sentence in told if sentence))
 
@@ -88,6 +89,7 @@ class GripController:
 
     @property
     def reading(self) -> GripReading:
+        """The grip of this moment, for records and viewers."""
         sense = self.sense
         return GripReading(
             self._guard.stamp, self.phase, sense.f_n, sense.finger_forces, self.reference.f_ref, sense.least, sense.f_t,

@@ -69,6 +69,7 @@ class Hold:
 
     @property
     def phase(self) -> GripPhase:
+        """Where the grip is: closing, holding, letting go, ended."""
         return GripPhase.ENDED if self._ended else self.controller.phase
 
     @property
@@ -102,6 +103,7 @@ class Hold:
 
     @property
     def ended(self) -> bool:
+        """Whether the grip is controlled no longer."""
         return self._ended
 
     def pivot(self, on: bool) -> None:

@@ -44,6 +44,7 @@ class StraightLine:
 
     @property
     def complete(self) -> bool:
+        """Whether the line reaches its end."""
         return not self.reason
 
 

@@ -43,10 +43,12 @@ class ArmSpace:
 
     @property
     def lower(self) -> Float64:
+        """Lower joint limits, shape (dof,) [rad]."""
         return self.world.shape.model.lower
 
     @property
     def upper(self) -> Float64:
+        """Upper joint limits, shape (dof,) [rad]."""
         return self.world.shape.model.upper
 
     def at_width(self, width: float) -> ArmSpace:

@@ -69,6 +69,7 @@ class FinderNetwork(nn.Module):
         self.head = nn.Sequential(_convolve(b, b), last)
 
     def forward(self, x: Tensor) -> tuple[Tensor, Tensor]:
+        """Belief maps and offsets of pictures, shape (n, 3, h, w): (n, 9, h / 4, w / 4) and (n, 17, h / 4, w / 4)."""
         fine = self.at_4(self.stem(x))
         middle = self.at_8(fine)
         coarse = self.to_8(self.at_16(middle))
@@ -115,6 +116,7 @@ class CloseLookNetwork(nn.Module):
         )
 
     def forward(self, x: Tensor) -> Tensor:
+        """What is said of each look, shape (n, 3, side, side)."""
         return self.head(self.trunk(x))  # type: ignore[no-any-return]
 
 

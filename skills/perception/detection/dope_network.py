@@ -37,6 +37,7 @@ class DopeNetwork(nn.Module):
             self.add_module(f"m{stage}_1", _later_stage(inputs, affinity_maps))
 
     def forward(self, x: Tensor) -> tuple[list[Tensor], list[Tensor]]:
+        """Belief and affinity maps after each stage, shapes (n, 9, h / 8, w / 8) and (n, 16, h / 8, w / 8)."""
         features = self.vgg(x)
         beliefs, affinities = [self.m1_2(features)], [self.m1_1(features)]
         for stage in range(2, self.stop_at_stage + 1):

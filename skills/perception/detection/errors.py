@@ -20,24 +20,32 @@ class DetectError(Exception):
 
 
 class BadFrame(DetectError):
+    """A picture of another shape or type than the detector takes."""
+
     def __init__(self, expected: str, got: str) -> None:
         self.expected, self.got = expected, got
         super().__init__(f"a picture must be {expected}; this one is {got}")
 
 
 class BadMaps(DetectError):
+    """Maps of another shape than the decoder takes."""
+
     def __init__(self, expected: str, got: str) -> None:
         self.expected, self.got = expected, got
         super().__init__(f"maps must be {expected}; these are {got}")
 
 
 class PoseUnsolved(DetectError):
+    """No pose follows from the keypoints."""
+
     def __init__(self, problem: str) -> None:
         self.problem = problem
         super().__init__(f"no pose follows from the keypoints: {problem}")
 
 
 class BadTraining(DetectError):
+    """A training cannot go on, or not as it was asked for."""
+
     def __init__(self, problem: str) -> None:
         self.problem = problem
         super().__init__(problem)
@@ -50,12 +58,12 @@ class _BadFile(DetectError):
 
 
 class BadWeights(_BadFile):
-    pass
+    """A file of weights that cannot be used."""
 
 
 class BadPoseConfig(_BadFile):
-    pass
+    """A configuration of DOPE's that cannot be used."""
 
 
 class BadAnnotation(_BadFile):
-    pass
+    """An annotation file that cannot be used."""

@@ -15,12 +15,16 @@ class FruitError(Exception):
 
 
 class UnknownFruit(FruitError):
+    """The catalogue has no fruit of this name."""
+
     def __init__(self, name: str, known: tuple[str, ...]) -> None:
         self.name, self.known = name, known
         super().__init__(f"no fruit named {name!r}; the catalogue has {', '.join(known) or 'none'}")
 
 
 class BadFruitFile(FruitError):
+    """A fruit's file that cannot be used."""
+
     def __init__(self, path: Path, problem: str) -> None:
         self.path, self.problem = path, problem
         super().__init__(f"{path}: {problem}")

@@ -22,10 +22,14 @@ class Triangles(Protocol):
     """A triangle mesh, such as a `FruitModel`: vertices (n, 3) float64 [m], faces (m, 3) integer."""
 
     @property
-    def vertices(self) -> Float64: ...
+    def vertices(self) -> Float64:
+        """Shape (n, 3) [m]."""
+        ...
 
     @property
-    def faces(self) -> NDArray[np.int32]: ...
+    def faces(self) -> NDArray[np.int32]:
+        """Indices of vertices, shape (m, 3)."""
+        ...
 
     def __hash__(self) -> int: ...
 

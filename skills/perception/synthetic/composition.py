@@ -22,6 +22,7 @@ _DEPTHS = {SceneKind.RANDOM: (0.32, 1.0), SceneKind.ORCHARD: (0.4, 1.4), SceneKi
 
 
 def compose(fruit: FruitModel, options: SceneOptions, kind: SceneKind, rng: np.random.Generator) -> Scene:
+    """Draw a scene: camera, fruit, leaves and other things, all from `rng`."""
     scene = Scene(kind, _camera_pose(kind, rng), table=kind is SceneKind.TABLE or rng.random() < 0.15)
     if kind is SceneKind.TABLE and rng.random() < 0.06:
         scene.table = False

@@ -16,6 +16,8 @@ F64 = NDArray[np.float64]
 
 @dataclass(slots=True)
 class Item:
+    """One thing of a scene: shape, pose [m] and paint."""
+
     shape: Shape
     rotation: F64
     scale: F64
@@ -29,6 +31,8 @@ class Item:
 
 @dataclass(slots=True)
 class Scene:
+    """What is rendered: camera, things, and the truth about the fruit among them."""
+
     kind: SceneKind
     T_world_camera: F64
     table: bool

@@ -21,6 +21,7 @@ SHADOW_CELLS = 320
 
 
 def draw_backdrop(fruit: FruitModel, options: SceneOptions, scene: Scene, rng: np.random.Generator) -> F32:
+    """The picture behind everything, (h, w, 3) float32."""
     index = int(rng.integers(0, 160))
     tree = scene.kind is SceneKind.TREE
     if tree or (scene.kind is SceneKind.ORCHARD and rng.random() < 0.85):
@@ -42,6 +43,7 @@ def draw_backdrop(fruit: FruitModel, options: SceneOptions, scene: Scene, rng: n
 
 
 def set_lights(scene: Scene, R_cw: F64, rng: np.random.Generator) -> tuple[F32, F32, F32]:
+    """Directions, colours and softness of one to three lamps, in the camera's frame."""
     count = int(rng.integers(1, 4))
     lights = np.zeros((count, 6), np.float32)
     total = rng.uniform(0.5, 1.4)
@@ -79,6 +81,7 @@ def cast_shadow(P: F32, F: NDArray[np.int32], light: F32, rng: np.random.Generat
 
 
 def lay_table(scene: Scene, T_wc: F64, rng: np.random.Generator) -> tuple[F32, F32, F32]:
+    """The table's plane, its texture axes and its paint, in the camera's frame."""
     R_cw, eye = T_wc[:3, :3].T, T_wc[:3, 3]
     normal = R_cw[:, 2]
     offset = -float(eye[2]) if scene.table else 0.0

@@ -48,6 +48,7 @@ def true_fruit(
     F: NDArray[np.int32],
     owner_of_face: NDArray[np.int32],
 ) -> tuple[FruitTruth, ...]:
+    """The truth about one rendered fruit: pose, keypoints, and how much of it is seen."""
     fx, fy, cx, cy = options.camera
     T_wc = scene.T_world_camera
     R_cw, eye = T_wc[:3, :3].T, T_wc[:3, 3]
@@ -74,6 +75,7 @@ def true_fruit(
 
 
 def decoy_circle(options: SceneOptions, centre: F64, radius: float) -> tuple[float, float, float]:
+    """Where a round thing that is no fruit shows in the picture: centre and radius [px]."""
     fx, fy, cx, cy = options.camera
     return (
         float(fx * centre[0] / centre[2] + cx),

@@ -50,6 +50,7 @@ class FrameFolder:
         return f"{picture.parent.name}/{picture.stem}"
 
     def annotation(self, index: int) -> Annotation:
+        """The annotation of a frame."""
         return read_annotation(self.pictures[index].with_suffix(".json"))
 
     def picture(self, index: int, halved: bool) -> U8:

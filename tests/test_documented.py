@@ -1,0 +1,91 @@
+"""Every public class, function and method says what it is for; what overrides another may leave it to that one."""
+
+from __future__ import annotations
+
+import ast
+from collections import defaultdict
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+PACKAGES = ("executive", "skills", "drivers")
+SAID_BY_PY_TREES = {"tick", "update", "initialise", "terminate", "setup"}
+
+
+@dataclass
+class Class:
+    """A class as its text says it: where, bases by name, and which methods have a docstring."""
+
+    place: str
+    package: str
+    bases: tuple[str, ...]
+    documented: bool
+    methods: dict[str, tuple[bool, str]] = field(default_factory=dict)
+
+
+def read_all() -> tuple[dict[str, list[Class]], list[str]]:
+    """All top-level classes by name, and the public functions without a docstring."""
+    classes: dict[str, list[Class]] = defaultdict(list)
+    silent = []
+    for package in PACKAGES:
+        for path in sorted((ROOT / package).rglob("*.py")):
+            where = path.relative_to(ROOT)
+            for node in ast.parse(path.read_text("utf-8")).body:
+                if isinstance(node, ast.ClassDef):
+                    classes[node.name].append(read_class(node, str(where), package))
+                elif isinstance(node, ast.FunctionDef) and is_public(node.name) and not ast.get_docstring(node):
+                    silent.append(f"{where}:{node.lineno} {node.name}")
+    return classes, silent
+
+
+def read_class(node: ast.ClassDef, where: str, package: str) -> Class:
+    bases = tuple(ast.unparse(base).split("[")[0].split(".")[-1] for base in node.bases)
+    found = Class(f"{where}:{node.lineno}", package, bases, ast.get_docstring(node) is not None)
+    for member in node.body:
+        if isinstance(member, ast.FunctionDef):
+            said = ast.get_docstring(member) is not None or found.methods.get(member.name, (False, ""))[0]
+            found.methods[member.name] = said, f"{where}:{member.lineno}"
+    return found
+
+
+def is_public(name: str) -> bool:
+    return not name.startswith("_")
+
+
+def inherited(classes: dict[str, list[Class]], found: Class, method: str) -> bool:
+    """Whether a class above it says what the method does."""
+    for base in found.bases:
+        for above in classes.get(base, ()):
+            if above.methods.get(method, (False, ""))[0] or inherited(classes, above, method):
+                return True
+    return False
+
+
+def silent_members(classes: dict[str, list[Class]]) -> Iterator[str]:
+    protocols = {
+        method
+        for found in (each for same in classes.values() for each in same)
+        if "Protocol" in found.bases
+        for method, (said, _) in found.methods.items()
+        if said
+    }
+    for name, same in classes.items():
+        for found in same:
+            if not is_public(name):
+                continue
+            if not found.documented:
+                yield f"{found.place} {name}"
+            for method, (said, place) in found.methods.items():
+                is_skill = method == "run" and (
+                    found.package == "skills" or any("Skill" in base for base in found.bases)
+                )
+                elsewhere = method in protocols or method in SAID_BY_PY_TREES or is_skill  # a skill's class says it
+                if is_public(method) and not said and not elsewhere and not inherited(classes, found, method):
+                    yield f"{place} {name}.{method}"
+
+
+def test_everything_public_is_documented() -> None:
+    classes, silent = read_all()
+    assert len(classes) > 300, "the packages were not found"
+    assert [*silent, *silent_members(classes)] == []
