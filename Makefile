@@ -59,6 +59,9 @@ bench-tree: $(STAMP) ## the executive beside bare py_trees: ticks, recording, ji
 train-detect: $(STAMP) ## train the detector from nothing and replace the shipped weights (four hours on two cores)
 	$(BIN)/pomona train detect --out skills/perception/detection/weights/apple.pt
 
+bench-start: $(STAMP) ## what the small commands cost: --help, check, skills, show, export, runs list
+	$(BIN)/python -m benchmarks.bench_start
+
 bench-detect: $(STAMP) ## the detector on held-out frames; DATA=… adds the real frames
 	$(BIN)/python -m benchmarks.bench_detect $(if $(DATA),--orchard $(DATA))
 

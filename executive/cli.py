@@ -8,10 +8,13 @@ from __future__ import annotations
 
 import argparse
 import os
+import re
 import signal
 import sys
 from collections.abc import Sequence
-from importlib.metadata import entry_points, version
+from importlib.metadata import EntryPoint, entry_points, version
+from importlib.util import find_spec
+from pathlib import Path
 
 from executive.errors import UsageError
 from executive.running.signals import WORDS, raising, status_of
@@ -19,7 +22,8 @@ from executive.running.signals import WORDS, raising, status_of
 COMMANDS = "pomona.commands"
 """Entry point group of subcommands: functions that add one parser to argparse's subparsers and set its `main`.
 
-An entry point with its subcommand's name is loaded alone when that is asked for: the others' imports cost seconds."""
+An entry point has its subcommand's name and is loaded alone when that is asked for: the others' imports cost seconds.
+Its help is read from its source, where the module says `add_parser("name", help="…")`."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -40,7 +44,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run(words: Sequence[str]) -> int:
-    from executive.terminal.screen import filtered_output  # loading it takes a while: signals are heard before
+    from executive.terminal.filtered import filtered_output  # loading it takes a while: signals are heard before
 
     with filtered_output():
         return _run_filtered(words)
@@ -80,6 +84,14 @@ def _leave_quietly() -> None:
             os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
+class _Version(argparse.Action):
+    """Looks the version up when it is asked for."""
+
+    def __call__(self, *_arguments: object, **_options: object) -> None:
+        sys.stdout.write(f"pomona {version('pomona')}\n")
+        sys.exit(0)
+
+
 def _parser(first: Sequence[str]) -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="pomona",
@@ -87,12 +99,26 @@ def _parser(first: Sequence[str]) -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
         epilog=__doc__.split("\n", 2)[2] if __doc__ else None,
     )
-    parser.add_argument("--version", action="version", version=f"pomona {version('pomona')}")
+    parser.add_argument("--version", action=_Version, nargs=0, help="show the version and exit")
     subparsers = parser.add_subparsers(metavar="COMMAND", required=True)
-    entries = sorted(entry_points(group=COMMANDS), key=lambda entry: entry.name)
-    for entry in [entry for entry in entries if entry.name in first] or entries:
-        entry.load()(subparsers)
+    for entry in sorted(entry_points(group=COMMANDS), key=lambda entry: entry.name):
+        if entry.name in first:
+            entry.load()(subparsers)
+        else:
+            subparsers.add_parser(entry.name, help=_help_of(entry), add_help=False)
     return parser
+
+
+def _help_of(entry: EntryPoint) -> str:
+    """What a subcommand's source gives as its help, without importing it."""
+    spec = find_spec(entry.module.rpartition(".")[0])
+    places = spec.submodule_search_locations if spec is not None else None
+    for place in places or ():
+        source = Path(place) / f"{entry.module.rpartition('.')[2]}.py"
+        if source.is_file():
+            found = re.search(rf"""add_parser\(\s*"{entry.name}",\s*help="([^"]*)\"""", source.read_text("utf-8"))
+            return found[1] if found is not None else ""
+    return ""
 
 
 if __name__ == "__main__":

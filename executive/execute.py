@@ -14,8 +14,9 @@ from pathlib import Path
 
 from executive.board import Board
 from executive.errors import UsageError
-from executive.files import installed_trees, read_text
-from executive.language import BuiltTree, Document, Mocks, build, check, format_findings, read
+from executive.files import read_text
+from executive.language import BuiltTree, Document, Mocks, build, format_findings
+from executive.language.documents import read_document, refuse_errors
 from executive.language.mocks import MockPlan
 from executive.language.scenario import read_mocks
 from executive.recording.keeping import Keeping
@@ -208,28 +209,6 @@ def _prepare(runner: Runner) -> None:
         raise
     except BaseException as error:  # weights that do not load, a robot file that is wrong: nothing has moved
         raise UsageError(f"the skills cannot be prepared: {_with_place(error)}") from error
-
-
-def read_document(path: Path, texts: Mapping[str, str] | None = None) -> Document:
-    """Read a tree file, and the files that it calls; those in `texts` are not read from the disk.
-
-    Raises:
-        UsageError: it cannot be read at all.
-    """
-    return read(_text_of(path, texts or {}), path, tree_folders=[installed_trees()], texts=texts or {})
-
-
-def refuse_errors(
-    document: Document, registry: Registry, settings: Mapping[str, str], interfaces: tuple[type, ...] | None
-) -> None:
-    """Check a document.
-
-    Raises:
-        UsageError: with every finding, when one of them is an error.
-    """
-    findings = check(document, registry, overrides=settings, interfaces=interfaces)
-    if any(finding.severity == "error" for finding in findings):
-        raise UsageError(f"{format_findings(findings)} Nothing was run.")
 
 
 def load_cell(

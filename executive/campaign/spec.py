@@ -30,9 +30,10 @@ import yaml
 
 from executive.campaign.file_shape import CampaignShape
 from executive.errors import UsageError
-from executive.execute import RunOrder, read_document
+from executive.execute import RunOrder
 from executive.files import find_cell, find_tree, read_text
 from executive.language import format_findings
+from executive.language.documents import read_document
 from executive.values.findings import Findings, Source, did_you_mean
 from executive.values.yaml_nodes import YamlMapping, YamlNode, YamlScalar, read_yaml
 

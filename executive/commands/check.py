@@ -6,14 +6,16 @@ import argparse
 import contextlib
 import dataclasses
 import sys
+from collections.abc import Mapping
 from typing import Any
 
-from executive.execute import load_cell, read_document
 from executive.files import find_cell, find_tree
-from executive.language import Finding, check, format_findings
+from executive.language.check import check
+from executive.language.documents import read_document, with_declarations
 from executive.registry import Registry
 from executive.settings import parse_settings
-from executive.terminal.screen import Screen, write_json
+from executive.terminal.filtered import write_json
+from executive.values.findings import Finding, format_findings
 
 
 def add(subparsers: Any) -> None:
@@ -32,19 +34,37 @@ def main(options: argparse.Namespace) -> int:
     Returns:
         2 when there are errors, else 0.
     """
-    registry = Registry.installed()
-    interfaces = None
+    settings = parse_settings(options.set)
     if options.cell:
-        with contextlib.closing(load_cell(find_cell(options.cell), 0, {})) as cell:
-            interfaces = cell.interfaces()
-    findings: list[Finding] = []
-    for name in options.trees:
-        document = read_document(find_tree(name))
-        findings += check(document, registry, overrides=parse_settings(options.set), interfaces=interfaces)
+        findings = _on_cell(options, settings)
+    else:
+        findings = with_declarations(lambda registry: _check(options, settings, registry))
     if options.json:
         write_json([dataclasses.asdict(finding) for finding in findings])
     elif findings:
         sys.stdout.write(format_findings(findings) + "\n")
     else:
-        Screen().print(f"{len(options.trees)} file{'s' if len(options.trees) > 1 else ''}: nothing is wrong")
+        sys.stdout.write(f"{len(options.trees)} file{'s' if len(options.trees) > 1 else ''}: nothing is wrong\n")
     return 2 if any(finding.severity == "error" for finding in findings) else 0
+
+
+def _check(
+    options: argparse.Namespace,
+    settings: Mapping[str, str],
+    registry: Registry,
+    interfaces: tuple[type, ...] | None = None,
+) -> list[Finding]:
+    findings: list[Finding] = []
+    for name in options.trees:
+        document = read_document(find_tree(name))
+        findings += check(document, registry, overrides=settings, interfaces=interfaces)
+    return findings
+
+
+def _on_cell(options: argparse.Namespace, settings: Mapping[str, str]) -> list[Finding]:
+    """With the devices of a cell, which has to be connected to know them."""
+    from executive.execute import load_cell  # imports all that a run needs
+
+    with contextlib.closing(load_cell(find_cell(options.cell), 0, {})) as cell:
+        interfaces = cell.interfaces()
+    return _check(options, settings, Registry.installed(), interfaces)

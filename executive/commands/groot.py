@@ -8,21 +8,25 @@ from pathlib import Path
 from typing import Any
 
 from executive.errors import UsageError
-from executive.execute import read_document, refuse_errors
 from executive.files import find_tree, read_text, write_text
-from executive.language import format_findings
+from executive.language.documents import read_document, refuse_errors, with_declarations
 from executive.language.groot_export import export_groot
 from executive.language.groot_import import import_groot
 from executive.registry import Registry
+from executive.values.findings import format_findings
 
 
-def add(subparsers: Any) -> None:
-    """Register both subcommands."""
+def add_export(subparsers: Any) -> None:
+    """Register `pomona export`."""
     out = subparsers.add_parser("export", help="write a tree as XML for Groot2 and BehaviorTree.CPP")
     out.add_argument("tree", help="a tree file, or the name of an installed tree")
     out.add_argument("--groot", action="store_true", default=True, help="the format; there is no other")
     out.add_argument("--out", type=Path, metavar="FILE", help="file to write (default: standard output)")
     out.set_defaults(main=export)
+
+
+def add_import(subparsers: Any) -> None:
+    """Register `pomona import`."""
     into = subparsers.add_parser("import", help="read such XML and print a tree file")
     into.add_argument("xml", type=Path)
     into.add_argument("--out", type=Path, metavar="FILE", help="file to write (default: standard output)")
@@ -35,11 +39,14 @@ def export(options: argparse.Namespace) -> int:
     Returns:
         the exit status.
     """
-    registry = Registry.installed()
+    write_text(with_declarations(lambda registry: _xml(options, registry)), options.out)
+    return 0
+
+
+def _xml(options: argparse.Namespace, registry: Registry) -> str:
     document = read_document(find_tree(options.tree))
     refuse_errors(document, registry, {}, None)
-    write_text(export_groot(document, registry), options.out)
-    return 0
+    return export_groot(document, registry)
 
 
 def import_(options: argparse.Namespace) -> int:

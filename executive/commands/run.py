@@ -20,8 +20,9 @@ from executive.files import find_cell, find_tree
 from executive.running.runner import Runner
 from executive.running.signals import Terminated
 from executive.settings import parse_settings
+from executive.terminal.filtered import write_json
 from executive.terminal.live import LiveTree
-from executive.terminal.screen import Screen, write_json
+from executive.terminal.screen import Screen
 
 EXIT = {"success": 0, "failure": 1, "stopped": 3, "error": 3}
 

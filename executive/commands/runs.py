@@ -19,9 +19,10 @@ from executive.recording.read import find_record, read_events
 from executive.recording.recorder import EVENTS_FILE, is_being_written
 from executive.recording.repair import repair
 from executive.terminal.explain import explain_parting
+from executive.terminal.filtered import write_json
 from executive.terminal.run_list import how, print_comparison, print_list, size, wide_console
 from executive.terminal.run_sheet import print_sheet
-from executive.terminal.screen import Screen, write_json
+from executive.terminal.screen import Screen
 from executive.terminal.summary import Summary
 
 RUN = "a record's folder or MCAP file, its name (or the beginning of it) below --record, or 'last'"

@@ -5,9 +5,9 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
+from executive.language.documents import with_declarations
 from executive.language.schema import schema
-from executive.registry import Registry
-from executive.terminal.screen import write_json
+from executive.terminal.filtered import write_json
 
 
 def add(subparsers: Any) -> None:
@@ -22,5 +22,5 @@ def main(_options: argparse.Namespace) -> int:
     Returns:
         the exit status.
     """
-    write_json(schema(Registry.installed()), indent=2)
+    write_json(with_declarations(schema), indent=2)
     return 0

@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import Any
 
 from executive.errors import UsageError
-from executive.execute import read_document
 from executive.files import find_tree, write_text
-from executive.language import format_findings
+from executive.language.documents import read_document
 from executive.language.show import show_svg, show_text
+from executive.values.findings import format_findings
 
 
 def add(subparsers: Any) -> None:

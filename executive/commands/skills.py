@@ -11,8 +11,10 @@ from rich.markup import escape
 from rich.table import Table
 
 from executive.errors import UsageError
-from executive.registry import Registry, SkillListing
-from executive.terminal.screen import Screen, write_json
+from executive.language.declared_skills import declared_skills
+from executive.registry import SkillListing
+from executive.terminal.filtered import write_json
+from executive.terminal.screen import Screen
 
 
 def add(subparsers: Any) -> None:
@@ -29,7 +31,7 @@ def main(options: argparse.Namespace) -> int:
     Returns:
         the exit status.
     """
-    registry = Registry.installed()
+    registry = declared_skills()
     listing = [skill for skill in registry.listing() if options.name in (None, skill.name)]
     if options.name and not listing:
         raise UsageError(f"no skill '{options.name}'; there are {', '.join(sorted(registry))}")

@@ -7,9 +7,9 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from executive.errors import UsageError
-from executive.execute import read_document, refuse_errors
 from executive.language import Document
 from executive.language.compare import changes
+from executive.language.documents import read_document, refuse_errors
 from executive.registry import Registry
 from executive.terminal.screen import Screen
 

@@ -13,7 +13,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from executive.language.expression_parser import UNITS
-from executive.language.value_types import ANY, SI_NUMBER, ListOf, ValueType, describe, fields_of
+from executive.language.value_types import (
+    ANY,
+    DECLARED_FIELDS,
+    SI_NUMBER,
+    ListOf,
+    NotLoadedError,
+    ValueType,
+    describe,
+    fields_of,
+)
 from executive.ports import RATIO, Quantity
 from executive.values.findings import did_you_mean
 from executive.values.rotations import from_quaternion, from_rpy
@@ -147,6 +156,8 @@ def _mapping(node: YamlMapping, value_type: ValueType) -> Any:
         return _pose(node)
     if value_type in (ANY, object, dict):
         return {key.text: literal(value, ANY) for key, value in node.entries.values()}
+    if isinstance(value_type, type) and DECLARED_FIELDS in vars(value_type):
+        raise NotLoadedError(f"a literal of {describe(value_type)} is checked by the class itself")
     if isinstance(value_type, type) and dataclasses.is_dataclass(value_type):
         return _dataclass(node, value_type)
     raise LiteralError(node, f"{describe(value_type)} is needed here, this is a mapping")

@@ -11,7 +11,15 @@ from enum import Enum
 from functools import cache
 from typing import Any
 
+from executive.errors import PomonaError
 from executive.ports import RATIO, Quantity, type_name
+
+DECLARED_FIELDS = "__declared_fields__"
+"""Attribute of a class that stands in for one which is not imported: its fields and their types, if it has any."""
+
+
+class NotLoadedError(PomonaError):
+    """Something needs a class that is not imported; only its declaration is known."""
 
 
 class Loose(Enum):
@@ -106,6 +114,9 @@ def fields_of(value_type: ValueType) -> dict[str, ValueType] | None:
     if not isinstance(value_type, type) or value_type in (bool, int, float, str, object):
         return {} if value_type is not ANY and value_type is not object else None
     cls: Any = value_type
+    if DECLARED_FIELDS in vars(cls):
+        declared = vars(cls)[DECLARED_FIELDS]
+        return None if declared is None else dict(declared)
     return dict(_fields_of_class(cls))
 
 

@@ -1,0 +1,86 @@
+"""Everything that is written to a terminal passes here, so that no tree, record or name can do anything but be read.
+
+Escape sequences set a window's title, clear the screen, move the cursor or write to the clipboard; right-to-left and
+invisible marks make a name look like another one. Each such character is shown as what it is: ESC as ␛, a right-to-left
+override as <U+202E>. Line breaks and tabs stay.
+
+`filtered_output` stands around a whole command: whatever writes to stdout or stderr is filtered. A `Screen` (screen.py)
+colours what it writes, and filters what it is given before it does.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import re
+import sys
+from collections.abc import Iterable, Iterator
+from typing import Any, TextIO, cast
+
+HARMFUL = re.compile(
+    "[\x00-\x08\x0b-\x1f\x7f-\x9f\u00ad\u061c\u180e\u200b-\u200f\u2028-\u202e\u2060-\u206f\ufeff\ufff9-\ufffb"
+    "\U000e0000-\U000e007f\ud800-\udfff]"
+)
+"""Control characters but line break and tab, Unicode's format characters, line separators, halves of characters."""
+
+
+def visible(text: str) -> str:
+    """The text with every character that would act instead of being shown replaced by a sign for it."""
+    return HARMFUL.sub(_sign, text)
+
+
+def json_text(value: Any, indent: int | None = None) -> str:
+    """JSON in which such characters are escaped, so that it says the same in a terminal and to a program."""
+    return HARMFUL.sub(_escaped, json.dumps(value, ensure_ascii=False, indent=indent))
+
+
+def write_json(value: Any, indent: int | None = None) -> None:
+    """Write a JSON value and a line's end to standard output."""
+    sys.stdout.write(json_text(value, indent) + "\n")
+
+
+def _sign(found: re.Match[str]) -> str:
+    code = ord(found[0])
+    if code < 0x20:
+        return chr(0x2400 + code)
+    return "\u2421" if code == 0x7F else f"<U+{code:04X}>"
+
+
+def _escaped(found: re.Match[str]) -> str:
+    return json.dumps(found[0])[1:-1] if found[0] != "\x7f" else "\\u007f"
+
+
+class Filtered:
+    """A stream that filters. It is no terminal: what colours its output by itself would have its codes shown."""
+
+    def __init__(self, unfiltered: TextIO) -> None:
+        self.unfiltered = unfiltered
+
+    def write(self, text: str) -> int:
+        self.unfiltered.write(visible(text))
+        return len(text)
+
+    def writelines(self, lines: Iterable[str]) -> None:
+        for line in lines:
+            self.write(line)
+
+    def write_document(self, text: str) -> None:
+        """Write a file's text: as it is where that goes into a file or a pipe, filtered in a terminal."""
+        self.unfiltered.write(visible(text) if self.unfiltered.isatty() else text)
+
+    def isatty(self) -> bool:
+        return False
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.unfiltered, name)
+
+
+@contextlib.contextmanager
+def filtered_output() -> Iterator[None]:
+    """Filter standard output and standard error until the end."""
+    before = sys.stdout, sys.stderr
+    sys.stdout, sys.stderr = (cast(TextIO, Filtered(stream)) for stream in before)
+    try:
+        yield
+    finally:
+        sys.stdout, sys.stderr = before
