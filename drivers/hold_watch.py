@@ -40,13 +40,12 @@ class HoldWatch:
         """
         if self._q is not None and self._arm is not None:
             moved = float(np.abs(self._arm.state().q - self._q).max())
-            if moved > MOVED:
+            if not moved <= MOVED:  # so that joints that are no number are not as they were
                 raise DeviceFault("arm", f"was moved by {np.degrees(moved):.1f}° while the run was paused")
         force = self._least_force()
-        if self._force is not None and force is not None and self._force > HELD and force < GONE:
-            raise DeviceFault(
-                "fingers", f"the fruit that was held with {self._force:.1f} N is gone (now {force:.1f} N)"
-            )
+        if self._force is not None and self._force > HELD and (force is None or not force >= GONE):
+            now = "nothing is felt" if force is None else f"now {force:.1f} N"
+            raise DeviceFault("fingers", f"the fruit that was held with {self._force:.1f} N is gone ({now})")
 
     def _least_force(self) -> float | None:
         """The smaller of the two fingers' normal forces [N]."""

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
-from drivers.errors import DeviceLost, MotionRefused
+from drivers.errors import DeviceFault, DeviceLost, MotionRefused
+from drivers.gripper_supervisor import GripperSupervisor
 from drivers.interfaces import Gripper, GripperLimits, GripperState, Motion, MotionState
 from drivers.sim.faults import FaultyDevice
 from drivers.sim.scene import TIMESTEP
@@ -20,11 +22,18 @@ STANDING = 2e-3
 """… that move slower than this [m/s] …"""
 PATIENCE = 0.05
 """… for this long [s] are blocked."""
+STALE = 0.05
+"""A state that is older than this is none [s]."""
+RUNAWAY, FAST_STOP = 0.03, 0.2
+"""Speed of fingers that run away [m/s]; so long after a safe stop a fast stop ends that [s], as a real driver does."""
 YIELD = 1e-3
 """How far force control may open while latched [m]: the grip is kept, and never opened."""
 
 MOTOR_STEP = 0.5
 """The grasp force by the motor's current comes in steps of so much [N]."""
+
+
+ESTRANGED = "was lost; acknowledge that before it moves"
 
 
 class GripperMove:
@@ -55,10 +64,15 @@ class GripperMove:
 
 
 class SimGripper(FaultyDevice):
-    """Two fingers that move alike. Faults: `jam` (the fingers stand still), `lost` (no answer; they stop)."""
+    """Two fingers that move alike.
+
+    Faults: `jam` (the fingers stand still), `lost` (no answer; they stop), `busy` (a move never begins nor ends),
+    `runaway` (the fingers open whatever they are told, until a safe stop has lasted a moment), `frozen` (the state
+    stays what it was), `not_a_number` (the width is none).
+    """
 
     interfaces = (Gripper,)
-    known_faults = ("jam", "lost")
+    known_faults = ("jam", "lost", "busy", "runaway", "frozen", "not_a_number")
 
     def __init__(self, world: SimWorld, speed_max: float, force_max: float, watchdog: float) -> None:
         super().__init__("gripper")
@@ -77,10 +91,20 @@ class SimGripper(FaultyDevice):
         self._blocked_for = 0.0
         self._paused = False
         self._latched: str | None = None
-        self._latched_width = 0.0
+        self._latched_width = self._latched_at = 0.0
+        self._estranged = False  # lost since the last acknowledgement
+        self._frozen = GripperState(0.0, 0.0, 0.0, False)
+        self._supervisor = GripperSupervisor(self.limits, ACCELERATION)
+        self._supervisor.rest(world.clock.now())
         world.before_step.append(self._command)
 
     def state(self) -> GripperState:
+        state = self._measure()
+        if self.fault == "frozen":
+            return self._frozen
+        return replace(state, width=math.nan) if self.fault == "not_a_number" else state
+
+    def _measure(self) -> GripperState:
         state = self._world.state
         width = self._closed + float(state.qpos[self._address[0]] + state.qpos[self._address[1]])
         speed = float(state.qvel[self._dof[0]] + state.qvel[self._dof[1]])
@@ -90,8 +114,8 @@ class SimGripper(FaultyDevice):
     def move(self, width: float, speed: float) -> Motion:
         if self._latched is not None:
             raise MotionRefused(self.name, f"latched in the safe state ({self._latched})")
-        if self.fault == "lost":
-            raise MotionRefused(self.name, "does not answer")
+        if self._estranged:
+            raise MotionRefused(self.name, "does not answer" if self.fault == "lost" else ESTRANGED)
         low, high = self.limits.width_min, self.limits.width_max
         if not (low - 1e-6 <= width <= high + 1e-6):
             raise MotionRefused(
@@ -101,47 +125,70 @@ class SimGripper(FaultyDevice):
             raise MotionRefused(self.name, f"a speed of {speed:g} m/s lies outside 0 … {self.limits.speed_max:g} m/s")
         self._end_move()
         self._speed = 0.0
-        self._move = GripperMove(width, speed, self.state().width)
+        now, start = self._world.clock.now(), self._measure().width
+        self._supervisor.move(now, start, width, speed)
+        self._move = GripperMove(width, speed, start)
         return self._move
 
     def set_speed(self, speed: float) -> None:
-        if self.fault == "lost":
-            raise DeviceLost(self.name, "does not answer")
+        if self._estranged:
+            raise DeviceLost(self.name, "does not answer" if self.fault == "lost" else ESTRANGED)
         self._end_move()
         limit = self.limits.speed_max
         self._speed = min(max(speed, -limit), limit) if math.isfinite(speed) else 0.0
         self._commanded_at = self._world.clock.now()
+        self._supervisor.stream(self._commanded_at, self._speed, self._watchdog)
 
     def check(self) -> None:
+        now, state = self._world.clock.now(), self.state()
         if self.fault == "lost":
             raise DeviceLost(self.name, "does not answer")
+        if now - state.stamp > STALE:
+            raise DeviceLost(self.name, f"has not told its width for {1e3 * (now - state.stamp):.0f} ms")
+        if self._speed and now - self._commanded_at > self._watchdog:
+            self._supervisor.stream(now, 0.0, self._watchdog)
+        wrong = self._supervisor.look(now, state)
+        if wrong:
+            raise DeviceFault(self.name, wrong)
+
+    def inject_fault(self, kind: str) -> None:
+        self._frozen = self._measure()
+        super().inject_fault(kind)
+        self._estranged = self._estranged or kind == "lost"
 
     def safe_stop(self, reason: str) -> None:
         if self._latched is None:
-            self._latched_width = self.state().width
+            self._latched_width, self._latched_at = self._measure().width, self._world.clock.now()
         self._latched = reason
         self._end_move()
 
     def acknowledge(self) -> None:
         self._latched = None
+        self._estranged = self.fault == "lost"
+        self._supervisor.rest(self._world.clock.now())
 
     def pause(self) -> None:
         self._paused = True
         if self._move is not None and self._move.state is MotionState.RUNNING:
             self._move.state = MotionState.PAUSED
+            self._supervisor.rest(self._world.clock.now())
 
     def resume(self) -> None:
         self._paused = False
         if self._move is not None and self._move.state is MotionState.PAUSED:
             self._move.state = MotionState.RUNNING
+            self._supervisor.move(self._world.clock.now(), self._measure().width, self._move.width, self._move.speed)
 
     def settled(self) -> bool:
         """Force control does not count as motion: it may go on for hours."""
+        if self.fault == "runaway" and self._runs_away():
+            return False
         return self._move is None or self._move.settled or (self._paused and abs(self._rate) < 1e-6)
 
     def _end_move(self) -> None:
-        if self._move is not None:
+        if self._move is not None and not self._move.settled:
             self._move.stop()
+            self._supervisor.rest(self._world.clock.now())
 
     def _command(self) -> None:
         """The opening's rate for this step, shared between the fingers."""
@@ -155,22 +202,32 @@ class SimGripper(FaultyDevice):
             wanted = 0.0
         if self._latched is not None and wanted > 0.0 and set_point > self._latched_width + YIELD:
             wanted = 0.0
-        if self.fault is not None:
+        if self.fault in ("jam", "lost", "busy"):
             wanted = 0.0
+        elif self.fault == "runaway" and self._runs_away():
+            wanted = RUNAWAY
         self._rate = wanted
         self._world.state.ctrl[self._actuator] = 0.5 * wanted
 
+    def _runs_away(self) -> bool:
+        return self._latched is None or self._world.clock.now() - self._latched_at < FAST_STOP
+
     def _rate_of_move(self, move: GripperMove, set_point: float) -> float:
-        measured, speed = self.state().width, self.state().speed
+        state = self._measure()
+        measured, speed = state.width, state.speed
         move.look(measured)
         left = move.width - set_point
+        if self.fault == "busy":
+            return 0.0
         stuck = (abs(set_point - measured) > BLOCKED and abs(speed) < STANDING) or self.fault == "jam"
         self._blocked_for = self._blocked_for + TIMESTEP if stuck else 0.0
         if self._blocked_for > PATIENCE:
             move.end(MotionState.FAILED, f"the fingers are blocked at {1e3 * measured:.1f} mm")
+            self._supervisor.rest(self._world.clock.now())
             return 0.0
         if abs(left) < ARRIVED / 4.0 and abs(move.width - measured) < ARRIVED:
             move.end(MotionState.DONE)
+            self._supervisor.rest(self._world.clock.now())
             return 0.0
         if move.state is MotionState.PAUSED:
             target = 0.0

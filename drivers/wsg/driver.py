@@ -160,7 +160,7 @@ class WsgGripper(Device):
         than when its last command must have ended.
         """
         if self._jaws.session is None:
-            return self._clock.now() > self._jaws.watch.rest_by
+            return self._clock.now() > self._jaws.supervisor.rest_by
         motion = self._asked
         ended = motion is None or motion.settled or motion.state is MotionState.PAUSED
         return ended and self._jaws.obeys()

@@ -12,7 +12,7 @@ from collections.abc import Callable
 
 from drivers.device import Device
 from drivers.errors import DeviceError, DeviceFault, DeviceLost, StopFailed
-from drivers.gripper_watch import GripperWatch
+from drivers.gripper_supervisor import GripperSupervisor
 from drivers.interfaces import GripperLimits, GripperState, MotionState
 from drivers.wire import Link
 from drivers.wsg.codec import Command, Move, Plain, Reply, Script, Status, SystemState
@@ -57,7 +57,7 @@ class Jaws:
         limits: the narrower of the hardware's and the cell file's.
         state: the newest that was heard.
         bits: the gripper's own newest state.
-        watch: what the fingers were told, and whether they do it.
+        supervisor: what the fingers were told, and whether they do it.
         problem: what is wrong, until it is acknowledged.
         estranged: lost since the last acknowledgement: nothing may move.
         latched: reason of a safe stop, until it is acknowledged.
@@ -70,7 +70,7 @@ class Jaws:
         self.limits = GripperLimits(0.0, 0.0, 0.0, 0.0)
         self.state = GripperState(0.0, 0.0, 0.0, False)
         self.bits = SystemState(0)
-        self.watch = GripperWatch(self.limits, 1.0)
+        self.supervisor = GripperSupervisor(self.limits, 1.0)
         self.problem: DeviceError | None = DeviceLost(device.name, "was never connected")
         self.estranged = False
         self.latched: str | None = None
@@ -102,7 +102,7 @@ class Jaws:
 
     def _reconnect(self) -> None:
         now = self._clock.now()
-        if self._motion is not None and now > self.watch.rest_by:
+        if self._motion is not None and now > self.supervisor.rest_by:
             self._motion.settled = True
         if now < self._retry_at:
             self._clock.advance(min(self._retry_at - now, 0.02))
@@ -129,8 +129,8 @@ class Jaws:
             raise
         now = self._clock.now()
         self.identity, self.limits = identity, identity.limits(self.options)
-        self.watch = GripperWatch(identity.reach(self.options), identity.acceleration)
-        self.watch.rest(now)
+        self.supervisor = GripperSupervisor(identity.reach(self.options), identity.acceleration)
+        self.supervisor.rest(now)
         self._updated = dict.fromkeys(UPDATES, now)
         self._wanted = self._sent = 0.0
         return session
@@ -176,7 +176,7 @@ class Jaws:
         self._motion = motion
         self._wanted = self._sent = 0.0
         self._waiting, self._arriving = motion, None
-        self.watch.move(self._clock.now(), self.state.width, motion.width, motion.speed)
+        self.supervisor.move(self._clock.now(), self.state.width, motion.width, motion.speed)
         self.send(Plain(Command.STOP), Command.STOP)
 
     def stop_motion(self, motion: GripperMotion) -> None:
@@ -222,7 +222,7 @@ class Jaws:
         if self.bits & SystemState.FAST_STOP:
             self.send(Plain(Command.ACKNOWLEDGE), Command.ACKNOWLEDGE)
         self._grace_until = now + GRACE
-        self.watch.rest(now)
+        self.supervisor.rest(now)
         self._obey_by = None
         self.latched, self.problem, self.estranged = None, None, False
 
@@ -261,7 +261,7 @@ class Jaws:
         if self.session is None:
             return
         now = self._clock.now()
-        self.watch.rest(now)
+        self.supervisor.rest(now)
         if self._obey_by is None:
             self._obey_by = now + STOPPING
         if self._sent != 0.0:
@@ -270,7 +270,7 @@ class Jaws:
 
     def _send_speed(self, speed: float) -> None:
         self._sent, self._sent_at = speed, self._clock.now()
-        self.watch.stream(self._sent_at, speed, self.options.watchdog)
+        self.supervisor.stream(self._sent_at, speed, self.options.watchdog)
         self.send(Script(Command.SCRIPT_SPEED, 0.0, speed), Command.SCRIPT_SPEED)
 
     def _serve(self, session: Session) -> None:
@@ -306,7 +306,7 @@ class Jaws:
 
     def _supervise(self, session: Session, now: float) -> None:
         """Compare the fingers with their commands, and see to it that a stop is obeyed."""
-        wrong = self.watch.look(now, self.state)
+        wrong = self.supervisor.look(now, self.state)
         if wrong and (self.problem is None or self._obey_by is None):
             self._fail(wrong)
         if self._obey_by is not None and not session.awaits(Command.STOP):
@@ -335,8 +335,8 @@ class Jaws:
     def _resting(self) -> bool:
         """Whether the fingers stand still, or do no more than a streamed speed says."""
         if self._sent != 0.0:
-            return self.watch.follows
-        return self.watch.at_rest and not self.bits & SystemState.MOVING
+            return self.supervisor.follows
+        return self.supervisor.at_rest and not self.bits & SystemState.MOVING
 
     def _disobeyed(self, words: str) -> None:
         """A stop that failed is told before anything else that is wrong; what is left is the fast stop."""
@@ -412,7 +412,7 @@ class Jaws:
             return
         if self._waiting is motion:  # the answer of the move before
             return
-        self.watch.rest(self._clock.now())
+        self.supervisor.rest(self._clock.now())
         if status is Status.SUCCESS:
             self._arriving = self._clock.now() + ARRIVAL
             self._arrive(motion)

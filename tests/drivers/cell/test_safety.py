@@ -8,6 +8,7 @@ import pytest
 from drivers.cell import Cell
 from drivers.device import Device
 from drivers.errors import DeviceFault
+from drivers.interfaces import WrenchSample
 from drivers.mock import MockArm, MockClock, MockForceSensor, MockGripper
 
 
@@ -84,6 +85,26 @@ def test_a_paused_cell_notices_that_the_fruit_is_gone(cell):
     cell.clock.advance(0.1)
     with pytest.raises(DeviceFault, match="gone"):
         cell.resume()
+
+
+def test_a_paused_cell_does_not_go_on_with_joints_or_forces_that_are_no_numbers(cell):
+    fingers = cell.devices["fingers"]
+    held = np.zeros((2, 6))
+    held[:, 2] = -2.0
+    fingers.feel = lambda _now: held
+    cell.clock.advance(0.1)
+    cell.pause()
+    cell.check()
+    fingers.give(WrenchSample(cell.clock.now(), 10_000, np.full((2, 6), np.nan)))
+    with pytest.raises(DeviceFault, match="gone"):
+        cell.resume()
+    cell.clock.advance(0.1)
+    q = cell.devices["arm"].q.copy()
+    cell.devices["arm"].q[2] = np.nan
+    with pytest.raises(DeviceFault, match="was moved by nan"):
+        cell.resume()
+    cell.devices["arm"].q[:] = q
+    cell.resume()
 
 
 def test_closing_goes_on_when_a_device_fails(cell):

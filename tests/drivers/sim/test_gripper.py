@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from drivers.errors import DeviceLost, MotionRefused
+from drivers.errors import DeviceFault, DeviceLost, MotionRefused
 from drivers.interfaces import Gripper, MotionState
 
 
@@ -119,3 +119,83 @@ def test_lost_it_answers_nothing(cell, gripper):
             call()
     with pytest.raises(MotionRefused):
         gripper.move(0.05, 0.1)
+
+
+def look_after(cell, seconds):
+    """Let time pass as a run does: the cell is checked every tick."""
+    for _ in range(round(seconds / 0.02)):
+        cell.clock.advance(0.02)
+        cell.check()
+
+
+def test_moves_streams_and_pauses_are_never_taken_for_faults(cell, gripper):
+    for width in (0.05, 0.10, 0.04):
+        gripper.move(width, 0.15)
+        look_after(cell, 1.0)
+    motion = gripper.move(0.09, 0.02)
+    look_after(cell, 0.5)
+    cell.pause()
+    look_after(cell, 5.0)
+    cell.resume()
+    look_after(cell, 3.0)
+    assert motion.state is MotionState.DONE
+    for speed in (0.02, -0.03, 0.01, -0.002):
+        for _ in range(50):
+            gripper.set_speed(speed)
+            look_after(cell, 0.02)
+    cell.clock.advance(3.0)  # nobody looked meanwhile
+    cell.check()
+
+
+def test_a_move_that_never_ends_is_told(cell, gripper):
+    gripper.inject_fault("busy")
+    motion = gripper.move(0.05, 0.1)
+    with pytest.raises(DeviceFault, match=r"has not ended its move to 50\.0 mm in the time that it needs"):
+        look_after(cell, 2.0)
+    assert motion.state is MotionState.RUNNING
+    cell.safe_stop("test")
+    assert motion.state is MotionState.STOPPED
+
+
+def test_fingers_that_run_away_are_told_and_are_not_settled_before_they_rest(cell, gripper):
+    run_out(cell, gripper.move(0.06, 0.2))
+    look_after(cell, 0.5)
+    gripper.inject_fault("runaway")
+    with pytest.raises(DeviceFault, match="opens without being told to"):
+        look_after(cell, 0.2)
+    cell.safe_stop("test")
+    while not cell.settled():
+        before = gripper.state().width
+        cell.clock.advance(0.02)
+    after = gripper.state().width
+    cell.clock.advance(0.1)
+    assert after - before < 1e-3
+    assert gripper.state().width == pytest.approx(after, abs=5e-4)
+
+
+@pytest.mark.parametrize(
+    ("kind", "error", "words"),
+    [("frozen", DeviceLost, "has not told its width for 60 ms"), ("not_a_number", DeviceFault, "a width of nan mm")],
+)
+def test_a_state_that_cannot_be_is_told_within_100_ms(cell, gripper, kind, error, words):
+    look_after(cell, 0.5)
+    gripper.inject_fault(kind)
+    with pytest.raises(error, match=words):
+        look_after(cell, 0.1)
+
+
+def test_after_a_loss_nothing_moves_until_it_is_acknowledged(cell, gripper):
+    gripper.inject_fault("lost")
+    cell.clock.advance(0.1)
+    gripper.clear_fault()
+    before = gripper.state().width
+    with pytest.raises(DeviceLost, match="acknowledge that before it moves"):
+        gripper.set_speed(-0.05)
+    with pytest.raises(MotionRefused, match="acknowledge that before it moves"):
+        gripper.move(0.05, 0.1)
+    cell.clock.advance(0.1)
+    assert gripper.state().width == pytest.approx(before, abs=1e-6)
+    cell.acknowledge()
+    gripper.set_speed(-0.05)
+    cell.clock.advance(0.1)
+    assert gripper.state().width < before

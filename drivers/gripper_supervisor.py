@@ -20,15 +20,15 @@ LAG = 0.1
 """Fingers follow a streamed speed this much later at most [s]."""
 BEYOND = 5e-3
 """A width outside the stroke by more than this is none [m]."""
-FASTER = 2.0
-"""A speed above so many times the greatest is none."""
+FASTER = 5.0
+"""A speed above so many times the greatest is none; fingers that are knocked against a wall reach three (simulated)."""
 SLOW = 2e-3
 """Fingers slower than this rest [m/s] …"""
 STEADY, STILL = 5e-4, 0.03
 """… once their width has stayed within the first [m] for the second [s]."""
 
 
-class GripperWatch:
+class GripperSupervisor:
     """Compares a gripper's states with its commands; times are the cell's [s].
 
     Attributes:
@@ -49,7 +49,8 @@ class GripperWatch:
         self._due, self._target = math.inf, 0.0
         self._free_until = -math.inf  # until then the fingers may move as they like: a move, or what is left of it
         self._speed = self._fastest = 0.0
-        self._least, self._most = math.inf, -math.inf
+        self._least, self._most = math.inf, -math.inf  # openings that the fingers were told to stay between
+        self._told_at = -math.inf
         self._steady: tuple[float, float] | None = None
         self._last: GripperState | None = None
 
@@ -63,6 +64,7 @@ class GripperWatch:
         """A speed [m/s] was commanded; without another it ends after `watchdog` [s]."""
         if math.isinf(self._free_until):
             self.rest(now)
+        self._account(now)
         self._speed = speed
         self._fastest = max(self._fastest, abs(speed))
         if speed:
@@ -71,6 +73,7 @@ class GripperWatch:
     def rest(self, now: float) -> None:
         """The fingers were told to stand still, or have ended their move."""
         self._due, self._speed = math.inf, 0.0
+        self._least, self._most, self._told_at = math.inf, -math.inf, now
         self._free_until = now + COASTING
         self.rest_by = max(self.rest_by, self._free_until)
 
@@ -117,15 +120,21 @@ class GripperWatch:
     def _stray(self, stamp: float, width: float, elapsed: float) -> str:
         """Fingers may open and close by no more than they were told to, and less when something is in the way."""
         self._fastest = max(abs(self._speed), self._fastest * (1.0 - min(elapsed / LAG, 1.0) / 3.0))
+        self._account(stamp)
         if stamp <= self._free_until:
             self._least, self._most = width, width
             return ""
-        told = self._speed * elapsed
-        self._least = min(self._least + max(told, 0.0), width)
-        self._most = max(self._most + min(told, 0.0), width)
+        self._least, self._most = min(self._least, width), max(self._most, width)
         allowed = STRAY + LAG * self._fastest
         if width - self._least > allowed:
             return f"opens without being told to: {1e3 * self._least:.1f} → {1e3 * width:.1f} mm"
         if self._most - width > allowed:
             return f"closes without being told to: {1e3 * self._most:.1f} → {1e3 * width:.1f} mm"
         return ""
+
+    def _account(self, now: float) -> None:
+        """Add how far the streamed speed has told the fingers to open or to close since the last time."""
+        elapsed = max(now - self._told_at, 0.0) if math.isfinite(self._told_at) else 0.0
+        self._told_at = max(self._told_at, now)
+        self._least += max(self._speed, 0.0) * elapsed
+        self._most += min(self._speed, 0.0) * elapsed

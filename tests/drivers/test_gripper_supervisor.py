@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from drivers.gripper_watch import COASTING, GripperWatch
+from drivers.gripper_supervisor import COASTING, GripperSupervisor
 from drivers.interfaces import GripperLimits, GripperState
 
 PERIOD = 0.01
@@ -18,8 +18,8 @@ class Fingers:
 
     def __init__(self) -> None:
         self.now, self.width = 0.0, 0.030
-        self.watch = GripperWatch(LIMITS, 2.0)
-        self.watch.rest(0.0)
+        self.supervisor = GripperSupervisor(LIMITS, 2.0)
+        self.supervisor.rest(0.0)
         self.said: list[str] = []
 
     def run(self, seconds: float, speed: float = 0.0) -> list[str]:
@@ -28,7 +28,7 @@ class Fingers:
         for _ in range(round(seconds / PERIOD)):
             self.now += PERIOD
             self.width += speed * PERIOD
-            self.said.append(self.watch.look(self.now, GripperState(self.now, self.width, speed, speed != 0.0)))
+            self.said.append(self.supervisor.look(self.now, GripperState(self.now, self.width, speed, speed != 0.0)))
         return [words for words in self.said[began:] if words]
 
 
@@ -40,20 +40,20 @@ def fingers() -> Fingers:
 
 
 def test_fingers_that_do_what_they_are_told_are_left_alone(fingers: Fingers) -> None:
-    fingers.watch.move(fingers.now, 0.030, 0.060, 0.1)
+    fingers.supervisor.move(fingers.now, 0.030, 0.060, 0.1)
     assert fingers.run(0.3, 0.1) == []
-    fingers.watch.rest(fingers.now)
+    fingers.supervisor.rest(fingers.now)
     assert fingers.run(1.0) == []
     for speed in (0.02, -0.03, 0.0, -0.05):
-        fingers.watch.stream(fingers.now, speed, 0.1)
+        fingers.supervisor.stream(fingers.now, speed, 0.1)
         assert fingers.run(0.2, speed) == []
     assert not any(fingers.said)
 
 
 def test_fingers_that_something_blocks_are_left_alone(fingers: Fingers) -> None:
-    fingers.watch.stream(fingers.now, -0.05, 0.1)
+    fingers.supervisor.stream(fingers.now, -0.05, 0.1)
     assert fingers.run(5.0) == []
-    fingers.watch.stream(fingers.now, 0.02, 0.1)
+    fingers.supervisor.stream(fingers.now, 0.02, 0.1)
     assert fingers.run(0.3, 0.02) == []
 
 
@@ -64,24 +64,24 @@ def test_fingers_that_move_when_they_should_rest_are_found_after_three_millimetr
     assert fingers.run(0.14, speed) == []
     words = fingers.run(0.1, speed)
     assert words[0].startswith(("opens" if speed > 0.0 else "closes") + " without being told to: 30.0 → ")
-    assert fingers.watch.rest_by == math.inf
+    assert fingers.supervisor.rest_by == math.inf
 
 
 def test_fingers_at_rest_are_those_whose_width_stays(fingers: Fingers) -> None:
-    assert fingers.watch.at_rest
+    assert fingers.supervisor.at_rest
     fingers.run(0.05, 0.05)
-    assert not fingers.watch.at_rest
+    assert not fingers.supervisor.at_rest
     fingers.run(0.02)
-    assert not fingers.watch.at_rest
+    assert not fingers.supervisor.at_rest
     fingers.run(0.03)
-    assert fingers.watch.at_rest
+    assert fingers.supervisor.at_rest
 
 
 def test_a_move_is_overdue_after_its_time_and_a_margin(fingers: Fingers) -> None:
-    fingers.watch.move(fingers.now, 0.030, 0.040, 0.1)  # 0.1 s of way, 0.05 s of braking
+    fingers.supervisor.move(fingers.now, 0.030, 0.040, 0.1)  # 0.1 s of way, 0.05 s of braking
     assert fingers.run(0.7, 0.0) == []
     assert fingers.run(0.1, 0.0)[-1] == "has not ended its move to 40.0 mm in the time that it needs"
-    assert fingers.watch.rest_by == pytest.approx(0.4 + 0.15 * 1.5 + 0.5)
+    assert fingers.supervisor.rest_by == pytest.approx(0.4 + 0.15 * 1.5 + 0.5)
 
 
 @pytest.mark.parametrize(
@@ -91,15 +91,17 @@ def test_a_move_is_overdue_after_its_time_and_a_margin(fingers: Fingers) -> None
         (0.030, -math.inf, "a speed of -inf mm/s"),
         (0.080, 0.0, "outside its stroke"),
         (-0.02, 0.0, "outside its stroke"),
-        (0.030, 1.0, "which it cannot reach"),
+        (0.030, 2.1, "which it cannot reach"),
     ],
 )
 def test_a_state_that_cannot_be_is_told(fingers: Fingers, width: float, speed: float, words: str) -> None:
-    assert words in fingers.watch.look(fingers.now + PERIOD, GripperState(fingers.now + PERIOD, width, speed, False))
-    assert not fingers.watch.at_rest
+    assert words in fingers.supervisor.look(
+        fingers.now + PERIOD, GripperState(fingers.now + PERIOD, width, speed, False)
+    )
+    assert not fingers.supervisor.at_rest
 
 
 def test_a_width_that_jumps_is_told() -> None:
-    watch = GripperWatch(GripperLimits(0.0, 0.5, 0.1, 50.0), 2.0)
-    watch.look(0.0, GripperState(0.0, 0.1, 0.0, False))
-    assert watch.look(0.01, GripperState(0.01, 0.4, 0.0, False)) == "says that it jumped from 100.0 to 400.0 mm"
+    supervisor = GripperSupervisor(GripperLimits(0.0, 0.5, 0.1, 50.0), 2.0)
+    supervisor.look(0.0, GripperState(0.0, 0.1, 0.0, False))
+    assert supervisor.look(0.01, GripperState(0.01, 0.4, 0.0, False)) == "says that it jumped from 100.0 to 400.0 mm"
