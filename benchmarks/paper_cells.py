@@ -39,7 +39,7 @@ class Cells:
         ]
 
     def good(self, runs: Sequence[Result]) -> list[Result]:
-        return [run for run in runs if succeeded(run, self.campaign.score.success)]
+        return [run for run in runs if succeeded(run, self.campaign.conditions)]
 
     def rate(self, arm: str, fruit: str | None, place: str) -> float:
         """Success rate of a cell; NaN when nothing ran."""

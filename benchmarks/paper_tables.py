@@ -37,8 +37,8 @@ def success(cells: Cells) -> list[Table | Picture | Text]:
                 f"{100 * paper[i, j]:.0f} / **{_percent(cells.rate(arm, fruit, place))}**"
                 for j, place in enumerate(PLACES)
             ]
-            rows.append((name, *each, f"{100 * paper[i].mean():.1f} %", rate(runs, cells.campaign.score.success)))
-        everything = rate(cells.arm(arm), cells.campaign.score.success)
+            rows.append((name, *each, f"{100 * paper[i].mean():.1f} %", rate(runs, cells.campaign.conditions)))
+        everything = rate(cells.arm(arm), cells.campaign.conditions)
         columns = [f"{_percent(cells.rate(arm, None, place))}" for place in PLACES]
         of_paper = [f"{100 * paper[:, j].mean():.0f}" for j in range(5)]
         means = [f"{a} / **{b}**" for a, b in zip(of_paper, columns, strict=True)]

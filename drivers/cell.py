@@ -11,27 +11,25 @@ from __future__ import annotations
 
 import contextlib
 import threading
-from collections.abc import Callable, Mapping, Sequence
-from importlib.metadata import EntryPoint, entry_points
+from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
-from typing import Any, TypeVar, cast
+from typing import Any, TypeVar
 
-import numpy as np
-
-from drivers.cell_file import Settings, did_you_mean, read_cell_file
-from drivers.device import Bench, Connect, Device, World
+from drivers.cell_file import CELL, CellFile, judge_cell_file, outline_cell, read_cell_file
+from drivers.device import Bench, Device, World
+from drivers.driver import Settings, installed_drivers
 from drivers.errors import CellFileError, DeviceFault, DriverError
 from drivers.estimate import estimate_errors
 from drivers.hold_watch import HoldWatch
 from drivers.interfaces import Arm, ForceSensor, Workspace
 from drivers.readings import Readings
-from drivers.workspace import read_workspace
 from executive.clock import Clock, ManualClock, SystemClock
+from executive.values.documents import Outline
+from executive.values.findings import Findings
+from executive.values.kinds import Schema
+from executive.values.yaml_nodes import YamlScalar
 
 T = TypeVar("T")
-
-KINDS = ("simulated", "emulated", "real", "frames", "mock")
-GROUP = "pomona.drivers"
 
 
 class Cell:
@@ -191,9 +189,9 @@ def load_cell(
     seed: int = 0,
     overrides: Mapping[str, str] | None = None,
     missing: Callable[[str, DriverError], None] | None = None,
-    text: str | None = None,
+    texts: Mapping[str, str] | None = None,
 ) -> Cell:
-    """Read a cell file and connect its devices.
+    """Read a cell file and connect its devices; nothing is connected when anything in the file is wrong.
 
     Args:
         path: of the cell file.
@@ -201,81 +199,101 @@ def load_cell(
         overrides: values of the file's `options`.
         missing: told of every device that cannot be connected, by name and why, instead of an error: for a look over
             the cell, never for a run.
-        text: the file's content when it is not to be read from the disk; files that it names are still found beside
-            `path`.
+        texts: contents of files, by path, that are not to be read from the disk.
 
     Raises:
         CellFileError: the file cannot be used; says where, and what is known instead.
         DeviceError: a device could not be connected; those connected before are let go.
     """
-    settings = read_cell_file(Path(path), overrides, text)
-    name = settings.text("name", Path(path).stem)
-    kind = settings.choice("kind", KINDS)
-    workspace = read_workspace(settings.section("workspace")) if settings.has("workspace") else None
-    bench = Bench(Path(path), _clock(settings), seed, workspace)
+    return connect_cell(read_cell_file(Path(path), overrides, texts, missing), seed=seed, missing=missing)
+
+
+def connect_cell(file: CellFile, *, seed: int = 0, missing: Callable[[str, DriverError], None] | None = None) -> Cell:
+    """Connect the devices of a cell file.
+
+    Args:
+        file: in which nothing is wrong.
+        seed, missing: as of `load_cell`.
+
+    Raises:
+        CellFileError: a value turns out to be wrong when it is used: an address at which nobody answers.
+        DeviceError: a device could not be connected; those connected before are let go.
+    """
+    said = file.section
+    clock: Clock = ManualClock() if said.clock == "manual" else SystemClock()
+    bench = Bench(file.path, clock, seed, file.workspace)
     try:
         world: World | None = None
-        if settings.has("world"):
-            simulator = _connect("world", settings.section("world"), bench)
+        if said.world is not None:
+            simulator = _connect(said.world, bench)
             if not isinstance(simulator, World):
-                raise settings.error("the driver of 'world' simulates no world", "world")
+                raise said.world.error("the driver simulates no world", "driver")
             world, bench.clock = simulator, simulator.clock
-        devices = settings.section("devices")
-        for device in devices.names():
+        for name, settings in said.devices.items():
             try:
-                _connect(device, devices.section(device), bench)
+                _connect(settings, bench)
             except DriverError as error:
                 if missing is None:
                     raise
-                missing(device, error)
-        required = settings.choice("record", ("required", "optional"), "optional") == "required"
-        settings.finish()
-        cell = Cell(name, kind, bench.clock, bench.devices, workspace, world, required)
-        _check_poses(settings, cell)
+                missing(name, error)
+        required = said.record == "required"
+        return Cell(file.name, file.kind, bench.clock, bench.devices, file.workspace, world, required)
     except BaseException:
         for opened in reversed(bench.devices.values()):
             opened.close()
         raise
-    return cell
+
+
+def _connect(settings: Settings[Any], bench: Bench) -> Device:
+    device = settings.driver(settings, bench)
+    bench.devices[settings.name] = device
+    device.name = settings.name
+    return device
 
 
 def known_drivers() -> dict[str, str]:
     """Names that cell files can use, and the functions behind them."""
-    return {name: entry.value for name, entry in _drivers().items()}
+    return {name: entry.value for name, entry in installed_drivers().items()}
 
 
-def _drivers() -> dict[str, EntryPoint]:
-    return {entry.name: entry for entry in entry_points(group=GROUP)}
+class CellFiles:
+    """Cell files for the executive: read, judged, connected, described."""
+
+    def outline(self, path: Path, findings: Findings) -> Outline | None:
+        """The cell's kind and what `--set` may change; nothing when the file cannot be read."""
+        return outline_cell(path, findings)
+
+    def judge(
+        self,
+        path: Path,
+        findings: Findings,
+        overrides: Mapping[str, str | YamlScalar],
+        texts: Mapping[str, str],
+    ) -> CellFile | None:
+        """Everything that is wrong with a file goes to `findings`; nothing is connected."""
+        return judge_cell_file(path, findings, overrides, texts)
+
+    def connect(self, file: CellFile, seed: int) -> Cell:
+        """Connect the devices: `connect_cell`."""
+        return connect_cell(file, seed=seed)
+
+    def load(self, path: Path) -> Cell:
+        """Read a file and connect its devices: `load_cell`."""
+        return load_cell(path)
+
+    def recognises(self, keys: Collection[str]) -> bool:
+        """Whether a file with these keys at its top is one."""
+        return "devices" in keys
+
+    def check(self, path: Path, findings: Findings) -> None:
+        """Everything that is wrong with a file, with its options as they are."""
+        judge_cell_file(path, findings)
+
+    def schema(self) -> Schema:
+        """The JSON Schema of cell files."""
+        return {"title": "Pomona cell file", **CELL.schema(options=True)}
 
 
-def _clock(settings: Settings) -> Clock:
-    return ManualClock() if settings.choice("clock", ("system", "manual"), "system") == "manual" else SystemClock()
+CELL_FILES = CellFiles()
 
-
-def _connect(name: str, settings: Settings, bench: Bench) -> Device:
-    drivers = _drivers()
-    driver = settings.choice("driver", drivers)
-    try:
-        connect = cast(Connect, drivers[driver].load())
-    except ImportError as error:
-        raise settings.error(f"the driver '{driver}' cannot be loaded: {error}", "driver") from error
-    device = connect(settings, bench)
-    bench.devices[name] = device
-    device.name = name
-    settings.finish()
-    return device
-
-
-def _check_poses(settings: Settings, cell: Cell) -> None:
-    """Named poses must be reachable by the cell's arm."""
-    arm = cell._find(Arm)
-    if arm is None or cell.workspace is None:
-        return
-    limits = arm.limits
-    poses = settings.section("workspace").section("poses") if cell.workspace.poses else None
-    for name, q in cell.workspace.poses.items():
-        if poses is not None and (q.shape != limits.lower.shape or np.any((q < limits.lower) | (q > limits.upper))):
-            raise poses.error(f"the pose '{name}' needs {limits.lower.size} joints within the arm's limits", name)
-
-
-__all__ = ["Cell", "CellFileError", "did_you_mean", "known_drivers", "load_cell"]
+__all__ = ["CELL_FILES", "Cell", "CellFileError", "connect_cell", "known_drivers", "load_cell"]

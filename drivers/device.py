@@ -1,26 +1,18 @@
 """What a driver is beyond its interface: it can be watched, stopped, paused and let go by its cell.
 
-A driver is a class that derives from `Device`, names in `interfaces` what it offers (`drivers.interfaces.Camera`, …),
-and is found by its name in a cell file through the entry point group `pomona.drivers`. The entry point is a function
-
-    def connect(settings: Settings, bench: Bench) -> Device
-
-that reads its settings (every mistake becomes an error with line and column), opens the device and returns it. The
-defaults below suit a device that cannot move.
+A device is a class that derives from `Device` and names in `interfaces` what it offers (`drivers.interfaces.Camera`,
+…). `drivers.driver` says how a cell file connects it. The defaults below suit a device that cannot move.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Protocol, TypeVar, runtime_checkable
+from typing import Any, ClassVar, Protocol, TypeVar, runtime_checkable
 
 from drivers.interfaces import Arm, Camera, ForceSensor, Gripper, Workspace
 from executive.clock import Clock
-
-if TYPE_CHECKING:
-    from drivers.cell_file import Settings
 
 T = TypeVar("T")
 
@@ -124,6 +116,3 @@ class Bench:
 def _class_only(interface: type) -> type | tuple[()]:
     """The class itself for isinstance, nothing for a Protocol: those match by method names, which is too little."""
     return () if getattr(interface, "_is_protocol", False) else interface
-
-
-Connect = Callable[["Settings", Bench], Device]

@@ -15,6 +15,7 @@ from drivers.cell import Cell, load_cell
 from drivers.device import Device
 from drivers.errors import CellFileError, DriverError
 from drivers.interfaces import Arm, Camera, ForceSensor, Frame, Gripper, WrenchSample
+from executive.values.findings import place_of
 
 LIBRARIES = {
     "numpy": "numpy",
@@ -60,9 +61,9 @@ def examine(path: Path, overrides: Mapping[str, str] | None = None) -> list[Chec
     try:
         cell = load_cell(path, overrides=overrides, missing=missing.__setitem__)
     except DriverError as error:
-        return [*checks, _refused("cell file", error)]
+        return [*checks, *_refused("cell file", error)]
     checks.append(Check("cell file", True, f"{path} ({cell.kind})"))
-    checks += [_refused(name, error) for name, error in missing.items()]
+    checks += [check for name, error in missing.items() for check in _refused(name, error)]
     try:
         rates = _watch(cell)
         for name, device in cell.devices.items():
@@ -94,11 +95,10 @@ def _graphics() -> Check:
     return Check("EGL", True, name)
 
 
-def _refused(name: str, error: DriverError) -> Check:
+def _refused(name: str, error: DriverError) -> list[Check]:
     if isinstance(error, CellFileError):
-        place = f"{error.path}:{error.line}:{error.column}: " if error.line else ""
-        return Check(name, False, f"{place}{error.message}", error.hint)
-    return Check(name, False, str(error))
+        return [Check(name, False, f"{place_of(found)}: {found.message}", found.hint) for found in error.findings]
+    return [Check(name, False, str(error))]
 
 
 @dataclass(slots=True)

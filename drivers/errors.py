@@ -14,7 +14,10 @@ DriverError
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
+
+from executive.values.findings import Finding, format_findings
 
 
 class DriverError(Exception):
@@ -22,12 +25,14 @@ class DriverError(Exception):
 
 
 class CellFileError(DriverError):
-    """A cell file that cannot be used."""
+    """A cell file that cannot be used, with everything that was found in it; the first finding's place and words."""
 
-    def __init__(self, path: Path, line: int, column: int, message: str, hint: str = "") -> None:
-        self.path, self.line, self.column, self.message, self.hint = path, line, column, message, hint
-        place = f"{path}:{line}:{column}" if line else str(path)
-        super().__init__(f"{place}: error[cell]: {message}" + (f"\n  {hint}" if hint else ""))
+    def __init__(self, findings: Sequence[Finding]) -> None:
+        self.findings = tuple(findings)
+        first = next((f for f in self.findings if f.severity == "error"), self.findings[0])
+        self.path, self.line, self.column = Path(first.path), first.line, first.column
+        self.message, self.hint = first.message, first.hint
+        super().__init__(format_findings(self.findings))
 
 
 class UnusableRobotFile(DriverError):

@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
-from drivers.cell_file import read_cell_file
 from drivers.errors import CellFileError, DriverError
 from drivers.frames.folder import INTRINSICS_FILE, read_intrinsics
 from drivers.interfaces import Float64, Intrinsics
@@ -153,7 +152,7 @@ def calibrate_folder(folder: Path, board: Board) -> HandEye:
             "the board looks the same when turned by 180°: use one with 9 × 6 inner corners, for example"
         )
     try:
-        intrinsics = read_intrinsics(read_cell_file(folder / INTRINSICS_FILE))
+        intrinsics = read_intrinsics(folder / INTRINSICS_FILE)
         poses = {
             name: np.array(T, np.float64) for name, T in json.loads((folder / "poses.json").read_text("utf-8")).items()
         }

@@ -38,6 +38,31 @@ class Intrinsics:
         return np.array([[self.fx, 0.0, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]])
 
 
+@dataclass(frozen=True, slots=True)
+class DepthNoise:
+    """Standard deviation of a camera's depth.
+
+    Attributes:
+        disparity: of a stereo camera's disparity [px]; 0 for a camera of another kind.
+        baseline: distance of the stereo camera's imagers [m].
+        floor: at any distance [m].
+    """
+
+    disparity: float
+    baseline: float
+    floor: float = 0.0
+
+    def deviation(self, z: Float64, focal: float) -> Float64:
+        """At depths z [m], for a focal length [px]: z² · disparity / (f · b), and the floor."""
+        stereo: Float64 = z**2 * self.disparity / (focal * self.baseline)
+        return stereo if self.floor == 0.0 else np.hypot(stereo, self.floor)
+
+
+NOMINAL_DEPTH_NOISE = DepthNoise(disparity=0.08, baseline=0.05)
+"""A RealSense D435's: 50 mm between its imagers, and 0.08 px, which Intel's tuning guide calls good for textured walls.
+For frames of which nobody says more."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Frame:
     """One look: colour and depth registered to it, and where the camera was when it looked.
@@ -51,6 +76,7 @@ class Frame:
         q: joints of the arm at the exposure, shape (dof,) [rad], for a camera that rides on the arm; else None.
         T_mount_camera: pose of the camera in its mount: in tool0 when `q` is given (hand-eye), else in the base frame.
         label: where the frame comes from, for people: a file's name, or the camera's.
+        depth_noise: how much `depth` errs, as the camera's driver knows.
     """
 
     stamp: float
@@ -61,6 +87,7 @@ class Frame:
     q: Float64 | None
     T_mount_camera: Float64
     label: str = ""
+    depth_noise: DepthNoise = NOMINAL_DEPTH_NOISE
 
 
 @runtime_checkable
@@ -375,3 +402,10 @@ class Workspace:
     upper: Float64
     obstacles: tuple[Box, ...] = ()
     poses: Mapping[str, Float64] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class FruitKinds:
+    """Which kinds of fruit lie on a simulated table: names of the catalogue."""
+
+    names: tuple[str, ...]

@@ -11,10 +11,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drivers.cell_file import Settings
 from drivers.errors import DeviceFault, DeviceLost
 from drivers.interfaces import ArmLimits, Float64
 from drivers.path_motion import PathMotion, Phase
+from executive.values.kinds import Measure
+from executive.values.sections import value
+from executive.values.units import ANGLE, TIME
 
 PERIOD = 0.01
 """Looking more often than this tells nothing new [s]: a controller pushes its state every 25 ms."""
@@ -28,9 +30,9 @@ FROZEN_PATH = 0.01
 """A set-point that has moved this far moves an encoder, too [rad]: hundreds of steps of a 17-bit encoder."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Supervision:
-    """How far an arm is believed; `supervision:` of an arm in the cell file.
+    """How far an arm is believed.
 
     Attributes:
         following_error: most that a joint may be away from its set-points [rad]. The simulated arm lags by up to
@@ -42,36 +44,13 @@ class Supervision:
         status: a controller that has not told its status for so long hides an emergency stop [s]: ten pushes of 25 ms.
     """
 
-    following_error: float = 0.08
-    lag: float = 0.2
-    margin: float = 2.0
-    stall: float = 0.5
-    status: float = 0.25
-
-
-def read_supervision(settings: Settings) -> Supervision:
-    """The section `supervision` of an arm's settings, defaults where it says nothing.
-
-    supervision:
-      following_error: 0.08 rad
-      lag: 200 ms
-      margin: 2 s
-      stall: 500 ms
-      status: 250 ms
-    """
-    usual = Supervision()
-    if not settings.has("supervision"):
-        return usual
-    section = settings.section("supervision")
-    read = Supervision(
-        following_error=section.number("following_error", "angle", usual.following_error, 0.005, 0.5),
-        lag=section.number("lag", "time", usual.lag, 0.0, 1.0),
-        margin=section.number("margin", "time", usual.margin, 0.1, 30.0),
-        stall=section.number("stall", "time", usual.stall, 0.05, 5.0),
-        status=section.number("status", "time", usual.status, 0.03, 2.0),
+    following_error: float = value(
+        Measure(ANGLE, "0.005 rad", "0.5 rad"), "0.08 rad", "most that a joint may be away from its set-points"
     )
-    section.finish()
-    return read
+    lag: float = value(Measure(TIME, "0 s", "1 s"), "200 ms", "delay of network and servos")
+    margin: float = value(Measure(TIME, "100 ms", "30 s"), "2 s", "a motion may take so much longer than planned")
+    stall: float = value(Measure(TIME, "50 ms", "5 s"), "500 ms", "the next point must be taken within this time")
+    status: float = value(Measure(TIME, "30 ms", "2 s"), "250 ms", "no status for so long: the arm is lost")
 
 
 @dataclass(slots=True, eq=False)

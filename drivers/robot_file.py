@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import os
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from drivers.errors import UnusableRobotFile
+from drivers.interfaces import ArmLimits
 
 
 def read_spec(path: Path) -> Any:
@@ -26,3 +30,37 @@ def read_spec(path: Path) -> Any:
             path, " ".join(str(error).removeprefix("Error: ").split()) or "cannot be read"
         ) from error
     return spec
+
+
+def read_limits(path: Path, dof: int | None = None) -> ArmLimits:
+    """Ranges of the arm's actuated joints, and the numerics arm_velocity, arm_acceleration and arm_jerk.
+
+    Args:
+        path: of the description.
+        dof: number of the arm's joints; all actuators but the gripper's without it.
+
+    Raises:
+        UnusableRobotFile: the file cannot be read, has fewer joints, or lacks one of the numerics.
+    """
+    return _limits(path, dof, path.stat().st_mtime_ns if path.is_file() else 0)
+
+
+@lru_cache(maxsize=8)
+def _limits(path: Path, dof: int | None, _changed: int) -> ArmLimits:
+    model = read_spec(path).compile()
+    named = [model.actuator(i).name for i in range(model.nu)]
+    count = sum(name != "gripper" for name in named) if dof is None else dof
+    joints = model.actuator_trnid[:count, 0]
+    if len(joints) < count:
+        raise UnusableRobotFile(path, f"has {len(joints)} actuated joints, the arm has {count}")
+    rates = []
+    for name in ("arm_velocity", "arm_acceleration", "arm_jerk"):
+        try:
+            rate = np.array(model.numeric(name).data, dtype=np.float64)
+        except KeyError as error:
+            raise UnusableRobotFile(path, f"<custom> lacks the numeric '{name}'") from error
+        if rate.shape != (count,) or rate.min() <= 0.0:
+            raise UnusableRobotFile(path, f"'{name}' needs {count} positive numbers")
+        rates.append(rate)
+    ranges = np.array(model.jnt_range[joints], dtype=np.float64)
+    return ArmLimits(ranges[:, 0], ranges[:, 1], *rates)

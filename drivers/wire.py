@@ -9,8 +9,9 @@ import socket
 import threading
 from typing import Protocol
 
-from drivers.cell_file import Settings
 from drivers.errors import DeviceLost, DriverError
+from executive.values.kinds import ScalarKind, Schema
+from executive.values.reading import Unfit
 
 
 class Malformed(DriverError):
@@ -85,13 +86,19 @@ def raise_priority() -> None:
         os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), URGENT)
 
 
-def read_address(settings: Settings, key: str, default_port: int) -> tuple[str, int]:
-    """A setting HOST or HOST:PORT.
+class Address(ScalarKind[tuple[str, int]]):
+    """HOST or HOST:PORT, as (host, port)."""
 
-    Raises:
-        CellFileError: it is none.
-    """
-    host, _, port = settings.text(key).rpartition(":") if ":" in settings.text(key) else (settings.text(key), "", "")
-    if not host or (port and not (port.isdigit() and 0 < int(port) < 65536)):
-        raise settings.error(f"'{settings.text(key)}' is not an address: write HOST or HOST:PORT", key)
-    return host, int(port) if port else default_port
+    words = "an address: HOST or HOST:PORT"
+
+    def __init__(self, port: int) -> None:
+        self.port = port
+
+    def parse(self, text: str) -> tuple[str, int]:
+        host, _, port = text.strip().rpartition(":") if ":" in text else (text.strip(), "", "")
+        if not host or (port and not (port.isascii() and port.isdigit() and 0 < int(port) < 65536)):
+            raise Unfit(f"'{text}' is not an address: write HOST or HOST:PORT")
+        return host, int(port) if port else self.port
+
+    def plain_schema(self) -> Schema:
+        return {"type": "string", "examples": [f"192.168.1.2:{self.port}"]}

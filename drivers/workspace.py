@@ -2,57 +2,77 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.cell_file import Settings
 from drivers.interfaces import Box, Workspace
+from executive.values.kinds import ListOf, MappingOf, Measure, Row, Text
+from executive.values.sections import Problem, Section, value
+from executive.values.units import ANGLE, LENGTH
 
 Float64 = NDArray[np.float64]
 
 
-def read_workspace(settings: Settings) -> Workspace:
-    """Read the section.
-
-    Raises:
-        CellFileError: a value is missing or wrong.
-    """
-    lower, upper = settings.vector("lower", 3, "length"), settings.vector("upper", 3, "length")
-    if np.any(lower >= upper):
-        raise settings.error("workspace.upper must lie above workspace.lower in x, y and z", "upper")
-    workspace = Workspace(
-        table_z=settings.number("table_z", "length") if settings.has("table_z") else None,
-        lower=lower,
-        upper=upper,
-        obstacles=tuple(box for obstacle in settings.sections("obstacles") for box in _read_obstacle(obstacle)),
-        poses=_read_poses(settings.section("poses")) if settings.has("poses") else {},
-    )
-    settings.finish()
-    return workspace
-
-
-def _read_obstacle(settings: Settings) -> tuple[Box, ...]:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ObstacleSection:
     """A solid box; with `wall` a crate: open at the top, floor and walls of that thickness, its size the outer one."""
-    T_base_box = np.eye(4)
-    T_base_box[:3, 3] = settings.vector("centre", 3, "length")
-    yaw = settings.number("yaw", "angle", 0.0)
-    T_base_box[:2, :2] = [[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]]
-    size = settings.vector("size", 3, "length")
-    if np.any(size <= 0.0):
-        raise settings.error("a box has three positive sizes", "size")
-    name = settings.text("name")
-    if not settings.has("wall"):
-        settings.finish()
-        return (_box(name, T_base_box, np.zeros(3), size),)
-    wall = settings.number("wall", "length", low=1e-4)
-    if np.any(2.0 * wall >= size[:2]) or wall >= size[2]:
-        raise settings.error("the walls of a crate leave room between them", "wall")
-    settings.finish()
-    return _crate(name, T_base_box, size, wall)
+
+    name: str = value(Text(), help="skills call it so: 'crate'")
+    centre: tuple[float, ...] = value(Row(Measure(LENGTH), 3), help="of the whole box, in the base frame")
+    size: tuple[float, ...] = value(Row(Measure(LENGTH), 3), help="outer size along x, y and z")
+    yaw: float = value(Measure(ANGLE), "0 rad", "turned about z")
+    wall: float | None = value(Measure(LENGTH, "0.1 mm"), None, "thickness of a crate's floor and walls")
+
+    def problems(self) -> Iterator[Problem]:
+        if min(self.size) <= 0.0:
+            yield Problem("size", "a box has three positive sizes")
+        elif self.wall is not None and (2.0 * self.wall >= min(self.size[:2]) or self.wall >= self.size[2]):
+            yield Problem("wall", "the walls of a crate leave room between them")
+
+    def boxes(self) -> tuple[Box, ...]:
+        """The solids that it is made of, all of one name."""
+        T_base_box = np.eye(4)
+        T_base_box[:3, 3] = self.centre
+        cos, sin = np.cos(self.yaw), np.sin(self.yaw)
+        T_base_box[:2, :2] = [[cos, -sin], [sin, cos]]
+        size = np.array(self.size)
+        if self.wall is None:
+            return (_box(self.name, T_base_box, np.zeros(3), size),)
+        return _crate(self.name, T_base_box, size, self.wall)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WorkspaceSection:
+    """What is known of the surroundings of the arm, in its base frame."""
+
+    table_z: float | None = value(Measure(LENGTH), None, "height of the table's surface; no table without it")
+    lower: tuple[float, ...] = value(Row(Measure(LENGTH), 3), help="corner of the volume that is mapped and moved in")
+    upper: tuple[float, ...] = value(Row(Measure(LENGTH), 3), help="the opposite corner")
+    obstacles: tuple[ObstacleSection, ...] = value(
+        ListOf(Section(ObstacleSection)), (), "fixed geometry that no camera needs to see"
+    )
+    poses: Mapping[str, tuple[float, ...]] = value(MappingOf(Row(Measure(ANGLE))), {}, "joints, by the pose's name")
+
+    def problems(self) -> Iterator[Problem]:
+        if any(low >= high for low, high in zip(self.lower, self.upper, strict=True)):
+            yield Problem("upper", "it must lie above workspace.lower in x, y and z")
+
+    def workspace(self) -> Workspace:
+        """For the skills."""
+        return Workspace(
+            table_z=self.table_z,
+            lower=np.array(self.lower),
+            upper=np.array(self.upper),
+            obstacles=tuple(box for obstacle in self.obstacles for box in obstacle.boxes()),
+            poses={name: np.array(q) for name, q in self.poses.items()},
+        )
 
 
 def _crate(name: str, T_base_crate: Float64, size: Float64, wall: float) -> tuple[Box, ...]:
-    """Floor, then walls, all of one name."""
+    """Floor, then walls."""
     x, y, z = size
     middle = (x - wall) / 2.0, (y - wall) / 2.0
     return (
@@ -67,7 +87,3 @@ def _box(name: str, T_base_whole: Float64, offset: Float64, size: Float64) -> Bo
     T_base_box = T_base_whole.copy()
     T_base_box[:3, 3] += T_base_whole[:3, :3] @ offset
     return Box(name, T_base_box, (float(size[0]) / 2.0, float(size[1]) / 2.0, float(size[2]) / 2.0))
-
-
-def _read_poses(settings: Settings) -> dict[str, Float64]:
-    return {name: settings.vector(name, None, "angle") for name in settings.names()}

@@ -9,12 +9,13 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
-from importlib.metadata import PackageNotFoundError, entry_points, version
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 from executive.board import Board
 from executive.errors import UsageError
 from executive.files import read_text
+from executive.judging import judge, split_settings
 from executive.language import BuiltTree, Document, Mocks, build, format_findings
 from executive.language.documents import read_document, refuse_errors
 from executive.language.mocks import MockPlan
@@ -23,6 +24,7 @@ from executive.recording.keeping import Keeping
 from executive.registry import Registry
 from executive.running.breakpoints import Side
 from executive.running.cell import Cell
+from executive.running.cell_files import CellFile, cell_files
 from executive.running.context import RunContext
 from executive.running.dry_cell import DryCell
 from executive.running.events import EventStream, Listener, RunStarted
@@ -106,23 +108,23 @@ def execute(
     """
     registry = Registry.installed()
     document = read_document(order.tree, order.texts)
-    declared = set(document.main.parameters)
-    tree_settings = {key: value for key, value in order.settings.items() if key in declared}
-    cell_settings = {key: value for key, value in order.settings.items() if key not in declared}
-    refuse_errors(document, registry, tree_settings, None)
+    tree_settings, cell_settings = split_settings(document, order.settings)
     if order.dry:
+        refuse_errors(document, registry, tree_settings, None)
         if cell_settings:
             raise UsageError(f"the tree has no parameter {', '.join(sorted(cell_settings))}, and a dry run has no cell")
         mocks = _read_mocks(order.mocks, order.texts, document, registry)
         with RunSignals() as signals:
             work = _Work(order, registry, document, tree_settings, DryCell(), mocks, signals)
             return _run(work, listeners, on_ready, on_latched)
+    judged = judge(document, registry, order.settings, order.cell, order.texts)
+    judged.refuse_errors()
+    assert judged.cell is not None
     with RunSignals() as signals, contextlib.ExitStack() as stack:
-        cell = load_cell(order.cell, order.seed, cell_settings, declared, order.texts.get(str(order.cell)))
+        cell = connect_cell(judged.cell, order.seed)
         stack.callback(cell.close)
         stack.callback(signals.wait)  # whatever ends the run, the cell is closed without being disturbed
-        refuse_errors(document, registry, tree_settings, cell.interfaces())
-        work = _Work(order, registry, document, tree_settings, cell, None, signals)
+        work = _Work(order, registry, document, tree_settings, cell, None, signals, judged.cell.files)
         return _run(work, listeners, on_ready, on_latched)
 
 
@@ -137,6 +139,7 @@ class _Work:
     cell: Cell
     mocks: Mocks | None
     signals: RunSignals
+    cell_texts: Mapping[str, str] = field(default_factory=dict)
 
     def build(self, context: RunContext, board: Board) -> BuiltTree:
         return build(
@@ -169,7 +172,7 @@ def _run(
         _prepare(runner)
         with signals.ask(runner):
             keeping.begin(runner, events)
-            events.emit(_started(order, runner, work.document, cell, keeping.folder))
+            events.emit(_started(work, runner, keeping.folder))
             on_ready(runner)
             result = runner.run()
         keeping.draw(f"{runner.tree.name}: {result.outcome}, seed {order.seed}")
@@ -211,29 +214,18 @@ def _prepare(runner: Runner) -> None:
         raise UsageError(f"the skills cannot be prepared: {_with_place(error)}") from error
 
 
-def load_cell(
-    path: Path,
-    seed: int,
-    settings: Mapping[str, str],
-    tree_parameters: set[str] | None = None,
-    text: str | None = None,
-) -> Cell:
-    """Connect a cell, as its file says, or a text that is read instead of it.
+def connect_cell(file: CellFile, seed: int) -> Cell:
+    """Connect a cell.
 
     Raises:
-        UsageError: the cell file or a setting is wrong, or a device cannot be reached.
+        UsageError: a device cannot be reached, or refuses.
     """
-    loader = next(iter(entry_points(group="pomona.cells", name="file"))).load()
     try:
-        cell: Cell = loader(path, seed=seed, overrides=settings, text=text)
+        return cell_files().connect(file, seed)
     except KeyboardInterrupt:
         raise
     except BaseException as error:  # whatever a driver raises while it connects, nothing has moved
-        text = _with_place(error)
-        if tree_parameters and settings:
-            text += f"\n  (parameters of the tree: {', '.join(sorted(tree_parameters))})"
-        raise UsageError(text) from error
-    return cell
+        raise UsageError(_with_place(error)) from error
 
 
 def _with_place(error: BaseException) -> str:
@@ -242,8 +234,9 @@ def _with_place(error: BaseException) -> str:
     return f"{sentence_of(error)} ({place})" if place else sentence_of(error)
 
 
-def _started(order: RunOrder, runner: Runner, document: Document, cell: Cell, folder: Path | None) -> RunStarted:
+def _started(work: _Work, runner: Runner, folder: Path | None) -> RunStarted:
     """The first event of a run: everything that is needed to repeat it."""
+    order, document, cell = work.order, work.document, work.cell
     return RunStarted(
         0.0,
         0,
@@ -263,6 +256,7 @@ def _started(order: RunOrder, runner: Runner, document: Document, cell: Cell, fo
         wall_time=time.time(),
         period=PERIOD,
         settings=dict(order.settings),
+        cell_files={name: text for name, text in work.cell_texts.items() if name != order.cell.name},
         tree_files={file.source.path: file.source.text for file in document.files if file is not document.main},
     )
 

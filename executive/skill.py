@@ -22,7 +22,7 @@ Its ports are said once: the parameters of `run` are the inputs, the fields of w
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Generator, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from inspect import isgeneratorfunction
 from typing import Any, ClassVar, Protocol, TypeVar
@@ -35,6 +35,7 @@ from executive.clock import Clock
 from executive.errors import SkillError
 from executive.ports import Outputs, Ports
 from executive.signature import ports_of
+from executive.values.sections import Problem
 
 T = TypeVar("T")
 Work = Generator["str | None", None, T]
@@ -75,6 +76,17 @@ class Computation(Protocol):
 
     def cancel(self) -> None:
         """Give up at once; an isolated computation's process is killed."""
+        ...
+
+
+class CellFacts(Protocol):
+    """What is known of a cell before it is connected."""
+
+    @property
+    def name(self) -> str: ...
+
+    def known(self, what: type[T]) -> T | None:
+        """What its file says about something (`drivers.interfaces.Workspace`), or None."""
         ...
 
 
@@ -169,6 +181,23 @@ class Skill(py_trees.behaviour.Behaviour):
         return cls.devices if isgeneratorfunction(getattr(cls, "run", None)) else ()
 
     # ------------------------------------------------------------------------------------- for subclasses
+
+    @classmethod
+    def judge(cls, known: Mapping[str, Any], cell: CellFacts | None) -> Iterable[Problem]:
+        """What is wrong with a use of this skill, found before anything is connected.
+
+        Args:
+            known: inputs whose value is the same in every run, in SI, by their ports.
+            cell: what is known of the cell, or None when a tree is judged alone.
+        """
+        return ()
+
+    def known(self, port: str) -> Any:
+        """An input's value before the run begins, for `prepare`; None when only the run will tell."""
+        try:
+            return self._read().get(port)
+        except SkillFailure:
+            return None
 
     def prepare(self) -> None:
         """Load and warm what the first start needs (weights, compiled code); called before the run's clock starts."""

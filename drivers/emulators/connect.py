@@ -22,21 +22,28 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from drivers.cell_file import Settings
+from drivers.camera_options import DepthNoiseSection
+from drivers.cell_file import read_cell_file
 from drivers.device import Bench, Device
+from drivers.driver import Settings, driver
 from drivers.emulators.sim_bridge import FRAME_HEADER, FRAME_MAGIC
-from drivers.errors import DeviceLost
-from drivers.interfaces import Arm, Float64, Intrinsics
+from drivers.errors import CellFileError, DeviceLost
+from drivers.interfaces import NOMINAL_DEPTH_NOISE, Arm, Float64, Intrinsics
+from drivers.motoman.connect import ORDERS
 from drivers.realsense.driver import StreamingCamera
 from drivers.realsense.ride import Ride
 from drivers.realsense.source import Pair
-from drivers.wire import TcpLink, read_address
+from drivers.wire import Address, TcpLink
 from executive.clock import Clock, SystemClock
+from executive.values.kinds import MappingOf, Measure, Number, PathTo, Text
+from executive.values.sections import Problem, Section, value
+from executive.values.units import RATE
 
 START = 120.0
 """The world must be ready within this time [s]."""
@@ -100,17 +107,49 @@ class EmulatedWorld(Device):
         self._process.stdout.close()
 
 
-def connect_world(settings: Settings, bench: Bench) -> EmulatedWorld:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EmulatedWorldFile:
+    """A simulated cell in a process of its own, behind emulated devices, in real time."""
+
+    cell: Path = value(PathTo("file"), help="the simulated cell")
+    options: Mapping[str, str] = value(MappingOf(Text()), {}, "of that cell")
+    arm: str = value(Text(), help="HOST:PORT where the arm's driver finds the controller")
+    controller: str = value(Text(*ORDERS), help="which the arm has")
+    gripper: str = value(Text(), help="HOST:PORT of the gripper")
+    fingers: str = value(Text(), help="folder with the links finger_left and finger_right")
+    camera: str = value(Text(), help="HOST:PORT of the camera")
+    pace: float = value(Number(0.01, 1.0), "1", "below 1 the cell's time runs slower than the wall's")
+
+    def problems(self) -> Iterator[Problem]:
+        try:
+            read_cell_file(self.cell, self.options)
+        except CellFileError as error:
+            yield Problem("cell", f"{self.cell.name} cannot be used so: {error.message}", error.hint)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EmulatedCameraFile:
+    """The emulated camera of an emulated world."""
+
+    address: tuple[str, int] = value(Address(41001), help="HOST:PORT")
+    robot: Path = value(PathTo("file"), help="MJCF with the site `camera`")
+    rate: float = value(Measure(RATE, "0.5 Hz", "60 Hz"), "5 Hz", "frames per second")
+    depth_noise: DepthNoiseSection | None = value(
+        Section(DepthNoiseSection), None, "how much depth errs; without it a D435's nominal noise"
+    )
+
+
+@driver(EmulatedWorld, EmulatedWorldFile)
+def connect_world(settings: Settings[EmulatedWorldFile], bench: Bench) -> EmulatedWorld:
     """`driver: emulated-world`: start the process and wait until its devices can be reached."""
-    command = [sys.executable, "-m", "drivers.emulators.world_process", "--cell", str(settings.file("cell"))]
+    said = settings.values
+    command = [sys.executable, "-m", "drivers.emulators.world_process", "--cell", str(said.cell)]
     command += ["--seed", str(bench.seed)]
-    options = settings.section("options")
-    for name in options.names():
-        command += ["--set", f"{name}={options.text(name)}"]
-    pace = settings.number("pace", "number", 1.0, 0.01, 1.0)
-    command += ["--pace", str(pace)]
+    for name, text in said.options.items():
+        command += ["--set", f"{name}={text}"]
+    command += ["--pace", str(said.pace)]
     for wire in WIRES:
-        command += [f"--{wire}", settings.text(wire)]
+        command += [f"--{wire}", getattr(said, wire)]
     # A session of its own: Ctrl-C reaches the run, which stops safely, before the world ends.
     process = subprocess.Popen(
         command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True
@@ -123,7 +162,7 @@ def connect_world(settings: Settings, bench: Bench) -> EmulatedWorld:
         raise settings.error(f"the emulated world did not start: {words or 'it said nothing'}", "cell")
     assert process.stderr is not None
     process.stderr.close()
-    return EmulatedWorld(process, pace)
+    return EmulatedWorld(process, said.pace)
 
 
 def read_line(process: subprocess.Popen[bytes], deadline: float) -> bytes:
@@ -186,16 +225,22 @@ class WireSource:
         )
 
 
-def connect_camera(settings: Settings, bench: Bench) -> StreamingCamera:
-    """`driver: emulated-camera`: {address: HOST:PORT, robot: FILE with the site `camera`, rate: 5 Hz}"""
-    host, port = read_address(settings, "address", 41001)
-    robot = settings.file("robot")
-    rate = settings.number("rate", "rate", 5.0, 0.5, 60.0)
+@driver(StreamingCamera, EmulatedCameraFile)
+def connect_camera(settings: Settings[EmulatedCameraFile], bench: Bench) -> StreamingCamera:
+    """`driver: emulated-camera`"""
+    said = settings.values
+    host, port = said.address
     arm = bench.find(Arm)
-    ride = Ride(arm, camera_site(robot))
+    ride = Ride(arm, camera_site(said.robot))
     pace = bench.clock.pace if isinstance(bench.clock, PacedClock) else 1.0
+    noise = said.depth_noise.noise() if said.depth_noise else NOMINAL_DEPTH_NOISE
     camera = StreamingCamera(
-        lambda: WireSource(host, port, rate, pace), ride, bench.clock, silence=2.0, label="emulated"
+        lambda: WireSource(host, port, said.rate, pace),
+        ride,
+        bench.clock,
+        silence=2.0,
+        label="emulated",
+        depth_noise=noise,
     )
     camera.connect(deadline=20.0)
     camera.start()

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from drivers.cell_file import Settings
+from drivers.camera_options import DepthNoiseSection, IntrinsicsSection
 from drivers.device import Bench, Device
+from drivers.driver import Settings, driver
 from drivers.errors import DeviceFault
 from drivers.frames.folder import (
     INTRINSICS_FILE,
@@ -16,10 +18,11 @@ from drivers.frames.folder import (
     folder_intrinsics,
     list_frames,
     read_images,
-    read_intrinsics,
 )
-from drivers.interfaces import Camera, Float64, Frame, FrameSequence, Intrinsics
+from drivers.interfaces import NOMINAL_DEPTH_NOISE, Camera, DepthNoise, Float64, Frame, FrameSequence, Intrinsics
 from executive.clock import Clock
+from executive.values.kinds import Text
+from executive.values.sections import Section, value
 
 LEVEL = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, -1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
 """T_base_camera of a camera that looks level along the base's y: image x is base x, image down is base down."""
@@ -37,9 +40,10 @@ class FramesCamera(Device):
         clock: Clock,
         T_base_camera: Float64 = LEVEL,
         name: str = "camera",
+        depth_noise: DepthNoise = NOMINAL_DEPTH_NOISE,
     ) -> None:
         super().__init__(name)
-        self.intrinsics = intrinsics
+        self.intrinsics, self._depth_noise = intrinsics, depth_noise
         self._frames, self._clock, self._T_base_camera = frames, clock, T_base_camera
         self._position = 0
         self._read: tuple[int, Frame] | None = None
@@ -84,6 +88,7 @@ class FramesCamera(Device):
             q=None,
             T_mount_camera=self._T_base_camera,
             label=frame.label,
+            depth_noise=self._depth_noise,
         )
 
     def _load(self, position: int) -> Frame:
@@ -97,33 +102,36 @@ class FramesCamera(Device):
         return Frame(0.0, position, colour, depth, self.intrinsics, None, self._T_base_camera, recorded.label)
 
 
-def connect(settings: Settings, bench: Bench) -> FramesCamera:
-    """The driver `frames` of a cell file.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FramesFile:
+    """A folder of recorded colour and depth images; intrinsics that lie in it come before those of the cell file."""
 
-    camera:
-      driver: frames
-      folder: "{folder}"                # from the working folder, else from the cell file's
-      intrinsics: {fx: 917.12, fy: 916.97, cx: 957.72, cy: 550.79, width: 1920, height: 1080}
+    folder: str = value(Text(), help="the folder with the recorded frames: --set folder=PATH")
+    intrinsics: IntrinsicsSection | None = value(
+        Section(IntrinsicsSection), None, f"of the camera, unless {INTRINSICS_FILE} lies in the folder"
+    )
+    depth_noise: DepthNoiseSection | None = value(
+        Section(DepthNoiseSection), None, "how much depth errs; without it a D435's nominal noise"
+    )
 
-    Intrinsics that lie in the folder (`intrinsics.yaml`) come before those of the cell file.
-    """
-    if not settings.has("folder"):
-        raise settings.error("needs the folder with the recorded frames", "folder", "--set folder=PATH")
-    folder = _resolve(Path(settings.text("folder")).expanduser(), bench.cell.parent)
+
+@driver(FramesCamera, FramesFile)
+def connect(settings: Settings[FramesFile], bench: Bench) -> FramesCamera:
+    """Open the folder: from the working folder, else from the cell file's."""
+    said = settings.values
+    folder = _resolve(Path(said.folder).expanduser(), bench.cell.parent)
     try:
         frames = list_frames(folder)
-        intrinsics = folder_intrinsics(folder)
-        if settings.has("intrinsics"):
-            from_cell = read_intrinsics(settings.section("intrinsics"))
-            intrinsics = intrinsics or from_cell
+        intrinsics = folder_intrinsics(folder) or (said.intrinsics.intrinsics() if said.intrinsics else None)
         if intrinsics is None:
             hint = f"write 'intrinsics:' here, or put {INTRINSICS_FILE} into {folder}"
-            raise settings.error("nothing says the camera's intrinsics", None, hint)
+            raise settings.error("nothing says the camera's intrinsics", "", hint)
         read_images(frames[0], intrinsics)
     except UnusableFrames as error:
         hint = f"put the right {INTRINSICS_FILE} into the folder" if "intrinsics" in str(error) else ""
         raise settings.error(str(error), "folder", hint) from error
-    return FramesCamera(frames, intrinsics, bench.clock)
+    noise = said.depth_noise.noise() if said.depth_noise else NOMINAL_DEPTH_NOISE
+    return FramesCamera(frames, intrinsics, bench.clock, depth_noise=noise)
 
 
 def _resolve(folder: Path, cell_folder: Path) -> Path:

@@ -15,9 +15,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.cell_file import Settings, read_cell_file
-from drivers.errors import DriverError
+from drivers.camera_options import IntrinsicsSection
+from drivers.errors import CellFileError, DriverError
 from drivers.interfaces import Intrinsics
+from executive.values.documents import read_value_file
+from executive.values.findings import Findings
+from executive.values.reading import Refused
+from executive.values.sections import Section
 
 COLOUR_SUFFIXES = ("_color.jpg", "_color.jpeg", "_color.png")
 DEPTH_SUFFIX = "_depth_mm.png"
@@ -89,24 +93,20 @@ def _read(path: Path, flags: int, intrinsics: Intrinsics) -> NDArray[Any]:
     return image
 
 
-def read_intrinsics(settings: Settings) -> Intrinsics:
-    """Intrinsics [px] from a section of a cell file or from the folder's own file.
+def read_intrinsics(path: Path) -> Intrinsics:
+    """Intrinsics from a file of their own.
 
     Raises:
-        CellFileError: a value is missing or impossible.
+        CellFileError: it cannot be used; says where and why.
     """
-    width = settings.integer("width", low=1, high=100_000)
-    height = settings.integer("height", low=1, high=100_000)
-    intrinsics = Intrinsics(
-        fx=settings.number("fx", low=1.0),
-        fy=settings.number("fy", low=1.0),
-        cx=settings.number("cx", low=0.0, high=float(width)),
-        cy=settings.number("cy", low=0.0, high=float(height)),
-        width=width,
-        height=height,
-    )
-    settings.finish()
-    return intrinsics
+    findings = Findings()
+    written = read_value_file(path, findings, "a file of intrinsics")
+    try:
+        if written is not None:
+            return Section(IntrinsicsSection).read(written.root, written.reader).intrinsics()
+    except Refused:
+        pass
+    raise CellFileError(findings.sorted())
 
 
 def folder_intrinsics(folder: Path) -> Intrinsics | None:
@@ -116,4 +116,4 @@ def folder_intrinsics(folder: Path) -> Intrinsics | None:
         CellFileError: the file is there and cannot be used.
     """
     path = folder / INTRINSICS_FILE
-    return read_intrinsics(read_cell_file(path)) if path.is_file() else None
+    return read_intrinsics(path) if path.is_file() else None

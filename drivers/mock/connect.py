@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 
-from drivers.cell_file import Settings
 from drivers.device import Bench, Device
-from drivers.mock.arm import MockArm
+from drivers.driver import NoOptions, Settings, Surroundings, driver
+from drivers.mock.arm import SIA5F_LIMITS, MockArm
 from drivers.mock.camera import MockCamera
 from drivers.mock.clock import MockClock
 from drivers.mock.fingers import MockForceSensor, spring_fruit
 from drivers.mock.gripper import MockGripper
-from drivers.motion_supervisor import read_supervision
+from drivers.motion_supervisor import Supervision
+from executive.values.kinds import Measure, Text, choose
+from executive.values.sections import Problem, Section, value
+from executive.values.units import LENGTH
 
 
 class MockWorld(Device):
@@ -25,37 +29,74 @@ class MockWorld(Device):
         return {}
 
 
-def connect_world(settings: Settings, bench: Bench) -> MockWorld:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class InMockWorld:
+    """A device that lives in the mock world."""
+
+    def fits(self, around: Surroundings) -> Iterator[Problem]:
+        if not around.has(MockWorld):
+            yield Problem("driver", "a mock device needs the mock world above it", "world: {driver: mock}")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MockArmOptions(InMockWorld):
+    """An arm that follows trajectories exactly."""
+
+    start: str = value(Text(), "", "pose of the workspace in which it stands; zeros without one")
+
+    supervision: Supervision = value(Section(Supervision), Supervision(), "how far the arm is believed")
+
+    def fits(self, around: Surroundings) -> Iterator[Problem]:
+        yield from InMockWorld.fits(self, around)
+        poses = around.workspace.poses if around.workspace else {}
+        if self.start and self.start not in poses:
+            yield Problem("start", f"it cannot be '{self.start}'", choose(self.start, poses))
+
+    def known(self) -> Iterator[object]:
+        yield SIA5F_LIMITS
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MockFingersOptions(InMockWorld):
+    """Fingers that feel a soft fruit, or nothing."""
+
+    fruit: float = value(Measure(LENGTH, "0 mm", "500 mm"), "0 mm", "width of a soft fruit between them, 0 mm for none")
+
+
+@driver(MockWorld, NoOptions)
+def connect_world(settings: Settings[NoOptions], bench: Bench) -> MockWorld:
     """`driver: mock`"""
     return MockWorld()
 
 
-def connect_arm(settings: Settings, bench: Bench) -> MockArm:
-    """`driver: mock-arm`; `start` names a pose of the workspace."""
-    poses = bench.workspace.poses if bench.workspace else {}
-    q = poses[settings.choice("start", poses)] if settings.has("start") else None
-    return MockArm(_clock(settings, bench), q, supervision=read_supervision(settings))
+@driver(MockArm, MockArmOptions)
+def connect_arm(settings: Settings[MockArmOptions], bench: Bench) -> MockArm:
+    """`driver: mock-arm`"""
+    said = settings.values
+    q = bench.workspace.poses[said.start] if said.start and bench.workspace else None
+    return MockArm(_clock(bench), q, supervision=said.supervision)
 
 
-def connect_gripper(settings: Settings, bench: Bench) -> MockGripper:
+@driver(MockGripper, InMockWorld)
+def connect_gripper(settings: Settings[InMockWorld], bench: Bench) -> MockGripper:
     """`driver: mock-gripper`"""
-    return MockGripper(_clock(settings, bench))
+    return MockGripper(_clock(bench))
 
 
-def connect_fingers(settings: Settings, bench: Bench) -> MockForceSensor:
-    """`driver: mock-fingers`; `fruit` is the width of a soft fruit between the fingers, 0 for none."""
-    gripper = bench.find(MockGripper)
-    width = settings.number("fruit", "length", 0.0, 0.0, 0.5)
+@driver(MockForceSensor, MockFingersOptions)
+def connect_fingers(settings: Settings[MockFingersOptions], bench: Bench) -> MockForceSensor:
+    """`driver: mock-fingers`"""
+    gripper, width = bench.find(MockGripper), settings.values.fruit
     feel = spring_fruit(gripper, width) if gripper is not None and width > 0.0 else None
-    return MockForceSensor(_clock(settings, bench), feel)
+    return MockForceSensor(_clock(bench), feel)
 
 
-def connect_camera(settings: Settings, bench: Bench) -> MockCamera:
+@driver(MockCamera, NoOptions)
+def connect_camera(settings: Settings[NoOptions], bench: Bench) -> MockCamera:
     """`driver: mock-camera`: a camera that never sees anything."""
     return MockCamera(clock=bench.clock)
 
 
-def _clock(settings: Settings, bench: Bench) -> MockClock:
-    if not isinstance(bench.clock, MockClock):
-        raise settings.error("a mock device needs the mock world above it (world: {driver: mock})")
+def _clock(bench: Bench) -> MockClock:
+    assert isinstance(bench.clock, MockClock), "judged when the cell file was read"
     return bench.clock

@@ -2,57 +2,85 @@
 
 from __future__ import annotations
 
-from drivers.cell_file import Settings
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
 from drivers.device import Bench
+from drivers.driver import Settings, driver
 from drivers.errors import DeviceLost, UnusableRobotFile
-from drivers.motion_supervisor import read_supervision
+from drivers.motion_supervisor import Supervision
 from drivers.motoman.codec import Order
 from drivers.motoman.driver import MotomanArm, MotomanOptions
-from drivers.motoman.limits import read_limits
-from drivers.wire import TcpLink, read_address
+from drivers.robot_file import read_limits
+from drivers.wire import Address, TcpLink
+from executive.values.kinds import Flag, Measure, PathTo, Text, Whole, Words
+from executive.values.sections import Problem, Section, value
+from executive.values.units import TIME
 
 MOTION_PORT = 50240
 """The state's port is the next one."""
 ORDERS: dict[str, Order] = {"fs100": ">", "dx100": "<", "dx200": "<", "yrc1000": "<"}
-JOINTS = "S L E U R B T"
+"""Byte order of each controller."""
+SEVEN, SIX = tuple("SLEURBT"), tuple("SLURBT")
+"""Joints of an arm by their names on the controller, in the order of the wire."""
 
 
-def connect(settings: Settings, bench: Bench) -> MotomanArm:
-    """Open the arm that a cell file describes; the servos come on, the arm stands still.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MotomanFile:
+    """A Yaskawa arm behind MotoROS; the servos come on when the run starts, the arm stands still."""
 
-    arm:
-      driver: motoman
-      address: 192.168.1.31             # or HOST:PORT of the motion connection; the state's port is the next
-      controller: fs100                 # fs100, dx100, dx200 or yrc1000: the byte order
-      robot: ../robots/sia5f_wsg32.xml  # the robot's description, with its limits
-      joints: S L E U R B T             # the description's joints, by their names on the controller
-      servo_on: true                    # switch the servos on when the run starts
-      lead: 150 ms                      # how far ahead of the arm points are sent
-      silence: 90 ms                    # no feedback for so long: the arm is lost
-      supervision: {following_error: 0.08 rad, lag: 200 ms, margin: 2 s, stall: 500 ms, status: 250 ms}
-    """
-    host, port = read_address(settings, "address", MOTION_PORT)
-    order = ORDERS[settings.choice("controller", ORDERS)]
-    robot = settings.file("robot")
-    names = settings.text("joints", JOINTS).split()
-    on_wire = JOINTS.split() if len(names) == 7 else ["S", "L", "U", "R", "B", "T"]
-    if sorted(names) != sorted(on_wire):
-        raise settings.error(f"'joints' must name each of {' '.join(on_wire)} once", "joints")
-    try:
-        limits = read_limits(robot, len(names))
-    except UnusableRobotFile as error:
-        raise settings.error(str(error), "robot") from error
-    options = MotomanOptions(
-        order=order,
-        group=settings.integer("group", 0, 0, 3),
-        wire_joints=tuple(on_wire.index(name) for name in names),
-        servo_on=settings.boolean("servo_on", True),
-        point_period=settings.number("point_period", "time", 0.02, 0.008, 0.2),
-        lead=settings.number("lead", "time", 0.15, 0.03, 0.7),
-        silence=settings.number("silence", "time", 0.09, 0.03, 1.0),
-        supervision=read_supervision(settings),
+    address: tuple[str, int] = value(
+        Address(MOTION_PORT), help="HOST or HOST:PORT of the motion connection; the state's port is the next"
     )
-    arm = MotomanArm(lambda: TcpLink(host, port + 1), lambda: TcpLink(host, port), bench.clock, robot, limits, options)
+    controller: str = value(Text(*ORDERS), help="which gives the byte order")
+    robot: Path = value(PathTo("file"), help="the robot's description (MJCF or URDF), with its limits")
+    joints: tuple[str, ...] = value(
+        Words(*SEVEN, once=False), SEVEN, "the description's joints, by their names on the controller"
+    )
+    group: int = value(Whole(0, 3), 0, "control group of the arm")
+    servo_on: bool = value(Flag(), True, "switch the servos on when the run starts")
+    point_period: float = value(Measure(TIME, "8 ms", "200 ms"), "20 ms", "time between points that are sent")
+    lead: float = value(Measure(TIME, "30 ms", "700 ms"), "150 ms", "how far ahead of the arm points are sent")
+    silence: float = value(Measure(TIME, "30 ms", "1 s"), "90 ms", "no feedback for so long: the arm is lost")
+    supervision: Supervision = value(Section(Supervision), Supervision(), "how far the arm is believed")
+
+    @property
+    def on_wire(self) -> tuple[str, ...]:
+        return SEVEN if len(self.joints) == 7 else SIX
+
+    def problems(self) -> Iterator[Problem]:
+        if sorted(self.joints) != sorted(self.on_wire):
+            yield Problem("joints", f"'joints' must name each of {' '.join(self.on_wire)} once")
+            return
+        try:
+            read_limits(self.robot, len(self.joints))
+        except UnusableRobotFile as error:
+            yield Problem("robot", str(error))
+
+    def known(self) -> Iterator[object]:
+        yield read_limits(self.robot, len(self.joints))
+
+
+@driver(MotomanArm, MotomanFile)
+def connect(settings: Settings[MotomanFile], bench: Bench) -> MotomanArm:
+    """Open the arm that a cell file describes."""
+    said = settings.values
+    host, port = said.address
+    options = MotomanOptions(
+        order=ORDERS[said.controller],
+        group=said.group,
+        wire_joints=tuple(said.on_wire.index(name) for name in said.joints),
+        servo_on=said.servo_on,
+        point_period=said.point_period,
+        lead=said.lead,
+        silence=said.silence,
+        supervision=said.supervision,
+    )
+    limits = read_limits(said.robot, len(said.joints))
+    arm = MotomanArm(
+        lambda: TcpLink(host, port + 1), lambda: TcpLink(host, port), bench.clock, said.robot, limits, options
+    )
     try:
         arm.connect()
     except DeviceLost as error:

@@ -3,52 +3,73 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from drivers.cell_file import Settings
+from drivers.camera_options import DepthNoiseSection
 from drivers.device import Bench
+from drivers.driver import Settings, driver
 from drivers.errors import DeviceError, DeviceLost
-from drivers.interfaces import Arm, Float64
+from drivers.interfaces import NOMINAL_DEPTH_NOISE, Arm, Float64
 from drivers.realsense.driver import StreamingCamera
 from drivers.realsense.ride import Ride
 from drivers.realsense.source import FILTERS, CameraSettings, PipelineSource, cameras_found
+from executive.values.kinds import Counts, MappingOf, Measure, Number, PathTo, Text, Words
+from executive.values.sections import Problem, Section, value
+from executive.values.units import RATE, TIME
 
 
-def connect(settings: Settings, bench: Bench) -> StreamingCamera:
-    """Open the camera that a cell file describes.
+class UnusableHandEye(ValueError):
+    """A file that holds no pose of a camera."""
 
-    camera:
-      driver: realsense
-      serial: "0123"                    # any camera without it; or bag: FILE, a recording
-      size: [640, 480]
-      rate: 30 Hz
-      preset: High Accuracy
-      filters: spatial temporal
-      options: {laser_power: 150}
-      hand_eye: hand_eye.json           # from `pomona calibrate hand-eye`: pose of the camera in tool0
-      silence: 500 ms                   # no image for so long: the camera is lost
-    """
-    width, height = settings.vector("size", 2) if settings.has("size") else (640, 480)
-    filters = tuple(settings.text("filters", " ").split())
-    unknown = [name for name in filters if name not in FILTERS]
-    if unknown:
-        raise settings.error(f"there is no filter '{unknown[0]}'", "filters", f"known: {', '.join(FILTERS)}")
-    options = settings.section("options") if settings.has("options") else None
-    wanted = CameraSettings(
-        serial=settings.text("serial") if settings.has("serial") else "",
-        bag=settings.file("bag") if settings.has("bag") else None,
-        size=(int(width), int(height)),
-        rate=round(settings.number("rate", "rate", 30.0, 1.0, 300.0)),
-        preset=settings.text("preset") if settings.has("preset") else "",
-        filters=filters,
-        options={name: options.number(name) for name in options.names()} if options else {},
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RealSenseFile:
+    """An Intel RealSense depth camera, on the arm or in the cell."""
+
+    serial: str = value(Text(), "", "of the camera; any camera without it")
+    bag: Path | None = value(PathTo("file"), None, "a recording instead of a camera")
+    size: tuple[int, ...] = value(Counts(2, 1, 10_000), (640, 480), "width and height of both images")
+    rate: float = value(Measure(RATE, "1 Hz", "300 Hz"), "30 Hz", "frames per second")
+    preset: str = value(Text(), "", "of depth: High Accuracy, High Density …")
+    filters: tuple[str, ...] = value(Words(*FILTERS), (), "of depth, in their order: " + ", ".join(FILTERS))
+    options: Mapping[str, float] = value(MappingOf(Number()), {}, "of the depth sensor, by their names in the library")
+    hand_eye: Path = value(
+        PathTo("file", "make it with `pomona calibrate hand-eye`"),
+        help="pose of the camera in its mount; `pomona calibrate hand-eye` makes the file",
     )
-    arm = bench.find(Arm)
-    ride = Ride(arm, read_hand_eye(settings))
-    silence = settings.number("silence", "time", 0.5, 0.05, 10.0)
-    camera = StreamingCamera(lambda: PipelineSource(wanted), ride, bench.clock, silence=silence)
+    depth_noise: DepthNoiseSection | None = value(
+        Section(DepthNoiseSection), None, "how much depth errs; without it a D435's nominal noise"
+    )
+    silence: float = value(Measure(TIME, "50 ms", "10 s"), "500 ms", "no image for so long: the camera is lost")
+
+    def problems(self) -> Iterator[Problem]:
+        try:
+            read_hand_eye(self.hand_eye)
+        except UnusableHandEye as error:
+            yield Problem("hand_eye", str(error), "make it with `pomona calibrate hand-eye`")
+
+
+@driver(StreamingCamera, RealSenseFile)
+def connect(settings: Settings[RealSenseFile], bench: Bench) -> StreamingCamera:
+    """Open the camera that a cell file describes."""
+    said = settings.values
+    width, height = said.size
+    wanted = CameraSettings(
+        serial=said.serial,
+        bag=said.bag,
+        size=(width, height),
+        rate=round(said.rate),
+        preset=said.preset,
+        filters=said.filters,
+        options=said.options,
+    )
+    ride = Ride(bench.find(Arm), read_hand_eye(said.hand_eye))
+    noise = said.depth_noise.noise() if said.depth_noise else NOMINAL_DEPTH_NOISE
+    camera = StreamingCamera(lambda: PipelineSource(wanted), ride, bench.clock, silence=said.silence, depth_noise=noise)
     try:
         camera.connect()
     except DeviceLost as error:
@@ -57,21 +78,18 @@ def connect(settings: Settings, bench: Bench) -> StreamingCamera:
     return camera
 
 
-def read_hand_eye(settings: Settings) -> Float64:
+def read_hand_eye(path: Path) -> Float64:
     """Pose of the camera in its mount, from the file that `pomona calibrate hand-eye` writes.
 
     Raises:
-        CellFileError: there is none, or it holds no pose.
+        UnusableHandEye: it holds no pose.
     """
-    if not settings.has("hand_eye"):
-        raise settings.error("the camera needs 'hand_eye'", "hand_eye", "pomona calibrate hand-eye makes the file")
-    path: Path = settings.file("hand_eye", "make it with `pomona calibrate hand-eye`")
     try:
         T = np.array(json.loads(path.read_text(encoding="utf-8"))["T_mount_camera"], dtype=np.float64)
     except (OSError, ValueError, KeyError, TypeError) as error:
-        raise settings.error(f"{path} holds no 'T_mount_camera': {error}", "hand_eye") from error
-    if T.shape != (4, 4) or np.abs(T[:3, :3] @ T[:3, :3].T - np.eye(3)).max() > 1e-4:
-        raise settings.error(f"'T_mount_camera' in {path} is no rigid 4 x 4 transform", "hand_eye")
+        raise UnusableHandEye(f"{path} holds no 'T_mount_camera': {error}") from error
+    if T.shape != (4, 4) or not np.abs(T[:3, :3] @ T[:3, :3].T - np.eye(3)).max() <= 1e-4:
+        raise UnusableHandEye(f"'T_mount_camera' in {path} is no rigid 4 x 4 transform")
     return T
 
 

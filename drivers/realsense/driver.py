@@ -11,7 +11,7 @@ from typing import Protocol
 
 from drivers.device import Device
 from drivers.errors import DeviceError, DeviceLost
-from drivers.interfaces import Camera, Frame
+from drivers.interfaces import NOMINAL_DEPTH_NOISE, Camera, DepthNoise, Frame
 from drivers.owner import Owner
 from drivers.realsense.ride import Ride
 from drivers.realsense.source import Pair
@@ -47,12 +47,13 @@ class StreamingCamera(Device):
         clock: Clock,
         *,
         silence: float = 0.5,
+        depth_noise: DepthNoise = NOMINAL_DEPTH_NOISE,
         label: str = "realsense",
         name: str = "camera",
     ) -> None:
         super().__init__(name)
         self._open_source, self._ride, self._clock = open_source, ride, clock
-        self._silence, self._label = silence, label
+        self._silence, self._label, self._depth_noise = silence, label, depth_noise
         self._stamps, self._guard = Stamps(clock), FrameGuard(clock, silence)
         self._source: Source | None = None
         self._owner = Owner(name, self.step, self._lose, clock)
@@ -161,6 +162,7 @@ class StreamingCamera(Device):
             q=self._ride.joints(stamp),
             T_mount_camera=self._ride.T_mount_camera,
             label=self._label,
+            depth_noise=self._depth_noise,
         )
         self._sequence += 1
         return frame

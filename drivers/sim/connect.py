@@ -1,86 +1,138 @@
-"""How a cell file's settings become the simulated world and its devices: the entry points of this package."""
+"""How a cell file's options become the simulated world and its devices: the entry points of this package."""
 
 from __future__ import annotations
 
-from drivers.cell_file import Settings
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from drivers.camera_options import LARGEST, IntrinsicsSection
 from drivers.device import Bench
+from drivers.driver import Settings, Surroundings, driver
 from drivers.errors import UnusableRobotFile
-from drivers.interfaces import Intrinsics
-from drivers.motion_supervisor import read_supervision
+from drivers.motion_supervisor import Supervision
 from drivers.sim.arm import SimArm
 from drivers.sim.camera import SimCamera
 from drivers.sim.fingers import SimFingers
 from drivers.sim.gripper import SimGripper
 from drivers.sim.hands import SimHands
-from drivers.sim.layout import read_layout
-from drivers.sim.scene import build_scene
+from drivers.sim.layout import WorldOptions, draw_layout
+from drivers.sim.scene import OFFSCREEN, build_scene
 from drivers.sim.stereo_depth import Stereo
 from drivers.sim.world import SimWorld
+from executive.values.kinds import Counts, Measure
+from executive.values.sections import Problem, Section, value
+from executive.values.units import FORCE, LENGTH, PIXELS, RATE, SPEED, TIME
 
 
-def connect_world(settings: Settings, bench: Bench) -> SimWorld:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class InWorld:
+    """A device that lives in the simulated world."""
+
+    def fits(self, around: Surroundings) -> Iterator[Problem]:
+        if not around.has(SimWorld):
+            words = "a simulated device needs the simulated world above it"
+            yield Problem("driver", words, "world: {driver: mujoco, …}")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ArmOptions(InWorld):
+    """The simulated arm."""
+
+    supervision: Supervision = value(Section(Supervision), Supervision(), "how far the arm is believed")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GripperOptions(InWorld):
+    """The simulated gripper."""
+
+    speed_max: float = value(Measure(SPEED, "1 mm/s", "1 m/s"), "200 mm/s", "fastest that the fingers move")
+    force_max: float = value(Measure(FORCE, "1 N", "50 N"), "20 N", "largest force of its drive")
+    watchdog: float = value(
+        Measure(TIME, "20 ms", "1 s"), "100 ms", "a streamed speed that is not renewed for so long becomes zero"
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FingersOptions(InWorld):
+    """The simulated force fingers."""
+
+    noise: float = value(Measure(FORCE, "0 N", "1 N"), "0.04 N", "white, per sample")
+    bias: float = value(Measure(FORCE, "0 N", "2 N"), "0.08 N", "largest of an axis, drawn for each run")
+    range: float = value(Measure(FORCE, "0.5 N", "100 N"), "8 N", "an axis saturates there")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CameraOptions(InWorld):
+    """The simulated RGB-D camera on the gripper: a stereo camera."""
+
+    size: tuple[int, ...] | None = value(
+        Counts(2, 1, LARGEST), None, "width and height of the images; the intrinsics are scaled to it"
+    )
+    intrinsics: IntrinsicsSection = value(Section(IntrinsicsSection), help="of the camera, at the size that they say")
+    baseline: float = value(Measure(LENGTH, "1 mm", "500 mm"), "50 mm", "distance of the two imagers")
+    disparity_noise: float = value(
+        Measure(PIXELS, "0 px", "2 px"), "0.08 px", "depth errs by z² · disparity_noise / (f · baseline)"
+    )
+    nearest: float = value(Measure(LENGTH, "0 mm", "1 m"), "180 mm", "what is nearer has no depth")
+    rate: float = value(Measure(RATE, "1 Hz", "1 kHz"), "30 Hz", "frames per second")
+
+    def problems(self) -> Iterator[Problem]:
+        width, height = self.size or (self.intrinsics.width, self.intrinsics.height)
+        if width > OFFSCREEN[0] or height > OFFSCREEN[1]:
+            words = f"it is {width} x {height}; the simulator draws at most {OFFSCREEN[0]} x {OFFSCREEN[1]} pixels"
+            yield Problem("size" if self.size else "intrinsics", words)
+
+
+@driver(SimWorld, WorldOptions)
+def connect_world(settings: Settings[WorldOptions], bench: Bench) -> SimWorld:
     """`driver: mujoco`"""
-    layout = read_layout(settings, bench.seed, bench.workspace.obstacles if bench.workspace else ())
-    poses = bench.workspace.poses if bench.workspace else {}
-    start = settings.choice("start", poses)
+    said = settings.values
+    layout = draw_layout(said, bench.seed, bench.workspace.obstacles if bench.workspace else ())
+    assert bench.workspace is not None, "judged when the cell file was read"
     try:
         scene = build_scene(layout, bench.seed)
     except UnusableRobotFile as error:
         raise settings.error(str(error), "robot") from error
-    if poses[start].size != scene.dof:
-        words = f"the robot has {scene.dof} joints, the pose '{start}' has {poses[start].size}"
-        raise settings.error(words, "start" if settings.has("start") else None)
-    return SimWorld(scene, layout.robot, poses[start], bench.seed)
+    return SimWorld(scene, layout.robot, bench.workspace.poses[said.start], bench.seed)
 
 
-def connect_arm(settings: Settings, bench: Bench) -> SimArm:
+@driver(SimArm, ArmOptions)
+def connect_arm(settings: Settings[ArmOptions], bench: Bench) -> SimArm:
     """`driver: sim-arm`"""
-    world = _world(settings, bench)
-    return SimArm(world, world.description, read_supervision(settings))
+    world = _world(bench)
+    return SimArm(world, world.description, settings.values.supervision)
 
 
-def connect_gripper(settings: Settings, bench: Bench) -> SimGripper:
+@driver(SimGripper, GripperOptions)
+def connect_gripper(settings: Settings[GripperOptions], bench: Bench) -> SimGripper:
     """`driver: sim-gripper`"""
-    return SimGripper(
-        _world(settings, bench),
-        speed_max=settings.number("speed_max", "speed", 0.2, 1e-3, 1.0),
-        force_max=settings.number("force_max", "force", 20.0, 1.0, 50.0),
-        watchdog=settings.number("watchdog", "time", 0.1, 0.02, 1.0),
-    )
+    said = settings.values
+    return SimGripper(_world(bench), speed_max=said.speed_max, force_max=said.force_max, watchdog=said.watchdog)
 
 
-def connect_fingers(settings: Settings, bench: Bench) -> SimFingers:
+@driver(SimFingers, FingersOptions)
+def connect_fingers(settings: Settings[FingersOptions], bench: Bench) -> SimFingers:
     """`driver: sim-fingers`"""
-    return SimFingers(
-        _world(settings, bench),
-        noise=settings.number("noise", "force", 0.04, 0.0, 1.0),
-        bias=settings.number("bias", "force", 0.08, 0.0, 2.0),
-        force_range=settings.number("range", "force", 8.0, 0.5, 100.0),
-    )
+    said = settings.values
+    return SimFingers(_world(bench), noise=said.noise, bias=said.bias, force_range=said.range)
 
 
-def connect_hands(settings: Settings, bench: Bench) -> SimHands:
+@driver(SimHands, InWorld)
+def connect_hands(settings: Settings[InWorld], bench: Bench) -> SimHands:
     """`driver: sim-hands`"""
-    return SimHands(_world(settings, bench))
+    return SimHands(_world(bench))
 
 
-def connect_camera(settings: Settings, bench: Bench) -> SimCamera:
+@driver(SimCamera, CameraOptions)
+def connect_camera(settings: Settings[CameraOptions], bench: Bench) -> SimCamera:
     """`driver: sim-camera`"""
-    width, height = settings.vector("size", 2)
-    fx, fy = settings.vector("focal", 2)
-    cx, cy = settings.vector("centre", 2)
-    stereo = Stereo(
-        focal=float(fx),
-        baseline=settings.number("baseline", "length", 0.05, 1e-3, 0.5),
-        disparity_noise=settings.number("disparity_noise", "number", 0.08, 0.0, 2.0),
-        nearest=settings.number("nearest", "length", 0.18, 0.0, 1.0),
-    )
-    intrinsics = Intrinsics(float(fx), float(fy), float(cx), float(cy), int(width), int(height))
-    return SimCamera(_world(settings, bench), intrinsics, stereo, settings.number("rate", "rate", 30.0, 1.0, 1000.0))
+    said = settings.values
+    intrinsics = said.intrinsics.intrinsics(said.size)
+    stereo = Stereo(intrinsics.fx, said.baseline, said.disparity_noise, said.nearest)
+    return SimCamera(_world(bench), intrinsics, stereo, said.rate)
 
 
-def _world(settings: Settings, bench: Bench) -> SimWorld:
+def _world(bench: Bench) -> SimWorld:
     world = bench.find(SimWorld)
-    if world is None:
-        raise settings.error("a simulated device needs the simulated world above it (world: {driver: mujoco, …})")
+    assert world is not None, "judged when the cell file was read"
     return world

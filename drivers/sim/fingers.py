@@ -11,7 +11,8 @@ from drivers.errors import DeviceLost
 from drivers.interfaces import Float64, ForceSensor, Subscription, WrenchSample
 from drivers.sim.faults import FaultyDevice
 from drivers.sim.finger_faults import LIES
-from drivers.sim.scene import PADS, TIMESTEP
+from drivers.sim.robot import PADS
+from drivers.sim.scene import TIMESTEP
 from drivers.sim.world import SimWorld
 from drivers.streams import WrenchStream
 

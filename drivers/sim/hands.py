@@ -6,7 +6,8 @@ import numpy as np
 
 from drivers.device import Device
 from drivers.interfaces import Float64, Hands, HandTask
-from drivers.sim.scene import PADS, TIMESTEP
+from drivers.sim.robot import PADS
+from drivers.sim.scene import TIMESTEP
 from drivers.sim.world import SimWorld
 
 STIFFNESS, TURNING_STIFFNESS = 1500.0, 0.5

@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from drivers.cell_file import Settings
-from drivers.interfaces import Box, Float64
+from drivers.driver import Surroundings
+from drivers.errors import UnusableRobotFile
+from drivers.interfaces import Box, Float64, FruitKinds
+from drivers.robot_file import read_limits
 from drivers.sim.fruit_shape import APPLES, SKINS
+from drivers.sim.robot import read_robot
+from executive.values.kinds import Flag, MappingOf, Measure, Number, OrWord, PathTo, Row, Span, Text, Whole, choose
+from executive.values.sections import Problem, Section, value
+from executive.values.units import ANGLE, LENGTH, MASS
 
 FRICTION = (0.7, 0.9)
 """Sliding friction between pads and skin, drawn for each run."""
@@ -66,77 +73,122 @@ class Layout:
     torsion: float
 
 
-def read_layout(settings: Settings, seed: int, fixed: tuple[Box, ...] = ()) -> Layout:
-    """Read the `world:` section of a cell file and draw what it leaves to chance.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FruitSection:
+    """A fruit that may lie on the table."""
+
+    model: Path = value(PathTo("folder"), help="folder with its fruit.yaml")
+    dimensions: tuple[float, ...] = value(Row(Measure(LENGTH, "1 mm", "1 m"), 3), help="width, height, depth")
+    mass: float = value(Measure(MASS, "1 g", "5 kg"), help="its own; `weight` varies it")
+    skin: str | None = value(Text(*SKINS), None, "how it looks; drawn without one")
+    lies: bool = value(Flag(), False, "on its side, as a lemon does")
+
+    def problems(self) -> Iterator[Problem]:
+        if not (self.model / "fruit.yaml").is_file():
+            yield Problem("model", f"{self.model} holds no fruit.yaml")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WorldOptions:
+    """MuJoCo's world: a robot, a table, and what lies on it."""
+
+    robot: Path = value(PathTo("file"), help="MJCF of the robot")
+    table_z: float = value(Measure(LENGTH), help="height of the table's surface in the base frame")
+    start: str = value(Text(), help="pose of the workspace in which the arm stands")
+    fruits: Mapping[str, FruitSection] = value(MappingOf(Section(FruitSection)), help="what may lie on the table")
+    places: Mapping[str, tuple[float, ...]] = value(
+        MappingOf(Row(Measure(LENGTH), 2)), help="where it may lie: x, y in the base frame"
+    )
+    fruit: str = value(Text(), help="which fruit to pick")
+    place: str = value(Text(), help="where it lies")
+    others: int = value(Whole(0, 100), "0", "how many other fruits lie at the other places")
+    distractors: int = value(Whole(0, 20), "0", "objects that are no fruit")
+    skin: str = value(Text("any", *SKINS), "any", "of the target; 'any' draws one")
+    mass: float | None = value(OrWord(Measure(MASS, "1 g", "5 kg"), "auto"), "auto", "of the target; 'auto' draws one")
+    friction: tuple[float, float] | None = value(
+        OrWord(Span(Number(0.01, 5.0)), "auto"), "auto", f"sliding friction of the pads; 'auto' draws from {FRICTION}"
+    )
+    torsion: float = value(Measure(LENGTH, "0 mm", "100 mm"), "3 mm", "torsional friction of the pads over sliding")
+    weight: tuple[float, float] = value(
+        Span(Number(0.1, 10.0)), "0.95..1.10", "mass of a fruit beside its kind's, drawn from this range"
+    )
+    spread: float = value(Number(0.0, 0.3), "0", "width and height differ from the kind's by up to this share")
+    lumps: float = value(Number(0.0, 3.0), "1", "how uneven the shape is; 0 gives the CAD model's form")
+    tilt: float = value(Measure(ANGLE, "0 rad", "180 deg"), "0.1 rad", "largest tilt of a stem")
+    jitter: float = value(Measure(LENGTH, "0 mm", "50 mm"), "0 mm", "of a place, in x and y")
+
+    def problems(self) -> Iterator[Problem]:
+        for key, word, known in (("fruit", self.fruit, self.fruits), ("place", self.place, self.places)):
+            if word not in known:
+                yield Problem(key, f"it cannot be '{word}'", choose(word, known))
+        if self.others > len(self.places) - 1:
+            yield Problem("others", f"it is {self.others}, it must lie between 0 and {len(self.places) - 1}")
+        try:
+            read_robot(self.robot)
+            read_limits(self.robot)
+        except UnusableRobotFile as error:
+            yield Problem("robot", str(error))
+
+    def fits(self, around: Surroundings) -> Iterator[Problem]:
+        poses = around.workspace.poses if around.workspace else {}
+        if self.start not in poses:
+            yield Problem("start", f"it cannot be '{self.start}'", choose(self.start, poses))
+
+    def known(self) -> Iterator[object]:
+        yield read_limits(self.robot)
+        yield FruitKinds((self.fruits[self.fruit].model.name,))
+
+
+def draw_layout(said: WorldOptions, seed: int, fixed: tuple[Box, ...] = ()) -> Layout:
+    """Draw what the `world:` section of a cell file leaves to chance.
 
     Args:
-        settings: the section.
+        said: the section.
         seed: of the draws.
         fixed: obstacles of the cell's workspace; the world has them too.
-
-    Raises:
-        CellFileError: a value is missing or wrong.
     """
     # One generator per matter, so that changing one option leaves what was drawn for the others.
     drawn = {matter: np.random.default_rng([seed, 1, i]) for i, matter in enumerate(("places", "scatter", "friction"))}
     rng = drawn["places"]
-    kinds = settings.section("fruits")
-    places = settings.section("places")
-    spots = [places.vector(name, 2, "length") for name in places.names()]
-    target = settings.choice("fruit", kinds.names())
-    place = places.names().index(settings.choice("place", places.names()))
-    others = settings.integer("others", 0, 0, len(spots) - 1)
-    free = [i for i in rng.permutation(len(spots)) if i != place][:others]
-    kind_of = {name: kinds.section(name).file("model") for name in kinds.names()}
-    alike = [name for name in kinds.names() if name != target and kind_of[name] == kind_of[target]]
-    names = alike or [target]  # what else lies there is fruit of the same kind
-    picked = [target] + [names[i % len(names)] for i in rng.permutation(max(others, len(names)))[:others]]
-    skin = settings.choice("skin", ("any", *SKINS), "any")
-    automatic = settings.text("friction", "auto") == "auto"
-    friction = FRICTION if automatic else settings.span("friction")
-    mass = settings.number("mass", "mass", 0.0, 0.0, 5.0)
-    tilt = settings.number("tilt", "angle", 0.1, 0.0, np.pi)
-    jitter = settings.number("jitter", "length", 0.0, 0.0, 0.05)
-    weight = settings.span("weight", default=(0.95, 1.10))
-    spread = settings.number("spread", default=0.0, low=0.0, high=0.3)
-    lumps = settings.number("lumps", default=1.0, low=0.0, high=3.0)
+    spots = [np.array(xy) for xy in said.places.values()]
+    place = list(said.places).index(said.place)
+    free = [i for i in rng.permutation(len(spots)) if i != place][: said.others]
+    target = said.fruits[said.fruit]
+    alike = [name for name, kind in said.fruits.items() if name != said.fruit and kind.model == target.model]
+    names = alike or [said.fruit]  # what else lies there is fruit of the same kind
+    picked = [said.fruit] + [
+        names[i % len(names)] for i in rng.permutation(max(said.others, len(names)))[: said.others]
+    ]
     fruits = []
     for i, (name, spot) in enumerate(zip(picked, [place, *free], strict=True)):
-        kind = kinds.section(name)
+        kind = said.fruits[name]
         rng = np.random.default_rng([seed, 2, i])
-        drawn_mass = kind.number("mass", "mass", low=1e-3) * rng.uniform(*weight)
-        drawn_skin = kind.choice("skin", SKINS, str(rng.choice(APPLES)))
-        model = kind.file("model")
-        if not (model / "fruit.yaml").is_file():
-            raise kind.error(f"{model} holds no fruit.yaml", "model")
-        width, height = np.random.default_rng([seed, 6, i]).uniform(1.0 - spread, 1.0 + spread, 2)
-        dimensions = kind.vector("dimensions", 3, "length") * (width, height, width)
-        lies = kind.boolean("lies", False)
-        kind.finish()
+        drawn_mass = kind.mass * rng.uniform(*said.weight)
+        skin = str(rng.choice(APPLES))  # drawn for every fruit, so that what is drawn next stays the same
+        width, height = np.random.default_rng([seed, 6, i]).uniform(1.0 - said.spread, 1.0 + said.spread, 2)
         fruits.append(
             FruitOnTable(
                 name=name,
-                model=model,
-                dimensions=dimensions,
-                mass=mass if i == 0 and mass > 0.0 else drawn_mass,
+                model=kind.model,
+                dimensions=np.array(kind.dimensions) * (width, height, width),
+                mass=said.mass if i == 0 and said.mass is not None else drawn_mass,
                 place=int(spot) + 1,
-                xy=spots[spot] + rng.uniform(-jitter, jitter, 2),
+                xy=spots[spot] + rng.uniform(-said.jitter, said.jitter, 2),
                 yaw=rng.uniform(-np.pi, np.pi),
-                tilt=rng.uniform(0.0, tilt) + (np.pi / 2.0 if lies else 0.0),
+                tilt=rng.uniform(0.0, said.tilt) + (np.pi / 2.0 if kind.lies else 0.0),
                 tilt_azimuth=rng.uniform(-np.pi, np.pi),
-                skin=skin if i == 0 and skin != "any" else drawn_skin,
-                lumps=lumps,
+                skin=said.skin if i == 0 and said.skin != "any" else kind.skin or skin,
+                lumps=said.lumps,
             )
         )
-    count = settings.integer("distractors", 0, 0, 20)
     return Layout(
-        robot=settings.file("robot"),
-        table_z=settings.number("table_z", "length"),
+        robot=said.robot,
+        table_z=said.table_z,
         fruits=tuple(fruits),
-        distractors=_scatter(count, [fruit.xy for fruit in fruits], drawn["scatter"]),
+        distractors=_scatter(said.distractors, [fruit.xy for fruit in fruits], drawn["scatter"]),
         fixed=fixed,
-        friction=float(drawn["friction"].uniform(*friction)),
-        torsion=settings.number("torsion", "length", 0.003, 0.0, 0.1),
+        friction=float(drawn["friction"].uniform(*(said.friction or FRICTION))),
+        torsion=said.torsion,
     )
 
 

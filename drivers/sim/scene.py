@@ -8,12 +8,11 @@ from typing import Any
 import cv2
 import numpy as np
 
-from drivers.errors import UnusableRobotFile
 from drivers.interfaces import Box, Float64
-from drivers.robot_file import read_spec
 from drivers.sim.fruit_shape import FruitShape, make_fruit
 from drivers.sim.gl import load_mujoco
 from drivers.sim.layout import Distractor, FruitOnTable, Layout
+from drivers.sim.robot import PADS, read_robot
 
 TIMESTEP = 0.002
 """Step of the physics [s]; contact, sensing and force control share it."""
@@ -21,16 +20,8 @@ TIMESTEP = 0.002
 TABLE_FRICTION = (0.6, 0.005, 0.0005)
 LINING = (0.8, 0.02, 0.01)
 """Friction of what is fixed in the cell: a crate is lined with foam, on which fruit does not roll."""
-PADS = ("pad_left", "pad_right")
-FINGERS = ("finger_left", "finger_right")
-NEEDED = {
-    "site": ("tcp", "camera", *PADS),
-    "geom": PADS,
-    "joint": FINGERS,
-    "actuator": ("gripper",),
-    "numeric": ("arm_velocity", "arm_acceleration", "arm_jerk"),
-}
-"""What a robot's file must have to be simulated, beside its arm's joints with an actuator each."""
+OFFSCREEN = (1280, 960)
+"""Width and height of the largest image that can be drawn [px]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -59,8 +50,7 @@ def build_scene(layout: Layout, seed: int) -> Scene:
     """
     mujoco = load_mujoco()
     rng = np.random.default_rng([seed, 2])
-    spec = read_spec(layout.robot)
-    _check_robot(layout, spec)
+    spec = read_robot(layout.robot)
     _set_physics(mujoco, spec)
     _add_lights(spec, rng)
     _add_table(mujoco, spec, layout.table_z, rng)
@@ -77,19 +67,6 @@ def build_scene(layout: Layout, seed: int) -> Scene:
     _add_contact_sensors(mujoco, spec, layout)
     model = spec.compile()
     return Scene(model, layout.fruits, tuple(shapes), layout.fixed, layout.friction, layout.torsion, layout.table_z)
-
-
-def _check_robot(layout: Layout, spec: Any) -> None:
-    for kind, names in NEEDED.items():
-        for name in names:
-            if getattr(spec, kind)(name) is None:
-                there = f"; a simulated cell needs {', '.join(names)}" if len(names) > 1 else ""
-                raise UnusableRobotFile(layout.robot, f"has no {kind} named '{name}'{there}")
-    joints = sum(actuator.name != "gripper" for actuator in spec.actuators)
-    for name in NEEDED["numeric"]:
-        if len(spec.numeric(name).data) != joints:
-            words = f"'{name}' must have a number for each of the {joints} joints that have an actuator"
-            raise UnusableRobotFile(layout.robot, words)
 
 
 def _set_physics(mujoco: Any, spec: Any) -> None:
@@ -121,7 +98,7 @@ def _add_lights(spec: Any, rng: np.random.Generator) -> None:
         light.diffuse = [share * strength, share * strength * (1.0 + warm) / 2.0, share * strength * warm]
         light.specular = [0.25 * share] * 3
     spec.visual.quality.offsamples = 0  # depth at pixel centres, not a mean over an edge
-    spec.visual.global_.offwidth, spec.visual.global_.offheight = 1280, 960
+    spec.visual.global_.offwidth, spec.visual.global_.offheight = OFFSCREEN
     spec.visual.map.znear, spec.visual.map.zfar = 0.02, 6.0
     spec.stat.extent, spec.stat.center = 1.0, [0.0, -0.4, 0.0]
 

@@ -9,7 +9,8 @@ import numpy as np
 
 from drivers.interfaces import Float64
 from drivers.sim.held_force import HeldForce
-from drivers.sim.scene import PADS, Scene, fixed_names
+from drivers.sim.robot import PADS
+from drivers.sim.scene import Scene, fixed_names
 
 LIFTED = 0.03
 """A fruit counts as lifted this far above where it stood [m]."""

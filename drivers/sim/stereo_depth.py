@@ -8,6 +8,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from drivers.interfaces import DepthNoise
+
 F32 = NDArray[np.float32]
 
 SUBPIXEL = 1.0 / 32.0
@@ -28,6 +30,10 @@ class Stereo:
     baseline: float
     disparity_noise: float
     nearest: float
+
+    def noise(self) -> DepthNoise:
+        """What such a camera would say of itself; without noise the steps of the disparity remain."""
+        return DepthNoise(max(self.disparity_noise, SUBPIXEL / np.sqrt(12.0)), self.baseline)
 
 
 def measure_depth(true_depth: F32, stereo: Stereo, rng: np.random.Generator) -> F32:

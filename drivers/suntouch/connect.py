@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
 
-from drivers.cell_file import Settings
 from drivers.device import Bench
+from drivers.driver import Settings, driver
 from drivers.errors import DeviceError, DeviceLost
 from drivers.interfaces import Gripper
 from drivers.suntouch.calibration import FingerCalibration, UnusableCalibration
@@ -14,25 +16,48 @@ from drivers.suntouch.driver import SunTouchFingers
 from drivers.suntouch.finger import Finger
 from drivers.suntouch.transport import SerialLink, serial_ports
 from drivers.wire import Link
+from executive.values.kinds import Measure, PathTo, Text
+from executive.values.sections import Problem, Section, value
+from executive.values.units import RATE, TIME
 
-BAUDS = (1_000_000, 500_000, 115_200)
+BAUDS = ("1000000", "500000", "115200")
+"""What the fingers know [bit/s]."""
 
 
-def connect(settings: Settings, bench: Bench) -> SunTouchFingers:
-    """Open the two fingers that a cell file describes, and take their bias: nothing may touch the pads.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FingerFile:
+    """One finger."""
 
-    fingers:
-      driver: suntouch
-      left: {port: /dev/ttyUSB0, calibration: finger_left.json}
-      right: {port: /dev/ttyUSB1, calibration: finger_right.json}
-      baud: 1000000
-      rate: 500 Hz
-      silence: 40 ms                    # no sample for so long: the fingers are lost, the gripper stands still
-    """
-    baud = settings.integer("baud", BAUDS[0])
-    if baud not in BAUDS:
-        raise settings.error(f"the fingers know {', '.join(map(str, BAUDS))} baud, not {baud}", "baud")
-    left, right = (_read_finger(settings.section(side), baud, bench) for side in ("left", "right"))
+    port: str = value(Text(), help="its serial port")
+    calibration: Path = value(
+        PathTo("file", "make it with `pomona calibrate fingers`"), help="from `pomona calibrate fingers`"
+    )
+
+    def problems(self) -> Iterator[Problem]:
+        try:
+            FingerCalibration.load(self.calibration)
+        except UnusableCalibration as error:
+            yield Problem("calibration", str(error), "pomona calibrate fingers makes one")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SunTouchFile:
+    """Two SUNTouch fingers; their bias is taken when they are connected: nothing may touch the pads then."""
+
+    left: FingerFile = value(Section(FingerFile), help="the left finger")
+    right: FingerFile = value(Section(FingerFile), help="the right finger")
+    baud: str = value(Text(*BAUDS), BAUDS[0], "of both ports")
+    rate: float = value(Measure(RATE, "10 Hz", "1 kHz"), "500 Hz", "samples per second")
+    silence: float = value(
+        Measure(TIME, "4 ms", "1 s"), "40 ms", "no sample for so long: the fingers are lost, the gripper stands still"
+    )
+
+
+@driver(SunTouchFingers, SunTouchFile)
+def connect(settings: Settings[SunTouchFile], bench: Bench) -> SunTouchFingers:
+    """Open the two fingers that a cell file describes, and take their bias: nothing may touch the pads."""
+    said = settings.values
+    left, right = (_finger(side, int(said.baud), bench) for side in (said.left, said.right))
     gripper = bench.find(Gripper)
 
     def hold() -> None:
@@ -40,14 +65,7 @@ def connect(settings: Settings, bench: Bench) -> SunTouchFingers:
             with contextlib.suppress(DeviceError):
                 gripper.set_speed(0.0)
 
-    fingers = SunTouchFingers(
-        left,
-        right,
-        bench.clock,
-        rate=settings.number("rate", "rate", 500.0, 10.0, 1000.0),
-        silence=settings.number("silence", "time", 0.040, 0.004, 1.0),
-        on_lost=hold,
-    )
+    fingers = SunTouchFingers(left, right, bench.clock, rate=said.rate, silence=said.silence, on_lost=hold)
     try:
         fingers.connect()
     except DeviceLost as error:
@@ -58,15 +76,8 @@ def connect(settings: Settings, bench: Bench) -> SunTouchFingers:
     return fingers
 
 
-def _read_finger(settings: Settings, baud: int, bench: Bench) -> Finger:
-    port = settings.text("port")
-    path = settings.file("calibration", "make it with `pomona calibrate fingers`")
-    try:
-        calibration = FingerCalibration.load(path)
-    except UnusableCalibration as error:
-        raise settings.error(str(error), "calibration", "pomona calibrate fingers makes one") from error
-    settings.finish()
-    return Finger(_opener(port, baud), calibration, bench.clock)
+def _finger(said: FingerFile, baud: int, bench: Bench) -> Finger:
+    return Finger(_opener(said.port, baud), FingerCalibration.load(said.calibration), bench.clock)
 
 
 def _opener(port: str, baud: int) -> Callable[[], Link]:

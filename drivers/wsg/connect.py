@@ -2,51 +2,77 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 
-from drivers.cell_file import Settings
 from drivers.device import Bench
+from drivers.driver import Settings, driver
 from drivers.errors import DeviceLost
-from drivers.wire import Link, TcpLink, read_address
+from drivers.wire import Address, Link, TcpLink
 from drivers.wsg.driver import WsgGripper
 from drivers.wsg.handshake import WsgOptions
 from drivers.wsg.transport import TCP_PORT, CanLink, can_channels
+from executive.values.kinds import Flag, Measure, Span, Text, Whole
+from executive.values.sections import Problem, Section, value
+from executive.values.units import ACCELERATION, FORCE, LENGTH, SPEED, TIME
 
 
-def connect(settings: Settings, bench: Bench) -> WsgGripper:
-    """Open the gripper that a cell file describes.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CanFile:
+    """The gripper's CAN bus."""
 
-    gripper:
-      driver: wsg
-      tcp: 192.168.1.20:1000            # or can: {interface: socketcan, channel: can0, reply_id: 2}
-      finger_offset: 35 mm              # opening between the pads' faces when the jaws are closed
-      soft_limits: [36 mm, 102 mm]      # of the opening
-      acceleration: 1 m/s²
-      force_limit: 20 N
-      speed_max: 200 mm/s
-      home: true                        # find the reference when the run starts, if there is none: the fingers move
-      tare: false
-      watchdog: 100 ms                  # a streamed speed that is not renewed becomes zero
-      silence: 45 ms                    # no reply for so long: the gripper is lost
-    """
-    open_link, key = _read_link(settings, bench)
-    offset = settings.number("finger_offset", "length", 0.0, -0.2, 0.5)
-    soft_limits = None
-    if settings.has("soft_limits"):
-        soft_limits = settings.span("soft_limits", "length")
-        if soft_limits[0] < offset:
-            raise settings.error("soft_limits are openings: they cannot lie below finger_offset", "soft_limits")
-    options = WsgOptions(
-        finger_offset=offset,
-        acceleration=_optional(settings, "acceleration", "acceleration", 50.0),
-        force_limit=_optional(settings, "force_limit", "force", 500.0),
-        soft_limits=soft_limits,
-        speed_max=_optional(settings, "speed_max", "speed", 1.0),
-        home=settings.boolean("home", False),
-        tare=settings.boolean("tare", False),
-        watchdog=settings.number("watchdog", "time", 0.1, 0.03, 1.0),
-        silence=settings.number("silence", "time", 0.045, 0.015, 1.0),
+    interface: str = value(Text(), "socketcan", "of python-can")
+    channel: str = value(Text(), "can0", "of the interface")
+    bitrate: int = value(Whole(10_000, 1_000_000), 500_000, "bits per second")
+    send_id: int = value(Whole(0, 0x7FF), 1, "id of what is sent to the gripper")
+    reply_id: int = value(Whole(0, 0x7FF), 2, "id of what the gripper sends")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WsgFile:
+    """A Weiss WSG gripper on TCP or CAN."""
+
+    tcp: tuple[str, int] | None = value(Address(TCP_PORT), None, "HOST or HOST:PORT; or 'can'")
+    can: CanFile | None = value(Section(CanFile), None, "the CAN bus; or 'tcp'")
+    finger_offset: float = value(
+        Measure(LENGTH, "-200 mm", "500 mm"), "0 mm", "opening between the pads' faces when the jaws are closed"
     )
+    soft_limits: tuple[float, float] | None = value(Span(Measure(LENGTH)), None, "least and largest opening")
+    acceleration: float | None = value(Measure(ACCELERATION, "0.1 mm/s²", "50 m/s²"), None, "the gripper's own if none")
+    force_limit: float | None = value(Measure(FORCE, "0.1 mN", "500 N"), None, "the gripper's own if none")
+    speed_max: float | None = value(Measure(SPEED, "0.1 mm/s", "1 m/s"), None, "the gripper's own if none")
+    home: bool = value(
+        Flag(), False, "find the reference when the run starts, if the gripper has none: the fingers move"
+    )
+    tare: bool = value(Flag(), False, "zero the gripper's force when the run starts")
+    watchdog: float = value(
+        Measure(TIME, "30 ms", "1 s"), "100 ms", "a streamed speed that is not renewed for so long becomes zero"
+    )
+    silence: float = value(Measure(TIME, "15 ms", "1 s"), "45 ms", "no reply for so long: the gripper is lost")
+
+    def problems(self) -> Iterator[Problem]:
+        if (self.tcp is None) == (self.can is None):
+            yield Problem("tcp", "the gripper needs either 'tcp' or 'can'")
+        if self.soft_limits is not None and self.soft_limits[0] < self.finger_offset:
+            yield Problem("soft_limits", "they are openings: they cannot lie below finger_offset")
+
+
+@driver(WsgGripper, WsgFile)
+def connect(settings: Settings[WsgFile], bench: Bench) -> WsgGripper:
+    """Open the gripper that a cell file describes."""
+    said = settings.values
+    options = WsgOptions(
+        finger_offset=said.finger_offset,
+        acceleration=said.acceleration,
+        force_limit=said.force_limit,
+        soft_limits=said.soft_limits,
+        speed_max=said.speed_max,
+        home=said.home,
+        tare=said.tare,
+        watchdog=said.watchdog,
+        silence=said.silence,
+    )
+    open_link, key = _link(said)
     gripper = WsgGripper(open_link, bench.clock, options)
     try:
         gripper.connect()
@@ -56,22 +82,12 @@ def connect(settings: Settings, bench: Bench) -> WsgGripper:
     return gripper
 
 
-def _read_link(settings: Settings, bench: Bench) -> tuple[Callable[[], Link], str]:
-    if settings.has("tcp") == settings.has("can"):
-        raise settings.error("the gripper needs either 'tcp' or 'can'", "tcp")
-    if settings.has("tcp"):
-        host, port = read_address(settings, "tcp", TCP_PORT)
+def _link(said: WsgFile) -> tuple[Callable[[], Link], str]:
+    if said.tcp is not None:
+        host, port = said.tcp
         return (lambda: TcpLink(host, port)), "tcp"
-    can = settings.section("can")
-    interface, channel = can.text("interface", "socketcan"), can.text("channel", "can0")
-    bitrate = can.integer("bitrate", 500_000, 10_000, 1_000_000)
-    send_id, reply_id = can.integer("send_id", 1, 0, 0x7FF), can.integer("reply_id", 2, 0, 0x7FF)
-    can.finish()
-    return (lambda: CanLink.open(interface, channel, bitrate, send_id, reply_id)), "can"
-
-
-def _optional(settings: Settings, key: str, kind: str, high: float) -> float | None:
-    return settings.number(key, kind, low=1e-4, high=high) if settings.has(key) else None
+    can = said.can or CanFile()
+    return (lambda: CanLink.open(can.interface, can.channel, can.bitrate, can.send_id, can.reply_id)), "can"
 
 
 def _what_is_there(key: str) -> str:

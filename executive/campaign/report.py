@@ -22,8 +22,6 @@ RUN_FIGURES: Figures = {
     "wall time [s]": lambda r: r.get("wall_s"),
     "attempts": lambda r: max((a["number"] for a in r.get("attempts", []) if a["succeeded"]), default=None),
 }
-WORLD_FIGURES = ("position_error_mm", "size_error_mm", "slip_mm", "rotation_deg", "peak_force_n", "least_force_n")
-"""What is shown of a simulated world's truth, where it is there, whatever a campaign file asks for."""
 MAX_PLOTTED = 4
 
 
@@ -34,8 +32,7 @@ def from_truth(name: str) -> Callable[[Result], Any]:
 
 def figures_of(campaign: Campaign) -> Figures:
     """The figures that a campaign's report shows, by title."""
-    world = dict.fromkeys((*campaign.score.figures, *WORLD_FIGURES))
-    return {**{title(name): from_truth(name) for name in world}, **RUN_FIGURES}
+    return {**{title(name): from_truth(name) for name in campaign.score.figures}, **RUN_FIGURES}
 
 
 def title(name: str) -> str:
@@ -117,24 +114,22 @@ def overview(campaign: Campaign, by_arm: Mapping[str, Sequence[Result]]) -> Tabl
     for name, runs in by_arm.items():
         times = median(numbers(runs, RUN_FIGURES["robot time [s]"]))
         walls = median(numbers(runs, RUN_FIGURES["wall time [s]"]))
-        rows.append((name, rate(runs, campaign.score.success), say(times), say(walls)))
+        rows.append((name, rate(runs, campaign.conditions), say(times), say(walls)))
     return Table(("arm", "success", "robot time, median [s]", "wall time, median [s]"), tuple(rows))
 
 
 def comparison(campaign: Campaign, by_arm: Mapping[str, Sequence[Result]]) -> list[Text | Bullets]:
     """Each arm beside the first, on the same seeds of the same combinations."""
     first, *others = by_arm
-    good = {
-        name: {_place(run): succeeded(run, campaign.score.success) for run in runs} for name, runs in by_arm.items()
-    }
+    good = {name: {_place(run): succeeded(run, campaign.conditions) for run in runs} for name, runs in by_arm.items()}
     lines = []
     for other in others:
         shared = good[first].keys() & good[other].keys()
         only_first = sum(good[first][place] and not good[other][place] for place in shared)
         only_other = sum(good[other][place] and not good[first][place] for place in shared)
         lines.append(
-            f"**{first}** beside **{other}** on the same {len(shared)} tables: {only_first} were picked only by "
-            f"the first, {only_other} only by the second "
+            f"**{first}** beside **{other}** on the same {len(shared)} combinations and seeds: {only_first} succeeded "
+            f"only with the first, {only_other} only with the second "
             f"(exact McNemar test, p = {paired_p(only_first, only_other):.2g})"
         )
     return [Bullets(tuple(lines))]
@@ -171,7 +166,7 @@ def rate_grid(campaign: Campaign, runs: Sequence[Result]) -> list[list[float]]:
     row_key, column_key = list(campaign.vary)[:2]
     found: dict[tuple[str, str], list[bool]] = defaultdict(list)
     for run in runs:
-        found[run["varied"][row_key], run["varied"][column_key]].append(succeeded(run, campaign.score.success))
+        found[run["varied"][row_key], run["varied"][column_key]].append(succeeded(run, campaign.conditions))
     return [
         [sum(cell) / len(cell) if (cell := found[row, column]) else math.nan for column in campaign.vary[column_key]]
         for row in campaign.vary[row_key]
@@ -179,7 +174,7 @@ def rate_grid(campaign: Campaign, runs: Sequence[Result]) -> list[list[float]]:
 
 
 def _rates(campaign: Campaign, name: str, runs: Sequence[Result], keys: Sequence[str]) -> Table:
-    conditions = campaign.score.success
+    conditions = campaign.conditions
     columns = campaign.vary[keys[1]] if len(keys) >= 2 else ()
     rows = []
     for value in campaign.vary[keys[0]]:
@@ -241,21 +236,28 @@ def by_skill(campaign: Campaign, arm: str, runs: Sequence[Result]) -> Table:
 def failures(campaign: Campaign, results: Sequence[Result]) -> list[Table | Text]:
     """Failures by arm and code, each with an instance and the command that repeats it."""
     orders = {run.name: run.order for run in campaign.runs}
-    bad = [run for run in results if not succeeded(run, campaign.score.success)]
+    bad = [run for run in results if not succeeded(run, campaign.conditions)]
     if not bad:
         return [Text("None.")]
+
+    def code_of(run: Result) -> str:
+        return failure_code(run, campaign.conditions)
+
     rows = []
-    for (arm, code), count in Counter((run["arm"], failure_code(run)) for run in bad).most_common():
-        example = next(run for run in bad if run["arm"] == arm and failure_code(run) == code)
+    for (arm, code), count in Counter((run["arm"], code_of(run)) for run in bad).most_common():
+        example = next(run for run in bad if run["arm"] == arm and code_of(run) == code)
         rows.append((code, str(count), arm, failure_message(example), _command(example, orders)))
     header = ("code", "runs", "arm", "for instance", "to see it")
     return [Table(header, tuple(rows), words=True)]
 
 
-def failure_code(run: Result) -> str:
-    """The code of what went wrong; NOT_LIFTED when the tree was content and the world is not."""
+def failure_code(run: Result, conditions: tuple[str, ...]) -> str:
+    """The code of what went wrong; NOT_ and what the world denies when the tree was content, as in NOT_LIFTED."""
     reason = run.get("reason")
-    return str(reason.get("code")) if reason else "NOT_LIFTED"
+    if reason:
+        return str(reason.get("code"))
+    truth = run.get("truth") or {}
+    return f"NOT_{next((name for name in conditions if not truth.get(name)), 'CONFIRMED').upper()}"
 
 
 def failure_message(run: Result) -> str:
@@ -273,4 +275,4 @@ def _command(run: Result, orders: Mapping[str, Any]) -> str:
 
 
 def _good(campaign: Campaign, runs: Sequence[Result]) -> list[Result]:
-    return [run for run in runs if succeeded(run, campaign.score.success)]
+    return [run for run in runs if succeeded(run, campaign.conditions)]

@@ -145,7 +145,7 @@ def _append(path: Path) -> Iterator[TextIO]:
         yield stream
 
 
-def succeeded(result: Mapping[str, Any], conditions: tuple[str, ...] = ("lifted",)) -> bool:
+def succeeded(result: Mapping[str, Any], conditions: tuple[str, ...]) -> bool:
     """The tree succeeded and, where there is a simulated world, the world agrees."""
     truth = result.get("truth")
     return result.get("outcome") == "success" and (not truth or all(bool(truth.get(name)) for name in conditions))

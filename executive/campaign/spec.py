@@ -1,47 +1,31 @@
-"""A campaign file: which tree and cell, what varies, what is compared, what is scored, how often.
-
-pomona: 1
-campaign: paper
-tree: pick_apple
-cell: sim
-seeds: 3                          # a count: each combination has seeds of its own, all arms the same; or a list: these
-vary:                             # every combination; keys as for --set: parameters of the tree, options of the cell
-  fruit: [apple_1, apple_2]
-  place: [1, 2, 3]
-set: {others: 0}                  # the same for every run
-arms:                             # what is compared
-  refined:   {}
-  unrefined: {set: {refine: none}, seeds: 1, only: {fruit: [apple_2]}}
-  the paper: {tree: pick_apple_paper}
-score:
-  success: [lifted]               # what the simulated world must say, beside the tree's success
-  figures: [slip_mm]              # of the world's truth, in the report beside the usual ones
-"""
+"""A campaign, planned from its file: which run, with which tree, cell, settings and seed; judged before the first."""
 
 from __future__ import annotations
 
 import hashlib
 import itertools
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 
-import yaml
-
-from executive.campaign.file_shape import CampaignShape
+from executive.campaign.file import CAMPAIGN, MAX_SEEDS, CampaignSection, keys_of
 from executive.errors import UsageError
 from executive.execute import RunOrder
 from executive.files import find_cell, find_tree, read_text
-from executive.language import format_findings
+from executive.judging import judge
 from executive.language.documents import read_document
-from executive.values.findings import Findings, Source, did_you_mean
-from executive.values.yaml_nodes import YamlMapping, YamlNode, YamlScalar, read_yaml
+from executive.language.model import Document
+from executive.registry import Registry
+from executive.running.cell_files import CellFile, cell_files
+from executive.values.documents import read_value_file
+from executive.values.findings import Findings, did_you_mean, format_findings
+from executive.values.kinds import Schema
+from executive.values.reading import Refused
+from executive.values.scoring import Score
+from executive.values.sections import Placed
+from executive.values.yaml_nodes import YamlMapping, YamlScalar
 
-KEYS = ("pomona", "campaign", "description", "tree", "cell", "seeds", "vary", "set", "arms", "score")
-ARM_KEYS = ("tree", "cell", "set", "seeds", "only")
-SCORE_KEYS = ("success", "figures")
-MAX_SEEDS = 1000
-"""Most seeds of a combination: the next combination's begin after so many."""
 MAX_RUNS = 100_000
 
 
@@ -66,14 +50,6 @@ class CampaignRun:
 
 
 @dataclass(frozen=True, slots=True)
-class Score:
-    """What counts: names of the world's truth that must hold for a success, and figures for the report."""
-
-    success: tuple[str, ...] = ("lifted",)
-    figures: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True, slots=True)
 class Campaign:
     """A campaign, planned: every run in its order, all combinations of a seed before the next seed."""
 
@@ -83,6 +59,11 @@ class Campaign:
     arms: tuple[str, ...]
     runs: tuple[CampaignRun, ...]
     score: Score = field(default_factory=Score)
+
+    @property
+    def conditions(self) -> tuple[str, ...]:
+        """What a simulated world must say of a success."""
+        return self.score.success or ()
 
     def only(self, runs: Sequence[CampaignRun]) -> Campaign:
         """The same campaign with some of its runs."""
@@ -94,7 +75,7 @@ class _Arm:
     name: str
     tree: Path
     cell: Path
-    settings: Mapping[str, str]
+    settings: Mapping[str, YamlScalar]
     seeds: int | tuple[int, ...]
     only: Mapping[str, tuple[str, ...]]
 
@@ -113,145 +94,167 @@ class _Arm:
 
 
 def read_campaign(path: Path) -> Campaign:
-    """Read and plan a campaign file.
+    """Read and plan a campaign file, and judge its runs: nothing is wrong with what is returned.
 
     Raises:
         UsageError: everything that is wrong, with line and column.
     """
     findings = Findings()
-    campaign = _Reader(path, findings).read(Source(str(path), read_text(path)))
+    campaign = judge_campaign(path, findings)
     if findings.errors or campaign is None:
         raise UsageError(f"{format_findings(findings.sorted())} Nothing was run.")
     return campaign
 
 
-class _Reader:
-    def __init__(self, path: Path, findings: Findings) -> None:
-        self.path, self.findings, self.shape = path, findings, CampaignShape(findings)
+def judge_campaign(path: Path, findings: Findings) -> Campaign | None:
+    """As `read_campaign`; everything that is wrong goes to `findings`."""
+    written = read_value_file(path, findings, "a campaign file")
+    if written is None:
+        return None
+    try:
+        placed = CAMPAIGN.read_placed(written.root, written.reader)
+        return _Planner(path, findings, placed).campaign()
+    except Refused:
+        return None
 
-    def read(self, source: Source) -> Campaign | None:
-        root = read_yaml(source, self.findings)
-        top = None if root is None else self.shape.mapping(root, "a campaign file")
-        if top is None:
-            return None
-        self.shape.known_keys(top, KEYS, "a campaign file")
-        name = self.shape.needed_word(top, "campaign")
-        tree = self.file(top, "tree", self.shape.needed_word(top, "tree"))
-        cell = self.file(top, "cell", self.shape.word(top.get("cell"), "sim"))
-        seeds = self.shape.seeds(top.get("seeds"), 1, MAX_SEEDS)
-        vary = self.shape.lists(top.get("vary"), "'vary'", "vary: {fruit: [apple_1, apple_2]}")
-        if tree is None or cell is None:
-            return None
-        self.check_keys(top.get("vary"), tree, cell, among_arms=top.get("arms"))
-        common = self.settings(top.get("set"), tree, cell)
-        arms = self.arms(top.get("arms"), _Arm("all", tree, cell, common, seeds, {}), vary)
-        score = self.score(top.get("score"))
+
+@dataclass(slots=True)
+class _Planner:
+    path: Path
+    findings: Findings
+    placed: Placed[CampaignSection]
+    documents: dict[Path, Document] = field(default_factory=dict)
+    options: dict[Path, frozenset[str]] = field(default_factory=dict)
+    cells: dict[Path, CellFile] = field(default_factory=dict)
+
+    def campaign(self) -> Campaign | None:
+        said, node = self.placed.values, self.placed.node
+        tree, cell = self.file(said.tree, find_tree), self.file(said.cell, find_cell, "sim")
+        whole = _Arm("all", tree, cell, said.set, said.seeds, {})
+        vary = {key: tuple(value.text for value in values) for key, values in said.vary.items()}
+        arms = self.arms(whole) or [whole]
+        for arm in (whole, *arms):
+            self.check_keys(arm, keys_of(node, "set"))
+        alone = all(arm.tree == tree and arm.cell == cell for arm in arms)
+        self.check_keys(whole if alone else arms[0], keys_of(node, "vary") if alone else {})
         if self.findings.errors:
             return None
-        runs = tuple(_plan(arms, vary))
-        if len(runs) > MAX_RUNS:
-            self.findings.error(top, "too-many", f"{len(runs)} runs; a campaign has at most {MAX_RUNS}")
-        description = self.shape.word(top.get("description"), "")
-        return Campaign(name, description, vary, tuple(arm.name for arm in arms), runs, score)
-
-    def arms(self, node: YamlNode | None, default: _Arm, vary: Mapping[str, tuple[str, ...]]) -> list[_Arm]:
-        arms = []
-        for key, written in self.shape.entries(node, "'arms'", "arms: {refined: {}, unrefined: {set: {…}}}"):
-            if isinstance(written, YamlScalar) and written.is_null:
-                arms.append(_Arm(key.text, default.tree, default.cell, default.settings, default.seeds, {}))
-                continue
-            arm = self.shape.mapping(written, f"the arm '{key.text}'")
-            if arm is None:
-                continue
-            self.shape.known_keys(arm, ARM_KEYS, "an arm")
-            tree = self.file(arm, "tree", self.shape.word(arm.get("tree"), "")) or default.tree
-            cell = self.file(arm, "cell", self.shape.word(arm.get("cell"), "")) or default.cell
-            only = self.shape.lists(arm.get("only"), "'only'", "only: {fruit: [apple_1]}")
-            self.check_only(arm.get("only"), vary)
-            arms.append(
-                _Arm(
-                    key.text,
-                    tree,
-                    cell,
-                    {**default.settings, **self.settings(arm.get("set"), tree, cell)},
-                    self.shape.seeds(arm.get("seeds"), default.seeds, MAX_SEEDS),
-                    only,
-                )
-            )
-        return arms or [default]
-
-    def settings(self, node: YamlNode | None, tree: Path, cell: Path) -> dict[str, str]:
-        entries = self.shape.entries(node, "settings", "set: {others: 0}")
-        self.check_keys(node, tree, cell)
-        values = {key.text: self.shape.text(value) for key, value in entries}
-        return {name: value.text for name, value in values.items() if value is not None}
-
-    def score(self, node: YamlNode | None) -> Score:
-        if node is None:
-            return Score()
-        mapping = self.shape.mapping(node, "'score'")
-        if mapping is None:
-            return Score()
-        self.shape.known_keys(mapping, SCORE_KEYS, "'score'")
-        success, figures = mapping.get("success"), mapping.get("figures")
-        return Score(
-            Score().success if success is None else self.shape.words(success, "'success'", allow_empty=True),
-            () if figures is None else self.shape.words(figures, "'figures'", allow_empty=True),
-        )
-
-    def file(self, owner: YamlMapping, key: str, name: str) -> Path | None:
-        """A tree or cell: beside the campaign file, by path, or by name from those installed."""
-        if not name:
+        good = [self.judge(arm) for arm in arms]  # all of them, for all findings
+        if not all(good):
             return None
+        texts = {path: read_text(path) for arm in arms for path in (arm.tree, arm.cell)}
+        texts |= {path: "".join(file.files.values()) for path, file in self.cells.items()}
+        runs = tuple(_plan(arms, vary, texts))
+        if len(runs) > MAX_RUNS:
+            self.findings.error(node, "too-many", f"{len(runs)} runs; a campaign has at most {MAX_RUNS}")
+        score = said.score.over(self.cells[arms[0].cell].score)
+        return Campaign(said.campaign, said.description, vary, tuple(arm.name for arm in arms), runs, score)
+
+    def arms(self, whole: _Arm) -> list[_Arm]:
+        """What is compared."""
+        written = self.placed.node.get("arms")
+        arms = []
+        for name, said in self.placed.values.arms.items():
+            tree = whole.tree if said.tree is None else self.file(said.tree, find_tree)
+            cell = whole.cell if said.cell is None else self.file(said.cell, find_cell)
+            seeds = whole.seeds if said.seeds is None else said.seeds
+            only = {key: tuple(value.text for value in values) for key, values in said.only.items()}
+            arm = _Arm(name, tree, cell, {**whole.settings, **said.set}, seeds, only)
+            node = written.get(name) if isinstance(written, YamlMapping) else None
+            if isinstance(node, YamlMapping):
+                self.check_keys(arm, keys_of(node, "set"))
+                self.check_only(said.only, keys_of(node, "only"))
+            arms.append(arm)
+        return arms
+
+    def file(self, written: YamlScalar | None, find: Callable[[str], Path], default: str = "") -> Path:
+        """A tree or cell: beside the campaign file, by path, or by name from those installed."""
+        name = default if written is None else written.text
         beside = self.path.parent / name
         if beside.is_file():
             return beside
         try:
-            return find_tree(name) if key == "tree" else find_cell(name)
+            return find(name)
         except UsageError as error:
-            self.findings.error(owner.get(key) or owner, "file", str(error))
-            return None
+            raise self.placed.reader.refuse(written or self.placed.node, str(error), code="file") from error
 
-    def check_keys(self, node: YamlNode | None, tree: Path, cell: Path, among_arms: YamlNode | None = None) -> None:
+    def check_keys(self, arm: _Arm, keys: Mapping[str, YamlScalar]) -> None:
         """Every key must be a parameter of the tree or an option of the cell."""
-        if not isinstance(node, YamlMapping) or (among_arms is not None and _has_own_files(among_arms)):
-            return
-        known = _parameters(tree) | _options(cell)
-        for key, _value in node.entries.values():
-            if key.text not in known:
-                hint = did_you_mean(key.text, known) or f"known: {', '.join(sorted(known))}"
-                message = f"neither the tree '{tree.stem}' nor the cell '{cell.stem}' has a setting '{key.text}'"
+        known = set(self.document(arm.tree).main.parameters) | self.options_of(arm.cell)
+        for name, key in keys.items():
+            if name not in known:
+                hint = did_you_mean(name, known) or f"known: {', '.join(sorted(known))}"
+                message = f"neither the tree '{arm.tree.stem}' nor the cell '{arm.cell.stem}' has a setting '{name}'"
                 self.findings.error(key, "unknown-setting", message, hint)
 
-    def check_only(self, node: YamlNode | None, vary: Mapping[str, tuple[str, ...]]) -> None:
-        for key, value in self.shape.entries(node, "'only'", "only: {fruit: [apple_1]}"):
-            if key.text not in vary:
-                self.findings.error(key, "unknown-key", f"'{key.text}' does not vary", did_you_mean(key.text, vary))
+    def check_only(self, only: Mapping[str, tuple[YamlScalar, ...]], keys: Mapping[str, YamlScalar]) -> None:
+        vary = {key: [value.text for value in values] for key, values in self.placed.values.vary.items()}
+        for name, values in only.items():
+            if name not in vary:
+                self.findings.error(keys[name], "unknown-key", f"'{name}' does not vary", did_you_mean(name, vary))
                 continue
-            for word in self.shape.scalars(value):
-                if word.text not in vary[key.text]:
-                    hint = did_you_mean(word.text, vary[key.text])
-                    self.findings.error(word, "unknown-value", f"'{key.text}' is never '{word.text}'", hint)
+            for value in values:
+                if value.text not in vary[name]:
+                    hint = did_you_mean(value.text, vary[name])
+                    self.findings.error(value, "unknown-value", f"'{name}' is never '{value.text}'", hint)
+
+    def judge(self, arm: _Arm) -> bool:
+        """Each value of what varies, with the first values of the others, as each run will be judged again."""
+        vary = {
+            key: [value for value in values if key not in arm.only or value.text in arm.only[key]]
+            for key, values in self.placed.values.vary.items()
+        }
+        good = True
+        first = {**arm.settings, **{key: values[0] for key, values in vary.items()}}
+        for settings in [first, *({**first, key: v} for key, values in vary.items() for v in values[1:])]:
+            judged = judge(self.document(arm.tree), _skills(), settings, arm.cell)
+            self.findings.extend(found for found in judged.findings.sorted() if found.severity == "error")
+            if judged.cell is None or judged.findings.errors:
+                good = False
+            else:
+                self.cells[arm.cell] = judged.cell
+        return good
+
+    def document(self, tree: Path) -> Document:
+        if tree not in self.documents:
+            self.documents[tree] = read_document(tree)
+        return self.documents[tree]
+
+    def options_of(self, cell: Path) -> frozenset[str]:
+        if cell not in self.options:
+            outline = cell_files().outline(cell, self.findings)
+            self.options[cell] = frozenset(option.name for option in outline.options) if outline else frozenset()
+        return self.options[cell]
 
 
-def _has_own_files(arms: YamlNode) -> bool:
-    """Whether an arm has a tree or a cell of its own, which may know other settings."""
-    mappings = [value for _key, value in arms.entries.values()] if isinstance(arms, YamlMapping) else []
-    return any(isinstance(m, YamlMapping) and {"tree", "cell"} & set(m.entries) for m in mappings)
+@cache
+def _skills() -> Registry:
+    return Registry.installed()
 
 
-def _parameters(tree: Path) -> set[str]:
-    return set(read_document(tree).main.parameters)
+class CampaignKind:
+    """Campaign files, for `pomona check` and `pomona schema`."""
+
+    def recognises(self, keys: Collection[str]) -> bool:
+        """Whether a file with these keys at its top is one."""
+        return "campaign" in keys
+
+    def check(self, path: Path, findings: Findings) -> None:
+        """Everything that is wrong with a file."""
+        judge_campaign(path, findings)
+
+    def schema(self) -> Schema:
+        """The JSON Schema of campaign files."""
+        return {"title": "Pomona campaign file", **CAMPAIGN.schema()}
 
 
-def _options(cell: Path) -> set[str]:
-    content = yaml.safe_load(read_text(cell))
-    return set(map(str, content.get("options") or ())) if isinstance(content, dict) else set()
+CAMPAIGN_FILES = CampaignKind()
 
 
-def _plan(arms: Sequence[_Arm], vary: Mapping[str, tuple[str, ...]]) -> Iterator[CampaignRun]:
+def _plan(
+    arms: Sequence[_Arm], vary: Mapping[str, tuple[str, ...]], texts: Mapping[Path, str]
+) -> Iterator[CampaignRun]:
     """Seed by seed, so that a campaign that is stopped has as many runs of every combination."""
-    texts = {path: read_text(path) for arm in arms for path in (arm.tree, arm.cell)}
     combinations = list(itertools.product(*vary.values()))
     for number in range(max(arm.count for arm in arms)):
         for index, values in enumerate(combinations):
@@ -260,7 +263,8 @@ def _plan(arms: Sequence[_Arm], vary: Mapping[str, tuple[str, ...]]) -> Iterator
                 seed = arm.seed(number, index)
                 if seed is None or not arm.takes(varied):
                     continue
-                order = RunOrder(arm.tree, arm.cell, seed, {**arm.settings, **varied})
+                settings = {key: value.text for key, value in arm.settings.items()}
+                order = RunOrder(arm.tree, arm.cell, seed, {**settings, **varied})
                 parts = (texts[arm.tree], texts[arm.cell], str(seed), repr(sorted(order.settings.items())))
                 fingerprint = hashlib.sha256("\0".join(parts).encode()).hexdigest()[:16]
                 name = "/".join([arm.name, *(f"{key}={value}" for key, value in varied.items()), f"seed={seed}"])

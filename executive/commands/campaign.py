@@ -113,14 +113,14 @@ class _Shown:
         self._bar.stop()
 
     def ended(self, result: dict[str, Any], done: int, of: int) -> None:
-        good = succeeded(result, self._campaign.score.success)
+        good = succeeded(result, self._campaign.conditions)
         self._good += good
         self._ended += 1
         self._bar.update(self._task, completed=done, description=f"{self._campaign.name} {self._good}/{self._ended} ✓")
         left = (time.monotonic() - self._started) / self._ended * (of - done) / 60.0
         line = f"{'✓' if good else '✗'} {result['name']}"
         if not good:
-            line += f"  {failure_code(result)}: {failure_message(result)}"
+            line += f"  {failure_code(result, self._campaign.conditions)}: {failure_message(result)}"
         if not self._console.is_terminal:
             line = f"[{done}/{of}] {line}   {self._good}/{self._ended} succeeded, {left:.0f} min left"
         if not good or not self._console.is_terminal:

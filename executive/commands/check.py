@@ -1,29 +1,34 @@
-"""`pomona check`: everything that is wrong with tree files, before anything runs."""
+"""`pomona check`: everything that is wrong with files, before anything runs."""
 
 from __future__ import annotations
 
 import argparse
-import contextlib
 import dataclasses
 import sys
-from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
-from executive.files import find_cell, find_tree
-from executive.language.check import check
+from executive.file_kinds import file_kind, kind_names
+from executive.files import find_cell, find_tree, installed_trees, read_text
+from executive.judging import judge
 from executive.language.documents import read_document, with_declarations
 from executive.registry import Registry
 from executive.settings import parse_settings
 from executive.terminal.filtered import write_json
-from executive.values.findings import Finding, format_findings
+from executive.values.findings import Finding, Findings, Source, format_findings
+from executive.values.yaml_nodes import YamlMapping, read_yaml
 
 
 def add(subparsers: Any) -> None:
     """Register the subcommand."""
-    parser = subparsers.add_parser("check", help="find everything that is wrong with tree files")
-    parser.add_argument("trees", nargs="+", metavar="TREE", help="a tree file, or the name of an installed tree")
-    parser.add_argument("--cell", help="also check that this cell has the devices")
-    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="a parameter of the tree")
+    parser = subparsers.add_parser(
+        "check", help="find everything that is wrong with trees, scenarios, cells, campaigns"
+    )
+    about = "a tree, a scenario, a cell, a campaign … or the name of an installed tree"
+    parser.add_argument("files", nargs="+", metavar="FILE", help=about)
+    parser.add_argument("--cell", help="also check that trees can run on this cell: its devices, poses, fruit")
+    about = "a parameter of the tree, or an option of the cell"
+    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help=about)
     parser.add_argument("--json", action="store_true", help="print the findings as JSON, for editors")
     parser.set_defaults(main=main)
 
@@ -35,36 +40,35 @@ def main(options: argparse.Namespace) -> int:
         2 when there are errors, else 0.
     """
     settings = parse_settings(options.set)
-    if options.cell:
-        findings = _on_cell(options, settings)
-    else:
-        findings = with_declarations(lambda registry: _check(options, settings, registry))
+    cell = find_cell(options.cell) if options.cell else None
+    found: list[Finding] = []
+    for name in options.files:
+        found += _check(find_tree(name), cell, settings)
     if options.json:
-        write_json([dataclasses.asdict(finding) for finding in findings])
-    elif findings:
-        sys.stdout.write(format_findings(findings) + "\n")
+        write_json([dataclasses.asdict(finding) for finding in found])
+    elif found:
+        sys.stdout.write(format_findings(found) + "\n")
     else:
-        sys.stdout.write(f"{len(options.trees)} file{'s' if len(options.trees) > 1 else ''}: nothing is wrong\n")
-    return 2 if any(finding.severity == "error" for finding in findings) else 0
+        sys.stdout.write(f"{len(options.files)} file{'s' if len(options.files) > 1 else ''}: nothing is wrong\n")
+    return 2 if any(finding.severity == "error" for finding in found) else 0
 
 
-def _check(
-    options: argparse.Namespace,
-    settings: Mapping[str, str],
-    registry: Registry,
-    interfaces: tuple[type, ...] | None = None,
-) -> list[Finding]:
-    findings: list[Finding] = []
-    for name in options.trees:
-        document = read_document(find_tree(name))
-        findings += check(document, registry, overrides=settings, interfaces=interfaces)
-    return findings
+def _check(path: Path, cell: Path | None, settings: dict[str, str]) -> list[Finding]:
+    """What a file is, the keys at its top tell; what cannot be told is taken for a tree."""
+    root = read_yaml(Source(str(path), read_text(path)), Findings())
+    keys = tuple(root.entries) if isinstance(root, YamlMapping) else ()
+    if "cases" in keys:
+        from executive.language.scenario import read_scenario  # imports all that runs a tree
 
-
-def _on_cell(options: argparse.Namespace, settings: Mapping[str, str]) -> list[Finding]:
-    """With the devices of a cell, which has to be connected to know them."""
-    from executive.execute import load_cell  # imports all that a run needs
-
-    with contextlib.closing(load_cell(find_cell(options.cell), 0, {})) as cell:
-        interfaces = cell.interfaces()
-    return _check(options, settings, Registry.installed(), interfaces)
+        scenario = read_scenario(read_text(path), path, Registry.installed(), tree_folders=[installed_trees()])
+        return list(scenario.findings)
+    kinds = () if "root" in keys else map(file_kind, kind_names())
+    kind = next((kind for kind in kinds if kind.recognises(keys)), None)
+    if kind is None:
+        document = read_document(path)
+        if cell is not None:
+            return judge(document, Registry.installed(), settings, cell).findings.sorted()
+        return with_declarations(lambda registry: judge(document, registry, settings, None).findings.sorted())
+    findings = Findings()
+    kind.check(path, findings)
+    return findings.sorted()

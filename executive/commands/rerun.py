@@ -101,6 +101,7 @@ def _order(started: RunStarted, folder: Path) -> RunOrder:
         if not cell.parent.is_dir():
             raise UsageError(f"{started.cell_path}: its folder is needed for the robot and the fruit, and is not here")
     texts = {started.tree_path: started.tree_text, str(cell): started.cell_text, **started.tree_files}
+    texts |= {str(cell.parent / name): text for name, text in started.cell_files.items()}
     return RunOrder(
         tree=Path(started.tree_path),
         cell=cell,

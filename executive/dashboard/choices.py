@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from executive.errors import PomonaError, UsageError
 from executive.files import find_cell, find_tree, installed_trees, read_text
 from executive.language import read
 from executive.language.model import Declared
+from executive.running.cell_files import cell_files
+from executive.values.findings import Findings, format_findings
 from executive.values.yaml_nodes import YamlNode, YamlScalar
 
 
@@ -69,7 +69,7 @@ def _offered(files: Mapping[str, Path], name: object, kind: str) -> Path:
 def _describe(facts: Any, path: Path) -> dict[str, Any]:
     try:
         found: dict[str, Any] = facts(path)
-    except (PomonaError, yaml.YAMLError) as error:
+    except PomonaError as error:
         return {"problem": str(error)}
     return found
 
@@ -99,11 +99,9 @@ def _text(node: YamlNode | None) -> str:
 
 
 def _cell_facts(path: Path) -> dict[str, Any]:
-    content = yaml.safe_load(read_text(path))
-    if not isinstance(content, dict):
-        raise UsageError(f"{path.name} is no cell file")
-    options = content.get("options") or {}
-    return {
-        "kind": str(content.get("kind", "")),
-        "options": [{"name": str(name), "default": str(value)} for name, value in dict(options).items()],
-    }
+    findings = Findings()
+    outline = cell_files().outline(path, findings)
+    if outline is None:
+        raise UsageError(format_findings(findings.sorted()))
+    options = [{"name": option.name, "default": option.default, "help": option.help} for option in outline.options]
+    return {"kind": outline.kind, "options": options}

@@ -148,9 +148,13 @@ def _beginning(event: Mapping[str, Any]) -> dict[str, Any]:
         "wall_time": _number(event.get("wall_time")) or 0.0,
         "parameters": _mapping(event.get("parameters")),
         "settings": {key: _text(value) for key, value in _mapping(event.get("settings")).items()},
-        "cell_hash": hash_of(_text(event.get("cell_text", ""), None)),
+        "cell_hash": hash_of(*(_text(text, None) for text in _cell_texts(event))),
         "git": _text(_mapping(event.get("versions")).get("git", "")),
     }
+
+
+def _cell_texts(event: Mapping[str, Any]) -> tuple[Any, ...]:
+    return event.get("cell_text", ""), *_mapping(event.get("cell_files", {})).values()
 
 
 def _end(event: Mapping[str, Any]) -> dict[str, Any]:

@@ -100,8 +100,9 @@ class _Taken:
         if self._frames:
             _write_json(self._folder / "frames" / "frames.json", self._frames)
             if "fx" in self._frames[0]:
-                keys = ("fx", "fy", "cx", "cy", "width", "height")
-                text = "".join(f"{key}: {self._frames[0][key]}\n" for key in keys)
+                first = self._frames[0]
+                text = "".join(f"{key}: {first[key]} px\n" for key in ("fx", "fy", "cx", "cy"))
+                text += "".join(f"{key}: {first[key]}\n" for key in ("width", "height"))
                 (self._folder / "frames" / "intrinsics.yaml").write_text(text, encoding="utf-8")
             written["frames/"] = f"{len(self._frames)} with depth, intrinsics and camera poses"
         if self._images:

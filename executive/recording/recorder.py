@@ -193,11 +193,12 @@ class Recorder:
         texts = {"tree.yaml": event.tree_text, "cell.yaml": event.cell_text}
         for name, text in texts.items():
             (self.folder / name).write_bytes(_coded(text))
-        for name, text in {**texts, **event.tree_files}.items():
+        for name, text in {**texts, **event.tree_files, **event.cell_files}.items():
             self._writer.add_attachment(began, 0, _whole(name), "application/yaml", _coded(text))
         about = {
             "run": event.run, "tree": event.tree, "tree_hash": event.tree_hash, "cell": event.cell,
-            "cell_kind": event.cell_kind, "cell_hash": hash_of(event.cell_text), "seed": str(event.seed),
+            "cell_kind": event.cell_kind, "cell_hash": hash_of(event.cell_text, *event.cell_files.values()),
+            "seed": str(event.seed),
             "began": datetime.fromtimestamp(event.wall_time).astimezone().isoformat(timespec="seconds"),
             "settings": json.dumps(plain(event.settings), ensure_ascii=False),
             "parameters": json.dumps(plain(event.parameters), ensure_ascii=False),
@@ -254,6 +255,6 @@ def _whole(text: str) -> str:
     return _coded(text).decode()
 
 
-def hash_of(text: str) -> str:
-    """What names a tree's or a cell's text."""
-    return hashlib.sha256(_coded(text)).hexdigest()[:16]
+def hash_of(*texts: str) -> str:
+    """What names a tree's or a cell's texts."""
+    return hashlib.sha256(_coded("".join(texts))).hexdigest()[:16]

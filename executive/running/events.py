@@ -25,7 +25,8 @@ class Event:
 class RunStarted(Event):
     """A run begins. `nodes` describes the tree: one mapping per node, in drawing order, with `path` and `parent`.
 
-    `tree_files` holds the texts of the files that the tree calls, by their path; of a dry run `cell_text` is its mocks.
+    `tree_files` holds the texts of the files that the tree calls, by their path, `cell_files` those that the cell
+    includes, by their path from its folder; of a dry run `cell_text` is its mocks.
     """
 
     run: str
@@ -45,6 +46,7 @@ class RunStarted(Event):
     period: float
     settings: Mapping[str, str] = field(default_factory=dict)
     tree_files: Mapping[str, str] = field(default_factory=dict)
+    cell_files: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)

@@ -137,10 +137,14 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
 MAX_EXCERPT = 160
 
 
+def place_of(finding: Finding) -> str:
+    """`file:line:column`, or the file alone when no place in it is meant."""
+    return f"{finding.path}:{finding.line}:{finding.column}" if finding.line else finding.path
+
+
 def format_finding(finding: Finding) -> str:
     """The finding as a compiler would print it, with its line and a marker under the place."""
-    where = f"{finding.path}:{finding.line}:{finding.column}" if finding.line else finding.path
-    lines = [f"{where}: {finding.severity}[{finding.code}]: {finding.message}"]
+    lines = [f"{place_of(finding)}: {finding.severity}[{finding.code}]: {finding.message}"]
     if finding.excerpt.strip() and len(finding.excerpt) <= MAX_EXCERPT:
         shown = "".join(c if c.isprintable() else "·" for c in finding.excerpt.replace("\t", " "))
         marker = "^" * max(1, min(finding.length, len(shown) - finding.column + 1))

@@ -78,17 +78,23 @@ class _Refused(Exception):
     """Stops reading; the finding has been made."""
 
 
-def read_yaml(source: Source, findings: Findings) -> YamlNode | None:
-    """The file's only document, or None when it cannot be read; every reason is a finding."""
+def read_yaml(source: Source, findings: Findings, what: str = "a tree file") -> YamlNode | None:
+    """The file's only document, or None when it cannot be read; every reason is a finding.
+
+    Args:
+        source: of the file.
+        findings: get the reasons.
+        what: the file is, for messages.
+    """
     start = YamlScalar(source, 1, 1, 1, 2, "", True)
     if len(source.text) > MAX_CHARACTERS:
-        message = f"the file has {len(source.text) // 1024} KiB; a tree file has at most {MAX_CHARACTERS // 1024} KiB"
-        findings.error(start, "too-large", message, "split it into subtrees in files of their own")
+        message = f"the file has {len(source.text) // 1024} KiB; {what} has at most {MAX_CHARACTERS // 1024} KiB"
+        findings.error(start, "too-large", message)
         return None
     loader: Any = None
     try:
         loader = _LOADER(source.text)
-        return _Composer(source, findings, loader).document()
+        return _Composer(source, findings, loader, what).document()
     except _Refused:
         return None
     except yaml.MarkedYAMLError as error:
@@ -107,8 +113,8 @@ def read_yaml(source: Source, findings: Findings) -> YamlNode | None:
 
 
 class _Composer:
-    def __init__(self, source: Source, findings: Findings, loader: Any) -> None:
-        self.source, self.findings, self.loader = source, findings, loader
+    def __init__(self, source: Source, findings: Findings, loader: Any, what: str) -> None:
+        self.source, self.findings, self.loader, self.what = source, findings, loader, what
         self.scalars: list[YamlScalar] = []
         self.count = 0
 
@@ -117,13 +123,13 @@ class _Composer:
         get()  # stream start
         event = get()
         if isinstance(event, yaml.StreamEndEvent):
-            self.findings.error(self._scalar_at(event), "empty", "the file is empty", "start with 'pomona: 1'")
+            self.findings.error(self._scalar_at(event), "empty", f"the file is empty, {self.what} is a mapping")
             return None
         root = self._node(get(), 0)
         get()  # document end
         event = get()
         if not isinstance(event, yaml.StreamEndEvent):
-            self.findings.error(self._scalar_at(event), "yaml", "a tree file holds one document, here starts another")
+            self.findings.error(self._scalar_at(event), "yaml", f"{self.what} holds one document, here starts another")
         self._find_comments()
         return root
 
@@ -138,14 +144,13 @@ class _Composer:
     def _node(self, event: Any, depth: int) -> YamlNode:
         self.count += 1
         if depth > MAX_DEPTH:
-            raise self._refuse(event, "too-deep", f"nested more than {MAX_DEPTH} levels deep", "use subtrees")
+            raise self._refuse(event, "too-deep", f"nested more than {MAX_DEPTH} levels deep")
         if self.count > MAX_NODES:
-            raise self._refuse(event, "too-large", f"more than {MAX_NODES} values in one file", "use subtrees")
+            raise self._refuse(event, "too-large", f"more than {MAX_NODES} values in one file")
         if isinstance(event, yaml.AliasEvent):
-            hint = "use a parameter, a constant or a subtree"
-            raise self._refuse(event, "alias", "YAML aliases (*) are not allowed in tree files", hint)
+            raise self._refuse(event, "alias", f"YAML aliases (*) are not allowed in {self.what}")
         if event.tag is not None and event.tag != "!":
-            raise self._refuse(event, "tag", f"YAML tags ({event.tag}) are not allowed in tree files")
+            raise self._refuse(event, "tag", f"YAML tags ({event.tag}) are not allowed in {self.what}")
         start, end = event.start_mark, event.end_mark
         if isinstance(event, yaml.ScalarEvent):
             plain = event.style is None or event.style == ""

@@ -86,7 +86,7 @@ def _cell(name: str) -> Any:
         path = Path(str(files("trees"))) / "cells" / f"{name}.yaml"
     if not path.is_file():
         raise GuidanceEnded(f"no cell '{name}': neither a file nor an installed cell")
-    return next(iter(entry_points(group="pomona.cells", name="file"))).load()(path)
+    return next(iter(entry_points(group="pomona.cells", name="file"))).load().load(path)
 
 
 def _tell(sentence: str) -> None:

@@ -14,7 +14,7 @@ def frames_cell(tmp_path: Path) -> Path:
     cv2.imwrite(str(tmp_path / "a_color.png"), np.zeros((30, 40, 3), np.uint8))
     cv2.imwrite(str(tmp_path / "a_depth_mm.png"), np.full((30, 40), 500, np.uint16))
     path = tmp_path / "cell.yaml"
-    intrinsics = "{fx: 600, fy: 600, cx: 20, cy: 15, width: 40, height: 30}"
+    intrinsics = "{fx: 600 px, fy: 600 px, cx: 20 px, cy: 15 px, width: 40, height: 30}"
     path.write_text(
         "name: bench\nkind: frames\nclock: manual\ndevices:\n"
         f"  camera: {{driver: frames, folder: '{tmp_path}', intrinsics: {intrinsics}}}\n"

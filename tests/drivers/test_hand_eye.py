@@ -97,7 +97,9 @@ def test_a_folder_of_looks_is_calibrated_and_its_file_holds_the_pose(tmp_path: P
     for i, T in enumerate(boards):
         cv2.imwrite(str(tmp_path / f"look_{i}.png"), draw(T))
     (tmp_path / "poses.json").write_text(json.dumps({f"look_{i}": T.tolist() for i, T in enumerate(flanges)}))
-    (tmp_path / "intrinsics.yaml").write_text("{fx: 600, fy: 602, cx: 319, cy: 241, width: 640, height: 480}")
+    (tmp_path / "intrinsics.yaml").write_text(
+        "{fx: 600 px, fy: 602 px, cx: 319 px, cy: 241 px, width: 640, height: 480}"
+    )
     result = calibrate_folder(tmp_path, BOARD)
     assert np.linalg.norm(result.T_tool0_camera[:3, 3] - T_TOOL0_CAMERA[:3, 3]) < 4e-3
     result.save(tmp_path / "hand_eye.json")

@@ -56,4 +56,4 @@ def test_another_word_about_the_record_is_refused(tmp_path: Path) -> None:
 
 
 def test_a_cell_can_be_made_from_a_text_instead_of_its_file(tmp_path: Path) -> None:
-    assert load_cell(tmp_path / "gone.yaml", text=MOCK.format(more="")).name == "bench"
+    assert load_cell(tmp_path / "gone.yaml", texts={str(tmp_path / "gone.yaml"): MOCK.format(more="")}).name == "bench"

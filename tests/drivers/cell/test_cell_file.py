@@ -1,104 +1,213 @@
-"""A cell file's mistakes are found with their place and a way out."""
+"""A cell file is judged before anything is connected: every mistake at once, with its place and a way out."""
 
-import numpy as np
+import json
+from pathlib import Path
+
+import jsonschema
 import pytest
+import yaml
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
-from drivers.cell_file import cell_options, read_cell_file
+from drivers.cell import CELL_FILES
+from drivers.cell_file import judge_cell_file, outline_cell, read_cell_file
+from drivers.driver import installed_drivers
 from drivers.errors import CellFileError
+from drivers.interfaces import Arm, ArmLimits, Camera, FruitKinds, Gripper, Workspace
+from executive.values.findings import Findings
+from executive.values.sections import declared
+
+CELLS = Path(__file__).resolve().parents[3] / "trees" / "cells"
+SIM = (CELLS / "sim.yaml").read_text()
 
 
 @pytest.fixture
-def read(tmp_path):
-    def read_text(text, overrides=None):
-        path = tmp_path / "cell.yaml"
-        path.write_text(text)
-        return read_cell_file(path, overrides)
+def judge():
+    def judged(text, overrides=None):
+        path = CELLS / "judged.yaml"  # beside the files that shipped cells name; never written
+        findings = Findings()
+        judge_cell_file(path, findings, overrides, {str(path): text})
+        return findings.sorted()
 
-    return read_text
-
-
-def place(error):
-    return error.value.line, error.value.column
+    return judged
 
 
-def test_values_come_in_si_units(read):
-    settings = read(
-        "a: 120 mm\nb: 30 deg\nc: 0.5\n"
-        "d: [1 mm, 2 mm]\nj: 10 20 mm\ne: yes it is\nf: true\ng: [0.7, 0.9]\nh: 3\ni: 80 g..0.1 kg\n"
-    )
-    assert settings.number("a", "length") == pytest.approx(0.12)
-    assert settings.number("b", "angle") == pytest.approx(np.pi / 6)
-    assert settings.number("c") == 0.5
-    assert settings.vector("d", 2, "length") == pytest.approx([0.001, 0.002])
-    assert settings.vector("j", 2, "length") == pytest.approx([0.01, 0.02])
-    assert settings.text("e") == "yes it is"
-    assert settings.boolean("f") is True
-    assert settings.span("g") == (0.7, 0.9)
-    assert settings.span("h") == (3.0, 3.0)
-    assert settings.span("i", "mass") == (0.08, 0.1)
-    assert settings.integer("h") == 3
-    assert settings.number("missing", default=2.5) == 2.5
-    settings.finish()
+@pytest.mark.parametrize("name", ["sim", "emulated"])
+def test_nothing_is_wrong_with_a_shipped_cell(name):
+    file = read_cell_file(CELLS / f"{name}.yaml")
+    assert file.name == name
+    assert {Arm, Gripper, Camera, Workspace} <= set(file.interfaces())
+
+
+def test_what_the_shipped_laboratory_lacks_are_its_calibrations_alone():
+    with pytest.raises(CellFileError) as error:
+        read_cell_file(CELLS / "lab.yaml")
+    assert [found.code for found in error.value.findings] == ["file"] * 3
+    assert all("pomona calibrate" in found.hint for found in error.value.findings)
+
+
+def test_the_three_cells_share_one_workspace():
+    texts = [(CELLS / f"{name}.yaml").read_text() for name in ("sim", "emulated", "lab")]
+    assert all("workspace: {include: shared/workspace.yaml}" in text for text in texts)
+    file = read_cell_file(CELLS / "sim.yaml")
+    assert list(file.files) == ["sim.yaml", "shared/workspace.yaml"]
+    assert file.workspace is not None
+    assert "crate_6" in file.workspace.poses
+
+
+def test_what_a_cell_knows_before_it_is_connected():
+    file = read_cell_file(CELLS / "sim.yaml", {"fruit": "lemon"})
+    assert file.known(FruitKinds) == FruitKinds(("lemon",))
+    assert file.known(ArmLimits).lower.shape == (7,)
+    assert file.known(Workspace).table_z == pytest.approx(-0.12)
+    assert file.known(str) is None
 
 
 @pytest.mark.parametrize(
-    ("text", "ask", "line", "column", "says"),
+    ("old", "new", "says"),
     [
-        ("x: 1\nrange: -5 N\n", lambda s: s.number("range", "force", low=0.0), 2, 8, "must lie between 0"),
-        ("x: 5 mm\n", lambda s: s.number("x", "force"), 1, 4, "'mm' is no unit of force: N, mN"),
-        ("x: -120\n", lambda s: s.number("x", "length"), 1, 4, "'-120' lacks a unit: a length is given in m"),
-        ("x: 1 2 3\n", lambda s: s.vector("x", 3, "length"), 1, 4, "3 numbers and a unit"),
-        ("x: wide\n", lambda s: s.number("x", "length"), 1, 4, "write a number and a unit, such as '1 m'"),
-        ("x: .inf\n", lambda s: s.number("x"), 1, 4, "not a number"),
-        ("a: 1\nx: {}\n", lambda s: s.number("x"), 2, 4, "single value, not a mapping"),
-        ("a: 1\n", lambda s: s.text("robot"), 1, 1, "needs 'robot'"),
-        ("x: [1, 2]\n", lambda s: s.vector("x", 3), 1, 4, "list of 3 numbers"),
-        ("x: [1, q]\n", lambda s: s.vector("x", 2), 1, 4, "'q' is not a number"),
-        ("x: 2.5\n", lambda s: s.integer("x"), 1, 4, "whole number"),
-        ("x: [3, 1]\n", lambda s: s.span("x"), 1, 4, "from 3 down to 1"),
-        ("x: 3..1\n", lambda s: s.span("x"), 1, 4, "from 3 down to 1"),
-        ("x: 1..\n", lambda s: s.span("x"), 1, 4, "'' is not a number"),
-        ("x: reel\n", lambda s: s.choice("x", ("real", "mock")), 1, 4, "did you mean 'real'"),
-        ("x: nowhere.xml\n", lambda s: s.file("x"), 1, 4, "does not exist"),
-        ("x: 1\n", lambda s: s.section("x"), 1, 4, "must be a mapping"),
-        ("x: [1]\n", lambda s: s.sections("x"), 1, 4, "list of mappings"),
-        ("x: 1\nx: 2\n", lambda s: s, 2, 1, "written twice"),
-        ("x: '{plaec}'\noptions: {place: 3}\n", lambda s: s.text("x"), 1, 4, "did you mean 'place'"),
-        ("y: 1\nwdith: 2\n", lambda s: (s.has("width"), s.text("y"), s.finish()), 2, 1, "did you mean 'width'"),
+        ("watchdog: 100 ms", "watchdog: 100", "lacks a unit: a time is given in s, ms"),
+        ("table_z: -120 mm", "table_z: -120", "lacks a unit"),
+        ("table_z: -120 mm", "table_z: -120 kg", "'kg' is no unit of length"),
+        ("disparity_noise:", "disparity_nose:", "did you mean 'disparity_noise'?"),
+        ("fx: 610.6 px", "fx: 0 px", "must be at least 1 px"),
+        ("size: [640, 480] ", "size: [-640, 480] ", "between 1 and"),
+        ("size: [640, 480] ", "size: [6400, 480] ", "draws at most 1280 x 960"),
+        ("cx: 317.7 px", "cx: 3177 px", "outside an image of 640 pixels"),
+        ("friction: auto ", "friction: -1 ", "must lie between 0.01 and 5"),
+        ("mass: 85 g", "mass: -85 g", "must lie between 1 g and 5 kg"),
+        ("driver: sim-arm", "driver: sim-amr", "did you mean 'sim-arm'?"),
+        ("model: ../fruits/lemon", "model: ../fruits/melon", "does not exist"),
+        ("start: observe", "start: oberve", "did you mean 'observe'?"),
+        ("place: 3 ", "place: 77 ", "it cannot be '77'"),
+        ("kind: simulated", "kind: [simulated]", "not a list"),
+        ("rate: 30 Hz", "rate: {Hz: 30}", "not a mapping"),
+        ("include: shared/workspace.yaml", "include: shared/workspcae.yaml", "cannot be read"),
+        ("include: shared/workspace.yaml", "include: judged.yaml", "includes itself"),
     ],
 )
-def test_a_wrong_value_is_reported_at_its_place(read, text, ask, line, column, says):
+def test_a_mistake_is_found_at_its_place_before_anything_is_connected(judge, old, new, says):
+    assert old in SIM
+    text = SIM.replace(old, new, 1)
+    found = judge(text)
+    assert found
+    assert any(says in f.message + f.hint for f in found), [f.message for f in found]
+    lines = SIM.splitlines()
+    changed = next(i for i, (a, b) in enumerate(zip(lines, text.splitlines(), strict=True), 1) if a != b)
+    assert changed in [f.line for f in found]
+    assert all(f.line > 0 and f.column > 0 for f in found)
+
+
+def test_every_mistake_is_found_in_one_pass(judge):
+    text = SIM.replace("kind: simulated", "kind: simulatd").replace("watchdog: 100 ms", "watchdog: 100")
+    text = text.replace("range: 8 N", "range: 8 kg").replace("nearest: 180 mm", "nearst: 180 mm")
+    found = judge(text)
+    assert [f.code for f in found] == ["value", "value", "value", "unknown-key"]
+    assert len({f.line for f in found}) == 4
+
+
+def test_a_mistake_in_an_included_file_is_found_there(tmp_path):
+    (tmp_path / "around.yaml").write_text("lower: 0 0 0 m\nupper: 1 1 1\n")
+    path = tmp_path / "cell.yaml"
+    path.write_text("kind: mock\nworkspace: {include: around.yaml}\ndevices: {}\n")
     with pytest.raises(CellFileError) as error:
-        ask(read(text))
-    assert place(error) == (line, column)
-    assert says in str(error.value)
-    assert f"cell.yaml:{line}:{column}: error[cell]" in str(error.value)
+        read_cell_file(path)
+    assert (error.value.path, error.value.line, error.value.column) == (tmp_path / "around.yaml", 2, 8)
 
 
-@pytest.mark.parametrize("text", ["a: [1\n", "a: b: c\n", "\t- x\n", "a: 'open\n", "- 1\n", "", "&x *x", "42"])
-def test_broken_yaml_is_one_clear_error(read, text):
-    with pytest.raises(CellFileError):
-        read(text)
+def test_what_stands_beside_an_include_comes_first(tmp_path):
+    (tmp_path / "around.yaml").write_text("table_z: 0 m\nlower: 0 0 0 m\nupper: 1 1 1 m\n")
+    path = tmp_path / "cell.yaml"
+    path.write_text("kind: mock\nworkspace: {include: around.yaml, upper: 2 2 2 m}\ndevices: {}\n")
+    workspace = read_cell_file(path).workspace
+    assert workspace is not None
+    assert workspace.upper.tolist() == [2.0, 2.0, 2.0]
+    assert workspace.table_z == 0.0
+
+
+def test_a_bad_value_of_an_option_is_found_where_it_is_given(judge):
+    assert judge(SIM, {"place": "77"})[0].path == "--set place=77"
+    found = judge(SIM.replace("place: 3 ", "place: 77 "))
+    assert SIM.splitlines()[found[0].line - 1].lstrip().startswith("place: 3")
+
+
+def test_an_unknown_override_names_the_options(judge):
+    assert judge(SIM, {"plaec": "5"})[0].hint == "did you mean 'place'?"
+    assert "no option 'x'" in judge("kind: mock\ndevices: {a: {driver: mock-arm, start: '{x}'}}\n")[0].message
+
+
+def test_options_have_their_defaults_and_what_the_file_says_of_them():
+    options = {option.name: option for option in outline_cell(CELLS / "sim.yaml", Findings()).options}
+    assert options["place"].default == "3"
+    assert options["place"].help == "where it lies: 1 … 5"
+
+
+def test_a_pose_out_of_the_arms_reach_is_found_without_the_arm():
+    text = SIM.replace(
+        "{include: shared/workspace.yaml}", "{include: shared/workspace.yaml, poses: {observe: 0 0 9 rad}}"
+    )
+    path = CELLS / "judged.yaml"
+    with pytest.raises(CellFileError, match="needs 7 joints within the arm's limits"):
+        read_cell_file(path, texts={str(path): text})
 
 
 def test_a_missing_file_and_a_folder_and_noise_are_clear_errors(tmp_path):
     (tmp_path / "noise").write_bytes(b"\xff\xfe\x00\x01")
     for path in (tmp_path / "none.yaml", tmp_path, tmp_path / "noise"):
-        with pytest.raises(CellFileError, match=r"cannot be read|not YAML"):
+        with pytest.raises(CellFileError, match=r"cannot be read|no text file"):
             read_cell_file(path)
 
 
-def test_options_fill_in_and_are_overridden(read, tmp_path):
-    text = "options: {place: 3, skin: any}\nworld: {place: '{place}', note: 'place {place}, {skin}'}\n"
-    assert read(text).section("world").text("place") == "3"
-    world = read(text, {"place": "5"}).section("world")
-    assert world.integer("place") == 5
-    assert world.text("note") == "place 5, any"
-    assert cell_options(tmp_path / "cell.yaml") == {"place": "3", "skin": "any"}
+@pytest.mark.parametrize("text", ["a: [1\n", "a: b: c\n", "\t- x\n", "a: 'open\n", "- 1\n", "", "&x *x", "42"])
+def test_broken_yaml_is_found_with_a_place(judge, text):
+    assert all(found.line > 0 for found in judge(text))
+    assert judge(text)
 
 
-def test_an_unknown_override_names_the_options(read):
-    with pytest.raises(CellFileError, match="did you mean 'place'"):
-        read("options: {place: 3}\n", {"plaec": "5"})
-    with pytest.raises(CellFileError, match="known: none"):
-        read("name: x\n", {"place": "5"})
+def test_deep_yaml_has_a_place(judge):
+    (found,) = judge("kind: " + "[" * 200 + "]" * 200)
+    assert (found.code, found.line) == ("too-deep", 1)
+
+
+def test_the_schema_accepts_what_the_reader_accepts():
+    schema = CELL_FILES.schema()
+    jsonschema.Draft202012Validator.check_schema(schema)
+    content = yaml.safe_load(SIM)
+    content["workspace"] = yaml.safe_load((CELLS / "shared" / "workspace.yaml").read_text())
+    jsonschema.validate(content, schema)
+    content["devices"]["gripper"]["watchdog"] = "100 mm"
+    with pytest.raises(jsonschema.ValidationError):
+        jsonschema.validate(content, schema)
+    assert json.dumps(schema)
+
+
+def test_every_driver_says_its_options_with_a_line_for_people():
+    for name, point in installed_drivers().items():
+        for option in declared(point.load().options):
+            assert option.help, f"{name}.{option.name}"
+
+
+WORDS = st.sampled_from(
+    ["kind", "devices", "world", "workspace", "options", "driver", "sim-arm", "mujoco", "include", "poses", "{place}",
+     "place", "lower", "3", "-1 mm", "1 2 3 m", "mock", "mock-arm", "~", "é", "[", "]", "{", "}", "'", ":", "#", "&a"]
+)  # fmt: skip
+TREES = st.recursive(
+    st.none() | st.booleans() | st.floats() | st.text(max_size=8) | WORDS,
+    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(WORDS | st.text(max_size=6), inner, max_size=5),
+    max_leaves=30,
+)
+
+
+@settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(TREES)
+def test_any_yaml_is_a_cell_or_has_findings_with_places(judge, content):
+    found = judge(yaml.safe_dump(content, allow_unicode=True))
+    assert all(f.path and f.message and f.line >= 1 and f.column >= 1 for f in found)
+    assert found or isinstance(content, dict)
+
+
+@settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(st.integers(0, len(SIM) - 1), st.integers(0, 12), st.text("abz:{}[]-0.\"'#&*!|>%@\n\t, é\x00", max_size=4))
+def test_a_damaged_cell_has_findings_with_places_or_is_a_cell(judge, at, length, inserted):
+    found = judge(SIM[:at] + inserted + SIM[at + length :])
+    assert all(f.line >= 1 and f.column >= 1 for f in found)

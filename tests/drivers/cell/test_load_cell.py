@@ -1,5 +1,6 @@
 """Loading a cell: devices by name, one clock, errors before anything moves, nothing left open after one."""
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
 
@@ -8,12 +9,15 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from drivers import cell as cell_module
+from drivers import driver as driver_module
 from drivers.cell import known_drivers, load_cell
 from drivers.device import Bench, Device
+from drivers.driver import Driver, NoOptions
 from drivers.errors import CellFileError, DeviceLost
 from drivers.interfaces import Arm, Camera, ForceSensor, Gripper, Hands, Workspace
 from executive.clock import ManualClock, SystemClock
+from executive.values.kinds import Text
+from executive.values.sections import value
 
 CELLS = Path(__file__).resolve().parents[3] / "trees" / "cells"
 
@@ -105,7 +109,7 @@ def test_the_shipped_simulated_cell_loads():
         ({"others": "9"}, "must lie between 0 and 4"),
         ({"frut": "apple_1"}, "did you mean 'fruit'"),
         ({"friction": "slippery"}, "not a number"),
-        ({"skin": "blue"}, "known: any, green, lemon, red, striped, yellow"),
+        ({"skin": "blue"}, "known: any, red, striped, yellow, green, lemon"),
         ({"mass": "3 m"}, "no unit of mass"),
     ],
 )
@@ -149,10 +153,17 @@ class Recorder(Device):
         self.closed.append(self.name)
 
 
+@dataclass(frozen=True, kw_only=True)
+class RecorderOptions:
+    """Of a third party's camera."""
+
+    label: str = value(Text())
+
+
 def connect_recorder(settings, bench: Bench):
     assert bench.cell.name == "cell.yaml"
     assert bench.find(Device) is None or bench.find(Camera).name == "first"
-    return Recorder(settings.text("label"))
+    return Recorder(settings.values.label)
 
 
 def connect_lost(settings, bench):
@@ -160,8 +171,8 @@ def connect_lost(settings, bench):
 
 
 def test_a_third_partys_driver_is_found_and_what_is_open_is_closed_on_an_error(load, monkeypatch):
-    drivers = {"recorder": Entry(connect_recorder), "lost": Entry(connect_lost)}
-    monkeypatch.setattr(cell_module, "_drivers", lambda: drivers)
+    drivers = {"recorder": RECORDER, "lost": Entry(Driver(Recorder, NoOptions, connect_lost))}
+    monkeypatch.setattr(driver_module, "installed_drivers", lambda: drivers)
     text = "kind: real\ndevices:\n  first: {driver: recorder, label: a}\n  second: {driver: recorder, label: b}\n"
     cell = load(text)
     assert isinstance(cell.clock, SystemClock)
@@ -179,8 +190,11 @@ class Entry:
         self.value, self.load = "test", lambda: function
 
 
+RECORDER = Entry(Driver(Recorder, RecorderOptions, connect_recorder))
+
+
 def test_a_cell_without_world_can_have_a_manual_clock(load, monkeypatch):
-    monkeypatch.setattr(cell_module, "_drivers", lambda: {"recorder": Entry(connect_recorder)})
+    monkeypatch.setattr(driver_module, "installed_drivers", lambda: {"recorder": RECORDER})
     cell = load("kind: frames\nclock: manual\ndevices: {first: {driver: recorder, label: a}}\n")
     assert isinstance(cell.clock, ManualClock)
     with pytest.raises(KeyError, match="no Arm"):

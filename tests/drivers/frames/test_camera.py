@@ -4,14 +4,14 @@ import cv2
 import numpy as np
 import pytest
 
-from drivers.cell_file import read_cell_file
 from drivers.device import Bench
+from drivers.driver import read_settings
 from drivers.errors import CellFileError, DeviceFault
 from drivers.frames.camera import FramesCamera, connect
 from drivers.interfaces import Camera, FrameSequence
 from executive.clock import ManualClock
 
-INTRINSICS = "{fx: 600, fy: 601, cx: 20, cy: 15, width: 40, height: 30}"
+INTRINSICS = "{fx: 600 px, fy: 601 px, cx: 20 px, cy: 15 px, width: 40, height: 30}"
 
 
 def write_frame(
@@ -27,11 +27,7 @@ def write_frame(
 
 def connect_folder(cell: Path, folder: object, extra: str = f"intrinsics: {INTRINSICS}") -> FramesCamera:
     cell.write_text(f"driver: frames\nfolder: '{folder}'\n{extra}\n")
-    settings = read_cell_file(cell)
-    settings.text("driver")
-    camera = connect(settings, Bench(cell, ManualClock(5.0), 0))
-    settings.finish()
-    return camera
+    return connect.connect(read_settings(connect, cell), Bench(cell, ManualClock(5.0), 0))
 
 
 @pytest.fixture
@@ -84,7 +80,7 @@ def test_a_relative_folder_is_meant_from_the_cell_file(cell: Path, folder: Path)
 
 
 def test_intrinsics_in_the_folder_come_first(cell: Path, folder: Path) -> None:
-    (folder / "intrinsics.yaml").write_text("{fx: 500, fy: 501, cx: 19, cy: 14, width: 40, height: 30}")
+    (folder / "intrinsics.yaml").write_text("{fx: 500 px, fy: 501 px, cx: 19 px, cy: 14 px, width: 40, height: 30}")
     intrinsics = connect_folder(cell, folder).latest().intrinsics
     assert (intrinsics.fx, intrinsics.cy) == (500.0, 14.0)
 
@@ -119,8 +115,8 @@ def test_a_missing_folder_or_no_folder_is_refused_with_what_to_do(cell: Path) ->
 def test_missing_or_impossible_intrinsics_are_refused(cell: Path, folder: Path) -> None:
     with pytest.raises(CellFileError, match=r"put intrinsics\.yaml into"):
         connect_folder(cell, folder, "")
-    with pytest.raises(CellFileError, match="must lie between"):
-        connect_folder(cell, folder, f"intrinsics: {INTRINSICS.replace('cx: 20', 'cx: 2000')}")
+    with pytest.raises(CellFileError, match="outside an image of 40 pixels"):
+        connect_folder(cell, folder, f"intrinsics: {INTRINSICS.replace('cx: 20 ', 'cx: 2000 ')}")
 
 
 def test_a_later_frame_that_cannot_be_used_is_a_fault_of_the_camera(cell: Path, folder: Path) -> None:

@@ -5,15 +5,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from drivers.cell_file import read_cell_file
 from drivers.device import Bench
+from drivers.driver import read_settings
 from drivers.emulators.motoman import FreeJoints, MotomanEmulator
 from drivers.emulators.server import Server, TcpPort
 from drivers.errors import CellFileError, UnusableRobotFile
 from drivers.interfaces import MotionState, Trajectory
 from drivers.motoman.connect import connect
 from drivers.motoman.driver import MotomanArm
-from drivers.motoman.limits import read_limits
+from drivers.robot_file import read_limits
 from executive.clock import SystemClock
 
 ROBOT = Path(__file__).resolve().parents[3] / "trees" / "robots" / "sia5f_wsg32.xml"
@@ -22,9 +22,7 @@ ROBOT = Path(__file__).resolve().parents[3] / "trees" / "robots" / "sia5f_wsg32.
 def open_arm(folder: Path, text: str) -> MotomanArm:
     path = folder / "cell.yaml"
     path.write_text(f"driver: motoman\n{text}\n")
-    settings = read_cell_file(path)
-    settings.text("driver")
-    return connect(settings, Bench(path, SystemClock(), 0))
+    return connect.connect(read_settings(connect, path), Bench(path, SystemClock(), 0))
 
 
 def neighbours() -> tuple[int, int]:
@@ -71,7 +69,7 @@ def test_it_moves_over_tcp_with_the_limits_of_the_description(tmp_path: Path) ->
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        (f"address: '127.0.0.1:9'\ncontroller: fs100\nrobot: {ROBOT}", r":2:10: .*cannot be reached.*\n.*MotoROS"),
+        (f"address: '127.0.0.1:9'\ncontroller: fs100\nrobot: {ROBOT}", r"(?s):2:10: .*cannot be reached.*MotoROS"),
         (f"address: h\ncontroller: fs1000\nrobot: {ROBOT}", "did you mean 'fs100'"),
         (f"address: h\ncontroller: fs100\nrobot: {ROBOT}\njoints: S L U R B T E E", "must name each of"),
         (f"address: h\ncontroller: fs100\nrobot: {ROBOT}\njoints: S L E E R B T", "must name each of S L E U R B T"),

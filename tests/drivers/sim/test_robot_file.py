@@ -134,6 +134,7 @@ def test_a_robot_file_that_lacks_something_is_refused_at_the_cell_files_line(tmp
 def test_a_pose_with_too_few_joints_is_refused_before_the_world_is_made(tmp_path):
     shutil.copytree(ROBOT.parents[1], tmp_path / "trees", ignore=shutil.ignore_patterns("__pycache__"))
     cell = tmp_path / "trees" / "cells" / "sim.yaml"
-    cell.write_text(cell.read_text().replace("observe: -1.36 -0.316 ", "observe: -0.316 "))
-    with pytest.raises(CellFileError, match="the robot has 7 joints, the pose 'observe' has 6"):
+    workspace = cell.parent / "shared" / "workspace.yaml"
+    workspace.write_text(workspace.read_text().replace("observe: -1.36 -0.316 ", "observe: -0.316 "))
+    with pytest.raises(CellFileError, match="the pose 'observe' needs 7 joints"):
         load_cell(cell, seed=0)

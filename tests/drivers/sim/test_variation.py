@@ -34,7 +34,7 @@ def test_other_fruit_on_the_table_is_of_the_targets_kind(open_cell):
 
 
 def test_friction_and_noise_are_set_from_outside(open_cell):
-    cell = open_cell(seed=5, friction="0.4..0.5", depth_noise="0.3", force_noise="0.2 N")
+    cell = open_cell(seed=5, friction="0.4..0.5", depth_noise="0.3 px", force_noise="0.2 N")
     assert 0.4 <= cell._world.scene.friction <= 0.5
     assert cell.devices["camera"]._stereo.disparity_noise == 0.3
     with pytest.raises(CellFileError, match="friction"):

@@ -6,8 +6,8 @@ from pathlib import Path
 import can
 import pytest
 
-from drivers.cell_file import read_cell_file
 from drivers.device import Bench
+from drivers.driver import read_settings
 from drivers.emulators.free_gripper import FreeGripper
 from drivers.emulators.server import CanPort, Port, Server, TcpPort
 from drivers.emulators.wsg import WsgEmulator
@@ -44,11 +44,7 @@ def bus() -> Iterator[str]:
 def open_gripper(folder: Path, text: str) -> WsgGripper:
     path = folder / "cell.yaml"
     path.write_text(f"driver: wsg\nfinger_offset: 35 mm\nsilence: 900 ms\n{text}\n")
-    settings = read_cell_file(path)
-    settings.text("driver")
-    gripper = connect(settings, Bench(path, SystemClock(), 0))
-    settings.finish()
-    return gripper
+    return connect.connect(read_settings(connect, path), Bench(path, SystemClock(), 0))
 
 
 def moves(gripper: WsgGripper) -> bool:
@@ -84,7 +80,7 @@ def test_the_wrong_reply_id_is_a_gripper_that_does_not_answer(tmp_path: Path, bu
         ("can: {interface: socketcan, channel: can77}", r"CAN interfaces of this machine"),
         ("can: {interface: carrier-pigeon}", "carrier-pigeon"),
         ("can: {reply_id: 4711}", "must lie between 0 and 2047"),
-        ("{}", "is not YAML|either 'tcp' or 'can'"),
+        ("{}", "not YAML|either 'tcp' or 'can'"),
         ("tcp: h\ncan: {}", "either 'tcp' or 'can'"),
         ("tcp: h\nsoft_limits: [10 mm, 90 mm]", "cannot lie below finger_offset"),
         ("tcp: h\nwatchdog: 100 mm", "'mm' is no unit of time"),

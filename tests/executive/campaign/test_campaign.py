@@ -8,15 +8,20 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+import jsonschema
 import pytest
+import yaml
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
 from executive.campaign.document import to_html, to_markdown
 from executive.campaign.report import report
 from executive.campaign.run import RESULTS, finished_runs, read_results, run_campaign, succeeded
-from executive.campaign.spec import Campaign, read_campaign
+from executive.campaign.spec import CAMPAIGN_FILES, Campaign, judge_campaign, read_campaign
 from executive.commands.campaign import subset
 from executive.engine import OrderLost, OrderTooLong
 from executive.errors import UsageError
+from executive.values.findings import Findings
 
 FILE = """
 pomona: 1
@@ -90,8 +95,8 @@ def test_a_campaign_that_is_stopped_early_has_as_many_runs_of_every_combination(
     [
         ("campaign: [", "2:1", "not YAML"),
         ("just text", "1:1", "a campaign file is a mapping"),
-        (FILE + "vari: {}\n", "13:1", "has no 'vari'"),
-        (FILE.replace("campaign: demo", "description: x"), "2:1", "'campaign' is missing"),
+        (FILE + "vari: {}\n", "13:1", "no setting 'vari'"),
+        (FILE.replace("campaign: demo", "description: x"), "2:1", "needs 'campaign'"),
         (FILE.replace("[1, 2, 3]", "3"), "7:42", "a list of values"),
         (FILE.replace("[1, 2, 3]", "[1, 1]"), "7:46", "given twice"),
         (FILE.replace("seeds: 2", "seeds: 0"), "6:8", "a count from 1"),
@@ -99,9 +104,13 @@ def test_a_campaign_that_is_stopped_early_has_as_many_runs_of_every_combination(
         (FILE.replace("tree: pick_apple\n", "tree: pick_aple\n"), "4:7", "no tree file 'pick_aple'"),
         (FILE.replace("{others: 0}", "{other: 0}"), "12:7", "did you mean 'others'"),
         (FILE.replace("refine: none", "refined: none"), "10:21", "did you mean 'refine'"),
-        (FILE.replace("only: {place", "onyl: {place"), "10:46", "an arm has no 'onyl'"),
+        (FILE.replace("only: {place", "onyl: {place"), "10:46", "no setting 'onyl'"),
         (FILE.replace("{place: [2]}", "{place: [4]}"), "10:61", "'place' is never '4'"),
         (FILE + "score: {sucess: [lifted]}\n", "13:9", "did you mean 'success'"),
+        (FILE.replace("[1, 2, 3]", "[77]").replace(", only: {place: [2]}", ""), "7:43", "it cannot be '77'"),
+        (FILE.replace("{others: 0}", "{friction: -1}"), "12:17", "must lie between"),
+        (FILE.replace("{others: 0}", "{radius: 12}"), "12:15", "lacks a unit"),
+        (FILE.replace("seeds: 2", "seeds: " + "[" * 90 + "]" * 90), r"6:\d+", "levels deep"),
     ],
 )
 def test_a_wrong_file_is_refused_with_line_and_column(tmp_path: Path, text: str, place: str, expected: str) -> None:
@@ -195,10 +204,48 @@ def test_the_report_counts_what_the_world_says_not_what_the_tree_says(tmp_path: 
 def test_arms_are_compared_on_the_same_seeds(tmp_path: Path) -> None:
     arms = [{**result("x", "apple_1", "2", False), "arm": "unrefined"}, result("y", "apple_1", "2", True)]
     text = to_markdown(report(campaign(tmp_path), arms))
-    assert "on the same 1 tables: 1 were picked only by the first, 0 only by the second" in text
+    assert "on the same 1 combinations and seeds: 1 succeeded only with the first, 0 only with the second" in text
 
 
 def test_without_a_simulated_world_the_trees_word_counts() -> None:
-    assert succeeded({"outcome": "success", "truth": None})
+    assert succeeded({"outcome": "success", "truth": None}, ("lifted",))
     assert not succeeded({"outcome": "success", "truth": {"lifted": True, "drops": 0}}, ("lifted", "unknown"))
     assert succeeded({"outcome": "success", "truth": {"lifted": False}}, ())
+
+
+def test_every_mistake_of_every_arm_is_found_before_the_first_run(tmp_path: Path) -> None:
+    text = FILE.replace("refined: {}", "refined: {set: {friction: -1, attempts: many}}").replace("3]}", "88]}")
+    with pytest.raises(UsageError) as error:
+        campaign(tmp_path, text)
+    places = re.findall(r"demo\.yaml:(\d+:\d+): error", str(error.value))
+    assert places == ["7:49", "9:29", "9:43"]
+    assert "Nothing was run" in str(error.value)
+
+
+def test_a_campaign_counts_what_the_cell_says_unless_its_file_says_otherwise(tmp_path: Path) -> None:
+    assert campaign(tmp_path).conditions == ("lifted",)
+    assert campaign(tmp_path).score.figures[0] == "position_error_mm"
+    other = campaign(tmp_path, FILE + "score: {success: [], figures: [bruise_kpa]}\n")
+    assert other.conditions == ()
+    assert other.score.figures[:2] == ("bruise_kpa", "position_error_mm")
+
+
+def test_the_schema_accepts_what_the_reader_accepts() -> None:
+    schema = CAMPAIGN_FILES.schema()
+    jsonschema.Draft202012Validator.check_schema(schema)
+    jsonschema.validate(yaml.safe_load(FILE), schema)
+    for wrong in (FILE.replace("seeds: 2", "seeds: 0"), FILE.replace("[1, 2, 3]", "[]"), FILE + "vari: {}\n"):
+        with pytest.raises(jsonschema.ValidationError):
+            jsonschema.validate(yaml.safe_load(wrong), schema)
+
+
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(st.integers(0, len(FILE) - 1), st.integers(0, 12), st.text("abz:{}[]-0.\"'#&*!|>%@\n\t, é", max_size=4))
+def test_a_damaged_campaign_has_findings_with_places_or_is_a_campaign(
+    tmp_path: Path, at: int, length: int, inserted: str
+) -> None:
+    path = tmp_path / "demo.yaml"
+    path.write_text(FILE[:at] + inserted + FILE[at + length :])
+    findings = Findings()
+    judge_campaign(path, findings)
+    assert all(found.line >= 1 and found.column >= 1 for found in findings.sorted())

@@ -1,0 +1,58 @@
+"""What cell files say of cameras: intrinsics, and how much their depth errs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from drivers.interfaces import DepthNoise, Intrinsics
+from executive.values.kinds import Measure, Whole
+from executive.values.sections import Problem, value
+from executive.values.units import LENGTH, PIXELS
+
+LARGEST = 100_000
+"""No image is wider or higher [px]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class IntrinsicsSection:
+    """A pinhole camera's intrinsics, and the size of the image for which they hold."""
+
+    fx: float = value(Measure(PIXELS, "1 px"), help="focal length along the rows")
+    fy: float = value(Measure(PIXELS, "1 px"), help="focal length along the columns")
+    cx: float = value(Measure(PIXELS, "0 px"), help="column of the principal point")
+    cy: float = value(Measure(PIXELS, "0 px"), help="row of the principal point")
+    width: int = value(Whole(1, LARGEST), help="of the image")
+    height: int = value(Whole(1, LARGEST), help="of the image")
+
+    def problems(self) -> Iterator[Problem]:
+        for key, at, size in (("cx", self.cx, self.width), ("cy", self.cy, self.height)):
+            if at > size:
+                yield Problem(key, f"it is {at:g} px, outside an image of {size} pixels")
+
+    def intrinsics(self, size: tuple[int, ...] | None = None) -> Intrinsics:
+        """The intrinsics of the same view in an image of another size (width, height)."""
+        width, height = size or (self.width, self.height)
+        x, y = width / self.width, height / self.height
+        if (x, y) == (1.0, 1.0):
+            return Intrinsics(self.fx, self.fy, self.cx, self.cy, width, height)
+        # Pixel centres lie at integers: an image's left edge is at -0.5, however many pixels it has.
+        cx, cy = (self.cx + 0.5) * x - 0.5, (self.cy + 0.5) * y - 0.5
+        return Intrinsics(self.fx * x, self.fy * y, cx, cy, width, height)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DepthNoiseSection:
+    """How much a camera's depth errs: a stereo camera by z² · disparity / (f · baseline), any by `floor` besides."""
+
+    disparity: float = value(Measure(PIXELS, "0 px", "10 px"), "0 px", "standard deviation of the disparity")
+    baseline: float = value(Measure(LENGTH, "1 mm", "1 m"), "50 mm", "distance of the two imagers")
+    floor: float = value(Measure(LENGTH, "0 mm", "100 mm"), "0 mm", "standard deviation at any distance")
+
+    def problems(self) -> Iterator[Problem]:
+        if self.disparity == self.floor == 0.0:
+            yield Problem("disparity", "no camera is without noise", "say 'disparity' [px], 'floor' [mm], or both")
+
+    def noise(self) -> DepthNoise:
+        """For the camera's frames."""
+        return DepthNoise(self.disparity, self.baseline, self.floor)

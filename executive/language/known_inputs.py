@@ -1,0 +1,66 @@
+"""What each use of a skill is given that is known before the run: literals, parameters, constants, defaults."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from executive.language.check import Analysis
+from executive.language.expression import Reference
+from executive.language.model import Definition, TreeNode
+from executive.language.scope import Computed, Given, Value
+from executive.ports import Ports
+from executive.skill import Skill
+from executive.values.findings import Located
+
+
+@dataclass(frozen=True, slots=True)
+class Known:
+    """A value that an input has in every run, and where it is written (the node, for a default)."""
+
+    value: Any
+    where: Located
+
+
+@dataclass(frozen=True, slots=True)
+class Use:
+    """One skill in the tree, as one call of its subtree gives it its inputs."""
+
+    node: TreeNode
+    skill: type[Skill]
+    known: Mapping[str, Known]
+
+
+def uses_of_skills(analysis: Analysis) -> Iterator[Use]:
+    """Every skill of the main tree and of the subtrees that it calls, once for each call; of a tree without errors."""
+    main = analysis.document.main.main
+    if main is not None:
+        yield from _uses(analysis, main, {})
+
+
+def _uses(analysis: Analysis, definition: Definition, names: Mapping[str, Known]) -> Iterator[Use]:
+    for node in definition.root.walk() if definition.root is not None else ():
+        found = analysis.resolved[id(node), node.type.key]
+        given = {name: _known(value, names) for name, value in found.inputs.items()}
+        known = {name: value for name, value in given.items() if value is not None}
+        if found.skill is not None:
+            ports = found.skill.inputs
+        elif found.subtree is not None:
+            ports = Ports(**analysis.interfaces[id(found.subtree)].inputs)
+        else:
+            continue
+        defaults = {n: Known(port.default_value, node.key) for n, port in ports.items() if n not in given}
+        if found.skill is not None:
+            yield Use(node, found.skill, {**defaults, **known})
+        elif found.subtree is not None:
+            yield from _uses(analysis, found.subtree, {**defaults, **known})
+
+
+def _known(value: Value, names: Mapping[str, Known]) -> Known | None:
+    if isinstance(value, Given):
+        return Known(value.value, value.where)
+    if isinstance(value, Computed) and isinstance(value.expression, Reference):
+        found = names.get(value.expression.name)
+        return None if found is None else Known(found.value, value.where)
+    return None

@@ -1,0 +1,187 @@
+"""Files of values: YAML with blocks that other files share, and options that `--set` changes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from executive.values.findings import Finding, Findings, Source, did_you_mean, format_findings
+from executive.values.reading import Reader, Refused
+from executive.values.shape import shape_of
+from executive.values.yaml_nodes import YamlMapping, YamlNode, YamlScalar, read_yaml
+
+MAX_INCLUDES = 8
+"""A file may include one that includes another, so deep."""
+
+
+class UnreadableFile(Exception):
+    """A file that cannot be used, with everything that was found in it."""
+
+    def __init__(self, findings: Sequence[Finding]) -> None:
+        self.findings = tuple(findings)
+        super().__init__(format_findings(self.findings))
+
+
+@dataclass(frozen=True, slots=True)
+class Option:
+    """A value of a file that `--set` may change: its default as written, and what the file's comment says of it."""
+
+    name: str
+    default: str
+    help: str
+
+
+@dataclass(frozen=True, slots=True)
+class Outline:
+    """What a form needs to know of a cell file: what the cell is, and what may be changed."""
+
+    kind: str
+    options: tuple[Option, ...]
+
+
+@dataclass(slots=True)
+class ValueFile:
+    """A file as it is written, with the blocks that it includes.
+
+    Attributes:
+        root: the mapping, includes filled in; keys that stand beside an `include` come before the included ones.
+        reader: for its values.
+        options: what may be changed.
+        files: text of every file that was read, by its path from the folder of the first.
+    """
+
+    root: YamlMapping
+    reader: Reader
+    options: tuple[Option, ...] = ()
+    files: dict[str, str] = field(default_factory=dict)
+
+
+def read_value_file(
+    path: Path,
+    findings: Findings,
+    what: str,
+    *,
+    overrides: Mapping[str, str | YamlScalar] | None = None,
+    texts: Mapping[str, str] | None = None,
+) -> ValueFile | None:
+    """Read a file whose root is a mapping.
+
+    Args:
+        path: of the file.
+        findings: get everything that is wrong.
+        what: the file is, for messages: 'a cell file'.
+        overrides: of its options: texts, or scalars that know where they are written. None for a file in which
+            `options` and braces mean nothing.
+        texts: contents of files, by path, that are not to be read from the disk.
+
+    Returns:
+        the file, or None when it cannot be used at all.
+    """
+    opener = _Opener(findings, what, path.parent, texts or {})
+    root = opener.open(path, None, ())
+    if root is None:
+        return None
+    reader = Reader(findings)
+    if overrides is None:
+        return ValueFile(root, reader, files=opener.files)
+    options, values = _options(root, reader, findings)
+    for name, given in overrides.items():
+        node = given if isinstance(given, YamlScalar) else set_scalar(name, given)
+        if name not in values:
+            hint = did_you_mean(name, values) or f"options: {', '.join(values) or 'none'}"
+            findings.error(node, "unknown-option", f"the cell has no option '{name}'", hint)
+        values[name] = node
+    return ValueFile(root, replace(reader, options=values), options, opener.files)
+
+
+def set_scalar(name: str, text: str) -> YamlScalar:
+    """A value from the command line, as if it stood in a file."""
+    return YamlScalar(Source(f"--set {name}={text}", text), 0, 0, 0, 0, text, True)
+
+
+@dataclass(slots=True)
+class _Opener:
+    findings: Findings
+    what: str
+    folder: Path
+    texts: Mapping[str, str]
+    files: dict[str, str] = field(default_factory=dict)
+
+    def open(self, path: Path, included_at: YamlScalar | None, chain: tuple[Path, ...]) -> YamlMapping | None:
+        text = self._text(path, included_at)
+        if text is None:
+            return None
+        source = Source(str(path), text)
+        root = read_yaml(source, self.findings, self.what)
+        if root is None:
+            return None
+        if not isinstance(root, YamlMapping):
+            self.findings.error(root, "shape", f"{self.what} is a mapping ('key: value'), this is {shape_of(root)}")
+            return None
+        return self._expanded(root, path, (*chain, path))
+
+    def _text(self, path: Path, included_at: YamlScalar | None) -> str | None:
+        try:
+            text = self.texts[str(path)] if str(path) in self.texts else path.read_text(encoding="utf-8")
+        except UnicodeDecodeError as error:
+            problem = f"is no text file (byte {error.start} is not UTF-8)"
+        except (OSError, ValueError) as error:
+            problem = f"cannot be read: {getattr(error, 'strerror', None) or error}"
+        else:
+            self.files[_relative(path, self.folder)] = text
+            return text
+        if included_at is not None:
+            self.findings.error(included_at, "file", f"{path} {problem}")
+        else:
+            self.findings.add(Finding(str(path), 0, 0, "error", "file", problem))
+        return None
+
+    def _expanded(self, node: YamlMapping, path: Path, chain: tuple[Path, ...]) -> YamlMapping:
+        entries: dict[str, tuple[YamlScalar, YamlNode]] = {}
+        for name, (key, value) in node.entries.items():
+            if name == "include":
+                entries = self._included(value, path, chain) | entries
+            else:
+                inner = self._expanded(value, path, chain) if isinstance(value, YamlMapping) else value
+                entries[name] = (key, inner)
+        return replace(node, entries=entries)
+
+    def _included(self, node: YamlNode, path: Path, chain: tuple[Path, ...]) -> dict[str, tuple[YamlScalar, YamlNode]]:
+        if not isinstance(node, YamlScalar) or node.is_null:
+            self.findings.error(node, "shape", "'include' names a file", "write include: shared/workspace.yaml")
+            return {}
+        target = path.parent / node.text
+        if target in chain or len(chain) > MAX_INCLUDES:
+            words = "includes itself" if target in chain else f"is included more than {MAX_INCLUDES} files deep"
+            self.findings.error(node, "include", f"{target} {words}")
+            return {}
+        opened = self.open(target, node, chain)
+        return {} if opened is None else opened.entries
+
+
+def _options(root: YamlMapping, reader: Reader, findings: Findings) -> tuple[tuple[Option, ...], dict[str, YamlScalar]]:
+    node = root.get("options")
+    if node is None or (isinstance(node, YamlScalar) and node.is_null):
+        return (), {}
+    if not isinstance(node, YamlMapping):
+        findings.error(node, "shape", f"options are a mapping from names to values, this is {shape_of(node)}")
+        return (), {}
+    values: dict[str, YamlScalar] = {}
+    options = []
+    for name, (key, written) in node.entries.items():
+        try:
+            if not isinstance(written, YamlScalar):
+                raise reader.refuse(written, f"the option '{name}' must be a single value", code="shape")
+        except Refused:
+            continue
+        values[name] = written
+        options.append(Option(name, written.text, key.source.comments.get(key.line, "")))
+    return tuple(options), values
+
+
+def _relative(path: Path, folder: Path) -> str:
+    try:
+        return str(path.relative_to(folder))
+    except ValueError:
+        return str(path)
