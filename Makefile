@@ -92,12 +92,20 @@ oracle: $(STAMP) ## the collision model beside MuJoCo over 10 000 random states
 faults: $(STAMP) ## every fault in every phase of a pick, judged by the simulator's truth
 	$(BIN)/python -m benchmarks.fault_matrix
 
-fuzz: $(STAMP) ## 100 000 damaged tree files, a million damaged device streams
+fuzz: $(STAMP) ## 100 000 damaged tree files; a million damaged device streams, records, web messages each
 	$(BIN)/python tests/executive/language/fuzz.py --cases 100000
 	$(BIN)/python -m benchmarks.fuzz_codecs
+	$(BIN)/python tests/executive/recording/fuzz_records.py records --cases 1000000
+	$(BIN)/python tests/executive/recording/fuzz_records.py messages --cases 1000000
 
 kill-points: $(STAMP) ## 1 000 runs ended at random points with every signal (an hour or two)
 	$(BIN)/python -m benchmarks.kill_points --points 1000
+
+sbom: $(STAMP) ## a bill of materials (CycloneDX) of what is installed in .venv, in sbom.cdx.json
+	$(BIN)/python scripts/sbom.py sbom.cdx.json
+
+lock: $(STAMP) ## the exact packages of the default installation with their SHA-256, in requirements.lock
+	$(BIN)/python scripts/lock.py requirements.lock
 
 clean: ## remove the virtual environment and caches (records in runs/ stay)
 	find executive skills drivers -name __pycache__ -prune -exec rm -rf {} +

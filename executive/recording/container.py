@@ -9,7 +9,7 @@ may not grow beyond `MOST_GROWTH` times its size, and a file that becomes shorte
 
 from __future__ import annotations
 
-import os
+import io
 import re
 import struct
 import zlib
@@ -99,7 +99,7 @@ class Pieces:
             DamagedError: it does not begin as an MCAP file.
         """
         self._stream = stream
-        self.size = os.fstat(stream.fileno()).st_size
+        self.size = _size_of(stream)
         self.at = 0
         self.checked = True
         self.finished = False
@@ -254,9 +254,17 @@ def _grown(packed: bytes, size: int, at: int) -> bytes:
     return bytes(grown)
 
 
+def _size_of(stream: BinaryIO) -> int:
+    """How many bytes there are; the stream stays where it is."""
+    here = stream.tell()
+    size = stream.seek(0, io.SEEK_END)
+    stream.seek(here)
+    return size
+
+
 def next_chunk(stream: BinaryIO, start: int) -> int | None:
     """Where the next whole chunk begins at or after a place, or None. Its checksum is checked."""
-    size = os.fstat(stream.fileno()).st_size
+    size = _size_of(stream)
     at = start
     while at < size:
         stream.seek(at)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -58,21 +58,34 @@ def comparable(record: Path) -> Iterator[dict[str, Any]]:
 
 def first_difference(before: Path, now: Path) -> tuple[int, Difference | None]:
     """The number of events that are the same from the start, and where the two part, if they do."""
+    return next(differences(comparable(before), comparable(now)))
+
+
+def differences(
+    before: Iterable[dict[str, Any]], now: Iterable[dict[str, Any]]
+) -> Iterator[tuple[int, Difference | None]]:
+    """Where two rows of events part, each with the number of events that are the same before it; at last None."""
     count = 0
-    for number, (one, other) in enumerate(itertools.zip_longest(comparable(before), comparable(now)), start=1):
+    for number, (one, other) in enumerate(itertools.zip_longest(before, now), start=1):
         if one != other:
-            return count, _difference(number, one, other)
-        count += one["event"] != "Image" if one is not None else 0
-    return count, None
+            yield count, _difference(number, one, other)
+        else:
+            count += one["event"] != "Image" if one is not None else 0
+    yield count, None
 
 
 def _difference(number: int, one: dict[str, Any] | None, other: dict[str, Any] | None) -> Difference:
     told = (one or other or {}).get("t", 0.0)
     t = float(told) if isinstance(told, (int, float)) else 0.0
     if one is None or other is None or _name(one) != _name(other):
-        before, now = (("no event: it ends here" if event is None else _name(event)) for event in (one, other))
-        return Difference(number, t, "another event", "", before, now)
-    where, before, now = next(_parts(one, other, ""))
+        names = ["no event: it ends here" if event is None else _name(event) for event in (one, other)]
+        return Difference(number, t, "another event", "", *names)
+    whole: tuple[str, Any, Any] = (
+        "",
+        one,
+        other,
+    )  # they differ in a field that is null in one and missing in the other
+    where, before, now = next(_parts(one, other, ""), whole)
     return Difference(number, t, _name(one), where, _short(before), _short(now))
 
 

@@ -217,7 +217,7 @@ def _examined(path: Path, stream: BinaryIO) -> Verdict:
             if piece.opcode != CHUNK:  # what a chunk holds is looked at when it is read: its checksum is right
                 for found in messages_of(piece, topics):
                     stamp = max(stamp, found.stamp)
-            if piece.opcode == METADATA:
+            if piece.opcode == METADATA and REPAIR.encode() in piece.content[:40]:
                 lost = metadata_of(piece).get(REPAIR, {}).get("lost", lost)
         good = verdict("whole", "")
         pieces.pass_summary()

@@ -1,0 +1,291 @@
+"""Damaged records through every command's reader, and messages through the dashboard's decoder, in one process.
+
+    python tests/executive/recording/fuzz_records.py records --cases 1000000 --seed 1
+    python tests/executive/recording/fuzz_records.py messages --cases 1000000 --seed 1
+
+A case of `records` breaks the bytes of a good file: most of them as they come, so that checksums must find it, some
+within a chunk whose checksum is made right again, so that everything behind it must bear whatever is written there.
+Files stand in memory: the readers' one way to open a record's file is replaced.
+A case of `messages` breaks one request to act or to start, or one message of a record on its way to a browser. Whatever
+happens must be an error in words; an event that was not recorded must never be read from a file with wrong checksums.
+"""
+
+from __future__ import annotations
+
+import argparse
+import io
+import itertools
+import json
+import random
+import struct
+import sys
+import tempfile
+import time
+import traceback
+import zlib
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+
+from executive.dashboard import record_messages
+from executive.dashboard.messages import encode
+from executive.dashboard.record_messages import _is_message, image, overview
+from executive.encode import encoded
+from executive.errors import PomonaError, UsageError
+from executive.reasons import Reason
+from executive.recording import scan as scan_module
+from executive.recording.container import CHUNK, HEAD, MAGIC
+from executive.recording.decode import event_from
+from executive.recording.difference import comparable, differences
+from executive.recording.digest import digest
+from executive.recording.interventions import interventions
+from executive.recording.json_text import parse, parse_object
+from executive.recording.read import read_events
+from executive.recording.recorder import EVENTS_FILE, Recorder, message_of
+from executive.recording.scan import examine
+from executive.running.events import AttemptEnded, Event, NodeChanged, OperatorActed, Published, RunEnded, RunStarted
+from executive.terminal.explain import explain
+from executive.terminal.screen import Screen, json_text, visible
+from executive.terminal.summary import Summary
+from executive.views import Line3, SceneView, SeriesView, TableView
+
+SLOW = 10.0
+"""Seconds after which a case counts as a hang: one takes a millisecond."""
+FORGED, DEEPER = 0.04, 0.01
+"""Share of cases with right checksums, and of those with wrong ones that are shown to every reader all the same."""
+REASON = Reason("a/Plan", "NO_PATH", "there is no path", {"tries": 3}, (Reason("a/Plan", "X", "y"),))
+NODES = ({"path": "a", "parent": None, "name": "a", "type": "retry"}, {"path": "a/Plan", "parent": "a", "name": "Plan"})
+TOKENS = (
+    b"null", b"NaN", b"-Infinity", b"1e999", b"9" * 400, b"[" * 300, b"{}", b"[]", b'"\\ud800"', b"\x00", b"\xff",
+    b"true", b"-1", b"0.5", b'""', b'"\x1b]0;x\x07"', b"\xe2\x80\xae", b'"causes":[', b'"t":', b'"event":"RunEnded"',
+    b"\n", b"}", b'"type":"ImageView"', b'"nodes":7', b'"parent":"a"', b'"seed":{}', b",", b":",
+)  # fmt: skip
+
+
+def events() -> list[Event]:
+    """A small run with one of everything that a reader looks at."""
+    started = RunStarted(
+        0.0, 0, "one", "pick", "pick.yaml", "pomona: 1\n", "abc", "sim", "simulated", "sim.yaml", "name: sim\n", 3,
+        {"height": 0.15}, NODES, {"git": "0123abc"}, 1e9, 0.02, {"fruit": "apple_5"}, {},
+    )  # fmt: skip
+    scene = SceneView((Line3(np.eye(3), "planned path"),))
+    series = SeriesView(np.array([0.5, 0.6]), {"slip speed [m/s]": np.array([0.1, np.nan])})
+    return [
+        started,
+        NodeChanged(0.1, 5, "a/Plan", "RUNNING", "planning", 1),
+        Published(0.4, 8, "a/Plan", "path", scene),
+        Published(0.5, 9, "a/Plan", "grip", series),
+        Published(0.5, 9, "a/Plan", "table", TableView(("a", "b"), (("1", "2"),), "sizes")),
+        NodeChanged(0.6, 10, "a/Plan", "FAILURE", "no path", 1, REASON),
+        AttemptEnded(0.6, 10, "a", 1, 3, False, REASON),
+        OperatorActed(0.7, 11, "anna", "stop"),
+        RunEnded(0.8, 12, "failure", REASON, 12, 0.8, 1.0, {"lifted": False, "height_gained_m": -7e-8}),
+    ]
+
+
+def changed(content: bytes, rng: random.Random, begin: int = 0, end: int | None = None) -> bytes:
+    """One to four random changes between two places."""
+    found = bytearray(content)
+    for _ in range(rng.choice((1, 1, 1, 2, 4))):
+        last = len(found) if end is None else min(end, len(found))
+        at = rng.randrange(begin, max(last, begin + 1))
+        kind = rng.randrange(6)
+        if kind == 0:
+            found[at : at + 1] = bytes([rng.randrange(256)])
+        elif kind == 1:
+            found[at : at + 1] = bytes([found[at] ^ (1 << rng.randrange(8))]) if at < len(found) else b""
+        elif kind == 2:
+            found[at : at + rng.randrange(20)] = rng.choice(TOKENS)
+        elif kind == 3:
+            del found[at : at + rng.randrange(1, 40)]
+        elif kind == 4:
+            found[at:at] = found[begin:last][: rng.randrange(200)]
+        else:
+            found[at : at + 8] = struct.pack("<Q", rng.choice((0, 1, 2**31, 2**63, 2**64 - 1, rng.randrange(2**40))))
+    return bytes(found)
+
+
+class Records:
+    """Damaged files through what every command reads them with."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        (folder / "good").mkdir()
+        recorder = Recorder(folder / "good")
+        for event in events():
+            recorder.hear(event)
+        recorder.close()
+        self.good = (folder / "good" / EVENTS_FILE).read_bytes()
+        self.recorded = {repr(event) for event in read_events(folder / "good")}
+        self.chunk = _chunk(self.good)
+        (folder / "odd").mkdir()
+        (folder / "odd" / EVENTS_FILE).write_bytes(b"")
+        self.odd, self.content = folder / "odd", b""
+        self.before = list(comparable(folder / "good"))
+        self.screen = Screen(width=100)
+        self.screen.file = io.StringIO()
+        for module in (scan_module, record_messages):
+            vars(module)["open_plain"] = self._open
+
+    def _open(self, _path: Path) -> io.BytesIO:
+        return io.BytesIO(self.content)
+
+    def case(self, rng: random.Random) -> None:
+        """Break it, read it."""
+        forged = rng.random() < FORGED
+        if forged:
+            self.content = _forged(self.good, self.chunk, rng)
+        else:
+            self.content = changed(self.good, rng)
+            if rng.random() < 0.2:
+                self.content = self.content[: rng.randrange(len(self.content) + 1)]
+            if self.content == self.good:
+                return
+        try:
+            state = examine(self.odd / EVENTS_FILE).state
+        except UsageError:
+            state = "unreadable"
+        if not forged and state == "whole":
+            raise AssertionError("a changed file passes its checks")
+        if state in ("damaged", "unreadable") and rng.random() > DEEPER:
+            return
+        self._read_all(rng, forged)
+
+    def _read_all(self, rng: random.Random, forged: bool) -> None:
+        found = digest(self.odd)
+        read = []
+        try:
+            for event in read_events(self.odd):
+                read.append(event)
+        except UsageError:
+            if found.state == "ended" and not forged:
+                raise AssertionError("the list believes what a reader refuses") from None
+        if not forged and not {repr(event) for event in read} <= self.recorded:
+            raise AssertionError("an event was read that nobody has recorded")
+        self._tell(read)
+        reading: tuple[Callable[[], object], ...] = (
+            lambda: list(itertools.islice(differences(self.before, comparable(self.odd)), 1)),
+            lambda: list(overview(self.odd, "/images/")),
+            lambda: image(self.odd, rng.randrange(len(self.content) + 1)),
+            lambda: interventions(self.odd / EVENTS_FILE, cut=rng.random() < 0.5),
+        )
+        try:
+            rng.choice(reading)()
+        except PomonaError:
+            pass
+        except ValueError as error:  # what the dashboard's server tells as unreadable
+            if isinstance(error, UnicodeError):
+                raise
+
+    def _tell(self, read: list[Event]) -> None:
+        for paragraph in explain(read):
+            visible(paragraph)
+        summary = Summary()
+        for event in read:
+            summary.hear(event)
+        if summary.started is not None and summary.ended is not None:
+            json_text(summary.as_json(None))
+            if len(read) % 8 == 1:  # drawing tables is most of a case
+                self.screen.file = io.StringIO()
+                summary.print(self.screen, None)
+
+
+def _chunk(content: bytes) -> tuple[int, int]:
+    """Where the first chunk's messages begin and end."""
+    at = len(MAGIC)
+    while True:
+        opcode, length = HEAD.unpack_from(content, at)
+        if opcode == CHUNK:
+            return at + HEAD.size + 40, at + HEAD.size + length
+        at += HEAD.size + length
+
+
+def _forged(content: bytes, chunk: tuple[int, int], rng: random.Random) -> bytes:
+    """Another text within one message of the chunk, with every length and checksum made right, and no end."""
+    begin, end = chunk
+    places, at = [], begin
+    while at < end:
+        opcode, length = HEAD.unpack_from(content, at)
+        if opcode == 0x05:
+            places.append((at, length))
+        at += HEAD.size + length
+    at, length = rng.choice(places)
+    text = content[at + HEAD.size + 22 : at + HEAD.size + length]
+    text = changed(text, rng, rng.choice((0, min(22, len(text) - 1))))
+    head = content[at + HEAD.size : at + HEAD.size + 22]
+    message = HEAD.pack(0x05, len(text) + 22) + head + text
+    records = content[begin:at] + message + content[at + HEAD.size + length : end]
+    times = content[begin - 40 : begin - 24]
+    body = times + struct.pack("<QII", len(records), zlib.crc32(records), 0) + struct.pack("<Q", len(records)) + records
+    return content[: begin - 40 - HEAD.size] + HEAD.pack(CHUNK, len(body)) + body
+
+
+class Messages:
+    """Single messages: those of a record on their way to a browser, and those of a browser on their way here."""
+
+    def __init__(self, _folder: Path) -> None:
+        self.good = [encoded(message_of(event)) for event in events()]
+        self.requests = [
+            json.dumps(request).encode()
+            for request in (
+                {"action": "take", "viewer": "0123abcd", "who": "anna", "detail": ""},
+                {"action": "break_before", "viewer": "0123abcd", "who": "anna", "detail": "a/Plan"},
+                {"tree": "pick_apple", "cell": "sim", "seed": 3, "settings": {"fruit": "apple_1"}, "dry": False},
+            )
+        ]
+
+    def case(self, rng: random.Random) -> None:
+        """Break one, decode it."""
+        content = changed(rng.choice(self.good if rng.random() < 0.7 else self.requests), rng)
+        if _is_message(content):
+            json.loads(content, parse_constant=_no_constant)
+        try:
+            event = event_from(parse_object(content))
+        except (PomonaError, ValueError):
+            return
+        text = encode(event, 1).encode(errors="replace")
+        json.loads(text, parse_constant=_no_constant)
+        parse(text)
+
+
+def _no_constant(word: str) -> None:
+    raise AssertionError(f"{word} stops a browser")
+
+
+def fuzz(kind: str, cases: int, seed: int, folder: Path) -> Iterator[str]:
+    """Try so many cases; what broke, with the case that repeats it."""
+    tried = {"records": Records, "messages": Messages}[kind](folder)
+    for case in range(cases):
+        rng = random.Random(f"{kind}/{seed}/{case}")
+        began = time.perf_counter()
+        try:
+            tried.case(rng)
+        except Exception:
+            yield f"case {kind}/{seed}/{case}\n{traceback.format_exc()}"
+        if time.perf_counter() - began > SLOW:
+            yield f"case {kind}/{seed}/{case} took {time.perf_counter() - began:.1f} s"
+
+
+def main() -> int:
+    """Fuzz; exit status 1 when something broke."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("kind", choices=("records", "messages"))
+    parser.add_argument("--cases", type=int, default=1_000_000)
+    parser.add_argument("--seed", type=int, default=1)
+    options = parser.parse_args()
+    began, broken = time.perf_counter(), 0
+    shm = Path("/dev/shm")
+    with tempfile.TemporaryDirectory(dir=shm if shm.is_dir() else None) as folder:
+        for finding in fuzz(options.kind, options.cases, options.seed, Path(folder)):
+            broken += 1
+            sys.stdout.write(f"{finding}\n")
+            if broken >= 5:
+                break
+    took = time.perf_counter() - began
+    sys.stdout.write(f"{options.kind}: {options.cases} cases, {broken} findings, {options.cases / took:.0f} a second\n")
+    return 1 if broken else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
