@@ -34,6 +34,8 @@ MESSAGE_HEAD = struct.Struct("<HIQQ")
 _CHUNK_HEAD = struct.Struct("<QQQII")
 _FOOTER = struct.Struct("<QQI")
 
+LIBRARY = "pomona 2"
+"""What the header of a file says of its writer in which nothing may lack its checksum."""
 MOST_BYTES = 256_000_000
 """Of one chunk or message. A recorder's are below 2 MB, or as large as one message that a skill publishes."""
 MOST_GROWTH, FREE_GROWTH = 200, 16_000_000
@@ -105,6 +107,7 @@ class Pieces:
         self.finished = False
         self._crc = 0
         self._jumped = False
+        self._strict = False
         if self._read(len(MAGIC)) != MAGIC:
             raise DamagedError(0, "it does not begin as an MCAP file")
         self.at = len(MAGIC)
@@ -140,6 +143,8 @@ class Pieces:
         if length > MOST_BYTES:
             raise DamagedError(self.at, f"a piece of {length} bytes: at most {MOST_BYTES} are read")
         content = self._read(length)
+        if opcode == HEADER:
+            self._strict = content.endswith(LIBRARY.encode())
         if opcode == CHUNK:
             return self._chunk(content, end)
         if opcode == DATA_END:
@@ -150,14 +155,14 @@ class Pieces:
 
     def _chunk(self, content: bytes, end: int) -> Piece:
         records, crc, compression = _unpacked(content, self.at)
-        if crc and zlib.crc32(records) != crc:
+        if (crc or self._strict) and zlib.crc32(records) != crc:
             raise DamagedError(self.at, "a chunk does not match its checksum")
         newest = int.from_bytes(content[8:16], "little")
         return Piece(CHUNK, self.at, records, end, crc != 0, bool(compression), newest)
 
     def _data_end(self, content: bytes, end: int, before: int) -> Piece:
         crc = int.from_bytes(content, "little")
-        if len(content) != 4 or (crc and crc != before and not self._jumped):
+        if len(content) != 4 or ((crc or self._strict) and crc != before and not self._jumped):
             raise DamagedError(self.at, "the data as a whole do not match their checksum")
         self.finished = True
         return Piece(DATA_END, self.at, content, end, checked=crc == before)
@@ -172,7 +177,7 @@ class Pieces:
             piece = self._read(min(left, _PIECE))
             crc, left = zlib.crc32(piece, crc), left - len(piece)
         written = int.from_bytes(self._read(4), "little")
-        if written not in (0, crc):
+        if written != crc and (written or self._strict):
             raise DamagedError(self.at, "an attachment does not match its checksum")
 
     def _read(self, length: int) -> bytes:
@@ -205,7 +210,7 @@ class Pieces:
             crc = zlib.crc32(head + self._read(length), crc)
             self.at += HEAD.size + length
         summary, _offsets, written = _FOOTER.unpack(footer)
-        if (written and written != crc) or summary not in (0, start):
+        if ((written or self._strict) and written != crc) or summary not in (0, start):
             raise DamagedError(self.at, "the summary does not match its checksum")
         self.checked &= written == crc
         self.at += HEAD.size + _FOOTER.size

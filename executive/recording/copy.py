@@ -19,6 +19,7 @@ from executive.recording.container import (
     CHANNEL,
     CHUNK,
     HEAD,
+    LIBRARY,
     MESSAGE,
     MESSAGE_HEAD,
     METADATA,
@@ -86,7 +87,7 @@ def copy(source: Path, target: Path, *, compressed: bool) -> Copied:
         with open_plain(source) as stream, target.open("wb") as output:
             begun = has_begun(source, stream)
             writer = new_writer(output, CompressionType.ZSTD if compressed else CompressionType.NONE)
-            writer.start(profile="pomona", library="pomona")
+            writer.start(profile="pomona", library=LIBRARY)
             copied = _Copier(stream, writer).run(flush=not compressed) if begun else Copied()
             if copied.gaps:
                 writer.add_metadata(REPAIR, {"lost": copied.lost})

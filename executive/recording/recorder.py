@@ -24,6 +24,7 @@ from mcap.writer import CompressionType, Writer
 
 from executive.encode import encoded, field_names, plain
 from executive.errors import UsageError
+from executive.recording.container import LIBRARY
 from executive.recording.ending import Ending
 from executive.recording.interventions import INTERVENTIONS, Chain
 from executive.recording.schemas import EVENT, INTERVENTION, READING, Schema
@@ -131,7 +132,7 @@ class Recorder:
 
     def _work(self) -> None:
         try:
-            self._writer.start(profile="pomona", library="pomona")
+            self._writer.start(profile="pomona", library=LIBRARY)
             self._take_all()
             if self._interventions.count:
                 self._write(INTERVENTIONS, INTERVENTION, _stamp(self._t), self._interventions.close())

@@ -75,6 +75,16 @@ def test_a_change_of_each_byte_of_a_small_record_is_found(tmp_path: Path) -> Non
             assert at < len(MAGIC)
 
 
+def test_a_checksum_that_was_wiped_out_is_found_too(tmp_path: Path) -> None:
+    path = record(tmp_path, run_of(2))
+    content = path.read_bytes()
+    summary = len(content) - len(MAGIC) - 4
+    data = content.index(HEAD.pack(0x0F, 4)) + HEAD.size
+    for at in (summary, data):
+        path.write_bytes(content[:at] + bytes(4) + content[at + 4 :])
+        assert examine(path).state == "damaged"
+
+
 @settings(max_examples=200, deadline=None)
 @given(cut=st.floats(0.0, 1.0), place=st.floats(0.0, 1.0, exclude_max=True), change=st.integers(1, 255))
 def test_of_a_record_that_was_cut_off_no_changed_byte_is_believed(
