@@ -1,0 +1,22 @@
+"""docs/records.md says what the code does."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from executive.recording.container import FREE_GROWTH, MOST_GROWTH
+from executive.recording.recorder import BATCH, CHUNK_BYTES
+from executive.recording.repair import repair
+
+PAGE = (Path(__file__).parents[3] / "docs" / "records.md").read_text(encoding="utf-8")
+
+
+def test_the_page_names_the_recorders_figures() -> None:
+    assert f"every {BATCH} s what was heard since becomes one (at most {CHUNK_BYTES // 1024} kB" in PAGE
+    assert f"at most {MOST_GROWTH} bytes of each of their own and {FREE_GROWTH // 1_000_000} MB" in PAGE
+
+
+def test_the_page_names_every_file_that_a_repair_leaves() -> None:
+    for name in ("run.mcap.tail", "run.mcap.damaged"):
+        assert name in PAGE
+        assert name in (repair.__doc__ or "")
