@@ -42,14 +42,25 @@ def add_train(subparsers: Any) -> None:
     kinds = parser.add_subparsers(metavar="WHAT", required=True)
     detect = kinds.add_parser("detect", help="the detector of a fruit, from rendered frames to a weights file")
     detect.add_argument("--out", type=Path, default=Path("apple.pt"), help="weights file to write (apple.pt)")
-    detect.add_argument("--work", type=Path, default=Path("runs/train_detect"), help="frames and checkpoints; resumes")
+    detect.add_argument(
+        "--work", type=Path, help="frames and checkpoints; resumes (runs/train_detect, with --photos runs/train_photos)"
+    )
+    detect.add_argument(
+        "--photos",
+        type=Path,
+        help="folder of photographs with boxes (tables, YOLO or COCO): the fruit's weights go on learning from them",
+    )
+    detect.add_argument("--start-from", type=Path, help="other weights than the fruit's own to go on from")
     detect.add_argument("--data", type=Path, help="folder of frames made before, instead of rendering them")
     detect.add_argument("--fruit", default="apple", help="name in the catalogue, or a path (apple)")
     detect.add_argument("--frames", type=int, help="frames to render in all (the recipe's)")
     detect.add_argument("--steps", type=float, default=1.0, help="factor on the recipe's steps (1)")
     detect.add_argument("--device", default="cpu", choices=("cpu", "cuda"), help="cuda trains in mixed precision")
     detect.add_argument(
-        "--workers", type=int, default=2, help="processes that render, and that learn together or prepare batches (2)"
+        "--workers",
+        type=int,
+        default=2,
+        help="processes that render, and that learn together or prepare batches (2); 0: learn in this one alone",
     )
     detect.add_argument("--network", default="compact", choices=("compact", "dope"), help="dope: the full network")
     detect.add_argument("--batch", type=int, default=116, help="samples a step, for the full network (116)")
@@ -83,21 +94,26 @@ def data_main(options: argparse.Namespace) -> int:
 def train_main(options: argparse.Namespace) -> int:
     """Train, write the weights and a report beside the checkpoints; returns 0, or 2 when it cannot start."""
     from skills.perception.detection.errors import DetectError
-    from skills.perception.training.recipe import SHIPPED, make_weights
+    from skills.perception.fruit.errors import FruitError
+    from skills.perception.training.recipe import SHIPPED, WITH_PHOTOGRAPHS, make_weights
     from skills.perception.training.report import write_report
 
     console = Console()
+    work = options.work or Path("runs/train_photos" if options.photos else "runs/train_detect")
     try:
         if options.network == "dope":
-            return _train_dope(options, console)
-        stages = tuple(dataclasses.replace(s, steps=max(1, round(s.steps * options.steps))) for s in SHIPPED.stages)
-        share = options.frames / sum(s.frames for s in SHIPPED.sets) if options.frames else 1.0
-        sets = tuple(dataclasses.replace(s, frames=max(1, round(s.frames * share))) for s in SHIPPED.sets)
-        recipe = dataclasses.replace(SHIPPED, stages=stages, sets=sets)
-        with _bar("frames") as show:
+            return _train_dope(options, work, console)
+        base = WITH_PHOTOGRAPHS if options.photos else SHIPPED
+        stages = tuple(dataclasses.replace(s, steps=max(1, round(s.steps * options.steps))) for s in base.stages)
+        share = options.frames / sum(s.frames for s in base.sets) if options.frames else 1.0
+        sets = tuple(dataclasses.replace(s, frames=max(1, round(s.frames * share))) for s in base.sets)
+        recipe = dataclasses.replace(base, stages=stages, sets=sets)
+        start = _start(options)
+        photographs = _photographs(options, console) if options.photos else None
+        with _bar("frames and places") as show:
             make_weights(
                 options.out,
-                options.work,
+                work,
                 options.fruit,
                 recipe,
                 options.device,
@@ -105,13 +121,47 @@ def train_main(options: argparse.Namespace) -> int:
                 options.data,
                 show,
                 lambda name, progress: console.print(_line(name, progress)),
+                photographs,
+                start,
             )
-        write_report(options.out, options.work / "held_out", options.work / "report", options.fruit)
-    except DetectError as error:
+        write_report(options.out, work / "held_out", work / "report", options.fruit, photographs=photographs)
+    except (DetectError, FruitError) as error:
         sys.stderr.write(f"pomona train: {error}\n")
         return 2
-    console.print(f"weights in {options.out}, report in {options.work / 'report'}")
+    console.print(f"weights in {options.out}, report in {work / 'report'}")
     return 0
+
+
+def _start(options: argparse.Namespace) -> Path | None:
+    """The weights to go on from; None starts from nothing."""
+    from skills.perception.detection.errors import BadTraining
+    from skills.perception.detection.weights import load_compact
+    from skills.perception.fruit import load_fruit
+
+    start: Path | None = options.start_from
+    if start is None and options.photos:
+        start = load_fruit(options.fruit).weights
+        if start is None:
+            raise BadTraining(
+                f"boxes do not tell how fruit lies: learning from photographs goes on from weights, and "
+                f"{options.fruit} has none; train them from rendered frames first, or name some with --start-from"
+            )
+    if start is not None:
+        load_compact(start)  # refused before hours of rendering
+    return start
+
+
+def _photographs(options: argparse.Namespace, console: Console) -> Any:
+    from skills.perception.training.photo_folder import read_photographs
+
+    with _bar("photographs") as show:
+        photographs = read_photographs(options.photos, Path(options.fruit).stem, show)
+    counts = [
+        f"{len(some)} photographs with {sum(len(photograph.boxes) for photograph in some)} boxes to {what}"
+        for some, what in ((photographs.train, "learn from"), (photographs.val, "measure on"))
+    ]
+    console.print(", ".join(counts))
+    return photographs
 
 
 def _chance(text: str) -> float:
@@ -124,7 +174,7 @@ def _chance(text: str) -> float:
     return value
 
 
-def _train_dope(options: argparse.Namespace, console: Console) -> int:
+def _train_dope(options: argparse.Namespace, work: Path, console: Console) -> int:
     """The full network with the paper's losses and schedule."""
     import torch
 
@@ -135,7 +185,7 @@ def _train_dope(options: argparse.Namespace, console: Console) -> int:
         raise BadTraining("the full network needs --data, a folder made by `pomona data detect`")
     schedule = dataclasses.replace(PAPER_SCHEDULE, steps=max(1, round(PAPER_SCHEDULE.steps * options.steps)))
     run = TrainingRun(
-        "dope", (options.data,), None, options.work, options.batch, schedule, 0, None, options.device, options.workers
+        "dope", (options.data,), None, work, options.batch, schedule, 0, None, options.device, options.workers
     )
     network = train_part(run, lambda progress: console.print(_line("dope", progress)))
     torch.save(network.cpu().state_dict(), options.out)

@@ -16,9 +16,11 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from skills.perception.detection.close_look import REFERENCE_LENGTH, look_at
+from skills.perception.detection.close_look import REFERENCE_LENGTH, SIZE_OF_BOX, look_at
 from skills.perception.detection.compact_network import (
+    ALL_OUTPUTS,
     AXIS,
+    BOX,
     CENTRE,
     CLOSE_LOOK_SIZE,
     KIND,
@@ -39,8 +41,8 @@ F64 = NDArray[np.float64]
 WORKING_WIDTH = 320
 """Width to which pictures are shrunk for the finder [px]."""
 
-MIRROR = np.ones(SEEN + 1)
-MIRROR[[CENTRE.start, AXIS.start]] = -1.0
+MIRROR = np.ones(ALL_OUTPUTS)
+MIRROR[[CENTRE.start, AXIS.start, BOX.start]] = -1.0
 """What the close look says of a mirrored picture, times this, is true of the picture."""
 
 HOPELESS = 0.2
@@ -86,6 +88,7 @@ class FoundFruit:
             them, (3,).
         score: belief that this is fruit, 0..1: geometric mean of the finder's and the close look's, and over looks.
         visibility: part of its silhouette that is seen, 0..1, as the network estimates it.
+        box: around what is seen of it, x, y, w, h (4,) [px], inside the picture; None with weights that know no boxes.
     """
 
     centre: F64
@@ -94,6 +97,14 @@ class FoundFruit:
     spreads: F64
     score: float
     visibility: float
+    box: F64 | None = None
+
+    def outline(self, width: int, height: int) -> F64:
+        """The box, or that of a whole fruit of its size where there is none: x, y, w, h (4,) [px], in the picture."""
+        if self.box is not None:
+            return self.box
+        side = self.size / SIZE_OF_BOX
+        return _inside(np.array([*(self.centre + 0.5 - 0.5 * side), side, side]), width, height)
 
 
 class CompactDetector:
@@ -117,6 +128,12 @@ class CompactDetector:
         """
         finder, close_look, _ = load_compact(path)
         return cls(finder, close_look, options)
+
+    def looking(self, options: DetectorOptions) -> CompactDetector:
+        """The same networks with other options."""
+        other = copy.copy(self)
+        other.options = options
+        return other
 
     def warm_up(self, width: int = 640, height: int = 480) -> None:
         """Run once for every size of batch, so that the first picture is not slower than the rest."""
@@ -212,8 +229,8 @@ class CompactDetector:
             outputs = [self._close_look(to_input(torch.from_numpy(part)).to(self._type)).float() for part in parts]
         output = torch.cat(outputs).numpy().astype(np.float64)
         if mirrored:
-            output = 0.5 * (output[: len(looks)] + output[len(looks) :] * MIRROR)
-        found = []
+            output = 0.5 * (output[: len(looks)] + output[len(looks) :] * MIRROR[: output.shape[1]])
+        found, (height, width) = [], colour.shape[:2]
         for row, look, belief in zip(output, looks, beliefs, strict=True):
             p_camera, stem = look.place(row[: SPREAD.start])
             # A fruit beside the look cannot be placed behind the camera, however wide the look.
@@ -223,8 +240,16 @@ class CompactDetector:
             half = 0.5 * CLOSE_LOOK_SIZE * K[0, 0] / look.focal
             spreads = np.sqrt(2.0) * np.exp(np.clip(row[SPREAD], -6.0, 2.0)) * (half, 1.0, 1.0)
             fruit, seen = 1.0 / (1.0 + np.exp(-row[[KIND, SEEN]]))
-            found.append(FoundFruit(centre, size, stem, spreads, float(np.sqrt(belief * fruit)), float(seen)))
+            box = _inside(look.place_box(row[BOX]), width, height) if len(row) == ALL_OUTPUTS else None
+            found.append(FoundFruit(centre, size, stem, spreads, float(np.sqrt(belief * fruit)), float(seen), box))
         return found
+
+
+def _inside(box: F64, width: int, height: int) -> F64:
+    """The part of a box that lies in the picture."""
+    limits = np.array([width, height], np.float64)
+    low, high = np.clip(box[:2], 0.0, limits), np.clip(box[:2] + box[2:], 0.0, limits)
+    return np.concatenate([low, high - low])
 
 
 @contextmanager

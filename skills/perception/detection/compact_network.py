@@ -19,8 +19,13 @@ OFFSET_UNIT = 8.0
 CLOSE_LOOK_SIZE = 96
 """Side of the square picture of one fruit [px]."""
 
-CENTRE, SIZE, AXIS, SPREAD, KIND, SEEN = slice(0, 2), 2, slice(3, 6), slice(6, 9), 9, 10
-"""Columns of the close look's output."""
+CENTRE, SIZE, AXIS, SPREAD, KIND, SEEN, BOX = slice(0, 2), 2, slice(3, 6), slice(6, 9), 9, 10, slice(11, 15)
+"""Columns of the close look's output; older weights have none for the box."""
+
+LEAST_OUTPUTS, ALL_OUTPUTS = SEEN + 1, BOX.stop
+
+USUAL_BOX = 0.307
+"""Log of a whole fruit's box over the look's half side, where a network without boxes begins to learn them."""
 
 
 def _convolve(inputs: int, outputs: int, kernel: int = 3, stride: int = 1) -> nn.Sequential:
@@ -82,15 +87,18 @@ class FinderNetwork(nn.Module):
 class CloseLookNetwork(nn.Module):
     """Place, size and stem axis of the one fruit in the middle of a square picture.
 
-    Input (n, 3, 96, 96) in 0..1 minus 0.5. Output (n, 11), named by the constants `CENTRE` to `SEEN`: the centroid
+    Input (n, 3, 96, 96) in 0..1 minus 0.5. Output (n, 15), named by the constants `CENTRE` to `BOX`: the centroid
     relative to the middle in half sides, the logarithm of the size in half sides, the stem axis in the frame of the
-    ray through the fruit, log spreads of these three, the logit of being fruit, the logit of visibility.
+    ray through the fruit, log spreads of these three, the logit of being fruit, the logit of visibility, and of the
+    box around what is seen the middle and the logarithms of width and height, all in half sides.
 
     The picture is folded into blocks of 4 x 4 pixels first: layers of few channels at full size take more time than
     all others together, and say no more.
     """
 
-    def __init__(self, widths: tuple[int, int, int, int, int] = (64, 128, 160, 48, 192)) -> None:
+    def __init__(
+        self, widths: tuple[int, int, int, int, int] = (64, 128, 160, 48, 192), outputs: int = ALL_OUTPUTS
+    ) -> None:
         super().__init__()
         a, b, c, squeezed, hidden = widths
         self.widths = widths
@@ -112,12 +120,29 @@ class CloseLookNetwork(nn.Module):
             nn.Flatten(),
             nn.Linear(squeezed * cells * cells, hidden),
             nn.ReLU(inplace=True),
-            nn.Linear(hidden, SEEN + 1),
+            nn.Linear(hidden, outputs),
         )
 
     def forward(self, x: Tensor) -> Tensor:
         """What is said of each look, shape (n, 3, side, side)."""
         return self.head(self.trunk(x))  # type: ignore[no-any-return]
+
+
+def with_boxes(network: CloseLookNetwork) -> CloseLookNetwork:
+    """A network that says the same as this one and, where it said none, always the usual box."""
+    wide = CloseLookNetwork(network.widths)
+    last, before = wide.head[-1], network.head[-1]
+    assert isinstance(last, nn.Linear)
+    assert isinstance(before, nn.Linear)
+    state, count = dict(network.state_dict()), before.out_features
+    if count < ALL_OUTPUTS:
+        weight, bias = torch.zeros_like(last.weight), torch.zeros_like(last.bias)
+        bias[BOX.start + 2 :] = USUAL_BOX
+        weight[:count], bias[:count] = before.weight, before.bias
+        name = f"head.{len(wide.head) - 1}"
+        state |= {f"{name}.weight": weight.detach(), f"{name}.bias": bias.detach()}
+    wide.load_state_dict(state)
+    return wide.train(network.training)
 
 
 def to_input(pictures: Tensor) -> Tensor:

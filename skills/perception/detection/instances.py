@@ -31,6 +31,7 @@ class Instance:
         T_camera_object: pose of the CAD-sized model; None when the keypoints gave none.
         covariance: of (rotation vector, translation) in the camera frame, (6, 6); None without a pose.
         problem: why there is no pose; empty otherwise.
+        box: around what is seen, x, y, w, h (4,) [px]; None with weights that know no boxes.
     """
 
     keypoints: F64
@@ -39,6 +40,7 @@ class Instance:
     T_camera_object: F64 | None
     covariance: F64 | None
     problem: str = ""
+    box: F64 | None = None
 
     @property
     def size(self) -> float:
@@ -67,7 +69,7 @@ def find_instances(detector: CompactDetector, colour: NDArray[np.uint8], K: F64,
             covariance = pose_covariance(found, T, K, solved.residual)
         except PoseUnsolved as error:
             T, covariance, problem = None, None, str(error)
-        instances.append(Instance(keypoints, found.score, found.visibility, T, covariance, problem))
+        instances.append(Instance(keypoints, found.score, found.visibility, T, covariance, problem, found.box))
     return instances
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from skills.perception.detection.compact_network import CloseLookNetwork, FinderNetwork
+from skills.perception.detection.compact_network import ALL_OUTPUTS, LEAST_OUTPUTS, CloseLookNetwork, FinderNetwork
 from skills.perception.detection.dope_network import DopeNetwork
 from skills.perception.detection.errors import BadWeights
 
@@ -63,7 +63,7 @@ def load_compact(path: Path | str) -> tuple[FinderNetwork, CloseLookNetwork, dic
         raise BadWeights(path, f"is not a '{FORMAT}' file")
     try:
         finder = FinderNetwork(_widths(content, "finder", 4))
-        close_look = CloseLookNetwork(_widths(content, "close_look", 5))
+        close_look = CloseLookNetwork(_widths(content, "close_look", 5), _outputs(content))
     except (KeyError, TypeError, ValueError) as error:
         raise BadWeights(path, f"does not say how wide its networks are: {error!r}") from error
     for name, network in (("finder", finder), ("close_look", close_look)):
@@ -100,6 +100,12 @@ def _widths(content: dict[str, Any], name: str, count: int) -> Any:
     if len(widths) != count or not all(1 <= width <= 1024 for width in widths):
         raise ValueError(f"expected {count} widths, not {widths}")
     return widths
+
+
+def _outputs(content: dict[str, Any]) -> int:
+    """How much the close look says: weights made before it knew boxes have fewer outputs."""
+    count = int(content["close_look"]["head.3.bias"].shape[0])
+    return count if count in (LEAST_OUTPUTS, ALL_OUTPUTS) else ALL_OUTPUTS
 
 
 def _read(path: Path | str) -> Any:

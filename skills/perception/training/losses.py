@@ -6,52 +6,80 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from skills.perception.detection.compact_network import AXIS, CENTRE, KIND, OFFSET_UNIT, SEEN, SIZE, SPREAD
+from skills.perception.detection.compact_network import AXIS, BOX, CENTRE, KIND, OFFSET_UNIT, SEEN, SIZE, SPREAD
 
 PEAK_WEIGHT = 20.0
 """How much more a cell on a peak counts than an empty one: plain squared error collapses to zero on small budgets."""
 
 
+CONFIDENT = 0.5
+"""A belief above this where people drew no box is taken for fruit that they left out, and not punished."""
+
+
+SURE = 1.0
+"""The same for the close look's logit of kind."""
+
+
 def finder_loss(
-    belief: Tensor, offsets: Tensor, target: Tensor, weight: Tensor, target_offsets: Tensor, offset_weight: Tensor
+    belief: Tensor,
+    offsets: Tensor,
+    target: Tensor,
+    weight: Tensor,
+    target_offsets: Tensor,
+    offset_weight: Tensor,
+    cornered: Tensor,
+    unlabelled: Tensor,
 ) -> Tensor:
-    """Weighted squared error of the belief maps plus smooth L1 of the offsets near centroids."""
-    count = belief.shape[0]
-    error = (belief.float() - target) ** 2 * (1.0 + PEAK_WEIGHT * target) * weight
+    """Weighted squared error of the belief maps plus smooth L1 of the offsets near centroids.
+
+    The last two say what photographs leave open: `cornered` (n, 1, 1, 1) is 0 where only centres and sizes are known,
+    `unlabelled` (n, 1, h, w) is 1 where fruit may be that nobody labelled.
+    """
+    count, belief = belief.shape[0], belief.float()
+    error = (belief - target) ** 2 * (1.0 + PEAK_WEIGHT * target) * weight
+    forgiven = unlabelled * (belief[:, 8:].detach() > CONFIDENT) * (target[:, 8:] < 0.05)
+    total = (error[:, :8] * cornered).sum() + (error[:, 8:] * (1.0 - forgiven)).sum()
     placed = functional.smooth_l1_loss(offsets.float(), target_offsets, beta=0.5 / OFFSET_UNIT, reduction="none")
-    placed = (placed * offset_weight).sum(dim=(0, 2, 3)) / offset_weight.sum().clamp(min=1.0)
-    return error.sum() / (count * 600.0) + 8.0 * placed[:16].mean() + 8.0 * placed[16]
+    placed = placed * offset_weight
+    arms = (placed[:, :16] * cornered).sum(dim=(0, 2, 3)) / (offset_weight * cornered).sum().clamp(min=1.0)
+    size = placed[:, 16].sum() / offset_weight.sum().clamp(min=1.0)
+    return total / (count * 600.0) + 8.0 * arms.mean() + 8.0 * size
 
 
-def close_look_loss(output: Tensor, target: Tensor, kind: Tensor, visibility: Tensor) -> Tensor:
-    """Distances of centroid, size and stem axis, likelihood of their spreads, cross entropy of kind and visibility.
+def close_look_loss(output: Tensor, target: Tensor, kind: Tensor, visibility: Tensor, known: Tensor) -> Tensor:
+    """Distances of centroid, size, stem axis and box, likelihood of spreads, cross entropy of kind and visibility.
 
     The spreads learn from residuals that they cannot change: in a joint likelihood the sure centroid drowns the
-    unsure axis, and the orientation is hardly learnt. `target` (n, 6) is centroid, log size, axis.
+    unsure axis, and the orientation is hardly learnt. `target` (n, 10) is centroid, log size, axis, box; `known` (n, 6)
+    says which of these count. Where visibility itself is not known it is a bound, and only what exceeds it counts.
     """
     output = output.float()
     fruit = kind > 0.5
     # Hidden fruit teaches less about how it lies.
-    share = fruit * (0.3 + 0.7 * visibility)
-    total = share.sum().clamp(min=1.0)
+    share = (fruit * (0.3 + 0.7 * visibility))[:, None] * known[:, :4]
+    total = share.sum(dim=0).clamp(min=1.0)
     residual = torch.stack(
         [
             (output[:, CENTRE] - target[:, :2]).norm(dim=1),
             (output[:, SIZE] - target[:, 2]).abs(),
-            (output[:, AXIS] - target[:, 3:]).norm(dim=1),
+            (output[:, AXIS] - target[:, 3:6]).norm(dim=1),
         ],
         dim=1,
     )
-    placed = 5.0 * residual[:, 0] + 5.0 * residual[:, 1] + 3.0 * residual[:, 2]
+    placed = (residual * share[:, :3]).sum(dim=0) / total[:3] * residual.new_tensor([5.0, 5.0, 3.0])
     spread = output[:, SPREAD].clamp(-6.0, 2.0)
-    likelihood = (residual.detach() * torch.exp(-spread) + spread).mean(dim=1)
-    is_fruit = functional.binary_cross_entropy_with_logits(output[:, KIND], kind)
+    likelihood = ((residual.detach() * torch.exp(-spread) + spread) * share[:, :3]).sum(dim=0) / total[:3]
+    boxes = (output[:, BOX] - target[:, 6:]).abs().mean(dim=1)
+    sure = known[:, 5] * (output[:, KIND].detach() > SURE)
+    is_fruit = functional.binary_cross_entropy_with_logits(output[:, KIND], kind, reduction="none")
     seen = functional.binary_cross_entropy_with_logits(output[:, SEEN], visibility, reduction="none")
+    seen = seen * fruit * torch.maximum(known[:, 4], (output[:, SEEN].detach().sigmoid() > visibility).float())
     return (
-        (placed * share).sum() / total
-        + 0.2 * (likelihood * share).sum() / total
-        + 3.0 * is_fruit
-        + 0.3 * (seen * fruit).sum() / fruit.sum().clamp(min=1.0)
+        placed.sum()
+        + 0.2 * likelihood.mean()
+        + 5.0 * (boxes * share[:, 3]).sum() / total[3]
+        + 3.0 * (is_fruit * (1.0 - sure)).mean()
+        + 0.3 * seen.sum() / fruit.sum().clamp(min=1.0)
     )
 
 

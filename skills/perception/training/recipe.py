@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import torch
 
 from skills.perception.detection.compact_detector import CompactDetector
-from skills.perception.detection.compact_network import CloseLookNetwork, FinderNetwork
-from skills.perception.detection.weights import save_compact
+from skills.perception.detection.compact_network import CloseLookNetwork, FinderNetwork, with_boxes
+from skills.perception.detection.weights import load_compact, save_compact
 from skills.perception.synthetic.dataset import render_dataset
 from skills.perception.synthetic.options import WITHOUT_TREES, SceneOptions
 from skills.perception.training.loop import Fall, Progress, Schedule
-from skills.perception.training.places import find_places, save_places
+from skills.perception.training.photographs import PhotoSet
+from skills.perception.training.places import find_photo_places, find_places, save_places
 from skills.perception.training.samples import FrameFolder
 from skills.perception.training.train import Part, TrainingRun, train_part
 
@@ -32,6 +34,8 @@ class Stage:
         steps, rate, batch, fall: as in `Schedule` and `TrainingRun`.
         turned: share of the close looks that are turned anyhow about their axis.
         sets: how many of the recipe's sets of frames are learnt from, from the first on.
+        photos: share of each batch that comes from photographs.
+        average: decay of the running average of weights, as in `Schedule`.
     """
 
     part: Part
@@ -41,6 +45,8 @@ class Stage:
     turned: float = 0.0
     fall: Fall = "cosine"
     sets: int = 1
+    photos: float = 0.0
+    average: float = 0.998
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,6 +89,19 @@ SHIPPED = Recipe(
 )
 """What `make train-detect` carries out; how the weights in the repository came about is in docs/model_cards."""
 
+WITH_PHOTOGRAPHS = Recipe(
+    sets=(FrameSet(2600, 1, (0.4, 0.25, 0.1, 0.0)), FrameSet(700, 2, (0.25, 0.25, 0.0, 0.5))),
+    held_out=FrameSet(60, 9001, WITHOUT_TREES),
+    stages=(
+        Stage("finder", 500, 1.5e-3, 14, sets=2, photos=8 / 14, average=0.99),
+        Stage("close_look", 900, 1.5e-3, 96, turned=0.2, fall="late", sets=2, photos=0.5, average=0.99),
+    ),
+)
+"""What `pomona train detect --photos` carries out, from weights that rendered frames gave."""
+
+VALIDATE_EVERY, SAVE_EVERY = 100, 50
+"""Where photographs are learnt from, steps are few and dear."""
+
 Say = Callable[[str, Progress], None]
 
 
@@ -96,6 +115,8 @@ def make_weights(
     data: Path | None = None,
     rendered: Callable[[int, int], None] | None = None,
     say: Say | None = None,
+    photographs: PhotoSet | None = None,
+    start: Path | None = None,
 ) -> Path:
     """Carry out a recipe; what an earlier call left in `work` is kept and gone on with.
 
@@ -105,51 +126,79 @@ def make_weights(
         fruit: name in the catalogue.
         recipe: what to do.
         device: "cpu" or "cuda".
-        workers: processes that render, and prepare batches or, on a CPU, learn.
+        workers: processes that render, and prepare batches or, on a CPU, learn; 0 prepares them in the one that learns.
         data: folder of frames made before, for all stages; None renders the recipe's into `work`.
         rendered: called with (frames done, frames in all).
         say: called with the stage's name and its progress.
+        photographs: with boxes, for the stages that learn from them.
+        start: weights to go on from; None starts from nothing.
 
     Returns:
         `out`.
+
+    Raises:
+        BadTraining: what `work` holds belongs to another training.
+        BadWeights: `start` cannot be read or does not fit.
     """
+    networks: dict[str, Any] = {"finder": FinderNetwork(), "close_look": CloseLookNetwork()}
+    made_by: dict[str, int] = {}  # the stage that last taught each network
+    if start is not None:
+        finder, close_look, _ = load_compact(start)
+        networks, made_by = {"finder": finder, "close_look": with_boxes(close_look)}, dict.fromkeys(networks, -1)
     held_out = work / "held_out"
     folders = (data,) if data else tuple(work / f"frames_{k}" for k in range(len(recipe.sets)))
     render_set(held_out, recipe.held_out, fruit, workers)
     if data is None:
         for folder, frames in zip(folders, recipe.sets, strict=True):
             render_set(folder, frames, fruit, workers, rendered)
-    networks: dict[str, Any] = {"finder": FinderNetwork(), "close_look": CloseLookNetwork()}
-    made_by: dict[str, int] = {}  # the stage that last taught each network
     for number, stage in enumerate(recipe.stages):
-        learnt_from, places = folders[: stage.sets], None
+        learnt_from, places, photo_places = folders[: stage.sets], None, None
         if stage.part == "close_look":
             places = work / f"places_{made_by['finder']}_{len(learnt_from)}.npz"
             if not places.is_file():
                 detector = CompactDetector(networks["finder"].cpu(), networks["close_look"])
                 save_places(places, find_places(detector, FrameFolder(list(learnt_from)), rendered))
+            if photographs is not None and stage.photos:
+                photo_places = work / f"places_{made_by['finder']}_photographs.npz"
+                if not photo_places.is_file():
+                    detector = CompactDetector(networks["finder"].cpu(), networks["close_look"])
+                    save_places(photo_places, find_photo_places(detector, photographs.train, rendered))
         run = TrainingRun(
             stage.part,
             learnt_from,
             held_out,
             work / f"stage_{number}",
             stage.batch,
-            Schedule(stage.steps, stage.rate, stage.fall),
+            _schedule(stage),
             seed=number,
             places=places,
             start_from=networks[stage.part].state_dict() if stage.part in made_by else None,
             device=device,
             # A GPU waits for its batches; on a CPU the network itself needs the cores.
-            workers=workers if device == "cuda" else 1,
+            workers=workers if device == "cuda" else min(1, workers),
             processes=1 if device == "cuda" else max(1, min(workers, stage.batch // LEAST_SHARE)),
             turned=stage.turned,
+            photographs=photographs if stage.photos else None,
+            photo_share=stage.photos,
+            photo_places=photo_places,
+            finder=networks["finder"] if stage.part == "close_look" else None,
         )
         name = f"{stage.part} {number + 1}/{len(recipe.stages)}"
         networks[stage.part] = train_part(run, None if say is None else lambda p, name=name: say(name, p))  # type: ignore[misc]
         made_by[stage.part] = number
     about = {"fruit": fruit, "recipe": repr(recipe), "torch": str(torch.__version__)}
+    if photographs is not None:
+        boxes = sum(len(photograph.boxes) for photograph in photographs.train)
+        about["photographs"] = f"{len(photographs.train)} with {boxes} boxes"
+    if start is not None:
+        about["went on from"] = hashlib.sha256(start.read_bytes()).hexdigest()
     save_compact(out, networks["finder"].cpu(), networks["close_look"].cpu(), about)
     return out
+
+
+def _schedule(stage: Stage) -> Schedule:
+    schedule = Schedule(stage.steps, stage.rate, stage.fall, average=stage.average)
+    return replace(schedule, validate_every=VALIDATE_EVERY, save_every=SAVE_EVERY) if stage.photos else schedule
 
 
 def render_set(

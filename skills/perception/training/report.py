@@ -8,10 +8,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from skills.perception.detection.box_evaluation import curve, match_boxes
 from skills.perception.detection.compact_detector import CompactDetector
 from skills.perception.detection.evaluation import Evaluation, evaluate, table
 from skills.perception.detection.instances import find_instances
 from skills.perception.fruit import FruitModel, load_fruit
+from skills.perception.training.photo_figures import PRECISION, find_boxes, photo_table
+from skills.perception.training.photographs import PhotoSet, fruit_scale
 from skills.perception.training.samples import FrameFolder
 
 U8 = NDArray[np.uint8]
@@ -20,7 +23,14 @@ _EDGES = ((0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4)
 _PICTURES = 6
 
 
-def write_report(weights: Path, held_out: Path, out: Path, fruit: str = "apple", frames: int = 200) -> Evaluation:
+def write_report(
+    weights: Path,
+    held_out: Path,
+    out: Path,
+    fruit: str = "apple",
+    frames: int = 200,
+    photographs: PhotoSet | None = None,
+) -> Evaluation:
     """Measure weights on held-out frames and write report.md with pictures beside it.
 
     Args:
@@ -29,6 +39,7 @@ def write_report(weights: Path, held_out: Path, out: Path, fruit: str = "apple",
         out: folder for the report; made when missing.
         fruit: name in the catalogue.
         frames: how many frames are measured.
+        photographs: with boxes; those to measure on get figures and pictures of their own.
     """
     out.mkdir(parents=True, exist_ok=True)
     detector = CompactDetector.load(weights)
@@ -49,8 +60,39 @@ def write_report(weights: Path, held_out: Path, out: Path, fruit: str = "apple",
         K = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
         cv2.imwrite(str(out / name), draw(detector, folder.picture(k, halved=False), K, model)[..., ::-1])
         lines.append(f"![Held-out frame {k}: cuboids on the left, belief on the right]({name})")
+    if photographs is not None and photographs.val:
+        lines += ["", *_on_photographs(detector, photographs, out)]
     (out / "report.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
     return result
+
+
+def _on_photographs(detector: CompactDetector, photographs: PhotoSet, out: Path) -> list[str]:
+    """Figures, and the photographs on which the detector does best and worst: finds yellow, boxes of people blue."""
+    found = find_boxes(detector, photographs.val, fruit_scale(photographs.train))
+    right = curve(found)
+    score = right.score_for(PRECISION) or 0.5
+    lines = [f"## {len(found)} photographs with {right.labelled} boxes", "", photo_table(found, 0.6), ""]
+    errors = [  # finds of nothing and boxes that were missed
+        int((~(hit := match_boxes(boxes, scores, wanted, 0.5)) & (scores >= score)).sum())
+        + len(wanted)
+        - int((hit & (scores >= score)).sum())
+        for boxes, scores, wanted in found
+    ]
+    order = np.argsort(errors, kind="stable")
+    crowded = [int(k) for k in order if len(found[int(k)][2]) >= 5]
+    for name, chosen in (("best", crowded[:3]), ("worst", [int(k) for k in order[::-1]][:3])):
+        for place, k in enumerate(chosen):
+            picture = np.ascontiguousarray(photographs.val[k].picture()[..., ::-1])
+            boxes, scores, wanted = found[k]
+            for some, colour in ((wanted, (255, 160, 0)), (boxes[scores >= score], (0, 255, 255))):
+                for x, y, w, h in np.round(some).astype(int).tolist():
+                    cv2.rectangle(picture, (x, y), (x + w, y + h), colour, 2)
+            cv2.imwrite(str(out / f"photograph_{name}_{place}.jpg"), picture)
+            lines.append(
+                f"![One of the {name} photographs, {errors[k]} errors at score ≥ {score:.2f}: finds yellow, boxes of "
+                f"people blue](photograph_{name}_{place}.jpg)"
+            )
+    return lines
 
 
 def draw(detector: CompactDetector, colour: U8, K: NDArray[np.float64], fruit: FruitModel, score: float = 0.5) -> U8:

@@ -24,6 +24,15 @@ from skills.perception.training.targets import dope_targets, finder_targets
 U8 = NDArray[np.uint8]
 F64 = NDArray[np.float64]
 
+Sample = tuple[NDArray[np.generic], ...]
+
+CENTRED, SIZED, POSED, BOXED, SEEN_PART, UNLABELLED = range(6)
+"""Columns of what is known: 1 where a look's centre, size, stem axis and box are, and its visibility itself, not only
+that it is no higher; and 1 where what is no fruit by the labels may be fruit that nobody labelled."""
+
+MOST_ROLL = 0.3
+"""A look turned more than this no longer sees upright boxes [rad]."""
+
 FINDER_INPUT = (240, 320)
 """Height and width of the finder's input [px]."""
 
@@ -60,7 +69,7 @@ class FrameFolder:
 
 
 class FinderBatches(Dataset[tuple[Tensor, ...]]):
-    """Batches for the finder: pictures (n, h, w, 3) uint8, belief, its weight, offsets, their weight."""
+    """Batches for the finder: pictures (n, h, w, 3) uint8, and the maps of `finder_targets`."""
 
     def __init__(self, frames: FrameFolder, batch: int, seed: int, steps: int, augment: bool = True) -> None:
         self.frames, self.batch, self.seed, self.steps, self.augment = frames, batch, seed, steps, augment
@@ -74,7 +83,7 @@ class FinderBatches(Dataset[tuple[Tensor, ...]]):
         samples = [self._sample(int(i), rng) for i in _indices(self, rng, step)]
         return tuple(torch.from_numpy(np.stack(part)) for part in zip(*samples, strict=True))
 
-    def _sample(self, index: int, rng: np.random.Generator) -> tuple[NDArray[np.generic], ...]:
+    def _sample(self, index: int, rng: np.random.Generator) -> Sample:
         annotation = self.frames.annotation(index)
         picture = self.frames.picture(index, halved=True)
         height, width = FINDER_INPUT
@@ -132,7 +141,7 @@ class DopeBatches(Dataset[tuple[Tensor, ...]]):
         samples = [self._sample(int(i), rng) for i in _indices(self, rng, step)]
         return tuple(torch.from_numpy(np.stack(part)) for part in zip(*samples, strict=True))
 
-    def _sample(self, index: int, rng: np.random.Generator) -> tuple[NDArray[np.generic], ...]:
+    def _sample(self, index: int, rng: np.random.Generator) -> Sample:
         """A square cut at a random place and angle, as DOPE's crop and rotation augmentations do."""
         annotation, side = self.frames.annotation(index), DOPE_INPUT
         picture = self.frames.picture(index, halved=False)
@@ -156,8 +165,9 @@ class DopeBatches(Dataset[tuple[Tensor, ...]]):
 class CloseLookBatches(Dataset[tuple[Tensor, ...]]):
     """Batches for the second look.
 
-    Each holds pictures (n, 96, 96, 3) uint8, targets (n, 6): centroid and log size in half sides, stem axis in the
-    frame of the ray; kind (n,) with 1 fruit and 0 not fruit; and visibility (n,).
+    Each holds pictures (n, 96, 96, 3) uint8; targets (n, 10): centroid and log size in half sides, stem axis in the
+    frame of the ray, box; kind (n,) with 1 fruit and 0 not fruit; visibility (n,); and what of this is known, (n, 6),
+    named by `CENTRED` to `UNLABELLED`.
 
     Args:
         places: where the finder sees fruit in each frame, rightly or wrongly; empty without a finder.
@@ -183,13 +193,13 @@ class CloseLookBatches(Dataset[tuple[Tensor, ...]]):
     def __getitem__(self, step: int) -> tuple[Tensor, ...]:
         cv2.setNumThreads(1)
         rng = np.random.default_rng((self.seed, step, 1))
-        samples: list[tuple[NDArray[np.generic], ...]] = []
+        samples: list[Sample] = []
         while len(samples) < self.batch:
             samples += self._samples(int(rng.integers(len(self.frames))), rng)
         chosen = samples[: self.batch]
         return tuple(torch.from_numpy(np.stack(part)) for part in zip(*chosen, strict=True))
 
-    def _samples(self, index: int, rng: np.random.Generator) -> list[tuple[NDArray[np.generic], ...]]:
+    def _samples(self, index: int, rng: np.random.Generator) -> list[Sample]:
         annotation, picture = self.frames.annotation(index), self.frames.picture(index, halved=False)
         fx, fy, cx, cy = annotation.camera
         K = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
@@ -203,27 +213,24 @@ class CloseLookBatches(Dataset[tuple[Tensor, ...]]):
                 # A further look is aimed by the one before it, three times as well as the first by the finder.
                 doubt = 1.0 if rng.random() < 0.7 else 0.35
                 centre = item.keypoints[8] + rng.normal(0.0, 0.06 * doubt, 2) * size
-                look = look_at(K, centre, size * np.exp(rng.normal(0.0, 0.13 * doubt)), self._roll(rng))
-                samples.append(self._look(picture, look, item, rng))
+                roll = self._roll(rng)
+                look = look_at(K, centre, size * np.exp(rng.normal(0.0, 0.13 * doubt)), roll)
+                target, known = np.zeros(10, np.float32), np.array([1, 1, 1, 0, 1, 0], np.float32)
+                target[:6] = look.label(item.T_camera_object, item.scale)
+                if item.box is not None and abs(roll) < MOST_ROLL:
+                    target[6:], known[BOXED] = look.label_box(np.array(item.box, np.float64)), 1.0
+                samples.append(look_sample(picture, look, target, 1.0, item.visibility, known, rng, self.augment))
         for place, size in self._elsewhere(annotation, seen, self.frames.name(index), rng):
             inside = (place > -0.3 * size).all() and (
                 place < np.array([annotation.width, annotation.height]) + 0.3 * size
             ).all()
             if inside and all(not _on_fruit(place, size, item.keypoints) for item in annotation.objects):
-                samples.append(self._look(picture, look_at(K, place, size, self._roll(rng)), None, rng))
+                look = look_at(K, place, size, self._roll(rng))
+                samples.append(no_fruit(picture, look, 0.0, rng, self.augment))
         return samples
 
     def _roll(self, rng: np.random.Generator) -> float:
-        """The label turns with the look exactly.
-
-        Most fruit is taught as cameras see it; a look that is turned anyhow teaches what a stem looks like, not only
-        where it mostly is.
-        """
-        if not self.augment:
-            return 0.0
-        if self.turned > 0.0 and rng.random() < self.turned:
-            return float(rng.uniform(-np.pi, np.pi))
-        return float(rng.normal(0.0, np.deg2rad(10.0)))
+        return roll_of_look(self.turned, rng) if self.augment else 0.0
 
     def _elsewhere(
         self, annotation: Annotation, seen: list[AnnotatedObject], name: str, rng: np.random.Generator
@@ -242,24 +249,47 @@ class CloseLookBatches(Dataset[tuple[Tensor, ...]]):
             wrong.append((item.keypoints[8] + away, size * np.exp(rng.normal(0.0, 0.4))))
         return wrong
 
-    def _look(
-        self, picture: U8, look: Look, item: AnnotatedObject | None, rng: np.random.Generator
-    ) -> tuple[NDArray[np.generic], ...]:
-        colour = [int(c) for c in rng.integers(0, 256, 3)] if self.augment and rng.random() < 0.3 else [0, 0, 0]
-        flags, side = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP, (CLOSE_LOOK_SIZE, CLOSE_LOOK_SIZE)
-        view = np.asarray(
-            cv2.warpPerspective(picture, look.picture_from_look, side, flags=flags, borderValue=colour), np.uint8
-        )
-        target = np.zeros(6, np.float32)
-        if item is not None:
-            target[:] = look.label(item.T_camera_object, item.scale)
-        if self.augment and rng.random() < 0.5:
-            view = np.ascontiguousarray(view[:, ::-1])
-            target[[0, 3]] *= -1.0
-        if self.augment:
-            view = cover(change_look(view, rng), rng, 0.08, (0.08, 0.35))
-        visibility = 0.0 if item is None else item.visibility
-        return view, target, np.asarray(np.float32(item is not None)), np.asarray(np.float32(visibility))
+
+def roll_of_look(turned: float, rng: np.random.Generator) -> float:
+    """How far a look is turned about its axis [rad]; the label turns with it exactly.
+
+    Most fruit is taught as cameras see it; a look that is turned anyhow, as the share `turned` is, teaches what a stem
+    looks like, not only where it mostly is.
+    """
+    if turned > 0.0 and rng.random() < turned:
+        return float(rng.uniform(-np.pi, np.pi))
+    return float(rng.normal(0.0, np.deg2rad(10.0)))
+
+
+def look_sample(
+    picture: U8,
+    look: Look,
+    target: NDArray[np.float32],
+    kind: float,
+    visibility: float,
+    known: NDArray[np.float32],
+    rng: np.random.Generator,
+    augment: bool,
+) -> Sample:
+    """One look with what is known of it: view, target (10,), kind, visibility, known (6,)."""
+    colour = [int(c) for c in rng.integers(0, 256, 3)] if augment and rng.random() < 0.3 else [0, 0, 0]
+    flags, side = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP, (CLOSE_LOOK_SIZE, CLOSE_LOOK_SIZE)
+    view = np.asarray(
+        cv2.warpPerspective(picture, look.picture_from_look, side, flags=flags, borderValue=colour), np.uint8
+    )
+    if augment and rng.random() < 0.5:
+        view = np.ascontiguousarray(view[:, ::-1])
+        target[[0, 3, 6]] *= -1.0
+    if augment:
+        view = cover(change_look(view, rng), rng, 0.08, (0.08, 0.35))
+    return view, target, np.asarray(np.float32(kind)), np.asarray(np.float32(visibility)), known
+
+
+def no_fruit(picture: U8, look: Look, unlabelled: float, rng: np.random.Generator, augment: bool) -> Sample:
+    """A look at what is no fruit, as far as is known; `unlabelled` is 1 where it may be fruit that nobody labelled."""
+    known = np.zeros(6, np.float32)
+    known[UNLABELLED] = unlabelled
+    return look_sample(picture, look, np.zeros(10, np.float32), 0.0, 0.0, known, rng, augment)
 
 
 def _on_fruit(place: F64, size: float, keypoints: F64) -> bool:

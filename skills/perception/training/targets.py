@@ -19,7 +19,7 @@ def finder_targets(
     sigma: float = 1.5,
     offset_radius: float = 2.0,
     least_visibility: float = 0.3,
-) -> tuple[F32, F32, F32, F32]:
+) -> tuple[F32, F32, F32, F32, F32, F32]:
     """Maps for one picture.
 
     Args:
@@ -31,7 +31,8 @@ def finder_targets(
         least_visibility: fruit less visible than this is neither asked for nor punished.
 
     Returns:
-        belief (9, h, w), its weight (1, h, w), offsets (17, h, w), their weight (1, h, w).
+        belief (9, h, w), its weight (1, h, w), offsets (17, h, w), their weight (1, h, w); whether corners are known
+        (1, 1, 1), one; where fruit may be that nobody labelled (1, h, w), zero.
     """
     belief, weight = np.zeros((9, height, width), np.float32), np.ones((1, height, width), np.float32)
     offsets, offset_weight = np.zeros((17, height, width), np.float32), np.zeros((1, height, width), np.float32)
@@ -64,7 +65,59 @@ def finder_targets(
         offset_weight[0, rows, columns][here] = 1.0
     # A half-hidden neighbour's blank must not wipe out what is asked for beside it.
     weight[0] = np.maximum(weight[0], belief.max(axis=0))
-    return belief, weight, offsets, offset_weight
+    return belief, weight, offsets, offset_weight, np.ones((1, 1, 1), np.float32), np.zeros_like(weight)
+
+
+def box_targets(
+    centres: NDArray[np.float64],
+    sizes: NDArray[np.float64],
+    boxes: NDArray[np.float64],
+    counted: NDArray[np.bool_],
+    height: int,
+    width: int,
+    sigma: float = 1.5,
+    offset_radius: float = 2.0,
+) -> tuple[F32, F32, F32, F32, F32, F32]:
+    """Maps for a photograph, where boxes are all that is known.
+
+    Args:
+        centres: of the fruit (n, 2) [cells].
+        sizes: mean distances of corners from centroid, (n,) [cells]; NaN where a box does not tell.
+        boxes: x, y, w, h (n, 4) [cells].
+        counted: whether a box is fruit; nothing is said inside of one that is not, (n,).
+        height, width: of the maps [cells].
+        sigma, offset_radius: as in `finder_targets`.
+
+    Returns:
+        What `finder_targets` returns, with the centroid's belief and the size alone; whether corners are known,
+        (1, 1, 1), zero; and where fruit may be that nobody labelled, (1, h, w): everywhere outside the boxes.
+    """
+    belief, weight = np.zeros((9, height, width), np.float32), np.ones((1, height, width), np.float32)
+    offsets, offset_weight = np.zeros((17, height, width), np.float32), np.zeros((1, height, width), np.float32)
+    unlabelled = np.ones((1, height, width), np.float32)
+    for box, fruit in zip(boxes, counted, strict=True):
+        inside = (slice(*_cells(box[1], box[3], height)), slice(*_cells(box[0], box[2], width)))
+        unlabelled[0][inside] = 0.0
+        if not fruit:
+            weight[0][inside] = 0.0
+    nearest = np.full((height, width), np.inf)
+    for centre, size in zip(centres[counted], sizes[counted], strict=True):
+        rows, columns = _window(centre, 3.5 * sigma, height, width)
+        du, dv = np.arange(columns.start, columns.stop) - centre[0], np.arange(rows.start, rows.stop) - centre[1]
+        distance = np.hypot(dv[:, None], du[None, :])
+        spot = np.exp(-(distance**2) / (2.0 * sigma**2))
+        np.maximum(belief[8, rows, columns], spot, out=belief[8, rows, columns])
+        here = (distance <= offset_radius) & (distance < nearest[rows, columns]) & np.isfinite(size)
+        nearest[rows, columns][here] = distance[here]
+        if np.isfinite(size):
+            offsets[16, rows, columns][here] = np.log(max(float(size), 0.5) / OFFSET_UNIT)
+            offset_weight[0, rows, columns][here] = 1.0
+    weight[0] = np.maximum(weight[0], belief[8])
+    return belief, weight, offsets, offset_weight, np.zeros((1, 1, 1), np.float32), unlabelled
+
+
+def _cells(start: float, extent: float, limit: int) -> tuple[int, int]:
+    return max(0, round(start)), max(0, min(limit, round(start + extent) + 1))
 
 
 def dope_targets(

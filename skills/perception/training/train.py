@@ -13,6 +13,7 @@ from typing import Any, Literal
 
 import torch
 from torch import Tensor, nn
+from torch.utils.data import Dataset
 
 from skills.perception.detection.compact_network import (
     AXIS,
@@ -27,6 +28,9 @@ from skills.perception.detection.dope_network import DopeNetwork
 from skills.perception.detection.errors import BadTraining
 from skills.perception.training.loop import Loss, Progress, Schedule, train_network
 from skills.perception.training.losses import close_look_loss, dope_loss, finder_loss
+from skills.perception.training.photo_figures import watch
+from skills.perception.training.photo_samples import Mixed, PhotoCloseLookBatches, PhotoFinderBatches
+from skills.perception.training.photographs import PhotoSet, fruit_scale
 from skills.perception.training.places import load_places
 from skills.perception.training.samples import CloseLookBatches, DopeBatches, FinderBatches, FrameFolder
 from skills.perception.training.together import CONTEXT, Together
@@ -59,6 +63,10 @@ class TrainingRun:
         workers: processes that prepare batches, for each that learns.
         processes: that learn, each with its part of every batch.
         turned: share of the close looks that are turned anyhow about their axis.
+        photographs: with boxes, to learn from beside the frames and to measure on; None for frames alone.
+        photo_share: part of each batch that comes from them.
+        photo_places: file of where the finder sees fruit in them, for the close look; None without a finder.
+        finder: that ships with the close look, for what is measured on photographs.
     """
 
     part: Part
@@ -74,6 +82,10 @@ class TrainingRun:
     workers: int = 1
     processes: int = 1
     turned: float = 0.0
+    photographs: PhotoSet | None = None
+    photo_share: float = 0.0
+    photo_places: Path | None = None
+    finder: FinderNetwork | None = None
 
 
 def train_part(run: TrainingRun, report: Callable[[Progress], None] | None = None) -> nn.Module:
@@ -133,24 +145,43 @@ def _train(
     frames = FrameFolder(list(run.data))
     kind, batches_of, loss = _PARTS[run.part]
     network = kind()
-    extra: dict[str, Any] = {}
-    if run.part == "close_look":
-        extra = {"places": None if run.places is None else load_places(run.places), "turned": run.turned}
+    extra, real_extra = _extras(run, run.places), _extras(run, run.photo_places)
     seed = run.seed * run.processes + rank
-    batches = batches_of(frames, run.batch // run.processes, seed, run.schedule.steps, **extra)
+    batch, steps = run.batch // run.processes, run.schedule.steps
+    real = round(batch * run.photo_share) if run.photographs is not None else 0
+    batches: Dataset[tuple[Tensor, ...]] = batches_of(frames, batch - real, seed, steps, **extra)
+    if run.photographs is not None and real:
+        from_photos = _PHOTOS[run.part](run.photographs.train, real, seed, steps, **real_extra)
+        batches = Mixed([batches, from_photos], steps)
     if run.start_from is not None:
         network.load_state_dict(run.start_from)
-    validate = _validation(run) if run.held_out is not None and rank == 0 else None
+    validate = _all_figures(run) if rank == 0 else None
     checkpoint = run.out / f"{run.part}.checkpoint.pt"
     return train_network(
         network, batches, loss, run.schedule, checkpoint, validate, run.device, run.workers, report, together, rank
     )
 
 
+def _extras(run: TrainingRun, places: Path | None) -> dict[str, Any]:
+    """What batches for the close look are made with beside what all are."""
+    if run.part != "close_look":
+        return {}
+    return {"places": None if places is None else load_places(places), "turned": run.turned}
+
+
+def _all_figures(run: TrainingRun) -> Callable[[nn.Module], dict[str, float]]:
+    """Figures on rendered frames and on photographs, of those that the run has."""
+    parts = [] if run.held_out is None else [_validation(run)]
+    if run.photographs is not None and run.photographs.val and run.part != "dope":
+        scale = fruit_scale(run.photographs.train)
+        parts.append(watch(run.photographs.val, scale, run.finder))
+    return lambda network: {name: value for part in parts for name, value in part(network).items()}
+
+
 def _finder_step(network: nn.Module, batch: tuple[Tensor, ...]) -> Tensor:
-    pictures, belief, weight, offsets, offset_weight = batch
+    pictures, *targets = batch
     found_belief, found_offsets = network(to_input(pictures))
-    return finder_loss(found_belief, found_offsets, belief, weight, offsets, offset_weight)
+    return finder_loss(found_belief, found_offsets, *targets)
 
 
 def _dope_step(network: nn.Module, batch: tuple[Tensor, ...]) -> Tensor:
@@ -161,14 +192,20 @@ def _dope_step(network: nn.Module, batch: tuple[Tensor, ...]) -> Tensor:
 
 
 def _close_look_step(network: nn.Module, batch: tuple[Tensor, ...]) -> Tensor:
-    pictures, target, kind, visibility = batch
-    return close_look_loss(network(to_input(pictures)), target, kind, visibility)
+    pictures, *truth = batch
+    return close_look_loss(network(to_input(pictures)), *truth)
 
 
 _PARTS: dict[Part, tuple[type[nn.Module], Callable[..., AnyBatches], Loss]] = {
     "finder": (FinderNetwork, FinderBatches, _finder_step),
     "close_look": (CloseLookNetwork, CloseLookBatches, _close_look_step),
     "dope": (DopeNetwork, DopeBatches, _dope_step),
+}
+
+
+_PHOTOS: dict[Part, Callable[..., PhotoFinderBatches | PhotoCloseLookBatches]] = {
+    "finder": PhotoFinderBatches,
+    "close_look": PhotoCloseLookBatches,
 }
 
 
@@ -197,12 +234,12 @@ def _validation(run: TrainingRun) -> Callable[[nn.Module], dict[str, float]]:
         errors = []
         with torch.no_grad():
             for batch in fixed:
-                pictures, target, kind, visibility = _on(run.device, batch)
+                pictures, target, kind, visibility, known = _on(run.device, batch)
                 output = network(to_input(pictures)).float()
-                loss += float(close_look_loss(output, target, kind, visibility)) / len(fixed)
+                loss += float(close_look_loss(output, target, kind, visibility, known)) / len(fixed)
                 clear = (kind > 0.5) & (visibility > 0.6)
                 axis = nn.functional.normalize(output[clear, AXIS], dim=1)
-                cosine = (axis * target[clear, 3:]).sum(dim=1).clamp(-1.0, 1.0)
+                cosine = (axis * target[clear, 3:6]).sum(dim=1).clamp(-1.0, 1.0)
                 centre = (output[clear, CENTRE] - target[clear, :2]).norm(dim=1)
                 size = (output[clear, SIZE] - target[clear, 2]).abs()
                 errors.append(torch.stack([torch.rad2deg(torch.acos(cosine)), 100.0 * centre, 100.0 * size]))

@@ -18,7 +18,7 @@ def keypoints_at(centre: tuple[float, float], size: float = 9.0) -> np.ndarray:
 
 def test_training_targets_decode_to_the_keypoints_they_were_drawn_from() -> None:
     cells = np.stack([keypoints_at((20.3, 15.7)), keypoints_at((55.6, 40.2), 6.0)])
-    belief, _, offsets, _ = finder_targets(cells, np.array([1.0, 0.7]), 60, 80)
+    belief, _, offsets, *_ = finder_targets(cells, np.array([1.0, 0.7]), 60, 80)
     found = decode_offsets(belief, offsets, 0.3)
     assert len(found) == 2
     for place in found:
@@ -31,7 +31,7 @@ def test_training_targets_decode_to_the_keypoints_they_were_drawn_from() -> None
 
 def test_hidden_fruit_is_neither_asked_for_nor_punished() -> None:
     cells = keypoints_at((40.0, 30.0))[None]
-    belief, weight, _, offset_weight = finder_targets(cells, np.array([0.1]), 60, 80)
+    belief, weight, _, offset_weight, *_ = finder_targets(cells, np.array([0.1]), 60, 80)
     assert belief.max() == 0.0
     assert weight[0, 30, 40] == 0.0
     assert weight[0, 5, 5] == 1.0

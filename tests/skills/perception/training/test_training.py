@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import torch
 
+from skills.perception.detection.close_look import SIZE_OF_BOX
 from skills.perception.detection.compact_detector import CompactDetector
 from skills.perception.detection.compact_network import CloseLookNetwork, FinderNetwork
 from skills.perception.detection.cuboid import MIRRORED
@@ -192,14 +193,20 @@ def test_batches_depend_on_seed_and_step_alone(frames: Path) -> None:
 
 
 def test_close_looks_hold_the_fruit_they_are_labelled_with(frames: Path) -> None:
-    pictures, target, kind, visibility = CloseLookBatches(FrameFolder([frames]), 40, 0, 1, augment=False)[0]
+    pictures, target, kind, visibility, known = CloseLookBatches(FrameFolder([frames]), 40, 0, 1, augment=False)[0]
     fruit = kind > 0.5
     assert 8 <= int(fruit.sum()) < 40
     assert pictures.shape == (40, 96, 96, 3)
     assert float(target[fruit][:, :2].abs().max()) < 0.4
     assert float(target[fruit][:, 2].abs().max()) < 0.8
-    assert torch.allclose(target[fruit][:, 3:].norm(dim=1), torch.ones(int(fruit.sum())), atol=1e-4)
+    assert torch.allclose(target[fruit][:, 3:6].norm(dim=1), torch.ones(int(fruit.sum())), atol=1e-4)
     assert float(visibility[~fruit].abs().max()) == 0.0
+    assert bool((known[fruit][:, :5] == 1.0).all())
+    # The box lies about the fruit's middle, and is as large as a whole fruit or smaller.
+    clear = fruit & (visibility > 0.97)
+    assert float((target[clear][:, 6:8] - target[clear][:, :2]).abs().median()) < 0.05
+    longer = target[clear][:, 8:].max(dim=1).values
+    assert float((longer - target[clear][:, 2] + np.log(SIZE_OF_BOX)).abs().median()) < 0.05
 
 
 def test_places_are_kept_and_what_deceives_the_finder_is_taught_as_no_fruit(frames: Path, tmp_path: Path) -> None:
@@ -232,15 +239,16 @@ def test_only_the_share_that_is_asked_for_is_turned_anyhow(frames: Path) -> None
 def test_a_turned_look_keeps_its_label_true(frames: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     folder = FrameFolder([frames])
     upright = CloseLookBatches(folder, 30, 0, 1, augment=False)
-    straight, target, kind, _ = upright[0]
+    straight, target, kind, *_ = upright[0]
     monkeypatch.setattr(upright, "_roll", lambda rng: 0.5 * np.pi)
-    turned, turned_target, _, _ = upright[0]
+    turned, turned_target, _, _, known = upright[0]
     fruit = kind > 0.5
     # A quarter turn of the camera: what pointed along y of the look points along x then.
     assert torch.allclose(turned_target[fruit, 0], target[fruit, 1], atol=1e-3)
     assert torch.allclose(turned_target[fruit, 2], target[fruit, 2], atol=1e-3)
     assert torch.allclose(turned_target[fruit, 3], target[fruit, 4], atol=1e-3)
     assert torch.allclose(turned_target[fruit, 4], -target[fruit, 3], atol=1e-3)
+    assert float(known[:, 3].max()) == 0.0  # boxes do not turn
     same = np.rot90(straight.numpy(), 1, (1, 2)).astype(float) - turned.numpy()
     assert np.abs(same).mean() < 2.0
 
@@ -249,20 +257,22 @@ def test_losses_are_least_at_the_target_and_grow_away_from_it() -> None:
     torch.manual_seed(0)
     belief, offsets = torch.rand(2, 9, 6, 8), torch.rand(2, 17, 6, 8)
     weight = torch.ones(2, 1, 6, 8)
-    assert float(finder_loss(belief, offsets, belief, weight, offsets, weight)) == 0.0
-    assert float(finder_loss(belief + 0.1, offsets, belief, weight, offsets, weight)) > 0.0
+    known, labelled = torch.ones(2, 1, 1, 1), torch.zeros(2, 1, 6, 8)
+    assert float(finder_loss(belief, offsets, belief, weight, offsets, weight, known, labelled)) == 0.0
+    assert float(finder_loss(belief + 0.1, offsets, belief, weight, offsets, weight, known, labelled)) > 0.0
     hidden = torch.zeros(2, 1, 6, 8)
-    assert float(finder_loss(belief + 0.1, offsets + 1, belief, hidden, offsets, hidden)) == 0.0
-    target, kind, seen = torch.rand(3, 6), torch.tensor([1.0, 1.0, 0.0]), torch.tensor([1.0, 0.5, 0.0])
-    output = torch.zeros(3, 11)
-    output[:, :6] = target
-    worse = output.clone()
-    worse[:2, :6] += 0.1
-    elsewhere = output.clone()
-    elsewhere[2, :6] += 0.1
-    base = close_look_loss(output, target, kind, seen)
-    assert close_look_loss(worse, target, kind, seen) > base
-    assert torch.isclose(close_look_loss(elsewhere, target, kind, seen), base)
+    assert float(finder_loss(belief + 0.1, offsets + 1, belief, hidden, offsets, hidden, known, labelled)) == 0.0
+    target, kind, seen = torch.rand(3, 10), torch.tensor([1.0, 1.0, 0.0]), torch.tensor([1.0, 0.5, 0.0])
+    all_known = torch.tensor([1.0, 1.0, 1.0, 1.0, 1.0, 0.0]).repeat(3, 1)
+    output = torch.zeros(3, 15)
+    output[:, :6], output[:, 11:] = target[:, :6], target[:, 6:]
+    base = close_look_loss(output, target, kind, seen, all_known)
+    for columns in (slice(0, 2), slice(2, 3), slice(3, 6), slice(11, 15)):
+        worse, elsewhere = output.clone(), output.clone()
+        worse[:2, columns] += 0.1
+        elsewhere[2, columns] += 0.1
+        assert close_look_loss(worse, target, kind, seen, all_known) > base
+        assert torch.isclose(close_look_loss(elsewhere, target, kind, seen, all_known), base)
     stages = [(belief, offsets)] * 6
     assert float(dope_loss(stages, belief, offsets)) == 0.0
     assert torch.isclose(dope_loss(stages, belief + 1, offsets), torch.tensor(6.0))

@@ -1,0 +1,97 @@
+"""How good boxes are against boxes that people drew: precision and recall over all scores, at one overlap."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+F64 = NDArray[np.float64]
+
+
+def iou(a: F64, b: F64) -> F64:
+    """Intersection over union of each box of `a` (n, 4) with each of `b` (m, 4), x, y, w, h; (n, m)."""
+    low = np.maximum(a[:, None, :2], b[None, :, :2])
+    high = np.minimum(a[:, None, :2] + a[:, None, 2:], b[None, :, :2] + b[None, :, 2:])
+    shared = np.clip(high - low, 0.0, None).prod(axis=2)
+    union = a[:, None, 2:].prod(axis=2) + b[None, :, 2:].prod(axis=2) - shared
+    return np.asarray(shared / np.maximum(union, 1e-12), np.float64)
+
+
+def match_boxes(found: F64, scores: F64, labelled: F64, least: float) -> NDArray[np.bool_]:
+    """Which found boxes are right: surest first, each takes the free label that it overlaps most, if by `least`.
+
+    Args:
+        found: x, y, w, h (n, 4).
+        scores: (n,).
+        labelled: x, y, w, h (m, 4).
+        least: intersection over union that counts.
+    """
+    right = np.zeros(len(found), np.bool_)
+    if not len(found) or not len(labelled):
+        return right
+    overlaps = iou(found, labelled)
+    for k in np.argsort(-scores, kind="stable"):
+        best = int(np.argmax(overlaps[k]))
+        if overlaps[k, best] >= least:
+            right[k] = True
+            overlaps[:, best] = -1.0
+    return right
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BoxCurve:
+    """Precision over recall.
+
+    Attributes:
+        scores: of all finds, falling, (n,).
+        precision, recall: with the first k + 1 of them, (n,).
+        labelled: boxes that were to be found.
+    """
+
+    scores: F64
+    precision: F64
+    recall: F64
+    labelled: int
+
+    @property
+    def average_precision(self) -> float:
+        """Area under the curve, precision taken as the best at this recall or a higher one."""
+        best = np.maximum.accumulate(self.precision[::-1])[::-1]
+        return float((np.diff(self.recall, prepend=0.0) * best).sum())
+
+    def recall_at(self, precision: float) -> float:
+        """The largest recall with at least this precision; 0 where there is none."""
+        return float(self.recall[self.precision >= precision].max(initial=0.0))
+
+    def score_for(self, precision: float) -> float | None:
+        """The score from which on `recall_at` is reached."""
+        good = np.nonzero(self.precision >= precision)[0]
+        return float(self.scores[good[-1]]) if len(good) else None
+
+    def at_score(self, score: float) -> tuple[float, float]:
+        """Recall and precision of the finds with at least this score."""
+        count = int((self.scores >= score).sum())
+        return (float(self.recall[count - 1]), float(self.precision[count - 1])) if count else (0.0, 1.0)
+
+
+def curve(pictures: Iterable[tuple[F64, F64, F64]], least: float = 0.5) -> BoxCurve:
+    """Precision over recall of the finds in many pictures.
+
+    Args:
+        pictures: found boxes (n, 4), their scores (n,) and labelled boxes (m, 4) of each.
+        least: intersection over union that counts.
+    """
+    scores, right, labelled = [np.empty(0)], [np.empty(0, np.bool_)], 0
+    for found, sure, wanted in pictures:
+        scores.append(sure)
+        right.append(match_boxes(found, sure, wanted, least))
+        labelled += len(wanted)
+    all_scores, all_right = np.concatenate(scores), np.concatenate(right)
+    order = np.argsort(-all_scores, kind="stable")
+    hits = np.cumsum(all_right[order])
+    return BoxCurve(
+        all_scores[order], hits / np.maximum(1, np.arange(1, len(hits) + 1)), hits / max(1, labelled), labelled
+    )
