@@ -62,8 +62,8 @@ train-detect: $(STAMP) ## train the detector from nothing and replace the shippe
 bench-start: $(STAMP) ## what the small commands cost: --help, check, skills, show, export, runs list
 	$(BIN)/python -m benchmarks.bench_start
 
-bench-detect: $(STAMP) ## the detector on held-out frames; DATA=… adds the real frames
-	$(BIN)/python -m benchmarks.bench_detect $(if $(DATA),--orchard $(DATA))
+bench-detect: $(STAMP) ## the detector on held-out frames; DATA=… adds real frames, PHOTOS=… photographs with boxes, EMPTY=… pictures without fruit
+	$(BIN)/python -m benchmarks.bench_detect $(if $(DATA),--orchard $(DATA)) $(if $(PHOTOS),--photos $(PHOTOS)) $(if $(EMPTY),--empty $(EMPTY))
 
 bench-refine: $(STAMP) ## refinement, both methods side by side
 	$(BIN)/python -m benchmarks.bench_refine

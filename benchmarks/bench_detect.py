@@ -1,9 +1,10 @@
 """Detect against its figures: held-out frames, speed against the full network in the same run, real frames.
 
-python -m benchmarks.bench_detect --frames 1000 [--orchard FOLDER] [--work runs/bench_detect]
+python -m benchmarks.bench_detect --frames 1000 [--orchard FOLDER] [--photos FOLDER] [--empty FOLDER]
 
-FOLDER holds real frames NAME_color.jpg and fruit.csv (frame, fruit_id, x, y, w, h, ...); SHARED_DATA/orchard_apples is
-taken when the environment names SHARED_DATA.
+--orchard holds real frames NAME_color.jpg and fruit.csv (frame, fruit_id, x, y, w, h, ...), --photos photographs with
+boxes as `pomona train detect --photos` reads them, of which those to measure on are searched, --empty pictures without
+fruit. SHARED_DATA/orchard_apples and SHARED_DATA/orchard_photos are taken when the environment names SHARED_DATA.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import os
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -22,14 +24,19 @@ import torch
 from rich.console import Console
 from rich.progress import Progress
 
+from skills.perception.detection.box_evaluation import match_boxes
 from skills.perception.detection.compact_detector import CompactDetector, DetectorOptions
 from skills.perception.detection.dope_decode import decode_maps
 from skills.perception.detection.dope_network import DopeNetwork, dope_input
+from skills.perception.detection.errors import BadPhotographs
 from skills.perception.detection.evaluation import evaluate, table
 from skills.perception.detection.instances import Instance, find_instances
 from skills.perception.fruit import FruitModel, load_fruit
 from skills.perception.synthetic.dataset import render_dataset
 from skills.perception.synthetic.options import WITHOUT_TREES, SceneOptions
+from skills.perception.training.photo_figures import calibration_table, find_boxes, photo_table
+from skills.perception.training.photo_folder import read_photographs
+from skills.perception.training.photographs import camera_of, fruit_scale
 from skills.perception.training.samples import FrameFolder
 
 BENCH_SEED = 777_001
@@ -38,6 +45,9 @@ BENCH_SEED = 777_001
 ORCHARD_K = np.array([[917.12, 0.0, 957.72], [0.0, 916.97, 550.79], [0.0, 0.0, 1.0]])
 ORCHARD_WIDTHS = (960, 1440, 1920)
 """Widths at which 1920 px wide orchard frames are searched."""
+
+EMPTY_WIDTHS = (320, 640)
+"""Widths at which pictures without fruit are searched."""
 
 
 def main() -> None:
@@ -48,6 +58,8 @@ def main() -> None:
     parser.add_argument("--weights", type=Path, help="other weights than the fruit's own")
     parser.add_argument("--work", type=Path, default=Path("runs/bench_detect"), help="where frames are kept")
     parser.add_argument("--orchard", type=Path, help="folder of real frames")
+    parser.add_argument("--photos", type=Path, help="folder of photographs with boxes")
+    parser.add_argument("--empty", type=Path, help="folder of pictures without fruit")
     parser.add_argument("--score", type=float, default=0.6, help="score above which errors are counted (0.6)")
     parser.add_argument("--no-speed", action="store_true", help="leave out the full network, which takes half a minute")
     options = parser.parse_args()
@@ -75,7 +87,12 @@ def main() -> None:
     shared = os.environ.get("SHARED_DATA")
     orchard = options.orchard or (Path(shared) / "orchard_apples" if shared else None)
     if orchard is not None and orchard.is_dir():
-        print(real_frames(weights, orchard, fruit))
+        print(real_frames(weights, orchard, fruit), "\n")
+    photos = options.photos or (Path(shared) / "orchard_photos" if shared else None)
+    if photos is not None and (options.photos or photos.is_dir()):
+        print(photographs(detector, photos, fruit, options.score), "\n")
+    if options.empty is not None:
+        print(empty_pictures(detector, options.empty, options.score))
 
 
 @contextmanager
@@ -153,15 +170,62 @@ def real_frames(weights: Path, folder: Path, fruit: FruitModel) -> str:
         for score in (0.5, 0.7, 0.9):
             right, count, labelled = 0, 0, sum(map(len, boxes.values()))
             for name, instances in found.items():
-                sure = [box_of(i, fruit) for i in instances if i.score >= score]
-                right, count = right + matched(sure, boxes[name]), count + len(sure)
+                sure = [i for i in instances if i.score >= score]
+                drawn = np.array([box_of(i, fruit) for i in sure]).reshape(-1, 4)
+                scores = np.array([i.score for i in sure])
+                right += int(match_boxes(drawn, scores, np.array(boxes[name]), 0.5).sum())
+                count += len(sure)
             shares = f"{right / labelled:.3f} | {right / max(1, count):.3f}"
             lines.append(f"| {width} | {score} | {labelled} | {count} | {right} | {shares} |")
     return "\n".join(lines)
 
 
+def photographs(detector: CompactDetector, folder: Path, fruit: FruitModel, score: float) -> str:
+    """Recall and precision against the boxes of photographs that are measured on, at the scale of training.
+
+    Precision is a lower bound here too: fruit far behind is often without a box.
+    """
+    try:
+        with progress("reading photographs") as read:
+            sets = read_photographs(folder, fruit.name, read)
+    except BadPhotographs as error:
+        raise SystemExit(f"bench_detect: {error}") from error
+    if not sets.val:
+        return f"## Photographs\n\n{folder.name} has none to measure on"
+    scale = fruit_scale(sets.train)
+    with progress("looking") as looked:
+        found = find_boxes(detector, sets.val, scale, looked)
+    boxes = sum(len(photo.boxes) for photo in sets.val)
+    places = len({photo.group for photo in sets.val})
+    title = f"## {len(sets.val)} photographs of {places} places, {boxes} boxes, searched at {scale:.2f} of their width"
+    return f"{title}\n\n{photo_table(found, score)}\n\n{calibration_table(found)}"
+
+
+def empty_pictures(detector: CompactDetector, folder: Path, score: float) -> str:
+    """How often something is found where no fruit is, by working width."""
+    paths = sorted(p for p in folder.iterdir() if p.suffix.lower() in (".jpg", ".jpeg", ".png"))
+    if not paths:
+        raise SystemExit(f"bench_detect: {folder} holds no pictures")
+    lines = [f"## {len(paths)} pictures without fruit", "", "| working width | finds at score | per picture | where |"]
+    lines.append("|---|---|---|---|")
+    for width in EMPTY_WIDTHS:
+        searching = detector.looking(replace(detector.options, working_width=width))
+        found = {}
+        for path in paths:
+            picture = _read(path)
+            K = camera_of(picture.shape[1], picture.shape[0])
+            found[path.stem] = sum(fruit.score >= score for fruit in searching.find(picture, K))
+        where = ", ".join(f"{name} {count}" for name, count in found.items() if count)
+        total = sum(found.values())
+        lines.append(f"| {width} | {total} at {score} | {total / len(paths):.3f} | {where} |")
+    return "\n".join(lines)
+
+
 def box_of(instance: Instance, fruit: FruitModel) -> tuple[float, float, float, float]:
-    """Bounding box x, y, w, h of the model's silhouette in its detected pose [px]."""
+    """Box x, y, w, h of a find [px]: what is seen of it, or the model's silhouette in its detected pose."""
+    if instance.box is not None:
+        x, y, w, h = instance.box.tolist()
+        return x, y, w, h
     if instance.T_camera_object is None:
         low, high = instance.keypoints.min(axis=0), instance.keypoints.max(axis=0)
     else:
@@ -170,27 +234,6 @@ def box_of(instance: Instance, fruit: FruitModel) -> tuple[float, float, float, 
         pixels = points[:, :2] / points[:, 2:] * (ORCHARD_K[0, 0], ORCHARD_K[1, 1]) + (ORCHARD_K[0, 2], ORCHARD_K[1, 2])
         low, high = pixels.min(axis=0), pixels.max(axis=0)
     return float(low[0]), float(low[1]), float(high[0] - low[0]), float(high[1] - low[1])
-
-
-def matched(found: list[tuple[float, float, float, float]], labelled: list[tuple[float, float, float, float]]) -> int:
-    """How many found boxes overlap a label of their own with IoU of at least 0.5."""
-    free, right = set(range(len(labelled))), 0
-    for box in found:
-        overlaps = [(iou(box, labelled[k]), k) for k in free]
-        best = max(overlaps, default=(0.0, -1))
-        if best[0] >= 0.5:
-            free.discard(best[1])
-            right += 1
-    return right
-
-
-def iou(a: tuple[float, float, float, float], b: tuple[float, float, float, float]) -> float:
-    """Intersection over union of two boxes x, y, w, h."""
-    across = min(a[0] + a[2], b[0] + b[2]) - max(a[0], b[0])
-    down = min(a[1] + a[3], b[1] + b[3]) - max(a[1], b[1])
-    if across <= 0.0 or down <= 0.0:
-        return 0.0
-    return across * down / (a[2] * a[3] + b[2] * b[3] - across * down)
 
 
 def _read(path: Path) -> np.ndarray:

@@ -27,8 +27,8 @@ OUTLINE_RADIUS = 0.046
 """Radius of a CAD-sized fruit's outline [m]: what a near camera sees of it is the cone that touches it."""
 
 SIZE_OF_BOX = 0.64
-"""Apparent size of a whole fruit over its box's longer side: 0.636 in 242 rendered looks (standard deviation 0.015), and
-0.644 (0.030) as `keypoint_size` of 2 991 rendered fruit."""
+"""Apparent size of a whole fruit over its box's longer side: 0.636 in 242 rendered looks (standard deviation 0.015),
+and 0.644 (0.030) as `keypoint_size` of 2 991 rendered fruit."""
 
 MIDDLE = 0.5 * (CLOSE_LOOK_SIZE - 1)
 

@@ -10,7 +10,7 @@ import torch
 from numpy.typing import NDArray
 from torch import nn
 
-from skills.perception.detection.box_evaluation import BoxCurve, curve
+from skills.perception.detection.box_evaluation import BoxCurve, curve, match_boxes
 from skills.perception.detection.close_look import SIZE_OF_BOX
 from skills.perception.detection.compact_detector import CompactDetector
 from skills.perception.detection.compact_network import CloseLookNetwork, FinderNetwork
@@ -115,3 +115,35 @@ def photo_table(found: Sequence[Finds], score: float) -> str:
             f"{'never' if from_score is None else f'{from_score:.3f}'} | {recall:.3f} / {precision:.3f} at {score} |"
         )
     return "\n".join(lines)
+
+
+def calibration(scores: F64, right: NDArray[np.bool_], bins: int = 10) -> tuple[float, list[tuple[float, float, int]]]:
+    """How far scores are from the share of finds that are right: the expected calibration error, and the plot's points.
+
+    Args:
+        scores: of finds, 0..1, (n,).
+        right: whether each is fruit, (n,).
+        bins: of equal width.
+
+    Returns:
+        The error: mean over all finds of |mean score - share right| of their bin; and (mean score, share right, count)
+        of each bin that is not empty.
+    """
+    which = np.minimum((scores * bins).astype(int), bins - 1)
+    points = [
+        (float(scores[inside].mean()), float(right[inside].mean()), int(inside.sum()))
+        for k in range(bins)
+        if (inside := which == k).any()
+    ]
+    error = sum(count * abs(score - share) for score, share, count in points) / max(1, len(scores))
+    return error, points
+
+
+def calibration_table(found: Sequence[Finds], least: float = 0.05) -> str:
+    """Scores against the share of finds that overlap a box by half, as Markdown."""
+    scores = np.concatenate([sure for _, sure, _ in found])
+    right = np.concatenate([match_boxes(boxes, sure, wanted, 0.5) for boxes, sure, wanted in found])
+    error, points = calibration(scores[scores >= least], right[scores >= least])
+    lines = [f"Expected calibration error of finds with score ≥ {least}: {error:.3f}.", ""]
+    lines += ["| mean score | share right | finds |", "|---|---|---|"]
+    return "\n".join([*lines, *(f"| {score:.2f} | {share:.2f} | {count} |" for score, share, count in points)])

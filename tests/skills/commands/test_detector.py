@@ -10,7 +10,9 @@ from skills.commands.detector import add_data, add_train
 from skills.perception.detection.annotations import read_annotation
 from skills.perception.detection.weights import load_compact
 from skills.perception.training import recipe
+from skills.perception.training.photo_samples import PhotoCloseLookBatches
 from skills.perception.training.recipe import FrameSet, Recipe, Stage
+from tests.skills.perception.training.photo_folders import tables
 
 
 def run(*arguments: str) -> int:
@@ -86,3 +88,77 @@ def test_train_makes_weights_and_a_report_with_pictures(
 def test_the_full_network_needs_frames(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run("train", "detect", "--network", "dope", "--out", str(tmp_path / "dope.pth")) == 2
     assert "--data" in capsys.readouterr().err
+
+
+@pytest.fixture
+def small(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The recipe with photographs, in a few steps."""
+    torch.set_num_threads(1)
+    stages = (
+        Stage("finder", 3, 1e-3, 4, photos=0.5, average=0.9),
+        Stage("close_look", 3, 1e-3, 8, photos=0.5, average=0.9),
+    )
+    monkeypatch.setattr(recipe, "WITH_PHOTOGRAPHS", Recipe((FrameSet(2, 5),), FrameSet(1, 7), stages))
+    monkeypatch.setattr(recipe, "SAVE_EVERY", 1)
+
+
+def photo_arguments(folder: Path, work: Path) -> tuple[str, ...]:
+    return ("--photos", str(folder), "--work", str(work), "--out", str(work / "apple.pt"), "--workers", "0")
+
+
+def test_train_goes_on_from_photographs_and_an_interrupted_run_ends_the_same(
+    small: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tables(tmp_path / "photographs")
+    assert run("train", "detect", *photo_arguments(folder, tmp_path / "whole")) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert "2 photographs with 4 boxes to learn from, 2 photographs with 1 boxes to measure on" in said
+    assert "recall at precision 0.90" in said
+    report = (tmp_path / "whole" / "report" / "report.md").read_text()
+    assert "2 photographs with 1 boxes" in report
+    assert (tmp_path / "whole" / "report" / "photograph_worst_0.jpg").stat().st_size > 1000
+
+    original = PhotoCloseLookBatches.__getitem__
+
+    def until_two(self: PhotoCloseLookBatches, step: int) -> tuple[torch.Tensor, ...]:
+        if step == 2:
+            raise KeyboardInterrupt
+        return original(self, step)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(PhotoCloseLookBatches, "__getitem__", until_two)
+        with pytest.raises(KeyboardInterrupt):
+            run("train", "detect", *photo_arguments(folder, tmp_path / "cut"))
+    assert not (tmp_path / "cut" / "apple.pt").exists()
+    assert run("train", "detect", *photo_arguments(folder, tmp_path / "cut")) == 0
+    whole, resumed = (load_compact(tmp_path / name / "apple.pt") for name in ("whole", "cut"))
+    for network, again in zip(whole[:2], resumed[:2], strict=True):
+        for a, b in zip(network.state_dict().values(), again.state_dict().values(), strict=True):
+            assert torch.equal(a, b)
+    assert whole[2]["photographs"] == "2 with 4 boxes"
+
+
+def test_training_on_bad_input_says_one_line_and_touches_nothing(
+    small: None, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder, work = tables(tmp_path / "photographs"), tmp_path / "work"
+    work.mkdir()
+    (work / "apple.pt").write_bytes(b"weights of yesterday")
+    old = tmp_path / "old.pt"
+    torch.save({"format": "pomona compact detector 1"}, old)
+    table = (folder / "fruit.csv").read_text()
+    for arguments, says in (
+        (photo_arguments(tmp_path / "elsewhere", work), "elsewhere: no such folder"),
+        ((*photo_arguments(folder, work), "--start-from", str(old)), "old.pt: is not a 'pomona compact detector 2'"),
+        ((*photo_arguments(folder, work), "--start-from", str(tmp_path / "none.pt")), "none.pt: no such file"),
+        ((*photo_arguments(folder, work), "--fruit", "durian"), "durian"),
+    ):
+        assert run("train", "detect", *arguments) == 2
+        complaint = capsys.readouterr().err
+        assert says in complaint
+        assert complaint.count("\n") == 1
+    (folder / "fruit.csv").write_text(table + "a_0.jpg,500,20,30,30\n")
+    assert run("train", "detect", *photo_arguments(folder, work)) == 2
+    assert "line 7: the box at 500, 20" in capsys.readouterr().err
+    assert [path.name for path in work.iterdir()] == ["apple.pt"]
+    assert (work / "apple.pt").read_bytes() == b"weights of yesterday"

@@ -1,0 +1,158 @@
+"""What boxes teach and what they leave open: against discs whose centre and radius are known."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from skills.perception.detection.close_look import MARGIN, REFERENCE_LENGTH, SIZE_OF_BOX, look_at
+from skills.perception.detection.compact_network import BOX, KIND, SEEN, FinderNetwork
+from skills.perception.training.losses import close_look_loss, finder_loss
+from skills.perception.training.photo_folder import read_photographs
+from skills.perception.training.photo_samples import Mixed, PhotoCloseLookBatches, PhotoFinderBatches
+from skills.perception.training.photographs import Labels, PhotoSet, camera_of, fruit_scale, labels_of, most_visible
+from skills.perception.training.targets import box_targets
+from tests.skills.perception.training.photo_folders import tables
+
+
+@pytest.fixture(scope="module")
+def photographs(tmp_path_factory: pytest.TempPathFactory) -> PhotoSet:
+    return read_photographs(tables(tmp_path_factory.mktemp("photographs") / "set"))
+
+
+def labels(*boxes: tuple[float, float, float, float], crowd: bool = False) -> Labels:
+    return labels_of(np.array(boxes, np.float64), np.full(len(boxes), crowd), 640, 480)
+
+
+def test_a_fruit_that_the_border_cuts_is_completed_from_its_uncut_side() -> None:
+    radius = 40.0
+    for centre in ((10.0, 200.0), (625.0, 200.0), (300.0, 15.0), (300.0, 470.0)):
+        low = np.clip(np.array(centre) - radius, 0.0, (640.0, 480.0))
+        high = np.clip(np.array(centre) + radius, 0.0, (640.0, 480.0))
+        label = labels((*low, *(high - low)))
+        assert label.centres[0] == pytest.approx(np.array(centre) - 0.5)
+        assert label.sizes[0] == pytest.approx(SIZE_OF_BOX * 2.0 * radius)
+        assert label.counted[0]
+
+
+def test_corners_narrow_boxes_and_whole_fruit_tell_no_more_than_they_show() -> None:
+    corner, narrow, whole = labels((0, 0, 50, 45)), labels((100, 100, 60, 40)), labels((100, 100, 60, 55))
+    assert corner.counted.tolist() == narrow.counted.tolist() == [True]
+    assert np.isnan([corner.sizes[0], narrow.sizes[0]]).all()
+    assert narrow.centres[0].tolist() == [129.5, 119.5]
+    assert whole.sizes[0] == pytest.approx(SIZE_OF_BOX * 60)
+
+
+def test_tiny_boxes_slivers_and_crowds_are_neither_fruit_nor_background() -> None:
+    assert not labels((100, 100, 13, 13), (100, 100, 80, 30)).counted.any()
+    assert not labels((100, 100, 60, 60), crowd=True).counted.any()
+    belief, weight, _, offset_weight, cornered, unlabelled = box_targets(
+        np.array([[10.0, 10.0]]), np.array([5.0]), np.array([[6.0, 6.0, 8.0, 8.0]]), np.array([False]), 20, 30
+    )
+    assert belief.max() == offset_weight.max() == cornered.max() == 0.0
+    assert weight[0, 6:15, 6:15].max() == unlabelled[0, 6:15, 6:15].max() == 0.0
+    assert weight.sum() == unlabelled.sum() == 20 * 30 - 9 * 9
+
+
+def test_a_narrow_box_shows_at_most_its_part_of_a_disc() -> None:
+    points = np.random.default_rng(0).uniform(-1.0, 1.0, (200_000, 2))
+    disc = points[np.hypot(*points.T) < 1.0]
+    for shown in (0.3, 0.5, 0.8):
+        part = (disc[:, 0] < 2.0 * shown - 1.0).mean()
+        assert most_visible(np.array([0.0, 0.0, 0.85 * shown * 100.0, 100.0])) == pytest.approx(part, abs=0.005)
+    assert most_visible(np.array([0.0, 0.0, 90.0, 100.0])) == 1.0
+
+
+def test_looks_say_centre_size_and_box_as_the_detector_reads_them() -> None:
+    K, rng = camera_of(640, 480), np.random.default_rng(3)
+    for _ in range(20):
+        centre, size = rng.uniform((50, 50), (590, 430)), rng.uniform(15.0, 80.0)
+        look = look_at(K, centre + rng.normal(0, 0.1, 2) * size, size * 1.2, rng.normal(0.0, 0.1))
+        u, v, log_size = look.label_place(centre, size)
+        p_camera, _ = look.place(np.array([u, v, log_size, 0.0, -1.0, 0.0]))
+        assert K[0, 0] * REFERENCE_LENGTH / p_camera[2] == pytest.approx(size, rel=1e-3)
+        assert p_camera[:2] / p_camera[2] * K[0, 0] + K[:2, 2] == pytest.approx(centre, abs=1e-6)
+        assert np.exp(log_size) == pytest.approx(1.0 / (1.2 * MARGIN), rel=0.01)
+    upright = look_at(K, np.array([200.0, 100.0]), 40.0)
+    box = np.array([180.0, 70.0, 50.0, 66.0])
+    assert upright.place_box(upright.label_box(box)) == pytest.approx(box, abs=0.05)
+
+
+def test_finder_batches_put_belief_on_labelled_fruit_and_repeat(photographs: PhotoSet) -> None:
+    batches = PhotoFinderBatches(photographs.train, 12, 5, 9)
+    first, again = batches[3], PhotoFinderBatches(photographs.train, 12, 5, 9)[3]
+    assert all(torch.equal(a, b) for a, b in zip(first, again, strict=True))
+    pictures, belief, _, _, offset_weight, cornered, unlabelled = first
+    assert pictures.shape == (12, 240, 320, 3)
+    assert float(belief[:, :8].max()) == float(cornered.max()) == 0.0
+    assert float(belief[:, 8].max()) > 0.9
+    assert float(offset_weight.max()) == 1.0
+    assert float((belief[:, 8:] * unlabelled).max()) < 0.8  # peaks lie inside of boxes
+    assert fruit_scale(photographs.train) == pytest.approx(46.0 / 53.0, rel=0.15)
+
+
+def test_close_look_batches_tell_fruit_from_what_nobody_labelled(photographs: PhotoSet) -> None:
+    confident = {name: np.array([[200.0, 30.0, 30.0, 0.9]] * 20) for name in ("a_0.jpg", "a_1.jpg")}
+    doubted = {name: rows * (1.0, 1.0, 1.0, 0.3) for name, rows in confident.items()}
+    pictures, target, kind, visibility, known = PhotoCloseLookBatches(photographs.train, 64, 0, 1)[0]
+    fruit = kind > 0.5
+    assert pictures.shape == (64, 96, 96, 3)
+    assert float(known[fruit][:, 2].max()) == float(known[fruit][:, 4].max()) == 0.0  # no box tells how fruit lies
+    assert float(known[fruit][:, 3].mean()) > 0.8  # all but those that are turned most
+    assert float(known[~fruit][:, 5].min()) == 1.0
+    assert float(target[fruit][:, :2].abs().max()) < 0.6
+    assert float(visibility[fruit].min()) < 0.8 < float(visibility[fruit].max())  # one disc is cut
+    shares = [
+        float(PhotoCloseLookBatches(photographs.train, 200, 0, 1, places=places)[0][2].mean())
+        for places in ({}, confident, doubted)
+    ]
+    assert shares[1] == pytest.approx(shares[0], abs=0.06)  # what the finder is sure of is not taught as no fruit
+    assert shares[2] < min(shares[:2]) - 0.15
+
+
+def test_what_photographs_do_not_say_costs_nothing() -> None:
+    torch.manual_seed(1)
+    belief, offsets, weight = torch.zeros(1, 9, 6, 8), torch.zeros(1, 17, 6, 8), torch.ones(1, 1, 6, 8)
+    target, none = torch.zeros(1, 9, 6, 8), torch.zeros(1, 1, 1, 1)
+    unlabelled = torch.zeros(1, 1, 6, 8)
+    unlabelled[..., :4] = 1.0
+
+    def cost(changed: torch.Tensor) -> float:
+        return float(finder_loss(changed, offsets, target, weight, offsets, weight, none, unlabelled))
+
+    corners, sure, doubtful, labelled = (belief.clone() for _ in range(4))
+    corners[:, :8] = 1.0
+    sure[0, 8, 2, 1], doubtful[0, 8, 2, 1], labelled[0, 8, 2, 6] = 0.8, 0.4, 0.8
+    assert cost(corners) == cost(sure) == 0.0
+    assert cost(doubtful) > 0.0
+    assert cost(labelled) > 0.0  # inside of a box a second peak is wrong
+
+    output, truth, kind = torch.zeros(2, 15), torch.zeros(2, 10), torch.tensor([1.0, 0.0])
+    bound, known = (
+        torch.tensor([0.7, 0.0]),
+        torch.tensor([[0.0, 0.0, 0.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 0.0, 0.0, 1.0]]),
+    )
+
+    def look_cost(row: int, column: int | slice, value: float) -> float:
+        changed = output.clone()
+        changed[row, column] = value
+        return float(close_look_loss(changed, truth, kind, bound, known))
+
+    base = float(close_look_loss(output, truth, kind, bound, known))
+    for columns in (slice(0, 9), BOX):
+        assert look_cost(0, columns, 0.7) == pytest.approx(base)
+    assert look_cost(0, SEEN, -2.0) == pytest.approx(base)  # it may be less visible than its box allows
+    assert look_cost(0, SEEN, 3.0) > base
+    assert look_cost(1, KIND, 0.9) > base > look_cost(1, KIND, 3.0)  # sure of it: fruit that nobody labelled
+
+
+def test_mixed_batches_hold_frames_and_photographs(photographs: PhotoSet, tmp_path: Path) -> None:
+    half = PhotoFinderBatches(photographs.train, 2, 1, 4)
+    mixed = Mixed([half, PhotoFinderBatches(photographs.train, 3, 2, 4)], 4)
+    assert len(mixed) == 4
+    assert [len(part) for part in mixed[0]] == [5] * 7
+    assert torch.equal(mixed[1][0][:2], half[1][0])
+    belief, offsets = FinderNetwork((8, 8, 8, 8))(mixed[0][0].permute(0, 3, 1, 2).float() / 255.0 - 0.5)
+    loss = finder_loss(belief, offsets, *mixed[0][1:])
+    assert torch.isfinite(loss)
