@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
@@ -12,6 +13,7 @@ from executive.ports import TIME, Outputs, Port, Ratio, Time
 from executive.skill import SkillFailure, Work
 from skills.perception.detection.compact_detector import DetectorOptions
 from skills.perception.detection.detection import Detection
+from skills.perception.detection.dope_detector import DopeFiles
 from skills.perception.detection.instances import POLICIES, Instance, rank
 from skills.shared.looking import LOOKING_FAILURES, LookingSkill, picture
 
@@ -70,11 +72,22 @@ class Detect(LookingSkill):
         working_width: Annotated[
             int, Port(min=64, max=4096, help="width at which the whole picture is searched [px]")
         ] = 320,
+        weights: Annotated[
+            str, Port(help="another weights file than the fruit's own; with config, DOPE's full network")
+        ] = "",
+        config: Annotated[str, Port(help="config_pose.yaml of DOPE's full network whose weights are given")] = "",
     ) -> Work[Detected]:
-        model = self.fruit_model(fruit)
+        model = self.fruit_model(fruit, weights)
         frame = self.newest_frame(max_age)
         T_base_camera = self.camera_pose(frame)
-        instances = yield from self.find(frame, model, DetectorOptions(working_width=working_width))
+        options: DetectorOptions | DopeFiles = DetectorOptions(working_width=working_width)
+        if config:
+            if not weights:
+                raise self.failure(
+                    "NO_WEIGHTS", f"{config} needs the weights that it configures: weights: epoch_60.pth"
+                )
+            options = DopeFiles(Path(weights), Path(config))
+        instances = yield from self.find(frame, model, options)
         self._looks += 1
         if (
             self._looks > 1

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Generator
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -15,7 +16,8 @@ from executive.views import ImageView, Line2, Pinhole
 from skills.motion.robot.model import RobotModel
 from skills.perception.detection import reprojection
 from skills.perception.detection.compact_detector import CompactDetector, DetectorOptions
-from skills.perception.detection.errors import BadFrame, BadWeights
+from skills.perception.detection.dope_detector import DopeDetector, DopeFiles
+from skills.perception.detection.errors import BadFrame, BadPoseConfig, BadWeights
 from skills.perception.detection.instances import Instance, find_instances
 from skills.perception.fruit import FruitModel, load_fruit
 from skills.perception.fruit.catalogue import SHIPPED_WEIGHTS
@@ -45,12 +47,14 @@ class LookingSkill(Skill):
             )
         _detector(fruit.weights, DetectorOptions())
 
-    def fruit_model(self, fruit: str) -> FruitModel:
-        """The fruit of a name or path, with weights to find it by; fails with NO_WEIGHTS."""
+    def fruit_model(self, fruit: str, weights: str = "") -> FruitModel:
+        """The fruit of a name or path, with its own or other weights to find it by; fails with NO_WEIGHTS."""
         try:
             model = load_fruit(fruit)
         except FruitError as error:
             raise self.failure("NO_WEIGHTS", str(error), fruit=fruit) from error
+        if weights:
+            return replace(model, weights=Path(weights))
         if model.weights is None:
             raise self.failure("NO_WEIGHTS", f"there are no detector weights for {model.name}: train them", fruit=fruit)
         return model
@@ -77,13 +81,15 @@ class LookingSkill(Skill):
         return T_base_camera
 
     def find(
-        self, frame: Frame, model: FruitModel, options: DetectorOptions
+        self, frame: Frame, model: FruitModel, options: DetectorOptions | DopeFiles
     ) -> Generator[str | None, None, list[Instance]]:
-        """Every fruit of a frame, found beside the tick; fails with NO_FRAME where the frame is unusable."""
+        """Every fruit of a frame, found beside the tick; fails with NO_FRAME or NO_WEIGHTS where these are unusable."""
         try:
             return (yield from self.compute(find_in_frame, frame, model, options))
         except BadFrame as error:
             raise self.failure("NO_FRAME", f"the camera's frame cannot be used: {error}") from error
+        except (BadWeights, BadPoseConfig) as error:
+            raise self.failure("NO_WEIGHTS", str(error), fruit=model.name) from error
 
 
 @lru_cache(maxsize=4)
@@ -94,8 +100,21 @@ def _detector(weights: Path, options: DetectorOptions) -> CompactDetector:
     return detector
 
 
-def find_in_frame(frame: Frame, fruit: FruitModel, options: DetectorOptions) -> list[Instance]:
-    """Every fruit of a frame; its detector is loaded once in a process."""
+@lru_cache(maxsize=1)
+def _dope_detector(files: DopeFiles, fruit: str, dimensions: tuple[float, float, float]) -> DopeDetector:
+    return DopeDetector.load(files, fruit, dimensions)
+
+
+def find_in_frame(frame: Frame, fruit: FruitModel, options: DetectorOptions | DopeFiles) -> list[Instance]:
+    """Every fruit of a frame; its detector is loaded once in a process.
+
+    Raises:
+        BadFrame: the frame's picture has another shape or type.
+        BadWeights, BadPoseConfig: the detector's files cannot be used.
+    """
+    if isinstance(options, DopeFiles):
+        x, y, z = fruit.dimensions.tolist()
+        return _dope_detector(options, fruit.name, (x, y, z)).find_instances(frame.colour, frame.intrinsics.K)
     assert fruit.weights is not None
     return find_instances(_detector(fruit.weights, options), frame.colour, frame.intrinsics.K, fruit)
 

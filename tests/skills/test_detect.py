@@ -12,10 +12,12 @@ from executive.clock import ManualClock
 from executive.skill_testing import Outcome, drive
 from skills.detect import Detect
 from skills.geometry import rotation_about, transform
+from skills.perception.detection.compact_detector import DetectorOptions
 from skills.perception.detection.cuboid import cuboid_keypoints
+from skills.perception.detection.dope_detector import DopeFiles
 from skills.perception.detection.errors import BadFrame
 from skills.perception.detection.instances import Instance, rank
-from skills.perception.fruit import load_fruit
+from skills.perception.fruit import FruitModel, load_fruit
 from skills.shared import looking
 
 INTRINSICS = Intrinsics(610.6, 610.6, 317.7, 238.1, 640, 480)
@@ -180,3 +182,29 @@ def test_a_fruit_is_chosen_so_many_times_and_the_others_first(scripted: list[Ins
     assert outcome.reason is not None
     assert outcome.reason.code == "NOTHING_FOUND"
     assert outcome.reason.message == "all 2 fruit in the frame were chosen 2 times"
+
+
+def test_a_users_own_weights_and_config_are_what_looks(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[tuple[object, object]] = []
+
+    def finds(_frame: Frame, fruit: FruitModel, options: object) -> list[Instance]:
+        asked.append((fruit.weights, options))
+        return [instance(0.0, 0.5)]
+
+    monkeypatch.setattr(looking, "find_in_frame", finds)
+    assert look(weights="pears/own.pt").status is Status.SUCCESS
+    assert asked.pop() == (Path("pears/own.pt"), DetectorOptions())
+    assert look(weights="epoch_60.pth", config="config_pose.yaml").status is Status.SUCCESS
+    assert asked.pop()[1] == DopeFiles(Path("epoch_60.pth"), Path("config_pose.yaml"))
+    outcome = look(config="config_pose.yaml")
+    assert outcome.reason is not None
+    assert outcome.reason.code == "NO_WEIGHTS"
+
+
+@pytest.mark.parametrize("inputs", [{"weights": "none.pt"}, {"weights": "none.pth", "config": "none.yaml"}])
+def test_files_of_a_user_that_are_not_there_are_a_failure_in_words(inputs: dict[str, str]) -> None:
+    outcome = look(**inputs)
+    assert outcome.status is Status.FAILURE
+    assert outcome.reason is not None
+    assert outcome.reason.code == "NO_WEIGHTS"
+    assert "none." in outcome.reason.message

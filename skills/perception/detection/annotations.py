@@ -15,6 +15,12 @@ from skills.perception.detection.errors import BadAnnotation
 
 F64 = NDArray[np.float64]
 
+LARGEST_OBJECT = 2.0
+"""An object larger than this [m] is one whose file is in centimetres."""
+
+FARTHEST_OBJECT = 10.0
+"""The same for one that is farther than this [m], where a file holds no cuboid in space."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AnnotatedObject:
@@ -44,8 +50,8 @@ class Annotation:
     """What is known about one picture.
 
     Attributes:
-        width, height: picture size [px].
-        camera: fx, fy, cx, cy [px].
+        width, height: picture size [px]; 0 when the file does not say.
+        camera: fx, fy, cx, cy [px]; 0 when the file does not say.
         objects: the fruit.
         decoys: u, v, radius of things that are no fruit [px]; training takes hard negatives from them.
         scene: kind of scene, for the tables of a report.
@@ -80,15 +86,16 @@ def write_annotation(path: Path, annotation: Annotation) -> None:
 def read_annotation(path: Path) -> Annotation:
     """Read a JSON file written by DOPE's tools or by `write_annotation`.
 
-    Both forms of keypoints are accepted: 9 points, or 8 and `projected_cuboid_centroid`.
+    Both forms of keypoints are accepted: 9 points, or 8 and `projected_cuboid_centroid`. NDDS writes centimetres, and
+    its camera into `_camera_settings.json` beside the frames; both are noticed.
 
     Raises:
         BadAnnotation: no such file, no JSON, or keys of another shape.
     """
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
-        camera = content.get("camera_data", {})
-        k = camera.get("intrinsics", {})
+        camera = content.get("camera_data") or _camera_beside(path)
+        k = camera.get("intrinsics") or {}
         return Annotation(
             width=int(camera.get("width", 0)),
             height=int(camera.get("height", 0)),
@@ -126,7 +133,7 @@ def _object(item: dict[str, Any]) -> AnnotatedObject:
         raise ValueError(f"projected_cuboid must hold 8 or 9 points, not shape {points.shape}")
     T = np.eye(4)
     T[:3, :3] = from_quaternion(item.get("quaternion_xyzw", (0, 0, 0, 1)))
-    T[:3, 3] = item.get("location", (0.0, 0.0, 0.0))
+    T[:3, 3] = np.asarray(item.get("location", (0.0, 0.0, 0.0)), np.float64) * _metres(item)
     dimensions, box = item.get("dimensions"), item.get("bounding_box")
     return AnnotatedObject(
         name=str(item["class"]),
@@ -137,3 +144,24 @@ def _object(item: dict[str, Any]) -> AnnotatedObject:
         dimensions=None if dimensions is None else np.asarray(dimensions, np.float64),
         box=None if box is None else (int(box[0]), int(box[1]), int(box[2]), int(box[3])),
     )
+
+
+def _metres(item: dict[str, Any]) -> float:
+    """Metres of one unit of an object's location.
+
+    The files name no unit. Where they hold the cuboid's corners in space, its extent tells; else the distance.
+    """
+    if "cuboid" in item:
+        corners = np.asarray(item["cuboid"], np.float64).reshape(-1, 3)
+        return 0.01 if float(np.ptp(corners, axis=0).max()) > LARGEST_OBJECT else 1.0
+    distance = float(np.linalg.norm(np.asarray(item.get("location", (0.0, 0.0, 0.0)), np.float64)))
+    return 0.01 if distance > FARTHEST_OBJECT else 1.0
+
+
+def _camera_beside(path: Path) -> dict[str, Any]:
+    """NDDS's camera of all frames of a folder, under the keys of a frame's own; empty where there is none."""
+    beside = path.with_name("_camera_settings.json")
+    if not beside.is_file():
+        return {}
+    settings = json.loads(beside.read_text(encoding="utf-8"))["camera_settings"][0]
+    return {**settings["captured_image_size"], "intrinsics": settings["intrinsic_settings"]}

@@ -2,22 +2,48 @@
 
 from __future__ import annotations
 
+import math
+
 import torch
 from torch import Tensor
 from torch.nn import functional
 
-from skills.perception.detection.compact_network import AXIS, BOX, CENTRE, KIND, OFFSET_UNIT, SEEN, SIZE, SPREAD
+from skills.perception.detection.close_look import SIZE_OF_BOX
+from skills.perception.detection.compact_network import (
+    AXIS,
+    BOX,
+    CENTRE,
+    FINDER_STRIDE,
+    KIND,
+    OFFSET_UNIT,
+    SEEN,
+    SIZE,
+    SPREAD,
+)
 
 PEAK_WEIGHT = 20.0
 """How much more a cell on a peak counts than an empty one: plain squared error collapses to zero on small budgets."""
 
 
 CONFIDENT = 0.5
-"""A belief above this where people drew no box is taken for fruit that they left out, and not punished."""
+"""A belief above this, of a fruit as large as the labelled, is doubted where people drew no box: they left some out."""
+
+AS_LARGE = 0.65
+"""What is smaller than this part of the labelled fruit is far behind, and is taught as background."""
+
+FRUIT_IN_INPUT = 46.0
+"""Median longer side of the boxes in the finder's input [px]: as large as most rendered fruit."""
+
+DOUBTED = 0.25
+"""How much a doubted place counts as no fruit: leaves that deceive are unlearnt so, and fruit that looks like the
+labelled stays fruit. Not counting them at all leaves the leaves (docs/decisions/detect-photographs.md)."""
 
 
 SURE = 1.0
 """The same for the close look's logit of kind."""
+
+
+_LARGE_OFFSET = math.log(AS_LARGE * SIZE_OF_BOX * FRUIT_IN_INPUT / (FINDER_STRIDE * OFFSET_UNIT))
 
 
 def finder_loss(
@@ -37,7 +63,8 @@ def finder_loss(
     """
     count, belief = belief.shape[0], belief.float()
     error = (belief - target) ** 2 * (1.0 + PEAK_WEIGHT * target) * weight
-    forgiven = unlabelled * (belief[:, 8:].detach() > CONFIDENT) * (target[:, 8:] < 0.05)
+    large = offsets[:, 16:].detach().float() > _LARGE_OFFSET
+    forgiven = (1.0 - DOUBTED) * unlabelled * large * (belief[:, 8:].detach() > CONFIDENT) * (target[:, 8:] < 0.05)
     total = (error[:, :8] * cornered).sum() + (error[:, 8:] * (1.0 - forgiven)).sum()
     placed = functional.smooth_l1_loss(offsets.float(), target_offsets, beta=0.5 / OFFSET_UNIT, reduction="none")
     placed = placed * offset_weight
@@ -70,7 +97,7 @@ def close_look_loss(output: Tensor, target: Tensor, kind: Tensor, visibility: Te
     spread = output[:, SPREAD].clamp(-6.0, 2.0)
     likelihood = ((residual.detach() * torch.exp(-spread) + spread) * share[:, :3]).sum(dim=0) / total[:3]
     boxes = (output[:, BOX] - target[:, 6:]).abs().mean(dim=1)
-    sure = known[:, 5] * (output[:, KIND].detach() > SURE)
+    sure = (1.0 - DOUBTED) * known[:, 5] * (output[:, KIND].detach() > SURE)
     is_fruit = functional.binary_cross_entropy_with_logits(output[:, KIND], kind, reduction="none")
     seen = functional.binary_cross_entropy_with_logits(output[:, SEEN], visibility, reduction="none")
     seen = seen * fruit * torch.maximum(known[:, 4], (output[:, SEEN].detach().sigmoid() > visibility).float())

@@ -14,8 +14,8 @@ from torch.utils.data import Dataset
 from skills.perception.detection.close_look import SIZE_OF_BOX, look_at
 from skills.perception.detection.compact_network import FINDER_STRIDE
 from skills.perception.training.augmentation import change_look, cover
-from skills.perception.training.losses import CONFIDENT
-from skills.perception.training.photographs import FRUIT_IN_INPUT, Labels, Photograph, fruit_scale, most_visible
+from skills.perception.training.losses import AS_LARGE, FRUIT_IN_INPUT
+from skills.perception.training.photographs import Labels, Photograph, fruit_scale, most_visible
 from skills.perception.training.samples import (
     FINDER_INPUT,
     MOST_ROLL,
@@ -157,13 +157,13 @@ class PhotoCloseLookBatches(Dataset[tuple[Tensor, ...]]):
             samples.append(look_sample(picture, look, target, 1.0, shown, known, rng, True))
         for place, size in self._elsewhere(photo, labels, rng):
             look = look_at(K, place, size, roll_of_look(self.turned, rng))
-            samples.append(no_fruit(picture, look, 1.0, rng, True))
+            samples.append(no_fruit(picture, look, float(size >= AS_LARGE * self.usual), rng, True))
         return samples
 
     def _elsewhere(self, photo: Photograph, labels: Labels, rng: np.random.Generator) -> list[tuple[F64, float]]:
-        """Places that nobody labelled: what half deceives the finder, beside fruit, anywhere."""
+        """Places that nobody labelled: what deceives the finder, beside fruit, anywhere."""
         places = self.places.get(photo.name, np.empty((0, 4)))
-        wrong = [(row[:2], float(row[2])) for row in rng.permutation(places) if row[3] <= CONFIDENT]
+        wrong = [(row[:2], float(row[2])) for row in rng.permutation(places)]
         wrong = [place for place in wrong if _clear(*place, labels.boxes)][: MOST_OF_ONE - 2]
         anywhere = rng.uniform((0.0, 0.0), (photo.width, photo.height))
         other = [(anywhere, self.usual * np.exp(rng.uniform(np.log(0.5), np.log(1.6))))]

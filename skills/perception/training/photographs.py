@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from skills.perception.detection.close_look import SIZE_OF_BOX
 from skills.perception.detection.errors import BadPhotographs
+from skills.perception.training.losses import FRUIT_IN_INPUT
 
 F64 = NDArray[np.float64]
 U8 = NDArray[np.uint8]
@@ -35,10 +36,6 @@ USUAL_ASPECT = 0.85
 
 TINY = 14.0
 """A box whose longer side is shorter than this is ignored [px of the photograph]."""
-
-
-FRUIT_IN_INPUT = 46.0
-"""Median longer side of the boxes in the finder's input [px]: as large as most rendered fruit."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -20,25 +20,39 @@ THRESHOLD = 0.12
 
 
 def find_places(
-    detector: CompactDetector, frames: FrameFolder, progress: Callable[[int, int], None] | None = None
+    detector: CompactDetector,
+    frames: FrameFolder,
+    progress: Callable[[int, int], None] | None = None,
+    most: int | None = None,
 ) -> dict[str, F64]:
-    """Places by frame name: rows (u, v, size [px], belief), (n, 4)."""
+    """Places by frame name: rows (u, v, size [px], belief), (n, 4).
+
+    Args:
+        detector: whose finder is asked.
+        frames: to search.
+        progress: called with (frames searched, frames in all).
+        most: frames that are searched, evenly from all; None for all.
+    """
     places = {}
-    for index in range(len(frames)):
+    for index in range(0, len(frames), _stride(len(frames), most)):
         found = detector.places(frames.picture(index, halved=False), THRESHOLD)
         rows = [[*place.keypoints[8], place.size, place.belief] for place in found]
         places[frames.name(index)] = np.array(rows, np.float64).reshape(-1, 4)
-        if progress is not None and (index + 1) % 100 == 0:
+        if progress is not None:
             progress(index + 1, len(frames))
     return places
 
 
 def find_photo_places(
-    detector: CompactDetector, photographs: Sequence[Photograph], progress: Callable[[int, int], None] | None = None
+    detector: CompactDetector,
+    photographs: Sequence[Photograph],
+    progress: Callable[[int, int], None] | None = None,
+    most: int | None = None,
 ) -> dict[str, F64]:
     """The same in photographs, each shrunk as it is when the finder learns from it, by the photograph's name."""
     places, scale = {}, fruit_scale(photographs)
-    for number, photo in enumerate(photographs):
+    for number in range(0, len(photographs), _stride(len(photographs), most)):
+        photo = photographs[number]
         options = replace(detector.options, working_width=max(16, round(scale * photo.width)))
         found = detector.looking(options).places(photo.picture(), THRESHOLD)
         rows = [[*place.keypoints[8], place.size, place.belief] for place in found]
@@ -46,6 +60,10 @@ def find_photo_places(
         if progress is not None:
             progress(number + 1, len(photographs))
     return places
+
+
+def _stride(count: int, most: int | None) -> int:
+    return 1 if most is None else max(1, -(-count // most))
 
 
 def save_places(path: Path, places: dict[str, F64]) -> None:

@@ -94,13 +94,16 @@ WITH_PHOTOGRAPHS = Recipe(
     held_out=FrameSet(60, 9001, WITHOUT_TREES),
     stages=(
         Stage("finder", 500, 1.5e-3, 14, sets=2, photos=8 / 14, average=0.99),
-        Stage("close_look", 900, 1.5e-3, 96, turned=0.2, fall="late", sets=2, photos=0.5, average=0.99),
+        Stage("close_look", 500, 1.5e-3, 96, turned=0.2, fall="late", sets=2, photos=0.5, average=0.99),
     ),
 )
 """What `pomona train detect --photos` carries out, from weights that rendered frames gave."""
 
-VALIDATE_EVERY, SAVE_EVERY = 100, 50
+WARM_UP, VALIDATE_EVERY, SAVE_EVERY = 30, 100, 25
 """Where photographs are learnt from, steps are few and dear."""
+
+MOST_SEARCHED = 400
+"""There so many frames, and so many photographs, are searched for what deceives the finder."""
 
 Say = Callable[[str, Progress], None]
 
@@ -157,12 +160,14 @@ def make_weights(
             places = work / f"places_{made_by['finder']}_{len(learnt_from)}.npz"
             if not places.is_file():
                 detector = CompactDetector(networks["finder"].cpu(), networks["close_look"])
-                save_places(places, find_places(detector, FrameFolder(list(learnt_from)), rendered))
+                most = MOST_SEARCHED if stage.photos else None
+                save_places(places, find_places(detector, FrameFolder(list(learnt_from)), rendered, most))
             if photographs is not None and stage.photos:
                 photo_places = work / f"places_{made_by['finder']}_photographs.npz"
                 if not photo_places.is_file():
                     detector = CompactDetector(networks["finder"].cpu(), networks["close_look"])
-                    save_places(photo_places, find_photo_places(detector, photographs.train, rendered))
+                    found = find_photo_places(detector, photographs.train, rendered, MOST_SEARCHED)
+                    save_places(photo_places, found)
         run = TrainingRun(
             stage.part,
             learnt_from,
@@ -198,7 +203,9 @@ def make_weights(
 
 def _schedule(stage: Stage) -> Schedule:
     schedule = Schedule(stage.steps, stage.rate, stage.fall, average=stage.average)
-    return replace(schedule, validate_every=VALIDATE_EVERY, save_every=SAVE_EVERY) if stage.photos else schedule
+    if not stage.photos:
+        return schedule
+    return replace(schedule, warm_up=WARM_UP, validate_every=VALIDATE_EVERY, save_every=SAVE_EVERY)
 
 
 def render_set(

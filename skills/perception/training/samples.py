@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -17,7 +18,7 @@ from skills.perception.detection.close_look import REFERENCE_LENGTH, Look, keypo
 from skills.perception.detection.compact_network import CLOSE_LOOK_SIZE, FINDER_STRIDE
 from skills.perception.detection.cuboid import MIRRORED
 from skills.perception.detection.dope_network import IMAGENET_MEAN, IMAGENET_STD, STRIDE
-from skills.perception.detection.errors import BadTraining
+from skills.perception.detection.errors import BadAnnotation, BadTraining
 from skills.perception.training.augmentation import change_look, cover
 from skills.perception.training.targets import dope_targets, finder_targets
 
@@ -44,7 +45,7 @@ class FrameFolder:
         self.pictures = [
             picture
             for folder in folders
-            for annotation in sorted(folder.glob("*.json"))
+            for annotation in sorted(folder.glob("[!_]*.json"))
             if (picture := _picture_of(annotation)) is not None
         ]
         if not self.pictures:
@@ -59,8 +60,16 @@ class FrameFolder:
         return f"{picture.parent.name}/{picture.stem}"
 
     def annotation(self, index: int) -> Annotation:
-        """The annotation of a frame."""
-        return read_annotation(self.pictures[index].with_suffix(".json"))
+        """What is known about a picture; its size is the picture's own where the file does not say.
+
+        Raises:
+            BadAnnotation: the file cannot be read.
+        """
+        annotation = read_annotation(self.pictures[index].with_suffix(".json"))
+        if annotation.width > 0 and annotation.height > 0:
+            return annotation
+        height, width = self.picture(index, halved=False).shape[:2]
+        return replace(annotation, width=width, height=height)
 
     def picture(self, index: int, halved: bool) -> U8:
         """RGB picture, at half size where `halved`."""
@@ -202,6 +211,9 @@ class CloseLookBatches(Dataset[tuple[Tensor, ...]]):
     def _samples(self, index: int, rng: np.random.Generator) -> list[Sample]:
         annotation, picture = self.frames.annotation(index), self.frames.picture(index, halved=False)
         fx, fy, cx, cy = annotation.camera
+        if fx <= 0.0 or fy <= 0.0:
+            path = self.frames.pictures[index].with_suffix(".json")
+            raise BadAnnotation(path, "names no camera: the close look needs fx, fy, cx and cy [px]")
         K = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
         seen = [item for item in annotation.objects if item.visibility >= 0.12]
         samples = []

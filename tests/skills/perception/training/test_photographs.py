@@ -8,7 +8,7 @@ import torch
 
 from skills.perception.detection.close_look import MARGIN, REFERENCE_LENGTH, SIZE_OF_BOX, look_at
 from skills.perception.detection.compact_network import BOX, KIND, SEEN, FinderNetwork
-from skills.perception.training.losses import close_look_loss, finder_loss
+from skills.perception.training.losses import DOUBTED, close_look_loss, finder_loss
 from skills.perception.training.photo_folder import read_photographs
 from skills.perception.training.photo_samples import Mixed, PhotoCloseLookBatches, PhotoFinderBatches
 from skills.perception.training.photographs import Labels, PhotoSet, camera_of, fruit_scale, labels_of, most_visible
@@ -93,25 +93,23 @@ def test_finder_batches_put_belief_on_labelled_fruit_and_repeat(photographs: Pho
 
 
 def test_close_look_batches_tell_fruit_from_what_nobody_labelled(photographs: PhotoSet) -> None:
-    confident = {name: np.array([[200.0, 30.0, 30.0, 0.9]] * 20) for name in ("a_0.jpg", "a_1.jpg")}
-    doubted = {name: rows * (1.0, 1.0, 1.0, 0.3) for name, rows in confident.items()}
+    deceiving = {name: np.array([[200.0, 30.0, 30.0, 0.9]] * 20) for name in ("a_0.jpg", "a_1.jpg")}
     pictures, target, kind, visibility, known = PhotoCloseLookBatches(photographs.train, 64, 0, 1)[0]
     fruit = kind > 0.5
     assert pictures.shape == (64, 96, 96, 3)
     assert float(known[fruit][:, 2].max()) == float(known[fruit][:, 4].max()) == 0.0  # no box tells how fruit lies
     assert float(known[fruit][:, 3].mean()) > 0.8  # all but those that are turned most
-    assert float(known[~fruit][:, 5].min()) == 1.0
+    assert 0.3 < float(known[~fruit][:, 5].mean()) < 1.0  # a look at something small is at background
     assert float(target[fruit][:, :2].abs().max()) < 0.6
     assert float(visibility[fruit].min()) < 0.8 < float(visibility[fruit].max())  # one disc is cut
-    shares = [
+    without, taught = (
         float(PhotoCloseLookBatches(photographs.train, 200, 0, 1, places=places)[0][2].mean())
-        for places in ({}, confident, doubted)
-    ]
-    assert shares[1] == pytest.approx(shares[0], abs=0.06)  # what the finder is sure of is not taught as no fruit
-    assert shares[2] < min(shares[:2]) - 0.15
+        for places in ({}, deceiving)
+    )
+    assert taught < without - 0.15  # what deceives the finder is taught as no fruit
 
 
-def test_what_photographs_do_not_say_costs_nothing() -> None:
+def test_what_photographs_do_not_say_costs_nothing_and_what_they_may_have_left_out_little() -> None:
     torch.manual_seed(1)
     belief, offsets, weight = torch.zeros(1, 9, 6, 8), torch.zeros(1, 17, 6, 8), torch.ones(1, 1, 6, 8)
     target, none = torch.zeros(1, 9, 6, 8), torch.zeros(1, 1, 1, 1)
@@ -124,9 +122,11 @@ def test_what_photographs_do_not_say_costs_nothing() -> None:
     corners, sure, doubtful, labelled = (belief.clone() for _ in range(4))
     corners[:, :8] = 1.0
     sure[0, 8, 2, 1], doubtful[0, 8, 2, 1], labelled[0, 8, 2, 6] = 0.8, 0.4, 0.8
-    assert cost(corners) == cost(sure) == 0.0
+    assert cost(corners) == 0.0
     assert cost(doubtful) > 0.0
-    assert cost(labelled) > 0.0  # inside of a box a second peak is wrong
+    assert cost(sure) == pytest.approx(DOUBTED * cost(labelled))  # inside of a box a second peak is wrong
+    offsets[:, 16] = -1.0
+    assert cost(sure) == cost(labelled)  # what looks small is far behind, not left out
 
     output, truth, kind = torch.zeros(2, 15), torch.zeros(2, 10), torch.tensor([1.0, 0.0])
     bound, known = (
@@ -144,7 +144,7 @@ def test_what_photographs_do_not_say_costs_nothing() -> None:
         assert look_cost(0, columns, 0.7) == pytest.approx(base)
     assert look_cost(0, SEEN, -2.0) == pytest.approx(base)  # it may be less visible than its box allows
     assert look_cost(0, SEEN, 3.0) > base
-    assert look_cost(1, KIND, 0.9) > base > look_cost(1, KIND, 3.0)  # sure of it: fruit that nobody labelled
+    assert look_cost(1, KIND, 1.1) < base < look_cost(1, KIND, 0.9)  # sure of it: perhaps nobody labelled it
 
 
 def test_mixed_batches_hold_frames_and_photographs(photographs: PhotoSet, tmp_path: Path) -> None:

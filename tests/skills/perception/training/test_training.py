@@ -2,6 +2,7 @@
 
 import copy
 import dataclasses
+import json
 import threading
 from pathlib import Path
 
@@ -13,7 +14,7 @@ from skills.perception.detection.close_look import SIZE_OF_BOX
 from skills.perception.detection.compact_detector import CompactDetector
 from skills.perception.detection.compact_network import CloseLookNetwork, FinderNetwork
 from skills.perception.detection.cuboid import MIRRORED
-from skills.perception.detection.errors import BadTraining
+from skills.perception.detection.errors import BadAnnotation, BadTraining
 from skills.perception.synthetic.dataset import render_dataset
 from skills.perception.synthetic.options import SceneOptions
 from skills.perception.training.loop import Progress, Schedule
@@ -282,3 +283,19 @@ def test_mirrored_samples_stay_consistent() -> None:
     points = np.random.default_rng(0).uniform(-1, 1, (9, 2))
     twice = (points[list(MIRRORED)] * (-1, 1))[list(MIRRORED)] * (-1, 1)
     assert np.allclose(twice, points)
+
+
+def test_a_frame_that_does_not_say_its_size_has_its_pictures_and_none_without_a_camera_teaches_the_close_look(
+    frames: Path, tmp_path: Path
+) -> None:
+    source = frames / "000000.jpg"
+    (tmp_path / "a.jpg").write_bytes(source.read_bytes())
+    content = json.loads(source.with_suffix(".json").read_text())
+    del content["camera_data"]
+    (tmp_path / "a.json").write_text(json.dumps(content))
+    folder = FrameFolder([tmp_path])
+    annotation = folder.annotation(0)
+    assert (annotation.width, annotation.height) == (640, 480)
+    assert float(FinderBatches(folder, 2, 0, 1)[0][1].max()) > 0.9
+    with pytest.raises(BadAnnotation, match=r"a\.json: names no camera"):
+        CloseLookBatches(folder, 4, 0, 1)[0]
