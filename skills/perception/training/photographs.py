@@ -115,14 +115,17 @@ class Photograph:
 
     @cached_property
     def labels(self) -> Labels:
+        """What its boxes teach."""
         return labels_of(self.boxes, self.crowd, self.width, self.height)
 
     @property
     def name(self) -> str:
+        """The picture's file name, by which places in it are kept."""
         return self.path.name
 
     @property
     def K(self) -> F64:
+        """Camera matrix (3, 3) [px], as `camera_of` supposes it."""
         return camera_of(self.width, self.height)
 
     def picture(self) -> U8:
