@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
@@ -32,7 +33,7 @@ PERIOD = 0.02
 TURNS = 4
 FLAGS = ["--no-sandbox", "--disable-gpu", "--disable-background-networking", "--disable-component-update",
          "--disable-sync", "--no-first-run"]  # fmt: skip
-NODES = tuple(
+NODES: tuple[dict[str, Any], ...] = tuple(
     {"path": f"root/{n}" if n else "root", "parent": "root" if n else None, "kind": "skill", "type": "Rest",
      "name": f"node {n}", "description": "", "comment": "", "line": 1, "end_line": 1, "inputs": {}, "outputs": {}}
     for n in range(1001)
@@ -49,8 +50,8 @@ def started(nodes: int) -> RunStarted:
 def tick_events(tick: int, feedback: str) -> list[Event]:
     """What a busy tick tells: a node's feedback, and ten samples of six quantities."""
     t = tick * PERIOD
-    times = t + np.arange(10) * 0.002
-    values = {f"quantity {i} [N]": np.sin(times * (i + 1)) for i in range(6)}
+    times = np.asarray(t + np.arange(10) * 0.002, np.float64)
+    values: dict[str, NDArray[np.float64]] = {f"quantity {i} [N]": np.sin(times * (i + 1)) for i in range(6)}
     return [
         NodeChanged(t, tick, f"root/{1 + tick % 10}", "RUNNING", feedback, 1),
         Published(t, tick, "root/1", "grip", SeriesView(times, values)),

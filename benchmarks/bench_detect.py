@@ -110,7 +110,10 @@ def speed(detector: CompactDetector, frames: FrameFolder, fruit: FruitModel, rou
     fx, fy, cx, cy = frames.annotation(0).camera
     K = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
     threads = torch.get_num_threads()
-    whole, network_only, in_one_thread, compact = [], [], [], []
+    whole: list[float] = []
+    network_only: list[float] = []
+    in_one_thread: list[float] = []
+    compact: list[float] = []
     for turn in range(rounds):
         for count, took in ((threads, network_only), (1, in_one_thread)):
             torch.set_num_threads(count)

@@ -14,6 +14,7 @@ import tempfile
 import threading
 import time
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -77,15 +78,15 @@ def fingers(seconds: float) -> None:
             emulated("suntouch", "--link", str(links[0]), "--press", "3"),
             emulated("suntouch", "--link", str(links[1]), "--seed", "1", "--press", "3"),
         ):
-            pair = [
+            left, right = (
                 Finger(
-                    lambda link=link: SerialLink(str(link), 1_000_000),
+                    partial(SerialLink, str(link), 1_000_000),
                     FingerCalibration.load(CALIBRATIONS / f"{link.name}.json"),
                     CLOCK,
                 )
                 for link in links
-            ]
-            sensor = SunTouchFingers(*pair, CLOCK)
+            )
+            sensor = SunTouchFingers(left, right, CLOCK)
             sensor.connect()
             latency: list[float] = []
             sequence: list[int] = []

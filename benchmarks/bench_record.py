@@ -64,7 +64,9 @@ def alone(record: Path, folder: Path) -> tuple[float, float]:
 
 def compare(pairs: int, folder: Path, real_time: bool) -> list[Path]:
     """Picks with and without a record by turns; prints what it cost and returns the records."""
-    without, recorded, records = [], [], []
+    without: list[tuple[float, float, float]] = []
+    recorded: list[tuple[float, float, float]] = []
+    records: list[Path] = []
     for seed in range(1, pairs + 1):
         for keep in (False, True) if seed % 2 else (True, False):  # whoever comes first may find a colder machine
             times, record = one(seed, folder if keep else None, real_time)

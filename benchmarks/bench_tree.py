@@ -30,7 +30,7 @@ class Spin(Skill):
 
     failures = ("NEVER",)
 
-    def run(self) -> Work:
+    def run(self) -> Work[None]:
         while True:
             yield None
 

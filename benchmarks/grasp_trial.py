@@ -122,7 +122,7 @@ def least_grasp_force(fruit: Fruit) -> float:
 def peak_pressure(f_n: float, fruit: Fruit) -> float:
     """Pressure in the middle of a finger's contact [Pa]."""
     rho = fruit.delta * f_n**fruit.gamma
-    return xi(fruit.k) * f_n / (math.pi * rho**2)
+    return float(xi(fruit.k) * f_n / (math.pi * rho**2))
 
 
 def run_trial(

@@ -24,7 +24,7 @@ def success_plot(cells: Cells) -> str:
             ("Paper, with refinement", "Ours, with refinement", "Paper, without", "Ours, without"),
             strict=True,
         ):
-            rate_map(axes, rates, APPLES, ATTEMPTS, title)
+            rate_map(axes, np.asarray(rates, np.float64).tolist(), APPLES, ATTEMPTS, title)
     return plot.svg
 
 

@@ -16,4 +16,4 @@ def pressure(f_n: float, contact: SoftContact | None = None) -> float:
     if f_n <= 0.0:
         return 0.0
     radius = contact.delta * f_n**contact.gamma
-    return xi(contact.k) * f_n / (math.pi * radius**2)
+    return float(xi(contact.k) * f_n / (math.pi * radius**2))

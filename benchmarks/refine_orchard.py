@@ -35,7 +35,7 @@ def orchard_errors(folder: Path, fruit: FruitModel, console: Console) -> dict[st
     with (folder / "fruit.csv").open(newline="", encoding="utf-8") as file:
         rows = [row for row in csv.DictReader(file) if not row["fruit_id"].startswith("BALL")]
     depth = {
-        name: cv2.imread(str(folder / f"{name}_depth_mm.png"), cv2.IMREAD_UNCHANGED).astype(np.float32) / 1e3
+        name: np.asarray(cv2.imread(str(folder / f"{name}_depth_mm.png"), cv2.IMREAD_UNCHANGED), np.float32) / 1e3
         for name in {row["frame"] for row in rows}
     }
     table = Table("method", "fruit", "measured", "raw bias", "raw MAE", "leave-one-out MAE", "of the calibre")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -81,7 +82,7 @@ def _views_of(
         for elevation in elevations:
             target = T_base_fruit[:3, 3] + rng.normal(0.0, 0.02, 3)
             T_base_camera = looking_at(target, 0.6, np.radians(elevation), rng.uniform(-np.pi, np.pi))
-            colour, ideal = in_gl_thread(lambda T=T_base_camera: _render(world, T))
+            colour, ideal = in_gl_thread(partial(_render, world, T_base_camera))
             noisy = colour + rng.normal(0.0, 2.0, colour.shape)
             colour = np.clip(cv2.GaussianBlur(noisy, (0, 0), 0.6), 0, 255).astype(np.uint8)
             depth = as_d435i(ideal.astype(np.float64), rng, CAMERA)

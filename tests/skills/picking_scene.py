@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -136,7 +137,7 @@ CELLS = (
 """Two walls from beside the base outwards, and a ceiling: OBSERVE and ASIDE are in different cells."""
 
 
-def bench_with_pose(code: str, **bench: object) -> tuple[Bench, dict[str, object]]:
+def bench_with_pose(code: str, **bench: Any) -> tuple[Bench, dict[str, object]]:
     """A bench on which going to the pose "there" fails with a code, and the inputs and settings of `drive` for it."""
     poses = dict(WORKSPACE.poses) | {"there": HOME}
     workspace, inputs, settings = replace(WORKSPACE, poses=poses), {}, {}

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -57,7 +58,7 @@ def scripted(monkeypatch: pytest.MonkeyPatch, tmp_path: object) -> list[Instance
     return instances
 
 
-def look(skill: Detect | None = None, shown: Frame | None = None, **inputs: object) -> Outcome:
+def look(skill: Detect | None = None, shown: Frame | None = None, **inputs: Any) -> Outcome:
     camera = OneFrame(shown or frame())
     return drive(skill or Detect(), {"fruit": "apple", **inputs}, devices={Camera: camera})
 

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -49,7 +50,7 @@ def scripted(monkeypatch: pytest.MonkeyPatch) -> list[Instance]:
     return instances
 
 
-def look(frame: Frame | None = FRAME, now: float = 0.0, **inputs: object) -> Outcome:
+def look(frame: Frame | None = FRAME, now: float = 0.0, **inputs: Any) -> Outcome:
     return drive(DetectAll(), {"fruit": "apple", **inputs}, {Camera: OneFrame(frame)}, clock=ManualClock(now))
 
 

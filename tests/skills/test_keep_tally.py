@@ -1,5 +1,7 @@
 """What became of every fruit: one entry a fruit, however often it is tried; those that are left are named."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from py_trees.common import Status
@@ -22,7 +24,7 @@ def seen(x: float, y: float, frame: Frame | None = None) -> Detection:
     )  # fmt: skip
 
 
-def keep(detection: Detection, so_far: Tally | None = None, **inputs: object):
+def keep(detection: Detection, so_far: Tally | None = None, **inputs: Any):
     return drive(KeepTally(), {"detection": detection, "so_far": so_far, **inputs})
 
 

@@ -1,4 +1,5 @@
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -21,7 +22,7 @@ def candidates(*grasps) -> GraspCandidates:
     return GraspCandidates(tuple(grasps), (), 1)
 
 
-def plan(bench: Bench | None = None, skill: Plan | None = None, **inputs: object):
+def plan(bench: Bench | None = None, skill: Plan | None = None, **inputs: Any):
     bench = bench or Bench()
     given = {"to": candidates(*GRASPS), "map": seen_map(), **inputs}
     return drive(skill or Plan(), given, bench.devices, clock=bench.clock)

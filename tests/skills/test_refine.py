@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -82,7 +83,7 @@ def test_shows_the_outline_in_the_image(detection):
     assert [v.max(), u.max()] == seen.max(axis=0).tolist()
 
 
-def reason_of(detection: Detection, **inputs: object):
+def reason_of(detection: Detection, **inputs: Any):
     outcome = measure({"detection": detection, **inputs})
     assert outcome.status is Status.FAILURE
     assert "measured" not in outcome.outputs

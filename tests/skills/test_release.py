@@ -1,3 +1,5 @@
+from typing import Any
+
 import numpy as np
 import pytest
 from py_trees.common import Status
@@ -10,7 +12,7 @@ GRASP = a_grasp()
 START = GRASP.q_pre_grasp[0]
 
 
-def over_ground(ground: float | None, **changes: object) -> Bench:
+def over_ground(ground: float | None, **changes: Any) -> Bench:
     """A held fruit of 1.5 N above a ground that carries it from a height of the TCP on."""
     bench = Bench(q=START.copy(), width=0.08, **changes)
 

@@ -1,4 +1,5 @@
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -21,7 +22,7 @@ def lifted(height: float) -> np.ndarray:
     return straight_line(ROBOT_MODEL, LINE[-1], T).q[-1]
 
 
-def retreat(bench: Bench, **inputs: object):
+def retreat(bench: Bench, **inputs: Any):
     return drive(Retreat(), {"grasp": GRASP, **inputs}, bench.devices, clock=bench.clock)
 
 

@@ -1,3 +1,5 @@
+from typing import Any
+
 from py_trees.common import Status
 
 from executive.skill_testing import drive
@@ -7,7 +9,7 @@ from skills.sample_grasp import SampleGrasp
 from tests.skills.picking_scene import WORKSPACE, Bench, apple_at, seen_map
 
 
-def sample(skill: SampleGrasp, bench: Bench, **inputs: object):
+def sample(skill: SampleGrasp, bench: Bench, **inputs: Any):
     given = {"around": apple_at(5, 2), "map": seen_map(), "thetas": 1, "alphas": 4, **inputs}
     return drive(skill, given, bench.devices, clock=bench.clock)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -35,7 +36,7 @@ class Rig:
         self.fingers.feel = spring_fruit(self.gripper, width, stiffness)
         self.devices: dict[type, object] = {Gripper: self.gripper, ForceSensor: self.fingers}
 
-    def drive(self, skill: SlipAvoidGrasp | Pivot | None = None, **kwargs: object) -> Outcome:
+    def drive(self, skill: SlipAvoidGrasp | Pivot | None = None, **kwargs: Any) -> Outcome:
         inputs = kwargs.pop("inputs", {})
         return drive(skill or SlipAvoidGrasp(), inputs, self.devices, clock=self.clock, **kwargs)  # type: ignore[arg-type]
 

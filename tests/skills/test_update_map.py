@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -90,7 +91,7 @@ def table_with_apple(stamp: float = 0.0) -> tuple[Frame, MeasuredFruit]:
     return frame, measured
 
 
-def run(frame: Frame | None, arm: StillArm | None = None, now: float = 0.1, **inputs: object) -> Outcome:
+def run(frame: Frame | None, arm: StillArm | None = None, now: float = 0.1, **inputs: Any) -> Outcome:
     devices = {
         Camera: OneFrame(frame), Arm: arm or StillArm(OBSERVE), Gripper: OpenGripper(), Workspace: WORKSPACE,
     }  # fmt: skip

@@ -46,7 +46,7 @@ class StandingFruit:
 
 def standing(
     mesh: Triangles,
-    dimensions: Sequence[float],
+    dimensions: Sequence[float] | Float64,
     spot: tuple[float, float] = (0.0, 0.0),
     tilt: float = 0.0,
     azimuth: float = 0.0,
@@ -82,7 +82,7 @@ def standing(
     return StandingFruit(vertices, mesh.faces, true, transform(R, (*spot, height)))
 
 
-def looking_at(target: Sequence[float], distance: float, elevation: float, azimuth: float = 0.0) -> Float64:
+def looking_at(target: Sequence[float] | Float64, distance: float, elevation: float, azimuth: float = 0.0) -> Float64:
     """T_base_camera of a camera that looks at a point from `elevation` above the horizon [m, rad], image upright."""
     towards = np.array([np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)])
     forward = -towards

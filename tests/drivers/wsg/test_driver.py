@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import pytest
 
@@ -75,7 +76,7 @@ def wire() -> Wire:
     return Wire()
 
 
-def connected(wire: Wire, **options: object) -> WsgGripper:
+def connected(wire: Wire, **options: Any) -> WsgGripper:
     gripper = WsgGripper(wire.open, wire.clock, WsgOptions(finger_offset=OFFSET, **options))  # type: ignore[arg-type]
     gripper.connect()
     return gripper

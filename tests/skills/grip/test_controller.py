@@ -5,6 +5,7 @@ from __future__ import annotations
 import tracemalloc
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -22,12 +23,12 @@ from skills.grip.settings import ForceLaw, GripSettings
 APPLE = Fruit(mass=0.2, width=0.075, mu=0.6, offset=(0.004, -0.003))
 
 
-def settings_of(fruit: Fruit, **changes: object) -> GripSettings:
+def settings_of(fruit: Fruit, **changes: Any) -> GripSettings:
     contact = SoftContact(fruit.mu, fruit.delta, fruit.gamma, fruit.k)
     return replace(GripSettings(contact=contact, loop=ForceLoopSettings(max_force=30.0)), **changes)
 
 
-def lift(fruit: Fruit = APPLE, **kwargs: object) -> Result:
+def lift(fruit: Fruit = APPLE, **kwargs: Any) -> Result:
     changes = kwargs.pop("settings", {})
     lifting = kwargs.pop("lifting", Lifting(hold=1.5))
     return run_trial(fruit, settings_of(fruit, **changes), lifting, **{"noise": 0.1, **kwargs})  # type: ignore[arg-type]
@@ -228,7 +229,7 @@ def test_bad_input_never_opens_the_grip_and_closes_it_by_a_bounded_step(
     assert closed < closes + STEADY_WAY
 
 
-def holding(**changes: object) -> tuple[GripController, np.ndarray]:
+def holding(**changes: Any) -> tuple[GripController, np.ndarray]:
     """A controller that holds, stepped by hand, and the wrenches that it feels."""
     controller = GripController(replace(GripSettings(), **changes))  # type: ignore[arg-type]
     controller.width = 0.08

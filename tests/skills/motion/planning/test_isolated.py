@@ -1,6 +1,7 @@
 """The planner in the process in which it really runs."""
 
 import time
+from typing import Any
 
 import numpy as np
 import pytest
@@ -26,7 +27,7 @@ def computations():
     running.close()
 
 
-def request(goal: np.ndarray, **changes: object) -> PlanRequest:
+def request(goal: np.ndarray, **changes: Any) -> PlanRequest:
     return PlanRequest(SPACE, OBSERVE, goal[None], SIA5F_LIMITS, **changes)
 
 

@@ -1,4 +1,5 @@
 import argparse
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from skills.motion.planning.motion_bench_maker import problem_sets, read_problem
 from tests.skills.picking_scene import HOME, OBSERVE, ROBOT_MODEL
 
 
-def write(folder, number: int, goal: np.ndarray, **thing: object) -> None:
+def write(folder, number: int, goal: np.ndarray, **thing: Any) -> None:
     names = list(ROBOT_MODEL.joint_names)
     scene = {
         "world": {"collision_objects": [thing] if thing else []},

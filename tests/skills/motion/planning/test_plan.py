@@ -1,6 +1,7 @@
 import pickle
 import time
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ START = np.array([-1.5, -1.0])
 GOALS = np.array([[1.5, -1.0], [1.5, 0.0], [0.8, -1.5]])
 
 
-def request(space: DiscWorld, goals: np.ndarray = GOALS, **changes: object) -> PlanRequest:
+def request(space: DiscWorld, goals: np.ndarray = GOALS, **changes: Any) -> PlanRequest:
     return replace(PlanRequest(space, START, goals, LIMITS), **changes)
 
 
