@@ -78,7 +78,13 @@ def bill(name: str, extras: Iterable[str] = ()) -> dict[str, Any]:
 
 def _component(found: Distribution) -> dict[str, Any]:
     purl = _purl(found)
-    component = {"type": "library", "bom-ref": purl, "name": found.name, "version": found.version, "purl": purl}
+    component: dict[str, Any] = {
+        "type": "library",
+        "bom-ref": purl,
+        "name": found.name,
+        "version": found.version,
+        "purl": purl,
+    }
     said = found.metadata.get_all("License-Expression") or found.metadata.get_all("License") or []
     licence = next((line.strip() for line in said if line and len(line) < 100 and "\n" not in line.strip()), "")
     classified = [
