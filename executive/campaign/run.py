@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import fcntl
-import json
 import os
 import signal
+import zlib
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
@@ -13,9 +13,11 @@ from pathlib import Path
 from typing import Any, TextIO
 
 from executive.campaign.spec import Campaign, CampaignRun
+from executive.encode import encoded
 from executive.engine import Engine
 from executive.errors import PomonaError, UsageError
 from executive.execute import RunOrder, execute
+from executive.recording.json_text import parse_object
 from executive.running.compute import keep_workers_warm
 from executive.running.signals import WORDS
 from executive.source_commit import commit_here
@@ -25,6 +27,12 @@ RUN_LIMIT = 600.0
 """Seconds after which a run's process is killed and the run counted as an error."""
 
 INTERRUPTED = "interrupted"
+
+FORMAT = 2
+"""Of a line: since 2 it has a checksum."""
+_KINDS: Mapping[str, type] = {
+    "name": str, "arm": str, "varied": dict, "number": int, "fingerprint": str, "outcome": str
+}  # fmt: skip
 
 Result = dict[str, Any]
 Progress = Callable[[Result, int, int], None]
@@ -46,28 +54,77 @@ def run_order(order: RunOrder) -> Result:
     return executed.summary.as_json(executed.record)
 
 
-def read_results(folder: Path) -> dict[str, Result]:
-    """Finished runs by name. A last line that was cut off by a kill is left out."""
+def read_results(folder: Path, told: Callable[[str], None] = lambda _problem: None) -> dict[str, Result]:
+    """Finished runs by name. A last line that was cut off by a kill is left out.
+
+    Args:
+        folder: of the campaign.
+        told: is told of each line that is no result, or not the one that was written; such runs are made again.
+    """
     path = folder / RESULTS
     if not path.is_file():
         return {}
     results = {}
-    for line in path.read_text(encoding="utf-8", errors="replace").splitlines():
+    lines = path.read_bytes().split(b"\n")
+    for number, line in enumerate(lines, start=1):
+        if not line.strip() or number == len(lines):  # what follows the last line's end was cut off
+            continue
         try:
-            result = json.loads(line)
-        except ValueError:
+            result = result_of(line)
+        except ValueError as error:
+            told(f"{path}:{number}: {error}: it does not count, and its run is made again")
             continue
         results[result["name"]] = result
     return results
 
 
-def finished_runs(campaign: Campaign, folder: Path) -> dict[str, Result]:
-    """Results of this campaign's runs, in its order.
+def line_of(result: Result) -> bytes:
+    """A result as one line, with a checksum at its end."""
+    text = encoded({"format": FORMAT, **result})[:-1]
+    return text + b',"crc32":"%08x"}\n' % zlib.crc32(text)
+
+
+def result_of(line: bytes) -> Result:
+    """A line's result.
+
+    Raises:
+        ValueError: it is no result, or its checksum says that it is not the one that was written.
+    """
+    result = parse_object(line)
+    text, found, crc = line.rstrip().removesuffix(b'"}').rpartition(b',"crc32":"')
+    if (found or "format" in result) and crc != b"%08x" % zlib.crc32(text):
+        raise ValueError("the line does not match its checksum")
+    for key, kind in _KINDS.items():
+        if not isinstance(result.get(key), kind):
+            raise ValueError(f"the line is no result: '{key}' is missing or of another kind")
+    for key in ("robot_time_s", "compute_s"):
+        if not all(isinstance(value, (int, float)) for value in _mapping(result, key).values()):
+            raise ValueError(f"the line is no result: '{key}' is of another kind")
+    _mapping(result, "truth")
+    if not all(isinstance(word, str) for word in result["varied"].values()):
+        raise ValueError("the line is no result: 'varied' is of another kind")
+    if not isinstance(result.get("attempts", []), list):
+        raise ValueError("the line is no result: 'attempts' is of another kind")
+    _mapping(result, "reason")
+    return {key: value for key, value in result.items() if key not in ("format", "crc32")}
+
+
+def _mapping(result: Result, key: str) -> Mapping[str, Any]:
+    found = result.get(key)
+    if not isinstance(found, dict | None):
+        raise ValueError(f"the line is no result: '{key}' is of another kind")
+    return found or {}
+
+
+def finished_runs(
+    campaign: Campaign, folder: Path, told: Callable[[str], None] = lambda _problem: None
+) -> dict[str, Result]:
+    """Results of this campaign's runs, in its order; `told` is told of lines that do not count.
 
     Raises:
         UsageError: the folder holds results of runs of the same name with another tree, cell or setting.
     """
-    results = read_results(folder)
+    results = read_results(folder, told)
     found = {run.name: results[run.name] for run in campaign.runs if run.name in results}
     for run in campaign.runs:
         if run.name in found and found[run.name].get("fingerprint") != run.fingerprint:
@@ -112,7 +169,7 @@ def run_campaign(
             result = _result(run, answer, commit)
             if result["outcome"] == INTERRUPTED:
                 continue  # somebody ended its process: no result, and no reason not to run it again
-            stream.write(json.dumps(result, ensure_ascii=False) + "\n")
+            stream.write(line_of(result).decode())
             stream.flush()
             os.fsync(stream.fileno())
             done[run.name] = result

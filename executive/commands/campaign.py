@@ -55,7 +55,7 @@ def main(options: argparse.Namespace) -> int:
         except KeyboardInterrupt:
             interrupted = True
             console.print("interrupted; the same command goes on from here")
-    results = list(finished_runs(campaign, out).values())
+    results = list(finished_runs(campaign, out, lambda problem: console.print(problem, style="yellow")).values())
     if not results:
         raise UsageError(f"{out / RESULTS} holds no results of this campaign yet")
     markdown, page = report(campaign, results).write(options.report_to or out)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import random
 import re
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -147,6 +148,29 @@ def test_a_result_that_was_cut_off_by_a_kill_is_run_again_and_spoils_no_other(tm
     assert [json.loads(line)["name"] for line in (tmp_path / RESULTS).read_text().splitlines()] == [
         run.name for run in planned.runs[:3]
     ]
+
+
+def test_a_changed_byte_and_a_line_of_anything_else_count_for_nothing_and_are_named(tmp_path: Path) -> None:
+    planned = campaign(tmp_path)
+    run_campaign(planned.only(planned.runs[:3]), tmp_path, Here(lambda index: {"outcome": "success"}))
+    good, path, rng = read_results(tmp_path), tmp_path / RESULTS, random.Random(2)
+    content = path.read_bytes()
+    for number in range(100):
+        at = rng.randrange(len(content) - 1)
+        path.write_bytes(content[:at] + bytes([content[at] ^ rng.randrange(1, 256)]) + content[at + 1 :])
+        told: list[str] = []
+        found = read_results(tmp_path, told.append)
+        assert len(told) >= 1, number
+        assert found.items() <= good.items()
+    for line in (
+        b"[1, 2]", b"7", b"garbage", b"null", b'{"name": 3}', b"\xff\xfe\x00", b'{"name": "a"}', b"[" * 9000,
+        b'{"name":"a","arm":"b","varied":[],"number":0,"fingerprint":"c","outcome":"success"}',
+    ):  # fmt: skip
+        path.write_bytes(line + b"\n" + content)
+        told = []
+        assert read_results(tmp_path, told.append) == good
+        assert len(told) == 1
+        assert told[0].startswith(f"{path}:1: ")
 
 
 def test_results_of_other_settings_are_not_taken_for_this_campaigns(tmp_path: Path) -> None:
