@@ -13,7 +13,8 @@ from executive.files import installed_trees
 from executive.recording.evidence import Evidence, Measured, gather, read_hazards
 from executive.recording.index import records_in
 from executive.recording.read import find_record
-from executive.terminal.screen import Screen, json_text
+from executive.terminal.filtered import json_text
+from executive.terminal.screen import Screen
 
 NO_CLAIM = (
     "what a run did not meet, it did not measure: a maximum over runs is no bound",

@@ -76,8 +76,9 @@ def test_the_worlds_score_is_told_as_it_was(capsys: pytest.CaptureFixture[str]) 
     ("name", "value", "words"),
     [
         ("height_gained_m", 0.14989, "height gained 0.1499 m"), ("height_gained_m", -7.4e-08, "height gained 0 m"),
-        ("slip_mm", -0.0, "slip 0 mm"), ("slip_mm", 0.1392, "slip 0.1392 mm"), ("peak_force_n", 8.083, "peak force 8.083 N"),
-        ("lifted", False, "lifted: no"), ("drops", 2, "drops 2"), ("dimensions_m", [0.089, 1e-9], "dimensions (0.089, 0) m"),
+        ("slip_mm", -0.0, "slip 0 mm"), ("slip_mm", 0.1392, "slip 0.1392 mm"),
+        ("peak_force_n", 8.083, "peak force 8.083 N"), ("lifted", False, "lifted: no"), ("drops", 2, "drops 2"),
+        ("dimensions_m", [0.089, 1e-9], "dimensions (0.089, 0) m"),
         ("ratio", 3e-9, "ratio 3e-09"),
     ],
 )  # fmt: skip
