@@ -20,6 +20,7 @@ from drivers.device import Bench, Device, World
 from drivers.driver import Settings, installed_drivers
 from drivers.errors import CellFileError, DeviceFault, DriverError
 from drivers.estimate import estimate_errors
+from drivers.faults import FaultSwitch
 from drivers.hold_watch import HoldWatch
 from drivers.interfaces import Arm, ForceSensor, Workspace
 from drivers.readings import Readings
@@ -152,6 +153,13 @@ class Cell:
         self._paused = False
         for device in self.devices.values():
             device.resume()
+
+    @property
+    def switches(self) -> Mapping[str, FaultSwitch]:
+        """All that can be made to fail on purpose, by name; nothing on a real cell."""
+        devices = {name: device for name, device in self.devices.items() if isinstance(device, FaultSwitch)}
+        within: Mapping[str, FaultSwitch] = getattr(self._world, "switches", {})
+        return {**within, **devices}
 
     def settled(self) -> bool:
         """True when no device moves."""

@@ -6,13 +6,16 @@ A device is a class that derives from `Device` and names in `interfaces` what it
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, ClassVar, Protocol, TypeVar, runtime_checkable
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol, TypeVar, runtime_checkable
 
 from drivers.interfaces import Arm, Camera, ForceSensor, Gripper, Workspace
 from executive.clock import Clock
+
+if TYPE_CHECKING:
+    from drivers.wire import Link
 
 T = TypeVar("T")
 
@@ -97,6 +100,7 @@ class Bench:
         seed: of everything random.
         workspace: what the cell file says about the surroundings, or None.
         devices: connected so far, by name; a cell file lists what others build on first.
+        wires: for addresses and ports at which this process itself emulates a device, how to connect.
     """
 
     cell: Path
@@ -104,6 +108,7 @@ class Bench:
     seed: int
     workspace: Workspace | None = None
     devices: dict[str, Device] = field(default_factory=dict)
+    wires: dict[str, Callable[[], Link]] = field(default_factory=dict)
 
     def find(self, interface: type[T]) -> T | None:
         """The device connected before with this interface or of this class, or None."""

@@ -161,7 +161,8 @@ class Owner:
 
     def _run(self) -> None:
         self._ident = threading.get_ident()
-        raise_priority()
+        if not isinstance(self._clock, TurnTaking):
+            raise_priority()
         while not self._closed.is_set():
             self._turned_at = self._clock.now()
             try:

@@ -7,6 +7,7 @@ import os
 import select
 import socket
 import threading
+from collections.abc import Callable, Mapping
 from typing import Protocol
 
 from drivers.errors import DeviceLost, DriverError
@@ -102,3 +103,8 @@ class Address(ScalarKind[tuple[str, int]]):
 
     def plain_schema(self) -> Schema:
         return {"type": "string", "examples": [f"192.168.1.2:{self.port}"]}
+
+
+def tcp_opener(host: str, port: int, wires: Mapping[str, Callable[[], Link]]) -> Callable[[], Link]:
+    """How to connect to a device: by TCP, unless one of `wires` leads to this address."""
+    return wires.get(f"{host}:{port}") or (lambda: TcpLink(host, port))

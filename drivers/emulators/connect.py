@@ -1,21 +1,23 @@
-"""The drivers `emulated-world` and `emulated-camera` of a cell file: a world in real time behind emulated devices.
+"""The drivers `emulated-world` and `emulated-camera` of a cell file: a simulated world behind emulated devices.
 
 world:
   driver: emulated-world
   cell: sim.yaml                        # the simulated cell
   options: {fruit: apple_1}             # of that cell
+  time: virtual                         # the world's, in this process; or wall: in a process of its own, on real wires
   arm: 127.0.0.1:50240                  # where the real drivers find their devices
   controller: fs100
   gripper: 127.0.0.1:41000
   fingers: /run/user/1000/pomona        # folder with the links finger_left and finger_right
   camera: 127.0.0.1:41001
-  pace: 1                               # below 1 the cell's time runs slower than the wall's
+  pace: 1                               # of wall time; below 1 the cell's time runs slower, for a busy computer
 """
 
 from __future__ import annotations
 
 import contextlib
 import json
+import math
 import os
 import select
 import subprocess
@@ -29,17 +31,19 @@ from pathlib import Path
 import numpy as np
 
 from drivers.camera_options import DepthNoiseSection
+from drivers.cell import load_cell
 from drivers.cell_file import read_cell_file
 from drivers.device import Bench, Device
 from drivers.driver import Settings, driver
 from drivers.emulators.sim_bridge import FRAME_HEADER, FRAME_MAGIC
-from drivers.errors import CellFileError, DeviceLost
+from drivers.emulators.virtual_world import VirtualWorld
+from drivers.errors import CellFileError, DeviceLost, DriverError
 from drivers.interfaces import NOMINAL_DEPTH_NOISE, Arm, Float64, Intrinsics
 from drivers.motoman.connect import ORDERS
 from drivers.realsense.driver import StreamingCamera
 from drivers.realsense.ride import Ride
 from drivers.realsense.source import Pair
-from drivers.wire import Address, TcpLink
+from drivers.wire import Address, Link, tcp_opener
 from executive.clock import Clock, SystemClock
 from executive.values.kinds import MappingOf, Measure, Number, PathTo, Text
 from executive.values.sections import Problem, Section, value
@@ -109,16 +113,17 @@ class EmulatedWorld(Device):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EmulatedWorldFile:
-    """A simulated cell in a process of its own, behind emulated devices, in real time."""
+    """A simulated cell behind emulated devices: on its own time in this process, or on real wires in wall time."""
 
     cell: Path = value(PathTo("file"), help="the simulated cell")
     options: Mapping[str, str] = value(MappingOf(Text()), {}, "of that cell")
+    time: str = value(Text("virtual", "wall"), "virtual", "whose time passes: the world's or the wall's")
     arm: str = value(Text(), help="HOST:PORT where the arm's driver finds the controller")
     controller: str = value(Text(*ORDERS), help="which the arm has")
     gripper: str = value(Text(), help="HOST:PORT of the gripper")
     fingers: str = value(Text(), help="folder with the links finger_left and finger_right")
     camera: str = value(Text(), help="HOST:PORT of the camera")
-    pace: float = value(Number(0.01, 1.0), "1", "below 1 the cell's time runs slower than the wall's")
+    pace: float = value(Number(0.01, 1.0), "1", "of wall time; below 1 the cell's time runs slower")
 
     def problems(self) -> Iterator[Problem]:
         try:
@@ -140,8 +145,26 @@ class EmulatedCameraFile:
 
 
 @driver(EmulatedWorld, EmulatedWorldFile)
-def connect_world(settings: Settings[EmulatedWorldFile], bench: Bench) -> EmulatedWorld:
-    """`driver: emulated-world`: start the process and wait until its devices can be reached."""
+def connect_world(settings: Settings[EmulatedWorldFile], bench: Bench) -> EmulatedWorld | VirtualWorld:
+    """`driver: emulated-world`"""
+    return _open_virtual(settings, bench) if settings.values.time == "virtual" else _start_process(settings, bench)
+
+
+def _open_virtual(settings: Settings[EmulatedWorldFile], bench: Bench) -> VirtualWorld:
+    """Load the simulated cell, and put pipes in the places of the wires."""
+    said = settings.values
+    try:
+        cell = load_cell(said.cell, seed=bench.seed, overrides=said.options)
+    except DriverError as error:
+        raise settings.error(f"the emulated world did not start: {error}", "cell") from error
+    addresses = {wire: Address(0).parse(getattr(said, wire)) for wire in ("arm", "gripper", "camera")}
+    world = VirtualWorld(cell, ORDERS[said.controller], addresses, Path(said.fingers))
+    bench.wires |= {address: pipe.open for address, pipe in world.pipes.items()}
+    return world
+
+
+def _start_process(settings: Settings[EmulatedWorldFile], bench: Bench) -> EmulatedWorld:
+    """Start the process and wait until its devices can be reached."""
     said = settings.values
     command = [sys.executable, "-m", "drivers.emulators.world_process", "--cell", str(said.cell)]
     command += ["--seed", str(bench.seed)]
@@ -179,24 +202,22 @@ def read_line(process: subprocess.Popen[bytes], deadline: float) -> bytes:
 
 
 class WireSource:
-    """Frames from the emulated camera, one for every request, no more than `rate` a second of a clock at `pace`."""
+    """Frames from the emulated camera, one for every request, no more than `rate` a second of the cell's time."""
 
-    def __init__(self, host: str, port: int, rate: float, pace: float) -> None:
-        self._link, self._period, self._pace = TcpLink(host, port), 1.0 / (rate * pace), pace
+    def __init__(self, link: Link, rate: float, clock: Clock) -> None:
+        self._link, self._period, self._clock = link, 1.0 / rate, clock
         self._buffer = bytearray()
-        self._asked_at = 0.0
+        self._asked_at = -math.inf
         self._waiting = False
 
     def wait(self, timeout: float) -> Pair | None:
         """As `Source.wait`."""
-        now = time.monotonic()
         if not self._waiting:
-            early = self._asked_at + self._period - now
+            early = self._asked_at + self._period - self._clock.now()
+            self._clock.advance(min(max(early, 0.0), timeout))
             if early > timeout:
-                time.sleep(timeout)
                 return None
-            time.sleep(max(early, 0.0))
-            self._asked_at, self._waiting = time.monotonic(), True
+            self._asked_at, self._waiting = self._clock.now(), True
             self._link.send(b"?")
         self._buffer += self._link.receive(timeout)
         pair = self._take()
@@ -209,7 +230,7 @@ class WireSource:
     def _take(self) -> Pair | None:
         if len(self._buffer) < FRAME_HEADER.size:
             return None
-        magic, width, height, fx, fy, cx, cy, age, number = FRAME_HEADER.unpack_from(self._buffer)
+        magic, width, height, fx, fy, cx, cy, stamp, age, number = FRAME_HEADER.unpack_from(self._buffer)
         if magic != FRAME_MAGIC:
             raise DeviceLost("camera", "the emulated camera sent no frame")
         pixels = width * height
@@ -220,9 +241,11 @@ class WireSource:
         del self._buffer[:end]
         colour = np.frombuffer(images, np.uint8, 3 * pixels).reshape(height, width, 3)
         depth = np.frombuffer(images, np.float32, pixels, 3 * pixels).reshape(height, width)
-        return Pair(
-            colour, depth, Intrinsics(fx, fy, cx, cy, width, height), time.time() - age * self._pace, True, number
-        )
+        intrinsics = Intrinsics(fx, fy, cx, cy, width, height)
+        if self._clock.simulated:  # there is no host's clock: the camera counts by its own
+            return Pair(colour, depth, intrinsics, stamp, False, number)
+        pace = self._clock.pace if isinstance(self._clock, PacedClock) else 1.0
+        return Pair(colour, depth, intrinsics, time.time() - age * pace, True, number)
 
 
 @driver(StreamingCamera, EmulatedCameraFile)
@@ -232,10 +255,10 @@ def connect_camera(settings: Settings[EmulatedCameraFile], bench: Bench) -> Stre
     host, port = said.address
     arm = bench.find(Arm)
     ride = Ride(arm, camera_site(said.robot))
-    pace = bench.clock.pace if isinstance(bench.clock, PacedClock) else 1.0
+    open_link = tcp_opener(host, port, bench.wires)
     noise = said.depth_noise.noise() if said.depth_noise else NOMINAL_DEPTH_NOISE
     camera = StreamingCamera(
-        lambda: WireSource(host, port, said.rate, pace),
+        lambda: WireSource(open_link(), said.rate, bench.clock),
         ride,
         bench.clock,
         silence=2.0,

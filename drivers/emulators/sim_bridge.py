@@ -1,4 +1,4 @@
-"""Puts the emulated devices onto the simulated world: what drives its joints, and what its camera sees, over TCP."""
+"""Puts the emulated devices onto the simulated world: what drives its joints, what is felt and seen in it."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import contextlib
 import socket
 import struct
 import time
+from functools import partial
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import cast
@@ -13,8 +14,13 @@ from typing import cast
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.cell import load_cell
-from drivers.interfaces import Camera, Frame
+from drivers.cell import Cell, load_cell
+from drivers.emulators.motoman import MotomanEmulator
+from drivers.emulators.server import Peer
+from drivers.emulators.suntouch import SunTouchEmulator
+from drivers.emulators.wsg import WsgEmulator
+from drivers.interfaces import Arm, Camera, ForceSensor, Frame, Gripper
+from drivers.motoman.codec import Order
 from drivers.sim.camera import SimCamera
 from drivers.sim.gl import load_mujoco
 from drivers.sim.world import SimWorld
@@ -22,8 +28,9 @@ from drivers.wire import raise_priority
 
 Float64 = NDArray[np.float64]
 
-FRAME_HEADER = struct.Struct("<4sIIdddddI")
-"""Of a frame on the wire: magic, width, height, fx, fy, cx, cy, age [s], sequence; colour and depth follow."""
+FRAME_HEADER = struct.Struct("<4sIIddddddI")
+"""Of a frame on the wire: magic, width, height, fx, fy, cx, cy, the camera's time [s], age [s], sequence; colour and
+depth follow."""
 FRAME_MAGIC = b"RGBD"
 
 
@@ -42,6 +49,57 @@ class SimJoints:
 
     def drive(self, q: Float64, qd: Float64) -> None:
         self._state.ctrl[self._actuators] = q + self._feed_forward * qd
+
+
+class EmulatedDevices:
+    """The controllers of a simulated cell's arm, gripper and fingers, which live as the world makes its steps.
+
+    Attributes:
+        controller: of the arm.
+        hand: the gripper's.
+        pads: the left and the right finger.
+    """
+
+    def __init__(self, cell: Cell, order: Order) -> None:
+        self.world = cast(SimWorld, cell.devices["world"])
+        arm, gripper, fingers = cell.device(Arm), cell.device(Gripper), cell.device(ForceSensor)
+        self.controller = MotomanEmulator(SimJoints(self.world), arm.limits.velocity, order)
+        self.hand = WsgEmulator(gripper, finger_offset=gripper.limits.width_min)
+        self.pads = tuple(SunTouchEmulator(partial(_wrench, fingers, side), seed=side) for side in (0, 1))
+        fingers.latest()  # its first sample compiles code, for which nobody waits later
+        self.world.before_step.append(self._live)
+
+    def _live(self) -> None:
+        now = self.world.clock.now()
+        self.controller.advance(now)
+        self.hand.advance(now)
+
+
+def _wrench(fingers: ForceSensor, side: int) -> Float64:
+    sample = fingers.latest()
+    return np.zeros(6) if sample is None else sample.wrenches[side]
+
+
+class SightEmulator:
+    """A camera that answers every question mark with a frame; one that sees nothing does not answer."""
+
+    def __init__(self, camera: Camera) -> None:
+        self._camera = camera
+
+    def connected(self, peer: Peer) -> None:
+        """Nothing to do: the camera looks when it is asked."""
+
+    def disconnected(self, peer: Peer) -> None:
+        """Nothing to do either."""
+
+    def received(self, peer: Peer, chunk: bytes) -> None:
+        for _ in range(chunk.count(b"?")):
+            frame = self._camera.latest()
+            if frame is not None:
+                peer.send(pack_frame(frame, 0.0))
+
+    def advance(self, now: float) -> None:
+        """The camera has no time of its own."""
 
 
 class StatePort:
@@ -95,6 +153,7 @@ def _look(camera: SimCamera, world: SimWorld, pipe: Connection) -> bytes:
 def pack_frame(frame: Frame, age: float) -> bytes:
     """A frame as bytes: header, colour (h, w, 3) uint8, depth (h, w) float32 [m]."""
     K = frame.intrinsics
-    header = FRAME_HEADER.pack(FRAME_MAGIC, K.width, K.height, K.fx, K.fy, K.cx, K.cy, age, frame.sequence)
+    size = (FRAME_MAGIC, K.width, K.height)
+    header = FRAME_HEADER.pack(*size, K.fx, K.fy, K.cx, K.cy, frame.stamp, age, frame.sequence)
     depth = frame.depth if frame.depth is not None else np.zeros(frame.colour.shape[:2], np.float32)
     return header + frame.colour.tobytes() + depth.tobytes()

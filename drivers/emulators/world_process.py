@@ -16,21 +16,13 @@ import os
 import sys
 import time
 from collections.abc import Sequence
-from functools import partial
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import cast
-
-import numpy as np
 
 from drivers.cell import Cell, load_cell
-from drivers.emulators.motoman import MotomanEmulator
 from drivers.emulators.server import Port, PtyPort, Server, TcpPort
-from drivers.emulators.sim_bridge import SimJoints, StatePort, serve_camera
-from drivers.emulators.suntouch import SunTouchEmulator
-from drivers.emulators.wsg import WsgEmulator
+from drivers.emulators.sim_bridge import EmulatedDevices, StatePort, serve_camera
 from drivers.errors import DriverError
-from drivers.interfaces import Arm, Float64, ForceSensor, Gripper
 from drivers.motoman.connect import ORDERS
 from drivers.sim.scene import TIMESTEP
 from drivers.sim.world import SimWorld
@@ -108,33 +100,20 @@ def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
 
 
 def _set_up(cell: Cell, pipe: Connection, options: argparse.Namespace) -> tuple[Server, _Control, SimWorld]:
-    world = cast(SimWorld, cell.devices["world"])
-    gripper, fingers = cell.device(Gripper), cell.device(ForceSensor)
-    arm = cell.device(Arm)
-    controller = MotomanEmulator(SimJoints(world), arm.limits.velocity, ORDERS[options.controller])
-    hand = WsgEmulator(gripper, finger_offset=gripper.limits.width_min)
-    pads = [SunTouchEmulator(partial(_wrench, fingers, side), seed=side) for side in (0, 1)]
-    fingers.latest()  # its first sample compiles code, for which nobody waits later
+    devices = EmulatedDevices(cell, ORDERS[options.controller])
     options.fingers.mkdir(parents=True, exist_ok=True)
     host, port = _address(options.arm)
     control = _Control(cell)
     ports: list[Port] = [
-        TcpPort(controller.motion, host, port),
-        TcpPort(controller.state, host, port + 1, clients=4),
-        TcpPort(hand, *_address(options.gripper)),
-        StatePort(world, pipe),
-        PtyPort(pads[0], options.fingers / "finger_left"),
-        PtyPort(pads[1], options.fingers / "finger_right"),
+        TcpPort(devices.controller.motion, host, port),
+        TcpPort(devices.controller.state, host, port + 1, clients=4),
+        TcpPort(devices.hand, *_address(options.gripper)),
+        StatePort(devices.world, pipe),
+        PtyPort(devices.pads[0], options.fingers / "finger_left"),
+        PtyPort(devices.pads[1], options.fingers / "finger_right"),
         control,
     ]
-
-    def live() -> None:
-        now = world.clock.now()
-        controller.advance(now)
-        hand.advance(now)
-
-    world.before_step.append(live)
-    return Server(ports, [], time.monotonic), control, world
+    return Server(ports, [], time.monotonic), control, devices.world
 
 
 def _run(server: Server, control: _Control, world: SimWorld, pace: float) -> None:
@@ -148,11 +127,6 @@ def _run(server: Server, control: _Control, world: SimWorld, pace: float) -> Non
             began += behind
         if behind >= 0.0:
             world.clock.advance(TIMESTEP)
-
-
-def _wrench(fingers: ForceSensor, side: int) -> Float64:
-    sample = fingers.latest()
-    return np.zeros(6) if sample is None else sample.wrenches[side]
 
 
 def _address(text: str) -> tuple[str, int]:

@@ -13,7 +13,7 @@ from drivers.motion_supervisor import Supervision
 from drivers.motoman.codec import Order
 from drivers.motoman.driver import MotomanArm, MotomanOptions
 from drivers.robot_file import read_limits
-from drivers.wire import Address, TcpLink
+from drivers.wire import Address, tcp_opener
 from executive.values.kinds import Flag, Measure, PathTo, Text, Whole, Words
 from executive.values.sections import Problem, Section, value
 from executive.values.units import TIME
@@ -78,9 +78,8 @@ def connect(settings: Settings[MotomanFile], bench: Bench) -> MotomanArm:
         supervision=said.supervision,
     )
     limits = read_limits(said.robot, len(said.joints))
-    arm = MotomanArm(
-        lambda: TcpLink(host, port + 1), lambda: TcpLink(host, port), bench.clock, said.robot, limits, options
-    )
+    state, motion = (tcp_opener(host, number, bench.wires) for number in (port + 1, port))
+    arm = MotomanArm(state, motion, bench.clock, said.robot, limits, options)
     try:
         arm.connect()
     except DeviceLost as error:

@@ -77,7 +77,8 @@ def connect(settings: Settings[SunTouchFile], bench: Bench) -> SunTouchFingers:
 
 
 def _finger(said: FingerFile, baud: int, bench: Bench) -> Finger:
-    return Finger(_opener(said.port, baud), FingerCalibration.load(said.calibration), bench.clock)
+    open_link = bench.wires.get(said.port) or _opener(said.port, baud)
+    return Finger(open_link, FingerCalibration.load(said.calibration), bench.clock)
 
 
 def _opener(port: str, baud: int) -> Callable[[], Link]:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from drivers.device import Bench
 from drivers.driver import Settings, driver
 from drivers.errors import DeviceLost
-from drivers.wire import Address, Link, TcpLink
+from drivers.wire import Address, Link, tcp_opener
 from drivers.wsg.driver import WsgGripper
 from drivers.wsg.handshake import WsgOptions
 from drivers.wsg.transport import TCP_PORT, CanLink, can_channels
@@ -72,7 +72,7 @@ def connect(settings: Settings[WsgFile], bench: Bench) -> WsgGripper:
         watchdog=said.watchdog,
         silence=said.silence,
     )
-    open_link, key = _link(said)
+    open_link, key = _link(said, bench)
     gripper = WsgGripper(open_link, bench.clock, options)
     try:
         gripper.connect()
@@ -82,10 +82,10 @@ def connect(settings: Settings[WsgFile], bench: Bench) -> WsgGripper:
     return gripper
 
 
-def _link(said: WsgFile) -> tuple[Callable[[], Link], str]:
+def _link(said: WsgFile, bench: Bench) -> tuple[Callable[[], Link], str]:
     if said.tcp is not None:
         host, port = said.tcp
-        return (lambda: TcpLink(host, port)), "tcp"
+        return tcp_opener(host, port, bench.wires), "tcp"
     can = said.can or CanFile()
     return (lambda: CanLink.open(can.interface, can.channel, can.bitrate, can.send_id, can.reply_id)), "can"
 

@@ -1,4 +1,4 @@
-"""The simulated cell behind emulated devices, through the real drivers; slower than real time, for busy computers."""
+"""The simulated cell behind emulated devices in wall time; slower than real time, for busy computers."""
 
 import json
 import socket
@@ -26,7 +26,8 @@ def free_ports(folder: Path) -> dict[str, str]:
             server.close()
         if arm + 1 not in (gripper, camera) and arm < 65000:
             addresses = {"arm": arm, "gripper": gripper, "camera": camera}
-            return {name: f"127.0.0.1:{port}" for name, port in addresses.items()} | {"wires": str(folder)}
+            wires = {name: f"127.0.0.1:{port}" for name, port in addresses.items()}
+            return wires | {"wires": str(folder), "time": "wall"}
 
 
 @pytest.mark.realtime
