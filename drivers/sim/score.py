@@ -124,9 +124,10 @@ class Score:
                 self._watch_grip(i, record, sensors)
 
     def note_look(self) -> None:
-        """A camera looks now."""
+        """A camera looks now, perhaps many times a second; what is between the fingers is not measured any more."""
         for i, record in enumerate(self._fruits):
-            record.looked = self._pose(i)
+            if record.grip is None:
+                record.looked = self._pose(i)
 
     def _watch_grip(self, i: int, record: FruitRecord, sensors: _Sensors) -> None:
         forces = [float(np.linalg.norm(pad[1:4])) for pad in sensors.pads]

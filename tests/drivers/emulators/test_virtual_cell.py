@@ -1,4 +1,4 @@
-"""The emulated cell on virtual time: real drivers and bytes, the same each time, and every part of it can be made to fail."""
+"""The emulated cell on virtual time: real drivers and bytes, the same each time, and all of it can be made to fail."""
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
