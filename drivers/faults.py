@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import ClassVar
 
 
 class FaultSwitch:
@@ -18,7 +17,7 @@ class FaultSwitch:
         fault: the present one, or None.
     """
 
-    known_faults: ClassVar[tuple[str, ...]] = ()
+    known_faults: tuple[str, ...] = ()
 
     def __init__(self) -> None:
         self.fault: str | None = None

@@ -13,11 +13,12 @@ from drivers.cell import Cell
 from drivers.device import Device
 from drivers.emulators.pipes import Pipe
 from drivers.emulators.sim_bridge import EmulatedDevices, SightEmulator
+from drivers.emulators.switches import finger_switch, gripper_switch
 from drivers.emulators.virtual_time import VirtualTime
 from drivers.faults import FaultSwitch
 from drivers.interfaces import Camera
 from drivers.motoman.codec import Order
-from drivers.realsense.driver import LATENCY
+from drivers.realsense.stamps import LATENCY
 from drivers.sim.scene import TIMESTEP
 
 
@@ -61,7 +62,10 @@ class VirtualWorld(Device):
             "arm": devices.controller,
             "arm.motion_wire": motion,
             "arm.state_wire": state,
+            "gripper.controller": gripper_switch(devices.hand),
             "gripper.wire": gripper,
+            "fingers.left": finger_switch(devices.pads[0]),
+            "fingers.right": finger_switch(devices.pads[1]),
             "fingers.left_wire": left,
             "fingers.right_wire": right,
             "camera.wire": camera,
