@@ -71,11 +71,13 @@ class PipeEnd:
         self._count = 0
 
     def send(self, chunk: bytes) -> None:
+        """As `Link.send`."""
         self._need_connection()
         if self._pipe.fault != "silent":
             self._pipe.emulator.received(self.peer, chunk)
 
     def receive(self, timeout: float) -> bytes:
+        """As `Link.receive`; meanwhile time passes for everybody."""
         self._need_connection()
         self._pipe.time.wait(timeout, self._has_something)
         self._need_connection()
@@ -85,6 +87,7 @@ class PipeEnd:
         return b"".join(chunks)
 
     def close(self) -> None:
+        """Hang up."""
         self._pipe.drop(self)
 
     def arrive(self, chunk: bytes) -> None:

@@ -38,6 +38,7 @@ class Turn(threading.Thread):
         super().start()
 
     def run(self) -> None:
+        """What `threading.Thread` calls: the task, once it is its turn."""
         self._go.acquire()
         try:
             self._task()
