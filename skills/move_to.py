@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from collections.abc import Iterator, Mapping
+from typing import Annotated, Any
 
 from drivers.interfaces import Arm, Gripper, Workspace
 from executive.ports import LENGTH, TIME, Length, Port, Time
-from executive.skill import Work
+from executive.skill import CellFacts, Work
+from executive.values.sections import Problem
 from skills.motion.grasp import Grasp
 from skills.motion.occupancy import OccupancyMap
 from skills.perception.measured_fruit import MeasuredFruit
 from skills.shared.following import MOTION_FAILURES, MovingSkill
 from skills.shared.moving import POSE_FAILURES, move_to_pose
+from skills.shared.named_pose import judge_pose
 from skills.shared.warm_motion import prepare_planning
 
 
@@ -25,6 +28,11 @@ class MoveTo(MovingSkill):
     devices = (Arm, Gripper, Workspace)
     moves = (Arm,)
     failures = (*MOTION_FAILURES, *POSE_FAILURES)
+
+    @classmethod
+    def judge(cls, known: Mapping[str, Any], cell: CellFacts | None) -> Iterator[Problem]:
+        """The pose must be one of the cell's."""
+        return judge_pose("pose", known, cell)
 
     def prepare(self) -> None:
         prepare_planning(self)

@@ -13,7 +13,7 @@ from executive.skill import Skill, Work
 from executive.views import ImageView, Line2
 from skills.geometry import transform
 from skills.perception.detection.detection import Detection
-from skills.perception.fruit import load_fruit
+from skills.perception.fruit import Mesh
 from skills.perception.measured_fruit import MeasuredFruit
 from skills.perception.refinement.depth_image import RendererName
 from skills.perception.refinement.errors import RefineError
@@ -23,6 +23,11 @@ from skills.perception.refinement.result import Limits
 from skills.perception.refinement.scale_fit import fit_scale
 
 _SMALL_CAMERA = Intrinsics(100.0, 100.0, 50.0, 50.0, 101, 101)
+_SOMETHING = Mesh(
+    0.05 * np.array([[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]]),
+    np.array([[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]], dtype=np.int32),
+)
+"""A tetrahedron of a fruit's size, to render before the first fruit is there [m]."""
 
 
 class Refined(Outputs):
@@ -41,7 +46,7 @@ class Refine(Skill):
     def prepare(self) -> None:
         """Importing and compiling what measures takes seconds. A renderer that fails says so when it is used."""
         with suppress(RefineError):
-            depth, _ = render_depth(load_fruit("apple"), transform(translation=(0.0, 0.0, 0.5)), _SMALL_CAMERA)
+            depth, _ = render_depth(_SOMETHING, transform(translation=(0.0, 0.0, 0.5)), _SMALL_CAMERA)
             fit_scale(depth, depth)
 
     def run(

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Annotated
+from collections.abc import Callable, Iterator, Mapping
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from drivers.interfaces import Arm, ForceSensor, Gripper, Workspace
 from executive.ports import FORCE, LENGTH, SPEED, Force, Length, Port, Speed
-from executive.skill import Work
+from executive.skill import CellFacts, Work
+from executive.values.sections import Problem
 from skills.grip.hold import Hold, current_hold, take_over
 from skills.motion.collision import Margins
 from skills.motion.grasp import Grasp
@@ -22,6 +23,7 @@ from skills.motion.straight_line import straight_line
 from skills.shared.following import MOTION_FAILURES, MovingSkill, Watching
 from skills.shared.grip_view import show_grip
 from skills.shared.moving import POSE_FAILURES, move_to_pose
+from skills.shared.named_pose import judge_pose
 from skills.shared.touch import Touch, load, something_between
 from skills.shared.usable_map import usable_field
 from skills.shared.warm_motion import prepare_planning
@@ -53,6 +55,11 @@ class Release(MovingSkill):
     devices = (Arm, Gripper, ForceSensor, Workspace)
     moves = (Arm, Gripper)
     failures = (*MOTION_FAILURES, *POSE_FAILURES, "NOT_HELD", "NO_CONTACT", "LOWERING_BLOCKED")
+
+    @classmethod
+    def judge(cls, known: Mapping[str, Any], cell: CellFacts | None) -> Iterator[Problem]:
+        """Where to must be a pose of the cell."""
+        return judge_pose("into", known, cell)
 
     def prepare(self) -> None:
         prepare_planning(self)

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
-import trimesh
-import yaml
 from numpy.typing import NDArray
+
+from drivers.sim.fruit_model import read_model
 
 Float64 = NDArray[np.float64]
 
@@ -54,19 +53,17 @@ class FruitShape:
 def make_fruit(model: Path, dimensions: Float64, skin: str, rng: np.random.Generator, lumps: float = 1.0) -> FruitShape:
     """A fruit after the model in a folder with fruit.yaml, of the given size (d_x, d_y, d_z) [m]; with 0 for `lumps` it
     keeps the model's form, with 1 it is as uneven as an ordinary one."""
-    entry: dict[str, Any] = yaml.safe_load((model / "fruit.yaml").read_text(encoding="utf-8"))
-    flesh: Any = trimesh.load_mesh(model / entry["mesh"], process=False)
-    vertices = np.asarray(flesh.vertices, np.float64)
+    meshes = read_model(model)
+    vertices, triangles = meshes.flesh
     scale = dimensions / np.ptp(vertices, axis=0)
     deformed = _deform(vertices, rng, lumps)
     extents = np.ptp(deformed, axis=0)
     centre = (deformed.max(axis=0) + deformed.min(axis=0)) / 2.0
     fitted = (deformed - centre) * (dimensions / extents)
     stem = None
-    if entry.get("stem"):
-        twig: Any = trimesh.load_mesh(model / entry["stem"], process=False)
-        stem = (np.asarray(twig.vertices, np.float64) * scale, np.asarray(twig.faces, np.int32))
-    vertices, faces, uv = _unwrap(fitted, np.asarray(flesh.faces, np.int32))
+    if meshes.stem is not None:
+        stem = (meshes.stem[0] * scale, meshes.stem[1])
+    vertices, faces, uv = _unwrap(fitted, triangles)
     return FruitShape(vertices, faces, uv, dimensions.copy(), _paint(skin, rng), stem)
 
 

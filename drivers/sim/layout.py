@@ -12,6 +12,7 @@ from drivers.driver import Surroundings
 from drivers.errors import UnusableRobotFile
 from drivers.interfaces import Box, Float64, FruitKinds
 from drivers.robot_file import read_limits
+from drivers.sim.fruit_model import UnusableModel, read_model
 from drivers.sim.fruit_shape import APPLES, SKINS
 from drivers.sim.robot import read_robot
 from executive.values.kinds import Flag, MappingOf, Measure, Number, OrWord, PathTo, Row, Span, Text, Whole, choose
@@ -84,8 +85,10 @@ class FruitSection:
     lies: bool = value(Flag(), False, "on its side, as a lemon does")
 
     def problems(self) -> Iterator[Problem]:
-        if not (self.model / "fruit.yaml").is_file():
-            yield Problem("model", f"{self.model} holds no fruit.yaml")
+        try:
+            read_model(self.model)
+        except UnusableModel as error:
+            yield Problem("model", str(error))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

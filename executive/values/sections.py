@@ -92,8 +92,11 @@ class Placed(Generic[S]):
     node: YamlMapping
     reader: Reader
 
-    def refuse(self, problem: Problem) -> Refused:
-        """Make a finding at a value's place, or at the section when it was not written."""
+    def refuse(self, problem: Problem) -> Refused | None:
+        """Make a finding at a value's place, or at the section when it was not written; a warning refuses nothing."""
+        if problem.warning:
+            self.reader.findings.warning(self.place(problem.key), "value", self._titled(problem), problem.hint)
+            return None
         return self.reader.refuse(self.place(problem.key), self._titled(problem), problem.hint)
 
     def place(self, key: str) -> YamlNode:
@@ -150,7 +153,7 @@ class Section(Kind[S]):
             raise refused
         placed = Placed(self.of(**given), node, reader)
         for problem in placed.values.problems() if isinstance(placed.values, Judged) else ():
-            refused = placed.refuse(problem)
+            refused = placed.refuse(problem) or refused
         if refused is not None:
             raise refused
         return placed

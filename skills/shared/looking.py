@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from collections.abc import Generator, Iterator, Mapping
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.interfaces import Arm, Camera, Frame
-from executive.skill import Skill
+from drivers.interfaces import Arm, Camera, Frame, FruitKinds
+from executive.skill import CellFacts, Skill
+from executive.values.sections import Problem
 from executive.views import ImageView, Line2, Pinhole
 from skills.motion.robot.model import RobotModel
 from skills.perception.detection import reprojection
@@ -20,7 +22,7 @@ from skills.perception.detection.dope_detector import DopeDetector, DopeFiles
 from skills.perception.detection.errors import BadFrame, BadPoseConfig, BadWeights
 from skills.perception.detection.instances import Instance, find_instances
 from skills.perception.fruit import FruitModel, load_fruit
-from skills.perception.fruit.catalogue import SHIPPED_WEIGHTS
+from skills.perception.fruit.catalogue import SHIPPED_WEIGHTS, damage
 from skills.perception.fruit.errors import FruitError
 
 Float64 = NDArray[np.float64]
@@ -39,13 +41,39 @@ class LookingSkill(Skill):
     moves = ()
 
     def prepare(self) -> None:
-        """Load and warm the apple's detector; another fruit's is loaded at its first use."""
-        fruit = load_fruit("apple")
+        """Load and warm the detector of the fruit to look for; what only the run tells is loaded at its first use."""
+        name = self.known("fruit")
+        if name is None or self.known("weights"):
+            return
+        fruit = load_fruit(name)
         if fruit.weights is None:
-            raise BadWeights(
-                SHIPPED_WEIGHTS / "apple.pt", "the apple's weights are missing: restore them, or make train-detect"
-            )
+            raise BadWeights(SHIPPED_WEIGHTS / f"{fruit.name}.pt", "is missing: restore it, or train the detector")
         _detector(fruit.weights, DetectorOptions())
+
+    @classmethod
+    def judge(cls, known: Mapping[str, Any], cell: CellFacts | None) -> Iterator[Problem]:
+        """The fruit must be in the catalogue, sound, with weights; a simulated cell should hold it."""
+        name = known.get("fruit")
+        if name is None:
+            return
+        try:
+            fruit = load_fruit(name)
+        except FruitError as error:
+            yield Problem("fruit", str(error))
+            return
+        if known.get("weights"):
+            if not Path(known["weights"]).is_file():
+                yield Problem("weights", f"there is no file {known['weights']}")
+        elif fruit.weights is None:
+            hint = f"train its detector: pomona train detect --fruit {fruit.name}"
+            yield Problem("fruit", f"there are no weights to find {fruit.name} by", hint)
+        elif problem := damage(fruit.weights):
+            yield Problem("fruit", f"the weights {fruit.weights} cannot be read: {problem}", "restore the file")
+        kinds = None if cell is None else cell.known(FruitKinds)
+        if cell is not None and kinds is not None and fruit.name not in kinds.names:
+            there = ", ".join(kinds.names)
+            message = f"there is no {fruit.name} on the table of the cell '{cell.name}', which holds {there}"
+            yield Problem("fruit", message, warning=True)
 
     def fruit_model(self, fruit: str, weights: str = "") -> FruitModel:
         """The fruit of a name or path, with its own or other weights to find it by; fails with NO_WEIGHTS."""

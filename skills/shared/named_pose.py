@@ -2,12 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from drivers.interfaces import Workspace
+from executive.skill import CellFacts
+from executive.values.kinds import choose
+from executive.values.sections import Problem
+
 Float64 = NDArray[np.float64]
+
+
+def judge_pose(port: str, known: Mapping[str, Any], cell: CellFacts | None) -> Iterator[Problem]:
+    """The pose that a port names must be among the cell's."""
+    workspace, name = (None if cell is None else cell.known(Workspace)), known.get(port)
+    if cell is not None and workspace is not None and name is not None and name not in workspace.poses:
+        yield Problem(port, f"the cell '{cell.name}' has no pose '{name}'", choose(name, sorted(workspace.poses)))
 
 
 def named_pose(poses: Mapping[str, Float64], name: str, variation: int = 1) -> Float64:

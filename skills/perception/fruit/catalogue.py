@@ -2,22 +2,30 @@
 
 from __future__ import annotations
 
+import zipfile
+import zlib
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import trimesh
-import yaml
 from numpy.typing import NDArray
 
+from executive.values.documents import read_value_file
+from executive.values.findings import Finding, Findings
+from executive.values.kinds import Measure, Number, PathTo, Row, Schema, Text
+from executive.values.reading import Refused
+from executive.values.sections import Problem, Section, value
+from executive.values.units import LENGTH
 from skills.perception.fruit.errors import BadFruitFile, UnknownFruit
 
 CATALOGUE = Path(__file__).resolve().parents[3] / "trees" / "fruits"
 SHIPPED_WEIGHTS = Path(__file__).resolve().parents[1] / "detection" / "weights"
 
-_REQUIRED = {"name", "mesh", "dimensions", "symmetry_axis"}
-_OPTIONAL = {"stem", "weights", "colour"}
+_AGREES = 1e-4
+"""A mesh measures what is said to so much [m]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -65,12 +73,57 @@ def known_fruits(catalogue: Path = CATALOGUE) -> tuple[str, ...]:
     return tuple(sorted(file.parent.name for file in catalogue.glob("*/fruit.yaml")))
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FruitSection:
+    """A kind of fruit: its CAD model in the object frame, and the weights of its detector."""
+
+    name: str = value(Text(), help="its name in the catalogue, as its folder is called")
+    mesh: Path = value(PathTo("file"), help="the flesh without stem: a closed mesh in metres, normals outwards")
+    stem: Path | None = value(PathTo("file"), None, "the stem, for pictures only")
+    dimensions: tuple[float, ...] = value(Row(Measure(LENGTH, "1 mm", "1 m"), 3), help="of the cuboid along x, y and z")
+    symmetry_axis: tuple[float, ...] = value(Row(Number(-1.0, 1.0), 3), help="of revolution, towards the stem")
+    colour: tuple[float, ...] = value(Row(Number(0.0, 1.0), 3), (0.7, 0.1, 0.1), "typical, RGB from 0 to 1")
+    weights: str | None = value(Text(), None, "of its detector: beside this file, or among those that are shipped")
+
+    def problems(self) -> Iterator[Problem]:
+        if np.linalg.norm(self.symmetry_axis) < 1e-9:
+            yield Problem("symmetry_axis", "it is the zero vector, which has no direction")
+        for key, path in (("mesh", self.mesh), ("stem", self.stem)):
+            try:
+                mesh = None if path is None else _read_mesh(path)
+            except _BadMesh as error:
+                yield Problem(key, str(error))
+                continue
+            if key == "mesh" and mesh is not None:
+                yield from self._misfits(mesh)
+
+    def _misfits(self, mesh: Mesh) -> Iterator[Problem]:
+        extents = np.ptp(mesh.vertices, axis=0)
+        if np.any(np.abs(extents - self.dimensions) > _AGREES):
+            measured = " ".join(f"{1e3 * size:.2f}" for size in extents)
+            yield Problem("dimensions", f"they are not the mesh's, which measures {measured} mm", "a mesh is in metres")
+        closed = trimesh.Trimesh(mesh.vertices, mesh.faces, process=True)
+        if not closed.is_watertight:
+            yield Problem(
+                "mesh", f"{self.mesh.name} has holes, or faces that do not meet", "close it: a fruit is solid"
+            )
+        elif not closed.is_winding_consistent or closed.volume <= 0.0:
+            yield Problem("mesh", f"the normals of {self.mesh.name} do not all point outwards", "turn its faces")
+
+
+FRUIT = Section(FruitSection)
+
+
+class _BadMesh(ValueError):
+    """A file that holds no mesh."""
+
+
 def load_fruit(name_or_path: str | Path, catalogue: Path = CATALOGUE) -> FruitModel:
     """Load a fruit by its catalogue name, or from a folder or fruit.yaml anywhere.
 
     Raises:
         UnknownFruit: the catalogue has no such name and no such path exists.
-        BadFruitFile: fruit.yaml or its mesh cannot be read, or contradict each other.
+        BadFruitFile: fruit.yaml or its mesh cannot be used; everything that is wrong, with places.
     """
     folder = catalogue / name_or_path
     if not (folder / "fruit.yaml").is_file():
@@ -79,63 +132,84 @@ def load_fruit(name_or_path: str | Path, catalogue: Path = CATALOGUE) -> FruitMo
     file = folder / "fruit.yaml"
     if not file.is_file():
         raise UnknownFruit(str(name_or_path), known_fruits(catalogue))
-    entry = _read_entry(file)
-    mesh = _read_mesh(file, str(entry["mesh"]))
-    dimensions = _vector(file, entry, "dimensions")
-    axis = _vector(file, entry, "symmetry_axis")
-    extents = np.ptp(mesh.vertices, axis=0)
-    if np.any(dimensions <= 0.0) or np.any(np.abs(extents - dimensions) > 1e-4):
-        raise BadFruitFile(
-            file, f"dimensions {dimensions.tolist()} m, but the mesh measures {extents.round(5).tolist()} m"
-        )
-    if np.linalg.norm(axis) < 1e-9:
-        raise BadFruitFile(file, "symmetry_axis must not be the zero vector")
-    colour = _vector(file, entry, "colour") if "colour" in entry else np.array([0.7, 0.1, 0.1])
+    findings = Findings()
+    said = judge_fruit(file, findings)
+    if said is None:
+        raise BadFruitFile(file, findings.sorted())
+    mesh = _read_mesh(said.mesh)
+    axis = np.array(said.symmetry_axis)
     return FruitModel(
-        name=str(entry["name"]),
+        name=said.name,
         vertices=mesh.vertices,
         faces=mesh.faces,
-        dimensions=dimensions,
+        dimensions=np.array(said.dimensions),
         symmetry_axis=axis / np.linalg.norm(axis),
-        weights=_find_weights(folder, entry.get("weights")),
-        stem=_read_mesh(file, str(entry["stem"])) if entry.get("stem") else None,
-        colour=(float(colour[0]), float(colour[1]), float(colour[2])),
+        weights=_find_weights(folder, said.weights),
+        stem=None if said.stem is None else _read_mesh(said.stem),
+        colour=(said.colour[0], said.colour[1], said.colour[2]),
     )
 
 
-def _read_entry(file: Path) -> dict[str, Any]:
+def judge_fruit(file: Path, findings: Findings) -> FruitSection | None:
+    """What a fruit.yaml says; everything that is wrong with it goes to `findings`."""
+    written = read_value_file(file, findings, "a fruit file")
     try:
-        entry = yaml.safe_load(file.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise BadFruitFile(file, f"cannot be read: {error}") from error
-    if not isinstance(entry, dict):
-        raise BadFruitFile(file, f"must be a mapping with {', '.join(sorted(_REQUIRED))}")
-    if missing := _REQUIRED - entry.keys():
-        raise BadFruitFile(file, f"misses {', '.join(sorted(missing))}")
-    if unknown := entry.keys() - _REQUIRED - _OPTIONAL:
-        raise BadFruitFile(file, f"does not know {', '.join(sorted(map(str, unknown)))}")
-    return entry
+        return None if written is None else FRUIT.read(written.root, written.reader)
+    except Refused:
+        return None
 
 
-def _vector(file: Path, entry: dict[str, Any], key: str) -> NDArray[np.float64]:
+def damage(weights: Path) -> str:
+    """What is wrong with a file of weights as far as its checksums tell; an empty text when nothing is."""
     try:
-        vector = np.asarray(entry[key], dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise BadFruitFile(file, f"{key} must be three numbers, not {entry[key]!r}") from error
-    if vector.shape != (3,) or not np.all(np.isfinite(vector)):
-        raise BadFruitFile(file, f"{key} must be three finite numbers, not {entry[key]!r}")
-    return vector
+        with zipfile.ZipFile(weights) as archive:
+            broken = archive.testzip()
+    except (OSError, ValueError, zipfile.BadZipFile, zlib.error, EOFError) as error:
+        return str(error) or type(error).__name__
+    return "" if broken is None else f"{broken} in it is damaged"
 
 
-def _read_mesh(file: Path, name: str) -> Mesh:
-    path = file.parent / name
+class FruitKind:
+    """Fruit files, for `pomona check` and `pomona schema`."""
+
+    def recognises(self, keys: Collection[str]) -> bool:
+        """Whether a file with these keys at its top is one."""
+        return "mesh" in keys and "symmetry_axis" in keys
+
+    def check(self, path: Path, findings: Findings) -> None:
+        """Everything that is wrong with a file, its meshes and its weights."""
+        said = judge_fruit(path, findings)
+        weights = None if said is None else _find_weights(path.parent, said.weights)
+        if weights is not None and (problem := damage(weights)):
+            findings.add(Finding(str(weights), 0, 0, "error", "weights", f"cannot be read: {problem}"))
+
+    def schema(self) -> Schema:
+        """The JSON Schema of fruit files."""
+        return {"title": "Pomona fruit file", **FRUIT.schema()}
+
+
+FRUIT_FILES = FruitKind()
+
+
+def _read_mesh(path: Path) -> Mesh:
+    try:
+        return _load_mesh(path, path.stat().st_mtime_ns)
+    except OSError as error:
+        raise _BadMesh(f"{path.name} cannot be read: {error.strerror}") from error
+
+
+@lru_cache(maxsize=8)
+def _load_mesh(path: Path, _changed: int) -> Mesh:
     try:
         loaded = trimesh.load_mesh(path, process=False)
         vertices, faces = np.asarray(loaded.vertices, np.float64), np.asarray(loaded.faces, np.int32)
     except Exception as error:  # trimesh raises whatever the format's reader meets
-        raise BadFruitFile(file, f"mesh {name} cannot be read: {error}") from error
+        words = str(error).strip().strip("'") or type(error).__name__
+        raise _BadMesh(f"{path.name} is no mesh that can be read ({words})") from error
     if len(vertices) == 0 or len(faces) == 0 or not np.all(np.isfinite(vertices)):
-        raise BadFruitFile(file, f"mesh {name} is empty or holds values that are not finite")
+        raise _BadMesh(f"{path.name} is empty or holds values that are not finite")
+    vertices.setflags(write=False)
+    faces.setflags(write=False)
     return Mesh(vertices, faces)
 
 

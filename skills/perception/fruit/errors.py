@@ -7,7 +7,10 @@ FruitError
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
+
+from executive.values.findings import Finding, did_you_mean, format_findings
 
 
 class FruitError(Exception):
@@ -19,12 +22,14 @@ class UnknownFruit(FruitError):
 
     def __init__(self, name: str, known: tuple[str, ...]) -> None:
         self.name, self.known = name, known
-        super().__init__(f"no fruit named {name!r}; the catalogue has {', '.join(known) or 'none'}")
+        hint = did_you_mean(name, known)
+        there = f"the catalogue has {', '.join(known) or 'none'}"
+        super().__init__(f"no fruit named '{name}'; {hint + ' ' if hint else ''}{there}")
 
 
 class BadFruitFile(FruitError):
-    """A fruit's file that cannot be used."""
+    """A fruit file that cannot be used, with everything that was found in it."""
 
-    def __init__(self, path: Path, problem: str) -> None:
-        self.path, self.problem = path, problem
-        super().__init__(f"{path}: {problem}")
+    def __init__(self, path: Path, findings: Sequence[Finding]) -> None:
+        self.path, self.findings = path, tuple(findings)
+        super().__init__(format_findings(self.findings))

@@ -7,16 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.interfaces import Intrinsics
+from drivers.interfaces import NOMINAL_DEPTH_NOISE, DepthNoise, Intrinsics
 from skills.geometry import apply
 from skills.perception.refinement.depth_image import DepthImage, ImageBox
 
 Float64 = NDArray[np.float64]
 
-DISPARITY_NOISE = 0.08
-"""Of a stereo depth camera such as the D435i: depth errs by z² · 0.08 px / (f · 50 mm)."""
-
-_BASELINE = 0.05
 _CORRELATED = 12.0
 """So many neighbouring pixels err alike, since their matching windows overlap."""
 
@@ -50,7 +46,13 @@ class Cloud:
         return Cloud(self.points[::step], self.rays[::step], self.deviation[::step] * gain)
 
 
-def cloud(depth: DepthImage, intrinsics: Intrinsics, box: ImageBox, mask: NDArray[np.bool_] | None = None) -> Cloud:
+def cloud(
+    depth: DepthImage,
+    intrinsics: Intrinsics,
+    box: ImageBox,
+    mask: NDArray[np.bool_] | None = None,
+    noise: DepthNoise = NOMINAL_DEPTH_NOISE,
+) -> Cloud:
     """The measured points of a box, in the camera frame.
 
     Args:
@@ -58,6 +60,7 @@ def cloud(depth: DepthImage, intrinsics: Intrinsics, box: ImageBox, mask: NDArra
         intrinsics: of the image.
         box: the part to take.
         mask: pixels of the box to take, shape `box.shape`; all by default.
+        noise: of the depth, as the camera says.
     """
     z = depth[box.slices].astype(np.float64)
     taken = np.isfinite(z) & (z > 0.0)
@@ -73,7 +76,7 @@ def cloud(depth: DepthImage, intrinsics: Intrinsics, box: ImageBox, mask: NDArra
         ]
     )
     rays = points / np.linalg.norm(points, axis=1, keepdims=True)
-    deviation = z**2 * DISPARITY_NOISE / (intrinsics.fx * _BASELINE)
+    deviation = noise.deviation(z, intrinsics.fx)
     return Cloud(points, rays, deviation * np.sqrt(_CORRELATED))
 
 

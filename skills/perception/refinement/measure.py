@@ -58,8 +58,9 @@ def measure(
         detection.fruit,
         method=method,
         support=None if table_z is None else horizontal_plane(detection.T_base_camera, table_z),
-        looks=[Look(f.depth, f.intrinsics, T_camera_base @ T) for f, T in past if f.depth is not None],
+        looks=[Look(f.depth, f.intrinsics, T_camera_base @ T, f.depth_noise) for f, T in past if f.depth is not None],
         limits=limits,
+        depth_noise=frame.depth_noise,
         using=using,
     )
     turn = np.eye(6)

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.interfaces import Intrinsics
+from drivers.interfaces import NOMINAL_DEPTH_NOISE, DepthNoise, Intrinsics
 from skills.perception.refinement.checks import check_depth, check_pose, extents
 from skills.perception.refinement.depth_image import DepthImage, ImageBox, RendererName, Triangles
 from skills.perception.refinement.errors import AtBound, SizeOutOfRange, TooFewInliers
@@ -51,6 +51,7 @@ def refine(
     looks: Sequence[Look] = (),
     limits: Limits | None = None,
     priors: Priors | None = None,
+    depth_noise: DepthNoise = NOMINAL_DEPTH_NOISE,
     using: RendererName = "pyrender",
 ) -> RefineResult:
     """Measure a fruit whose pose was estimated as if it had the size of its CAD model.
@@ -66,6 +67,7 @@ def refine(
         looks: other looks at the same fruit; used by shape and uniform.
         limits: what is accepted as a measurement.
         priors: what shape knows beforehand about fruit.
+        depth_noise: how much the depth errs, as its camera says.
         using: name of the renderer.
 
     Raises:
@@ -92,7 +94,7 @@ def refine(
         return _scaled(fit, T_start, model_dimensions, virtual_depth, box, limits, method)
 
     def fitted(scaled: RefineResult) -> RefineResult:
-        return _fitted(depth, intrinsics, mesh, scaled, method, support, looks, limits, priors, using)
+        return _fitted(depth, intrinsics, depth_noise, mesh, scaled, method, support, looks, limits, priors, using)
 
     if method == "paper" or (method == "uniform" and not looks):
         return scaled_from(T_camera_object)
@@ -144,6 +146,7 @@ def _scaled(
 def _fitted(
     depth: DepthImage,
     intrinsics: Intrinsics,
+    depth_noise: DepthNoise,
     mesh: Triangles,
     scaled: RefineResult,
     method: str,
@@ -154,7 +157,7 @@ def _fitted(
     using: RendererName,
 ) -> RefineResult:
     """The model stretched onto the points of all looks; the scaled one where they do not support it."""
-    points, plane = gather(depth, intrinsics, scaled.box, scaled.virtual_depth, scaled.inliers, support)
+    points, plane = gather(depth, intrinsics, scaled.box, scaled.virtual_depth, scaled.inliers, support, depth_noise)
     T_scaled = scaled.T_camera_object.copy()
     T_scaled[:3, :3] *= scaled.mu
     others = gather_others(looks, mesh, T_scaled, plane, limits.inlier_band, using)

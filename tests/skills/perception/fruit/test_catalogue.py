@@ -2,12 +2,18 @@
 
 from pathlib import Path
 
+import jsonschema
 import numpy as np
 import pytest
 import trimesh
+import yaml
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
+from executive.values.findings import Findings
 from skills.perception.fruit import BadFruitFile, UnknownFruit, known_fruits, load_fruit
 from skills.perception.fruit.apple_mesh import AppleShape, apple_mesh, stem_mesh
+from skills.perception.fruit.catalogue import CATALOGUE, FRUIT_FILES, damage, judge_fruit
 
 
 def test_apple_has_the_deployed_cad_dimensions_and_is_centred() -> None:
@@ -55,14 +61,22 @@ def test_unknown_name_lists_what_there_is() -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ("dimensions: [1, 1, 2]", "the mesh measures"),
-        ("dimensions: [1, 1]", "three finite numbers"),
-        ("dimensions: [1, 1, .nan]", "three finite numbers"),
-        ("dimensions: high", "three numbers"),
-        ("mesh: gone.ply", "cannot be read"),
+        ("dimensions: 0.1 0.1 0.2 m", r"fruit.yaml:4:13.*which measures 100\.00 100\.00 100\.00 mm"),
+        ("dimensions: [0.1, 0.1, 0.1]", "lacks a unit"),
+        ("dimensions: 0.1 0.1 m", "a list of 3 numbers"),
+        ("dimensions: [1 m, 1 m, .nan]", "is not a length"),
+        ("dimensions: -0.1 0.1 0.1 m", "between 1 mm and 1 m"),
+        ("dimensions: high", "a list of 3 numbers"),
+        ("mesh: gone.ply", "does not exist"),
+        ("mesh: fruit.yaml", r"fruit.yaml:4:7.*is no mesh that can be read"),
+        ("mesh: noise.ply", "noise.ply is no mesh that can be read"),
+        ("mesh: open.ply", "has holes"),
+        ("mesh: inside_out.ply", "do not all point outwards"),
         ("symmetry_axis: [0, 0, 0]", "zero vector"),
-        ("taste: sweet", "does not know taste"),
-        ("- a list", "cannot be read"),
+        ("colour: [2, 0, 0]", "between 0 and 1"),
+        ("taste: sweet", r"fruit.yaml:5:1.*no setting 'taste'"),
+        ("- a list", "not YAML"),
+        ("name: " + "[" * 100 + "]" * 100, "levels deep"),
     ],
 )
 def test_bad_entries_are_refused_with_the_file_and_the_problem(tmp_path: Path, change: str, message: str) -> None:
@@ -73,7 +87,7 @@ def test_bad_entries_are_refused_with_the_file_and_the_problem(tmp_path: Path, c
 
 def test_missing_keys_are_named(tmp_path: Path) -> None:
     (tmp_path / "fruit.yaml").write_text("name: plum\n")
-    with pytest.raises(BadFruitFile, match="misses dimensions, mesh, symmetry_axis"):
+    with pytest.raises(BadFruitFile, match=r"(?s)needs 'mesh'.*needs 'dimensions'.*needs 'symmetry_axis'"):
         load_fruit(tmp_path)
 
 
@@ -110,9 +124,50 @@ def test_stem_rises_towards_minus_y() -> None:
     assert vertices[:, 1].min() < -0.5 * 0.08539
 
 
+def test_every_fruit_file_is_checked_and_described_to_editors(tmp_path: Path) -> None:
+    schema = FRUIT_FILES.schema()
+    jsonschema.Draft202012Validator.check_schema(schema)
+    for name in known_fruits():
+        findings = Findings()
+        FRUIT_FILES.check(CATALOGUE / name / "fruit.yaml", findings)
+        assert findings.sorted() == []
+        jsonschema.validate(yaml.safe_load((CATALOGUE / name / "fruit.yaml").read_text()), schema)
+
+
+def test_damaged_weights_are_found_without_loading_them(tmp_path: Path) -> None:
+    weights = load_fruit("apple").weights
+    assert weights is not None
+    assert damage(weights) == ""
+    whole = bytearray(weights.read_bytes())
+    whole[len(whole) // 2] ^= 0xFF
+    (tmp_path / "flipped.pt").write_bytes(whole)
+    (tmp_path / "cut.pt").write_bytes(whole[: len(whole) // 3])
+    (tmp_path / "text.pt").write_text("no weights")
+    for name in ("flipped.pt", "cut.pt", "text.pt", "none.pt"):
+        assert damage(tmp_path / name)
+
+
+@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(st.integers(0, 120), st.integers(0, 12), st.text("abz:{}[]-0.\"'#&*!|>%@\n\t, é", max_size=4))
+def test_a_damaged_fruit_file_has_findings_with_places_or_is_a_fruit(
+    tmp_path: Path, at: int, length: int, inserted: str
+) -> None:
+    file = write_fruit(tmp_path) / "fruit.yaml"
+    text = file.read_text()
+    file.write_text(text[:at] + inserted + text[at + length :])
+    findings = Findings()
+    said = judge_fruit(file, findings)
+    assert said is not None or findings.errors
+    assert all(found.line >= 1 and found.column >= 1 for found in findings.sorted())
+
+
 def write_fruit(folder: Path, change: str = "") -> Path:
-    trimesh.creation.box().export(folder / "cube.ply")
-    entry = {"name": "cube", "mesh": "cube.ply", "dimensions": "[1, 1, 1]", "symmetry_axis": "[0, -1, 0]"}
+    cube = trimesh.creation.box((0.1, 0.1, 0.1))
+    cube.export(folder / "cube.ply")
+    trimesh.Trimesh(cube.vertices, cube.faces[1:], process=False).export(folder / "open.ply")
+    trimesh.Trimesh(cube.vertices, cube.faces[:, ::-1], process=False).export(folder / "inside_out.ply")
+    (folder / "noise.ply").write_bytes(b"\x00\x01noise")
+    entry = {"name": "cube", "mesh": "cube.ply", "dimensions": "0.1 0.1 0.1 m", "symmetry_axis": "[0, -1, 0]"}
     key = change.partition(":")[0]
     lines = [f"{name}: {value}" for name, value in entry.items() if name != key]
     (folder / "fruit.yaml").write_text("\n".join([*lines, change]) + "\n")

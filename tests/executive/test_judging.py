@@ -1,0 +1,141 @@
+"""Tree, cell and what skills need are judged together, at their places, and nothing is connected for it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from drivers.cell import CellFiles
+from executive.cli import main as pomona
+from executive.errors import UsageError
+from executive.execute import RunOrder, execute
+from executive.files import find_cell
+from executive.judging import judge
+from executive.language.documents import read_document
+from executive.registry import Registry
+from executive.values.findings import Finding
+
+TREE = """pomona: 1
+tree: look
+parameters:
+  kind: {type: text, default: apple}
+  where: {type: text, default: observe}
+root:
+  sequence:
+    - go: {to: "{where}"}
+    - go: {to: home}
+    - Detect: {fruit: "{kind}", detection: "{d}"}
+    - Refine: {detection: "{d}"}
+subtrees:
+  go:
+    in: {to: text}
+    root:
+      MoveTo: {pose: "{to}"}
+"""
+
+
+@pytest.fixture(scope="module")
+def registry() -> Registry:
+    return Registry.installed()
+
+
+@pytest.fixture
+def unconnected(monkeypatch: pytest.MonkeyPatch) -> None:
+    def connect(*_arguments: object, **_more: object) -> None:
+        raise AssertionError("a device was connected")
+
+    monkeypatch.setattr(CellFiles, "connect", connect)
+
+
+def judged(
+    folder: Path, registry: Registry, text: str = TREE, cell: str | None = "sim", **settings: str
+) -> list[Finding]:
+    path = folder / "look.yaml"
+    path.write_text(text)
+    file = find_cell(cell) if cell else None
+    return judge(read_document(path), registry, settings, file).findings.sorted()
+
+
+def test_nothing_is_wrong_with_a_sound_tree_on_its_cell(tmp_path: Path, registry: Registry, unconnected: None) -> None:
+    assert judged(tmp_path, registry) == []
+    assert judged(tmp_path, registry, cell=None) == []
+
+
+def test_a_pose_that_the_cell_lacks_is_found_where_it_is_written(
+    tmp_path: Path, registry: Registry, unconnected: None
+) -> None:
+    (found,) = judged(tmp_path, registry, TREE.replace("to: home", "to: hoem"))
+    assert (found.line, found.severity, found.hint) == (16, "error", "did you mean 'home'?")
+    assert "the cell 'sim' has no pose 'hoem'" in found.message
+    (found,) = judged(tmp_path, registry, where="nowhere")
+    assert "has no pose 'nowhere'" in found.message
+    assert judged(tmp_path, registry, cell=None, where="nowhere") == []  # no cell, no poses
+
+
+def test_fruit_that_nobody_knows_or_that_is_not_there_is_found(
+    tmp_path: Path, registry: Registry, unconnected: None
+) -> None:
+    (found,) = judged(tmp_path, registry, cell=None, kind="aple")
+    assert (found.line, found.severity) == (10, "error")
+    assert "did you mean 'apple'?" in found.message
+    (found,) = judged(tmp_path, registry, kind="lemon")
+    assert (found.line, found.severity) == (10, "warning")
+    assert "no lemon on the table of the cell 'sim', which holds apple" in found.message
+    assert judged(tmp_path, registry, kind="lemon", fruit="lemon") == []
+
+
+def test_fruit_with_a_broken_file_or_broken_weights_is_found_before_the_run(
+    tmp_path: Path, registry: Registry, unconnected: None
+) -> None:
+    fruit = tmp_path / "plum"
+    fruit.mkdir()
+    (fruit / "plum.ply").write_text("no mesh")
+    about = "name: plum\nmesh: plum.ply\ndimensions: 50 50 50 mm\nsymmetry_axis: [0, -1, 0]\nweights: plum.pt\n"
+    (fruit / "fruit.yaml").write_text(about)
+    (found,) = judged(tmp_path, registry, cell=None, kind=str(fruit))
+    assert "fruit.yaml:2:7" in found.message
+    assert "is no mesh that can be read" in found.message
+
+
+def test_a_setting_that_neither_tree_nor_cell_knows_gets_a_hint_from_both(tmp_path: Path, registry: Registry) -> None:
+    (found,) = judged(tmp_path, registry, knid="apple")
+    assert (found.path, found.hint) == ("--set knid=apple", "did you mean 'kind'?")
+    (found,) = judged(tmp_path, registry, plaec="3")
+    assert found.hint == "did you mean 'place'?"
+
+
+def test_every_mistake_of_tree_cell_and_settings_is_found_in_one_pass(
+    tmp_path: Path, registry: Registry, unconnected: None
+) -> None:
+    found = judged(tmp_path, registry, mass="3 m", friction="-1", kind="aple")
+    assert [f.path.removeprefix("--set ").partition("=")[0] for f in found[:2]] == ["friction", "mass"]
+    assert len(found) == 3
+
+
+def test_a_run_with_a_wrong_value_connects_nothing(tmp_path: Path, unconnected: None) -> None:
+    path = tmp_path / "look.yaml"
+    path.write_text(TREE)
+    with pytest.raises(UsageError, match=r"(?s)--set friction=-1: error.*Nothing was run"):
+        execute(RunOrder(path, find_cell("sim"), settings={"friction": "-1"}))
+    with pytest.raises(UsageError, match=r"no fruit named 'aple'.*(?s:.*)Nothing was run"):
+        execute(RunOrder(path, find_cell("sim"), settings={"kind": "aple"}))
+
+
+def test_check_on_a_cell_connects_nothing_and_takes_every_kind_of_file(
+    tmp_path: Path, unconnected: None, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "look.yaml"
+    path.write_text(TREE.replace("to: home", "to: hoem"))
+    assert pomona(["check", "--cell", "sim", str(path)]) == 2
+    assert "look.yaml:16:" in capsys.readouterr().out
+    campaign = tmp_path / "many.yaml"
+    campaign.write_text("campaign: many\ntree: pick_apple\nvary: {place: [1, 9]}\n")
+    cell, fruit = tmp_path / "cell.yaml", tmp_path / "fruit.yaml"
+    cell.write_text("kind: mock\nworld: {driver: mock}\ndevices: {arm: {driver: mock-arm, start: hoem}}\n")
+    fruit.write_text("name: plum\nmesh: plum.ply\ndimensions: 50 50 50 mm\nsymmetry_axis: [0, -1, 0]\n")
+    assert pomona(["check", str(campaign), str(cell), str(fruit)]) == 2
+    said = capsys.readouterr().out
+    for place in ("many.yaml:3:19", "cell.yaml:3:", "fruit.yaml:2:7"):
+        assert place in said
+    assert pomona(["schema", "fruit"]) == pomona(["schema", "cell"]) == pomona(["schema", "campaign"]) == 0
