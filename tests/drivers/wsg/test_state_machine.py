@@ -69,7 +69,7 @@ class GripperMachine(RuleBasedStateMachine):
             self.moving_since = None
         elif self.moving_since is None:
             self.moving_since = now
-        self.lost = self.lost or (isinstance(self.gripper._jaws.problem, DeviceLost) and self.gripper._jaws.estranged)
+        self.lost = self.lost or isinstance(self.gripper._jaws.problem, DeviceLost)
         moved_for = 0.0 if self.moving_since is None else now - self.moving_since
         whole = now - self.wire_since
         allowed = DISOBEYED if now - self.ran_away_at < 2.0 * DISOBEYED else OBEYED
@@ -179,6 +179,16 @@ class GripperMachine(RuleBasedStateMachine):
         else:
             self.something_breaks(by)
         self.serve(OBEYED + 0.1)
+
+    @rule(how=st.sampled_from(("silent", "cut")), speed=st.sampled_from([-0.03, 0.03]))
+    def come_back_from_a_loss(self, how: str, speed: float) -> None:
+        """Force control that never noticed goes on streaming."""
+        self.mend(acknowledge=True)
+        self.stream(speed, 3)
+        self.something_breaks(how)
+        self.serve(0.3)
+        self.mend(acknowledge=False)
+        self.stream(speed, 3)
 
     # ------------------------------------------------------------------------------------- what always holds
 
