@@ -46,7 +46,8 @@ from executive.recording.recorder import EVENTS_FILE, Recorder, message_of
 from executive.recording.scan import examine
 from executive.running.events import AttemptEnded, Event, NodeChanged, OperatorActed, Published, RunEnded, RunStarted
 from executive.terminal.explain import explain
-from executive.terminal.screen import Screen, json_text, visible
+from executive.terminal.filtered import json_text, visible
+from executive.terminal.screen import Screen
 from executive.terminal.summary import Summary
 from executive.views import Line3, SceneView, SeriesView, TableView
 
