@@ -20,6 +20,8 @@ TOUCH = 0.05
 """A pad holds a fruit when it is pressed by more than this [N]."""
 REGAINED = 0.5
 """A fruit that both pads touch again within this time is still in the same grip [s]."""
+SLID_OUT = 10e-3
+"""A grip that ends after the fruit has slid by more than this has lost it; pads that are opened slide by far less [m]."""
 REST = 3e-3
 """The tool is at rest below this speed [m/s]."""
 
@@ -36,6 +38,7 @@ class Grip:
         least: largest value of the least force that the contact model needs for the load while the fruit hung free [N].
         hung: whether the fruit was clear of what it stood on.
         held: the fingers' normal forces, over time.
+        lost: the fruit slid out of it, or fell.
     """
 
     T_tool_fruit: Float64
@@ -46,6 +49,7 @@ class Grip:
     least: float = 0.0
     hung: bool = False
     held: HeldForce = field(default_factory=HeldForce)
+    lost: bool = False
 
 
 @dataclass(slots=True)
@@ -58,6 +62,7 @@ class FruitRecord:
     last_grip: Grip | None = None
     lost_at: float = -1.0
     drops: int = 0
+    lost: int = 0
     touches: int = 0
     bumps: int = 0
     touching: bool = False
@@ -136,7 +141,11 @@ class Score:
             if record.grip is not None:
                 record.last_grip, record.grip = record.grip, None
                 record.lost_at = float(self.state.time)
-                record.drops += bool(record.last_grip.hung and not sensors.supported)
+                fell = bool(record.last_grip.hung and not sensors.supported)
+                record.drops += fell
+                if (fell or record.last_grip.slip > SLID_OUT) and not record.last_grip.lost:
+                    record.last_grip.lost = True
+                    record.lost += 1
             return
         T_base_tool, T_base_fruit = self._tool(), self._pose(i)
         supported = sensors.supported or T_base_fruit[2, 3] - record.rest[2, 3] < CLEAR
@@ -218,6 +227,7 @@ class Score:
             "least_force_n": grip.least if grip and grip.hung else None,
             **(grip.held if grip else HeldForce()).report(),
             "drops": sum(each.drops for each in self._fruits),
+            "lost": sum(each.lost for each in self._fruits),
             "collisions": sum(hits.values()),
             "collided_with": sorted(hits),
             "dimensions_m": [float(d) for d in fruit.dimensions],
