@@ -21,7 +21,7 @@ TOUCH = 0.05
 REGAINED = 0.5
 """A fruit that both pads touch again within this time is still in the same grip [s]."""
 SLID_OUT = 10e-3
-"""A grip that ends after the fruit has slid by more than this has lost it; pads that are opened slide by far less [m]."""
+"""A grip that ends after the fruit slid by more than this has lost it; pads that open slide by far less [m]."""
 REST = 3e-3
 """The tool is at rest below this speed [m/s]."""
 
