@@ -2,10 +2,19 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 import torch
 
-from skills.perception.detection.compact_network import CloseLookNetwork, FinderNetwork
+from skills.perception.detection.compact_detector import CompactDetector
+from skills.perception.detection.compact_network import (
+    BOX,
+    LEAST_OUTPUTS,
+    USUAL_BOX,
+    CloseLookNetwork,
+    FinderNetwork,
+    with_boxes,
+)
 from skills.perception.detection.errors import BadWeights
 from skills.perception.detection.weights import load_compact, save_compact
 
@@ -61,3 +70,30 @@ def test_networks_of_other_widths_load_as_wide_as_they_were_saved(tmp_path: Path
         torch.save(content, path)
         with pytest.raises(BadWeights, match="how wide its networks are"):
             load_compact(path)
+
+
+def test_a_close_look_without_boxes_learns_them_from_the_usual_one_and_says_the_rest_as_before(tmp_path: Path) -> None:
+    torch.manual_seed(0)
+    before = CloseLookNetwork((8, 8, 8, 4, 8), LEAST_OUTPUTS).eval()
+    path = tmp_path / "before.pt"
+    save_compact(path, FinderNetwork((8, 8, 8, 8)), before)
+    _, loaded, _ = load_compact(path)
+    wide = with_boxes(loaded)
+    looks = torch.rand(3, 3, 96, 96) - 0.5
+    with torch.no_grad():
+        said, says = loaded(looks), wide(looks)
+    assert said.shape == (3, LEAST_OUTPUTS)
+    assert torch.allclose(says[:, :LEAST_OUTPUTS], said, atol=1e-6)
+    assert torch.allclose(says[:, BOX], torch.tensor([0.0, 0.0, USUAL_BOX, USUAL_BOX]))
+    save_compact(path, FinderNetwork((8, 8, 8, 8)), wide)
+    finder, again, _ = load_compact(path)
+    assert torch.allclose(again(looks)[:, BOX], says[:, BOX], atol=1e-3)
+    picture, K = np.zeros((48, 64, 3), np.uint8), np.array([[60.0, 0.0, 31.5], [0.0, 60.0, 23.5], [0.0, 0.0, 1.0]])
+    at_border = [(np.array([60.0, 24.0]), 10.0)]
+    (boxed,) = CompactDetector(finder, again)._look(picture, K, at_border, [1.0], mirrored=True)
+    assert boxed.box is not None
+    assert (boxed.box >= 0.0).all()
+    assert boxed.box[0] + boxed.box[2] <= 64.0
+    (bare,) = CompactDetector(finder, loaded)._look(picture, K, at_border, [1.0], mirrored=True)
+    assert bare.box is None
+    assert bare.outline(64, 48)[2] > 0.0
