@@ -92,8 +92,9 @@ oracle: $(STAMP) ## the collision model beside MuJoCo over 10 000 random states
 faults: $(STAMP) ## every fault in every phase of a pick, judged by the simulator's truth
 	$(BIN)/python -m benchmarks.fault_matrix
 
-fuzz: $(STAMP) ## 100 000 damaged tree files; a million damaged device streams, records, web messages each
+fuzz: $(STAMP) ## 100 000 damaged tree files, 100 000 random trees; a million damaged device streams, records, web messages each
 	$(BIN)/python tests/executive/language/fuzz.py --cases 100000
+	$(BIN)/python tests/executive/language/reference.py --trees 100000
 	$(BIN)/python -m benchmarks.fuzz_codecs
 	$(BIN)/python tests/executive/recording/fuzz_records.py records --cases 1000000
 	$(BIN)/python tests/executive/recording/fuzz_records.py messages --cases 1000000

@@ -120,7 +120,7 @@ class NodeChecker:
             self.findings.error(target, "port-type", f"{message} (written by {known.by}, line {known.where.line})")
 
     def devices(self, node: TreeNode) -> dict[str, str]:
-        """Devices that a node and all below it need, each with the first node that does."""
+        """Devices that a node and all below it move, each with the first node that does."""
         found: dict[str, str] = {}
         stack, seen = [node], set()
         while stack:
@@ -131,7 +131,7 @@ class NodeChecker:
                 seen.add(id(called))
                 stack.append(called.root)
             elif skill is not None and below.type.calls:
-                for interface in skill.devices:
+                for interface in skill.claims():
                     found.setdefault(interface.__name__, below.label)
             stack.extend(reversed(below.below()))
         return found

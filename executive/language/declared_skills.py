@@ -131,6 +131,7 @@ class _Writer:
             "inputs": {name: self.port(port) for name, port in skill.inputs.items()},
             "outputs": {name: self.port(port) for name, port in skill.outputs.items()},
             "devices": [self.type_said(interface, shallow=True) for interface in skill.devices],
+            "moves": [skill.devices.index(interface) for interface in skill.claims()],
             "failures": list(skill.failures),
         }
 
@@ -199,12 +200,14 @@ class _Reader:
         return Registry({name: self.skill(said) for name, said in skills.items()})
 
     def skill(self, said: Mapping[str, Any]) -> type[Skill]:
+        devices = tuple(self.type_said(device) for device in said["devices"])
         body = {
             "__module__": said["module"],
             "__doc__": said["doc"],
             "inputs": Ports(**{name: self.port(port) for name, port in said["inputs"].items()}),
             "outputs": Ports(**{name: self.port(port) for name, port in said["outputs"].items()}),
-            "devices": tuple(self.type_said(device) for device in said["devices"]),
+            "devices": devices,
+            "moves": tuple(devices[index] for index in said["moves"]),
             "failures": tuple(said["failures"]),
         }
         return type(said["class"], (Skill,), body)

@@ -303,7 +303,7 @@ class Checking(Asking, Protocol):
         ...
 
     def devices(self, index: int) -> Mapping[str, str]:
-        """Devices that a child and all below it need, each with the first node that does."""
+        """Devices that a child and all below it move, each with the first node that does."""
         ...
 
 

@@ -93,13 +93,13 @@ class ParallelType(Composite):
 
     @staticmethod
     def one_device_each(at: Checking) -> None:
-        """Warn of devices that two children need: the second waits until the first lets go."""
+        """Warn of devices that two children move: the second waits until the first lets go."""
         users: dict[str, tuple[int, str]] = {}
         for index, child in enumerate(at.node.children):
             for device, label in at.devices(index).items():
                 first, other = users.setdefault(device, (index, label))
                 if first != index:
-                    message = f"{label} needs the {device}, and so does {other} beside it: one waits for the other"
+                    message = f"{label} moves the {device}, and so does {other} beside it: one waits for the other"
                     at.findings.warning(child.key, "one-device", message, "put both into a sequence")
 
     def outcome(self, at: Ending) -> Outcome:

@@ -57,10 +57,12 @@ class Filtered:
         self.unfiltered = unfiltered
 
     def write(self, text: str) -> int:
+        """Write a text, filtered."""
         self.unfiltered.write(visible(text))
         return len(text)
 
     def writelines(self, lines: Iterable[str]) -> None:
+        """Write texts, filtered."""
         for line in lines:
             self.write(line)
 
@@ -69,6 +71,7 @@ class Filtered:
         self.unfiltered.write(visible(text) if self.unfiltered.isatty() else text)
 
     def isatty(self) -> bool:
+        """Never: see the class."""
         return False
 
     def __getattr__(self, name: str) -> Any:

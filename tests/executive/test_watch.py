@@ -29,7 +29,7 @@ def watched(path: Path, saves: list[Callable[[], object]]) -> tuple[int, str]:
         runs.append(1)
         return 0
 
-    assert run_on_save(path, {}, run, Console(file=told, width=200), wait) == 0
+    assert run_on_save(path, {}, run, Console(file=told, width=200, markup=False), wait) == 0
     return len(runs), told.getvalue()
 
 

@@ -37,7 +37,10 @@ TOKENS = (
     "{retry.attempt}", "{failure.code}", "{x}", "{item}", "\ud7ff", "é", "\u2028", "\x00", "\x1b", "\U0001f34e",
     "sequence", "fallback", "parallel", "retry", "timeout", "on_failure", "for_each", "when", "guard", "root",
     "subtrees", "file", "in", "out", "type", "default", "choices", "perceive", "Detect", "Plan", "name", "force",
-    "set", "check", "and", "or", "not", "(", ")", "+", "*", "/", "==", "<", "in [",
+    "set", "check",
+    "if", "then", "else", "switch", "cases",
+    "delay", "rate", "run_once", "untranslated", "element",
+    "and", "or", "not", "(", ")", "+", "*", "/", "==", "<", "in [",
 )  # fmt: skip
 
 

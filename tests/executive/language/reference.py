@@ -1,0 +1,554 @@
+"""A small interpreter of trees with leaves that take time and claim devices, written from the language page alone.
+
+    python tests/executive/language/reference.py --trees 100000 --seed 0
+
+It knows nothing of py_trees, of expressions and of the builder: a node is a state machine with `tick` and `halt`.
+Random trees run in it and in the executive, tick by tick; the root's status and every start, end and interruption of a
+leaf must be the same.
+"""
+
+from __future__ import annotations
+
+import argparse
+import random
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+from executive.language import build, read
+from executive.registry import Registry
+from executive.running.compute import Computations
+from executive.running.context import RunContext
+from executive.running.dry_cell import DryCell
+from executive.skill import Interrupted, Skill, Work
+
+PERIOD = 0.02
+TICKS = 80
+RUNNING, SUCCESS, FAILURE, SKIPPED = "RUNNING", "SUCCESS", "FAILURE", "SKIPPED"
+Event = tuple[int, str, str]
+
+
+@dataclass
+class World:
+    """Time, the value that conditions look at, who holds which device, and what happened."""
+
+    tick: int = 0
+    held: dict[str, Leaf] = field(default_factory=dict)
+    halting: list[list[Any]] = field(default_factory=list)
+    log: list[Event] = field(default_factory=list)
+
+    @property
+    def now(self) -> float:
+        return self.tick * PERIOD
+
+    def end_of_tick(self) -> None:
+        for entry in self.halting:
+            entry[1] -= 1
+            if entry[1] == 0:
+                entry[0].release(self)
+        self.halting = [entry for entry in self.halting if entry[1] > 0]
+
+
+class Node:
+    """A node; `running` says whether its last tick left it running."""
+
+    running = False
+
+    def tick(self, world: World) -> str:
+        fresh, self.running = not self.running, True
+        status = self.step(world, fresh)
+        if status != RUNNING:
+            self.stop_children(world)
+        self.running = status == RUNNING
+        return status
+
+    def halt(self, world: World) -> None:
+        if self.running:
+            self.running = False
+            self.halted()
+            self.stop_children(world)
+
+    def stop_children(self, world: World) -> None:
+        for child in self.children():
+            child.halt(world)
+
+    def step(self, world: World, fresh: bool) -> str:
+        raise NotImplementedError
+
+    def children(self) -> list[Node]:
+        return []
+
+    def halted(self) -> None:
+        pass
+
+
+class Leaf(Node):
+    """Takes some ticks, then ends; when it is interrupted, letting go takes some, too."""
+
+    def __init__(self, name: str, jobs: list[tuple[int, bool]], letting_go: int, devices: tuple[str, ...]) -> None:
+        self.name, self.jobs, self.letting_go, self.devices = name, jobs, letting_go, devices
+        self.starts = self.left = 0
+        self.at_work = False
+
+    def step(self, world: World, fresh: bool) -> str:
+        if fresh:
+            self.starts += 1
+            self.at_work = False
+        if not self.at_work:
+            if any(device in world.held for device in self.devices):
+                return RUNNING
+            self.at_work = True
+            world.held.update(dict.fromkeys(self.devices, self))
+            self.left = self.job[0]
+            world.log.append((world.tick, self.name, "start"))
+        if self.left > 0:
+            self.left -= 1
+            return RUNNING
+        self.release(world)
+        world.log.append((world.tick, self.name, "end"))
+        return SUCCESS if self.job[1] else FAILURE
+
+    @property
+    def job(self) -> tuple[int, bool]:
+        return self.jobs[min(self.starts, len(self.jobs)) - 1]
+
+    def halt(self, world: World) -> None:
+        if self.running and self.at_work:
+            world.log.append((world.tick, self.name, "halt"))
+            if self.letting_go:
+                world.halting.append([self, self.letting_go])
+            else:
+                self.release(world)
+        self.running = False
+
+    def release(self, world: World) -> None:
+        for device in self.devices:
+            del world.held[device]
+
+
+class Branch(Node):
+    def __init__(self, *nodes: Node) -> None:
+        self.nodes = list(nodes)
+        self.at = 0
+        self.seen: list[str] = []
+
+    def children(self) -> list[Node]:
+        return self.nodes
+
+
+class InOrder(Branch):
+    """Sequences and fallbacks: `stops` is the end of a child that ends the whole."""
+
+    def __init__(self, stops: str, reactive: bool, keeps: bool, *nodes: Node) -> None:
+        super().__init__(*nodes)
+        self.stops, self.reactive, self.keeps = stops, reactive, keeps
+
+    def step(self, world: World, fresh: bool) -> str:
+        if fresh or self.reactive:
+            self.seen = []
+        if (fresh and not self.keeps) or self.reactive:
+            self.at = 0
+        while self.at < len(self.nodes):
+            status = self.nodes[self.at].tick(world)
+            if status in (RUNNING, self.stops):
+                for later in self.nodes[self.at + 1 :]:
+                    later.halt(world)
+                return status
+            self.seen.append(status)
+            self.at += 1
+        self.at = 0
+        if len(self.seen) == len(self.nodes) and set(self.seen) == {SKIPPED}:
+            return SKIPPED
+        return SUCCESS if self.stops == FAILURE else FAILURE
+
+
+class Parallel(Branch):
+    def __init__(self, needed: list[int] | None, *nodes: Node) -> None:
+        super().__init__(*nodes)
+        self.needed = needed
+        self.done: set[int] = set()
+
+    def step(self, world: World, fresh: bool) -> str:
+        if fresh:
+            self.done = set()
+        skipped: set[int] = set()
+        for index, node in enumerate(self.nodes):
+            if index in self.done:
+                continue
+            status = node.tick(world)
+            if status == FAILURE:
+                return FAILURE
+            (self.done if status == SUCCESS else skipped if status == SKIPPED else set()).add(index)
+            if self.needed is None:
+                if self.done:
+                    return SUCCESS
+            elif set(self.needed) <= self.done | skipped:
+                return SUCCESS
+        return SKIPPED if len(skipped) == len(self.nodes) else RUNNING
+
+
+class Tries(Branch):
+    """Retry and recovery: the second node follows a failed try."""
+
+    def __init__(self, total: int, between_only: bool, *nodes: Node) -> None:
+        super().__init__(*nodes)
+        self.total, self.between_only = total, between_only
+
+    def step(self, world: World, fresh: bool) -> str:
+        if fresh:
+            self.tried, self.recovering = 0, False
+        if self.recovering:
+            status = self.nodes[1].tick(world)
+            if status == RUNNING:
+                return RUNNING
+            self.recovering = False
+            if status == FAILURE or (status == SKIPPED and self.between_only):
+                return FAILURE
+            return FAILURE if self.tried == self.total else RUNNING
+        status = self.nodes[0].tick(world)
+        if status != FAILURE:
+            return status
+        self.tried += 1
+        last = self.tried == self.total
+        if len(self.nodes) > 1 and not (last and self.between_only):
+            self.recovering = True
+            return RUNNING
+        return FAILURE if last else RUNNING
+
+
+class Choose(Branch):
+    """If: the first node decides. `reactive` asks in every tick."""
+
+    def __init__(self, reactive: bool, *nodes: Node) -> None:
+        super().__init__(*nodes)
+        self.reactive = reactive
+
+    def step(self, world: World, fresh: bool) -> str:
+        if fresh:
+            self.chosen: Node | None = None
+        if self.chosen is None or self.reactive:
+            asked = self.nodes[0].tick(world)
+            if asked in (RUNNING, SKIPPED):
+                for other in self.nodes[1:]:
+                    other.halt(world)
+                return asked
+            chosen = self.nodes[1] if asked == SUCCESS else self.nodes[2] if len(self.nodes) > 2 else None
+            for other in self.nodes[1:]:
+                if other is not chosen:
+                    other.halt(world)
+            self.chosen = chosen
+        return SKIPPED if self.chosen is None else self.chosen.tick(world)
+
+
+class Turns(Branch):
+    failed = 0
+
+    def halted(self) -> None:
+        self.at = self.failed = 0
+
+    def step(self, world: World, fresh: bool) -> str:
+        skipped = 0
+        while self.failed + skipped < len(self.nodes):
+            status = self.nodes[self.at].tick(world)
+            if status == RUNNING:
+                return RUNNING
+            self.at = (self.at + 1) % len(self.nodes)
+            if status == SUCCESS:
+                self.failed = 0
+                return SUCCESS
+            skipped += status == SKIPPED
+            self.failed += status == FAILURE
+        self.at = self.failed = 0
+        return SKIPPED if skipped == len(self.nodes) else FAILURE
+
+
+class Pipeline(Branch):
+    def step(self, world: World, fresh: bool) -> str:
+        if fresh:
+            self.at = 0
+        seen = []
+        for index, node in enumerate(self.nodes):
+            seen.append(node.tick(world))
+            if seen[-1] == FAILURE:
+                return FAILURE
+            if seen[-1] == RUNNING and index >= self.at:
+                self.at = index
+                return RUNNING
+        return SKIPPED if set(seen) == {SKIPPED} else SUCCESS
+
+
+class Look(Node):
+    """A check."""
+
+    def __init__(self, holds: Callable[[int], bool]) -> None:
+        self.holds = holds
+
+    def step(self, world: World, fresh: bool) -> str:
+        return SUCCESS if self.holds(world.tick) else FAILURE
+
+
+class Around(Node):
+    """A modifier around one node, by its word."""
+
+    def __init__(self, word: str, value: Any, inner: Node) -> None:
+        self.word, self.value, self.inner = word, value, inner
+        self.once = False
+        self.since: float | None = None
+
+    def children(self) -> list[Node]:
+        return [self.inner]
+
+    def halt(self, world: World) -> None:
+        super().halt(world)
+        self.since = None
+
+    def step(self, world: World, fresh: bool) -> str:
+        before = getattr(self, f"before_{self.word}", None)
+        early = before(world, fresh) if before is not None else None
+        if early is not None:
+            return str(early)
+        status = self.inner.tick(world)
+        return status if status == SKIPPED else str(getattr(self, f"after_{self.word}")(world, status))
+
+    def before_timeout(self, world: World, fresh: bool) -> None:
+        if fresh:
+            self.end = world.now + self.value
+
+    def after_timeout(self, world: World, status: str) -> str:
+        return FAILURE if status == RUNNING and world.now >= self.end - 1e-9 else status
+
+    def after_invert(self, _world: World, status: str) -> str:
+        return {SUCCESS: FAILURE, FAILURE: SUCCESS}.get(status, status)
+
+    def after_force(self, _world: World, status: str) -> str:
+        return status if status == RUNNING else str(self.value).upper()
+
+    def before_delay(self, world: World, fresh: bool) -> str | None:
+        if fresh:
+            self.end = world.now + self.value
+        return RUNNING if not self.inner.running and world.now < self.end - 1e-9 else None
+
+    def after_delay(self, _world: World, status: str) -> str:
+        return status
+
+    def before_repeat(self, _world: World, fresh: bool) -> None:
+        if fresh:
+            self.rounds = 0
+
+    def after_repeat(self, _world: World, status: str) -> str:
+        self.rounds += status == SUCCESS
+        return RUNNING if status == SUCCESS and self.rounds < self.value else status
+
+    def before_run_once(self, _world: World, fresh: bool) -> str | None:
+        return SKIPPED if fresh and self.once else None
+
+    def after_run_once(self, _world: World, status: str) -> str:
+        self.once = self.once or status != RUNNING
+        return status
+
+    def before_guard(self, world: World, _fresh: bool) -> str | None:
+        return None if self.value(world.tick) else FAILURE
+
+    def after_guard(self, _world: World, status: str) -> str:
+        return status
+
+    def before_when(self, world: World, fresh: bool) -> str | None:
+        return SKIPPED if fresh and not self.value(world.tick) else None
+
+    def after_when(self, _world: World, status: str) -> str:
+        return status
+
+
+# ------------------------------------------------------------------------------------------- random trees
+
+CONDITIONS: tuple[tuple[str, Callable[[int], bool]], ...] = (
+    ("1 == 1", lambda n: True),
+    ("1 == 2", lambda n: False),
+    ("{n} < 4", lambda n: n < 4),
+    ("{n} > 5", lambda n: n > 5),
+    ("{n} != 3", lambda n: n != 3),
+    ("{n} > 2 and {n} < 9", lambda n: 2 < n < 9),
+)
+DEVICES = ("Arm", "Gripper")
+
+
+@dataclass
+class Case:
+    """A random tree: its text, the same for the interpreter, and its leaves."""
+
+    rng: random.Random
+    leaves: dict[str, Leaf] = field(default_factory=dict)
+
+    def node(self, depth: int) -> tuple[str, Node]:
+        text, node = self.leaf() if depth == 0 or self.rng.random() < 0.25 else self.branch(depth)
+        return self.modified(text, node, depth)
+
+    def leaf(self) -> tuple[str, Node]:
+        if self.rng.random() < 0.15:
+            text, holds = self.rng.choice(CONDITIONS)
+            return f"check: '{text}'", Look(holds)
+        name = f"L{len(self.leaves)}"
+        jobs = [(self.rng.choice((0, 0, 1, 2, 5)), self.rng.random() < 0.6) for _ in range(self.rng.randint(1, 3))]
+        devices = tuple(device for device in DEVICES if self.rng.random() < 0.3)
+        leaf = self.leaves[name] = Leaf(name, jobs, self.rng.choice((0, 0, 1, 3)), devices)
+        return f"{'With'.join(('Job', *devices))}: {{}}, name: {name}", leaf
+
+    def branch(self, depth: int) -> tuple[str, Node]:
+        word = self.rng.choice(
+            ("sequence", "sequence", "fallback", "fallback", "parallel", "parallel", "reactive_sequence", "if",
+             "reactive_fallback", "recovery", "sequence_with_memory", "reactive_if", "round_robin", "pipeline_sequence")
+        )  # fmt: skip
+        count = {"recovery": 2, "if": self.rng.randint(2, 3), "reactive_if": self.rng.randint(2, 3)}.get(word)
+        parts = [self.node(depth - 1) for _ in range(count or self.rng.randint(1, 3))]
+        texts, nodes = [f"{{{text}}}" for text, _ in parts], [node for _, node in parts]
+        if word in ("if", "reactive_if"):
+            words = (word, "then", "else")
+            text = ", ".join(f"{key}: {value}" for key, value in zip(words, texts, strict=False))
+            return text, Choose(word == "reactive_if", *nodes)
+        text = f"{word}: [{', '.join(texts)}]"
+        if word == "parallel":
+            if self.rng.random() < 0.4:
+                return f"{text}, success_on: one", Parallel(None, *nodes)
+            return text, Parallel(list(range(len(nodes))), *nodes)
+        if word == "recovery":
+            total = self.rng.randint(1, 3)
+            return f"{text}, attempts: {total}", Tries(total, True, *nodes)
+        if word in ("round_robin", "pipeline_sequence"):
+            return text, (Turns if word == "round_robin" else Pipeline)(*nodes)
+        stops = SUCCESS if "fallback" in word else FAILURE
+        return text, InOrder(stops, "reactive" in word, word == "sequence_with_memory", *nodes)
+
+    def modified(self, text: str, node: Node, depth: int) -> tuple[str, Node]:
+        rng = self.rng
+
+        def some(word: str, value: str, meaning: Any) -> None:
+            nonlocal text, node
+            if rng.random() < 0.08:
+                text, node = f"{text}, {word}: {value}", Around(word, meaning, node)
+
+        limit = rng.randint(1, 6) * PERIOD
+        some("timeout", f"{limit * 1000:.0f} ms", limit)
+        some("invert", "true", None)
+        end = rng.choice(("success", "failure"))
+        some("force", end, end)
+        pause = rng.randint(0, 4) * PERIOD
+        some("delay", f"{pause * 1000:.0f} ms", pause)
+        if rng.random() < 0.1:
+            total, nodes = rng.randint(1, 3), [node]
+            text += f", retry: {total}"
+            if depth and rng.random() < 0.4:
+                after_text, after = self.node(0)
+                nodes.append(after)
+                text += f", on_failure: {{{after_text}}}"
+            node = Tries(total, False, *nodes)
+        rounds = rng.randint(1, 3)
+        some("repeat", str(rounds), rounds)
+        some("run_once", "true", None)
+        for word in ("guard", "when"):
+            said, holds = rng.choice(CONDITIONS)
+            some(word, f"'{said}'", holds)
+        return text, node
+
+
+# ------------------------------------------------------------------------------------------- the executive's side
+
+
+class Context(RunContext):
+    """A real run's context, on a cell without devices; it notes what happens to leaves."""
+
+    def __init__(self) -> None:
+        super().__init__(DryCell(), Computations(lambda *_: None), 0, lambda *_: None)
+        self.tick = 0
+        self.log: list[Event] = []
+
+
+class Arm: ...
+
+
+class Gripper: ...
+
+
+class Job(Skill):
+    """Does what the interpreter's leaf of the same name does."""
+
+    failures = ("NO",)
+    leaf: Leaf
+
+    def run(self) -> Work:
+        context = self.context
+        assert isinstance(context, Context)
+        context.log.append((context.tick, self.name, "start"))
+        duration, succeeds = self.leaf.jobs[min(self.starts, len(self.leaf.jobs)) - 1]
+        try:
+            for _ in range(duration):
+                yield None
+        except Interrupted:
+            context.log.append((context.tick, self.name, "halt"))
+            for _ in range(self.leaf.letting_go):
+                yield None
+            raise
+        context.log.append((context.tick, self.name, "end"))
+        if not succeeds:
+            raise self.failure("NO", "told to fail")
+
+
+JOBS = Registry(
+    {
+        name: type(name, (Job,), {"devices": devices})
+        for name, devices in {
+            "Job": (), "JobWithArm": (Arm,), "JobWithGripper": (Gripper,), "JobWithArmWithGripper": (Arm, Gripper),
+        }.items()
+    }
+)  # fmt: skip
+
+
+def differs(seed: str) -> str:
+    """What the executive does otherwise than the interpreter, for one random tree; an empty text when nothing."""
+    rng = random.Random(seed)
+    case = Case(rng)
+    body, node = case.node(rng.randint(1, 3))
+    text = f"pomona: 1\ntree: t\nroot: {{sequence: [{{set: {{n: 0}}}}, {{{body}}}]}}\n"
+    context, world = Context(), World()
+    tree = build(read(text, "t.yaml"), JOBS, context=context)
+    for skill in tree.skills:
+        skill.leaf = case.leaves[skill.name]
+    root = InOrder(FAILURE, False, False, Look(lambda _: True), node)
+    for tick in range(TICKS):
+        world.tick = context.tick = tick
+        tree.board.write("/n", tick, "test")
+        if tick == 0:
+            tree.board.tick = 1
+        tree.root.tick_once()
+        expected = root.tick(world)
+        found = tree.root.status.name
+        if (found, context.log) != (expected, world.log):
+            return f"{text}tick {tick}: {found}, expected {expected}\n{context.log}\n{world.log}"
+        world.end_of_tick()
+        context.drive_halting()
+        context.clock.advance(PERIOD)
+        if expected != RUNNING:
+            break
+    if root.running:
+        tree.root.stop(type(tree.root.status).INVALID)
+        root.halt(world)
+        if context.log != world.log:
+            return f"{text}halt: {context.log}\n{world.log}"
+    return ""
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--trees", type=int, default=100_000)
+    parser.add_argument("--seed", type=int, default=0)
+    order = parser.parse_args()
+    started = time.perf_counter()
+    broken = [told for number in range(order.trees) if (told := differs(f"{order.seed}/{number}"))]
+    print(f"{order.trees} random trees in {time.perf_counter() - started:.0f} s, {len(broken)} of them differ")
+    print("\n\n".join(sorted(broken, key=len)[:3]))
+    return 1 if broken else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
