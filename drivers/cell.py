@@ -4,6 +4,7 @@
 
 `world:` names a simulated world, which gives the clock; without one the clock is the system's. `devices:` are connected
 in the order of the file, so that one can build on those above it. `workspace:` is what skills know of the surroundings.
+`heartbeat: 1 s` is how long a run may hang before its supervisor process stops the devices.
 `record: required` ends a run in the safe state when its record cannot be written; without it the run goes on.
 """
 
@@ -45,8 +46,9 @@ class Cell:
         workspace: Workspace | None = None,
         world: World | None = None,
         record_required: bool = False,
+        heartbeat_deadline: float = 1.0,
     ) -> None:
-        self.record_required = record_required
+        self.record_required, self.heartbeat_deadline = record_required, heartbeat_deadline
         self.name, self.kind, self.clock, self.workspace = name, kind, clock, workspace
         self.devices = dict(devices)
         self._world = world
@@ -161,6 +163,10 @@ class Cell:
         within: Mapping[str, FaultSwitch] = getattr(self._world, "switches", {})
         return {**within, **devices}
 
+    def outside_stops(self) -> Mapping[str, tuple[str, Sequence[Any]]]:
+        """How another process stops the devices when this one hangs or dies, by the devices' names."""
+        return {name: device.outside_stop for name, device in self.devices.items() if device.outside_stop is not None}
+
     def settled(self) -> bool:
         """True when no device moves."""
         return all(device.settled() for device in self.devices.values())
@@ -245,7 +251,7 @@ def connect_cell(file: CellFile, *, seed: int = 0, missing: Callable[[str, Drive
                     raise
                 missing(name, error)
         required = said.record == "required"
-        return Cell(file.name, file.kind, bench.clock, bench.devices, file.workspace, world, required)
+        return Cell(file.name, file.kind, bench.clock, bench.devices, file.workspace, world, required, said.heartbeat)
     except BaseException:
         for opened in reversed(bench.devices.values()):
             opened.close()

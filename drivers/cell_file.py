@@ -23,10 +23,11 @@ from drivers.interfaces import ArmLimits, Workspace
 from drivers.workspace import WorkspaceSection
 from executive.values.documents import Option, Outline, ValueFile, read_value_file
 from executive.values.findings import Findings
-from executive.values.kinds import MappingOf, Text
+from executive.values.kinds import MappingOf, Measure, Text
 from executive.values.reading import Refused
 from executive.values.scoring import Score
 from executive.values.sections import Placed, Problem, Section, value
+from executive.values.units import TIME
 from executive.values.yaml_nodes import YamlMapping, YamlScalar
 
 KINDS = ("simulated", "emulated", "real", "frames", "mock")
@@ -40,6 +41,9 @@ class CellSection:
     name: str = value(Text(), "", "the file's name without it")
     kind: str = value(Text(*KINDS), help="what it is, shown wherever the run is shown: " + ", ".join(KINDS))
     record: str = value(Text("required", "optional"), "optional", "'required' ends a run that cannot be recorded")
+    heartbeat: float = value(
+        Measure(TIME, "200 ms", "60 s"), "1 s", "a run that hangs for so long has its devices stopped from outside"
+    )
     clock: str = value(Text("system", "manual"), "system", "where time comes from when no world gives it")
     options: Mapping[str, str] = value(MappingOf(Text()), {}, 'what --set may change; "{name}" stands for the value')
     score: Score | None = value(Section(Score), None, "what counts where the world scores runs")

@@ -25,6 +25,8 @@ class Device:
 
     interfaces: ClassVar[tuple[type, ...]] = ()
     distrusted = ""
+    outside_stop: tuple[str, tuple[Any, ...]] | None = None
+    """How another process stops the device when this one is gone: the function `module:name` and its arguments."""
 
     def __init__(self, name: str) -> None:
         self.name = name

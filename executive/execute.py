@@ -31,6 +31,7 @@ from executive.running.events import EventStream, Listener, RunStarted
 from executive.running.run_state import RunResult
 from executive.running.runner import Runner
 from executive.running.signals import RunSignals
+from executive.running.supervisor import Supervision
 from executive.running.traces import place_of, sentence_of
 from executive.running.watching import installed_watchers
 from executive.source_commit import commit_here
@@ -115,16 +116,19 @@ def execute(
             raise UsageError(f"the tree has no parameter {', '.join(sorted(cell_settings))}, and a dry run has no cell")
         mocks = _read_mocks(order.mocks, order.texts, document, registry)
         with RunSignals() as signals:
-            work = _Work(order, registry, document, tree_settings, DryCell(), mocks, signals)
+            nothing = DryCell()
+            work = _Work(order, registry, document, tree_settings, nothing, mocks, signals, Supervision(nothing))
             return _run(work, listeners, on_ready, on_latched)
     judged = judge(document, registry, order.settings, order.cell, order.texts)
     judged.refuse_errors()
     assert judged.cell is not None
     with RunSignals() as signals, contextlib.ExitStack() as stack:
         cell = connect_cell(judged.cell, order.seed)
+        supervision = Supervision(cell)
+        stack.callback(supervision.close)  # last of all: until the cell is closed something could still move
         stack.callback(cell.close)
         stack.callback(signals.wait)  # whatever ends the run, the cell is closed without being disturbed
-        work = _Work(order, registry, document, tree_settings, cell, None, signals, judged.cell.files)
+        work = _Work(order, registry, document, tree_settings, cell, None, signals, supervision, judged.cell.files)
         return _run(work, listeners, on_ready, on_latched)
 
 
@@ -139,6 +143,7 @@ class _Work:
     cell: Cell
     mocks: Mocks | None
     signals: RunSignals
+    supervision: Supervision
     cell_texts: Mapping[str, str] = field(default_factory=dict)
 
     def build(self, context: RunContext, board: Board) -> BuiltTree:
@@ -155,6 +160,7 @@ def _run(
 ) -> Executed:
     order, cell, signals = work.order, work.cell, work.signals
     events, summary, keeping = EventStream(), Summary(), Keeping(order.record, cell)
+    supervision = work.supervision
     runner = Runner(
         work.build,
         cell,
@@ -163,6 +169,7 @@ def _run(
         period=PERIOD,
         real_time=order.real_time,
         watchers=[*installed_watchers(cell), keeping],
+        heartbeat=supervision.beat,
     )
     _set_breakpoints(runner, order.breaks)
     for listener in (summary.hear, *listeners):
@@ -172,9 +179,11 @@ def _run(
         _prepare(runner)
         with signals.ask(runner):
             keeping.begin(runner, events)
+            supervision.begin(runner, keeping.folder)
             events.emit(_started(work, runner, keeping.folder))
             on_ready(runner)
             result = runner.run()
+        supervision.rest()
         keeping.draw(f"{runner.tree.name}: {result.outcome}, seed {order.seed}")
         if runner.latched is not None:
             with signals.raise_again():

@@ -85,5 +85,6 @@ def connect(settings: Settings[MotomanFile], bench: Bench) -> MotomanArm:
     except DeviceLost as error:
         hint = f"is the controller on, and does MotoROS listen on {host}:{port} and {port + 1}?"
         raise settings.error(error.message, "address", hint) from error
+    arm.outside_stop = "drivers.motoman.outside:stop", (host, port, options.order, options.group)
     arm.start()
     return arm

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import Any
 
 from drivers.device import Bench
 from drivers.driver import Settings, driver
@@ -72,22 +73,25 @@ def connect(settings: Settings[WsgFile], bench: Bench) -> WsgGripper:
         watchdog=said.watchdog,
         silence=said.silence,
     )
-    open_link, key = _link(said, bench)
+    open_link, key, outside_stop = _link(said, bench)
     gripper = WsgGripper(open_link, bench.clock, options)
     try:
         gripper.connect()
     except DeviceLost as error:
         raise settings.error(error.message, key, _what_is_there(key)) from error
+    gripper.outside_stop = outside_stop
     gripper.start()
     return gripper
 
 
-def _link(said: WsgFile, bench: Bench) -> tuple[Callable[[], Link], str]:
+def _link(said: WsgFile, bench: Bench) -> tuple[Callable[[], Link], str, tuple[str, tuple[Any, ...]]]:
+    """How to open the wire, the setting's name, and how another process stops the gripper over a wire of its own."""
     if said.tcp is not None:
         host, port = said.tcp
-        return tcp_opener(host, port, bench.wires), "tcp"
+        return tcp_opener(host, port, bench.wires), "tcp", ("drivers.wsg.outside:stop", (host, port))
     can = said.can or CanFile()
-    return (lambda: CanLink.open(can.interface, can.channel, can.bitrate, can.send_id, can.reply_id)), "can"
+    where = (can.interface, can.channel, can.bitrate, can.send_id, can.reply_id)
+    return (lambda: CanLink.open(*where)), "can", ("drivers.wsg.outside:stop_on_can", where)
 
 
 def _what_is_there(key: str) -> str:

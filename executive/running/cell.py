@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, Protocol, TypeVar
 
 from executive.clock import Clock
@@ -87,6 +87,16 @@ class Cell(Protocol):
         Raises:
             Exception: the world is not as it was when it was paused (the arm was moved, the fruit is gone).
         """
+        ...
+
+    def outside_stops(self) -> Mapping[str, tuple[str, Sequence[Any]]]:
+        """How another process can stop devices when this one hangs or dies: by name the function `module:name` and its
+        arguments, which JSON can carry. Empty where nothing is left to move, as in a simulated cell."""
+        ...
+
+    @property
+    def heartbeat_deadline(self) -> float:
+        """Seconds without a tick after which that happens."""
         ...
 
     def settled(self) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, TypeVar
 
 from executive.clock import ManualClock
@@ -15,6 +15,7 @@ class DryCell:
 
     name, kind = "dry", "mock"
     record_required = False
+    heartbeat_deadline = 1.0
 
     def __init__(self) -> None:
         self.clock = ManualClock()
@@ -49,6 +50,9 @@ class DryCell:
 
     def resume(self) -> None:
         """Nothing was stopped."""
+
+    def outside_stops(self) -> Mapping[str, tuple[str, Sequence[Any]]]:
+        return {}
 
     def settled(self) -> bool:
         return True

@@ -79,6 +79,7 @@ class Runner(Requests):
         period: float = 0.02,
         real_time: bool = False,
         watchers: Sequence[Watcher] = (),
+        heartbeat: Callable[[], None] = lambda: None,
     ) -> None:
         """
         Args:
@@ -89,10 +90,11 @@ class Runner(Requests):
             period: of a tick [s].
             real_time: pace a simulated cell to the wall's clock; otherwise it runs as fast as the machine allows.
             watchers: show what the cell looks like.
+            heartbeat: called in every tick, also while paused or coming to rest.
         """
         super().__init__()
         self._cell, self._events = cell, events
-        self._period, self._real_time = period, real_time
+        self._period, self._real_time, self._heartbeat = period, real_time, heartbeat
         self._computations = Computations(self._computed)
         self.context = RunContext(cell, self._computations, seed, self._published)
         self.board = Board(cell.clock)
@@ -180,6 +182,7 @@ class Runner(Requests):
     def _loop(self, started: float) -> None:
         next_tick = self._cell.clock.now()
         while True:
+            self._heartbeat()
             self._take_commands()
             if self._has_ended():
                 return
@@ -380,6 +383,7 @@ class Runner(Requests):
             if self._cell.clock.now() >= deadline:
                 still = ", ".join(self.context.halting) or "the cell"
                 raise PomonaError(f"{still} has not come to rest within {STOP_LIMIT:.0f} s of the safe stop")
+            self._heartbeat()
             self.context.drive_halting()
             self._tell_what_failed()
             self._cell.clock.advance(self._period)

@@ -42,6 +42,7 @@ class FakeCell:
 
     name, kind = "fake", "mock"
     record_required = False
+    heartbeat_deadline = 1.0
 
     def __init__(self) -> None:
         self.clock = ManualClock()
@@ -85,6 +86,9 @@ class FakeCell:
         if self.changed:
             raise RuntimeError("the wheel was turned by hand")
         self.paused = False
+
+    def outside_stops(self) -> Mapping[str, Any]:
+        return {}
 
     def settled(self) -> bool:
         return not self.wheel.coasting and (not self.wheel.turning or self.paused)

@@ -1,0 +1,129 @@
+"""The supervisor process: hears the run's heartbeat, and stops the devices when it fails.
+
+Standard input brings one line of JSON, then one byte at a time: `.` alive, and the next is due within the deadline;
+`r` at rest, only the process's end counts; `q` all is well, goodbye. An end of input without `q` is a run that died.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import select
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+STOPPING = 3.0
+"""Seconds for which each device is tried again: its old connection may have to be noticed as gone first."""
+
+AGAIN = 0.05
+"""Seconds between two tries."""
+
+REPORT = "supervisor.json"
+"""In the record's folder: what was done and why."""
+
+
+@dataclass(frozen=True)
+class Orders:
+    """What to do: `stops` gives for each device the function `module:name` and its arguments."""
+
+    pid: int
+    deadline: float
+    stops: dict[str, tuple[str, list[Any]]]
+    record: str
+
+
+def main() -> int:
+    """Supervise one run.
+
+    Returns:
+        0 when it ended by itself, 1 when its devices had to be stopped.
+    """
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, signal.SIG_IGN)  # what ends the run may not end its supervisor before it
+    orders = Orders(**json.loads(sys.stdin.buffer.readline()))
+    stops = {device: (_load(function), arguments) for device, (function, arguments) in orders.stops.items()}
+    sys.stdout.write("ready\n")
+    sys.stdout.flush()
+    reason = _listen(sys.stdin.fileno(), orders.deadline)
+    if not reason:
+        return 0
+    began = time.monotonic()
+    _end(orders.pid)
+    told = _stop_all(stops)
+    _report(orders, reason, told, time.monotonic() - began)
+    return 1
+
+
+def _listen(heartbeat: int, deadline: float) -> str:
+    """Why the devices must be stopped; empty when all ended well."""
+    watched = False
+    while True:
+        ready, _, _ = select.select([heartbeat], [], [], deadline if watched else None)
+        if not ready:
+            return f"the run's process did not answer for {deadline:g} s"
+        chunk = os.read(heartbeat, 65536)
+        if not chunk:
+            return "the run's process died"
+        if b"q" in chunk:
+            return ""
+        watched = chunk.endswith(b".")
+
+
+def _end(pid: int) -> None:
+    """What hangs must not wake up and go on moving; and devices that take one client must be let go of."""
+    try:
+        os.kill(pid, signal.SIGKILL)
+    except ProcessLookupError:
+        return
+
+
+def _stop_all(stops: dict[str, tuple[Callable[..., None], list[Any]]]) -> dict[str, str]:
+    told = dict.fromkeys(stops, "")
+
+    def stop(device: str, function: Callable[..., None], arguments: list[Any]) -> None:
+        end = time.monotonic() + STOPPING
+        while True:
+            try:
+                function(*arguments)
+            except Exception as error:
+                told[device] = f"could not be stopped: {error}"
+            else:
+                told[device] = "stopped"
+                return
+            if time.monotonic() > end:
+                return
+            time.sleep(AGAIN)
+
+    threads = [threading.Thread(target=stop, args=(device, *how)) for device, how in stops.items()]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    return told
+
+
+def _report(orders: Orders, reason: str, told: dict[str, str], took: float) -> None:
+    devices = "; ".join(f"{device} {what}" for device, what in told.items())
+    with contextlib.suppress(OSError):  # nobody reads any more
+        print(f"supervisor: {reason}. {devices}.", file=sys.stderr, flush=True)
+    if orders.record:
+        text = json.dumps({"reason": reason, "devices": told, "took_s": round(took, 3), "wall_time": time.time()})
+        Path(orders.record, REPORT).write_text(text + "\n", encoding="utf-8")
+
+
+def _load(name: str) -> Callable[..., None]:
+    module, _, function = name.partition(":")
+    loaded: Callable[..., None] = getattr(import_module(module), function)
+    return loaded
+
+
+if __name__ == "__main__":
+    sys.exit(main())

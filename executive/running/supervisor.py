@@ -1,0 +1,137 @@
+"""The run's side of its supervisor: another process, which stops the devices when this one hangs or dies.
+
+The tick sends a heartbeat through a pipe. The supervisor reaches the devices over connections of its own, by functions
+that their drivers name (`Cell.outside_stops`). It is no safety device: it runs on the same computer.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import select
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from executive.errors import UsageError
+from executive.running.cell import Cell
+from executive.running.runner import Runner
+
+READY = 60.0
+"""Seconds that the process may take to be ready."""
+
+GOODBYE = 5.0
+"""Seconds that it may take to end."""
+
+
+class NoSupervisorError(UsageError):
+    """The process could not be started; nothing has moved."""
+
+
+class Supervisor:
+    """One process that watches one run."""
+
+    def __init__(
+        self, stops: Mapping[str, tuple[str, Sequence[Any]]], deadline: float, record: Path | None = None
+    ) -> None:
+        """
+        Args:
+            stops: for each device the function `module:name` that stops it from another process, and its arguments.
+            deadline: seconds without a heartbeat after which this process is ended and the devices are stopped.
+            record: folder in which it says what it did.
+
+        Raises:
+            NoSupervisorError: it does not start.
+        """
+        self._lost = ""
+        command = [sys.executable, "-m", "executive.running.supervise"]
+        # A session of its own: what the terminal sends to the run must not end its supervisor first.
+        self._process = subprocess.Popen(
+            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, bufsize=0, start_new_session=True
+        )
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        orders = {
+            "pid": os.getpid(), "deadline": deadline, "stops": {name: list(how) for name, how in stops.items()},
+            "record": str(record.resolve()) if record is not None else "",
+        }  # fmt: skip
+        with contextlib.suppress(OSError):
+            self._process.stdin.write(json.dumps(orders).encode() + b"\n")
+        ready, _, _ = select.select([self._process.stdout], [], [], READY)
+        if not ready or self._process.stdout.readline() != b"ready\n":
+            self._process.kill()
+            self.close()
+            raise NoSupervisorError("the supervisor process did not start; nothing was moved")
+        os.set_blocking(self._process.stdin.fileno(), False)
+
+    def beat(self) -> None:
+        """The tick is alive."""
+        self._say(b".")
+
+    def rest(self) -> None:
+        """Nothing moves and no tick comes for a while; only this process's end matters."""
+        self._say(b"r")
+
+    def state(self) -> str:
+        """'ok', or why nobody watches any more."""
+        return self._lost or "ok"
+
+    def close(self) -> None:
+        """All went well; harmless when closed already."""
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        self._say(b"q")
+        with contextlib.suppress(OSError):
+            self._process.stdin.close()
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self._process.wait(GOODBYE)
+        if self._process.poll() is None:
+            self._process.kill()
+            self._process.wait()
+        self._process.stdout.close()
+
+    def _say(self, sign: bytes) -> None:
+        assert self._process.stdin is not None
+        try:
+            os.write(self._process.stdin.fileno(), sign)
+        except BlockingIOError:
+            self._lost = "the supervisor process hears nothing any more"
+        except (OSError, ValueError):
+            self._lost = "the supervisor process is gone"
+
+
+class Supervision:
+    """A supervisor for a cell that needs one, and nothing for any other."""
+
+    def __init__(self, cell: Cell) -> None:
+        self._cell = cell
+        self._supervisor: Supervisor | None = None
+
+    def begin(self, runner: Runner, record: Path | None) -> None:
+        """Before anything moves. That nobody watches any more ends the run in the safe state.
+
+        Raises:
+            NoSupervisorError: as `Supervisor`.
+        """
+        stops = self._cell.outside_stops()
+        if stops and not self._cell.clock.simulated:
+            self._supervisor = Supervisor(stops, self._cell.heartbeat_deadline, record)
+            runner.look_after("supervisor", self._supervisor.state, required=True)
+
+    def beat(self) -> None:
+        """See `Supervisor.beat`."""
+        if self._supervisor is not None:
+            self._supervisor.beat()
+
+    def rest(self) -> None:
+        """See `Supervisor.rest`."""
+        if self._supervisor is not None:
+            self._supervisor.rest()
+
+    def close(self) -> None:
+        """See `Supervisor.close`."""
+        if self._supervisor is not None:
+            self._supervisor.close()

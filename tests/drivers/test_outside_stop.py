@@ -1,0 +1,123 @@
+"""When the executive hangs or is killed, its supervisor stops emulated devices in another process, over their wires."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from drivers.cell import load_cell
+from drivers.interfaces import Arm, Gripper
+
+ROBOT = Path(__file__).parents[2] / "trees" / "robots" / "sia5f_wsg32.xml"
+CELL = """
+name: bench
+kind: emulated
+heartbeat: 4 s
+devices:
+  arm: {{driver: motoman, address: "127.0.0.1:{arm}", controller: fs100, robot: {robot}, silence: 1 s, lead: 600 ms,
+        supervision: {{status: 2 s, stall: 5 s, lag: 1 s, following_error: 0.5 rad}}}}
+  gripper: {{driver: wsg, tcp: "127.0.0.1:{gripper}", silence: 1 s}}
+"""
+RUN = """
+import sys, time
+from benchmarks.kill_points_skills import _quintic
+from drivers.interfaces import Arm, Gripper
+from executive.cli import main
+from executive.registry import Registry
+from executive.skill import Skill, Work
+
+class Move(Skill):
+    devices = (Arm, Gripper)
+
+    def run(self) -> Work[None]:
+        arm, gripper = self.device(Arm), self.device(Gripper)
+        arm.follow(_quintic(arm.state().q, 1.0, 20.0))
+        gripper.move(gripper.limits.width_min + 0.002, 0.001)
+        yield from self.wait(5.0)
+        print("moving", flush=True)
+        if sys.argv[1] == "hang":
+            while True:
+                time.sleep(1.0)
+        yield from self.wait(60.0)
+
+Registry.installed = classmethod(lambda cls: Registry({"Move": Move}))
+sys.argv[1:], way = sys.argv[2:], sys.argv[1]
+sys.argv.insert(1, way)
+sys.exit(main(sys.argv[2:]))
+"""
+
+
+@dataclass(frozen=True)
+class Place:
+    cell: Path
+    tree: Path
+    records: Path
+
+
+def free_ports(count: int) -> int:
+    """The first of so many free ports in a row."""
+    while True:
+        with contextlib.ExitStack() as stack, contextlib.suppress(OSError):
+            first = stack.enter_context(socket.create_server(("127.0.0.1", 0))).getsockname()[1]
+            for port in range(first + 1, first + count):
+                stack.enter_context(socket.create_server(("127.0.0.1", port)))
+            return int(first)
+
+
+@pytest.fixture
+def place(tmp_path: Path) -> Iterator[Place]:
+    arm, gripper = free_ports(3), free_ports(1)
+    orders = [["motoman", "--port", str(arm)], ["wsg", "--tcp", f"127.0.0.1:{gripper}"]]
+    with contextlib.ExitStack() as stack:
+        for order in orders:
+            command = [sys.executable, "-m", "drivers.commands.emulate", *order]
+            process = stack.enter_context(subprocess.Popen(command, stdout=subprocess.PIPE, text=True))
+            stack.callback(process.terminate)
+            assert process.stdout is not None
+            process.stdout.readline()
+        cell, tree = tmp_path / "bench.yaml", tmp_path / "move.yaml"
+        cell.write_text(CELL.format(arm=arm, gripper=gripper, robot=ROBOT))
+        tree.write_text("pomona: 1\ntree: move\nroot: {Move: {}}\n")
+        yield Place(cell, tree, tmp_path / "runs")
+
+
+@pytest.mark.parametrize(("way", "number"), [("hang", None), ("go on", signal.SIGKILL), ("go on", signal.SIGSTOP)])
+def test_arm_and_gripper_are_stopped_from_outside_and_free_for_the_next_run(
+    place: Place, way: str, number: int | None
+) -> None:
+    order = ["run", str(place.tree), "--cell", str(place.cell), "--record", str(place.records)]
+    with subprocess.Popen(
+        [sys.executable, "-c", RUN, way, *order], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        heard = []
+        for line in process.stdout:
+            heard.append(line)
+            if line == "moving\n":
+                break
+        assert heard[-1:] == ["moving\n"], "".join(heard) + process.stderr.read()
+        if number is not None:
+            process.send_signal(number)
+        said = process.stderr.read()
+        assert process.wait(30) == -signal.SIGKILL, said
+    assert "arm stopped; gripper stopped" in said
+    (record,) = place.records.iterdir()
+    assert json.loads((record / "supervisor.json").read_text())["devices"] == {"arm": "stopped", "gripper": "stopped"}
+    with contextlib.closing(load_cell(place.cell)) as cell:
+        arm, gripper = cell.device(Arm), cell.device(Gripper)
+        before = arm.state().q[-1], gripper.state().width
+        time.sleep(0.3)
+        assert (arm.state().q[-1], gripper.state().width) == pytest.approx(before, abs=1e-6)
+        assert 0.01 < before[0] < 0.9, said
+        assert gripper.limits.width_min + 0.004 < before[1], "the fingers did not go on to their goal"

@@ -1,0 +1,125 @@
+"""The supervisor process stops the devices when the run's process hangs, is stopped or dies, and only then."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from fake_cell import FakeCell
+from fake_runs import Turn, make
+
+from executive.registry import Registry
+from executive.running.supervise import REPORT
+from executive.running.supervisor import NoSupervisorError, Supervisor
+
+SUPERVISED = """
+import os, signal, sys, time
+from pathlib import Path
+from executive.running.supervisor import Supervisor
+folder, way = Path(sys.argv[1]), sys.argv[2]
+supervisor = Supervisor({"wheel": ("os:mkdir", [str(folder / "stopped")])}, 0.4, folder)
+for _ in range(20):
+    supervisor.beat()
+    time.sleep(0.02)
+print("alive", flush=True)
+if way == "hang":
+    while True:
+        pass
+if way == "rest":
+    supervisor.rest()
+    time.sleep(1.0)
+if way == "wait":
+    time.sleep(60.0)
+supervisor.close()
+"""
+
+
+def supervised(folder: Path, way: str, number: int | None = None) -> tuple[int, str, float]:
+    """A process that is supervised, what it ended with, what was said, and how long that took."""
+    command = [sys.executable, "-c", SUPERVISED, str(folder), way]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        assert process.stdout.readline() == "alive\n"
+        began = time.monotonic()
+        if number is not None:
+            process.send_signal(number)
+        said = process.stderr.read()  # until the supervisor has ended, too: it holds the other end
+        return process.wait(), said, time.monotonic() - began
+
+
+@pytest.mark.parametrize(
+    ("way", "number", "reason"),
+    [
+        ("hang", None, "did not answer for 0.4 s"),
+        ("wait", signal.SIGSTOP, "did not answer for 0.4 s"),
+        ("wait", signal.SIGKILL, "the run's process died"),
+    ],
+)
+def test_a_process_that_hangs_is_stopped_or_dies_has_its_devices_stopped(
+    tmp_path: Path, way: str, number: int | None, reason: str
+) -> None:
+    status, said, took = supervised(tmp_path, way, number)
+    assert status == -signal.SIGKILL
+    assert (tmp_path / "stopped").is_dir()
+    assert reason in said
+    report = json.loads((tmp_path / REPORT).read_text())
+    assert report["devices"] == {"wheel": "stopped"}
+    assert reason in report["reason"]
+    assert took < 20.0
+
+
+@pytest.mark.parametrize("way", ["end", "rest"])
+def test_a_process_that_ends_or_rests_is_left_alone(tmp_path: Path, way: str) -> None:
+    status, said, _took = supervised(tmp_path, way)
+    assert (status, said) == (0, "")
+    assert not (tmp_path / "stopped").exists()
+
+
+def test_a_device_that_cannot_be_stopped_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "stopped").mkdir()  # os.mkdir fails now
+    _status, said, _took = supervised(tmp_path, "wait", signal.SIGKILL)
+    assert "wheel could not be stopped" in said
+
+
+def test_a_function_that_is_not_there_refuses_the_run(capfd: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(NoSupervisorError):
+        Supervisor({"wheel": ("os:no_such_function", [])}, 1.0)
+    assert "no_such_function" in capfd.readouterr().err
+
+
+def test_a_run_whose_supervisor_is_gone_ends_in_the_safe_state() -> None:
+    supervisor = Supervisor({"wheel": ("os:getpid", [])}, 5.0)
+
+    def end_it(_runner: object, _cell: FakeCell) -> None:
+        os.kill(supervisor._process.pid, signal.SIGKILL)
+        supervisor._process.wait()
+
+    runner, cell, _events = make(
+        "pomona: 1\ntree: t\nroot: {Turn: {duration: 9 s}}", Registry({"Turn": Turn}), {5: end_it}
+    )
+    runner._heartbeat = supervisor.beat
+    runner.look_after("supervisor", supervisor.state, required=True)
+    result = runner.run()
+    supervisor.close()
+    assert result.outcome == "stopped"
+    assert cell.latched == "the supervisor process is gone"
+
+
+def test_the_heartbeat_goes_on_while_a_run_is_paused_and_while_it_comes_to_rest() -> None:
+    beats: list[str] = []
+    runner, _cell, _events = make(
+        "pomona: 1\ntree: t\nroot: {Turn: {duration: 9 s}}",
+        Registry({"Turn": Turn}),
+        {4: lambda runner, _cell: runner.pause("ada"), 30: lambda runner, _cell: runner.safe_stop("enough")},
+    )
+    runner._heartbeat = lambda: beats.append(runner.state.value)
+    runner.run()
+    assert beats.count("paused") > 20
+    assert len(beats) >= 33  # three more while the wheel coasts
