@@ -163,6 +163,10 @@ class Cell:
         within: Mapping[str, FaultSwitch] = getattr(self._world, "switches", {})
         return {**within, **devices}
 
+    def in_hand(self) -> str | None:
+        """What is felt between the fingers, as a sentence; empty for nothing, None when the cell cannot feel it."""
+        return self._watch.in_hand()
+
     def outside_stops(self) -> Mapping[str, tuple[str, Sequence[Any]]]:
         """How another process stops the devices when this one hangs or dies, by the devices' names."""
         return {name: device.outside_stop for name, device in self.devices.items() if device.outside_stop is not None}

@@ -20,6 +20,7 @@ class HoldWatch:
         self._arm, self._fingers = arm, fingers
         self._q: Float64 | None = None
         self._force: float | None = None
+        self._holds = False
 
     def forget(self) -> None:
         """Nothing is remembered any more."""
@@ -46,6 +47,17 @@ class HoldWatch:
         if self._force is not None and self._force > HELD and (force is None or not force >= GONE):
             now = "nothing is felt" if force is None else f"now {force:.1f} N"
             raise DeviceFault("fingers", f"the fruit that was held with {self._force:.1f} N is gone ({now})")
+
+    def in_hand(self) -> str | None:
+        """What is felt between the fingers, as a sentence; empty for nothing, None when nobody feels anything."""
+        force = self._least_force()
+        if force is None:
+            return None
+        if force > HELD:
+            self._holds = True
+        elif force < GONE:
+            self._holds = False
+        return "something is between the fingers" if self._holds else ""
 
     def _least_force(self) -> float | None:
         """The smaller of the two fingers' normal forces [N]."""

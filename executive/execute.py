@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
+import logging
 import platform
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -21,6 +22,7 @@ from executive.language.documents import read_document, refuse_errors
 from executive.language.mocks import MockPlan
 from executive.language.scenario import read_mocks
 from executive.recording.keeping import Keeping
+from executive.recording.unfinished import unfinished
 from executive.registry import Registry
 from executive.running.breakpoints import Side
 from executive.running.cell import Cell
@@ -37,6 +39,11 @@ from executive.running.watching import installed_watchers
 from executive.source_commit import commit_here
 from executive.terminal.summary import Summary
 from executive.values.findings import did_you_mean
+
+logger = logging.getLogger(__name__)
+
+RECOVERY_SETTINGS = ("release", "home")
+"""Parameters of the tree `recover`, which `--set` gives to it."""
 
 PERIOD = 0.02
 """Seconds of a tick."""
@@ -55,6 +62,8 @@ class RunOrder:
         dry: replace every skill by a mock and the cell by nothing.
         mocks: a file that says how the mocks behave; without one they all succeed at once.
         texts: contents of files, by their path, that are not to be read from the disk.
+        recover: after a run on this cell that was cut, run the installed tree `recover` first.
+        cleared: somebody has looked after the cell since.
         breaks: breakpoints that are set from the start: a node's name, type or path, and its side.
     """
 
@@ -68,6 +77,8 @@ class RunOrder:
     mocks: Path | None = None
     texts: Mapping[str, str] = field(default_factory=dict)
     breaks: tuple[tuple[str, Side], ...] = ()
+    recover: bool = False
+    cleared: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,7 +120,12 @@ def execute(
     """
     registry = Registry.installed()
     document = read_document(order.tree, order.texts)
-    tree_settings, cell_settings = split_settings(document, order.settings)
+    settings = {
+        key: value
+        for key, value in order.settings.items()
+        if not (order.recover and key in RECOVERY_SETTINGS and key not in document.main.parameters)
+    }
+    tree_settings, cell_settings = split_settings(document, settings)
     if order.dry:
         refuse_errors(document, registry, tree_settings, None)
         if cell_settings:
@@ -119,9 +135,11 @@ def execute(
             nothing = DryCell()
             work = _Work(order, registry, document, tree_settings, nothing, mocks, signals, Supervision(nothing))
             return _run(work, listeners, on_ready, on_latched)
-    judged = judge(document, registry, order.settings, order.cell, order.texts)
+    judged = judge(document, registry, settings, order.cell, order.texts)
     judged.refuse_errors()
     assert judged.cell is not None
+    if order.record is not None and not order.cleared and order.tree.resolve() != _recovery():
+        _after_cut(order, listeners, on_ready)
     with RunSignals() as signals, contextlib.ExitStack() as stack:
         cell = connect_cell(judged.cell, order.seed)
         supervision = Supervision(cell)
@@ -130,6 +148,37 @@ def execute(
         stack.callback(signals.wait)  # whatever ends the run, the cell is closed without being disturbed
         work = _Work(order, registry, document, tree_settings, cell, None, signals, supervision, judged.cell.files)
         return _run(work, listeners, on_ready, on_latched)
+
+
+def _recovery() -> Path:
+    return (installed_trees() / "recover.yaml").resolve()
+
+
+def _after_cut(order: RunOrder, listeners: Sequence[Listener], on_ready: Callable[[Runner], None]) -> None:
+    """When the last run on this cell was cut: recover if that is wanted, else refuse a cell that may hold something.
+
+    Raises:
+        UsageError: it may, or the recovery did not succeed; nothing else has moved.
+    """
+    assert order.record is not None
+    cut = unfinished(order.record, order.cell)
+    if cut is None:
+        return
+    if order.recover:
+        logger.warning("%s: recovering first", cut.sentence)
+        settings = {key: value for key, value in order.settings.items() if key in RECOVERY_SETTINGS}
+        recovered = execute(
+            replace(order, tree=_recovery(), settings=settings, breaks=()), listeners, on_ready=on_ready
+        )
+        if recovered.result.outcome != "success":
+            raise UsageError(f"{recovered.summary.sentence()}. Nothing else was run.")
+    elif cut.kind in ("real", "emulated") and cut.hand != "":
+        raise UsageError(
+            f"{cut.sentence}.\nNothing was run. `--recover` moves the arm home slowly first, with `--set release=true` "
+            "it puts down what it holds before; `--cleared` says that somebody has looked after the cell."
+        )
+    else:
+        logger.warning("%s", cut.sentence)
 
 
 @dataclass(frozen=True, slots=True)

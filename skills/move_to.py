@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import Annotated, Any
 
 from drivers.interfaces import Arm, Gripper, Workspace
-from executive.ports import LENGTH, TIME, Length, Port, Time
+from executive.ports import LENGTH, TIME, Length, Port, Ratio, Time
 from executive.skill import CellFacts, Work
 from executive.values.sections import Problem
 from skills.motion.grasp import Grasp
@@ -50,6 +50,7 @@ class MoveTo(MovingSkill):
             Length, Port(min="2 mm", help="kept by the links; gripper and fingers keep a share")
         ] = LENGTH("10 mm"),
         budget: Annotated[Time, Port(min="1 ms", help="planning time")] = TIME("500 ms"),
+        speed: Annotated[Ratio, Port(min=0.02, max=1.0, help="share of the speed that the limits allow")] = 1.0,
     ) -> Work[None]:
-        yield from move_to_pose(self, pose, variation, map, carrying, clearance, budget, avoiding)
+        yield from move_to_pose(self, pose, variation, map, carrying, clearance, budget, avoiding, speed)
         return None

@@ -69,6 +69,14 @@ def add(subparsers: Any) -> None:
             metavar="NODE",
             help=f"pause {side} this node (its name, type or path); go on from the page, so it needs --dashboard",
         )
+    parser.add_argument(
+        "--recover", action="store_true", help="when the last run on this cell was cut: bring the arm home slowly first"
+    )
+    parser.add_argument(
+        "--cleared",
+        action="store_true",
+        help="when it was cut: somebody has looked after the cell",
+    )
     parser.add_argument("--watch", action="store_true", help="run again each time the tree file is saved")
     add_address(parser)
     parser.set_defaults(main=main)
@@ -91,6 +99,8 @@ def main(options: argparse.Namespace) -> int:
         record=None if options.no_record else options.record,
         dry=options.dry is not None,
         mocks=Path(options.dry) if options.dry else None,
+        recover=options.recover,
+        cleared=options.cleared,
         breaks=(
             *((name, "before") for name in options.break_before),
             *((name, "after") for name in options.break_after),

@@ -89,6 +89,10 @@ class Cell(Protocol):
         """
         ...
 
+    def in_hand(self) -> str | None:
+        """What is felt between the fingers, as a sentence; empty for nothing, None when the cell cannot feel it."""
+        ...
+
     def outside_stops(self) -> Mapping[str, tuple[str, Sequence[Any]]]:
         """How another process can stop devices when this one hangs or dies: by name the function `module:name` and its
         arguments, which JSON can carry. Empty where nothing is left to move, as in a simulated cell."""

@@ -25,14 +25,18 @@ class InterruptRequestedError(SafeStopRequestedError):
 class CellWatch:
     """Asks each device, and each other thing that was named, how it is; tells what has changed."""
 
-    def __init__(self, cell: Cell, linked: Callable[[str, str], None], watch: Watch) -> None:
+    def __init__(
+        self, cell: Cell, linked: Callable[[str, str], None], felt: Callable[[str], None], watch: Watch
+    ) -> None:
         """
         Args:
             cell: connected.
             linked: called with (device, state) when a link's state has changed.
+            felt: called with what is felt between the fingers, when that has changed.
             watch: shows what the cell looks like.
         """
-        self._cell, self._linked, self._watch = cell, linked, watch
+        self._cell, self._linked, self._felt, self._watch = cell, linked, felt, watch
+        self._hand: str | None = None
         self._links: dict[str, str] = {}
         self._others: dict[str, tuple[Callable[[], str], bool]] = {}
 
@@ -62,6 +66,10 @@ class CellWatch:
             self._note(name, state)
             if required and state != "ok":
                 raise SafeStopRequestedError(state)
+        hand = self._cell.in_hand()
+        if hand is not None and hand != self._hand:
+            self._hand = hand
+            self._felt(hand)
         self._watch.look()
 
     def _note(self, name: str, state: str) -> None:

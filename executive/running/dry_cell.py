@@ -51,6 +51,9 @@ class DryCell:
     def resume(self) -> None:
         """Nothing was stopped."""
 
+    def in_hand(self) -> None:
+        return None
+
     def outside_stops(self) -> Mapping[str, tuple[str, Sequence[Any]]]:
         return {}
 

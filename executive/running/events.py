@@ -125,6 +125,13 @@ class LinkChanged(Event):
 
 
 @dataclass(frozen=True, slots=True)
+class HandChanged(Event):
+    """What the fingers feel between them has changed: a sentence, or nothing."""
+
+    what: str
+
+
+@dataclass(frozen=True, slots=True)
 class OperatorActed(Event):
     """Somebody acted on the run."""
 

@@ -33,6 +33,7 @@ from executive.running.events import (
     ErrorRaised,
     Event,
     EventStream,
+    HandChanged,
     LinkChanged,
     OperatorActed,
     PortWritten,
@@ -111,7 +112,7 @@ class Runner(Requests):
         self._culprit = ""
         self._interrupted = False
         self._reported: dict[str, object] = {}
-        self._watch = CellWatch(cell, self._linked, Watch(cell, self._published, watchers, self._tell))
+        self._watch = CellWatch(cell, self._linked, self._felt, Watch(cell, self._published, watchers, self._tell))
 
     @property
     def state(self) -> RunState:
@@ -455,6 +456,9 @@ class Runner(Requests):
 
     def _linked(self, name: str, state: str) -> None:
         self._emit(LinkChanged(*self._stamp(), name, state))
+
+    def _felt(self, hand: str) -> None:
+        self._emit(HandChanged(*self._stamp(), hand))
 
     def _written(self, key: str, entry: Entry) -> None:
         about = type(entry.value)  # asked of the class: a mock's placeholder has no attributes at all

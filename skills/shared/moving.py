@@ -39,6 +39,7 @@ def move_to_pose(
     clearance: float = 1e-2,
     budget: float = 0.5,
     avoiding: MeasuredFruit | None = None,
+    speed: float = 1.0,
 ) -> Watching:
     """Plan to a named pose of the cell file and go there.
 
@@ -50,6 +51,7 @@ def move_to_pose(
         clearance: kept by the arm's links [m], as in `arm_space`.
         budget: of planning [s].
         avoiding: a fruit that was left out of the map and is still there.
+        speed: share of the speed that the limits allow, above 0 to 1.
     """
     arm, workspace = skill.device(Arm), skill.device(Workspace)
     try:
@@ -75,7 +77,7 @@ def move_to_pose(
     )
     result = yield from planned(skill, request)
     path = result.path if carrying is None else gently(RobotModel.load(arm.description), result.path)
-    yield from skill.travel(path)
+    yield from skill.travel(path if speed >= 1.0 else stretched(path, 1.0 / speed))
 
 
 def gently(robot: RobotModel, path: Trajectory, acceleration: float = CARRIED_ACCELERATION) -> Trajectory:

@@ -51,6 +51,7 @@ class FakeCell:
         self.paused = False
         self.fault: Exception | None = None
         self.changed = False
+        self.hand: str | None = None
         self.closed = False
 
     def interfaces(self) -> tuple[type, ...]:
@@ -86,6 +87,9 @@ class FakeCell:
         if self.changed:
             raise RuntimeError("the wheel was turned by hand")
         self.paused = False
+
+    def in_hand(self) -> str | None:
+        return self.hand
 
     def outside_stops(self) -> Mapping[str, Any]:
         return {}

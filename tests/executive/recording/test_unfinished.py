@@ -1,0 +1,140 @@
+"""The next run knows that the last one on its cell was cut, and what may be in the gripper."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from recorded_events import started
+
+from executive.errors import UsageError
+from executive.execute import RunOrder, execute
+from executive.recording.recorder import Recorder
+from executive.recording.unfinished import unfinished
+from executive.running.events import HandChanged, NodeChanged, RunEnded
+
+CELL = "name: bench\nkind: mock\nclock: manual\ndevices: {}\n"
+TREE = "pomona: 1\ntree: t\nroot: {wait: 20 ms}\n"
+NODES = (
+    {"path": "t", "parent": None, "name": "t", "type": "sequence"},
+    {"path": "t/Lift", "parent": "t", "name": "Lift", "type": "Lift"},
+)
+
+
+@pytest.fixture
+def order(tmp_path: Path) -> RunOrder:
+    (tmp_path / "cell.yaml").write_text(CELL)
+    (tmp_path / "tree.yaml").write_text(TREE)
+    return RunOrder(tmp_path / "tree.yaml", tmp_path / "cell.yaml", record=tmp_path / "runs")
+
+
+def leave(
+    order: RunOrder,
+    kind: str,
+    hand: str | None,
+    ended: bool = False,
+    name: str = "2026-01-01_t",
+    tree: str = "t",
+    outcome: str = "success",
+) -> None:
+    """A record on this cell, in which Lift was running."""
+    assert order.record is not None
+    folder = order.record / name
+    folder.mkdir(parents=True)
+    recorder = Recorder(folder)
+    recorder.hear(replace(started(), cell_kind=kind, cell_path=str(order.cell.resolve()), nodes=NODES, tree=tree))
+    recorder.hear(NodeChanged(0.1, 5, "t/Lift", "RUNNING", "", 1))
+    if hand is not None:
+        recorder.hear(HandChanged(0.2, 10, hand))
+    if ended:
+        recorder.hear(RunEnded(0.4, 20, outcome, None, 20, 0.4, 0.4, None))
+    recorder.close()
+
+
+HELD = "something is between the fingers"
+
+
+def test_a_run_that_came_to_an_end_is_not_unfinished(order: RunOrder) -> None:
+    leave(order, "real", HELD, ended=True)
+    assert order.record is not None
+    assert unfinished(order.record, order.cell) is None
+
+
+def test_a_cut_run_says_what_was_going_on_and_what_may_be_in_the_gripper(order: RunOrder) -> None:
+    leave(order, "real", HELD)
+    assert order.record is not None
+    cut = unfinished(order.record, order.cell)
+    assert cut is not None
+    assert (cut.kind, cut.doing, cut.hand) == ("real", ("Lift",), HELD)
+    assert "while Lift was running" in cut.sentence
+    assert HELD in cut.sentence
+
+
+def test_only_the_newest_run_on_this_cell_counts(order: RunOrder, tmp_path: Path) -> None:
+    leave(order, "real", HELD)
+    leave(order, "real", HELD, ended=True, name="2026-01-02_t")
+    assert order.record is not None
+    assert unfinished(order.record, order.cell) is None
+    other = tmp_path / "other.yaml"
+    other.write_text(CELL)
+    leave(replace(order, cell=other), "real", HELD, name="2026-01-03_t")
+    assert unfinished(order.record, order.cell) is None
+    assert unfinished(order.record, other) is not None
+
+
+@pytest.mark.parametrize(("kind", "hand"), [("real", HELD), ("real", None), ("emulated", HELD)])
+def test_a_real_cell_that_may_hold_something_is_refused_with_what_to_do(
+    order: RunOrder, kind: str, hand: str | None
+) -> None:
+    leave(order, kind, hand)
+    with pytest.raises(UsageError, match=r"was cut after 0\.\d s while Lift was running") as refused:
+        execute(order)
+    assert "--recover" in str(refused.value)
+    assert "--cleared" in str(refused.value)
+
+
+@pytest.mark.parametrize(("kind", "hand"), [("real", ""), ("simulated", HELD), ("mock", None)])
+def test_an_empty_gripper_and_a_simulated_cell_are_only_told(
+    order: RunOrder, kind: str, hand: str | None, caplog: pytest.LogCaptureFixture
+) -> None:
+    leave(order, kind, hand)
+    assert execute(order).result.outcome == "success"
+    assert "was cut after" in caplog.text
+    caplog.clear()
+    assert execute(order).result.outcome == "success"
+    assert caplog.text == ""  # told once: the newest run has come to an end
+
+
+def test_a_cell_that_somebody_has_looked_after_goes_on(order: RunOrder) -> None:
+    leave(order, "real", HELD)
+    assert execute(replace(order, cleared=True)).result.outcome == "success"
+
+
+def test_recovery_runs_before_anything_else_and_nothing_runs_when_it_fails(
+    order: RunOrder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    recover = tmp_path / "recover.yaml"
+    monkeypatch.setattr("executive.execute.installed_trees", lambda: tmp_path)
+    recover.write_text("pomona: 1\ntree: recover\nroot: {fail: {code: STUCK}}\n")
+    leave(order, "real", HELD)
+    assert order.record is not None
+    with pytest.raises(UsageError, match=r"recover failed: .*STUCK"):
+        execute(replace(order, recover=True))
+    leave(order, "real", HELD, name="2099-01-01_t")
+    recover.write_text("pomona: 1\ntree: recover\nparameters: {release: {type: bool, default: false}}\n"
+                       "root: {check: '{release}'}\n")  # fmt: skip
+    executed = execute(replace(order, recover=True, settings={"release": "true"}))
+    assert executed.result.outcome == "success"
+    names = sorted(path.name.split("_", 2)[-1] for path in order.record.iterdir())
+    assert sum(name.startswith("recover") for name in names) == 2
+    assert unfinished(order.record, order.cell) is not None  # the record from the future is still the newest
+
+
+def test_a_recovery_that_failed_leaves_the_cell_as_it_was(order: RunOrder) -> None:
+    leave(order, "real", HELD)
+    leave(order, "real", None, ended=True, name="2026-01-02_recover", tree="recover", outcome="failure")
+    assert order.record is not None
+    assert unfinished(order.record, order.cell) is not None
+    leave(order, "real", None, ended=True, name="2026-01-03_recover", tree="recover")
+    assert unfinished(order.record, order.cell) is None
