@@ -15,7 +15,7 @@ from pathlib import Path
 
 from executive.board import Board
 from executive.errors import UsageError
-from executive.files import read_text
+from executive.files import installed_trees, read_text
 from executive.judging import judge, split_settings
 from executive.language import BuiltTree, Document, Mocks, build, format_findings
 from executive.language.documents import read_document, refuse_errors
