@@ -1,0 +1,128 @@
+"""Random commands, faults and ticks against the runner on a fake cell: what must hold, holds in every step.
+
+The runner is driven step by step in this thread: each look at the cell hands control to the machine.
+"""
+
+from __future__ import annotations
+
+import threading
+
+from fake_cell import FakeCell, Wheel
+from fake_runs import Turn, make
+from hypothesis import settings
+from hypothesis import strategies as st
+from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
+
+from executive.registry import Registry
+from executive.running.run_state import RunResult, RunState
+
+TREES = (
+    "root: {Turn: {duration: 400 ms}, repeat: 3}",
+    "root: {parallel: [{Turn: {}, name: A, repeat: 2}, {Turn: {}, name: B}]}",
+    "root: {parallel: [{Turn: {duration: 9 s}}, {wait: 200 ms}], success_on: one}",
+    "root: {retry: 3, Turn: {duration: 9 s}, timeout: 100 ms}",
+)
+PATIENCE = 20.0
+"""Seconds within which the runner must reach its next look at the cell, or its end."""
+
+
+class RunnerMachine(RuleBasedStateMachine):
+    """One run; each step does something to it and then lets it go on for one look at the cell."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.go, self.looked = threading.Semaphore(0), threading.Semaphore(0)
+        self.result: RunResult | None = None
+        self.started = self.free = False
+        self.cell: FakeCell | None = None
+
+    @precondition(lambda self: not self.started)
+    @rule(tree=st.sampled_from(TREES))
+    def start(self, tree: str) -> None:
+        self.started = True
+        self.runner, self.cell, self.events = make(f"pomona: 1\ntree: t\n{tree}", Registry({"Turn": Turn}))
+        check = self.cell.check
+
+        def held() -> None:
+            self.looked.release()
+            if not self.free:
+                self.go.acquire()
+            check()
+
+        self.cell.check = held  # type: ignore[method-assign]
+        self.thread = threading.Thread(target=self._run)
+        self.thread.start()
+        assert self.looked.acquire(timeout=PATIENCE)
+
+    def _run(self) -> None:
+        self.result = self.runner.run()
+        self.looked.release()
+
+    def _step(self) -> None:
+        if self.result is None:
+            self.go.release()
+            assert self.looked.acquire(timeout=PATIENCE), "the runner hangs"
+
+    @precondition(lambda self: self.started)
+    @rule(count=st.integers(1, 8))
+    def tick(self, count: int) -> None:
+        for _ in range(count):
+            self._step()
+
+    @precondition(lambda self: self.started)
+    @rule(action=st.sampled_from(["pause", "resume", "step", "stop", "interrupt", "acknowledge"]))
+    def ask(self, action: str) -> None:
+        getattr(self.runner, action)()
+        self._step()
+
+    @precondition(lambda self: self.started)
+    @rule(act=st.sampled_from(["safe stop of the operator", "safe stop of the cell", "lost", "changed"]))
+    def fail(self, act: str) -> None:
+        assert self.cell is not None
+        match act:
+            case "safe stop of the operator":
+                self.runner.safe_stop("hand in the cell")
+            case "safe stop of the cell":
+                self.cell.safe_stop("light curtain")
+            case "lost":
+                self.cell.fault = ConnectionError("the wheel does not answer")
+            case _:
+                self.cell.changed = True
+        self._step()
+
+    @invariant()
+    def nothing_moves_in_a_run_that_has_ended_and_all_is_told(self) -> None:
+        if self.result is None or self.cell is None:
+            return
+        assert not self.cell.wheel.turning
+        assert not self.cell.wheel.coasting or self.runner.state is RunState.SUCCEEDED
+        assert self.runner.context.owners == {}
+        assert self.runner.state.ended
+        assert type(self.events[-1]).__name__ == "RunEnded"
+
+    @invariant()
+    def the_latch_is_respected(self) -> None:
+        if self.cell is None or self.cell.latched is None:
+            return
+        assert not self.cell.wheel.turning, "it moves in the safe state"
+        if self.result is not None:
+            assert self.result.outcome in ("stopped", "error")
+
+    @invariant()
+    def a_device_has_one_owner(self) -> None:
+        if self.cell is not None:
+            assert "refused" not in self.cell.wheel.log, "it was started while somebody else turned it"
+            assert set(self.runner.context.owners) <= {Wheel}
+
+    def teardown(self) -> None:
+        if self.started:
+            self.free = True
+            self.runner.stop()
+            while self.thread.is_alive():
+                self.go.release()
+                self.thread.join(0.01)
+            self.nothing_moves_in_a_run_that_has_ended_and_all_is_told()
+
+
+TestRunner = RunnerMachine.TestCase
+TestRunner.settings = settings(max_examples=60, stateful_step_count=25, deadline=None)
