@@ -99,6 +99,9 @@ fuzz: $(STAMP) ## 100 000 damaged tree files, 100 000 random trees; a million da
 	$(BIN)/python tests/executive/recording/fuzz_records.py records --cases 1000000
 	$(BIN)/python tests/executive/recording/fuzz_records.py messages --cases 1000000
 
+soak: $(STAMP) ## 1 000 simulated picks in one process: memory, handles, threads and ticks stay flat (hours)
+	$(BIN)/python -m benchmarks.soak --picks 1000
+
 kill-points: $(STAMP) ## 1 000 runs ended at random points with every signal (an hour or two)
 	$(BIN)/python -m benchmarks.kill_points --points 1000
 

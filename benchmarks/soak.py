@@ -1,0 +1,83 @@
+"""Many picks in one process: memory, handles, threads and the time of a tick must stay flat.
+
+    python -m benchmarks.soak --picks 1000                 # the simulated pick, recorded; hours
+    python -m benchmarks.soak --picks 60 --dry             # mocks for all skills: the executive alone, for CI
+
+Flat: over the second half of the picks the median of the last quarter is at most `GROWTH` above that of the one before.
+"""
+
+from __future__ import annotations
+
+import argparse
+import gc
+import os
+import statistics
+import sys
+import tempfile
+import threading
+from pathlib import Path
+
+from executive.execute import RunOrder, execute
+from executive.files import find_cell, find_tree
+
+GROWTH = 0.01
+"""Share by which a quantity may grow over the second half."""
+
+
+def measure() -> dict[str, float]:
+    """What this process holds now: resident memory [MB], open handles, threads."""
+    pages = int(Path("/proc/self/statm").read_text().split()[1])
+    return {
+        "memory_mb": pages * os.sysconf("SC_PAGE_SIZE") / 1e6,
+        "handles": float(len(os.listdir("/proc/self/fd"))),
+        "threads": float(threading.active_count()),
+    }
+
+
+def growth(values: list[float]) -> float:
+    """By which share the last quarter lies above the third one."""
+    quarter = max(1, len(values) // 4)
+    before, after = statistics.median(values[-2 * quarter : -quarter]), statistics.median(values[-quarter:])
+    return after / before - 1.0 if before else 0.0
+
+
+def soak(picks: int, tree: str, dry: bool) -> dict[str, list[float]]:
+    """Run the tree so many times; each quantity after each run, and the wall time of its ticks [ms]."""
+    seen: dict[str, list[float]] = {}
+    with tempfile.TemporaryDirectory(prefix="pomona-soak-") as folder:
+        for number in range(picks):
+            record = Path(folder) / "runs"
+            order = RunOrder(find_tree(tree), find_cell("sim"), seed=number, record=record, dry=dry)
+            executed = execute(order)
+            gc.collect()
+            now = measure()
+            if not dry:  # a dry run's ticks are too few and too short to be timed on a shared machine
+                now["tick_ms"] = 1e3 * executed.result.wall / max(executed.result.ticks, 1)
+            for name, value in now.items():
+                seen.setdefault(name, []).append(value)
+            if executed.record is not None:
+                for path in executed.record.iterdir():
+                    path.unlink()
+                executed.record.rmdir()
+            if number % 50 == 0 and not dry:
+                print(f"{number:5d} " + "  ".join(f"{k} {v:.2f}" for k, v in now.items()), flush=True)
+    return seen
+
+
+def main() -> int:
+    """Returns 0 when all is flat."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--picks", type=int, default=1000)
+    parser.add_argument("--tree", default="pick_apple")
+    parser.add_argument("--dry", action="store_true")
+    options = parser.parse_args()
+    grown = 0
+    for name, values in soak(options.picks, options.tree, options.dry).items():
+        more = growth(values)
+        grown += more > GROWTH
+        print(f"{'✗' if more > GROWTH else '✓'} {name:10s} first {values[0]:.2f}, last {values[-1]:.2f}, {more:+.2%}")
+    return 1 if grown else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
