@@ -63,6 +63,10 @@ class ListenerError(PomonaError):
         super().__init__(f"what follows the run failed: {sentence_of(error)}")
 
 
+BLOCKED = 1.0
+"""Seconds that a tick on a simulated clock may really take before that is told: no time limit could interrupt it."""
+
+
 Build = Callable[[RunContext, Board], BuiltTree]
 """Makes a tree that is bound to a run."""
 
@@ -211,7 +215,7 @@ class Runner(Requests):
         held = self._breakpoints.tick(self.tree.root)
         took = time.perf_counter() - began
         self._observer.after_tick()
-        if took > self._period and not self._cell.clock.simulated:
+        if took > (BLOCKED if self._cell.clock.simulated else self._period):
             self._emit(TickOverran(*self._stamp(), self._observer.slowest(), took))
         if held is not None:
             self._step = False

@@ -22,11 +22,15 @@ from executive.running.events import (
     RunEnded,
     RunStarted,
     SafeStopped,
+    TickOverran,
 )
 from executive.terminal.summary import Summary
 from executive.terminal.words import at_place, figure, seconds
 
 ORDINALS = ("first", "second", "third", "fourth", "fifth", "sixth", "seventh", "eighth", "ninth", "tenth")
+BLOCKED = 0.5
+"""Seconds from which a tick that waited is told."""
+
 MOST_ATTEMPTS = 4
 """Attempts that are told one by one; of more, the first and the last are."""
 
@@ -56,6 +60,7 @@ class _Story:
         self.stops: list[SafeStopped] = []
         self.links: list[LinkChanged] = []
         self.errors: list[ErrorRaised] = []
+        self.overruns: list[TickOverran] = []
         self.running: dict[str, float] = {}
         self.t = 0.0
 
@@ -77,6 +82,8 @@ class _Story:
             self.stops.append(event)
         elif isinstance(event, ErrorRaised):
             self.errors.append(event)
+        elif isinstance(event, TickOverran):
+            self.overruns.append(event)
         elif isinstance(event, LinkChanged) and event.state != "ok":
             self.links.append(event)
 
@@ -180,9 +187,23 @@ class _Story:
 
     def _interventions(self) -> str:
         parts = [f"At {link.t:.1f} s, {link.device}: {_sentence(link.state)}" for link in self.links]
+        parts += [self._blocked(overrun) for overrun in self.overruns if overrun.duration >= BLOCKED]
         parts += [f"At {act.t:.1f} s {act.who} asked for {act.action} {act.detail}".rstrip() + "." for act in self.acts]
         parts += [f"At {stop.t:.1f} s the cell went to its safe state: {_sentence(stop.reason)}" for stop in self.stops]
         return " ".join(parts)
+
+    def _blocked(self, overrun: TickOverran) -> str:
+        who = self._name(overrun.node) if overrun.node else "something"
+        within = "".join(f", the limit of {self._name(path)} neither" for path in self._limits(overrun.node))
+        held = f"At {overrun.t:.1f} s {who} kept the tick waiting for {seconds(overrun.duration)}"
+        return f"{held}: nothing could interrupt it meanwhile{within}. Such work belongs into `self.compute`."
+
+    def _limits(self, path: str) -> Iterator[str]:
+        """The timeouts around a node."""
+        node = self.nodes.get(path)
+        while node is not None and (node := self.nodes.get(str(node["parent"]))) is not None:
+            if node.get("type") == "timeout":
+                yield str(node["path"])
 
     def _errors(self) -> Iterator[str]:
         """Every exception where it was raised, with its traceback as it stands in the record."""

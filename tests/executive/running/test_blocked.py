@@ -1,0 +1,34 @@
+"""A skill that blocks is told as such, also where a time limit stood around it and on a simulated clock."""
+
+from __future__ import annotations
+
+import pytest
+from fake_runs import make
+
+from executive.registry import Registry
+from executive.running import runner as module
+from executive.running.events import RunStarted, TickOverran
+from executive.skill import Skill, Work
+from executive.terminal import explain as words
+
+
+class Block(Skill):
+    """Does its work in the tick instead of beside it."""
+
+    def run(self) -> Work[None]:
+        yield None
+        sum(range(300_000))
+
+
+def test_a_skill_that_blocks_under_a_timeout_is_told_with_the_limit(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "BLOCKED", 1e-4)
+    monkeypatch.setattr(words, "BLOCKED", 1e-4)
+    runner, _cell, events = make("pomona: 1\ntree: t\nroot: {sequence: [{Block: {}, timeout: 100 ms}]}", Registry({"Block": Block}))
+    assert runner.run().outcome == "success"
+    told = [event for event in events if isinstance(event, TickOverran)][-1]  # the last tick was the long one
+    assert told.node.endswith("Block")
+    nodes = tuple(node.facts() for node in runner.tree.nodes)
+    begun = RunStarted(0.0, 0, "r", "t", "t", "", "", "c", "mock", "", "", 0, {}, nodes, {}, 0.0, 0.02)
+    story = " ".join(words.explain([begun, *events]))
+    assert "Block kept the tick waiting" in story
+    assert "nothing could interrupt it meanwhile, the limit of" in story
