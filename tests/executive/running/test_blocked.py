@@ -23,7 +23,8 @@ class Block(Skill):
 def test_a_skill_that_blocks_under_a_timeout_is_told_with_the_limit(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "BLOCKED", 1e-4)
     monkeypatch.setattr(words, "BLOCKED", 1e-4)
-    runner, _cell, events = make("pomona: 1\ntree: t\nroot: {sequence: [{Block: {}, timeout: 100 ms}]}", Registry({"Block": Block}))
+    tree = "pomona: 1\ntree: t\nroot: {sequence: [{Block: {}, timeout: 100 ms}]}"
+    runner, _cell, events = make(tree, Registry({"Block": Block}))
     assert runner.run().outcome == "success"
     told = [event for event in events if isinstance(event, TickOverran)][-1]  # the last tick was the long one
     assert told.node.endswith("Block")
