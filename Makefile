@@ -74,6 +74,9 @@ bench-plan: $(STAMP) ## planning over random scenes, beside the paper's way
 bench-grasp: $(STAMP) ## grip control over random lifts, baselines beside it
 	$(BIN)/python -m benchmarks.bench_grasp --plots runs/bench_grasp --picture docs/images/grip.png
 
+bench-grip-faults: $(STAMP) ## a force sensor that lies in every way and phase, on the simulated cell (half an hour)
+	$(BIN)/python -m benchmarks.grip_faults
+
 bench-record: $(STAMP) ## what recording costs, and how large a pick's record is
 	$(BIN)/python -m benchmarks.bench_record
 

@@ -19,6 +19,7 @@ from skills.motion.robot import RobotModel
 from skills.motion.straight_line import straight_line
 from skills.shared.following import MOTION_FAILURES, MovingSkill
 from skills.shared.grip_view import show_grip
+from skills.shared.hanging import Hanging
 from skills.shared.touch import pressing_forces, something_between
 from skills.shared.usable_map import usable_field
 from skills.shared.warm_motion import prepare_moving
@@ -77,12 +78,18 @@ class Lift(MovingSkill):
         self._require_free(line.q, grasp, map, clearance)
         trajectory = time_curve(line.q, height, arm.limits, speed, acceleration, acceleration / JERK_TIME)
 
+        hanging = None if hold is None or hold.ended else Hanging(hold)
+
         def watch() -> None:
+            gone = ""
             if hold is not None:
                 show_grip(self, hold)
-            if not self._held(hold):
+            if hanging is not None:
+                gone = hanging.look()
+            if gone or not self._held(hold):
                 risen = robot.tcp(arm.state().q)[2, 3] - T_base_goal[2, 3] + height
-                raise self._not_held("LOST", f"the fruit was lost {1e3 * risen:.0f} mm up", hold)
+                words = f"the fruit was lost {1e3 * risen:.0f} mm up"
+                raise self._not_held("LOST", f"{words}: {gone}" if gone else words, hold)
 
         yield from self.travel(trajectory, watch)
         watch()
@@ -90,6 +97,8 @@ class Lift(MovingSkill):
         while self.context.elapsed() - up_since < hold_time - 1e-9:
             yield "held up"
             watch()
+        if hanging is not None and (missing := hanging.missing()):
+            raise self._not_held("LOST", f"nothing came up: {missing}", hold)
         if hold is not None:
             show_grip(self, hold, everything=True)
         return None

@@ -34,6 +34,7 @@ class Pivot(Skill):
         "FORCE_LIMIT",
         "SENSOR_STALE",
         "SENSOR_SATURATED",
+        "SENSOR_FAULT",
         "SLIPPED",
     )
 

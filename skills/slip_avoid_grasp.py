@@ -43,6 +43,7 @@ class SlipAvoidGrasp(Skill):
         "FORCE_LIMIT",
         "SENSOR_STALE",
         "SENSOR_SATURATED",
+        "SENSOR_FAULT",
         "SLIPPED",
         "LOST",
     )

@@ -15,8 +15,10 @@ from skills.grip.command_timing import CommandTiming
 from skills.grip.grip import IN_HAND, Float64, GripPhase, GripProblem, GripReading
 from skills.grip.limit_surface import SoftContact
 from skills.grip.reference import ForceReference
-from skills.grip.settings import GripSettings
+from skills.grip.sensor_watch import SensorWatch
+from skills.grip.settings import ForceLaw, GripSettings
 from skills.grip.slip_sense import SlipSense
+from skills.grip.slip_watch import SlipWatch
 from skills.grip.stream_guard import StreamGuard
 from skills.grip.tracking import ForceTracker
 
@@ -24,7 +26,8 @@ from skills.grip.tracking import ForceTracker
 class GripController:
     """Steps a grip from bias to slip avoidance.
 
-    `width` is to be kept up to date by the caller whenever `wants_width`. `problem` is what is wrong now, `warnings`
+    `width` and, where the gripper tells it, `motor_force` are to be kept up to date by the caller whenever
+    `wants_width`. `problem` is what is wrong now, `friction_share` what is left of the friction told, `warnings`
     what was odd in the stream. A problem before HOLDING ends in phase FAILED with the fingers at rest; while HOLDING
     the grip is kept whatever the problem.
     """
@@ -41,7 +44,11 @@ class GripController:
             settings.filters,
         )  # fmt: skip
         self.reference = ForceReference(settings)
+        self.motor_force: float | None = None
         self._guard = StreamGuard(settings.period)
+        self._sensors = SensorWatch(settings.sensors, settings.rate)
+        self._slips = SlipWatch(settings.slips, settings.rate)
+        self.friction_share = 1.0
         self._bias: list[Float64] = []
         self._dropped = 0
         self._timing = CommandTiming(settings.rate, settings.loop.command_period, settings.command)
@@ -108,6 +115,7 @@ class GripController:
         if self.phase in (GripPhase.HOLDING, GripPhase.PIVOTING):
             self.phase = GripPhase.PIVOTING if on else GripPhase.HOLDING
             self.reference.pivoting = on
+            self._slips.start()
 
     def slide(self, force: float | None) -> None:
         """While holding: press with this grasp force [N] and let the pads slide over the fruit; None: hold again."""
@@ -116,6 +124,7 @@ class GripController:
             self.reference.sliding = force
             if force is None:
                 self.sense.start_observer()
+                self._slips.start()
 
     def set_friction(self, contact: SoftContact, mu_uncertainty: float, initial_force: float) -> None:
         """Take another friction, and another force to press with until the fruit is carried [N].
@@ -155,10 +164,21 @@ class GripController:
                 expected = self._tracker.expected(self.speed, self.sense.f_n, self.settings.period, periods)
             self.sense.advance(wrenches, periods, expected)
             self._last("saturated", self._saturated, periods)
+            elapsed = periods * self.settings.period
+            carried = self.reference.carried
+            force_rate = self._tracker.moving * self.settings.loop.stiffness.slope(self.sense.f_n)
+            self._sensors.look(wrenches, elapsed, saturated, self.sense, carried, force_rate)
+            if self._sensors.reason and self.phase is not GripPhase.FAILED:
+                self._distrust()
             if self.phase in IN_HAND:
                 self._watch_hold(periods)
+            sound = self.phase is GripPhase.HOLDING and not self._sensors.reason
+            if sound and self._slips.look(wrenches, periods, self.sense, carried):
+                self._learn_friction()
         if not self._timing.pass_time(periods):
             return None
+        if self.phase is not GripPhase.BIAS:
+            self._sensors.compare_with_motor(self.sense.force_sum, self.motor_force, self._timing.interval)
         speed = self._command()
         if not self._timing.goes_out(speed, self.speed, self.phase in IN_HAND):
             return None
@@ -187,6 +207,8 @@ class GripController:
             return
         self._bias.clear()
         felt = float(np.abs(samples[:, :, 2].mean(axis=0)).max())
+        self._sensors.calibrate(samples)
+        self._slips.calibrate(samples)
         self.sense.calibrate_bias(samples)
         if felt > s.limit:
             self._fail(
@@ -198,6 +220,26 @@ class GripController:
     def _fail(self, code: str, message: str, **data: float) -> None:
         self.phase = GripPhase.FAILED
         self.problem = GripProblem(code, message, self._guard.stamp, data)
+
+    def _learn_friction(self) -> None:
+        """The fruit slides: its load lies on the limit surface of the force that presses, whatever was told.
+
+        The least force is as good as inverse to the friction, so their ratio is the share of it that is there.
+        """
+        s, contact = self.settings.slips, self.settings.contact
+        share = self.sense.least / max(self.sense.f_n, 0.1)
+        if self.settings.law is not ForceLaw.SLIP_AVOIDANCE or not s.least_share < share < s.sure_share:
+            return
+        self.friction_share *= share
+        self.settings = replace(self.settings, contact=replace(contact, mu=share * contact.mu))
+        self.sense.set_friction(self.settings.contact)
+
+    def _distrust(self) -> None:
+        """The fingers' samples are not believed any more: a grip is kept as it is, none is made."""
+        if self.phase in IN_HAND:
+            self.reference.freeze(self._sensors.reason)
+        else:
+            self._fail("SENSOR_FAULT", self._sensors.reason, width=self.width)
 
     def _command(self) -> float:
         if self.phase is GripPhase.CLOSING:
@@ -257,6 +299,7 @@ class GripController:
         if self._last("reached", reached, self._timing.every) > 1.5 * self._timing.interval:
             self.phase = GripPhase.HOLDING
             self.sense.start_observer()
+            self._slips.start()
         elif f_ref >= s.initial_force and not reached and self._stuck():
             message = f"the fingers stand still at {sense.f_n:.1f} N and do not reach {s.initial_force:.1f} N"
             self._fail("FORCE_LIMIT", message, f_n=sense.f_n, f_ref=f_ref)
@@ -302,8 +345,11 @@ class GripController:
         beyond = self._last("beyond", needed > limits.beyond * f_n and not slides, periods)
         if needed > limits.slipping * f_n and not slides:
             self.slip += self.slip_speed * elapsed
-        stamp = self._guard.stamp
-        if self._lasting["saturated"] > limits.saturated_after:
+        stamp, slipped = self._guard.stamp, self._slips.slipped if self.phase is GripPhase.HOLDING else 0.0
+        if self._sensors.reason:
+            message = f"{self._sensors.reason}; the grip is kept"
+            self.problem = GripProblem("SENSOR_FAULT", message, stamp, {"left": left, "right": right})
+        elif self._lasting["saturated"] > limits.saturated_after:
             message = "a finger's channel is at the end of its range; the force is neither raised nor lowered"
             self.problem = GripProblem("SENSOR_SATURATED", message, stamp, {"f_n": f_n})
         elif self._last("gone", high < limits.gone, periods) > limits.gone_after:
@@ -313,9 +359,10 @@ class GripController:
             self.reference.freeze("one finger feels nothing any more: the other one's force counts twice")
             message = f"one finger feels nothing any more ({left:.2f} N, {right:.2f} N); the grip is kept"
             self.problem = GripProblem("ONE_FINGER", message, stamp, {"left": left, "right": right})
-        elif self.slip > s.slip_limit or beyond > limits.beyond_after:
-            message = f"the fruit slips: about {1e3 * self.slip:.1f} mm, needs {needed:.1f} N, has {f_n:.1f} N"
-            self.problem = GripProblem("SLIPPED", message, stamp, {"slip": self.slip, "least": needed})
+        elif max(self.slip, slipped) > s.slip_limit or beyond > limits.beyond_after:
+            slip = max(self.slip, slipped)
+            message = f"the fruit slips: about {1e3 * slip:.1f} mm, needs {needed:.1f} N, has {f_n:.1f} N"
+            self.problem = GripProblem("SLIPPED", message, stamp, {"slip": slip, "least": needed})
         elif self.reference.wanted > s.loop.max_force:
             message = f"the load needs {self.reference.wanted:.1f} N, the limit is {s.loop.max_force:.1f} N"
             self.problem = GripProblem("FORCE_LIMIT", message, stamp, {"wanted": self.reference.wanted})
@@ -327,7 +374,7 @@ class GripController:
         self.reference.follow(sense, force_sum + coming, elapsed)
 
     def _hold(self) -> float:
-        if self._saturated or self._lasting["gone"] > 0.0:
+        if self._saturated or self._sensors.still or self._lasting["gone"] > 0.0:
             return 0.0
         return self._track(opening=not self.reference.frozen and not self.sense.one_sided_press)
 

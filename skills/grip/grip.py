@@ -29,12 +29,17 @@ IN_HAND = frozenset({GripPhase.HOLDING, GripPhase.PIVOTING, GripPhase.SLIDING})
 """Phases in which the fingers have a fruit between them and press on it as they should."""
 
 
+LIES = frozenset({"SENSOR_FAULT", "SENSOR_STALE", "SENSOR_SATURATED", "ONE_FINGER"})
+"""Problems of a grip that say, with a fruit in hand, that the fingers are not to be believed."""
+
+
 @dataclass(frozen=True, slots=True)
 class GripProblem:
     """What is wrong with a grip.
 
     Attributes:
-        code: NO_CONTACT, ONE_FINGER, OUT_OF_STROKE, FORCE_LIMIT, SENSOR_STALE, SENSOR_SATURATED, SLIPPED or LOST.
+        code: NO_CONTACT, ONE_FINGER, OUT_OF_STROKE, FORCE_LIMIT, SENSOR_STALE, SENSOR_SATURATED, SENSOR_FAULT, SLIPPED
+            or LOST.
         message: a sentence for a person.
         stamp: when it was seen, on the cell's clock [s].
         data: numbers behind the sentence.

@@ -24,11 +24,14 @@ import numpy as np
 from drivers.errors import DeviceError
 from drivers.interfaces import ForceSensor, Gripper, Subscription, WrenchSample
 from skills.grip.controller import GripController
-from skills.grip.grip import IN_HAND, GripPhase, GripProblem, GripReading, GripSamples
+from skills.grip.grip import IN_HAND, LIES, GripPhase, GripProblem, GripReading, GripSamples
 from skills.grip.limit_surface import SoftContact
 
 STALE_AFTER = 0.05
 """A stream that brought no usable sample for so long is stale [s]; the driver's watchdog stops the fingers at 0.1 s."""
+
+EARLIEST = 0.02
+"""A sample whose stamp lies further in the future is not used [s]."""
 
 KEPT = 2000
 """Samples kept until somebody drains them: 20 s at 100 Hz; the oldest go first."""
@@ -56,6 +59,7 @@ class Hold:
         take_over(gripper)
         self.gripper, self.controller = gripper, controller
         self._now, self._started = now, now()
+        self._sensor = sensor
         self._lock = RLock()
         self._ended = False
         self._device_problem: GripProblem | None = None
@@ -154,14 +158,27 @@ class Hold:
                 return
             controller = self.controller
             if controller.wants_width:
-                controller.width = self.gripper.state().width
+                state = self.gripper.state()
+                controller.width, controller.motor_force = state.width, state.motor_force
+            if sample.stamp > self._now() + EARLIEST:  # it would make everything after it look old
+                self._tell_lies()
+                return
             speed = controller.step(sample.stamp, sample.sequence, sample.wrenches, sample.saturated)
             if speed is not None:
                 self._command(speed)
+            self._tell_lies()
             self._seen += 1
             if self._seen % self._record_every == 0:
                 self._samples[self._written % KEPT] = controller.row()
                 self._written += 1
+
+    def _tell_lies(self) -> None:
+        """Fingers that are not to be believed end the run; the grip is kept."""
+        problem = self.problem
+        if problem is not None and (
+            problem.code == "SENSOR_FAULT" or (problem.code in LIES and self.controller.phase in IN_HAND)
+        ):
+            self._sensor.distrust(problem.message)
 
     def _command(self, speed: float) -> None:
         """Command a rate of the opening; a gripper that refuses is remembered and asked again next time."""

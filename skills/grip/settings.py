@@ -15,6 +15,8 @@ from skills.grip.tuning import (
     CommandSettings,
     FilterSettings,
     ReferenceSettings,
+    SensorWatchSettings,
+    SlipWatchSettings,
     TrackingSettings,
     WatchSettings,
 )
@@ -56,7 +58,7 @@ class GripSettings:
         narrowest: an opening that no fruit of this kind can have [m].
         off_centre: the fruit may be pushed so far by one finger until the other touches [m].
         slip_limit: estimated slip that is reported as SLIPPED [m].
-        loop, observer, dynamic, bias, filters, reference, tracking, command, watch: of the parts.
+        loop, observer, dynamic, bias, filters, reference, tracking, command, watch, sensors, slips: of the parts.
         width_min: end of the gripper's stroke [m].
         rate: of the sensor's samples [Hz], within `RATES`.
 
@@ -89,6 +91,8 @@ class GripSettings:
     tracking: TrackingSettings = field(default_factory=TrackingSettings)
     command: CommandSettings = field(default_factory=CommandSettings)
     watch: WatchSettings = field(default_factory=WatchSettings)
+    sensors: SensorWatchSettings = field(default_factory=SensorWatchSettings)
+    slips: SlipWatchSettings = field(default_factory=SlipWatchSettings)
     width_min: float = 0.0
     rate: float = 500.0
 

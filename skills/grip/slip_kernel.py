@@ -116,7 +116,9 @@ class Loads(NamedTuple):
         least_noise_std: standard deviation of what noise alone puts on `least` [N].
         f_nd: dynamic term [N].
         one_sided_jump: how far one finger's tangential force has jumped beyond noise while the other feels nothing [N].
-        one_sided_press: how far one finger's normal force has jumped alone, beyond noise [N].
+        one_sided_press: how far the fingers' normal forces have jumped apart, beyond noise [N].
+        one_sided_press_jump: as `one_sided_jump`, of the normal force [N].
+        press_jump: how far both fingers' normal forces have jumped alike, beyond noise and their own motion [N].
     """
 
     left: float
@@ -132,9 +134,11 @@ class Loads(NamedTuple):
     f_nd: float
     one_sided_jump: float
     one_sided_press: float
+    one_sided_press_jump: float
+    press_jump: float
 
 
-NO_LOADS = Loads(*(0.0,) * 13)
+NO_LOADS = Loads(*(0.0,) * 15)
 
 
 class _FingerLoads(NamedTuple):
@@ -173,6 +177,7 @@ def sense_sample(raw, periods, expected, filters, shares, contact, unknown, obse
     right = _loads_of(filters.smoothed[1], filters.variance, contact, unknown)
     state, f_nd = _observe(left, right, periods, shares.centre, observer, state)
     fast, slow, band = filters.fast, filters.slow, filters.noise_band
+    along, across = _jumps_of_one_finger(fast, slow, band, unknown.quiet)
     loads = Loads(
         left.f_n,
         right.f_n,
@@ -185,8 +190,10 @@ def sense_sample(raw, periods, expected, filters, shares, contact, unknown, obse
         left.reserved + right.reserved,
         math.sqrt(left.least_variance + right.least_variance),
         f_nd,
-        _jump_of_one_finger(fast, slow, band, unknown.quiet),
+        along,
         2.0 * (abs(fast[1, 2] - slow[1, 2]) - band[1, 2]),
+        across,
+        abs(fast[0, 2] - slow[0, 2]) - band[0, 2],
     )
     return loads, state
 
@@ -254,19 +261,21 @@ def _observe(left, right, periods, centre_share, observer, state):  # type: igno
 
 
 @njit(cache=True)
-def _jump_of_one_finger(fast, slow, band, quiet):  # type: ignore[no-untyped-def]
-    """How far one finger's tangential force has jumped beyond noise while the other feels nothing at all [N]."""
-    result = 0.0
+def _jumps_of_one_finger(fast, slow, band, quiet):  # type: ignore[no-untyped-def]
+    """How far one finger's tangential and normal force have jumped beyond noise while the other feels nothing [N]."""
+    tangential = normal = 0.0
     for finger in range(2):
         sign = 1.0 if finger == 0 else -1.0
-        jumped = 0.0
+        jumped = pressed = 0.0
         other = 0.0
         for j in range(3):
             alike, apart = fast[0, j] - slow[0, j], fast[1, j] - slow[1, j]
             beyond = band[0, j] + band[1, j]
             if j < 2:
                 jumped = max(jumped, abs(alike + sign * apart) - beyond)
+            else:
+                pressed = abs(alike + sign * apart) - beyond
             other = max(other, abs(alike - sign * apart) - beyond)
         if other <= quiet:
-            result = max(result, jumped)
-    return result
+            tangential, normal = max(tangential, jumped), max(normal, pressed)
+    return tangential, normal

@@ -82,6 +82,18 @@ class SlipSense:
         return self._filters.bias.copy()
 
     @property
+    def raw_bias(self) -> Float64:
+        """The same, not to be changed."""
+        return self._filters.bias
+
+    @property
+    def tau_noise_std(self) -> float:
+        """Standard deviation of what noise alone puts on `tau_n` [N·m]."""
+        variance, loads = self._filters.variance, self.loads
+        lever = loads.f_t / max(loads.left + loads.right, 0.4)
+        return math.sqrt(2.0 * (variance[5] + lever * lever * variance[4]))
+
+    @property
     def finger_forces(self) -> tuple[float, float]:
         """Pressing force of the left and the right finger [N]."""
         return self.loads.left, self.loads.right
@@ -135,6 +147,11 @@ class SlipSense:
     def one_sided_jump(self) -> bool:
         """Whether one finger's tangential force has just jumped and the other's has not: no fruit does that."""
         return self.loads.one_sided_jump > self._settings.jump
+
+    @property
+    def jump_of_one_finger(self) -> float:
+        """How far a force of one finger alone has just jumped beyond noise [N]."""
+        return max(self.loads.one_sided_jump, self.loads.one_sided_press_jump)
 
     @property
     def reserved(self) -> float:

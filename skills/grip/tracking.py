@@ -31,6 +31,11 @@ class ForceTracker:
         moving = min(max(self._moving, -self._settings.foreseen), self._settings.foreseen)
         return -moving * self._loop.stiffness.slope(f_n) * period
 
+    @property
+    def moving(self) -> float:
+        """Rate of the opening that the fingers have by now [m/s], as commanded and after their lag."""
+        return self._moving
+
     def commanded(self, f_ref: float) -> None:
         """A speed was commanded for this reference [N]."""
         self._f_ref_commanded = f_ref

@@ -190,3 +190,74 @@ class WatchSettings:
     beyond_after: float = 0.3
     slipping: float = 0.95
     stroke_end: float = 0.0003
+
+
+@dataclass(frozen=True, slots=True)
+class SensorWatchSettings:
+    """When a sensor is not believed any more (grasp-lying-sensors.md).
+
+    Attributes:
+        frozen_after: a noisy channel that repeats its value for so long [s] …
+        fewest: … and so many samples is stuck,
+        longer: unless it repeated a value a good part as long while the bias was taken: coarse steps do.
+        jump: a signal of one finger alone that jumps by so much beyond noise while the fruit is carried [N].
+        own_motion, own_motion_memory: of the fingers' own motion so many seconds' worth lately may show at once [s].
+        apart, apart_share, apart_after: a fruit that hangs presses both fingers alike, but for so much [N] or this
+            share of its load, whichever is more, for so long [s].
+        hanging, load_memory: the load counts as hanging above this share of its largest one lately [s].
+        motor_error, motor_share: what fingers feel and what the motor's current says may differ by so much [N] and
+            this share. Twice the worst of sound simulated picks.
+        motor_lag, motor_after: the motor's word is averaged over the first, and must differ for the second [s].
+    """
+
+    frozen_after: float = 0.02
+    fewest: int = 5
+    longer: float = 5.0
+    jump: float = 0.4
+    own_motion: float = 0.06
+    own_motion_memory: float = 0.1
+    apart: float = 0.5
+    apart_share: float = 0.4
+    apart_after: float = 0.04
+    hanging: float = 0.7
+    load_memory: float = 1.0
+    motor_error: float = 1.5
+    motor_share: float = 0.25
+    motor_lag: float = 0.03
+    motor_after: float = 0.02
+
+
+@dataclass(frozen=True, slots=True)
+class SlipWatchSettings:
+    """When a fruit slides or turns whatever friction was told, and what follows (grasp-wrong-friction.md).
+
+    Attributes:
+        place_lags: the contact's place is averaged over these times; each is compared with the next longer one [s].
+        moved: a place that moved by less is not slip [m]; pads and skin give by a tenth of a millimetre.
+        moved_far: nor is a place that is still this near to where it was at first [m]; soft contacts give by 0.8 mm in
+            MuJoCo's lifts.
+        compliance: nor what pads and skin give for a load that changes [m/N].
+        stds: nor is what so many standard deviations of noise can do.
+        lever_lags: the lever is averaged over these times [s].
+        lever_moved, lever_share, lever_stds: a lever that changed by less [m], by less than this share, or than so many
+            standard deviations of noise can do, is no turning.
+        lever_load: below this load [N] the lever is not known.
+        lever_after: nor before the fruit has been carried for so long [s].
+        least_share: what moves while it bears less than this share of what the friction told says is given to pads,
+            skin or the table: friction told at most 1.67 times too high is found.
+        sure_share: what slips beyond this share has the friction that was told.
+    """
+
+    place_lags: tuple[float, float, float] = (0.02, 0.1, 0.5)
+    moved: float = 1.5e-4
+    moved_far: float = 9e-4
+    compliance: float = 4e-4
+    stds: float = 5.5
+    lever_lags: tuple[float, float] = (0.02, 0.3)
+    lever_moved: float = 3e-4
+    lever_share: float = 0.15
+    lever_stds: float = 8.0
+    lever_load: float = 0.3
+    lever_after: float = 0.3
+    least_share: float = 0.6
+    sure_share: float = 0.9

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -11,7 +12,7 @@ import pytest
 from py_trees.common import Status
 
 from drivers.errors import DeviceLost
-from drivers.interfaces import ForceSensor, Gripper
+from drivers.interfaces import ForceSensor, Gripper, WrenchSample
 from drivers.mock.clock import MockClock
 from drivers.mock.fingers import MockForceSensor, spring_fruit
 from drivers.mock.gripper import MockGripper
@@ -200,6 +201,42 @@ def test_fingers_that_cannot_press_on_are_a_force_limit() -> None:
 def test_a_finger_that_is_pressed_before_the_start_is_a_force_limit() -> None:
     rig = Rig(opening=0.0765)
     assert code(rig.drive()) == "FORCE_LIMIT"
+
+
+def test_a_motor_that_presses_on_what_no_finger_feels_is_a_sensor_fault_that_ends_the_run() -> None:
+    rig = Rig()
+    state = rig.gripper.state
+    rig.gripper.state = lambda: replace(state(), motor_force=2000.0 * max(WIDTH - rig.gripper.width, 0.0))  # type: ignore[method-assign]
+    rig.fingers.feel = lambda _now: np.zeros((2, 6))
+    assert code(rig.drive()) == "SENSOR_FAULT"
+    assert "motor presses" in rig.fingers.distrusted
+    assert 2000.0 * (WIDTH - rig.gripper.width) < 6.0
+
+
+def test_a_stream_that_goes_bad_while_the_fruit_is_held_ends_the_run_and_keeps_the_grip() -> None:
+    rig = Rig()
+    hold = rig.grasp()
+    rig.carry(2.0)
+    rig.clock.advance(1.0)
+    width = rig.gripper.width
+    stamp, sequence = rig.clock.now(), 10**6
+    rig.fingers.lose(10.0)
+    for n in range(30):  # old stamps, whatever the driver thinks of them
+        rig.clock.advance(0.002)
+        rig.fingers.give(WrenchSample(stamp - 0.5 + 0.002 * n, sequence + n, np.zeros((2, 6))))
+    assert "no usable sample" in rig.fingers.distrusted
+    rig.clock.advance(0.5)
+    assert hold.holds
+    assert rig.gripper.width == pytest.approx(width, abs=1e-3)
+
+
+def test_samples_from_the_future_do_not_make_the_real_ones_old() -> None:
+    rig = Rig()
+    hold = rig.grasp()
+    rig.fingers.give(WrenchSample(rig.clock.now() + 10.0, 10**6, np.zeros((2, 6))))
+    rig.clock.advance(0.2)
+    assert hold.problem is None
+    assert hold.reading.stamp == rig.clock.now()
 
 
 def test_a_silent_sensor_is_stale() -> None:

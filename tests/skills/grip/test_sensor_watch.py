@@ -1,0 +1,156 @@
+"""Fingers that lie: each way is found within 50 ms, and sound ones are never accused."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from skills.grip.controller import GripController
+from skills.grip.grip import GripPhase
+from skills.grip.sensor_watch import SensorWatch
+from skills.grip.settings import GripSettings
+from skills.grip.tuning import SensorWatchSettings
+
+NOISE = np.array([1, 1, 1, 0.005, 0.005, 0.005])
+Change = Callable[[np.ndarray, np.ndarray], None]
+
+
+def carrying(noise: float = 0.04, load: float = 2.0, seconds: float = 3.2, **settings: float) -> tuple:
+    """A controller that carries a fruit between noisy fingers: itself, the generator, the true wrenches, the count."""
+    rng, controller = np.random.default_rng(0), GripController(GripSettings(**settings))
+    controller.width = 0.08
+    wrenches = np.zeros((2, 6))
+    count, touched, pressing = round(seconds * 500), 0, 2.0
+    for i in range(count):
+        touched = touched or (i + 20 if controller.phase is GripPhase.CLOSING else 0)
+        wrenches[:, 2] = -pressing if 0 < touched < i else 0.0
+        wrenches[:, 0] = 0.5 * load if 0 < touched + 200 < i and touched else 0.0
+        pressing = min(pressing + 1000.0 * -controller.speed * 0.002, 8.0) if 0 < touched + 1 < i and touched else 2.0
+        controller.step(0.002 * i, i, wrenches + noise * NOISE * rng.normal(0.0, 1.0, (2, 6)))
+    assert controller.phase is GripPhase.HOLDING
+    assert controller.reference.carried
+    return controller, rng, wrenches, count
+
+
+def lie(change: Change, noise: float = 0.04, most: int = 100) -> tuple[GripController, int]:
+    """Go on with samples that are changed; after how many of them SENSOR_FAULT was said, or -1."""
+    controller, rng, wrenches, count = carrying(noise)
+    before = wrenches + noise * NOISE * rng.normal(0.0, 1.0, (2, 6))
+    for i in range(count, count + most):
+        sample = wrenches + noise * NOISE * rng.normal(0.0, 1.0, (2, 6))
+        change(sample, before)
+        controller.step(0.002 * i, i, sample)
+        if controller.problem is not None and controller.problem.code == "SENSOR_FAULT":
+            return controller, i - count + 1
+    return controller, -1
+
+
+def stuck(side: slice) -> Change:
+    def change(sample: np.ndarray, before: np.ndarray) -> None:
+        sample[side] = before[side]
+
+    return change
+
+
+def shifted(index: tuple[object, int], by: float) -> Change:
+    def change(sample: np.ndarray, _before: np.ndarray) -> None:
+        sample[index] += by
+
+    return change
+
+
+def clipped(sample: np.ndarray, _before: np.ndarray) -> None:
+    sample[0, 2] = max(sample[0, 2], -1.0)
+
+
+def zero(sample: np.ndarray, _before: np.ndarray) -> None:
+    sample[:] = 0.0
+
+
+@pytest.mark.parametrize("noise", [0.04, 0.2])
+@pytest.mark.parametrize(
+    "change",
+    [stuck(slice(0, 1)), stuck(slice(1, 2)), stuck(slice(0, 2)), zero, clipped],
+    ids=["left stuck", "right stuck", "both stuck", "both zero", "left clipped"],
+)
+def test_samples_that_say_nothing_are_found_within_fifty_milliseconds(change: Change, noise: float) -> None:
+    controller, samples = lie(change, noise)
+    assert 0 < samples <= 25
+    assert controller.phase is GripPhase.HOLDING
+    assert controller.problem is not None
+    assert "the grip is kept" in controller.problem.message
+    assert controller.reference.frozen
+
+
+@pytest.mark.parametrize(("noise", "by"), [(0.04, 1.2), (0.2, 2.2)])
+@pytest.mark.parametrize(
+    ("index", "sign"),
+    [((0, 2), -1), ((1, 2), 1), ((slice(None), 2), -1), ((0, 0), 1), ((1, 1), -1)],
+    ids=["left presses more", "right presses less", "both press more", "left pulled", "right pulled aside"],
+)
+def test_an_offset_that_jumps_is_found_where_it_is_beyond_noise(
+    index: tuple[object, int], sign: int, noise: float, by: float
+) -> None:
+    controller, samples = lie(shifted(index, sign * by), noise)
+    assert 0 < samples <= 25
+    assert controller.phase is GripPhase.HOLDING
+    assert controller.reference.frozen
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.04, 0.2])
+def test_sound_fingers_are_not_accused(noise: float) -> None:
+    controller, samples = lie(lambda _sample, _before: None, noise, most=5000)
+    assert samples == -1
+    assert controller.problem is None
+
+
+def test_coarse_steps_are_no_lie() -> None:
+    """A sensor that resolves a tenth of a newton repeats its values for long."""
+    rng, watch = np.random.default_rng(1), SensorWatch(SensorWatchSettings(), 500.0)
+    samples = np.round(0.04 * rng.normal(0.0, 1.0, (5000, 2, 6)), 1)
+    watch.calibrate(samples[:200])
+    controller = GripController(GripSettings())
+    for sample in samples[200:]:
+        watch.look(sample, 0.002, (False, False), controller.sense, False, 0.0)
+    assert watch.reason == ""
+
+
+def test_a_finger_that_is_stuck_from_the_start_is_known_by_the_other_ones_noise() -> None:
+    rng, controller = np.random.default_rng(0), GripController(GripSettings())
+    controller.width = 0.08
+    for i in range(200):
+        wrenches = 0.04 * rng.normal(0.0, 1.0, (2, 6))
+        wrenches[1] = 0.3
+        controller.step(0.002 * i, i, wrenches)
+    assert controller.phase is GripPhase.FAILED
+    assert controller.problem is not None
+    assert controller.problem.code == "SENSOR_FAULT"
+    assert "right finger" in controller.problem.message
+
+
+def test_a_motor_that_presses_while_the_fingers_feel_nothing_ends_the_closing() -> None:
+    controller = GripController(GripSettings())
+    controller.width, pressed = 0.08, 0.0
+    for i in range(3000):
+        controller.motor_force = pressed = max(2000.0 * (0.07 - controller.width), 0.0)
+        controller.step(0.002 * i, i, np.zeros((2, 6)))
+        controller.width += controller.speed * 0.002
+        if controller.phase is GripPhase.FAILED:
+            break
+    assert controller.problem is not None
+    assert controller.problem.code == "SENSOR_FAULT"
+    assert "motor presses" in controller.problem.message
+    assert pressed < 8.0
+
+
+def test_a_saturated_finger_is_told_as_saturated() -> None:
+    controller, rng, wrenches, count = carrying()
+    for i in range(count, count + 60):
+        sample = wrenches + 0.04 * NOISE * rng.normal(0.0, 1.0, (2, 6))
+        sample[0] = -8.0
+        controller.step(0.002 * i, i, sample, (True, False))
+    assert controller.problem is not None
+    assert controller.problem.code in ("SENSOR_SATURATED", "SENSOR_FAULT")
+    assert controller.speed == 0.0
