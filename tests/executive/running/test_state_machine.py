@@ -64,7 +64,7 @@ class RunnerMachine(RuleBasedStateMachine):
             assert self.looked.acquire(timeout=PATIENCE), "the runner hangs"
 
     @precondition(lambda self: self.started)
-    @rule(count=st.integers(1, 8))
+    @rule(count=st.integers(1, 4))
     def tick(self, count: int) -> None:
         for _ in range(count):
             self._step()
@@ -125,4 +125,4 @@ class RunnerMachine(RuleBasedStateMachine):
 
 
 TestRunner = RunnerMachine.TestCase
-TestRunner.settings = settings(max_examples=60, stateful_step_count=25, deadline=None)
+TestRunner.settings = settings(max_examples=25, stateful_step_count=14, deadline=None)
