@@ -98,7 +98,9 @@ class Surroundings:
 class Fitting(Protocol):
     """Options that must fit what is around the device."""
 
-    def fits(self, around: Surroundings) -> Iterable[Problem]: ...
+    def fits(self, around: Surroundings) -> Iterable[Problem]:
+        """What does not fit to what the cell has so far."""
+        ...
 
 
 @runtime_checkable

@@ -47,6 +47,7 @@ class MotomanFile:
 
     @property
     def on_wire(self) -> tuple[str, ...]:
+        """The controller's joints, in the order of its messages."""
         return SEVEN if len(self.joints) == 7 else SIX
 
     def problems(self) -> Iterator[Problem]:

@@ -122,6 +122,7 @@ class Number(ScalarKind[float]):
         return self.within(value, text)
 
     def within(self, value: float, text: str) -> float:
+        """The value, if it lies in the range; raises Unfit otherwise."""
         if not self.low <= value <= self.high:
             raise Unfit(f"it is {text.strip()}, it must lie {between(self.low, self.high)}", code="range")
         return value

@@ -41,7 +41,9 @@ class Problem(NamedTuple):
 class Judged(Protocol):
     """A section that looks at its values together."""
 
-    def problems(self) -> Iterable[Problem]: ...
+    def problems(self) -> Iterable[Problem]:
+        """What is wrong with the section although each of its values is fine."""
+        ...
 
 
 def value(kind: Kind[Any], default: Any = _REQUIRED, help: str = "") -> Any:

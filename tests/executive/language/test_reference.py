@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import pytest
-from language import reference
 from py_trees.common import Status
 
 from executive.nodes.behaviours import Branch
 from executive.nodes.parallel import Parallel
+from tests.executive.language import reference
 
 
 @pytest.mark.parametrize("part", range(10))
