@@ -196,7 +196,7 @@ def test_only_offered_files_can_be_started(dashboard: Dashboard, client: TestCli
     pick = next(tree for tree in offered["trees"] if tree["name"] == "pick_apple")
     assert {parameter["name"] for parameter in pick["parameters"]}
     sim = next(cell for cell in offered["cells"] if cell["name"] == "sim")
-    assert {"name": "place", "default": "3"} in sim["options"]
+    assert {"name": "place", "default": "3", "help": "where it lies: 1 … 5"} in sim["options"]
 
 
 @pytest.mark.parametrize("name", ["..", "%2e%2e", "..%2f..%2fetc", "%2fetc%2fpasswd", "a%00b", ".", "nothing"])
