@@ -238,7 +238,7 @@ def _examined(path: Path, stream: BinaryIO) -> Verdict:
 def _is_cut(stream: BinaryIO, at: int) -> bool:
     """Whether a file that ends within a piece was cut there; otherwise the piece's length is wrong."""
     end = stream.seek(0, os.SEEK_END) - len(MAGIC)
-    if end > at:
+    if end >= len(MAGIC):
         stream.seek(end)
         if stream.read() == MAGIC:
             return False

@@ -67,10 +67,13 @@ def test_a_change_of_each_byte_of_a_small_record_is_found(tmp_path: Path) -> Non
     assert examine(path).state == "whole"
     assert examine(path).checked
     rng = random.Random(1)
-    for at in range(0, len(content), 3):
-        path.write_bytes(content[:at] + bytes([content[at] ^ rng.randrange(1, 256)]) + content[at + 1 :])
+    end = content.index(HEAD.pack(0x0F, 4))  # behind it, every bit of every byte; before it, some of every third
+    places = [(at, rng.randrange(1, 256)) for at in range(0, end, 3)]
+    places += [(at, 1 << bit) for at in range(end, len(content)) for bit in range(8)]
+    for at, change in places:
+        path.write_bytes(content[:at] + bytes([content[at] ^ change]) + content[at + 1 :])
         try:
-            assert examine(path).state == "damaged", at
+            assert examine(path).state == "damaged", (at, change)
         except UsageError:
             assert at < len(MAGIC)
 
