@@ -9,11 +9,15 @@ from typing import Any, BinaryIO
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from executive.palette import INK, MUTED, OVERLAY, SCENE, SERIES
 from executive.running.events import Event, Published
 from executive.views import ImageView, SceneView, SeriesView
+
+MILLI = {"m": ("mm", 1e3), "m/s": ("mm/s", 1e3)}
+"""Openings and slips are small: what they are shown in, and how many of it a unit has."""
 
 MOST_LABELS = 8
 """Entries of a legend; with more it would hide the picture."""
@@ -49,9 +53,9 @@ class Picture:
             figsize=(14, 8.4), dpi=100
         )  # margins are set by hand: computing a layout draws everything twice
         FigureCanvasAgg(figure)
-        figure.suptitle(title, fontsize=13, x=0.01, ha="left", parse_math=False)
+        figure.suptitle(title, fontsize=13, x=0.01, y=0.985, ha="left", parse_math=False)
         count = 2 if self._series else 1
-        margins = {"left": 0.035, "right": 0.985, "top": 0.91, "bottom": 0.07 if self._series else 0.03}
+        margins = {"left": 0.035, "right": 0.985, "top": 0.875, "bottom": 0.07 if self._series else 0.03}
         rows = figure.add_gridspec(count, 1, height_ratios=[2.4, 1.1][:count], hspace=0.16, **margins)
         if self._scenes:
             above = rows[0].subgridspec(1, 2, width_ratios=[1.25, 1.0], wspace=0.04)
@@ -102,6 +106,8 @@ class Picture:
                 )
             for line in view.lines:
                 axes.plot(*line.points.T, color=SCENE.get(line.style, INK), lw=2, label=line.label)
+        for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
+            axis.set_major_locator(MaxNLocator(4))  # more ticks run into each other
         axes.set_xlabel("x [m]")
         axes.set_ylabel("y [m]")
         axes.set_zlabel("z [m]")
@@ -126,14 +132,15 @@ class Picture:
         self, axes: Any, unit: str, lines: list[tuple[str, NDArray[np.float64], NDArray[np.float64]]]
     ) -> None:
         axes.set_prop_cycle(color=SERIES)
+        shown, scale = MILLI.get(unit, (unit, 1.0))
         for name, t, values in lines:
-            axes.plot(t, values, lw=1.3, label=name.replace(f" [{unit}]", ""))
+            axes.plot(t, scale * values, lw=1.3, label=name.replace(f" [{unit}]", ""))
         thresholds = {k: v for views in self._series.values() for k, v in views[-1].thresholds.items()}
         for name, value in thresholds.items():
             if f"[{unit}]" in name:
-                axes.axhline(value, lw=0.9, ls="--", color=MUTED, label=name.replace(f" [{unit}]", ""))
+                axes.axhline(scale * value, lw=0.9, ls="--", color=MUTED, label=name.replace(f" [{unit}]", ""))
         axes.set_xlabel("time [s]")
-        axes.set_ylabel(unit)
+        axes.set_ylabel(shown)
         axes.grid(alpha=0.25)
         _legend(axes)
 
