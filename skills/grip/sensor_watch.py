@@ -34,7 +34,7 @@ class SensorWatch:
         self._runs = np.zeros((2, 6))
         self._last = np.full((2, 6), np.nan)
         self._apart_for = self._against_motor_for = 0.0
-        self._load = self._force_rate = 0.0
+        self._load = self._force_rate = self._held_for = 0.0
         self._motor = math.nan
 
     def calibrate(self, samples: Float64) -> None:
@@ -74,11 +74,14 @@ class SensorWatch:
         fading = math.exp(-elapsed / self._settings.own_motion_memory)
         self._force_rate = max(abs(force_rate), self._force_rate * fading)
         if not carried or saturated[0] or saturated[1]:
-            self._apart_for = self._load = 0.0
+            self._apart_for = self._load = self._held_for = 0.0
             return
         if sense.jump_of_one_finger > self._settings.jump:
             self._find("one finger's signal jumped alone: the other one felt nothing at all")
-        if sense.loads.press_jump > self._settings.jump + 0.5 * self._settings.own_motion * self._force_rate:
+        # A fruit that slides out of too weak a grip lets both fingers jump, too.
+        self._held_for = self._held_for + elapsed if sense.f_n >= sense.least else 0.0
+        allowed = self._settings.jump + 0.5 * self._settings.own_motion * self._force_rate
+        if self._held_for > 0.5 * self._settings.load_memory and sense.loads.press_jump > allowed:
             self._find("both fingers' normal forces jumped at once without the gripper's doing")
         self._load = max(sense.f_t, self._load * math.exp(-elapsed / self._settings.load_memory))
         left, right = sense.finger_forces

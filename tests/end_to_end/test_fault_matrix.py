@@ -9,7 +9,7 @@ TRIED = [
     ("arm", "frozen", "following"),
     ("gripper", "lost", "paused"),
     ("camera", "old", "holding"),
-    ("fingers", "stuck_left", "lifting"),
+    ("fingers", "not_a_number", "lifting"),
     ("fingers", "zero", "closing"),
 ]
 
