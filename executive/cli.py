@@ -17,7 +17,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from executive.errors import UsageError
-from executive.running.signals import WORDS, raising, status_of
+from executive.running.signals import WORDS, raising, signalled, status_of
 
 COMMANDS = "pomona.commands"
 """Entry point group of subcommands: functions that add one parser to argparse's subparsers and set its `main`.
@@ -38,6 +38,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
             status = _run(words)
     except KeyboardInterrupt as ended:
         status = status_of(ended)
+    except Exception as error:
+        ended_by = signalled(error)
+        if ended_by is None:
+            raise
+        status = status_of(ended_by)
     if arguments is None:
         _leave_quietly()
     return status

@@ -47,6 +47,18 @@ def status_of(error: KeyboardInterrupt) -> int:
     return 128 + (error.number if isinstance(error, Terminated) else signal.SIGINT)
 
 
+def signalled(error: BaseException) -> KeyboardInterrupt | None:
+    """The signal behind an error, if there is one.
+
+    A signal that comes while a compiled module is being loaded leaves it as ImportError("initialization failed"),
+    raised from the KeyboardInterrupt.
+    """
+    below: BaseException | None = error
+    while below is not None and not isinstance(below, KeyboardInterrupt):
+        below = below.__cause__
+    return below
+
+
 @contextmanager
 def raising() -> Iterator[None]:
     """SIGTERM and SIGHUP raise `Terminated`."""

@@ -150,3 +150,14 @@ def test_a_reader_that_is_gone_ends_a_run_in_the_safe_state(tmp_path: Path) -> N
         assert process.wait(60) == 3
     assert "Traceback" not in said
     assert main(["explain", "--record", str(tmp_path / "runs")]) == 0
+
+
+def test_a_signal_that_a_compiled_module_turned_into_an_error_gives_no_traceback(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(_words: object) -> int:
+        raise ImportError("initialization failed") from KeyboardInterrupt()
+
+    monkeypatch.setattr("executive.cli._run", interrupted)
+    assert main(["skills"]) == 130
+    assert "Traceback" not in capsys.readouterr().err

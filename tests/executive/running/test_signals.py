@@ -16,7 +16,7 @@ from executive.registry import Registry
 from executive.running import signals as module
 from executive.running.events import Event, OperatorActed
 from executive.running.runner import Runner
-from executive.running.signals import RunSignals, Terminated, raising, status_of
+from executive.running.signals import RunSignals, Terminated, raising, signalled, status_of
 from executive.skill import Skill, Work
 
 LONG = "pomona: 1\ntree: t\nroot: {Turn: {duration: 9 s}}"
@@ -150,3 +150,14 @@ def test_outside_the_main_thread_nothing_is_installed() -> None:
 def test_a_terminated_process_is_an_interrupted_one_to_whoever_waits() -> None:
     assert isinstance(Terminated(signal.SIGHUP), KeyboardInterrupt)
     assert "terminal was closed" in str(Terminated(signal.SIGHUP))
+
+
+def test_a_signal_that_broke_the_loading_of_a_compiled_module_is_still_a_signal() -> None:
+    """As MuJoCo's modules, made with pybind11, tell it."""
+    error = ImportError("initialization failed")
+    error.__cause__ = ImportError("initialization failed")
+    error.__cause__.__cause__ = Terminated(signal.SIGTERM)
+    ended = signalled(error)
+    assert ended is not None
+    assert status_of(ended) == 143
+    assert signalled(ImportError("no module named mujoco")) is None
