@@ -28,7 +28,7 @@ from executive.ports import REQUIRED, Port, Ports, Quantity
 from executive.registry import GROUP, Registry
 from executive.skill import Skill
 
-VERSION = 1
+VERSION = 2
 """Of the file's form."""
 
 _PLAIN: Mapping[str, type[Any]] = {
@@ -155,7 +155,7 @@ class _Writer:
         if isinstance(found, Loose):
             return {"loose": found.name}
         if isinstance(found, ListOf):
-            return {"list": self.type_said(found.element)}
+            return {"list": self.type_said(found.element), "length": found.length, "array": found.array}
         if found.__module__ == "builtins" and found.__name__ in _PLAIN:
             return found.__name__
         top = found.__module__.partition(".")[0]
@@ -230,7 +230,7 @@ class _Reader:
         if "loose" in said:
             return Loose[said["loose"]]
         if "list" in said:
-            return ListOf(self.type_said(said["list"]))
+            return ListOf(self.type_said(said["list"]), said["length"], said["array"])
         if "class" in said:
             return self.stand_in(said["class"])
         found: Any = import_module(said["module"])

@@ -100,7 +100,19 @@ def _index(expression: Index, scope: TypeScope) -> ValueType:
     if element is None:
         scope.report(expression.of, "expression-type", f"{describe(of)} has no elements")
         return ANY
+    length, at = (of.length if isinstance(of, ListOf) else None), _whole_number(expression.index)
+    if length is not None and at is not None and not -length <= at < length:
+        message = f"there is no element {at}: this has {length}"
+        scope.report(expression.index, "no-element", message, f"the first is 0, the last {length - 1}")
     return element
+
+
+def _whole_number(index: Expression) -> int | None:
+    """A literal index, which may be negative."""
+    if isinstance(index, Unary) and index.operator == "-":
+        found = _whole_number(index.operand)
+        return None if found is None else -found
+    return index.value if isinstance(index, Constant) and type(index.value) is int else None
 
 
 def _require_bool(expression: Expression, scope: TypeScope, who: str) -> None:

@@ -11,8 +11,11 @@ from enum import Enum
 from functools import cache
 from typing import Any
 
+import numpy as np
+
 from executive.errors import PomonaError
 from executive.ports import RATIO, Quantity, type_name
+from executive.values.units import Array
 
 DECLARED_FIELDS = "__declared_fields__"
 """Attribute of a class that stands in for one which is not imported: its fields and their types, if it has any."""
@@ -33,9 +36,17 @@ class Loose(Enum):
 
 @dataclass(frozen=True, slots=True)
 class ListOf:
-    """A list or tuple of values of one type."""
+    """A list, tuple or array of values of one type.
+
+    Attributes:
+        element: its elements' type.
+        length: how many there are, if that is always the same.
+        array: whether it is a numpy array.
+    """
 
     element: ValueType
+    length: int | None = None
+    array: bool = False
 
 
 ValueType = type[Any] | Quantity | Loose | ListOf
@@ -47,6 +58,8 @@ def describe(value_type: ValueType) -> str:
     if isinstance(value_type, Loose):
         return value_type.value
     if isinstance(value_type, ListOf):
+        if value_type.array:
+            return "an array"
         return "a list" if value_type.element is ANY else f"a list of {_bare(value_type.element)}"
     name = type_name(value_type)
     return f"{'an' if name[0] in 'aeiou' else 'a'} {name}"
@@ -70,11 +83,13 @@ def can_flow(source: ValueType, target: ValueType) -> bool:
     if target is float:
         return source in (int, SI_NUMBER) or source == RATIO
     if isinstance(source, ListOf):
+        if source.array:
+            return target is np.ndarray or (isinstance(target, ListOf) and can_flow(source.element, target.element))
         if isinstance(target, ListOf):
             return can_flow(source.element, target.element)
         return isinstance(target, type) and issubclass(target, (list, tuple, Sequence))
     if isinstance(target, ListOf):
-        return isinstance(source, type) and issubclass(source, (list, tuple))
+        return isinstance(source, type) and issubclass(source, (np.ndarray,) if target.array else (list, tuple))
     if isinstance(source, type) and isinstance(target, type):
         if source is bool or target is bool:
             return source is target
@@ -124,7 +139,7 @@ def fields_of(value_type: ValueType) -> dict[str, ValueType] | None:
 def _fields_of_class(cls: Hashable) -> tuple[tuple[str, ValueType], ...]:
     assert isinstance(cls, type)
     try:
-        hints = typing.get_type_hints(cls)
+        hints = typing.get_type_hints(cls, include_extras=True)
     except Exception:  # a third party's annotations may not resolve: names are still known
         hints = dict.fromkeys(_annotated(cls), Any)
     names = [f.name for f in dataclasses.fields(cls)] if dataclasses.is_dataclass(cls) else list(hints)
@@ -142,7 +157,7 @@ def _annotated(cls: type[Any]) -> list[str]:
 
 def _returned(member: property) -> ValueType:
     try:
-        return from_annotation(typing.get_type_hints(member.fget).get("return", Any))
+        return from_annotation(typing.get_type_hints(member.fget, include_extras=True).get("return", Any))
     except Exception:  # see above
         return ANY
 
@@ -154,13 +169,31 @@ def from_annotation(annotation: Any) -> ValueType:
     if origin in (typing.Union, types.UnionType):
         kinds = [argument for argument in arguments if argument is not type(None)]
         return from_annotation(kinds[0]) if len(kinds) == 1 else ANY
+    if origin is typing.Annotated:
+        return _annotated_type(arguments)
     if annotation is float:
         return SI_NUMBER
     if origin in (list, tuple, Sequence):
         kinds = [argument for argument in arguments if argument is not Ellipsis]
-        return ListOf(from_annotation(kinds[0])) if kinds and all(k == kinds[0] for k in kinds) else ListOf(ANY)
+        length = len(kinds) if origin is tuple and kinds and Ellipsis not in arguments else None
+        same = bool(kinds) and all(k == kinds[0] for k in kinds)
+        return ListOf(from_annotation(kinds[0]) if same else ANY, length)
     if isinstance(origin, type):
         return origin
     if annotation is None or annotation is type(None):
         return NONE
     return annotation if isinstance(annotation, type) else ANY
+
+
+def _annotated_type(arguments: tuple[Any, ...]) -> ValueType:
+    """`Annotated[float, LENGTH]` is a length, `Annotated[NDArray, Array(3, of=LENGTH)]` three of them."""
+    annotation, *said = arguments
+    for word in said:
+        if isinstance(word, Quantity) and annotation is float:
+            return word
+        if isinstance(word, Array):
+            found: ValueType = word.of or SI_NUMBER
+            for length in reversed(word.shape):
+                found = ListOf(found, length, array=True)
+            return found
+    return from_annotation(annotation)

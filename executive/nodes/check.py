@@ -9,7 +9,8 @@ from executive.nodes import takes
 from executive.nodes.behaviours import LeafBehaviour
 from executive.nodes.conditions import Condition
 from executive.nodes.ends import Outcome
-from executive.nodes.node_type import Building, Ending, Leaf
+from executive.nodes.facts import Facts
+from executive.nodes.node_type import Building, Ending, Knowing, Leaf
 
 
 class Check(LeafBehaviour):
@@ -45,10 +46,14 @@ class CheckType(Leaf):
     key, symbol, colour = "check", "◇", "#b26a00"
     value = takes.Condition("succeeds when it holds, fails otherwise")
     ends = ("success", "failure")
+    instant = True
     xml_value = "condition"
 
     def outcome(self, at: Ending) -> Outcome:
         return Outcome(frozenset({"CONDITION_FALSE"}))
+
+    def truth(self, at: Knowing, known: Facts) -> Facts:
+        return at.must(self.key, known)
 
     def build(self, at: Building) -> Behaviour:
         return Check(at.name, at.condition(self.key))
@@ -63,6 +68,9 @@ class WaitUntilType(Leaf):
 
     def outcome(self, at: Ending) -> Outcome:
         return Outcome()
+
+    def truth(self, at: Knowing, known: Facts) -> Facts:
+        return at.awaits(self.key, known)
 
     def build(self, at: Building) -> Behaviour:
         return WaitUntil(at.name, at.condition(self.key))

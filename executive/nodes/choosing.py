@@ -14,8 +14,9 @@ from executive.nodes import takes
 from executive.nodes.behaviours import Branch
 from executive.nodes.check import CheckType
 from executive.nodes.ends import ALL, Ends, Names, Outcome, codes_of
+from executive.nodes.facts import Facts
 from executive.nodes.in_sight import Around, FailureInSight
-from executive.nodes.node_type import Building, Checking, Composite, Ending, Flowing, Words, XmlIn, XmlOut
+from executive.nodes.node_type import Building, Checking, Composite, Ending, Flowing, Knowing, Words, XmlIn, XmlOut
 from executive.ports import Port
 from executive.reasons import NoValue, Reason, from_causes, path_of, reason_of
 
@@ -169,6 +170,14 @@ class IfType(Composite):
             chosen.failure & other.failure,
             chosen.skipped & other.skipped & asked.skipped,
         )
+
+    def truth(self, at: Knowing, known: Facts) -> Facts:
+        if self.reactive or len(at.node.children) < 2:
+            return super().truth(at, known)
+        at.child(1, at.child(0, known))
+        if len(at.node.children) > 2:
+            at.child(2, at.after(0, known))
+        return at.forget(known)
 
     def build(self, at: Building) -> Behaviour:
         sight = FailureInSight()

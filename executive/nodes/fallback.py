@@ -11,8 +11,9 @@ from py_trees.common import Status
 from executive.nodes import takes
 from executive.nodes.behaviours import Branch
 from executive.nodes.ends import ALL, Ends, Names, Outcome, codes_of
+from executive.nodes.facts import Facts
 from executive.nodes.in_sight import Around, FailureInSight
-from executive.nodes.node_type import Building, Checking, Composite, Ending, Flowing, Words, XmlIn, XmlOut
+from executive.nodes.node_type import Building, Checking, Composite, Ending, Flowing, Knowing, Words, XmlIn, XmlOut
 from executive.reasons import Reason, from_causes, path_of, reason_of
 
 
@@ -113,6 +114,14 @@ class FallbackType(Composite):
             failure = ends.failure & ends.skipped.when(failure)
             skipped = ends.skipped.when(skipped)
         return Ends(success, failure, skipped)
+
+    def truth(self, at: Knowing, known: Facts) -> Facts:
+        if not self.memory:
+            return super().truth(at, known)
+        for index in range(len(at.node.children)):
+            at.child(index, known)
+            known = at.after(index, known)
+        return known
 
     def build(self, at: Building) -> Behaviour:
         sight = FailureInSight()

@@ -12,7 +12,8 @@ from executive.nodes import takes
 from executive.nodes.behaviours import Wrapper
 from executive.nodes.conditions import Condition
 from executive.nodes.ends import Ends, Names, Outcome
-from executive.nodes.node_type import Building, Ending, Flowing, Modifier
+from executive.nodes.facts import Facts
+from executive.nodes.node_type import Building, Ending, Flowing, Knowing, Modifier
 from executive.reasons import NoValue
 
 
@@ -66,6 +67,9 @@ class GuardType(Modifier):
         ends = at.inside(before)
         return Ends(ends.success, ends.failure & before, ends.skipped)
 
+    def truth(self, at: Knowing, known: Facts) -> Facts:
+        return at.inside(at.must(self.key, known))
+
     def build(self, at: Building) -> Behaviour:
         condition = at.condition(self.key)
         return Guard(at.name, at.inside(), condition)
@@ -85,6 +89,10 @@ class WhenType(Modifier):
     def flow(self, at: Flowing, before: Names) -> Ends:
         ends = at.inside(before)
         return replace(ends, skipped=ends.skipped & before)
+
+    def truth(self, at: Knowing, known: Facts) -> Facts:
+        at.inside(at.must(self.key, known))
+        return at.forget(known)
 
     def build(self, at: Building) -> Behaviour:
         condition = at.condition(self.key)

@@ -11,7 +11,8 @@ from py_trees.common import Status
 from executive.nodes import takes
 from executive.nodes.behaviours import LeafBehaviour
 from executive.nodes.ends import UNKNOWN, Outcome
-from executive.nodes.node_type import Building, Ending, Leaf, Words, XmlIn, XmlOut
+from executive.nodes.facts import Facts
+from executive.nodes.node_type import Building, Ending, Knowing, Leaf, Words, XmlIn, XmlOut
 from executive.ports import Port
 from executive.values.yaml_nodes import YamlScalar
 
@@ -90,9 +91,13 @@ class SetType(Leaf):
     key, symbol = "set", "="
     value = takes.Assignments()
     xml_value = "values"
+    instant = True
 
     def outcome(self, at: Ending) -> Outcome:
         return Outcome()
+
+    def truth(self, at: Knowing, known: Facts) -> Facts:
+        return at.assign(known)
 
     def build(self, at: Building) -> Behaviour:
         return SetValues(at.name, {at.writer(name): get for name, get in at.inputs().items()})
@@ -110,6 +115,7 @@ class SucceedType(Leaf):
     key, symbol = "succeed", "✓"
     value = takes.Nothing()
     xml_tags = ("AlwaysSuccess",)
+    instant = True
 
     def outcome(self, at: Ending) -> Outcome:
         return Outcome()
@@ -130,6 +136,7 @@ class FailType(Leaf):
     key, symbol, colour = "fail", "✗", "#a4262c"
     value = takes.Wires({"code": Port(str, default="FAILED"), "message": Port(str, default="")})
     xml_tags = ("AlwaysFailure",)
+    instant = True
 
     def outcome(self, at: Ending) -> Outcome:
         code = at.node.ports.get("code")

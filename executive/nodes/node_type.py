@@ -29,6 +29,7 @@ from py_trees.behaviour import Behaviour
 
 from executive.nodes.conditions import Condition
 from executive.nodes.ends import ALL, Ends, Names, Outcome
+from executive.nodes.facts import Facts
 from executive.nodes.in_sight import Around
 from executive.ports import Port
 from executive.values.findings import Findings
@@ -338,6 +339,47 @@ class Flowing(Asking, Protocol):
     def part(self, slot: str, before: Names) -> Ends | None: ...
 
 
+class Knowing(Asking, Protocol):
+    """A layer at which it is followed what is surely true."""
+
+    @property
+    def outcomes(self) -> Ending:
+        """How this node's children can end."""
+        ...
+
+    def must(self, slot: str, known: Facts) -> Facts:
+        """The condition in a slot holds from here on; one that cannot is reported."""
+        ...
+
+    def awaits(self, slot: str, known: Facts) -> Facts:
+        """The same of a condition for which the node waits."""
+        ...
+
+    def assign(self, known: Facts) -> Facts:
+        """The node's names have the values that are written for them."""
+        ...
+
+    def forget(self, known: Facts) -> Facts:
+        """What is still true when the node has ended somehow."""
+        ...
+
+    def share(self, known: Facts) -> Facts:
+        """What is true at every moment while the node runs, whichever of its children runs when."""
+        ...
+
+    def inside(self, known: Facts) -> Facts:
+        """What is true when what a modifier wraps has succeeded."""
+        ...
+
+    def child(self, index: int, known: Facts) -> Facts: ...
+
+    def after(self, index: int, known: Facts) -> Facts:
+        """What is still true when one child has ended somehow."""
+        ...
+
+    def part(self, slot: str, known: Facts) -> Facts: ...
+
+
 class Building(Asking, Protocol):
     """A layer being built. What is inside is built with the names of the scope; `names` replaces some of them."""
 
@@ -476,6 +518,7 @@ class NodeType(ABC):
         fields: words that may stand beside it.
         late: slots whose reads the type itself follows in `flow`, since they happen after its child has ended.
         calls: whether the node is called by somebody else's name.
+        instant: whether it ends in the tick in which it starts and lets nobody else act.
         named: whether the behaviour of a modifier says its word.
         ends: ends that a test should see: success, failure, skipped, not skipped.
         colour: in pictures.
@@ -491,6 +534,7 @@ class NodeType(ABC):
     fields: ClassVar[Mapping[str, Field]] = {}
     late: ClassVar[frozenset[str]] = frozenset()
     calls: ClassVar[bool] = False
+    instant: ClassVar[bool] = False
     named: ClassVar[bool] = True
     ends: ClassVar[tuple[str, ...]] = ()
     colour: ClassVar[str] = "#444444"
@@ -540,6 +584,13 @@ class NodeType(ABC):
     @abstractmethod
     def flow(self, at: Flowing, before: Names) -> Ends:
         """What is surely written at each of its ends, given what is surely written before it."""
+
+    def truth(self, at: Knowing, known: Facts) -> Facts:
+        """What is surely true when it has succeeded. By default its children may run in any order and again."""
+        inside = at.share(known)
+        for index in range(len(at.node.children)):
+            at.child(index, inside)
+        return at.forget(known)
 
     def needed(self, at: Asking) -> bool:
         """Whether it does anything as it is written (`invert: false` does not)."""
@@ -636,3 +687,11 @@ class Modifier(NodeType):
 
     def flow(self, at: Flowing, before: Names) -> Ends:
         return at.inside(before)
+
+    def truth(self, at: Knowing, known: Facts) -> Facts:
+        """By default it may start again what it wraps, and succeed without it."""
+        for slot in at.node.parts:
+            if slot in self.fields:
+                at.part(slot, at.forget(known))
+        at.inside(at.forget(known))
+        return at.forget(known)

@@ -12,7 +12,8 @@ from py_trees.common import Status
 from executive.nodes import takes
 from executive.nodes.behaviours import Branch
 from executive.nodes.ends import ALL, NO_CODES, Ends, Names, Outcome
-from executive.nodes.node_type import Building, Checking, Composite, Ending, Flowing, Words, XmlIn, XmlOut
+from executive.nodes.facts import Facts
+from executive.nodes.node_type import Building, Checking, Composite, Ending, Flowing, Knowing, Words, XmlIn, XmlOut
 
 
 class Sequence(Branch):
@@ -97,6 +98,14 @@ class SequenceType(Composite):
             success = ends.success & ends.skipped.when(success)
             skipped = ends.skipped.when(skipped)
         return Ends(success, failure, skipped)
+
+    def truth(self, at: Knowing, known: Facts) -> Facts:
+        if not self.memory or self.keeps:
+            return super().truth(at, known)
+        for index, outcome in enumerate(at.outcomes.children()):
+            succeeded = at.child(index, known)
+            known = at.after(index, known) if outcome.skips else succeeded
+        return known
 
     def build(self, at: Building) -> Behaviour:
         return Sequence(at.name, self.memory, at.children(), self.keeps)

@@ -10,7 +10,8 @@ from py_trees.common import Status
 from executive.nodes import takes
 from executive.nodes.behaviours import Wrapper
 from executive.nodes.ends import Ends, Names, Outcome
-from executive.nodes.node_type import Building, Checking, Ending, Flowing, Modifier, Words, XmlIn, XmlOut
+from executive.nodes.facts import Facts
+from executive.nodes.node_type import Building, Checking, Ending, Flowing, Knowing, Modifier, Words, XmlIn, XmlOut
 from executive.reasons import path_of
 
 
@@ -63,6 +64,9 @@ class TimeoutType(Modifier):
     def flow(self, at: Flowing, before: Names) -> Ends:
         ends = at.inside(before)
         return Ends(ends.success, ends.failure & before, ends.skipped)
+
+    def truth(self, at: Knowing, known: Facts) -> Facts:
+        return at.inside(known)
 
     def build(self, at: Building) -> Behaviour:
         return Timeout(at.name, at.inside(), at.value(self.key), at.now)

@@ -131,6 +131,7 @@ class PipelineSequenceType(SequenceType):
     key, symbol = "pipeline_sequence", "⇛"
     value = takes.Children("the earlier ones are ticked again in every tick")
     xml_tags = ("PipelineSequence",)
+    memory = False
 
     def build(self, at: Building) -> Behaviour:
         return Pipeline(at.name, at.children())

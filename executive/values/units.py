@@ -101,3 +101,20 @@ QUANTITIES: Mapping[str, Quantity] = {
     )
 }
 """Every quantity by its name in files. A ratio may be written as a bare number, all others need their unit."""
+
+
+@dataclass(frozen=True, slots=True)
+class Array:
+    """What an array holds, beside its type: `dimensions: Annotated[Float64, Array(3, of=LENGTH)]`.
+
+    Attributes:
+        shape: its length along each axis.
+        of: what its elements measure, if they have one unit.
+    """
+
+    shape: tuple[int, ...]
+    of: Quantity | None
+
+    def __init__(self, *shape: int, of: Quantity | None = None) -> None:
+        object.__setattr__(self, "shape", shape)
+        object.__setattr__(self, "of", of)

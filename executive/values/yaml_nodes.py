@@ -100,6 +100,12 @@ def read_yaml(source: Source, findings: Findings, what: str = "a tree file") -> 
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         line, column = (mark.line + 1, mark.column + 1) if mark is not None else (1, 1)
+        tab = _tab_at(source, line, column)
+        if tab:
+            message = "a tab indents this line, and YAML indents with spaces only"
+            where = YamlScalar(source, line, tab, line, tab + 1, "", True)
+            findings.error(where, "tab", message, "put spaces in its place; your editor can show it")
+            return None
         context = f"{error.context}, " if error.context else ""
         where = YamlScalar(source, line, column, line, column + 1, "", True)
         hint = 'values with braces, colons or # stand in quotes: "{name}"' if "{" in source.excerpt(line) else ""
@@ -110,6 +116,13 @@ def read_yaml(source: Source, findings: Findings, what: str = "a tree file") -> 
         if loader is not None:
             loader.dispose()
     return None
+
+
+def _tab_at(source: Source, line: int, column: int) -> int:
+    """Column of a tab in the line's indentation, at which reading stopped; 0 when there is none."""
+    text = source.excerpt(line)
+    at = text.find("\t") + 1
+    return at if at and not text[: at - 1].strip(" -") and at >= column - 1 else 0
 
 
 class _Composer:

@@ -5,11 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
+from executive.values.units import FORCE, LENGTH, SPEED, TIME, TORQUE
+
 Float64 = NDArray[np.float64]
+Newton = Annotated[float, FORCE]
 
 
 class GripPhase(Enum):
@@ -70,18 +74,18 @@ class GripReading:
         saturated: a channel of a finger is at the end of its range.
     """
 
-    stamp: float
+    stamp: Annotated[float, TIME]
     phase: GripPhase
-    f_n: float
-    finger_forces: tuple[float, float]
-    f_ref: float
-    f_least: float
-    f_t: float
-    tau_n: float
-    slip_speed: float
-    slip: float
-    width: float
-    speed: float
+    f_n: Newton
+    finger_forces: tuple[Newton, Newton]
+    f_ref: Newton
+    f_least: Newton
+    f_t: Newton
+    tau_n: Annotated[float, TORQUE]
+    slip_speed: Annotated[float, SPEED]
+    slip: Annotated[float, LENGTH]
+    width: Annotated[float, LENGTH]
+    speed: Annotated[float, SPEED]
     saturated: bool
 
 

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
+from executive.values.units import ANGLE, LENGTH, Array
 from skills.perception.measured_fruit import MeasuredFruit
 
 Float64 = NDArray[np.float64]
+Pose = Annotated[Float64, Array(4, 4)]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -28,14 +31,14 @@ class Grasp:
     """
 
     index: int
-    theta: float
-    alpha: float
-    T_base_pre_grasp: Float64
-    T_base_grasp: Float64
-    width: float
+    theta: Annotated[float, ANGLE]
+    alpha: Annotated[float, ANGLE]
+    T_base_pre_grasp: Pose
+    T_base_grasp: Pose
+    width: Annotated[float, LENGTH]
     q_pre_grasp: Float64
-    clearance: float
-    oblique: float
+    clearance: Annotated[float, LENGTH]
+    oblique: Annotated[float, ANGLE]
     fruit: MeasuredFruit
 
     @property
@@ -50,8 +53,8 @@ class RuledOut:
     """A candidate that was ruled out, and why: a code such as UNREACHABLE or IN_COLLISION and a sentence."""
 
     index: int
-    theta: float
-    alpha: float
+    theta: Annotated[float, ANGLE]
+    alpha: Annotated[float, ANGLE]
     code: str
     reason: str
 

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
 from drivers.interfaces import Frame
+from executive.values.units import LENGTH, RATIO, Array
 from skills.perception.fruit import FruitModel
 
 Float64 = NDArray[np.float64]
+Pose = Annotated[Float64, Array(4, 4)]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -35,14 +38,14 @@ class MeasuredFruit:
     """
 
     fruit: FruitModel
-    T_base_fruit: Float64
-    T_base_camera: Float64
-    dimensions: Float64
-    mu: float
-    sigma: float
-    covariance: Float64
-    inlier_ratio: float
-    residual: float
+    T_base_fruit: Pose
+    T_base_camera: Pose
+    dimensions: Annotated[Float64, Array(3, of=LENGTH)]
+    mu: Annotated[float, RATIO]
+    sigma: Annotated[float, LENGTH]
+    covariance: Annotated[Float64, Array(6, 6)]
+    inlier_ratio: Annotated[float, RATIO]
+    residual: Annotated[float, LENGTH]
     contour: Float64
     frame: Frame
     method: str

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
 from drivers.interfaces import Frame
+from executive.values.units import PIXELS, RATIO, Array
 from skills.perception.fruit import FruitModel
 
 Float64 = NDArray[np.float64]
+Pose = Annotated[Float64, Array(4, 4)]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -31,10 +34,10 @@ class Detection:
 
     fruit: FruitModel
     frame: Frame
-    T_base_camera: Float64
-    T_camera_object: Float64
-    keypoints: Float64
-    score: float
-    covariance: Float64
+    T_base_camera: Pose
+    T_camera_object: Pose
+    keypoints: Annotated[Float64, Array(9, 2, of=PIXELS)]
+    score: Annotated[float, RATIO]
+    covariance: Annotated[Float64, Array(6, 6)]
     index: int
     found: int

@@ -8,6 +8,7 @@ from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 import trimesh
@@ -18,7 +19,7 @@ from executive.values.findings import Finding, Findings
 from executive.values.kinds import Measure, Number, PathTo, Row, Schema, Text
 from executive.values.reading import Refused
 from executive.values.sections import Problem, Section, value
-from executive.values.units import LENGTH
+from executive.values.units import LENGTH, Array
 from skills.perception.fruit.errors import BadFruitFile, UnknownFruit
 
 CATALOGUE = Path(__file__).resolve().parents[3] / "trees" / "fruits"
@@ -56,8 +57,8 @@ class FruitModel:
     name: str
     vertices: NDArray[np.float64]
     faces: NDArray[np.int32]
-    dimensions: NDArray[np.float64]
-    symmetry_axis: NDArray[np.float64]
+    dimensions: Annotated[NDArray[np.float64], Array(3, of=LENGTH)]
+    symmetry_axis: Annotated[NDArray[np.float64], Array(3)]
     weights: Path | None = None
     stem: Mesh | None = None
     colour: tuple[float, float, float] = (0.7, 0.1, 0.1)

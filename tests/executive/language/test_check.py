@@ -3,11 +3,20 @@
 from __future__ import annotations
 
 import time
+from dataclasses import dataclass
+from typing import Annotated
 
+import numpy as np
 import pytest
+from numpy.typing import NDArray
 
-from executive.language import format_finding
+from executive.language import check, format_finding, read
+from executive.ports import FORCE, LENGTH, Ports
+from executive.registry import Registry
+from executive.skill import Skill
+from executive.values.units import Array
 
+HEAD = "pomona: 1\ntree: t\n"
 DETECT = 'Detect: {fruit: apple, detection: "{detection}"}'
 REFINE = 'Refine: {detection: "{detection}", measured: "{measured}"}'
 SAMPLE = 'SampleGrasp: {around: "{measured}", candidates: "{candidates}"}'
@@ -384,3 +393,93 @@ def test_a_file_of_a_thousand_nodes_is_checked_within_a_second(findings_of):
 def test_all_mistakes_are_found_in_one_pass(findings_of, pick_apple):
     wrong = pick_apple.replace("Refine:", "Refien:").replace("150 mm", "150").replace("timeout: 5 s", "timeout: 5")
     assert [f.code for f in findings_of(wrong)] == ["value", "value", "unknown-skill"]
+
+
+class TestTimesFit:
+    @pytest.mark.parametrize(
+        ("node", "message"),
+        [
+            ("{wait: 10 s, timeout: 5 s}", "wait takes 10 s at least and is always interrupted after 5 s"),
+            ("{sequence: [{wait: 3 s}, {wait: 3 s}], timeout: 5 s}", "takes 6 s at least"),
+            ("{wait: 1 s, timeout: 0 s}", "a timeout of 0 s interrupts everything"),
+        ],
+    )
+    def test_a_timeout_that_always_strikes(self, findings_of, node, message):
+        assert message in only(findings_of(sequence(node)), "too-short", "warning").message
+
+
+class TestWhatIsNeverReached:
+    @pytest.mark.parametrize(
+        "nodes",
+        [("fail: {}", "Beep: {}"), ("{Beep: {}, repeat: forever}", "Beep: {}"),
+         ("{sequence: [{Beep: {}}, {fail: {code: X}}]}", "Beep: {}"), ("{Beep: {}, force: failure}", "Beep: {}")],
+    )  # fmt: skip
+    def test_after_what_cannot_succeed(self, findings_of, nodes):
+        assert only(findings_of(sequence(*nodes)), "unreachable", "warning").line == 6
+
+
+class TestFieldsHaveUnitsAndLengths:
+    @pytest.mark.parametrize(
+        ("condition", "code", "message"),
+        [
+            ("{m.size[0]} > 3 kg", "expression-type", "a length and a mass cannot be compared"),
+            ("{m.size[0]} > 3", "expression-type", "a length and an int cannot be compared"),
+            ("{m.size[3]} > 3 mm", "no-element", "there is no element 3: this has 3"),
+            ("{m.size[-4]} > 3 mm", "no-element", "there is no element -4: this has 3"),
+            ("{m.pose[0][4]} > 0", "no-element", "there is no element 4: this has 4"),
+            ("{m.push} > 3 mm", "expression-type", "a force and a length cannot be compared"),
+            ("{m.pair[2]} > 3 N", "no-element", "there is no element 2: this has 2"),
+        ],
+    )
+    def test_what_cannot_be(self, measuring, condition, code, message):
+        assert only(measuring(condition), code).message == message
+
+    @pytest.mark.parametrize(
+        "condition",
+        ["{m.size[2]} > 3 mm", "{m.size[-3]} > 3 mm", "{m.pose[0][3]} > 1 mm", "{m.push} > 1 N", "{m.pair[1]} > 1 N",
+         "max({m.size[0]}, {m.size[1]}) > 3 cm"],
+    )  # fmt: skip
+    def test_what_can(self, measuring, condition):
+        assert measuring(condition) == []
+
+    def test_an_array_enters_a_port_for_arrays(self, measuring):
+        assert measuring("true", 'Aim: {pose: "{m.pose}"}') == []
+        assert measuring("true", 'Lift: {height: "{m.size[0]}", hold: firm}') == []
+
+
+@pytest.fixture
+def measuring(skills):
+    """Findings of a condition about `m`, whose fields have units."""
+
+    @dataclass(frozen=True)
+    class Measured:
+        size: Annotated[NDArray[np.float64], Array(3, of=LENGTH)]
+        pose: Annotated[NDArray[np.float64], Array(4, 4)]
+        push: Annotated[float, FORCE]
+        pair: tuple[Annotated[float, FORCE], Annotated[float, FORCE]]
+
+    class Measure(Skill):
+        """Says something with units."""
+
+        outputs = Ports(m=Measured)
+
+        def run(self, **inputs: object) -> None:
+            return None
+
+    known = Registry({**skills, "Measure": Measure})
+
+    def find(condition: str, *more: str):
+        body = sequence('Measure: {m: "{m}"}', f'check: "{condition}"', 'check: "{m.push} > 0 N"', *more)
+        return check(read(HEAD + body, "t.yaml"), known)
+
+    return find
+
+
+@pytest.mark.parametrize("text", ["\tBeep: {}", "  sequence:\n  \t- Beep: {}", "  Beep: {}\n\t  timeout: 2 s"])
+def test_a_tab_is_called_by_its_name(findings_of, text):
+    found = only(findings_of(f"root:\n{text}\n"), "tab")
+    assert found.message == "a tab indents this line, and YAML indents with spaces only"
+
+
+def test_a_tab_that_only_stands_between_words_is_no_mistake(findings_of):
+    assert findings_of("root:\n  Beep:\t{times: 2}\n") == []

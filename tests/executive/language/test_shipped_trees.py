@@ -49,3 +49,25 @@ def test_its_scenarios_go_as_expected_and_reach_every_node(installed, path):
     result = run_scenario(read_scenario(path.read_text(), path, installed), installed)
     assert [(case.case.name, case.problems) for case in result.cases if not case.passed] == []
     assert [info.path for info in result.coverage.unreached()] == []
+
+
+@pytest.mark.parametrize(
+    ("condition", "message"),
+    [
+        ("{m.dimensions[0]} > 3 kg", "a length and a mass cannot be compared"),
+        ("{m.dimensions[7]} > 3 mm", "there is no element 7: this has 3"),
+        ("{m.fruit.dimensions[3]} > 3 mm", "there is no element 3: this has 3"),
+        ("{d.score} > 3 N", "a ratio and a force cannot be compared"),
+    ],
+)
+def test_what_skills_exchange_has_units(installed, condition, message):
+    text = f"""pomona: 1
+tree: t
+root:
+  sequence:
+    - Detect: {{fruit: apple, detection: "{{d}}"}}
+    - Refine: {{detection: "{{d}}", measured: "{{m}}"}}
+    - check: "{{m.inlier_ratio}} > 0.5"
+    - check: "{condition}"
+"""
+    assert [finding.message for finding in check(read(text, "t.yaml"), installed)] == [message]
