@@ -58,14 +58,14 @@ def tick_events(tick: int, feedback: str) -> list[Event]:
     ]
 
 
-def ticks(hear: Callable[[Event], None], duration: float) -> np.ndarray[Any, Any]:
+def ticks(on_event: Callable[[Event], None], duration: float) -> np.ndarray[Any, Any]:
     """Tick as a runner on a real cell does; returns the periods [s]."""
     beats, tick, following = [], 0, time.perf_counter()
     end = following + duration
     while following < end:
         beats.append(time.perf_counter())
         for event in tick_events(tick, f"{time.time():.4f}"):
-            hear(event)
+            on_event(event)
         tick += 1
         following += PERIOD
         time.sleep(max(0.0, following - time.perf_counter()))
@@ -95,7 +95,7 @@ def watch(port: int, viewers: int, stuck: bool, stop: Any) -> None:
 
 def tick_periods(dashboard: Dashboard, viewers: int, stuck: bool, duration: float) -> np.ndarray[Any, Any]:
     """Periods of the tick while so many watch."""
-    dashboard.hub.hear(started(20))
+    dashboard.hub.on_event(started(20))
     context = multiprocessing.get_context("spawn")
     stop = context.Event()
     process = context.Process(target=watch, args=(dashboard.access.port, viewers, stuck, stop))
@@ -103,7 +103,7 @@ def tick_periods(dashboard: Dashboard, viewers: int, stuck: bool, duration: floa
         process.start()
         while dashboard.hub.viewers < viewers:
             time.sleep(0.05)
-    periods = ticks(dashboard.hub.hear, duration)
+    periods = ticks(dashboard.hub.on_event, duration)
     if viewers:
         stop.set()
         process.join(10.0)
@@ -125,7 +125,7 @@ def event_to_pixel(page: Any, dashboard: Dashboard, duration: float) -> np.ndarr
               requestAnimationFrame(() => painted.port2.postMessage(0)); } } };
         new MutationObserver(seen).observe(document.getElementById('tree'), {subtree: true, childList: true}); }"""
     )
-    ticks(dashboard.hub.hear, duration)
+    ticks(dashboard.hub.on_event, duration)
     page.wait_for_timeout(500)
     return np.array(page.evaluate("window.delays"))
 
@@ -134,13 +134,13 @@ def half_hour_record(folder: Path) -> None:
     """90 000 ticks with a change each and samples in a third of them."""
     folder.mkdir()
     recorder = Recorder(folder)
-    recorder.hear(started(20))
+    recorder.on_event(started(20))
     for tick in range(90_000):
         node, series = tick_events(tick, "on the way")
-        recorder.hear(node)
+        recorder.on_event(node)
         if tick % 3 == 0:
-            recorder.hear(series)
-    recorder.hear(RunEnded(1800.0, 90_000, "success", None, 90_000, 1800.0, 1800.0, None))
+            recorder.on_event(series)
+    recorder.on_event(RunEnded(1800.0, 90_000, "success", None, 90_000, 1800.0, 1800.0, None))
     recorder.close()
 
 
@@ -209,7 +209,7 @@ def bench_page(report: Report, dashboard: Dashboard, browser: Any, duration: flo
     timing = page.evaluate("performance.getEntriesByType('navigation')[0].domContentLoadedEventEnd / 1000")
     report.tell("page interactive", timing, "s", 1.0)
     for nodes in (20, 1001):
-        dashboard.hub.hear(started(nodes))
+        dashboard.hub.on_event(started(nodes))
         expect(page.locator(".row")).to_have_count(nodes)
         delays = event_to_pixel(page, dashboard, duration)
         p95 = float(np.percentile(delays, 95)) * 1000.0
@@ -246,12 +246,12 @@ def bench_memory(report: Report, dashboard: Dashboard, browser: Any, duration: f
     page.goto(dashboard.link)
     client = page.context.new_cdp_session(page)
     client.send("Performance.enable")
-    dashboard.hub.hear(started(20))
+    dashboard.hub.on_event(started(20))
     hour = 180_000 if duration > 10.0 else 40_000
     heaps, elements, memories = [], [], []
     for tick in range(hour):
         for event in tick_events(tick, "on the way") + pictures(tick):
-            dashboard.hub.hear(event)
+            dashboard.hub.on_event(event)
         if tick % (hour // 8) == hour // 8 - 1:
             expect(page.locator("#clock")).to_contain_text(f"{tick * PERIOD:.1f} s", timeout=120_000)
             client.send("HeapProfiler.collectGarbage")

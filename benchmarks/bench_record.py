@@ -52,12 +52,12 @@ def alone(record: Path, folder: Path) -> tuple[float, float]:
     began = time.process_time()
     recorder = Recorder(folder)
     for event in events:
-        recorder.hear(event)
+        recorder.on_event(event)
     recorder.close()
     recorded = time.process_time()
     picture = Picture()
     for event in events:
-        picture.hear(event)
+        picture.on_event(event)
     picture.save(folder / "picture.png", "a pick")
     return recorded - began, time.process_time() - recorded
 

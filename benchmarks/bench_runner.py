@@ -49,7 +49,7 @@ def runner_tick(nodes: int, ticks: int, record: Path | None) -> float:
     events = EventStream()
     recorder = None if record is None else Recorder(record)
     if recorder is not None:
-        events.subscribe(recorder.hear)
+        events.subscribe(recorder.on_event)
     runner = Runner(lambda context, board: build(document, SKILLS, context=context, board=board), DryCell(), events)
     began = time.process_time()
     result = runner.run()

@@ -144,7 +144,7 @@ class _Watcher:
     def began(self) -> float:
         return self.plan.injected[0][0] if self.plan.injected else np.nan
 
-    def hear(self, event: Event) -> None:
+    def on_event(self, event: Event) -> None:
         """Phases begin with their nodes; the end is noted on the world's clock."""
         now = self.world.clock.now()
         if isinstance(event, NodeChanged):
@@ -195,13 +195,13 @@ def run_case(case: Case, cell: str = "sim", seed: int = 3) -> Verdict:
     def on_latched(runner: Runner) -> None:
         _judge_afterwards(watchers[0], runner, verdict)
 
-    def hear(event: Event) -> None:
+    def on_event(event: Event) -> None:
         if watchers:
-            watchers[0].hear(event)
+            watchers[0].on_event(event)
 
     with tempfile.TemporaryDirectory() as folder:
         order = RunOrder(TREE, find_cell(cell), seed, SETTINGS, record=Path(folder))
-        executed = execute(order, [hear], on_ready=on_ready, on_latched=on_latched)
+        executed = execute(order, [on_event], on_ready=on_ready, on_latched=on_latched)
         _judge_record(executed.record, executed.result.outcome, verdict)
     _judge(watchers[0], executed.result, verdict)
     return verdict

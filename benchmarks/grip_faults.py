@@ -99,7 +99,7 @@ class _Injector:
         self._rest = float(world.state.body("fruit_0").xpos[2])
         world.after_step.insert(0, self._step)
 
-    def hear(self, event: Event) -> None:
+    def on_event(self, event: Event) -> None:
         """Learn from the run's events when nodes start and end, and when the cell is stopped."""
         if isinstance(event, SafeStopped) and np.isnan(self.stopped):
             self.stopped = self._world.clock.now()
@@ -131,16 +131,16 @@ def run_case(case: Case, seed: int = 1, fruit: str = "apple_4") -> Outcome:
         _put_fingers_around(world, cell.devices["arm"])
         injectors.append(_Injector(runner, case, world, fingers))
 
-    def hear(event: Event) -> None:
+    def on_event(event: Event) -> None:
         if injectors:
-            injectors[0].hear(event)
+            injectors[0].on_event(event)
 
     settings = {"fruit": fruit, "place": "2", "distractors": "0"}
     text = TREE.read_text()
     if case.phase != "releasing":  # what plans takes long to prepare
         text = "\n".join(line for line in text.splitlines() if "- Release" not in line)
     order = RunOrder(TREE, find_cell("sim"), seed, settings, texts={str(TREE): text})
-    executed = execute(order, [hear], on_ready=on_ready)
+    executed = execute(order, [on_event], on_ready=on_ready)
     result, injector = executed.result, injectors[0]
     reason, truth = result.reason, result.truth or {}
     return Outcome(

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from drivers.cell_file import CELL, CellFile, judge_cell_file, outline_cell, read_cell_file
-from drivers.device import Bench, Device, World
+from drivers.device import ConnectContext, Device, World
 from drivers.driver import Settings, installed_drivers
 from drivers.errors import CellFileError, DeviceFault, DriverError
 from drivers.estimate import estimate_errors
@@ -83,9 +83,9 @@ class Cell:
         """State of each device's link, by the device's name: 'ok', or what is wrong."""
         return {name: device.link() for name, device in self.devices.items()}
 
-    def heard(self) -> Mapping[str, float]:
-        """When each device was last heard, by its name: the stamp of the newest thing that it sent [s]."""
-        stamps = {name: device.heard() for name, device in self.devices.items()}
+    def last_seen(self) -> Mapping[str, float]:
+        """When each device was last seen, by its name: the stamp of the newest thing that it sent [s]."""
+        stamps = {name: device.last_seen() for name, device in self.devices.items()}
         return {name: stamp for name, stamp in stamps.items() if stamp is not None}
 
     def check(self) -> None:
@@ -239,32 +239,34 @@ def connect_cell(file: CellFile, *, seed: int = 0, missing: Callable[[str, Drive
     """
     said = file.section
     clock: Clock = ManualClock() if said.clock == "manual" else SystemClock()
-    bench = Bench(file.path, clock, seed, file.workspace)
+    context = ConnectContext(file.path, clock, seed, file.workspace)
     try:
         world: World | None = None
         if said.world is not None:
-            simulator = _connect(said.world, bench)
+            simulator = _connect(said.world, context)
             if not isinstance(simulator, World):
                 raise said.world.error("the driver simulates no world", "driver")
-            world, bench.clock = simulator, simulator.clock
+            world, context.clock = simulator, simulator.clock
         for name, settings in said.devices.items():
             try:
-                _connect(settings, bench)
+                _connect(settings, context)
             except DriverError as error:
                 if missing is None:
                     raise
                 missing(name, error)
         required = said.record == "required"
-        return Cell(file.name, file.kind, bench.clock, bench.devices, file.workspace, world, required, said.heartbeat)
+        return Cell(
+            file.name, file.kind, context.clock, context.devices, file.workspace, world, required, said.heartbeat
+        )
     except BaseException:
-        for opened in reversed(bench.devices.values()):
+        for opened in reversed(context.devices.values()):
             opened.close()
         raise
 
 
-def _connect(settings: Settings[Any], bench: Bench) -> Device:
-    device = settings.driver(settings, bench)
-    bench.devices[settings.name] = device
+def _connect(settings: Settings[Any], context: ConnectContext) -> Device:
+    device = settings.driver(settings, context)
+    context.devices[settings.name] = device
     device.name = settings.name
     return device
 

@@ -35,7 +35,7 @@ class Device:
         """State of the link: 'ok', or what is wrong with it."""
         return "ok"
 
-    def heard(self) -> float | None:
+    def last_seen(self) -> float | None:
         """The stamp [s] of the newest thing that the device sent, or None: nothing yet, or it sends nothing."""
         device: Any = self
         newest = None
@@ -93,7 +93,7 @@ class World(Protocol):
 
 
 @dataclass(slots=True)
-class Bench:
+class ConnectContext:
     """What is there when a device is connected: the clock, the seed, and the devices connected before it.
 
     Attributes:

@@ -18,7 +18,7 @@ from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import Any, Generic, Protocol, TypeVar, runtime_checkable
 
-from drivers.device import Bench, Device
+from drivers.device import ConnectContext, Device
 from drivers.errors import CellFileError
 from drivers.interfaces import Workspace
 from executive.values.documents import read_value_file
@@ -43,21 +43,21 @@ class Driver(Generic[Options]):
 
     device: type[Device]
     options: type[Options]
-    connect: Callable[[Settings[Options], Bench], Device]
+    connect: Callable[[Settings[Options], ConnectContext], Device]
 
-    def __call__(self, settings: Settings[Options], bench: Bench) -> Device:
+    def __call__(self, settings: Settings[Options], context: ConnectContext) -> Device:
         """Connect the device.
 
         Raises:
             CellFileError: a value of the cell file turns out to be wrong.
             DeviceError: the device refuses.
         """
-        return self.connect(settings, bench)
+        return self.connect(settings, context)
 
 
 def driver(
     device: type[Device], options: type[Options]
-) -> Callable[[Callable[[Settings[Options], Bench], Device]], Driver[Options]]:
+) -> Callable[[Callable[[Settings[Options], ConnectContext], Device]], Driver[Options]]:
     """Make a driver of the function that connects it."""
     return lambda connect: Driver(device, options, connect)
 

@@ -1,6 +1,6 @@
 """Knows when an arm is wrong: feedback that cannot be true, and motions that do not go as they must.
 
-Every arm's driver, simulated, mock or real, tells its supervisor what it hears, what it commands, and the time; the
+Every arm's driver, simulated, mock or real, tells its supervisor what it receives, what it commands, and the time; the
 supervisor raises what must end in the safe state. It has no clock, no thread and no device of its own.
 """
 
@@ -54,7 +54,7 @@ class Supervision:
 
 
 @dataclass(slots=True, eq=False)
-class _Heard:
+class _Feedback:
     """Feedback, since when it has been the same to the last bit, and what was commanded then."""
 
     stamp: float
@@ -68,7 +68,7 @@ class MotionSupervisor:
 
     def __init__(self, device: str, limits: ArmLimits, supervision: Supervision) -> None:
         self._device, self._limits, self._supervision = device, limits, supervision
-        self._heard: _Heard | None = None
+        self._feedback: _Feedback | None = None
         self._status_at: float | None = None
         self._looked_at = -np.inf
         self._set_points: deque[tuple[float, Float64]] = deque()
@@ -85,7 +85,7 @@ class MotionSupervisor:
 
     # --------------------------------------------------------------------------------- what the arm says
 
-    def hear(self, stamp: float, q: Float64, qd: Float64) -> None:
+    def on_feedback(self, stamp: float, q: Float64, qd: Float64) -> None:
         """Judge feedback before anybody uses it.
 
         Args:
@@ -99,13 +99,13 @@ class MotionSupervisor:
         if problem:
             raise DeviceLost(self._device, f"its feedback cannot be true: {problem}")
         self._drop_old(stamp)
-        if self._heard is not None and np.array_equal(q, self._heard.q):
-            self._heard.stamp = stamp
+        if self._feedback is not None and np.array_equal(q, self._feedback.q):
+            self._feedback.stamp = stamp
         else:
             passed = [commanded for due, commanded in self._set_points if due <= stamp]
-            self._heard = _Heard(stamp, q.copy(), stamp, passed[-1] if passed else None)
+            self._feedback = _Feedback(stamp, q.copy(), stamp, passed[-1] if passed else None)
 
-    def hear_status(self, now: float) -> None:
+    def on_status(self, now: float) -> None:
         """The controller told its status."""
         self._status_at = now
 
@@ -123,7 +123,7 @@ class MotionSupervisor:
 
     def forget(self) -> None:
         """Begin anew: after a reconnection or an acknowledgement nothing of before is compared with."""
-        self._heard = self._status_at = None
+        self._feedback = self._status_at = None
         self.end()
 
     # --------------------------------------------------------------------------------- what it shall do
@@ -150,9 +150,9 @@ class MotionSupervisor:
             DeviceLost: the feedback stands still although the arm is moved.
         """
         self._watch_time(now, motion, advance)
-        if self._heard is not None and self._set_points:
-            self._watch_frozen(self._heard)
-            self._watch_following(self._heard)
+        if self._feedback is not None and self._set_points:
+            self._watch_frozen(self._feedback)
+            self._watch_following(self._feedback)
 
     # ----------------------------------------------------------------------------------------- inside
 
@@ -166,12 +166,12 @@ class MotionSupervisor:
         speed = np.abs(qd) / limits.velocity
         if speed.max() > OVERSPEED:
             return f"joint {speed.argmax() + 1} at {speed.max():.2g} times its largest speed"
-        if self._heard is None:
+        if self._feedback is None:
             return ""
-        if stamp < self._heard.stamp:
+        if stamp < self._feedback.stamp:
             return "its time goes back"
-        jump = np.abs(q - self._heard.q)
-        beyond = jump - OVERSPEED * limits.velocity * (stamp - self._heard.stamp + JITTER)
+        jump = np.abs(q - self._feedback.q)
+        beyond = jump - OVERSPEED * limits.velocity * (stamp - self._feedback.stamp + JITTER)
         if beyond.max() > 0.0:
             joint = int(beyond.argmax())
             return f"joint {joint + 1} jumped by {np.degrees(jump[joint]):.1f}°"
@@ -199,19 +199,19 @@ class MotionSupervisor:
         while len(self._set_points) > 1 and self._set_points[1][0] <= oldest:
             self._set_points.popleft()
 
-    def _watch_frozen(self, heard: _Heard) -> None:
+    def _watch_frozen(self, feedback: _Feedback) -> None:
         """The arm may stand at a set-point as old as the lag: that one must not have moved since the feedback did."""
         _, commanded = self._set_points[0]
-        if heard.commanded is None:
-            heard.commanded = commanded
-        old_enough = heard.stamp - heard.since > self._supervision.lag
-        if old_enough and np.abs(commanded - heard.commanded).max() > FROZEN_PATH:
-            same = f"{1e3 * (heard.stamp - heard.since):.0f} ms"
+        if feedback.commanded is None:
+            feedback.commanded = commanded
+        old_enough = feedback.stamp - feedback.since > self._supervision.lag
+        if old_enough and np.abs(commanded - feedback.commanded).max() > FROZEN_PATH:
+            same = f"{1e3 * (feedback.stamp - feedback.since):.0f} ms"
             raise DeviceLost(self._device, f"its feedback has been the same for {same} although the arm is moved")
 
-    def _watch_following(self, heard: _Heard) -> None:
-        passed = [q for due, q in self._set_points if due <= heard.stamp] or [self._set_points[0][1]]
-        error = np.abs(np.array(passed) - heard.q)
+    def _watch_following(self, feedback: _Feedback) -> None:
+        passed = [q for due, q in self._set_points if due <= feedback.stamp] or [self._set_points[0][1]]
+        error = np.abs(np.array(passed) - feedback.q)
         nearest = error[error.max(axis=1).argmin()]
         if nearest.max() > self._supervision.following_error:
             joint = int(nearest.argmax())

@@ -75,7 +75,7 @@ class WrenchStream:
         return listener
 
     @property
-    def heard(self) -> bool:
+    def has_listeners(self) -> bool:
         """Whether anybody listens."""
         return bool(self._listeners)
 

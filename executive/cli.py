@@ -49,7 +49,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run(words: Sequence[str]) -> int:
-    from executive.terminal.filtered import filtered_output  # loading it takes a while: signals are heard before
+    from executive.terminal.filtered import filtered_output  # loading it takes a while: signals are handled before
 
     with filtered_output():
         return _run_filtered(words)

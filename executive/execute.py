@@ -21,7 +21,7 @@ from executive.language import BuiltTree, Document, Mocks, build, format_finding
 from executive.language.documents import read_document, refuse_errors
 from executive.language.mocks import MockPlan
 from executive.language.scenario import read_mocks
-from executive.recording.keeping import Keeping
+from executive.recording.session import RecordingSession
 from executive.recording.unfinished import unfinished
 from executive.registry import Registry
 from executive.running.breakpoints import Side
@@ -111,7 +111,7 @@ def execute(
 
     Args:
         order: what to run.
-        listeners: hear every event.
+        listeners: get every event.
         on_ready: gets the runner before it starts: to pause, stop or step it from another thread.
         on_latched: gets the runner after a run that ended in the safe state, while the cell is still connected.
 
@@ -208,7 +208,7 @@ def _run(
     on_latched: Callable[[Runner], None],
 ) -> Executed:
     order, cell, signals = work.order, work.cell, work.signals
-    events, summary, keeping = EventStream(), Summary(), Keeping(order.record, cell)
+    events, summary, session = EventStream(), Summary(), RecordingSession(order.record, cell)
     supervision = work.supervision
     runner = Runner(
         work.build,
@@ -217,31 +217,31 @@ def _run(
         seed=order.seed,
         period=PERIOD,
         real_time=order.real_time,
-        watchers=[*installed_watchers(cell), keeping],
+        watchers=[*installed_watchers(cell), session],
         heartbeat=supervision.beat,
     )
     _set_breakpoints(runner, order.breaks)
-    for listener in (summary.hear, *listeners):
+    for listener in (summary.on_event, *listeners):
         events.subscribe(listener)
     problem = ""
     try:
         _prepare(runner)
         with signals.ask(runner):
-            keeping.begin(runner, events)
-            supervision.begin(runner, keeping.folder)
-            events.emit(_started(work, runner, keeping.folder))
+            session.begin(runner, events)
+            supervision.begin(runner, session.folder)
+            events.emit(_started(work, runner, session.folder))
             on_ready(runner)
             result = runner.run()
         supervision.rest()
-        keeping.draw(f"{runner.tree.name}: {result.outcome}, seed {order.seed}")
+        session.draw(f"{runner.tree.name}: {result.outcome}, seed {order.seed}")
         if runner.latched is not None:
             with signals.raise_again():
                 on_latched(runner)
     finally:
         signals.wait()
         runner.close()
-        problem = keeping.close()
-    return Executed(result, summary, keeping.folder, problem, signals.number)
+        problem = session.close()
+    return Executed(result, summary, session.folder, problem, signals.number)
 
 
 def _set_breakpoints(runner: Runner, breaks: Sequence[tuple[str, Side]]) -> None:

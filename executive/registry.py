@@ -16,7 +16,7 @@ BUILTIN_TYPES: Mapping[str, PortType] = {"bool": bool, "int": int, "number": flo
 
 @dataclass(frozen=True, slots=True)
 class SkillListing:
-    """One skill for people and editors: `pomona skills` prints these."""
+    """One skill for readers and editors: `pomona skills` prints these."""
 
     name: str
     summary: str

@@ -89,8 +89,8 @@ def photograph_live(photographer: Photographer, dashboard: Dashboard) -> None:
     )
     run = threading.Thread(
         target=execute,
-        args=(order, [dashboard.hub.hear]),
-        kwargs={"on_ready": dashboard.desk.serve, "on_latched": Runner.hold_latched},
+        args=(order, [dashboard.hub.on_event]),
+        kwargs={"on_ready": dashboard.control.serve, "on_latched": Runner.hold_latched},
     )
     run.start()
     page = next(iter(photographer.pages.values()))

@@ -133,10 +133,10 @@ class FeelFriction(MovingSkill):
         """Go along a line; the wrenches while the pads slid, bias removed, shape (n, 2, 6)."""
         arm = self.device(Arm)
         trajectory = time_curve(line, distance, arm.limits, speed, ACCELERATION, ACCELERATION / JERK_TIME)
-        heard: list[tuple[float, Float64]] = []
+        samples_in: list[tuple[float, Float64]] = []
 
-        def hear(sample: WrenchSample) -> None:
-            heard.append((sample.stamp, sample.wrenches.copy()))
+        def on_sample(sample: WrenchSample) -> None:
+            samples_in.append((sample.stamp, sample.wrenches.copy()))
 
         robot = RobotModel.load(arm.description)
         start = robot.tcp(line[0])[:3, 3]
@@ -148,14 +148,14 @@ class FeelFriction(MovingSkill):
             stamps.append(state.stamp)
             shares.append(float(np.linalg.norm(robot.tcp(state.q)[:3, 3] - start)) / distance)
 
-        subscription = self.device(ForceSensor).subscribe(hear)
+        subscription = self.device(ForceSensor).subscribe(on_sample)
         try:
             yield from self.travel(trajectory, watch)
             watch()
         finally:
             subscription.close()
         first, last = np.interp(SLIDING, np.maximum.accumulate(shares), stamps)
-        samples = [wrenches for stamp, wrenches in heard if first <= stamp <= last]
+        samples = [wrenches for stamp, wrenches in samples_in if first <= stamp <= last]
         return np.array(samples).reshape(-1, 2, 6) - hold.controller.sense.bias
 
     def _watch(self, hold: Hold) -> None:

@@ -35,7 +35,7 @@ OPENING_SPEED = 0.05
 JERK_TIME = 0.1
 
 
-class Place(Enum):
+class StoppedAt(Enum):
     """Where an attempt has stopped."""
 
     ELSEWHERE = "not near the grasp"
@@ -77,7 +77,7 @@ class Retreat(MovingSkill):
         robot = RobotModel.load(arm.description)
         place, height = where(robot.tcp(arm.state().q), grasp)
         held = self._held()
-        if place is Place.ELSEWHERE or (place is Place.ABOVE and not held):
+        if place is StoppedAt.ELSEWHERE or (place is StoppedAt.ABOVE and not held):
             return None
         if held and height > SUPPORTED:
             yield from self._lower(robot, height, speed, acceleration, contact)
@@ -135,7 +135,7 @@ class Retreat(MovingSkill):
             yield from self.travel(trajectory, watch)
 
 
-def where(T_base_tcp: Float64, grasp: Grasp) -> tuple[Place, float]:
+def where(T_base_tcp: Float64, grasp: Grasp) -> tuple[StoppedAt, float]:
     """Where an attempt has stopped, and how high above the grasp the TCP is [m].
 
     Args:
@@ -147,10 +147,10 @@ def where(T_base_tcp: Float64, grasp: Grasp) -> tuple[Place, float]:
     height = float(T_base_tcp[2, 3] - grasp.T_base_grasp[2, 3])
     angle = angle_between(grasp.T_base_grasp[:3, :3], T_base_tcp[:3, :3])
     if angle > TILT_TOLERANCE:
-        return Place.ELSEWHERE, height
+        return StoppedAt.ELSEWHERE, height
     back, beside = -T_grasp_tcp[2, 3], float(np.linalg.norm(T_grasp_tcp[:2, 3]))
     if beside < LATERAL_TOLERANCE and -LATERAL_TOLERANCE < back < reach + LATERAL_TOLERANCE:
-        return Place.ON_APPROACH, height
+        return StoppedAt.ON_APPROACH, height
     if np.linalg.norm(T_base_tcp[:2, 3] - grasp.T_base_grasp[:2, 3]) < LATERAL_TOLERANCE and height > 0.0:
-        return Place.ABOVE, height
-    return Place.ELSEWHERE, height
+        return StoppedAt.ABOVE, height
+    return StoppedAt.ELSEWHERE, height

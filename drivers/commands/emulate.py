@@ -69,7 +69,7 @@ def _wsg(options: argparse.Namespace) -> tuple[list[Port], list[Any]]:
 
         interface, _, channel = options.can.partition(":")
         bus = can.Bus(channel, interface=interface)
-        return [CanPort(device, bus, answers=options.reply_id)], [device]
+        return [CanPort(device, bus, reply_id=options.reply_id)], [device]
     host, _, port = options.tcp.rpartition(":")
     return [TcpPort(device, host or "127.0.0.1", int(port))], [device]
 

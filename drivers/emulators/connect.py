@@ -33,15 +33,15 @@ import numpy as np
 from drivers.camera_options import DepthNoiseSection
 from drivers.cell import load_cell
 from drivers.cell_file import read_cell_file
-from drivers.device import Bench, Device
+from drivers.device import ConnectContext, Device
 from drivers.driver import Settings, driver
 from drivers.emulators.sim_bridge import FRAME_HEADER, FRAME_MAGIC
 from drivers.emulators.virtual_world import VirtualWorld
 from drivers.errors import CellFileError, DeviceLost, DriverError
 from drivers.interfaces import NOMINAL_DEPTH_NOISE, Arm, Float64, Intrinsics
 from drivers.motoman.connect import ORDERS
+from drivers.realsense.camera_mount import CameraMount
 from drivers.realsense.driver import StreamingCamera
-from drivers.realsense.ride import Ride
 from drivers.realsense.source import Pair
 from drivers.wire import Address, Link, tcp_opener
 from executive.clock import Clock, SystemClock
@@ -145,29 +145,29 @@ class EmulatedCameraFile:
 
 
 @driver(EmulatedWorld, EmulatedWorldFile)
-def connect_world(settings: Settings[EmulatedWorldFile], bench: Bench) -> EmulatedWorld | VirtualWorld:
+def connect_world(settings: Settings[EmulatedWorldFile], context: ConnectContext) -> EmulatedWorld | VirtualWorld:
     """`driver: emulated-world`"""
-    return _open_virtual(settings, bench) if settings.values.time == "virtual" else _start_process(settings, bench)
+    return _open_virtual(settings, context) if settings.values.time == "virtual" else _start_process(settings, context)
 
 
-def _open_virtual(settings: Settings[EmulatedWorldFile], bench: Bench) -> VirtualWorld:
+def _open_virtual(settings: Settings[EmulatedWorldFile], context: ConnectContext) -> VirtualWorld:
     """Load the simulated cell, and put pipes in the places of the wires."""
     said = settings.values
     try:
-        cell = load_cell(said.cell, seed=bench.seed, overrides=said.options)
+        cell = load_cell(said.cell, seed=context.seed, overrides=said.options)
     except DriverError as error:
         raise settings.error(f"the emulated world did not start: {error}", "cell") from error
     addresses = {wire: Address(0).parse(getattr(said, wire)) for wire in ("arm", "gripper", "camera")}
     world = VirtualWorld(cell, ORDERS[said.controller], addresses, Path(said.fingers))
-    bench.wires |= {address: pipe.open for address, pipe in world.pipes.items()}
+    context.wires |= {address: pipe.open for address, pipe in world.pipes.items()}
     return world
 
 
-def _start_process(settings: Settings[EmulatedWorldFile], bench: Bench) -> EmulatedWorld:
+def _start_process(settings: Settings[EmulatedWorldFile], context: ConnectContext) -> EmulatedWorld:
     """Start the process and wait until its devices can be reached."""
     said = settings.values
     command = [sys.executable, "-m", "drivers.emulators.world_process", "--cell", str(said.cell)]
-    command += ["--seed", str(bench.seed)]
+    command += ["--seed", str(context.seed)]
     for name, text in said.options.items():
         command += ["--set", f"{name}={text}"]
     command += ["--pace", str(said.pace)]
@@ -249,18 +249,18 @@ class WireSource:
 
 
 @driver(StreamingCamera, EmulatedCameraFile)
-def connect_camera(settings: Settings[EmulatedCameraFile], bench: Bench) -> StreamingCamera:
+def connect_camera(settings: Settings[EmulatedCameraFile], context: ConnectContext) -> StreamingCamera:
     """`driver: emulated-camera`"""
     said = settings.values
     host, port = said.address
-    arm = bench.find(Arm)
-    ride = Ride(arm, camera_site(said.robot))
-    open_link = tcp_opener(host, port, bench.wires)
+    arm = context.find(Arm)
+    mount = CameraMount(arm, camera_site(said.robot))
+    open_link = tcp_opener(host, port, context.wires)
     noise = said.depth_noise.noise() if said.depth_noise else NOMINAL_DEPTH_NOISE
     camera = StreamingCamera(
-        lambda: WireSource(open_link(), said.rate, bench.clock),
-        ride,
-        bench.clock,
+        lambda: WireSource(open_link(), said.rate, context.clock),
+        mount,
+        context.clock,
         silence=2.0,
         label="emulated",
         depth_noise=noise,

@@ -351,12 +351,12 @@ class _Port:
                 if isinstance(message.body, Ping):
                     self.say(peer, Message(Ping(), Communication.REPLY, 1))
                 else:
-                    self.hear(peer, message.body)
+                    self.on_message(peer, message.body)
 
     def advance(self, now: float) -> None:
         """Time belongs to the controller."""
 
-    def hear(self, peer: Peer, body: Body) -> None:
+    def on_message(self, peer: Peer, body: Body) -> None:
         """A message of this port."""
 
     def say(self, peer: Peer, message: Message) -> None:
@@ -371,7 +371,7 @@ class _MotionPort(_Port):
         else:
             super().say(peer, message)
 
-    def hear(self, peer: Peer, body: Body) -> None:
+    def on_message(self, peer: Peer, body: Body) -> None:
         if isinstance(body, TrajectoryPoint):
             self._controller.point(peer, body)
         elif isinstance(body, MotionControl):
@@ -385,7 +385,7 @@ class _StatePort(_Port):
 
 
 class _IoPort(_Port):
-    def hear(self, peer: Peer, body: Body) -> None:
+    def on_message(self, peer: Peer, body: Body) -> None:
         outputs = self._controller.outputs
         if isinstance(body, ReadInput):
             self.say(peer, Message(InputValue(outputs.get(body.address, 0), 0), Communication.REPLY, 1))

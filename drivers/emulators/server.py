@@ -178,11 +178,11 @@ class PtyPort:
 
 
 class CanPort:
-    """A CAN bus: the device hears one id and answers with another, eight bytes a frame."""
+    """A CAN bus: the device listens to one id and answers with another, eight bytes a frame."""
 
-    def __init__(self, emulator: Emulator, bus: can.BusABC, hears: int = 0x01, answers: int = 0x02) -> None:
+    def __init__(self, emulator: Emulator, bus: can.BusABC, request_id: int = 0x01, reply_id: int = 0x02) -> None:
         self._emulator, self._bus = emulator, bus
-        self._hears, self._answers = hears, answers
+        self._request_id, self._reply_id = request_id, reply_id
         emulator.connected(self)
 
     @property
@@ -193,14 +193,14 @@ class CanPort:
         for at in range(0, len(chunk), 8):
             data = chunk[at : at + 8]
             with contextlib.suppress(can.CanError):
-                self._bus.send(can.Message(arbitration_id=self._answers, data=data, is_extended_id=False))
+                self._bus.send(can.Message(arbitration_id=self._reply_id, data=data, is_extended_id=False))
 
     def readable(self) -> list[int]:
         return []
 
     def poll(self) -> None:
         while (message := self._bus.recv(0.0)) is not None:
-            if message.arbitration_id == self._hears and not message.is_extended_id:
+            if message.arbitration_id == self._request_id and not message.is_extended_id:
                 self._emulator.received(self, bytes(message.data))
 
     def close(self) -> None:

@@ -37,7 +37,7 @@ class WsgEmulator:
     Attributes:
         referenced: False until homing, if it is started so: moves are refused.
         has_script: whether the finger script is loaded.
-        silent: the cable is pulled: nothing is heard and nothing said.
+        silent: the cable is pulled: nothing comes in and nothing goes out.
         faults: bits of faults that the gripper reports besides its own state.
         refusing: commands that are answered with ACCESS_DENIED and not carried out.
         deaf: commands that are neither answered nor carried out, and updates that do not come.

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from drivers.camera_options import DepthNoiseSection, IntrinsicsSection
-from drivers.device import Bench, Device
+from drivers.device import ConnectContext, Device
 from drivers.driver import Settings, driver
 from drivers.errors import DeviceFault
 from drivers.frames.folder import (
@@ -116,10 +116,10 @@ class FramesFile:
 
 
 @driver(FramesCamera, FramesFile)
-def connect(settings: Settings[FramesFile], bench: Bench) -> FramesCamera:
+def connect(settings: Settings[FramesFile], context: ConnectContext) -> FramesCamera:
     """Open the folder: from the working folder, else from the cell file's."""
     said = settings.values
-    folder = _resolve(Path(said.folder).expanduser(), bench.cell.parent)
+    folder = _resolve(Path(said.folder).expanduser(), context.cell.parent)
     try:
         frames = list_frames(folder)
         intrinsics = folder_intrinsics(folder) or (said.intrinsics.intrinsics() if said.intrinsics else None)
@@ -131,7 +131,7 @@ def connect(settings: Settings[FramesFile], bench: Bench) -> FramesCamera:
         hint = f"put the right {INTRINSICS_FILE} into the folder" if "intrinsics" in str(error) else ""
         raise settings.error(str(error), "folder", hint) from error
     noise = said.depth_noise.noise() if said.depth_noise else NOMINAL_DEPTH_NOISE
-    return FramesCamera(frames, intrinsics, bench.clock, depth_noise=noise)
+    return FramesCamera(frames, intrinsics, context.clock, depth_noise=noise)
 
 
 def _resolve(folder: Path, cell_folder: Path) -> Path:

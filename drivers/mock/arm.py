@@ -148,7 +148,7 @@ class MockArm(Device):
         if not self._supervisor.due(now):
             return
         try:
-            self._supervisor.hear(now, np.array(self.says(self.q)), self._qd)
+            self._supervisor.on_feedback(now, np.array(self.says(self.q)), self._qd)
             if motion is not None and not motion.settled:
                 self._supervisor.command(now, self.q)
                 self._supervisor.look(now, motion, self._steps)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-from drivers.device import Bench, Device
+from drivers.device import ConnectContext, Device
 from drivers.driver import NoOptions, Settings, Surroundings, driver
 from drivers.mock.arm import SIA5F_LIMITS, MockArm
 from drivers.mock.camera import MockCamera
@@ -64,39 +64,39 @@ class MockFingersOptions(InMockWorld):
 
 
 @driver(MockWorld, NoOptions)
-def connect_world(settings: Settings[NoOptions], bench: Bench) -> MockWorld:
+def connect_world(settings: Settings[NoOptions], context: ConnectContext) -> MockWorld:
     """`driver: mock`"""
     return MockWorld()
 
 
 @driver(MockArm, MockArmOptions)
-def connect_arm(settings: Settings[MockArmOptions], bench: Bench) -> MockArm:
+def connect_arm(settings: Settings[MockArmOptions], context: ConnectContext) -> MockArm:
     """`driver: mock-arm`"""
     said = settings.values
-    q = bench.workspace.poses[said.start] if said.start and bench.workspace else None
-    return MockArm(_clock(bench), q, supervision=said.supervision)
+    q = context.workspace.poses[said.start] if said.start and context.workspace else None
+    return MockArm(_clock(context), q, supervision=said.supervision)
 
 
 @driver(MockGripper, InMockWorld)
-def connect_gripper(settings: Settings[InMockWorld], bench: Bench) -> MockGripper:
+def connect_gripper(settings: Settings[InMockWorld], context: ConnectContext) -> MockGripper:
     """`driver: mock-gripper`"""
-    return MockGripper(_clock(bench))
+    return MockGripper(_clock(context))
 
 
 @driver(MockForceSensor, MockFingersOptions)
-def connect_fingers(settings: Settings[MockFingersOptions], bench: Bench) -> MockForceSensor:
+def connect_fingers(settings: Settings[MockFingersOptions], context: ConnectContext) -> MockForceSensor:
     """`driver: mock-fingers`"""
-    gripper, width = bench.find(MockGripper), settings.values.fruit
+    gripper, width = context.find(MockGripper), settings.values.fruit
     feel = spring_fruit(gripper, width) if gripper is not None and width > 0.0 else None
-    return MockForceSensor(_clock(bench), feel)
+    return MockForceSensor(_clock(context), feel)
 
 
 @driver(MockCamera, NoOptions)
-def connect_camera(settings: Settings[NoOptions], bench: Bench) -> MockCamera:
+def connect_camera(settings: Settings[NoOptions], context: ConnectContext) -> MockCamera:
     """`driver: mock-camera`: a camera that never sees anything."""
-    return MockCamera(clock=bench.clock)
+    return MockCamera(clock=context.clock)
 
 
-def _clock(bench: Bench) -> MockClock:
-    assert isinstance(bench.clock, MockClock), "judged when the cell file was read"
-    return bench.clock
+def _clock(context: ConnectContext) -> MockClock:
+    assert isinstance(context.clock, MockClock), "judged when the cell file was read"
+    return context.clock

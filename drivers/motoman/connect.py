@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from drivers.device import Bench
+from drivers.device import ConnectContext
 from drivers.driver import Settings, driver
 from drivers.errors import DeviceLost, UnusableRobotFile
 from drivers.motion_supervisor import Supervision
@@ -64,7 +64,7 @@ class MotomanFile:
 
 
 @driver(MotomanArm, MotomanFile)
-def connect(settings: Settings[MotomanFile], bench: Bench) -> MotomanArm:
+def connect(settings: Settings[MotomanFile], context: ConnectContext) -> MotomanArm:
     """Open the arm that a cell file describes."""
     said = settings.values
     host, port = said.address
@@ -79,8 +79,8 @@ def connect(settings: Settings[MotomanFile], bench: Bench) -> MotomanArm:
         supervision=said.supervision,
     )
     limits = read_limits(said.robot, len(said.joints))
-    state, motion = (tcp_opener(host, number, bench.wires) for number in (port + 1, port))
-    arm = MotomanArm(state, motion, bench.clock, said.robot, limits, options)
+    state, motion = (tcp_opener(host, number, context.wires) for number in (port + 1, port))
+    arm = MotomanArm(state, motion, context.clock, said.robot, limits, options)
     try:
         arm.connect()
     except DeviceLost as error:

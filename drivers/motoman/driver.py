@@ -219,7 +219,7 @@ class MotomanArm(Device):
         self._watch_motion(session)
 
     def _watch_silence(self, session: Session) -> None:
-        silent = self._clock.now() - session.heard
+        silent = self._clock.now() - session.feedback_at
         if silent > self.options.silence and not session.listen(0.0):  # unless this thread itself was held up
             raise DeviceLost(self.name, f"no feedback for {1e3 * silent:.0f} ms")
 
@@ -241,18 +241,18 @@ class MotomanArm(Device):
             DeviceLost: it cannot be true.
         """
         feedback = session.feedback
-        if feedback is None or session.heard == self._taken_at:
+        if feedback is None or session.feedback_at == self._taken_at:
             return
-        elapsed, self._taken_at = session.heard - self._state.stamp, session.heard
+        elapsed, self._taken_at = session.feedback_at - self._state.stamp, session.feedback_at
         q = np.array(feedback.position)[self._wire]
         if feedback.valid & Valid.VELOCITY:
             qd = np.array(feedback.velocity)[self._wire]
         else:
             qd = (q - self._state.q) / elapsed if 0.0 < elapsed < 0.2 else np.zeros_like(q)
         self._believed = False
-        self._supervisor.hear(session.heard, q, qd)
+        self._supervisor.on_feedback(session.feedback_at, q, qd)
         self._believed = True
-        self._state = ArmState(session.heard, q, qd, self._motion is not None and not self._motion.at_rest)
+        self._state = ArmState(session.feedback_at, q, qd, self._motion is not None and not self._motion.at_rest)
 
     def _doubt(self, error: DeviceLost) -> None:
         """Brake on the path: that needs no feedback."""
@@ -263,7 +263,7 @@ class MotomanArm(Device):
 
     def _watch_status(self, session: Session) -> None:
         if session.status is not None:
-            self._supervisor.hear_status(session.status_heard)
+            self._supervisor.on_status(session.status_at)
             words = fault(session.status)
             if words and self._problem is None:
                 self._blame(DeviceFault(self.name, words))

@@ -33,14 +33,14 @@ class Session:
 
     Attributes:
         feedback, status: the newest of each, or None before the first.
-        heard, status_heard: when the newest of each came, on the cell's clock [s].
+        feedback_at, status_at: when the newest of each came, on the cell's clock [s].
     """
 
     def __init__(self, device: str, state: Link, motion: Link, clock: Clock, order: Order, group: int) -> None:
         self.device = device
         self.feedback: JointFeedback | None = None
         self.status: RobotStatus | None = None
-        self.heard = self.status_heard = clock.now()
+        self.feedback_at = self.status_at = clock.now()
         self._state, self._motion, self._clock = state, motion, clock
         self._order: Order = order
         self._group = group
@@ -54,7 +54,7 @@ class Session:
             OSError: the connection failed.
             Nonsense: bytes that are no message.
         """
-        return self._hear(self._state.receive(patience))
+        return self._on_bytes(self._state.receive(patience))
 
     def forget_status(self) -> None:
         """Take in all that was pushed until now and forget the status in it: the next push tells the present one.
@@ -64,16 +64,16 @@ class Session:
             Nonsense: bytes that are no message.
         """
         while chunk := self._state.receive(0.0):
-            self._hear(chunk)
+            self._on_bytes(chunk)
         self.status = None
 
-    def _hear(self, chunk: bytes) -> bool:
+    def _on_bytes(self, chunk: bytes) -> bool:
         fresh = False
         for message in self._decode(self._state_decoder, chunk):
             if isinstance(message.body, JointFeedback) and message.body.group == self._group:
-                self.feedback, self.heard, fresh = message.body, self._clock.now(), True
+                self.feedback, self.feedback_at, fresh = message.body, self._clock.now(), True
             elif isinstance(message.body, RobotStatus):
-                self.status, self.status_heard = message.body, self._clock.now()
+                self.status, self.status_at = message.body, self._clock.now()
         return fresh
 
     @property

@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 
 from drivers.camera_options import DepthNoiseSection
-from drivers.device import Bench
+from drivers.device import ConnectContext
 from drivers.driver import Settings, driver
 from drivers.errors import DeviceError, DeviceLost
 from drivers.interfaces import NOMINAL_DEPTH_NOISE, Arm, Float64
+from drivers.realsense.camera_mount import CameraMount
 from drivers.realsense.driver import StreamingCamera
-from drivers.realsense.ride import Ride
 from drivers.realsense.source import FILTERS, CameraSettings, PipelineSource, cameras_found
 from executive.values.kinds import Counts, MappingOf, Measure, Number, PathTo, Text, Words
 from executive.values.sections import Problem, Section, value
@@ -54,7 +54,7 @@ class RealSenseFile:
 
 
 @driver(StreamingCamera, RealSenseFile)
-def connect(settings: Settings[RealSenseFile], bench: Bench) -> StreamingCamera:
+def connect(settings: Settings[RealSenseFile], context: ConnectContext) -> StreamingCamera:
     """Open the camera that a cell file describes."""
     said = settings.values
     width, height = said.size
@@ -67,9 +67,11 @@ def connect(settings: Settings[RealSenseFile], bench: Bench) -> StreamingCamera:
         filters=said.filters,
         options=said.options,
     )
-    ride = Ride(bench.find(Arm), read_hand_eye(said.hand_eye))
+    mount = CameraMount(context.find(Arm), read_hand_eye(said.hand_eye))
     noise = said.depth_noise.noise() if said.depth_noise else NOMINAL_DEPTH_NOISE
-    camera = StreamingCamera(lambda: PipelineSource(wanted), ride, bench.clock, silence=said.silence, depth_noise=noise)
+    camera = StreamingCamera(
+        lambda: PipelineSource(wanted), mount, context.clock, silence=said.silence, depth_noise=noise
+    )
     try:
         camera.connect()
     except DeviceLost as error:

@@ -13,7 +13,7 @@ from drivers.device import Device
 from drivers.errors import DeviceError, DeviceLost
 from drivers.interfaces import NOMINAL_DEPTH_NOISE, Camera, DepthNoise, Frame
 from drivers.owner import Owner
-from drivers.realsense.ride import Ride
+from drivers.realsense.camera_mount import CameraMount
 from drivers.realsense.source import Pair
 from drivers.realsense.stamps import Stamps
 from drivers.streams import FrameGuard
@@ -43,7 +43,7 @@ class StreamingCamera(Device):
     def __init__(
         self,
         open_source: Callable[[], Source],
-        ride: Ride,
+        mount: CameraMount,
         clock: Clock,
         *,
         silence: float = 0.5,
@@ -52,14 +52,14 @@ class StreamingCamera(Device):
         name: str = "camera",
     ) -> None:
         super().__init__(name)
-        self._open_source, self._ride, self._clock = open_source, ride, clock
+        self._open_source, self._mount, self._clock = open_source, mount, clock
         self._silence, self._label, self._depth_noise = silence, label, depth_noise
         self._stamps, self._guard = Stamps(clock), FrameGuard(clock, silence)
         self._source: Source | None = None
         self._owner = Owner(name, self.step, self._lose, clock)
         self._newest: Frame | None = None
         self._sequence = 0
-        self._heard = 0.0
+        self._last_seen = 0.0
         self._retry_at = 0.0
         self._problem: DeviceError | None = DeviceLost(name, "was never connected")
 
@@ -131,7 +131,7 @@ class StreamingCamera(Device):
 
     def _open(self) -> None:
         self._source = self._open_source()
-        self._heard = self._clock.now()
+        self._last_seen = self._clock.now()
         self._stamps.restart()
         self._guard.restart()
 
@@ -139,18 +139,18 @@ class StreamingCamera(Device):
         source = self._source
         if source is None:
             return
-        self._ride.note()
+        self._mount.note()
         pair = source.wait(0.1)
-        self._ride.note()
+        self._mount.note()
         now = self._clock.now()
         if pair is not None:
-            self._heard = now
+            self._last_seen = now
             stamp = self._stamps.stamp(pair)
             if self._guard.judge(stamp, pair.number, _some_pixels(pair)):
                 self._newest = self._frame(pair, min(stamp, now))
             self._guard.check(self.name)
-        elif now - self._heard > self._silence:
-            raise DeviceLost(self.name, f"no image for {now - self._heard:.1f} s")
+        elif now - self._last_seen > self._silence:
+            raise DeviceLost(self.name, f"no image for {now - self._last_seen:.1f} s")
 
     def _frame(self, pair: Pair, stamp: float) -> Frame:
         frame = Frame(
@@ -159,8 +159,8 @@ class StreamingCamera(Device):
             colour=pair.colour,
             depth=pair.depth,
             intrinsics=pair.intrinsics,
-            q=self._ride.joints(stamp),
-            T_mount_camera=self._ride.T_mount_camera,
+            q=self._mount.joints(stamp),
+            T_mount_camera=self._mount.T_mount_camera,
             label=self._label,
             depth_noise=self._depth_noise,
         )

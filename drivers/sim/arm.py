@@ -154,7 +154,7 @@ class SimArm(FaultyDevice):
     def _supervise(self, motion: PathMotion | None) -> None:
         now = self._world.clock.now()
         try:
-            self._supervisor.hear(now, *self._said())
+            self._supervisor.on_feedback(now, *self._said())
             if motion is not None and not motion.settled:
                 self._supervisor.command(now, self._set_point)
                 self._supervisor.look(now, motion, self._steps)

@@ -66,7 +66,7 @@ class SimCamera(FaultyDevice):
             return now, self._frame.sequence if self._frame is not None else 0
         return now + LIES.get(self.fault or "", 0.0), sequence
 
-    def heard(self) -> float | None:
+    def last_seen(self) -> float | None:
         """Every moment has its view, and asking for its stamp takes no picture: a picture is a look that is scored."""
         if self.fault is None:
             return self._world.clock.now()

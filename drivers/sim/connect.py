@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from drivers.camera_options import LARGEST, IntrinsicsSection
-from drivers.device import Bench
+from drivers.device import ConnectContext
 from drivers.driver import Settings, Surroundings, driver
 from drivers.errors import UnusableRobotFile
 from drivers.motion_supervisor import Supervision
@@ -84,55 +84,55 @@ class CameraOptions(InWorld):
 
 
 @driver(SimWorld, WorldOptions)
-def connect_world(settings: Settings[WorldOptions], bench: Bench) -> SimWorld:
+def connect_world(settings: Settings[WorldOptions], context: ConnectContext) -> SimWorld:
     """`driver: mujoco`"""
     said = settings.values
-    layout = draw_layout(said, bench.seed, bench.workspace.obstacles if bench.workspace else ())
-    assert bench.workspace is not None, "judged when the cell file was read"
+    layout = draw_layout(said, context.seed, context.workspace.obstacles if context.workspace else ())
+    assert context.workspace is not None, "judged when the cell file was read"
     try:
-        scene = build_scene(layout, bench.seed)
+        scene = build_scene(layout, context.seed)
     except UnusableRobotFile as error:
         raise settings.error(str(error), "robot") from error
-    return SimWorld(scene, layout.robot, bench.workspace.poses[said.start], bench.seed)
+    return SimWorld(scene, layout.robot, context.workspace.poses[said.start], context.seed)
 
 
 @driver(SimArm, ArmOptions)
-def connect_arm(settings: Settings[ArmOptions], bench: Bench) -> SimArm:
+def connect_arm(settings: Settings[ArmOptions], context: ConnectContext) -> SimArm:
     """`driver: sim-arm`"""
-    world = _world(bench)
+    world = _world(context)
     return SimArm(world, world.description, settings.values.supervision)
 
 
 @driver(SimGripper, GripperOptions)
-def connect_gripper(settings: Settings[GripperOptions], bench: Bench) -> SimGripper:
+def connect_gripper(settings: Settings[GripperOptions], context: ConnectContext) -> SimGripper:
     """`driver: sim-gripper`"""
     said = settings.values
-    return SimGripper(_world(bench), speed_max=said.speed_max, force_max=said.force_max, watchdog=said.watchdog)
+    return SimGripper(_world(context), speed_max=said.speed_max, force_max=said.force_max, watchdog=said.watchdog)
 
 
 @driver(SimFingers, FingersOptions)
-def connect_fingers(settings: Settings[FingersOptions], bench: Bench) -> SimFingers:
+def connect_fingers(settings: Settings[FingersOptions], context: ConnectContext) -> SimFingers:
     """`driver: sim-fingers`"""
     said = settings.values
-    return SimFingers(_world(bench), noise=said.noise, bias=said.bias, force_range=said.range)
+    return SimFingers(_world(context), noise=said.noise, bias=said.bias, force_range=said.range)
 
 
 @driver(SimHands, InWorld)
-def connect_hands(settings: Settings[InWorld], bench: Bench) -> SimHands:
+def connect_hands(settings: Settings[InWorld], context: ConnectContext) -> SimHands:
     """`driver: sim-hands`"""
-    return SimHands(_world(bench))
+    return SimHands(_world(context))
 
 
 @driver(SimCamera, CameraOptions)
-def connect_camera(settings: Settings[CameraOptions], bench: Bench) -> SimCamera:
+def connect_camera(settings: Settings[CameraOptions], context: ConnectContext) -> SimCamera:
     """`driver: sim-camera`"""
     said = settings.values
     intrinsics = said.intrinsics.intrinsics(said.size)
     stereo = Stereo(intrinsics.fx, said.baseline, said.disparity_noise, said.nearest)
-    return SimCamera(_world(bench), intrinsics, stereo, said.rate)
+    return SimCamera(_world(context), intrinsics, stereo, said.rate)
 
 
-def _world(bench: Bench) -> SimWorld:
-    world = bench.find(SimWorld)
+def _world(context: ConnectContext) -> SimWorld:
+    world = context.find(SimWorld)
     assert world is not None, "judged when the cell file was read"
     return world

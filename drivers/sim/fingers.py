@@ -109,7 +109,7 @@ class SimFingers(FaultyDevice):
         self._lost = None
 
     def _stream(self) -> None:
-        if self._passing.heard or self.fault is not None:  # a fault is found whether or not anybody listens
+        if self._passing.has_listeners or self.fault is not None:  # a fault is found whether or not anybody listens
             self._pass_on()
 
     def _pass_on(self) -> None:

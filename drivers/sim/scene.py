@@ -25,7 +25,7 @@ OFFSCREEN = (1280, 960)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Scene:
+class SimScene:
     """The compiled model and what is needed to read it. Fruit bodies are named fruit_0, fruit_1, …"""
 
     model: Any
@@ -42,7 +42,7 @@ class Scene:
         return int(self.model.nu) - 1
 
 
-def build_scene(layout: Layout, seed: int) -> Scene:
+def build_scene(layout: Layout, seed: int) -> SimScene:
     """Compile the model.
 
     Raises:
@@ -66,7 +66,7 @@ def build_scene(layout: Layout, seed: int) -> Scene:
         _add_distractor(mujoco, spec, f"distractor_{i}", distractor, layout.table_z)
     _add_contact_sensors(mujoco, spec, layout)
     model = spec.compile()
-    return Scene(model, layout.fruits, tuple(shapes), layout.fixed, layout.friction, layout.torsion, layout.table_z)
+    return SimScene(model, layout.fruits, tuple(shapes), layout.fixed, layout.friction, layout.torsion, layout.table_z)
 
 
 def _set_physics(mujoco: Any, spec: Any) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 from drivers.interfaces import Float64
 from drivers.sim.held_force import HeldForce
 from drivers.sim.robot import PADS
-from drivers.sim.scene import Scene, fixed_names
+from drivers.sim.scene import SimScene, fixed_names
 
 LIFTED = 0.03
 """A fruit counts as lifted this far above where it stood [m]."""
@@ -85,7 +85,7 @@ class _Sensors:
 class Score:
     """Watches the state at 100 Hz. Reads the simulator's truth and changes nothing."""
 
-    scene: Scene
+    scene: SimScene
     state: Any
     _fruits: list[FruitRecord] = field(init=False)
     _sensors: list[_Sensors] = field(init=False)

@@ -11,7 +11,7 @@ import numpy as np
 from drivers.device import Device
 from drivers.interfaces import Float64
 from drivers.sim.gl import load_mujoco
-from drivers.sim.scene import TIMESTEP, Scene
+from drivers.sim.scene import TIMESTEP, SimScene
 from drivers.sim.score import Score
 
 SETTLING = 1.0
@@ -50,7 +50,7 @@ class SimWorld(Device):
         looked: called by cameras at every exposure.
     """
 
-    def __init__(self, scene: Scene, description: Path, q_start: Float64, seed: int) -> None:
+    def __init__(self, scene: SimScene, description: Path, q_start: Float64, seed: int) -> None:
         super().__init__("world")
         self.mujoco = load_mujoco()
         self.scene, self.description, self.seed = scene, description, seed

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from drivers.device import Bench
+from drivers.device import ConnectContext
 from drivers.driver import Settings, driver
 from drivers.errors import DeviceError, DeviceLost
 from drivers.interfaces import Gripper
@@ -54,18 +54,18 @@ class SunTouchFile:
 
 
 @driver(SunTouchFingers, SunTouchFile)
-def connect(settings: Settings[SunTouchFile], bench: Bench) -> SunTouchFingers:
+def connect(settings: Settings[SunTouchFile], context: ConnectContext) -> SunTouchFingers:
     """Open the two fingers that a cell file describes, and take their bias: nothing may touch the pads."""
     said = settings.values
-    left, right = (_finger(side, int(said.baud), bench) for side in (said.left, said.right))
-    gripper = bench.find(Gripper)
+    left, right = (_finger(side, int(said.baud), context) for side in (said.left, said.right))
+    gripper = context.find(Gripper)
 
     def hold() -> None:
         if gripper is not None:
             with contextlib.suppress(DeviceError):
                 gripper.set_speed(0.0)
 
-    fingers = SunTouchFingers(left, right, bench.clock, rate=said.rate, silence=said.silence, on_lost=hold)
+    fingers = SunTouchFingers(left, right, context.clock, rate=said.rate, silence=said.silence, on_lost=hold)
     try:
         fingers.connect()
     except DeviceLost as error:
@@ -76,9 +76,9 @@ def connect(settings: Settings[SunTouchFile], bench: Bench) -> SunTouchFingers:
     return fingers
 
 
-def _finger(said: FingerFile, baud: int, bench: Bench) -> Finger:
-    open_link = bench.wires.get(said.port) or _opener(said.port, baud)
-    return Finger(open_link, FingerCalibration.load(said.calibration), bench.clock)
+def _finger(said: FingerFile, baud: int, context: ConnectContext) -> Finger:
+    open_link = context.wires.get(said.port) or _opener(said.port, baud)
+    return Finger(open_link, FingerCalibration.load(said.calibration), context.clock)
 
 
 def _opener(port: str, baud: int) -> Callable[[], Link]:

@@ -67,7 +67,7 @@ class SunTouchFingers(Device):
         self._stream = WrenchStream(clock, silence, on_lost)
         self._sequence = 0
         self._due = 0.0
-        self._heard = 0.0
+        self._last_seen = 0.0
         self._unanswered = 0
         self._streaming = False
         self._retry_at = 0.0
@@ -133,7 +133,7 @@ class SunTouchFingers(Device):
                 self._first_reading(finger)
             except (OSError, DeviceLost) as error:
                 raise DeviceLost(self.name, f"the {side} finger: {error}") from error
-        self._due = self._heard = self._clock.now()
+        self._due = self._last_seen = self._clock.now()
         self._stream.restart()
         self._streaming = True
 
@@ -159,10 +159,10 @@ class SunTouchFingers(Device):
             self.lost_samples += 1
             self._unanswered += 1
             # Several unanswered requests, or this thread itself was held up.
-            if now - self._heard > self._silence and self._unanswered >= 5:
-                raise DeviceLost(self.name, f"no sample for {1e3 * (now - self._heard):.0f} ms")
+            if now - self._last_seen > self._silence and self._unanswered >= 5:
+                raise DeviceLost(self.name, f"no sample for {1e3 * (now - self._last_seen):.0f} ms")
             return
-        self._heard, self._unanswered = now, 0
+        self._last_seen, self._unanswered = now, 0
         flaw = self._flaw((left, right))
         if flaw:
             self.lost_samples += 1

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from enum import IntEnum, IntFlag
 
 from drivers.wire import Malformed
-from drivers.wsg.frame import Frame, encode_frame
+from drivers.wsg.frame import WireFrame, encode_frame
 
 
 class Command(IntEnum):
@@ -220,29 +220,29 @@ def encode(request: Request) -> bytes:
     """The bytes of a request."""
     match request:
         case Plain(Command.ACKNOWLEDGE):
-            return encode_frame(Frame(Command.ACKNOWLEDGE, b"ack"))
+            return encode_frame(WireFrame(Command.ACKNOWLEDGE, b"ack"))
         case Plain(command):
-            return encode_frame(Frame(command, b""))
+            return encode_frame(WireFrame(command, b""))
         case Loop(payload):
-            return encode_frame(Frame(Command.LOOP, payload))
+            return encode_frame(WireFrame(Command.LOOP, payload))
         case Homing(direction):
-            return encode_frame(Frame(Command.HOMING, bytes([direction])))
+            return encode_frame(WireFrame(Command.HOMING, bytes([direction])))
         case Move(width, speed, relative, stop_on_block):
             flags = int(relative) | int(stop_on_block) << 1
-            return encode_frame(Frame(Command.MOVE, struct.pack("<Bff", flags, width * _MM, speed * _MM)))
+            return encode_frame(WireFrame(Command.MOVE, struct.pack("<Bff", flags, width * _MM, speed * _MM)))
         case Grasp(width, speed, command):
-            return encode_frame(Frame(command, struct.pack("<ff", width * _MM, speed * _MM)))
+            return encode_frame(WireFrame(command, struct.pack("<ff", width * _MM, speed * _MM)))
         case SetValue(command, value):
-            return encode_frame(Frame(command, struct.pack("<f", value * _VALUE_SCALE[command])))
+            return encode_frame(WireFrame(command, struct.pack("<f", value * _VALUE_SCALE[command])))
         case SetSoftLimits(minus, plus):
-            return encode_frame(Frame(Command.SET_SOFT_LIMITS, struct.pack("<ff", minus * _MM, plus * _MM)))
+            return encode_frame(WireFrame(Command.SET_SOFT_LIMITS, struct.pack("<ff", minus * _MM, plus * _MM)))
         case Observe(command, auto, period):
-            return encode_frame(Frame(command, struct.pack("<BH", auto, round(period * 1000.0))))
+            return encode_frame(WireFrame(command, struct.pack("<BH", auto, round(period * 1000.0))))
         case Script(command, width, speed):
-            return encode_frame(Frame(command, struct.pack("<Bff", 0, width * _MM, speed * _MM)))
+            return encode_frame(WireFrame(command, struct.pack("<Bff", 0, width * _MM, speed * _MM)))
 
 
-def decode_request(frame: Frame) -> Request:
+def decode_request(frame: WireFrame) -> Request:
     """The request that a frame carries (a gripper's side).
 
     Raises:
@@ -318,10 +318,10 @@ def encode_reply(reply: Reply) -> bytes:
     if reply.status is Status.SUCCESS and reply.command in _REPLY_LAYOUT:
         layout, scales = _REPLY_LAYOUT[reply.command]
         body = struct.pack(layout, *(value * scale for value, scale in zip(reply.values, scales, strict=True)))
-    return encode_frame(Frame(reply.command, struct.pack("<H", reply.status) + body))
+    return encode_frame(WireFrame(reply.command, struct.pack("<H", reply.status) + body))
 
 
-def decode_reply(frame: Frame) -> Reply:
+def decode_reply(frame: WireFrame) -> Reply:
     """The reply that a frame carries.
 
     Raises:
@@ -345,14 +345,14 @@ def decode_reply(frame: Frame) -> Reply:
     return Reply(command, status, _unpack(frame, layout, body, scales))
 
 
-def _unpack(frame: Frame, layout: str, body: bytes, scales: tuple[float, ...]) -> tuple[float, ...]:
+def _unpack(frame: WireFrame, layout: str, body: bytes, scales: tuple[float, ...]) -> tuple[float, ...]:
     values = struct.unpack(layout, body)
     if not all(map(math.isfinite, values)):
         raise Malformed(encode_frame(frame), "a message with a value that is no number")
     return tuple(value / scale for value, scale in zip(values, scales, strict=True))
 
 
-def _command(frame: Frame) -> Command:
+def _command(frame: WireFrame) -> Command:
     try:
         return Command(frame.command)
     except ValueError:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from drivers.device import Bench
+from drivers.device import ConnectContext
 from drivers.driver import Settings, driver
 from drivers.errors import DeviceLost
 from drivers.wire import Address, Link, tcp_opener
@@ -59,7 +59,7 @@ class WsgFile:
 
 
 @driver(WsgGripper, WsgFile)
-def connect(settings: Settings[WsgFile], bench: Bench) -> WsgGripper:
+def connect(settings: Settings[WsgFile], context: ConnectContext) -> WsgGripper:
     """Open the gripper that a cell file describes."""
     said = settings.values
     options = WsgOptions(
@@ -73,8 +73,8 @@ def connect(settings: Settings[WsgFile], bench: Bench) -> WsgGripper:
         watchdog=said.watchdog,
         silence=said.silence,
     )
-    open_link, key, outside_stop = _link(said, bench)
-    gripper = WsgGripper(open_link, bench.clock, options)
+    open_link, key, outside_stop = _link(said, context)
+    gripper = WsgGripper(open_link, context.clock, options)
     try:
         gripper.connect()
     except DeviceLost as error:
@@ -84,11 +84,11 @@ def connect(settings: Settings[WsgFile], bench: Bench) -> WsgGripper:
     return gripper
 
 
-def _link(said: WsgFile, bench: Bench) -> tuple[Callable[[], Link], str, tuple[str, tuple[Any, ...]]]:
+def _link(said: WsgFile, context: ConnectContext) -> tuple[Callable[[], Link], str, tuple[str, tuple[Any, ...]]]:
     """How to open the wire, the setting's name, and how another process stops the gripper over a wire of its own."""
     if said.tcp is not None:
         host, port = said.tcp
-        return tcp_opener(host, port, bench.wires), "tcp", ("drivers.wsg.outside:stop", (host, port))
+        return tcp_opener(host, port, context.wires), "tcp", ("drivers.wsg.outside:stop", (host, port))
     can = said.can or CanFile()
     where = (can.interface, can.channel, can.bitrate, can.send_id, can.reply_id)
     return (lambda: CanLink.open(*where)), "can", ("drivers.wsg.outside:stop_on_can", where)

@@ -33,7 +33,7 @@ class WsgGripper(Device):
         self._jaws = Jaws(self, open_link, clock, options or WsgOptions())
         self._clock = clock
         self._owner = Owner(name, self._jaws.step, self._jaws.lose, clock)
-        self._asked: GripperMotion | None = None  # the last that was asked for, before the owner hears of it
+        self._asked: GripperMotion | None = None  # the last that was asked for, before the owner is told of it
 
     @property
     def identity(self) -> WsgIdentity | None:

@@ -15,7 +15,7 @@ from swallowing the frames behind it."""
 
 
 @dataclass(frozen=True, slots=True)
-class Frame:
+class WireFrame:
     """One frame whose checksum is right."""
 
     command: int
@@ -43,7 +43,7 @@ def checksum(chunk: bytes | bytearray, start: int = 0xFFFF) -> int:
     return crc
 
 
-def encode_frame(frame: Frame) -> bytes:
+def encode_frame(frame: WireFrame) -> bytes:
     """The bytes of a frame."""
     head = PREAMBLE + struct.pack("<BH", frame.command, len(frame.payload)) + frame.payload
     return head + struct.pack("<H", checksum(head))
@@ -60,17 +60,17 @@ class Decoder:
     discarded: int = 0
     _buffer: bytearray = field(default_factory=bytearray)
 
-    def decode(self, chunk: bytes) -> list[Frame]:
+    def decode(self, chunk: bytes) -> list[WireFrame]:
         """The frames that are complete with these bytes, in order."""
         self._buffer += chunk
         return self._scan(final=False)
 
-    def flush(self) -> list[Frame]:
+    def flush(self) -> list[WireFrame]:
         """The frames hidden behind an unfinished one, when nothing more will come of it (the line fell silent)."""
         return self._scan(final=True)
 
-    def _scan(self, final: bool) -> list[Frame]:
-        frames: list[Frame] = []
+    def _scan(self, final: bool) -> list[WireFrame]:
+        frames: list[WireFrame] = []
         buffer, position = self._buffer, 0
         while True:
             start = buffer.find(PREAMBLE, position)
@@ -87,7 +87,7 @@ class Decoder:
             if length <= MAX_PAYLOAD and end > len(buffer) and not final:
                 break
             if length <= MAX_PAYLOAD and end <= len(buffer) and checksum(buffer[start:end]) == 0:
-                frames.append(Frame(buffer[start + 3], bytes(buffer[start + 6 : end - 2])))
+                frames.append(WireFrame(buffer[start + 3], bytes(buffer[start + 6 : end - 2])))
                 position = end
             else:
                 position += 1

@@ -55,7 +55,7 @@ class Jaws:
         identity: what the gripper said of itself in the last handshake.
         session: None while the gripper is lost.
         limits: the narrower of the hardware's and the cell file's.
-        state: the newest that was heard.
+        state: the newest that came.
         bits: the gripper's own newest state.
         supervisor: what the fingers were told, and whether they do it.
         problem: what is wrong, until it is acknowledged.
@@ -286,9 +286,9 @@ class Jaws:
         self._supervise(session, now)
         if not replies and now - session.last_heard > self.options.silence:
             raise DeviceLost(self.name, f"no answer for {1e3 * (now - session.last_heard):.0f} ms")
-        command, heard = min(self._updated.items(), key=lambda item: item[1])
-        if now - heard > 2.0 * self.options.silence:
-            raise DeviceLost(self.name, f"has not told its {command.name} for {1e3 * (now - heard):.0f} ms")
+        command, came_at = min(self._updated.items(), key=lambda item: item[1])
+        if now - came_at > 2.0 * self.options.silence:
+            raise DeviceLost(self.name, f"has not told its {command.name} for {1e3 * (now - came_at):.0f} ms")
 
     def _patience(self) -> float:
         """How long the wire may be waited for: until the next set-point at most."""

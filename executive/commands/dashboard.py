@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from executive.dashboard.choices import Choices
-from executive.dashboard.desk import RefusedError
+from executive.dashboard.control_lock import RefusedError
 from executive.dashboard.security import Access
 from executive.dashboard.server import Dashboard
 from executive.errors import PomonaError, UsageError
@@ -82,23 +82,23 @@ class Launcher:
             UsageError: the tree, cell or settings cannot be used.
         """
         if self._thread is not None and self._thread.is_alive():
-            latched = self._dashboard.desk.runner is not None and self._dashboard.desk.runner.latched
+            latched = self._dashboard.control.runner is not None and self._dashboard.control.runner.latched
             raise RefusedError(f"reset the safe state first: {latched}" if latched else "a run is going on")
         order = self._order(form)
         ready = threading.Event()
         problem: list[PomonaError] = []
 
         def on_ready(runner: Runner) -> None:
-            self._dashboard.desk.serve(runner)
+            self._dashboard.control.serve(runner)
             ready.set()
 
         def run() -> None:
             try:
-                execute(order, [self._dashboard.hub.hear], on_ready=on_ready, on_latched=Runner.hold_latched)
+                execute(order, [self._dashboard.hub.on_event], on_ready=on_ready, on_latched=Runner.hold_latched)
             except PomonaError as error:
                 problem.append(error)
             finally:
-                self._dashboard.desk.serve(None)
+                self._dashboard.control.serve(None)
                 ready.set()
 
         self._thread = threading.Thread(target=run, name="pomona-run")
@@ -110,7 +110,7 @@ class Launcher:
 
     def close(self) -> None:
         """End what runs, in the safe state, and wait until it has ended."""
-        runner = self._dashboard.desk.runner
+        runner = self._dashboard.control.runner
         if runner is not None:
             runner.safe_stop("the dashboard was ended")
             runner.leave()

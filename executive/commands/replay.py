@@ -44,8 +44,8 @@ def main(options: argparse.Namespace) -> int:
             if options.speed > 0.0 and event.t > shown:
                 time.sleep((event.t - shown) / options.speed)
                 shown = event.t
-            live.hear(event)
-            summary.hear(event)
+            live.on_event(event)
+            summary.on_event(event)
     finally:
         live.close()
     if summary.started is None or summary.ended is None:

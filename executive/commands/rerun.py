@@ -52,7 +52,7 @@ def main(options: argparse.Namespace) -> int:
     with tempfile.TemporaryDirectory(prefix="pomona-rerun-") as folder:
         order = _order(started, Path(folder))
         with contextlib.closing(LiveTree(console)) as live:
-            executed = execute(order, [live.hear])
+            executed = execute(order, [live.on_event])
         if executed.problem or executed.record is None:
             raise UsageError(f"the repetition could not be compared: {executed.problem}")
         count, difference = first_difference(record, executed.record)

@@ -150,16 +150,16 @@ def _serve(options: argparse.Namespace, console: Screen, stack: contextlib.ExitS
 
 def _execute(order: RunOrder, live: LiveTree, dashboard: Dashboard | None, console: Screen) -> Executed:
     if dashboard is None:
-        return execute(order, [live.hear])
+        return execute(order, [live.on_event])
     try:
         return execute(
             order,
-            [live.hear, dashboard.hub.hear],
-            on_ready=dashboard.desk.serve,
+            [live.on_event, dashboard.hub.on_event],
+            on_ready=dashboard.control.serve,
             on_latched=lambda runner: _hold(runner, dashboard, console),
         )
     finally:
-        dashboard.desk.serve(None)
+        dashboard.control.serve(None)
 
 
 def _hold(runner: Runner, dashboard: Dashboard, console: Screen) -> None:

@@ -150,7 +150,7 @@ def _same_start(run: Digest) -> tuple[Any, ...]:
 def _summary(record: Path) -> Summary:
     summary = Summary()
     for event in read_events(record):
-        summary.hear(event)
+        summary.on_event(event)
     return summary
 
 

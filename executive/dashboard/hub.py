@@ -63,7 +63,7 @@ class Viewer:
 
 
 class Hub:
-    """Keeps a run's messages and hands them to viewers. Subscribe `hear` to the run's stream."""
+    """Keeps a run's messages and hands them to viewers. Subscribe `on_event` to the run's stream."""
 
     def __init__(self) -> None:
         self.stream = secrets.token_hex(8)
@@ -87,7 +87,7 @@ class Hub:
         """Hand messages over in this loop from now on."""
         self._loop = loop
 
-    def hear(self, event: Event) -> None:
+    def on_event(self, event: Event) -> None:
         """Take one event; returns at once."""
         self._incoming.put(event)
 
@@ -101,7 +101,7 @@ class Hub:
         self._deliver(json.dumps({"v": VERSION, "event": "Beat", **signs}, ensure_ascii=False))
 
     def close(self) -> None:
-        """Stop encoding; what was heard before is still sent."""
+        """Stop encoding; what came before is still sent."""
         self._incoming.put(None)
         self._thread.join(5.0)
 

@@ -23,7 +23,7 @@ from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from executive.dashboard.choices import Choices
-from executive.dashboard.desk import Desk, RefusedError
+from executive.dashboard.control_lock import ControlLock, RefusedError
 from executive.dashboard.hub import Hub, Viewer
 from executive.dashboard.record_messages import between, image, overview, record_messages
 from executive.dashboard.security import Access, Guard
@@ -52,12 +52,12 @@ SWITCH = 0.0005
 
 
 class Dashboard:
-    """Serves the page, the live stream, the records and the desk."""
+    """Serves the page, the live stream, the records, and what operators do."""
 
     def __init__(self, access: Access, records: Path) -> None:
         self.access, self.records = access, records
         self.hub = Hub()
-        self.desk = Desk(self._announce)
+        self.control = ControlLock(self._announce)
         self._index = RunIndex(records)
         self._start_run: StartRun | None = None
         self._choices = Choices({}, {})
@@ -94,7 +94,7 @@ class Dashboard:
         return f"{self.access.address}#token={self.access.token}&read={self.access.reading}"
 
     def _announce(self) -> None:
-        holder = self.desk.holder
+        holder = self.control.holder
         self.hub.announce(
             held_by=holder.who, grant=holder.grant, viewers=self.hub.viewers, starts=self._start_run is not None
         )
@@ -158,7 +158,7 @@ class Dashboard:
     async def _beat(self) -> None:
         while True:
             await asyncio.sleep(BEAT)
-            runner = self.desk.runner
+            runner = self.control.runner
             if runner is not None and self.hub.viewers:
                 t, tick = runner.progress
                 ages = {device: round(age, 3) for device, age in runner.ages.items()}
@@ -254,18 +254,18 @@ class Dashboard:
         who, detail = _text(body, "who")[:60] or "operator", _text(body, "detail")
         try:
             if action == "safe_stop":
-                self.desk.safe_stop(who)
+                self.control.safe_stop(who)
             elif action == "take":
-                self.desk.take(viewer, who)
+                self.control.take(viewer, who)
             elif action == "release":
-                self.desk.release(viewer)
+                self.control.release(viewer)
             elif action == "acknowledge":
-                self.desk.acknowledge(viewer)
+                self.control.acknowledge(viewer)
             else:
-                self.desk.act(viewer, action, detail)
+                self.control.act(viewer, action, detail)
         except RefusedError as refused:
             return JSONResponse({"error": str(refused)}, 409)
-        held = self.desk.holder
+        held = self.control.holder
         return JSONResponse({"held_by": held.who, "grant": held.grant, "yours": bool(viewer) and held.viewer == viewer})
 
     async def _start(self, request: Request) -> Response:
@@ -275,7 +275,7 @@ class Dashboard:
         if self._start_run is None:
             return JSONResponse({"error": "this dashboard belongs to one run and starts no other"}, 409)
         try:
-            self.desk.require(_text(body, "viewer"))
+            self.control.require(_text(body, "viewer"))
             tree = await asyncio.to_thread(self._start_run, body)
         except PomonaError as error:
             return JSONResponse({"error": str(error)}, 409)

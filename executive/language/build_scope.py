@@ -12,9 +12,9 @@ from executive.language.check import Analysis
 from executive.language.expression import SPECIAL, references
 from executive.language.expression_run import Getter, compile_condition, compile_expression
 from executive.language.model import Definition
-from executive.language.scope import Computed, Given, Value
+from executive.language.scope import ComputedValue, Given, Value
 from executive.nodes.conditions import Condition
-from executive.nodes.in_sight import FailureInSight, ForEachCount, RepeatCount, RetryCount
+from executive.nodes.surroundings import ForEachCount, LastFailure, RepeatCount, RetryCount
 from executive.reasons import NoValue
 
 
@@ -42,7 +42,7 @@ class InstanceScope:
     retry: RetryCount | None = None
     repeat: RepeatCount | None = None
     for_each: ForEachCount | None = None
-    failure: FailureInSight | None = None
+    failure: LastFailure | None = None
 
     def key(self, name: str) -> str:
         """The absolute key to which a name is written."""
@@ -51,7 +51,7 @@ class InstanceScope:
     def getter(self, name: str) -> Getter:
         """Reads a name's value; NoValue when nobody has written it."""
         if name in SPECIAL:
-            fresh = {"retry": RetryCount, "repeat": RepeatCount, "for_each": ForEachCount, "failure": FailureInSight}
+            fresh = {"retry": RetryCount, "repeat": RepeatCount, "for_each": ForEachCount, "failure": LastFailure}
             found = getattr(self, name) or fresh[name]()
             return constant(found)
         if name in self.names:
@@ -80,7 +80,7 @@ def getter(value: Value, scope: InstanceScope) -> Getter:
 
 def condition(value: Value, scope: InstanceScope) -> Condition:
     """A condition, with what it reads for the sentence that says why it does not hold."""
-    assert isinstance(value, Computed)
+    assert isinstance(value, ComputedValue)
     names = {reference.name for reference in references(value.expression)}
     reads = {name: scope.getter(name) for name in sorted(names.difference(SPECIAL))}
     for name, shown in (("retry", "attempt"), ("repeat", "round"), ("for_each", "index"), ("failure", "code")):

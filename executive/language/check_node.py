@@ -11,11 +11,11 @@ from executive.language.interface import PortDeclared
 from executive.language.literals import scalar_type
 from executive.language.model import Definition, TreeNode
 from executive.language.outcomes import LayerOutcome, Outcomes
-from executive.language.scope import Computed, Given, Named, Resolved, Scope
+from executive.language.scope import ComputedValue, Given, Named, Resolved, Scope
 from executive.language.value_types import ANY, ValueType, can_flow, describe, element_type
 from executive.language.values import ValueReader, static_type
-from executive.nodes.in_sight import COUNTERS, Around
 from executive.nodes.node_type import NodeType, Stage
+from executive.nodes.surroundings import COUNTERS, Around
 from executive.nodes.takes import NAME
 from executive.ports import Port
 from executive.registry import Registry
@@ -183,14 +183,14 @@ class LayerCheck:
 
     def value(self, slot: str, written: YamlNode, port: Port, who: str = "", *, known: bool = False) -> None:
         value = self.reader.value(slot, written, port, self.around, who or slot)
-        if known and isinstance(value, Computed):
+        if known and isinstance(value, ComputedValue):
             self.findings.error(written, "value", f"'{slot}' must be known before the run")
         elif value is not None:
             self.found.settings[slot] = value
 
     def elements(self, slot: str, written: YamlNode) -> None:
         value = self.reader.value(slot, written, Port(object), self.around, slot)
-        if isinstance(value, Computed) and element_type(value.type) is None:
+        if isinstance(value, ComputedValue) and element_type(value.type) is None:
             message = f"{slot} takes a list, '{value.text}' is {describe(value.type)}"
             self.findings.error(written, "port-type", message)
         elif isinstance(value, Given) and not isinstance(value.value, (list, tuple)):
@@ -223,9 +223,9 @@ class LayerCheck:
     def writes(self, slot: str, target: YamlScalar, written: YamlNode, element: bool) -> None:
         quiet = ValueReader(Findings(), self.whole.scope, Resolved(self.node))
         value = quiet.value(slot, written, Port(object), self.around, slot)
-        value_type: ValueType = value.type if isinstance(value, Computed) else ANY
+        value_type: ValueType = value.type if isinstance(value, ComputedValue) else ANY
         if element:
-            value_type = (element_type(value_type) if isinstance(value, Computed) else None) or ANY
+            value_type = (element_type(value_type) if isinstance(value, ComputedValue) else None) or ANY
         elif isinstance(value, Given) and isinstance(written, YamlScalar) and "{" not in written.text:
             value_type = scalar_type(written)
         self.found.outputs[slot] = target.text

@@ -12,7 +12,7 @@ from typing import Any
 
 from executive.language.model import TreeNode
 from executive.language.outcomes import LayerOutcome, Outcomes
-from executive.language.scope import Computed, Read, Resolved
+from executive.language.scope import ComputedValue, Read, Resolved
 from executive.nodes.ends import Ends, Names
 from executive.nodes.node_type import NodeType
 from executive.values.yaml_nodes import YamlNode
@@ -70,7 +70,7 @@ class LayerFlow:
 
     @property
     def computes(self) -> bool:
-        return any(isinstance(v, Computed) for v in (*self.found.inputs.values(), *self.found.settings.values()))
+        return any(isinstance(v, ComputedValue) for v in (*self.found.inputs.values(), *self.found.settings.values()))
 
     def written(self, slot: str) -> YamlNode | None:
         entry = self.node.entry(self.layer, slot)

@@ -9,7 +9,7 @@ from typing import Any
 from executive.language.check import Analysis
 from executive.language.expression import Reference
 from executive.language.model import Definition, TreeNode
-from executive.language.scope import Computed, Given, Value
+from executive.language.scope import ComputedValue, Given, Value
 from executive.ports import Ports
 from executive.skill import Skill
 from executive.values.findings import Located
@@ -60,7 +60,7 @@ def _uses(analysis: Analysis, definition: Definition, names: Mapping[str, Known]
 def _known(value: Value, names: Mapping[str, Known]) -> Known | None:
     if isinstance(value, Given):
         return Known(value.value, value.where)
-    if isinstance(value, Computed) and isinstance(value.expression, Reference):
+    if isinstance(value, ComputedValue) and isinstance(value.expression, Reference):
         found = names.get(value.expression.name)
         return None if found is None else Known(found.value, value.where)
     return None

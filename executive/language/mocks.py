@@ -20,7 +20,7 @@ from executive.reasons import NoValue
 from executive.registry import Registry
 from executive.skill import Skill, Work
 from executive.values.findings import Findings, did_you_mean
-from executive.values.shape import Shape
+from executive.values.shape import ShapeCheck
 from executive.values.yaml_nodes import YamlList, YamlMapping, YamlNode, YamlScalar
 
 STATUSES = ("success", "failure", "running")
@@ -129,7 +129,7 @@ class MockReader:
 
     def __init__(self, findings: Findings, skills: Registry, nodes: Mapping[str, str]) -> None:
         self.findings, self.skills, self.nodes = findings, skills, nodes
-        self.shape = Shape(findings)
+        self.shape = ShapeCheck(findings)
 
     def read(self, node: YamlNode | None) -> dict[str, tuple[MockResult, ...]]:
         """Results by skill or node name, as the file says them."""

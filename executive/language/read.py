@@ -11,7 +11,7 @@ from executive.language.model import Declared, Definition, Document, TreeFile
 from executive.language.read_node import NodeReader, is_word
 from executive.nodes.catalogue import NodeTypes
 from executive.values.findings import Finding, Findings, Source
-from executive.values.shape import Shape
+from executive.values.shape import ShapeCheck
 from executive.values.yaml_nodes import MAX_CHARACTERS, YamlList, YamlMapping, YamlNode, YamlScalar, read_yaml
 
 VERSION = "1"
@@ -92,7 +92,7 @@ class _Reader:
         root = read_yaml(source, self.findings)
         if root is None:
             return file
-        shape = Shape(self.findings)
+        shape = ShapeCheck(self.findings)
         top = shape.mapping(root, "a tree file")
         if top is None:
             return file
@@ -132,7 +132,7 @@ class _Reader:
         elif not isinstance(version, YamlScalar) or version.text != VERSION:
             self.findings.error(version, "version", f"this Pomona reads version {VERSION} of tree files")
 
-    def declarations(self, shape: Shape, node: YamlNode | None, what: str) -> dict[str, Declared]:
+    def declarations(self, shape: ShapeCheck, node: YamlNode | None, what: str) -> dict[str, Declared]:
         found: dict[str, Declared] = {}
         for key, value in shape.entries(node, f"{what}s", "'name: {type: …}' for each"):
             if not self.good_name(key, what):
@@ -158,7 +158,7 @@ class _Reader:
             found[key.text] = declared
         return found
 
-    def constants(self, shape: Shape, node: YamlNode | None) -> dict[str, Declared]:
+    def constants(self, shape: ShapeCheck, node: YamlNode | None) -> dict[str, Declared]:
         entries = shape.entries(node, "constants", "'name: value' for each")
         return {key.text: Declared(key, default=value) for key, value in entries if self.good_name(key, "a constant")}
 
@@ -172,7 +172,7 @@ class _Reader:
             return False
         return True
 
-    def interface(self, shape: Shape, at: YamlMapping, definition: Definition) -> None:
+    def interface(self, shape: ShapeCheck, at: YamlMapping, definition: Definition) -> None:
         definition.inputs = self.declarations(shape, at.get("in"), "an input")
         definition.outputs = self.declarations(shape, at.get("out"), "an output")
         for name, declared in definition.outputs.items():
@@ -180,7 +180,7 @@ class _Reader:
                 hint = "give the output a name of its own"
                 self.findings.error(declared.key, "duplicate-name", f"'{name}' is an input already", hint)
 
-    def read_subtrees(self, shape: Shape, top: YamlMapping, file: TreeFile, folder: Path) -> None:
+    def read_subtrees(self, shape: ShapeCheck, top: YamlMapping, file: TreeFile, folder: Path) -> None:
         for key, value in shape.entries(top.get("subtrees"), "subtrees", "'name: {in: …, out: …, root: …}' for each"):
             if not self.good_name(key, "a subtree"):
                 continue

@@ -9,7 +9,7 @@ from executive.nodes.calls import SKILL, SUBTREE
 from executive.nodes.catalogue import RESERVED, NodeTypes
 from executive.nodes.node_type import NodeType
 from executive.values.findings import Findings, did_you_mean
-from executive.values.shape import Shape, shape_of
+from executive.values.shape import ShapeCheck, shape_of
 from executive.values.yaml_nodes import YamlMapping, YamlNode, YamlScalar
 
 _SKILL = re.compile(r"[A-Z][A-Za-z0-9_]*")
@@ -21,7 +21,7 @@ class NodeReader:
 
     def __init__(self, findings: Findings, file: TreeFile, types: NodeTypes) -> None:
         self.findings, self.file, self.types = findings, file, types
-        self.shape = Shape(findings)
+        self.shape = ShapeCheck(findings)
         self.commented: set[int] = set()
         self.beside = ("name", "description", *types.beside)
         self.words = frozenset({*self.beside, *types.fields})

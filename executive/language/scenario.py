@@ -27,7 +27,7 @@ from executive.language.read import read_file
 from executive.ports import TIME
 from executive.registry import Registry
 from executive.values.findings import Finding, Findings, Source, did_you_mean
-from executive.values.shape import Shape
+from executive.values.shape import ShapeCheck
 from executive.values.yaml_nodes import YamlList, YamlMapping, YamlNode, YamlScalar, read_yaml
 
 _TOP = ("pomona", "tree", "description", "mocks", "set", "cases")
@@ -91,14 +91,14 @@ def read_mocks(text: str, path: str | Path, document: Document, skills: Registry
     if isinstance(root, YamlMapping):
         results = MockReader(findings, skills, skills_by_node(document)).read(root.get("mocks"))
     elif root is not None:
-        Shape(findings).mapping(root, "a file of mocks")
+        ShapeCheck(findings).mapping(root, "a file of mocks")
     return MockPlan(results), findings.sorted()
 
 
 class _Reader:
     def __init__(self, findings: Findings, skills: Registry, path: Path, tree_folders: Sequence[Path]) -> None:
         self.findings, self.skills, self.path, self.tree_folders = findings, skills, path, tree_folders
-        self.shape = Shape(findings)
+        self.shape = ShapeCheck(findings)
 
     def top(self, source: Source) -> YamlMapping | None:
         root = read_yaml(source, self.findings)

@@ -48,7 +48,7 @@ class Given:
 
 
 @dataclass(frozen=True, slots=True)
-class Computed:
+class ComputedValue:
     """A value that an expression gives when its node starts."""
 
     expression: Expression
@@ -57,7 +57,7 @@ class Computed:
     where: YamlNode
 
 
-Value = Given | Computed
+Value = Given | ComputedValue
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,10 +11,10 @@ from executive.language.expression import SPECIAL, Expression, Reference
 from executive.language.expression_parser import ExpressionSyntaxError, parse_expression
 from executive.language.expression_types import check_condition, type_of
 from executive.language.literals import LiteralError, literal
-from executive.language.scope import Computed, Given, Named, Read, Resolved, Scope, Value
+from executive.language.scope import ComputedValue, Given, Named, Read, Resolved, Scope, Value
 from executive.language.value_types import ANY, SI_NUMBER, ListOf, ValueType, can_flow, describe
 from executive.nodes.ends import UNKNOWN
-from executive.nodes.in_sight import COUNTERS, Around, FailureInSight
+from executive.nodes.surroundings import COUNTERS, Around, LastFailure
 from executive.ports import RATIO, Port, Quantity
 from executive.values.findings import Findings, Located, Spot, did_you_mean
 from executive.values.yaml_nodes import YamlMapping, YamlNode, YamlScalar
@@ -66,7 +66,7 @@ class _Stand:
                 message = "no failure is in sight here"
                 hint = "'failure' is known after the first child of a fallback, in retry_if and in on_failure"
                 self.report(reference, "no-failure", message, hint)
-            return FailureInSight
+            return LastFailure
         inside_subtree = not self.reader.scope.definition.main
         if name not in self.around.counters and not inside_subtree:
             message = f"there is no {name} around this node"
@@ -118,7 +118,7 @@ class ValueReader:
         if expression is None:
             return None
         check_condition(expression, _Stand(self, node, around, slot, True))
-        return Computed(expression, bool, node.text, node)
+        return ComputedValue(expression, bool, node.text, node)
 
     def value(self, slot: str, node: YamlNode, port: Port, around: Around, who: str) -> Value | None:
         """What enters a port: a literal of its type, or an expression (anything with braces)."""
@@ -156,7 +156,7 @@ class ValueReader:
         if named is not None and named.may_be_none and port.required:
             message = f"{who} must have a value, and '{node.text}' may have none"
             self.findings.error(node, "unset", message, f"give the input '{node.text.strip('{}')}' a default")
-        return Computed(expression, found, node.text, node)
+        return ComputedValue(expression, found, node.text, node)
 
     def check_range(self, where: Located, value: Any, port: Port, who: str) -> None:
         """Report a value that is out of a port's range."""

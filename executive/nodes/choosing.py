@@ -15,8 +15,8 @@ from executive.nodes.behaviours import Branch
 from executive.nodes.check import CheckType
 from executive.nodes.ends import ALL, Ends, Names, Outcome, codes_of
 from executive.nodes.facts import Facts
-from executive.nodes.in_sight import Around, FailureInSight
 from executive.nodes.node_type import Building, Checking, Composite, Ending, Flowing, Knowing, Words, XmlIn, XmlOut
+from executive.nodes.surroundings import Around, LastFailure
 from executive.ports import Port
 from executive.reasons import NoValue, Reason, from_causes, path_of, reason_of
 
@@ -63,10 +63,10 @@ class If(Choice):
     """
 
     def __init__(
-        self, name: str, children: Sequence[Behaviour], reactive: bool, in_sight: FailureInSight | None = None
+        self, name: str, children: Sequence[Behaviour], reactive: bool, last_failure: LastFailure | None = None
     ) -> None:
         super().__init__(name, children)
-        self._reactive, self._in_sight = reactive, in_sight or FailureInSight()
+        self._reactive, self._last_failure = reactive, last_failure or LastFailure()
 
     def tick(self) -> Iterator[Behaviour]:
         if self.status is not Status.RUNNING:
@@ -86,7 +86,7 @@ class If(Choice):
             yield from self.go(self.children[1])
         else:
             reason = reason_of(asked)
-            self._in_sight.see(reason)
+            self._last_failure.see(reason)
             if reason.code == "BAD_VALUE":  # nobody knows whether it holds
                 self._why = from_causes(self, (reason,))
                 self.stop(Status.FAILURE)
@@ -180,9 +180,9 @@ class IfType(Composite):
         return at.forget(known)
 
     def build(self, at: Building) -> Behaviour:
-        sight = FailureInSight()
-        children = [at.child(i, failure=sight) if i == 2 else at.child(i) for i in range(len(at.node.children))]
-        return If(at.name, children, self.reactive, sight)
+        last_failure = LastFailure()
+        children = [at.child(i, failure=last_failure) if i == 2 else at.child(i) for i in range(len(at.node.children))]
+        return If(at.name, children, self.reactive, last_failure)
 
     def to_xml(self, at: XmlOut) -> object:
         return at.element(self.xml_tags[0]) if len(at.node.children) == 3 else at.own({})

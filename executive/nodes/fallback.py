@@ -12,8 +12,8 @@ from executive.nodes import takes
 from executive.nodes.behaviours import Branch
 from executive.nodes.ends import ALL, Ends, Names, Outcome, codes_of
 from executive.nodes.facts import Facts
-from executive.nodes.in_sight import Around, FailureInSight
 from executive.nodes.node_type import Building, Checking, Composite, Ending, Flowing, Knowing, Words, XmlIn, XmlOut
+from executive.nodes.surroundings import Around, LastFailure
 from executive.reasons import Reason, from_causes, path_of, reason_of
 
 
@@ -24,13 +24,13 @@ class Fallback(Branch):
     """
 
     def __init__(
-        self, name: str, memory: bool, children: Sequence[Behaviour], in_sight: FailureInSight | None = None
+        self, name: str, memory: bool, children: Sequence[Behaviour], last_failure: LastFailure | None = None
     ) -> None:
         super().__init__(name, children)
         self.memory = memory
         self._at = self._skipped = 0
         self._causes: list[Reason] = []
-        self._in_sight = in_sight or FailureInSight()
+        self._last_failure = last_failure or LastFailure()
 
     def explain(self) -> Reason:
         """All children's reasons; the code is that of the last one."""
@@ -57,7 +57,7 @@ class Fallback(Branch):
             if status is Status.FAILURE:
                 reason = reason_of(child)
                 self._causes.append(reason)
-                self._in_sight.see(reason)
+                self._last_failure.see(reason)
                 continue
             self._at = at
             for lower in children[at + 1 :]:
@@ -124,9 +124,9 @@ class FallbackType(Composite):
         return known
 
     def build(self, at: Building) -> Behaviour:
-        sight = FailureInSight()
-        children = [at.child(i, failure=sight) if i else at.child(i) for i in range(len(at.node.children))]
-        return Fallback(at.name, self.memory, children, sight)
+        last_failure = LastFailure()
+        children = [at.child(i, failure=last_failure) if i else at.child(i) for i in range(len(at.node.children))]
+        return Fallback(at.name, self.memory, children, last_failure)
 
     def to_xml(self, at: XmlOut) -> object:
         return at.element(self.xml_tags[0])

@@ -12,8 +12,8 @@ from py_trees.common import Status
 from executive.nodes import takes
 from executive.nodes.behaviours import Wrapper
 from executive.nodes.ends import Ends, Names, Outcome
-from executive.nodes.in_sight import Around, ForEachCount
 from executive.nodes.node_type import Building, Checking, Ending, Flowing, Modifier, Words, XmlIn, XmlOut
+from executive.nodes.surroundings import Around, ForEachCount
 from executive.reasons import NoValue
 
 

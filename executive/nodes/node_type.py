@@ -30,7 +30,7 @@ from py_trees.behaviour import Behaviour
 from executive.nodes.conditions import Condition
 from executive.nodes.ends import ALL, Ends, Names, Outcome
 from executive.nodes.facts import Facts
-from executive.nodes.in_sight import Around
+from executive.nodes.surroundings import Around
 from executive.ports import Port
 from executive.values.findings import Findings
 from executive.values.yaml_nodes import YamlMapping, YamlNode, YamlScalar

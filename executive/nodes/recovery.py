@@ -9,9 +9,9 @@ from py_trees.behaviour import Behaviour
 
 from executive.nodes import takes
 from executive.nodes.ends import NO_CODES, Ends, Names, Outcome
-from executive.nodes.in_sight import Around, FailureInSight, RetryCount
 from executive.nodes.node_type import Building, Checking, Composite, Ending, Flowing, Words, XmlIn
 from executive.nodes.retry import Retry
+from executive.nodes.surroundings import Around, LastFailure, RetryCount
 
 
 class RecoveryType(Composite):
@@ -45,11 +45,13 @@ class RecoveryType(Composite):
         return Ends(first.success, first.failure & second.failure & second.skipped, first.skipped)
 
     def build(self, at: Building) -> Behaviour:
-        count, sight = RetryCount(), FailureInSight()
+        count, last_failure = RetryCount(), LastFailure()
         child = at.child(0, retry=count)
-        recover = at.child(1, retry=count, failure=sight)
+        recover = at.child(1, retry=count, failure=last_failure)
         total = at.value("attempts", 2)
-        return Retry(at.name, child, at.now, total, count=count, on_failure=recover, between_only=True, in_sight=sight)
+        return Retry(
+            at.name, child, at.now, total, count=count, on_failure=recover, between_only=True, last_failure=last_failure
+        )
 
     def from_xml(self, element: XmlIn) -> Words:
         if element.tag == self.xml_tag:

@@ -11,8 +11,8 @@ from py_trees.common import Status
 from executive.nodes import takes
 from executive.nodes.behaviours import Wrapper
 from executive.nodes.ends import ALL, Ends, Names, Outcome
-from executive.nodes.in_sight import Around, RepeatCount
 from executive.nodes.node_type import Asking, Building, Checking, Ending, Flowing, Modifier, Words, XmlIn, XmlOut
+from executive.nodes.surroundings import Around, RepeatCount
 from executive.reasons import NoValue
 from executive.values.yaml_nodes import YamlScalar
 

@@ -12,8 +12,8 @@ from py_trees.common import Status
 from executive.nodes import takes
 from executive.nodes.behaviours import Branch
 from executive.nodes.ends import Ends, Names, Outcome
-from executive.nodes.in_sight import Around, FailureInSight, RetryCount
 from executive.nodes.node_type import Building, Checking, Ending, Flowing, Modifier, Words, XmlIn, XmlOut
+from executive.nodes.surroundings import Around, LastFailure, RetryCount
 from executive.reasons import NoValue, Reason, path_of, reason_of
 
 
@@ -51,14 +51,14 @@ class Retry(Branch):
         on_failure: Behaviour | None = None,
         between_only: bool = False,
         retry_if: Callable[[], bool] | None = None,
-        in_sight: FailureInSight | None = None,
+        last_failure: LastFailure | None = None,
     ) -> None:
         super().__init__(name, [child] if on_failure is None else [child, on_failure])
         self.attempts: tuple[Attempt, ...] = ()
         self.listener: Callable[[Retry, Attempt], None] | None = None
         self._now, self._total, self._retry_if, self._between_only = now, total, retry_if, between_only
         self._count = count or RetryCount()
-        self._in_sight = in_sight or FailureInSight()
+        self._last_failure = last_failure or LastFailure()
         self._recovering = self._last = False
         self._started = 0.0
         self._why: Reason | None = None
@@ -124,7 +124,7 @@ class Retry(Branch):
             self.listener(self, attempt)
         if reason is None:
             return Status.SUCCESS
-        self._in_sight.see(reason)
+        self._last_failure.see(reason)
         self._last = number >= self.total or (self._retry_if is not None and not self._retry_if())
         if len(self.children) > 1 and not (self._last and self._between_only):
             self._recovering = True
@@ -191,13 +191,20 @@ class RetryType(Modifier):
         return ends if recovered is None else Ends(ends.success, recovered.any(), ends.skipped)
 
     def build(self, at: Building) -> Behaviour:
-        count, sight = RetryCount(), FailureInSight()
-        retry_if = at.condition("retry_if", retry=count, failure=sight).holds if at.given("retry_if") else None
+        count, last_failure = RetryCount(), LastFailure()
+        retry_if = at.condition("retry_if", retry=count, failure=last_failure).holds if at.given("retry_if") else None
         child = at.inside(retry=count)
-        on_failure = at.part("on_failure", retry=count, failure=sight)
+        on_failure = at.part("on_failure", retry=count, failure=last_failure)
         total = at.value(self.key)
         return Retry(
-            at.name, child, at.now, total, count=count, on_failure=on_failure, retry_if=retry_if, in_sight=sight
+            at.name,
+            child,
+            at.now,
+            total,
+            count=count,
+            on_failure=on_failure,
+            retry_if=retry_if,
+            last_failure=last_failure,
         )
 
     def to_xml(self, at: XmlOut) -> object:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 
 from executive.nodes.node_type import Checking, Entry, Field, NodeType, Reading, Schema, Stage, TreeNode
 from executive.ports import TIME, Port
-from executive.values.shape import Shape, shape_of
+from executive.values.shape import ShapeCheck, shape_of
 from executive.values.yaml_nodes import YamlList, YamlMapping, YamlNode, YamlScalar
 
 Fields = Mapping[str, Field]
@@ -222,7 +222,7 @@ class Cases(Field):
     nodes = True
 
     def take(self, reading: Reading, node: TreeNode, owner: NodeType, slot: str, written: YamlNode) -> None:
-        entries = Shape(reading.findings).entries(written, slot, "'word: node' for each")
+        entries = ShapeCheck(reading.findings).entries(written, slot, "'word: node' for each")
         if not entries:
             reading.findings.error(written, "shape", f"'{slot}' has no nodes", f"{slot}: {{word: node}}")
         for key, value in entries:

@@ -23,7 +23,7 @@ from executive.nodes.node_type import (
     XmlOut,
 )
 from executive.ports import Port
-from executive.values.shape import Shape
+from executive.values.shape import ShapeCheck
 from executive.values.yaml_nodes import YamlList, YamlMapping, YamlNode, YamlScalar
 
 
@@ -39,8 +39,8 @@ class Attributes(Field):
     """Texts by name."""
 
     def take(self, reading: Reading, node: TreeNode, owner: NodeType, slot: str, written: YamlNode) -> None:
-        for _, value in Shape(reading.findings).entries(written, "attributes", "'name: text' for each"):
-            Shape(reading.findings).text(value)
+        for _, value in ShapeCheck(reading.findings).entries(written, "attributes", "'name: text' for each"):
+            ShapeCheck(reading.findings).text(value)
 
     def schema(self, literal: Callable[[Port], Schema]) -> Schema:
         return {"type": "object"}

@@ -31,7 +31,7 @@ class Picture:
         self._scenes: dict[str, SceneView] = {}
         self._series: dict[str, list[SeriesView]] = defaultdict(list)
 
-    def hear(self, event: Event) -> None:
+    def on_event(self, event: Event) -> None:
         """Keep a published view."""
         if not isinstance(event, Published):
             return

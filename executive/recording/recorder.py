@@ -36,7 +36,7 @@ EVENTS_FILE = "run.mcap"
 EVENTS = "/events"
 DEVICES = "/devices/"
 BATCH = 0.2
-"""Seconds between two times that what was heard is written."""
+"""Seconds between two times that what came is written."""
 
 WHOLE, PART = 4_000_000, 48
 """Elements of arrays that are written out: of views all, of values of ports those of poses, covariances, joints. Thirty
@@ -86,7 +86,7 @@ def is_being_written(path: Path) -> bool:
 
 
 class Recorder:
-    """Writes every event that it hears. Subscribe its `hear` to the run's stream, and close it after the run."""
+    """Writes every event that it gets. Subscribe its `on_event` to the run's stream, and close it after the run."""
 
     def __init__(self, folder: Path) -> None:
         """
@@ -113,7 +113,7 @@ class Recorder:
         self._thread = threading.Thread(target=self._work, name="pomona-recorder", daemon=True)
         self._thread.start()
 
-    def hear(self, event: Event) -> None:
+    def on_event(self, event: Event) -> None:
         """Take one event; returns at once."""
         if not self.problem:
             self._queue.put(event)

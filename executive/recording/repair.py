@@ -72,7 +72,7 @@ def _make_missing(record: Path) -> list[str]:
     picture, title = Picture(), record.name
     try:
         for event in read_events(record):
-            picture.hear(event)
+            picture.on_event(event)
             if isinstance(event, RunStarted):
                 texts |= {"tree.yaml": event.tree_text, "cell.yaml": event.cell_text}
                 title = f"{event.tree}: cut off, seed {event.seed}"

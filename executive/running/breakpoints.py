@@ -1,7 +1,7 @@
 """Breakpoints: a tick is held in its middle, exactly before a node starts or after it has ended.
 
 A py_trees tick is a generator that hands over every node as soon as it has been ticked, before its parent goes on. A
-node with a breakpoint also hands over a `Held`; whoever walks the tick stops there, and later goes on with the same
+node with a breakpoint also hands over a `HeldTick`; whoever walks the tick stops there, and later goes on with the same
 walk. Nothing else in the tree has moved meanwhile: no sibling was started, none was interrupted. Nodes without a
 breakpoint pay nothing.
 """
@@ -37,7 +37,7 @@ class UnknownNodeError(PomonaError):
 
 
 @dataclass(frozen=True, slots=True)
-class Held:
+class HeldTick:
     """Where a tick is held."""
 
     path: str
@@ -87,7 +87,7 @@ class Breakpoints:
         """Whether a tick is held."""
         return self._walk is not None
 
-    def tick(self, root: Behaviour) -> Held | None:
+    def tick(self, root: Behaviour) -> HeldTick | None:
         """Tick the tree once, or go on with the tick that is held, up to the next breakpoint.
 
         Returns:
@@ -96,7 +96,7 @@ class Breakpoints:
         walk = self._walk if self._walk is not None else root.tick()
         self._walk = None
         for node in walk:
-            if type(node) is Held:
+            if type(node) is HeldTick:
                 self._walk = walk
                 return node
         return None
@@ -111,9 +111,9 @@ class Breakpoints:
         def walk() -> Iterator[Any]:
             if behaviour.status is not Status.RUNNING and path in self._set["before"]:
                 behaviour.feedback_message = "held by a breakpoint"
-                yield Held(path, "before")
+                yield HeldTick(path, "before")
             yield from tick()
             if behaviour.status is not Status.RUNNING and path in self._set["after"]:
-                yield Held(path, "after")
+                yield HeldTick(path, "after")
 
         return walk

@@ -47,8 +47,8 @@ class Cell(Protocol):
         """State of each device's link, by the device's name: 'ok', or what is wrong."""
         ...
 
-    def heard(self) -> Mapping[str, float]:
-        """When each device was last heard, by its name: a stamp of the clock [s]. Devices that send nothing are left
+    def last_seen(self) -> Mapping[str, float]:
+        """When each device was last seen, by its name: a stamp of the clock [s]. Devices that send nothing are left
         out."""
         ...
 

@@ -41,9 +41,9 @@ class CellWatch:
         self._others: dict[str, tuple[Callable[[], str], bool]] = {}
 
     @property
-    def heard(self) -> Mapping[str, float]:
-        """When each device was last heard [s], as of the last look."""
-        return self._watch.heard
+    def last_seen(self) -> Mapping[str, float]:
+        """When each device was last seen [s], as of the last look."""
+        return self._watch.last_seen
 
     def look_after(self, name: str, state: Callable[[], str], *, required: bool) -> None:
         """Watch something beside the cell's devices, too; `state` says 'ok', or what is wrong."""

@@ -15,7 +15,7 @@ from executive.skill import Computation, Interrupted, Skill, Work
 
 T = TypeVar("T")
 
-LETTING_GO_LIMIT = 10.0
+HALT_TIMEOUT = 10.0
 """Seconds of the run's clock within which an interrupted skill must have let go."""
 
 
@@ -78,7 +78,7 @@ class RunContext:
 
     def halt(self, skill: Skill, work: Work[Any]) -> None:
         if not self._let_go(skill, lambda: work.throw(Interrupted())):
-            self._halting.append((skill, work, self.clock.now() + LETTING_GO_LIMIT))
+            self._halting.append((skill, work, self.clock.now() + HALT_TIMEOUT))
 
     # ------------------------------------------------------------------------------------- for the runner
 
@@ -114,7 +114,7 @@ class RunContext:
             if self._let_go(skill, partial(next, work)):
                 continue
             if self.clock.now() > deadline:
-                late = SkillError(skill.name, f"was interrupted and has not let go within {LETTING_GO_LIMIT:.0f} s")
+                late = SkillError(skill.name, f"was interrupted and has not halted within {HALT_TIMEOUT:.0f} s")
                 self._failures.append((skill.path, late))
                 self.release(skill)
                 continue

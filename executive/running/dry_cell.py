@@ -30,7 +30,7 @@ class DryCell:
     def links(self) -> Mapping[str, str]:
         return {}
 
-    def heard(self) -> Mapping[str, float]:
+    def last_seen(self) -> Mapping[str, float]:
         return {}
 
     def readings(self) -> Mapping[str, Mapping[str, Any]]:

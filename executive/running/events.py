@@ -203,7 +203,7 @@ class EventStream:
         for listener in self._listeners:
             try:
                 listener(event)
-            except BaseException as error:  # whatever it is, the record must hear what happens next
+            except BaseException as error:  # whatever it is, the record must get what happens next
                 if id(listener) not in self._failed:  # a terminal that is gone fails with every event
                     self._failed.add(id(listener))
                     self._failures.append(error)

@@ -130,9 +130,9 @@ class Runner(Requests):
 
     @property
     def ages(self) -> dict[str, float]:
-        """Seconds since each device was last heard, by its name."""
+        """Seconds since each device was last seen, by its name."""
         now = self._cell.clock.now()
-        return {device: max(0.0, now - stamp) for device, stamp in self._watch.heard.items()}
+        return {device: max(0.0, now - stamp) for device, stamp in self._watch.last_seen.items()}
 
     # -------------------------------------------------------------------------------------- the tick thread
 
@@ -336,14 +336,14 @@ class Runner(Requests):
         return next_tick
 
     def _raise_what_failed(self) -> None:
-        """What a skill raised while it let go, or a listener that heard of the run, is a fault like any other."""
+        """What a skill raised while it let go, or a listener of the run, is a fault like any other."""
         if (failed := self.context.take_failure()) is not None:
             self._culprit, error = failed
             raise error
-        if (unheard := self._events.take_failure()) is not None:
-            if isinstance(unheard, Exception):
-                raise ListenerError(unheard) from unheard
-            raise unheard
+        if (raised := self._events.take_failure()) is not None:
+            if isinstance(raised, Exception):
+                raise ListenerError(raised) from raised
+            raise raised
 
     def _fault(self, error: BaseException) -> None:
         """The one way into the safe state: latch the cell, tell why, halt the tree, drive that as long as it takes."""
@@ -405,8 +405,8 @@ class Runner(Requests):
     def _tell_what_failed(self) -> None:
         while (failed := self.context.take_failure()) is not None:
             self._tell(failed[0], "letting go", failed[1])
-        while (unheard := self._events.take_failure()) is not None:
-            self._tell("", "telling of the run", unheard)
+        while (raised := self._events.take_failure()) is not None:
+            self._tell("", "telling of the run", raised)
 
     def _tell(self, node: str, during: str, error: BaseException) -> None:
         self._emit(

@@ -1,4 +1,4 @@
-"""The supervisor process: hears the run's heartbeat, and stops the devices when it fails.
+"""The supervisor process: receives the run's heartbeat, and stops the devices when it fails.
 
 Standard input brings one line of JSON, then one byte at a time: `.` alive, and the next is due within the deadline;
 `r` at rest, only the process's end counts; `q` all is well, goodbye. An end of input without `q` is a run that died.

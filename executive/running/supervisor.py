@@ -98,7 +98,7 @@ class Supervisor:
         try:
             os.write(self._process.stdin.fileno(), sign)
         except BlockingIOError:
-            self._lost = "the supervisor process hears nothing any more"
+            self._lost = "the supervisor process receives nothing any more"
         except (OSError, ValueError):
             self._lost = "the supervisor process is gone"
 

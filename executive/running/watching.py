@@ -48,8 +48,8 @@ class Watch:
         """
         self._cell, self._publish, self._watchers, self._tell = cell, publish, list(watchers), tell
         self._next = -math.inf
-        self.heard: Mapping[str, float] = {}
-        """When each device was last heard [s], as of the last look."""
+        self.last_seen: Mapping[str, float] = {}
+        """When each device was last seen [s], as of the last look."""
 
     def look(self) -> None:
         """Publish what the watchers see, when it is time. One that fails is not asked again: it must not end a run."""
@@ -57,7 +57,7 @@ class Watch:
         if now < self._next:
             return
         self._next = now + EVERY
-        self.heard = self._cell.heard()
+        self.last_seen = self._cell.last_seen()
         for watcher in tuple(self._watchers):
             try:
                 for topic, view in watcher.look():

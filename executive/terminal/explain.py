@@ -47,7 +47,7 @@ def explain(
     """
     story = _Story()
     for event in events:
-        story.hear(event)
+        story.on_event(event)
     return [paragraph for paragraph in story.tell(going_on, why_cut) if paragraph]
 
 
@@ -64,8 +64,8 @@ class _Story:
         self.running: dict[str, float] = {}
         self.t = 0.0
 
-    def hear(self, event: Event) -> None:
-        self.summary.hear(event)
+    def on_event(self, event: Event) -> None:
+        self.summary.on_event(event)
         self.t = max(self.t, event.t)
         if isinstance(event, RunStarted):
             self.nodes = {node["path"]: node for node in event.nodes}

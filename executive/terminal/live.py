@@ -42,7 +42,7 @@ class LiveTree:
         self._live = Live(console=console, auto_refresh=False, transient=True) if console.is_terminal else None
         self._leaves: set[str] = set()
 
-    def hear(self, event: Event) -> None:
+    def on_event(self, event: Event) -> None:
         """Follow the run."""
         self._t = event.t
         if isinstance(event, RunStarted):

@@ -46,7 +46,7 @@ class Summary:
         self._retry_around: dict[str, str] = {}
         self._attempts_of: dict[str, AttemptEnded] = {}
 
-    def hear(self, event: Event) -> None:
+    def on_event(self, event: Event) -> None:
         """Follow the run."""
         if isinstance(event, RunStarted):
             self.started = event

@@ -8,7 +8,7 @@ from executive.values.findings import Findings, did_you_mean
 from executive.values.yaml_nodes import YamlList, YamlMapping, YamlNode, YamlScalar
 
 
-class Shape:
+class ShapeCheck:
     """Asks a node to be of one shape; reports and answers None when it is not."""
 
     def __init__(self, findings: Findings) -> None:

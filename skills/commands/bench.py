@@ -22,7 +22,7 @@ from skills.motion.robot.errors import RobotError
 
 
 @dataclass(frozen=True, slots=True)
-class Attempt:
+class PlannedProblem:
     """One problem: whether start and goal are free, the planner's time [s], and the path's length, NaN for none."""
 
     valid: bool
@@ -61,7 +61,7 @@ def main(options: argparse.Namespace) -> int:
 
 def _run_and_print(options: argparse.Namespace) -> None:
     robot = RobotModel.load(options.robot, tool=options.tool, tcp=options.tool)
-    everything: list[Attempt] = []
+    everything: list[PlannedProblem] = []
     for folder in problem_sets(options.problems):
         attempts = run_set(read_problems(folder, robot, options.limit), options.planner, options.budget, options.seed)
         everything += attempts
@@ -70,15 +70,15 @@ def _run_and_print(options: argparse.Namespace) -> None:
     sys.stdout.write(f"{'all':32} {summary(everything)}\n")
 
 
-def run_set(problems: Iterable[Problem], planner: str, budget: float, seed: int) -> list[Attempt]:
+def run_set(problems: Iterable[Problem], planner: str, budget: float, seed: int) -> list[PlannedProblem]:
     """Plan every problem once; times are processor time of planning alone, without shortcuts."""
     return [_attempt(problem, planner, budget, seed) for problem in problems]
 
 
-def _attempt(problem: Problem, planner: str, budget: float, seed: int) -> Attempt:
+def _attempt(problem: Problem, planner: str, budget: float, seed: int) -> PlannedProblem:
     space = ArmSpace(problem.world, problem.world.shape.model.width_max)
     if not (space.free(problem.q_start) and space.free(problem.q_goal)):
-        return Attempt(False, np.nan, np.nan)
+        return PlannedProblem(False, np.nan, np.nan)
     began = time.process_time()
     if space.free_between(problem.q_start, problem.q_goal):
         waypoints = np.array([problem.q_start, problem.q_goal])
@@ -87,13 +87,13 @@ def _attempt(problem: Problem, planner: str, budget: float, seed: int) -> Attemp
         deadline = time.perf_counter() + 10.0 * budget
         found = solve(space, problem.q_start, problem.q_goal[None], planner, iterations, seed, deadline)
         if found.waypoints is None:
-            return Attempt(True, time.process_time() - began, np.nan)
+            return PlannedProblem(True, time.process_time() - began, np.nan)
         waypoints = found.waypoints
     seconds = time.process_time() - began
-    return Attempt(True, seconds, path_length(shortcut(space, waypoints, np.random.default_rng(seed))))
+    return PlannedProblem(True, seconds, path_length(shortcut(space, waypoints, np.random.default_rng(seed))))
 
 
-def summary(attempts: list[Attempt]) -> str:
+def summary(attempts: list[PlannedProblem]) -> str:
     """Solved, median and p95 as one line."""
     valid = [attempt for attempt in attempts if attempt.valid]
     solved = [attempt for attempt in valid if np.isfinite(attempt.length)]

@@ -66,7 +66,7 @@ class Push:
 
 
 class PushRecorder:
-    """Hears a live stream and makes a push of it: `sensor.subscribe(recorder.hear)`.
+    """Takes a live stream and makes a push of it: `sensor.subscribe(recorder.on_sample)`.
 
     The first samples are the bias: nothing may touch the fingers until `ready`.
     """
@@ -78,7 +78,7 @@ class PushRecorder:
         self._bias: Float64 | None = None
         self.stamp = -np.inf
 
-    def hear(self, sample: WrenchSample) -> None:
+    def on_sample(self, sample: WrenchSample) -> None:
         """Keep one sample; saturated ones and those that are not finite are left out."""
         if any(sample.saturated) or not np.isfinite(sample.wrenches).all():
             return
@@ -92,7 +92,7 @@ class PushRecorder:
         return len(self._wrenches) >= self._bias_samples
 
     @property
-    def heard(self) -> int:
+    def received(self) -> int:
         """How many samples were kept so far."""
         return len(self._wrenches)
 
@@ -106,17 +106,17 @@ class PushRecorder:
         return 2.0 * float(pressing.min())
 
     def push(self, start: int | None = None) -> Push:
-        """What was heard since the bias, or since `start` samples were heard, bias removed; hearing goes on.
+        """What came since the bias, or since `start` samples had come, bias removed; recording goes on.
 
         Raises:
             TooFewPushes: the bias is not taken yet.
         """
         if not self.ready:
             raise TooFewPushes(0)
-        heard, widths = np.array(self._wrenches), np.array(self._widths)
+        received, widths = np.array(self._wrenches), np.array(self._widths)
         n = self._bias_samples
         first = max(n, start or n)
-        return Push(heard[first:] - heard[:n].mean(axis=0), widths[first:])
+        return Push(received[first:] - received[:n].mean(axis=0), widths[first:])
 
 
 @dataclass(frozen=True, slots=True)

@@ -67,11 +67,11 @@ class GuidedPushes:
         """
         self._ask("Take everything off the fingers and leave them alone.", HandTask.LEAVE)
         recorder = PushRecorder(lambda: self._gripper.state().width)
-        subscription = self._sensor.subscribe(recorder.hear)
+        subscription = self._sensor.subscribe(recorder.on_sample)
         try:
             self._wait_for_bias(recorder)
             self._ask("Hold the fruit between the fingers. They close slowly.", HandTask.HOLD)
-            start = recorder.heard
+            start = recorder.received
             self._press(recorder, forces[0])
             squeeze = recorder.push(start)
             pushes = []
@@ -79,7 +79,7 @@ class GuidedPushes:
                 self._press(recorder, force)
                 for way, task in WAYS:
                     self._ask(f"At {force:g} N: {way}, slowly, until it slides. You have {seconds:g} s from now.", task)
-                    start = recorder.heard
+                    start = recorder.received
                     self._stand(recorder, seconds)
                     pushes.append(recorder.push(start))
         finally:

@@ -23,7 +23,7 @@ def swing(duration=1.0):
     return Trajectory(s[:, 0] * duration, q, qd, qdd)
 
 
-class Bench:
+class Rig:
     """An arm that follows `delay` seconds late, under a supervisor; `measured` may lie."""
 
     def __init__(self, delay=0.05, **supervision):
@@ -47,7 +47,7 @@ class Bench:
                 self.supervisor.command(self.now, q)
             if self.supervisor.due(self.now):
                 q, qd = (feedback or self.measured)()
-                self.supervisor.hear(self.now, q, qd)
+                self.supervisor.on_feedback(self.now, q, qd)
                 self.supervisor.look(self.now, self.motion, self.steps)
                 if self.motion.set_point_rests:
                     beside = float(np.abs(q - self.went[-1][1]).max())
@@ -56,23 +56,23 @@ class Bench:
 
 @pytest.mark.parametrize("delay", [0.0, 0.05, 0.15])
 def test_a_motion_that_is_followed_late_but_well_raises_nothing(delay):
-    bench = Bench(delay)
-    bench.run(2.0)
-    assert bench.motion.settled
-    bench.run(100.0)  # at rest, the same feedback for ever
+    rig = Rig(delay)
+    rig.run(2.0)
+    assert rig.motion.settled
+    rig.run(100.0)  # at rest, the same feedback for ever
 
 
 def test_pauses_of_any_length_and_a_stop_raise_nothing():
-    bench = Bench()
+    rig = Rig()
     for pause in (5.0, 0.1, 300.0):
-        bench.run(0.3)
-        bench.motion.pause()
-        bench.run(pause)
-        bench.motion.resume()
-    bench.run(0.1)
-    bench.motion.stop()
-    bench.run(10.0)
-    assert bench.motion.settled
+        rig.run(0.3)
+        rig.motion.pause()
+        rig.run(pause)
+        rig.motion.resume()
+    rig.run(0.1)
+    rig.motion.stop()
+    rig.run(10.0)
+    assert rig.motion.settled
 
 
 @pytest.mark.parametrize(
@@ -88,84 +88,84 @@ def test_pauses_of_any_length_and_a_stop_raise_nothing():
 )
 def test_feedback_that_cannot_be_true_is_a_lost_device(q, qd, says):
     supervisor = MotionSupervisor("arm", LIMITS, Supervision())
-    supervisor.hear(1.0, AT_REST, AT_REST)
+    supervisor.on_feedback(1.0, AT_REST, AT_REST)
     with pytest.raises(DeviceLost, match=says):
-        supervisor.hear(1.025, np.array(q, float), np.array(qd, float))
+        supervisor.on_feedback(1.025, np.array(q, float), np.array(qd, float))
 
 
 def test_feedback_from_before_what_was_heard_is_a_lost_device():
     supervisor = MotionSupervisor("arm", LIMITS, Supervision())
-    supervisor.hear(1.0, AT_REST, AT_REST)
+    supervisor.on_feedback(1.0, AT_REST, AT_REST)
     with pytest.raises(DeviceLost, match="time goes back"):
-        supervisor.hear(0.9, AT_REST, AT_REST)
+        supervisor.on_feedback(0.9, AT_REST, AT_REST)
 
 
 def test_an_arm_at_full_speed_whose_pushes_come_in_bunches_is_believed():
     supervisor = MotionSupervisor("arm", LIMITS, Supervision())
     for push in range(40):
         arrived = (push // 3) * 0.075 + 0.0001 * push  # three at once
-        supervisor.hear(arrived, np.full(DOF, 0.025 * 3.0 * push - 2.9)[:DOF].clip(-3, 3), np.full(DOF, 3.0))
+        supervisor.on_feedback(arrived, np.full(DOF, 0.025 * 3.0 * push - 2.9)[:DOF].clip(-3, 3), np.full(DOF, 3.0))
 
 
 def test_feedback_that_repeats_itself_while_the_arm_is_moved_is_a_lost_device():
-    bench = Bench()
-    bench.run(0.4)
-    frozen = bench.measured()
-    before = bench.now
+    rig = Rig()
+    rig.run(0.4)
+    frozen = rig.measured()
+    before = rig.now
     with pytest.raises(DeviceLost, match=r"has been the same for .* although the arm is moved"):
-        bench.run(2.0, lambda: frozen)
-    assert bench.now - before < 0.3
+        rig.run(2.0, lambda: frozen)
+    assert rig.now - before < 0.3
 
 
 def test_an_arm_that_never_moves_off_is_noticed_too():
-    bench = Bench()
-    before = bench.now
+    rig = Rig()
+    before = rig.now
     with pytest.raises(DeviceLost, match="although the arm is moved"):
-        bench.run(2.0, lambda: (AT_REST, AT_REST))
-    assert bench.now - before < 0.6
+        rig.run(2.0, lambda: (AT_REST, AT_REST))
+    assert rig.now - before < 0.6
 
 
 def test_an_arm_that_does_not_follow_is_a_fault():
-    bench = Bench()
+    rig = Rig()
     rng = np.random.default_rng(0)
-    bench.run(0.4)
-    stuck, _ = bench.measured()
+    rig.run(0.4)
+    stuck, _ = rig.measured()
     with pytest.raises(DeviceFault, match=r"does not follow: joint 1 is \d\.\d° away"):
-        bench.run(2.0, lambda: (stuck + rng.normal(size=DOF) * 1e-5, AT_REST))
+        rig.run(2.0, lambda: (stuck + rng.normal(size=DOF) * 1e-5, AT_REST))
 
 
 def test_a_controller_that_takes_no_more_of_the_motion_is_a_fault_within_the_stall_time():
-    bench = Bench(stall=0.5)
-    bench.run(0.4)
-    bench.halted, before = True, bench.now
+    rig = Rig(stall=0.5)
+    rig.run(0.4)
+    rig.halted, before = True, rig.now
     with pytest.raises(DeviceFault, match="has not gone on with the motion"):
-        bench.run(120.0)
-    assert bench.now - before == pytest.approx(0.5, abs=0.03)
+        rig.run(120.0)
+    assert rig.now - before == pytest.approx(0.5, abs=0.03)
 
 
 def test_a_motion_that_does_not_end_is_a_fault():
-    bench = Bench(margin=1.0, following_error=0.3)
+    rig = Rig(margin=1.0, following_error=0.3)
     shaking = iter(range(10**6))
     with pytest.raises(DeviceFault, match="the motion did not end within 1 s of when it should"):
-        bench.run(120.0, lambda: (bench.measured()[0] + 1e-2 * (next(shaking) % 2), np.full(DOF, 0.5)))
-    assert bench.now - 10.0 == pytest.approx(2.0, abs=0.03)
+        rig.run(120.0, lambda: (rig.measured()[0] + 1e-2 * (next(shaking) % 2), np.full(DOF, 0.5)))
+    assert rig.now - 10.0 == pytest.approx(2.0, abs=0.03)
 
 
 def test_a_stop_that_does_not_come_to_rest_is_a_fault():
-    bench = Bench(margin=1.0)
-    bench.run(0.4)
-    bench.motion.stop()
-    before = bench.now
+    rig = Rig(margin=1.0)
+    rig.run(0.4)
+    rig.motion.stop()
+    before = rig.now
     with pytest.raises(DeviceFault, match="did not come to rest within 1 s"):
-        bench.run(120.0, lambda: (bench.measured()[0], np.full(DOF, 0.5)))
-    assert bench.now - before == pytest.approx(1.0, abs=0.03)
+        rig.run(120.0, lambda: (rig.measured()[0], np.full(DOF, 0.5)))
+    assert rig.now - before == pytest.approx(1.0, abs=0.03)
 
 
 def test_a_status_that_is_not_told_any_more_is_a_lost_device():
     supervisor = MotionSupervisor("arm", LIMITS, Supervision(status=0.25))
     supervisor.check_status(5.0)  # from now on it is waited for
     supervisor.check_status(5.2)
-    supervisor.hear_status(5.24)
+    supervisor.on_status(5.24)
     supervisor.check_status(5.45)
     with pytest.raises(DeviceLost, match="not told its status for 310 ms"):
         supervisor.check_status(5.55)

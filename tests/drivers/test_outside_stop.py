@@ -101,12 +101,12 @@ def test_arm_and_gripper_are_stopped_from_outside_and_free_for_the_next_run(
     ) as process:
         assert process.stdout is not None
         assert process.stderr is not None
-        heard = []
+        received = []
         for line in process.stdout:
-            heard.append(line)
+            received.append(line)
             if line == "moving\n":
                 break
-        assert heard[-1:] == ["moving\n"], "".join(heard) + process.stderr.read()
+        assert received[-1:] == ["moving\n"], "".join(received) + process.stderr.read()
         if number is not None:
             process.send_signal(number)
         said = process.stderr.read()

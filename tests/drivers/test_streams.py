@@ -22,8 +22,8 @@ class Sensor:
         self.clock = ManualClock(50.0)
         self.lost = 0
         self.stream = WrenchStream(self.clock, on_lost=self.lose)
-        self.heard: list[WrenchSample] = []
-        self.stream.subscribe(self.heard.append)
+        self.received: list[WrenchSample] = []
+        self.stream.subscribe(self.received.append)
         self.rng = np.random.default_rng(1)
         self.sequence = 0
 
@@ -49,7 +49,7 @@ class Sensor:
 def sensor() -> Sensor:
     sensor = Sensor()
     sensor.run(0.1)
-    assert len(sensor.heard) == 50
+    assert len(sensor.received) == 50
     return sensor
 
 
@@ -72,7 +72,7 @@ def test_a_force_that_cannot_be_is_a_fault_at_once_and_reaches_nobody(
 ) -> None:
     sensor.run(PERIOD, with_value(finger, value))
     assert sensor.told().startswith(f"the {('left', 'right')[finger]} finger says {value:g} ")
-    assert len(sensor.heard) == 50
+    assert len(sensor.received) == 50
     assert sensor.lost == 1
 
 
@@ -80,21 +80,21 @@ def test_a_force_that_cannot_be_is_a_fault_at_once_and_reaches_nobody(
 def test_stamps_that_cannot_be_are_a_fault_within_50_ms(sensor: Sensor, shift: float) -> None:
     sensor.run(0.050, shifted(shift))
     assert "stamps its samples" in sensor.told() or "s old" in sensor.told()
-    assert len(sensor.heard) == 50
+    assert len(sensor.received) == 50
 
 
 def test_a_sample_that_is_repeated_is_a_fault_within_50_ms(sensor: Sensor) -> None:
-    last = sensor.heard[-1]
+    last = sensor.received[-1]
     sensor.run(0.050, lambda _: last)
     assert sensor.told() == "repeats its sample 50"
-    assert len(sensor.heard) == 50
+    assert len(sensor.received) == 50
 
 
 def test_samples_out_of_order_are_left_out(sensor: Sensor) -> None:
     late = sensor.sample(late=0.01)
     sensor.run(PERIOD)
     sensor.stream.deliver(WrenchSample(late.stamp, late.sequence, late.wrenches))
-    assert len(sensor.heard) == 51
+    assert len(sensor.received) == 51
     assert sensor.stream.left_out == 1
     assert sensor.told() == ""
 
@@ -111,7 +111,7 @@ def test_a_hold_up_of_the_computer_itself_accuses_nobody(sensor: Sensor) -> None
 @pytest.mark.parametrize("fingers", [[0], [1], [0, 1]])
 @pytest.mark.parametrize("zero", [True, False])
 def test_a_finger_that_says_the_same_is_stuck(sensor: Sensor, fingers: list[int], zero: bool) -> None:
-    stuck = np.zeros((2, 6)) if zero else sensor.heard[-1].wrenches.copy()
+    stuck = np.zeros((2, 6)) if zero else sensor.received[-1].wrenches.copy()
 
     def hold(sample: WrenchSample) -> WrenchSample:
         sample.wrenches[fingers] = stuck[fingers]
@@ -146,7 +146,7 @@ def test_a_fault_stays_until_it_is_acknowledged_and_is_over(sensor: Sensor) -> N
         sensor.stream.acknowledge("fingers")
     sensor.run(0.1)
     assert "nan" in sensor.told()
-    assert len(sensor.heard) == 100  # good samples are handed on: whoever holds a fruit needs them
+    assert len(sensor.received) == 100  # good samples are handed on: whoever holds a fruit needs them
     sensor.stream.acknowledge("fingers")
     assert sensor.told() == ""
     assert sensor.lost == 1
@@ -164,15 +164,15 @@ def test_a_listener_that_fails_is_a_fault_with_its_cause_and_the_others_are_serv
     assert problem is not None
     assert problem.__cause__ is error
     assert problem.message == "a listener failed: ArithmeticError('control law')"
-    assert len(sensor.heard) == 60
+    assert len(sensor.received) == 60
     assert sensor.lost == 1
 
 
 def test_a_closed_subscription_hears_nothing(sensor: Sensor) -> None:
-    heard: list[WrenchSample] = []
-    subscription = sensor.stream.subscribe(heard.append)
+    received: list[WrenchSample] = []
+    subscription = sensor.stream.subscribe(received.append)
     sensor.run(0.01)
     subscription.close()
     subscription.close()
     sensor.run(0.01)
-    assert len(heard) == 5
+    assert len(received) == 5

@@ -11,30 +11,30 @@ from executive.running.events import Event
 pytestmark = pytest.mark.slow
 
 
-def pick(seed: int, heard: list[Event], cell: str = "emulated") -> Executed:
+def pick(seed: int, received: list[Event], cell: str = "emulated") -> Executed:
     order = RunOrder(find_tree("pick_apple"), find_cell(cell), seed, {"fruit": "apple_4", "place": "2"})
-    return execute(order, [heard.append], on_ready=lambda _runner: None)
+    return execute(order, [received.append], on_ready=lambda _runner: None)
 
 
-def story(heard: list[Event]) -> list[str]:
+def story(received: list[Event]) -> list[str]:
     """All but what the wall's clock has to do with."""
     return [
-        repr(e) for e in heard if type(e).__name__ in ("NodeChanged", "AttemptEnded", "StateChanged", "LinkChanged")
+        repr(e) for e in received if type(e).__name__ in ("NodeChanged", "AttemptEnded", "StateChanged", "LinkChanged")
     ]
 
 
 def test_an_apple_is_picked_through_emulated_devices_and_the_same_seed_gives_the_same_events() -> None:
     stories, forces = [], []
     for _ in range(2):
-        heard: list[Event] = []
-        executed = pick(1, heard)
+        received: list[Event] = []
+        executed = pick(1, received)
         assert executed.result.outcome == "success", executed.result.reason
         truth = executed.result.truth
         assert truth is not None
         assert truth["lifted"] is True
         assert truth["drops"] == 0
         assert truth["position_error_mm"] < 4.0  # type: ignore[operator]
-        stories.append(story(heard))
+        stories.append(story(received))
         forces.append((truth["peak_force_n"], truth["slip_mm"], truth["height_gained_m"]))
     assert stories[0] == stories[1]
     assert forces[0] == forces[1]  # to the last bit

@@ -29,15 +29,15 @@ def pick(
 
 
 def test_an_apple_is_picked_and_the_record_tells_it_again(tmp_path: Path) -> None:
-    heard: list[Event] = []
-    executed = pick(1, tmp_path, [heard.append], fruit="apple_4", place="2")
+    received: list[Event] = []
+    executed = pick(1, tmp_path, [received.append], fruit="apple_4", place="2")
     assert executed.result.outcome == "success", executed.result.reason
     assert executed.result.truth is not None
     assert executed.result.truth["lifted"] is True
     assert executed.record is not None
     assert (executed.record / "picture.png").stat().st_size > 20_000
     replayed = list(read_events(executed.record))
-    assert [(type(e), e.t, e.tick) for e in replayed] == [(type(e), e.t, e.tick) for e in heard]
+    assert [(type(e), e.t, e.tick) for e in replayed] == [(type(e), e.t, e.tick) for e in received]
     topics = {event.topic for event in replayed if isinstance(event, Published)}
     assert {"detection", "refine", "grip"} <= {topic.split("/")[0] for topic in topics}
 
@@ -70,9 +70,9 @@ def story(executed_events: list[Event]) -> str:
 def test_the_same_seed_gives_the_same_events() -> None:
     stories = []
     for _ in range(2):
-        heard: list[Event] = []
-        pick(3, None, [heard.append], fruit="apple_3")
-        stories.append(story(heard))
+        received: list[Event] = []
+        pick(3, None, [received.append], fruit="apple_3")
+        stories.append(story(received))
     assert stories[0] == stories[1]
 
 

@@ -13,16 +13,16 @@ pytestmark = pytest.mark.slow
 
 
 def test_two_apples_are_put_into_the_crate():
-    heard: list[Event] = []
+    received: list[Event] = []
     settings = {"others": "1", "distractors": "0", "fruit": "apple_4", "place": "2", "looks": "1"}
-    executed = execute(RunOrder(find_tree("pick_and_place"), find_cell("sim"), 3, settings), [heard.append])
+    executed = execute(RunOrder(find_tree("pick_and_place"), find_cell("sim"), 3, settings), [received.append])
     assert executed.result.outcome == "success", executed.result.reason
     truth = executed.result.truth
     assert truth is not None
     assert truth["put_away"] == 2
     assert truth["drops"] == 0
     assert truth["collided_with"] == []
-    tables = [event.value for event in heard if isinstance(event, Published) and isinstance(event.value, TableView)]
+    tables = [event.value for event in received if isinstance(event, Published) and isinstance(event.value, TableView)]
     assert tables[-1].caption == "2 of 2 fruit put away"
 
 

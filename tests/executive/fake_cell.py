@@ -63,7 +63,7 @@ class FakeCell:
     def links(self) -> Mapping[str, str]:
         return {"wheel": "ok"}
 
-    def heard(self) -> Mapping[str, float]:
+    def last_seen(self) -> Mapping[str, float]:
         return {"wheel": self.clock.now()}
 
     def readings(self) -> Mapping[str, Mapping[str, Any]]:

@@ -54,8 +54,8 @@ def make(
     text: str, registry: Registry, at_tick: dict[int, Callable[[Runner, FakeCell], Any]] | None = None
 ) -> tuple[Runner, FakeCell, list[Event]]:
     """A runner on a fake cell. `at_tick` acts at the start of the n-th look at the cell, paused ones counted too."""
-    cell, events, heard = FakeCell(), EventStream(), []
-    events.subscribe(heard.append)
+    cell, events, received = FakeCell(), EventStream(), []
+    events.subscribe(received.append)
     document = read(text, "tree.yaml")
     runner = Runner(lambda context, board: build(document, registry, context=context, board=board), cell, events)
     looks = iter(range(1, 10_000))
@@ -68,4 +68,4 @@ def make(
         check()
 
     cell.check = scripted_check  # type: ignore[method-assign]
-    return runner, cell, heard
+    return runner, cell, received

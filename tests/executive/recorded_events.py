@@ -103,7 +103,7 @@ def everything() -> list[Event]:
 def record(folder: Path, events: list[Event]) -> Path:
     recorder = Recorder(folder)
     for event in events:
-        recorder.hear(event)
+        recorder.on_event(event)
     recorder.read(0.8, 12, {"arm": {"stamp_s": np.array([0.1, 0.2]), "q_1_rad": np.array([0.0, 0.5])}})
     recorder.close()
     assert recorder.problem == ""
@@ -134,7 +134,7 @@ def write(folder: Path, events: tuple[Event, ...]) -> Path:
     folder.mkdir(parents=True)
     recorder = Recorder(folder)
     for event in events:
-        recorder.hear(event)
+        recorder.on_event(event)
     recorder.close()
     return folder
 

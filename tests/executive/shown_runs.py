@@ -106,8 +106,8 @@ class Show:
 
     def run(self, tree: str, name: str = "demo_1", *, seed: int = 0) -> Runner:
         """Start a run in a thread of its own; it holds a latched safe state until it is acknowledged."""
-        runner, finish = self._make(tree, name, seed, [self.dashboard.hub.hear])
-        self.dashboard.desk.serve(runner)
+        runner, finish = self._make(tree, name, seed, [self.dashboard.hub.on_event])
+        self.dashboard.control.serve(runner)
 
         def work() -> None:
             runner.run()
@@ -130,7 +130,7 @@ class Show:
         folder = self.records / name
         folder.mkdir()
         recorder = Recorder(folder)
-        for listener in (recorder.hear, *listeners):
+        for listener in (recorder.on_event, *listeners):
             events.subscribe(listener)
         runner = Runner(
             lambda context, board: build(document, REGISTRY, context=context, board=board),
@@ -150,7 +150,7 @@ class Show:
     def close(self) -> None:
         """End what still runs."""
         GATE.set()
-        runner = self.dashboard.desk.runner
+        runner = self.dashboard.control.runner
         if runner is not None:
             runner.safe_stop("the test is over")
             runner.leave()

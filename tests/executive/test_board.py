@@ -23,11 +23,11 @@ def test_entries_say_when_and_by_whom(board):
 
 
 def test_listeners_hear_every_write(board):
-    heard = []
-    board.subscribe(lambda key, entry: heard.append((key, entry.value)))
+    received = []
+    board.subscribe(lambda key, entry: received.append((key, entry.value)))
     board.write("/a", 1, "t")
     board.write("/a", 2, "t")
-    assert heard == [("/a", 1), ("/a", 2)]
+    assert received == [("/a", 1), ("/a", 2)]
 
 
 def test_only_the_thread_that_adopted_it_writes(board):

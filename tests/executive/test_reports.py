@@ -43,7 +43,7 @@ RUN = (
 def said(capsys: pytest.CaptureFixture[str]) -> list[str]:
     summary = Summary()
     for event in RUN:
-        summary.hear(event)
+        summary.on_event(event)
     summary.print(Screen(width=200), None)
     return capsys.readouterr().out.splitlines()
 

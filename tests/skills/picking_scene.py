@@ -69,7 +69,7 @@ def a_grasp(number: int = 1, place: int = 3, theta: float = 0.0) -> Grasp:
 
 
 @dataclass
-class Bench:
+class PickingScene:
     """Mock devices on one clock."""
 
     q: np.ndarray = field(default_factory=OBSERVE.copy)
@@ -137,7 +137,7 @@ CELLS = (
 """Two walls from beside the base outwards, and a ceiling: OBSERVE and ASIDE are in different cells."""
 
 
-def bench_with_pose(code: str, **bench: Any) -> tuple[Bench, dict[str, object]]:
+def scene_with_pose(code: str, **scene: Any) -> tuple[PickingScene, dict[str, object]]:
     """A bench on which going to the pose "there" fails with a code, and the inputs and settings of `drive` for it."""
     poses = dict(WORKSPACE.poses) | {"there": HOME}
     workspace, inputs, settings = replace(WORKSPACE, poses=poses), {}, {}
@@ -157,5 +157,5 @@ def bench_with_pose(code: str, **bench: Any) -> tuple[Bench, dict[str, object]]:
         settings = {"computing": 10**9}
     elif code == "UNKNOWN_POSE":
         del poses["there"]
-    made = Bench(workspace=workspace, clock=RealTimeClock() if code == "TIMEOUT" else MockClock(), **bench)
+    made = PickingScene(workspace=workspace, clock=RealTimeClock() if code == "TIMEOUT" else MockClock(), **scene)
     return made, {"inputs": inputs, "settings": settings}

@@ -7,16 +7,16 @@ from py_trees.common import Status
 from executive.skill_testing import drive
 from skills.approach import Approach
 from skills.geometry import transform
-from tests.skills.picking_scene import Bench, a_grasp, seen_map
+from tests.skills.picking_scene import PickingScene, a_grasp, seen_map
 
 GRASP = a_grasp(theta=np.pi / 12.0)
 
 
-def at_pre_grasp() -> Bench:
-    return Bench(q=GRASP.q_pre_grasp[0].copy(), width=0.06)
+def at_pre_grasp() -> PickingScene:
+    return PickingScene(q=GRASP.q_pre_grasp[0].copy(), width=0.06)
 
 
-def touch_after(bench: Bench, time: float, force: float) -> None:
+def touch_after(scene: PickingScene, time: float, force: float) -> None:
     """The right finger meets something from a time on."""
 
     def feel(now: float) -> np.ndarray:
@@ -24,74 +24,74 @@ def touch_after(bench: Bench, time: float, force: float) -> None:
         wrenches[1, 0] -= force if now > time else 0.0
         return wrenches
 
-    bench.fingers.feel = feel
+    scene.fingers.feel = feel
 
 
 def test_it_opens_first_and_then_goes_straight_to_the_grasp():
-    bench = at_pre_grasp()
+    scene = at_pre_grasp()
     opened_at = []
     outcome = drive(
-        Approach(), {"grasp": GRASP}, bench.devices, clock=bench.clock,
-        each_tick=lambda _tick: opened_at.append(bench.gripper.width) if not bench.arm.followed else None,
+        Approach(), {"grasp": GRASP}, scene.devices, clock=scene.clock,
+        each_tick=lambda _tick: opened_at.append(scene.gripper.width) if not scene.arm.followed else None,
     )  # fmt: skip
     assert outcome.status is Status.SUCCESS
     assert opened_at[-1] == pytest.approx(GRASP.width, abs=1e-3)
-    np.testing.assert_allclose(bench.tcp, GRASP.T_base_grasp, atol=1e-6)
+    np.testing.assert_allclose(scene.tcp, GRASP.T_base_grasp, atol=1e-6)
     assert outcome.duration < 1.5
 
 
 def test_a_touch_stops_the_arm_and_says_where():
-    bench = at_pre_grasp()
-    touch_after(bench, 0.7, 2.0)
-    outcome = drive(Approach(), {"grasp": GRASP}, bench.devices, clock=bench.clock)
+    scene = at_pre_grasp()
+    touch_after(scene, 0.7, 2.0)
+    outcome = drive(Approach(), {"grasp": GRASP}, scene.devices, clock=scene.clock)
     assert outcome.reason.code == "CONTACT"
     assert outcome.reason.data["finger"] == "right"
     assert 0.02 < outcome.reason.data["before_grasp_m"] < 0.11
-    assert bench.arm.settled()
-    left = np.linalg.norm(bench.tcp[:3, 3] - GRASP.T_base_grasp[:3, 3])
+    assert scene.arm.settled()
+    left = np.linalg.norm(scene.tcp[:3, 3] - GRASP.T_base_grasp[:3, 3])
     assert outcome.reason.data["before_grasp_m"] - 0.06 < left < outcome.reason.data["before_grasp_m"]
 
 
 def test_an_offset_of_the_sensor_and_a_single_spike_are_no_touch():
-    bench = at_pre_grasp()
+    scene = at_pre_grasp()
 
     def feel(now: float) -> np.ndarray:
         wrenches = np.full((2, 6), 0.5)
         wrenches[0, 1] += 5.0 if 0.5 < now < 0.503 else 0.0
         return wrenches
 
-    bench.fingers.feel = feel
-    bench.clock.advance(0.01)
-    outcome = drive(Approach(), {"grasp": GRASP}, bench.devices, clock=bench.clock)
+    scene.fingers.feel = feel
+    scene.clock.advance(0.01)
+    outcome = drive(Approach(), {"grasp": GRASP}, scene.devices, clock=scene.clock)
     assert outcome.status is Status.SUCCESS
 
 
 def test_fingers_that_feel_nothing_any_more_stop_the_arm():
-    bench = at_pre_grasp()
+    scene = at_pre_grasp()
 
     def lose(tick: int) -> None:
-        if bench.arm.followed and tick % 10 == 0:
-            bench.fingers.lose(10.0)
+        if scene.arm.followed and tick % 10 == 0:
+            scene.fingers.lose(10.0)
 
-    outcome = drive(Approach(), {"grasp": GRASP}, bench.devices, clock=bench.clock, each_tick=lose)
+    outcome = drive(Approach(), {"grasp": GRASP}, scene.devices, clock=scene.clock, each_tick=lose)
     assert outcome.reason.code == "SENSOR_STALE"
-    assert bench.arm.settled()
+    assert scene.arm.settled()
 
 
 def test_it_does_not_start_from_anywhere_else():
-    bench = Bench()
-    outcome = drive(Approach(), {"grasp": GRASP}, bench.devices, clock=bench.clock)
+    scene = PickingScene()
+    outcome = drive(Approach(), {"grasp": GRASP}, scene.devices, clock=scene.clock)
     assert outcome.reason.code == "NOT_AT_PRE_GRASP"
-    assert bench.arm.followed == []
-    assert bench.gripper.moves == []
+    assert scene.arm.followed == []
+    assert scene.gripper.moves == []
 
 
 def test_interrupted_it_stops_on_the_line():
-    bench = at_pre_grasp()
-    outcome = drive(Approach(), {"grasp": GRASP}, bench.devices, clock=bench.clock, interrupt_after=35)
+    scene = at_pre_grasp()
+    outcome = drive(Approach(), {"grasp": GRASP}, scene.devices, clock=scene.clock, interrupt_after=35)
     assert outcome.status is Status.INVALID
-    assert bench.arm.settled()
-    offset = bench.tcp[:3, 3] - GRASP.T_base_pre_grasp[:3, 3]
+    assert scene.arm.settled()
+    offset = scene.tcp[:3, 3] - GRASP.T_base_pre_grasp[:3, 3]
     approach = GRASP.T_base_grasp[:3, 2]
     assert 0.005 < offset @ approach < 0.115
     np.testing.assert_allclose(offset, (offset @ approach) * approach, atol=1e-4)
@@ -99,37 +99,37 @@ def test_interrupted_it_stops_on_the_line():
 
 @pytest.mark.parametrize("code", ["REFUSED", "STOPPED", "MOTION_FAILED"])
 def test_an_arm_that_does_not_move_as_asked_is_a_reason(code):
-    bench = at_pre_grasp()
-    trouble = bench.arm_trouble(code)
-    outcome = drive(Approach(), {"grasp": GRASP}, bench.devices, clock=bench.clock, each_tick=trouble)
+    scene = at_pre_grasp()
+    trouble = scene.arm_trouble(code)
+    outcome = drive(Approach(), {"grasp": GRASP}, scene.devices, clock=scene.clock, each_tick=trouble)
     assert outcome.reason.code == code
-    assert bench.arm.settled()
+    assert scene.arm.settled()
 
 
 def test_a_grasp_out_of_reach_is_known_before_anything_moves():
-    bench = at_pre_grasp()
+    scene = at_pre_grasp()
     deep = GRASP.T_base_grasp @ transform(None, [0.0, 0.0, 0.6])
-    outcome = drive(Approach(), {"grasp": replace(GRASP, T_base_grasp=deep)}, bench.devices, clock=bench.clock)
+    outcome = drive(Approach(), {"grasp": replace(GRASP, T_base_grasp=deep)}, scene.devices, clock=scene.clock)
     assert outcome.reason.code == "NO_STRAIGHT_LINE"
     assert 0.0 < outcome.reason.data["reached_m"] < 0.72
-    assert bench.arm.followed == []
-    assert bench.gripper.moves == []
+    assert scene.arm.followed == []
+    assert scene.gripper.moves == []
 
 
 def test_something_on_the_way_is_known_before_anything_moves():
-    bench = at_pre_grasp()
+    scene = at_pre_grasp()
     finger = GRASP.T_base_pre_grasp @ transform(None, [0.0, GRASP.width / 2.0, 0.06])
     outcome = drive(
-        Approach(), {"grasp": GRASP, "map": seen_map(blocked=(finger[:3, 3],))}, bench.devices, clock=bench.clock
+        Approach(), {"grasp": GRASP, "map": seen_map(blocked=(finger[:3, 3],))}, scene.devices, clock=scene.clock
     )
     assert outcome.reason.code == "IN_COLLISION"
     assert outcome.reason.data["obstacle"] == "map"
-    assert bench.arm.followed == []
-    assert bench.gripper.moves == []
+    assert scene.arm.followed == []
+    assert scene.gripper.moves == []
 
 
 def test_a_stale_map_is_not_free():
-    bench = at_pre_grasp()
-    outcome = drive(Approach(), {"grasp": GRASP, "map": seen_map(-1000.0)}, bench.devices, clock=bench.clock)
+    scene = at_pre_grasp()
+    outcome = drive(Approach(), {"grasp": GRASP, "map": seen_map(-1000.0)}, scene.devices, clock=scene.clock)
     assert outcome.reason.code == "MAP_STALE"
-    assert bench.arm.followed == []
+    assert scene.arm.followed == []

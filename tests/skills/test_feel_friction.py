@@ -14,7 +14,7 @@ from skills.grip.hold import Hold, take_over
 from skills.grip.pads import MIRROR
 from skills.motion.straight_line import straight_line
 from skills.slip_avoid_grasp import SlipAvoidGrasp
-from tests.skills.picking_scene import ROBOT_MODEL, Bench, a_grasp
+from tests.skills.picking_scene import ROBOT_MODEL, PickingScene, a_grasp
 
 GRASP = a_grasp()
 Q_GRASP = straight_line(ROBOT_MODEL, GRASP.q_pre_grasp[0], GRASP.T_base_grasp).q[-1]
@@ -23,7 +23,7 @@ PADS = 1500.0
 """Stiffness of a pad along its face [N/m]."""
 
 
-class Standing(Bench):
+class Standing(PickingScene):
     """A fruit on a table between the fingers: pads that move along it bend, then rub; a light one comes along."""
 
     def __init__(self, mu: float = 0.8, weight: float = 2.0) -> None:
@@ -65,23 +65,23 @@ class Standing(Bench):
 
 @pytest.mark.parametrize("mu", [0.4, 0.8, 1.1])
 def test_it_feels_the_friction_and_holds_for_it(mu):
-    bench = Standing(mu)
-    hold = bench.grasp()
-    outcome = bench.feel_friction(hold)
+    scene = Standing(mu)
+    hold = scene.grasp()
+    outcome = scene.feel_friction(hold)
     assert outcome.status is Status.SUCCESS, outcome.reason
     assert outcome.outputs["mu"] == pytest.approx(mu, rel=0.04)
     assert outcome.outputs["mu_uncertainty"] <= 0.08
     assert hold.controller.settings.contact.mu == outcome.outputs["mu"]
     assert hold.phase is GripPhase.HOLDING
     assert hold.reading.f_n == pytest.approx(2.2, abs=0.2)
-    np.testing.assert_allclose(bench.tcp[:3, 3], GRASP.T_base_grasp[:3, 3], atol=1e-4)
+    np.testing.assert_allclose(scene.tcp[:3, 3], GRASP.T_base_grasp[:3, 3], atol=1e-4)
     assert outcome.duration < 2.0
 
 
 def test_a_light_fruit_comes_along_and_what_was_told_is_kept():
-    bench = Standing(0.9, weight=0.3)
-    hold = bench.grasp()
-    outcome = bench.feel_friction(hold)
+    scene = Standing(0.9, weight=0.3)
+    hold = scene.grasp()
+    outcome = scene.feel_friction(hold)
     assert outcome.status is Status.SUCCESS
     assert outcome.outputs["mu"] == TOLD["mu"]
     assert outcome.outputs["mu_uncertainty"] == TOLD["mu_uncertainty"]
@@ -89,71 +89,71 @@ def test_a_light_fruit_comes_along_and_what_was_told_is_kept():
 
 
 def test_while_the_pads_slide_the_force_stays_small_and_slipping_is_no_problem():
-    bench = Standing()
-    hold = bench.grasp()
+    scene = Standing()
+    hold = scene.grasp()
     seen = []
 
     def watch(_tick: int) -> None:
-        if hold.phase is GripPhase.SLIDING and bench.arm.followed and not bench.arm.settled():
+        if hold.phase is GripPhase.SLIDING and scene.arm.followed and not scene.arm.settled():
             seen.append((hold.reading.f_n, hold.problem))
 
-    assert bench.feel_friction(hold, watch).status is Status.SUCCESS
+    assert scene.feel_friction(hold, watch).status is Status.SUCCESS
     assert len(seen) > 10
     assert max(f_n for f_n, _ in seen) < 0.9
     assert {problem for _, problem in seen} == {None}
 
 
 def test_interrupted_the_arm_stops_and_the_grip_holds():
-    bench = Standing()
-    hold = bench.grasp()
-    outcome = drive(FeelFriction(), {"hold": hold}, bench.devices, clock=bench.clock, interrupt_after=30)
+    scene = Standing()
+    hold = scene.grasp()
+    outcome = drive(FeelFriction(), {"hold": hold}, scene.devices, clock=scene.clock, interrupt_after=30)
     assert outcome.status is Status.INVALID
-    assert bench.arm.settled()
+    assert scene.arm.settled()
     assert hold.phase is GripPhase.HOLDING
-    bench.clock.advance(0.5)
+    scene.clock.advance(0.5)
     assert hold.holds
 
 
 def test_without_a_fruit_is_not_held():
-    bench = Standing()
-    hold = bench.grasp()
-    take_over(bench.gripper)
-    outcome = bench.feel_friction(hold)
+    scene = Standing()
+    hold = scene.grasp()
+    take_over(scene.gripper)
+    outcome = scene.feel_friction(hold)
     assert outcome.reason.code == "NOT_HELD"
-    assert bench.arm.followed == []
+    assert scene.arm.followed == []
 
 
 def test_beyond_reach_nothing_moves():
-    bench = Standing()
-    hold = bench.grasp()
-    bench.arm.q = bench.arm.limits.upper - 1e-6
-    outcome = bench.feel_friction(hold)
+    scene = Standing()
+    hold = scene.grasp()
+    scene.arm.q = scene.arm.limits.upper - 1e-6
+    outcome = scene.feel_friction(hold)
     assert outcome.reason.code == "LIFT_BLOCKED"
-    assert bench.arm.followed == []
+    assert scene.arm.followed == []
 
 
 @pytest.mark.parametrize("what", ["LOST", "SENSOR_STALE", "SENSOR_SATURATED"])
 def test_what_goes_wrong_with_the_grip_is_passed_on(what):
-    bench = Standing()
-    hold = bench.grasp()
+    scene = Standing()
+    hold = scene.grasp()
 
     def go_wrong(tick: int) -> None:
         if tick == 20 and what == "LOST":
-            bench.fingers.feel = lambda _now: np.zeros((2, 6))
+            scene.fingers.feel = lambda _now: np.zeros((2, 6))
         elif tick == 20 and what == "SENSOR_STALE":
-            bench.fingers.lose(10.0)
+            scene.fingers.lose(10.0)
         elif tick == 20 and what == "SENSOR_SATURATED":
-            bench.fingers.saturated = (True, False)
+            scene.fingers.saturated = (True, False)
 
-    outcome = bench.feel_friction(hold, go_wrong)
+    outcome = scene.feel_friction(hold, go_wrong)
     assert outcome.reason.code == what
-    assert bench.arm.settled()
+    assert scene.arm.settled()
 
 
 @pytest.mark.parametrize("code", ["REFUSED", "STOPPED", "MOTION_FAILED"])
 def test_an_arm_that_does_not_move_as_asked_is_a_reason(code):
-    bench = Standing()
-    hold = bench.grasp()
-    outcome = bench.feel_friction(hold, bench.arm_trouble(code))
+    scene = Standing()
+    hold = scene.grasp()
+    outcome = scene.feel_friction(hold, scene.arm_trouble(code))
     assert outcome.reason.code == code
     assert hold.phase is GripPhase.HOLDING

@@ -5,32 +5,32 @@ from py_trees.common import Status
 from executive.skill_testing import drive
 from skills.lift import Lift
 from skills.motion.straight_line import straight_line
-from tests.skills.picking_scene import ROBOT_MODEL, Bench, a_grasp, seen_map
+from tests.skills.picking_scene import ROBOT_MODEL, PickingScene, a_grasp, seen_map
 
 GRASP = a_grasp()
 Q_GRASP = straight_line(ROBOT_MODEL, GRASP.q_pre_grasp[0], GRASP.T_base_grasp).q[-1]
 
 
-def holding() -> Bench:
-    bench = Bench(q=Q_GRASP.copy(), width=0.085)
-    bench.hold_fruit()
-    return bench
+def holding() -> PickingScene:
+    scene = PickingScene(q=Q_GRASP.copy(), width=0.085)
+    scene.hold_fruit()
+    return scene
 
 
 def test_it_lifts_straight_up_and_still_holds():
-    bench = holding()
-    before = bench.tcp
-    outcome = drive(Lift(), {"height": 0.15, "grasp": GRASP}, bench.devices, clock=bench.clock)
+    scene = holding()
+    before = scene.tcp
+    outcome = drive(Lift(), {"height": 0.15, "grasp": GRASP}, scene.devices, clock=scene.clock)
     assert outcome.status is Status.SUCCESS
-    np.testing.assert_allclose(bench.tcp[:3, 3], before[:3, 3] + [0.0, 0.0, 0.15], atol=1e-6)
-    np.testing.assert_allclose(bench.tcp[:3, :3], before[:3, :3], atol=1e-6)
+    np.testing.assert_allclose(scene.tcp[:3, 3], before[:3, 3] + [0.0, 0.0, 0.15], atol=1e-6)
+    np.testing.assert_allclose(scene.tcp[:3, :3], before[:3, :3], atol=1e-6)
     assert outcome.duration < 1.3
 
 
 def test_the_tool_is_accelerated_gently():
-    bench = holding()
-    drive(Lift(), {"height": 0.15}, bench.devices, clock=bench.clock)
-    path = bench.arm.followed[0]
+    scene = holding()
+    drive(Lift(), {"height": 0.15}, scene.devices, clock=scene.clock)
+    path = scene.arm.followed[0]
     height = np.array([ROBOT_MODEL.tcp(q)[2, 3] for q in path.q])
     speed = np.gradient(height, path.t)
     assert np.abs(speed).max() <= 0.25 + 1e-3
@@ -38,98 +38,98 @@ def test_the_tool_is_accelerated_gently():
 
 
 def test_nothing_between_the_fingers_is_not_lifted():
-    bench = Bench(q=Q_GRASP.copy(), width=0.085)
-    bench.clock.advance(0.01)
-    outcome = drive(Lift(), {"height": 0.15}, bench.devices, clock=bench.clock)
+    scene = PickingScene(q=Q_GRASP.copy(), width=0.085)
+    scene.clock.advance(0.01)
+    outcome = drive(Lift(), {"height": 0.15}, scene.devices, clock=scene.clock)
     assert outcome.reason.code == "NOT_HELD"
-    assert bench.arm.followed == []
+    assert scene.arm.followed == []
 
 
 def test_closed_fingers_that_press_each_other_hold_nothing():
-    bench = Bench(q=Q_GRASP.copy(), width=0.035)
-    bench.hold_fruit()
-    assert drive(Lift(), {}, bench.devices, clock=bench.clock).reason.code == "NOT_HELD"
+    scene = PickingScene(q=Q_GRASP.copy(), width=0.035)
+    scene.hold_fruit()
+    assert drive(Lift(), {}, scene.devices, clock=scene.clock).reason.code == "NOT_HELD"
 
 
 def test_a_fruit_that_falls_while_it_is_held_up_is_lost_too():
-    bench = holding()
-    assert drive(Lift(), {"hold_time": 1.0}, bench.devices, clock=bench.clock).duration == pytest.approx(1.96, abs=0.1)
-    bench = holding()
+    scene = holding()
+    assert drive(Lift(), {"hold_time": 1.0}, scene.devices, clock=scene.clock).duration == pytest.approx(1.96, abs=0.1)
+    scene = holding()
 
     def drop(tick: int) -> None:
         if tick == 70:  # up since tick 48
-            bench.fingers.feel = lambda _now: np.zeros((2, 6))
+            scene.fingers.feel = lambda _now: np.zeros((2, 6))
 
-    outcome = drive(Lift(), {"hold_time": 1.0}, bench.devices, clock=bench.clock, each_tick=drop)
+    outcome = drive(Lift(), {"hold_time": 1.0}, scene.devices, clock=scene.clock, each_tick=drop)
     assert outcome.reason.code == "LOST"
     assert "lost 150 mm up" in outcome.reason.message
 
 
 def test_a_fruit_that_slips_out_on_the_way_is_lost_and_the_arm_stops():
-    bench = holding()
+    scene = holding()
 
     def drop(tick: int) -> None:
         if tick == 25:
-            bench.fingers.feel = lambda _now: np.zeros((2, 6))
+            scene.fingers.feel = lambda _now: np.zeros((2, 6))
 
-    outcome = drive(Lift(), {"height": 0.15}, bench.devices, clock=bench.clock, each_tick=drop)
+    outcome = drive(Lift(), {"height": 0.15}, scene.devices, clock=scene.clock, each_tick=drop)
     assert outcome.reason.code == "LOST"
     assert "mm up" in outcome.reason.message
-    assert bench.arm.settled()
-    assert bench.tcp[2, 3] < GRASP.T_base_grasp[2, 3] + 0.14
+    assert scene.arm.settled()
+    assert scene.tcp[2, 3] < GRASP.T_base_grasp[2, 3] + 0.14
 
 
 def test_beyond_reach_nothing_moves():
-    bench = holding()
-    outcome = drive(Lift(), {"height": 0.9}, bench.devices, clock=bench.clock)
+    scene = holding()
+    outcome = drive(Lift(), {"height": 0.9}, scene.devices, clock=scene.clock)
     assert outcome.reason.code == "LIFT_BLOCKED"
     assert outcome.reason.data["reached_m"] == pytest.approx(0.4, abs=0.3)
-    assert bench.arm.followed == []
+    assert scene.arm.followed == []
 
 
 def test_interrupted_it_stops_and_the_fingers_are_not_moved():
-    bench = holding()
-    outcome = drive(Lift(), {"height": 0.15}, bench.devices, clock=bench.clock, interrupt_after=25)
+    scene = holding()
+    outcome = drive(Lift(), {"height": 0.15}, scene.devices, clock=scene.clock, interrupt_after=25)
     assert outcome.status is Status.INVALID
-    assert bench.arm.settled()
-    assert bench.gripper.moves == []
-    assert bench.gripper.speeds == []
+    assert scene.arm.settled()
+    assert scene.gripper.moves == []
+    assert scene.gripper.speeds == []
 
 
 @pytest.mark.parametrize("code", ["REFUSED", "STOPPED", "MOTION_FAILED"])
 def test_an_arm_that_does_not_move_as_asked_is_a_reason(code):
-    bench = holding()
-    outcome = drive(Lift(), {}, bench.devices, clock=bench.clock, each_tick=bench.arm_trouble(code))
+    scene = holding()
+    outcome = drive(Lift(), {}, scene.devices, clock=scene.clock, each_tick=scene.arm_trouble(code))
     assert outcome.reason.code == code
-    assert bench.arm.settled()
-    assert bench.gripper.moves == []
+    assert scene.arm.settled()
+    assert scene.gripper.moves == []
 
 
 def test_something_above_is_known_before_anything_moves():
-    bench = holding()
-    above = bench.tcp[:3, 3] + [0.0, 0.0, 0.25]
+    scene = holding()
+    above = scene.tcp[:3, 3] + [0.0, 0.0, 0.25]
     outcome = drive(
-        Lift(), {"grasp": GRASP, "map": seen_map(blocked=(above,))}, bench.devices, clock=bench.clock
+        Lift(), {"grasp": GRASP, "map": seen_map(blocked=(above,))}, scene.devices, clock=scene.clock
     )  # fmt: skip
     assert outcome.reason.code == "LIFT_BLOCKED"
     assert outcome.reason.data["obstacle"] == "map"
-    assert bench.arm.followed == []
+    assert scene.arm.followed == []
 
 
 def test_the_held_fruit_is_part_of_the_robot():
-    bench = holding()
-    beside = (bench.tcp @ [0.078, 0.0, -0.06, 1.0])[:3]
-    without = drive(Lift(), {"map": seen_map(blocked=(beside,))}, bench.devices, clock=bench.clock)
-    bench = holding()
+    scene = holding()
+    beside = (scene.tcp @ [0.078, 0.0, -0.06, 1.0])[:3]
+    without = drive(Lift(), {"map": seen_map(blocked=(beside,))}, scene.devices, clock=scene.clock)
+    scene = holding()
     given = {"grasp": GRASP, "map": seen_map(blocked=(beside,))}
-    outcome = drive(Lift(), given, bench.devices, clock=bench.clock)
+    outcome = drive(Lift(), given, scene.devices, clock=scene.clock)
     assert without.status is Status.SUCCESS
     assert outcome.reason.code == "LIFT_BLOCKED"
     assert outcome.reason.data["link"] == "held fruit"
 
 
 def test_a_stale_map_is_not_free():
-    bench = holding()
-    outcome = drive(Lift(), {"map": seen_map(-1000.0)}, bench.devices, clock=bench.clock)
+    scene = holding()
+    outcome = drive(Lift(), {"map": seen_map(-1000.0)}, scene.devices, clock=scene.clock)
     assert outcome.reason.code == "MAP_STALE"
-    assert bench.arm.followed == []
+    assert scene.arm.followed == []

@@ -11,24 +11,24 @@ from tests.skills.picking_scene import (
     OBSERVE,
     ROBOT_MODEL,
     WORKSPACE,
-    Bench,
+    PickingScene,
     a_grasp,
     apple_at,
-    bench_with_pose,
+    scene_with_pose,
 )
 
 
 def test_it_moves_to_the_named_pose():
-    bench = Bench()
-    outcome = drive(MoveTo(), {"pose": "home"}, bench.devices, clock=bench.clock)
+    scene = PickingScene()
+    outcome = drive(MoveTo(), {"pose": "home"}, scene.devices, clock=scene.clock)
     assert outcome.status is Status.SUCCESS
-    np.testing.assert_allclose(bench.arm.q, HOME, atol=1e-6)
+    np.testing.assert_allclose(scene.arm.q, HOME, atol=1e-6)
 
 
 def test_at_the_pose_nothing_moves():
-    bench = Bench()
-    assert drive(MoveTo(), {"pose": "observe"}, bench.devices, clock=bench.clock).status is Status.SUCCESS
-    assert bench.arm.followed == []
+    scene = PickingScene()
+    assert drive(MoveTo(), {"pose": "observe"}, scene.devices, clock=scene.clock).status is Status.SUCCESS
+    assert scene.arm.followed == []
 
 
 def test_variations_go_round():
@@ -40,33 +40,33 @@ def test_variations_go_round():
 
 
 def test_an_unknown_pose_is_named_with_those_that_exist():
-    bench = Bench()
-    outcome = drive(MoveTo(), {"pose": "hoem"}, bench.devices, clock=bench.clock)
+    scene = PickingScene()
+    outcome = drive(MoveTo(), {"pose": "hoem"}, scene.devices, clock=scene.clock)
     assert outcome.reason.code == "UNKNOWN_POSE"
     assert "observe, observe_2, home" in outcome.reason.message
 
 
 def test_a_start_inside_the_table_says_which_link():
-    bench = Bench(q=np.array([-1.36, 1.6, -0.264, -0.234, 0.065, -1.294, 0.048]))
-    outcome = drive(MoveTo(), {"pose": "home"}, bench.devices, clock=bench.clock)
+    scene = PickingScene(q=np.array([-1.36, 1.6, -0.264, -0.234, 0.065, -1.294, 0.048]))
+    outcome = drive(MoveTo(), {"pose": "home"}, scene.devices, clock=scene.clock)
     assert outcome.reason.code == "START_IN_COLLISION"
     assert outcome.reason.data["obstacle"] in ("table", "pedestal")
 
 
 def test_interrupted_it_stops():
-    bench = Bench(q=HOME.copy())
-    outcome = drive(MoveTo(), {"pose": "observe"}, bench.devices, clock=bench.clock, interrupt_after=9)
+    scene = PickingScene(q=HOME.copy())
+    outcome = drive(MoveTo(), {"pose": "observe"}, scene.devices, clock=scene.clock, interrupt_after=9)
     assert outcome.status is Status.INVALID
-    assert bench.arm.settled()
-    assert np.abs(bench.arm.q - OBSERVE).max() > 0.05
+    assert scene.arm.settled()
+    assert np.abs(scene.arm.q - OBSERVE).max() > 0.05
 
 
 def test_a_held_fruit_is_avoided_for_and_moved_gently():
     grasp = a_grasp(1, 3)
-    bench = Bench(q=grasp.q_pre_grasp[0].copy(), width=0.085)
-    outcome = drive(MoveTo(), {"pose": "observe", "carrying": grasp}, bench.devices, clock=bench.clock)
+    scene = PickingScene(q=grasp.q_pre_grasp[0].copy(), width=0.085)
+    outcome = drive(MoveTo(), {"pose": "observe", "carrying": grasp}, scene.devices, clock=scene.clock)
     assert outcome.status is Status.SUCCESS
-    path = bench.arm.followed[0]
+    path = scene.arm.followed[0]
     p = np.array([ROBOT_MODEL.tcp(q)[:3, 3] for q in path.q])
     acceleration = np.gradient(np.gradient(p, path.t, axis=0), path.t, axis=0)
     assert 1.5 < np.linalg.norm(acceleration, axis=1).max() <= 2.0 + 1e-3
@@ -74,29 +74,29 @@ def test_a_held_fruit_is_avoided_for_and_moved_gently():
 
 @pytest.mark.parametrize("code", ["REFUSED", "STOPPED", "MOTION_FAILED"])
 def test_an_arm_that_does_not_move_as_asked_is_a_reason(code):
-    bench = Bench()
-    outcome = drive(MoveTo(), {"pose": "home"}, bench.devices, clock=bench.clock, each_tick=bench.arm_trouble(code))
+    scene = PickingScene()
+    outcome = drive(MoveTo(), {"pose": "home"}, scene.devices, clock=scene.clock, each_tick=scene.arm_trouble(code))
     assert outcome.reason.code == code
-    assert bench.arm.settled()
+    assert scene.arm.settled()
 
 
 @pytest.mark.parametrize("code", ["GOAL_UNREACHABLE", "GOAL_IN_COLLISION", "NO_PATH", "TIMEOUT", "MAP_STALE"])
 def test_a_pose_that_cannot_be_reached_is_a_reason_and_nothing_moves(code):
-    bench, given = bench_with_pose(code)
+    scene, given = scene_with_pose(code)
     inputs = {"pose": "there", "budget": 0.05, **given["inputs"]}
-    outcome = drive(MoveTo(), inputs, bench.devices, clock=bench.clock, **given["settings"])
+    outcome = drive(MoveTo(), inputs, scene.devices, clock=scene.clock, **given["settings"])
     assert outcome.reason.code == code
     assert outcome.cancelled == (code == "TIMEOUT")
-    assert bench.arm.followed == []
+    assert scene.arm.followed == []
 
 
 def test_a_fruit_that_the_map_leaves_out_is_avoided():
-    bench = Bench(q=HOME.copy())
+    scene = PickingScene(q=HOME.copy())
     apple = apple_at(1, 3)
     apple.T_base_fruit[:3, 3] = ROBOT_MODEL.tcp((HOME + OBSERVE) / 2.0)[:3, 3]
-    outcome = drive(MoveTo(), {"pose": "observe", "avoiding": apple}, bench.devices, clock=bench.clock)
+    outcome = drive(MoveTo(), {"pose": "observe", "avoiding": apple}, scene.devices, clock=scene.clock)
     assert outcome.status is Status.SUCCESS
     world = CollisionWorld.build(ROBOT_MODEL, WORKSPACE, obstacles=(Convex.of_fruit(apple),))
-    path = bench.arm.followed[0]
-    assert world.check_trajectory(path, bench.width) is None
-    assert world.check_path(np.array([HOME, OBSERVE]), bench.width) is not None
+    path = scene.arm.followed[0]
+    assert world.check_trajectory(path, scene.width) is None
+    assert world.check_path(np.array([HOME, OBSERVE]), scene.width) is not None

@@ -13,7 +13,7 @@ from skills.motion.grasp import GraspCandidates
 from skills.motion.occupancy import OccupancyMap
 from skills.motion.occupancy.occupancy_map import OCCUPIED
 from skills.plan import Plan
-from tests.skills.picking_scene import OBSERVE, ROBOT_MODEL, WORKSPACE, Bench, RealTimeClock, a_grasp, seen_map
+from tests.skills.picking_scene import OBSERVE, ROBOT_MODEL, WORKSPACE, PickingScene, RealTimeClock, a_grasp, seen_map
 
 GRASPS = (a_grasp(1, 3), a_grasp(1, 3, theta=np.pi / 6.0))
 
@@ -22,23 +22,23 @@ def candidates(*grasps) -> GraspCandidates:
     return GraspCandidates(tuple(grasps), (), 1)
 
 
-def plan(bench: Bench | None = None, skill: Plan | None = None, **inputs: Any):
-    bench = bench or Bench()
+def plan(scene: PickingScene | None = None, skill: Plan | None = None, **inputs: Any):
+    scene = scene or PickingScene()
     given = {"to": candidates(*GRASPS), "map": seen_map(), **inputs}
-    return drive(skill or Plan(), given, bench.devices, clock=bench.clock)
+    return drive(skill or Plan(), given, scene.devices, clock=scene.clock)
 
 
 def test_the_path_leads_to_the_grasp_that_it_names():
-    bench = Bench()
-    outcome = plan(bench)
+    scene = PickingScene()
+    outcome = plan(scene)
     assert outcome.status is Status.SUCCESS
     path, grasp = outcome.outputs["path"], outcome.outputs["grasp"]
     assert grasp in GRASPS
     np.testing.assert_allclose(path.q[0], OBSERVE)
     np.testing.assert_allclose(ROBOT_MODEL.tcp(path.q[-1]), grasp.T_base_pre_grasp, atol=1e-6)
-    check_trajectory(path, bench.arm.limits)
+    check_trajectory(path, scene.arm.limits)
     world = CollisionWorld.build(ROBOT_MODEL, WORKSPACE)
-    assert world.check_trajectory(path, bench.width) is None
+    assert world.check_trajectory(path, scene.width) is None
     assert isinstance(dict(outcome.published)["path"], SceneView)
 
 
@@ -88,29 +88,29 @@ def test_a_budget_that_is_used_up_is_no_path_and_the_next_planner_may_find_one()
 
 @pytest.mark.parametrize("seen", [None, 0.0])
 def test_a_map_that_is_empty_or_old_is_not_planned_in(seen):
-    bench = Bench()
-    bench.clock.advance(300.0)
+    scene = PickingScene()
+    scene.clock.advance(300.0)
     old = OccupancyMap.empty(WORKSPACE.lower, WORKSPACE.upper, 0.02) if seen is None else seen_map(seen)
-    outcome = plan(bench, map=old)
+    outcome = plan(scene, map=old)
     assert outcome.reason.code == "MAP_STALE"
 
 
 def test_planning_that_takes_too_long_is_cancelled_and_told():
-    bench = Bench(clock=RealTimeClock())
+    scene = PickingScene(clock=RealTimeClock())
     given = {"to": candidates(*GRASPS), "map": seen_map(), "budget": 0.2}
-    outcome = drive(Plan(), given, bench.devices, clock=bench.clock, computing=10**9)
+    outcome = drive(Plan(), given, scene.devices, clock=scene.clock, computing=10**9)
     assert outcome.reason.code == "TIMEOUT"
     assert outcome.cancelled == 1
     assert 5.0 < outcome.duration < 5.5  # the budget and a cold start
 
 
 def test_interrupted_planning_is_cancelled_and_leaves_nothing_behind():
-    bench = Bench()
+    scene = PickingScene()
     given = {"to": candidates(*GRASPS), "map": seen_map()}
     skill = Plan()
-    outcome = drive(skill, given, bench.devices, clock=bench.clock, computing=10, interrupt_after=5)
+    outcome = drive(skill, given, scene.devices, clock=scene.clock, computing=10, interrupt_after=5)
     assert outcome.status is Status.INVALID
     assert outcome.cancelled == 1
     assert outcome.outputs == {}
     assert outcome.published == ()
-    assert drive(skill, given, bench.devices, clock=bench.clock, computing=10).status is Status.SUCCESS
+    assert drive(skill, given, scene.devices, clock=scene.clock, computing=10).status is Status.SUCCESS

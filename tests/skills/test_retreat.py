@@ -10,7 +10,7 @@ from executive.skill_testing import drive
 from skills.geometry import transform
 from skills.motion.straight_line import straight_line
 from skills.retreat import Retreat
-from tests.skills.picking_scene import HOME, OBSERVE, ROBOT_MODEL, WORKSPACE, Bench, a_grasp
+from tests.skills.picking_scene import HOME, OBSERVE, ROBOT_MODEL, WORKSPACE, PickingScene, a_grasp
 
 GRASP = a_grasp(theta=np.pi / 6.0)
 LINE = straight_line(ROBOT_MODEL, GRASP.q_pre_grasp[0], GRASP.T_base_grasp).q
@@ -22,115 +22,115 @@ def lifted(height: float) -> np.ndarray:
     return straight_line(ROBOT_MODEL, LINE[-1], T).q[-1]
 
 
-def retreat(bench: Bench, **inputs: Any):
-    return drive(Retreat(), {"grasp": GRASP, **inputs}, bench.devices, clock=bench.clock)
+def retreat(scene: PickingScene, **inputs: Any):
+    return drive(Retreat(), {"grasp": GRASP, **inputs}, scene.devices, clock=scene.clock)
 
 
 def test_from_the_grasp_it_opens_and_goes_straight_back():
-    bench = Bench(q=LINE[-1].copy(), width=0.084)
-    bench.hold_fruit()
-    outcome = retreat(bench)
+    scene = PickingScene(q=LINE[-1].copy(), width=0.084)
+    scene.hold_fruit()
+    outcome = retreat(scene)
     assert outcome.status is Status.SUCCESS
-    assert bench.gripper.width == pytest.approx(GRASP.width, abs=1e-3)
-    np.testing.assert_allclose(bench.tcp, GRASP.T_base_pre_grasp, atol=1e-6)
-    assert len(bench.arm.followed) == 1
-    offsets = np.array([ROBOT_MODEL.tcp(q)[:3, 3] for q in bench.arm.followed[0].q]) - GRASP.T_base_grasp[:3, 3]
+    assert scene.gripper.width == pytest.approx(GRASP.width, abs=1e-3)
+    np.testing.assert_allclose(scene.tcp, GRASP.T_base_pre_grasp, atol=1e-6)
+    assert len(scene.arm.followed) == 1
+    offsets = np.array([ROBOT_MODEL.tcp(q)[:3, 3] for q in scene.arm.followed[0].q]) - GRASP.T_base_grasp[:3, 3]
     along = offsets @ GRASP.T_base_grasp[:3, 2]
     np.testing.assert_allclose(offsets, along[:, None] * GRASP.T_base_grasp[:3, 2], atol=1e-4)
 
 
 def test_halfway_on_the_approach_the_open_fingers_stay_as_they_are():
-    bench = Bench(q=LINE[len(LINE) // 2].copy(), width=GRASP.width)
-    assert retreat(bench).status is Status.SUCCESS
-    assert bench.gripper.moves == []
-    np.testing.assert_allclose(bench.tcp, GRASP.T_base_pre_grasp, atol=1e-6)
+    scene = PickingScene(q=LINE[len(LINE) // 2].copy(), width=GRASP.width)
+    assert retreat(scene).status is Status.SUCCESS
+    assert scene.gripper.moves == []
+    np.testing.assert_allclose(scene.tcp, GRASP.T_base_pre_grasp, atol=1e-6)
 
 
 def test_a_lifted_fruit_is_put_down_before_the_fingers_open():
-    bench = Bench(q=lifted(0.10), width=0.084)
-    bench.hold_fruit()
+    scene = PickingScene(q=lifted(0.10), width=0.084)
+    scene.hold_fruit()
     opened_at = []
 
     def watch(_tick: int) -> None:
-        if bench.gripper.moves and not opened_at:
-            opened_at.append(bench.tcp[2, 3])
+        if scene.gripper.moves and not opened_at:
+            opened_at.append(scene.tcp[2, 3])
 
-    outcome = drive(Retreat(), {"grasp": GRASP}, bench.devices, clock=bench.clock, each_tick=watch)
+    outcome = drive(Retreat(), {"grasp": GRASP}, scene.devices, clock=scene.clock, each_tick=watch)
     assert outcome.status is Status.SUCCESS
     assert opened_at[0] == pytest.approx(GRASP.T_base_grasp[2, 3], abs=1e-3)
-    np.testing.assert_allclose(bench.tcp, GRASP.T_base_pre_grasp, atol=1e-6)
+    np.testing.assert_allclose(scene.tcp, GRASP.T_base_pre_grasp, atol=1e-6)
 
 
 def test_a_fruit_that_meets_its_support_earlier_is_let_go_there():
-    bench = Bench(q=lifted(0.10), width=0.084)
+    scene = PickingScene(q=lifted(0.10), width=0.084)
 
     def feel(_now: float) -> np.ndarray:
         wrenches = np.zeros((2, 6))
         wrenches[:, 2] = -2.0
-        wrenches[:, 0] = -1.0 if bench.tcp[2, 3] > GRASP.T_base_grasp[2, 3] + 0.03 else 0.0
+        wrenches[:, 0] = -1.0 if scene.tcp[2, 3] > GRASP.T_base_grasp[2, 3] + 0.03 else 0.0
         return wrenches
 
-    bench.fingers.feel = feel
-    bench.clock.advance(0.01)
-    outcome = retreat(bench)
+    scene.fingers.feel = feel
+    scene.clock.advance(0.01)
+    outcome = retreat(scene)
     assert outcome.status is Status.SUCCESS
-    lowest = min(ROBOT_MODEL.tcp(q)[2, 3] for q in [bench.arm.followed[1].q[0]])
+    lowest = min(ROBOT_MODEL.tcp(q)[2, 3] for q in [scene.arm.followed[1].q[0]])
     assert GRASP.T_base_grasp[2, 3] + 0.01 < lowest < GRASP.T_base_grasp[2, 3] + 0.031
 
 
 def test_above_the_grasp_with_nothing_held_nothing_moves():
-    bench = Bench(q=lifted(0.15), width=0.05)
-    assert retreat(bench).status is Status.SUCCESS
-    assert bench.arm.followed == []
-    assert bench.gripper.moves == []
+    scene = PickingScene(q=lifted(0.15), width=0.05)
+    assert retreat(scene).status is Status.SUCCESS
+    assert scene.arm.followed == []
+    assert scene.gripper.moves == []
 
 
 @pytest.mark.parametrize("q", [OBSERVE, HOME])
 def test_far_from_the_grasp_nothing_moves(q):
-    bench = Bench(q=q.copy())
-    assert retreat(bench).status is Status.SUCCESS
-    assert bench.arm.followed == []
+    scene = PickingScene(q=q.copy())
+    assert retreat(scene).status is Status.SUCCESS
+    assert scene.arm.followed == []
 
 
 def test_before_any_grasp_there_is_nothing_to_retreat_from():
-    bench = Bench()
-    assert drive(Retreat(), {}, bench.devices, clock=bench.clock).status is Status.SUCCESS
+    scene = PickingScene()
+    assert drive(Retreat(), {}, scene.devices, clock=scene.clock).status is Status.SUCCESS
 
 
 def test_interrupted_while_lowering_the_fingers_stay_closed():
-    bench = Bench(q=lifted(0.10), width=0.084)
-    bench.hold_fruit()
-    outcome = drive(Retreat(), {"grasp": GRASP}, bench.devices, clock=bench.clock, interrupt_after=20)
+    scene = PickingScene(q=lifted(0.10), width=0.084)
+    scene.hold_fruit()
+    outcome = drive(Retreat(), {"grasp": GRASP}, scene.devices, clock=scene.clock, interrupt_after=20)
     assert outcome.status is Status.INVALID
-    assert bench.arm.settled()
-    assert bench.gripper.moves == []
+    assert scene.arm.settled()
+    assert scene.gripper.moves == []
 
 
 @pytest.mark.parametrize("code", ["REFUSED", "STOPPED", "MOTION_FAILED"])
 def test_an_arm_that_does_not_move_as_asked_is_a_reason(code):
-    bench = Bench(q=LINE[-1].copy(), width=GRASP.width)
+    scene = PickingScene(q=LINE[-1].copy(), width=GRASP.width)
     outcome = drive(
-        Retreat(), {"grasp": GRASP}, bench.devices, clock=bench.clock, each_tick=bench.arm_trouble(code)
+        Retreat(), {"grasp": GRASP}, scene.devices, clock=scene.clock, each_tick=scene.arm_trouble(code)
     )  # fmt: skip
     assert outcome.reason.code == code
-    assert bench.arm.settled()
+    assert scene.arm.settled()
 
 
 def test_a_pre_grasp_out_of_reach_is_no_way_back():
-    bench = Bench(q=LINE[-1].copy(), width=GRASP.width)
+    scene = PickingScene(q=LINE[-1].copy(), width=GRASP.width)
     far = GRASP.T_base_pre_grasp @ transform(None, [0.0, 0.0, -0.9])
     outcome = drive(
-        Retreat(), {"grasp": replace(GRASP, T_base_pre_grasp=far)}, bench.devices, clock=bench.clock
+        Retreat(), {"grasp": replace(GRASP, T_base_pre_grasp=far)}, scene.devices, clock=scene.clock
     )  # fmt: skip
     assert outcome.reason.code == "RETREAT_BLOCKED"
-    assert bench.arm.followed == []
+    assert scene.arm.followed == []
 
 
 def test_something_fixed_on_the_way_back_stops_it_before_it_moves():
     behind = GRASP.T_base_pre_grasp @ transform(None, [0.0, 0.0, -0.1])
     box = Box("lamp", behind, (0.02, 0.15, 0.02))
-    bench = Bench(q=LINE[-1].copy(), width=GRASP.width, workspace=replace(WORKSPACE, obstacles=(box,)))
-    outcome = retreat(bench)
+    scene = PickingScene(q=LINE[-1].copy(), width=GRASP.width, workspace=replace(WORKSPACE, obstacles=(box,)))
+    outcome = retreat(scene)
     assert outcome.reason.code == "RETREAT_BLOCKED"
     assert outcome.reason.data["obstacle"] == "lamp"
-    assert bench.arm.followed == []
+    assert scene.arm.followed == []

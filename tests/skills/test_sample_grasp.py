@@ -6,16 +6,16 @@ from executive.skill_testing import drive
 from executive.views import SceneView
 from skills.motion.occupancy import OccupancyMap
 from skills.sample_grasp import SampleGrasp
-from tests.skills.picking_scene import WORKSPACE, Bench, apple_at, seen_map
+from tests.skills.picking_scene import WORKSPACE, PickingScene, apple_at, seen_map
 
 
-def sample(skill: SampleGrasp, bench: Bench, **inputs: Any):
+def sample(skill: SampleGrasp, scene: PickingScene, **inputs: Any):
     given = {"around": apple_at(5, 2), "map": seen_map(), "thetas": 1, "alphas": 4, **inputs}
-    return drive(skill, given, bench.devices, clock=bench.clock)
+    return drive(skill, given, scene.devices, clock=scene.clock)
 
 
 def test_all_candidates_come_best_first_and_the_others_with_a_reason():
-    outcome = sample(SampleGrasp(), Bench(), thetas=3, alphas=8)
+    outcome = sample(SampleGrasp(), PickingScene(), thetas=3, alphas=8)
     assert outcome.status is Status.SUCCESS
     candidates = outcome.outputs["candidates"]
     assert candidates.attempt == 1
@@ -28,9 +28,9 @@ def test_all_candidates_come_best_first_and_the_others_with_a_reason():
 
 
 def test_every_attempt_takes_the_next_then_samples_more_finely_until_all_are_tried():
-    bench, skill, seen, tried, counts = Bench(), SampleGrasp(), set(), None, []
+    scene, skill, seen, tried, counts = PickingScene(), SampleGrasp(), set(), None, []
     near = {"thetas": 1, "alphas": 2, "alpha_max": 0.2}
-    while (outcome := sample(skill, bench, tried=tried, **near)).status is Status.SUCCESS:
+    while (outcome := sample(skill, scene, tried=tried, **near)).status is Status.SUCCESS:
         candidates = outcome.outputs["candidates"]
         tried = candidates.grasps[0]
         assert (tried.theta, tried.alpha) not in seen
@@ -41,17 +41,17 @@ def test_every_attempt_takes_the_next_then_samples_more_finely_until_all_are_tri
 
 
 def test_one_at_a_time_counts_as_tried_by_itself():
-    bench, skill = Bench(), SampleGrasp()
-    first = sample(skill, bench, count=1, check=False).outputs["candidates"].grasps
-    second = sample(skill, bench, count=1, check=False).outputs["candidates"].grasps
+    scene, skill = PickingScene(), SampleGrasp()
+    first = sample(skill, scene, count=1, check=False).outputs["candidates"].grasps
+    second = sample(skill, scene, count=1, check=False).outputs["candidates"].grasps
     assert [len(first), len(second)] == [1, 1]
     assert [first[0].index, second[0].index] == [0, 1]
 
 
 def test_a_new_fruit_starts_afresh():
-    bench, skill = Bench(), SampleGrasp()
-    sample(skill, bench, count=1, check=False)
-    other = sample(skill, bench, count=1, check=False, around=apple_at(5, 1)).outputs["candidates"]
+    scene, skill = PickingScene(), SampleGrasp()
+    sample(skill, scene, count=1, check=False)
+    other = sample(skill, scene, count=1, check=False, around=apple_at(5, 1)).outputs["candidates"]
     assert other.attempt == 1
     assert other.grasps[0].index == 0
 
@@ -59,27 +59,27 @@ def test_a_new_fruit_starts_afresh():
 def test_when_nothing_is_left_the_reasons_are_counted():
     far = apple_at(5, 2)
     far.T_base_fruit[0, 3] += 0.5
-    outcome = sample(SampleGrasp(), Bench(), around=far)
+    outcome = sample(SampleGrasp(), PickingScene(), around=far)
     assert outcome.reason.code == "NO_CANDIDATE"
     assert "16 unreachable" in outcome.reason.message
 
 
 def test_a_stale_or_empty_map_is_not_free():
-    bench = Bench()
-    bench.clock.advance(500.0)
-    assert sample(SampleGrasp(), bench).reason.code == "MAP_STALE"
+    scene = PickingScene()
+    scene.clock.advance(500.0)
+    assert sample(SampleGrasp(), scene).reason.code == "MAP_STALE"
     empty = OccupancyMap.empty(WORKSPACE.lower, WORKSPACE.upper, 0.02)
-    assert sample(SampleGrasp(), Bench(), map=empty).reason.code == "MAP_STALE"
+    assert sample(SampleGrasp(), PickingScene(), map=empty).reason.code == "MAP_STALE"
 
 
 def test_interrupted_it_gives_up_and_the_next_start_counts_as_another_attempt():
-    bench, skill = Bench(), SampleGrasp()
+    scene, skill = PickingScene(), SampleGrasp()
     given = {"around": apple_at(5, 2), "map": seen_map(), "thetas": 1, "alphas": 4}
-    outcome = drive(skill, given, bench.devices, clock=bench.clock, computing=10, interrupt_after=5)
+    outcome = drive(skill, given, scene.devices, clock=scene.clock, computing=10, interrupt_after=5)
     assert outcome.status is Status.INVALID
     assert outcome.cancelled == 1
     assert outcome.outputs == {}
     assert outcome.published == ()
-    again = drive(skill, given, bench.devices, clock=bench.clock, computing=10)
+    again = drive(skill, given, scene.devices, clock=scene.clock, computing=10)
     assert again.outputs["candidates"].attempt == 2
     assert len(again.outputs["candidates"].grasps) + len(again.outputs["candidates"].ruled_out) == 4

@@ -94,7 +94,7 @@ function receive(message, size) {
   } else if (message.event === "Control") page.control = message;
   else if (message.event === "Beat") {
     const now = performance.now();
-    page.beat = { tick: message.tick, ages: message.ages ?? {}, heard: now, moved: page.beat?.tick === message.tick ? page.beat.moved : now };
+    page.beat = { tick: message.tick, ages: message.ages ?? {}, received: now, moved: page.beat?.tick === message.tick ? page.beat.moved : now };
     if (page.whole.run && !page.whole.ended) page.whole.t = Math.max(page.whole.t, message.t);
   } else if (message.event !== "Lagged") {
     if (message.event === "RunStarted") { forget(); page.beat = null; }

@@ -64,7 +64,7 @@ export function drawHeader(s) {
 // Each device: what its link says, and how long ago the device was heard; in a record, since when it says so.
 function drawLinks(s) {
   const live = !page.recorded && page.at === null && page.beat && !s.ended;
-  const since = live ? (performance.now() - page.beat.heard) / 1000 : 0;
+  const since = live ? (performance.now() - page.beat.received) / 1000 : 0;
   const links = [...s.links].map(([device, { state, t }]) => {
     const age = live && device in page.beat.ages ? page.beat.ages[device] + (since > 1.5 ? since : 0) : null;
     const rank = state !== "ok" ? "bad" : age !== null && age > OLD ? "old" : "ok";

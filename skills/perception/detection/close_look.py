@@ -39,7 +39,7 @@ def keypoint_size(keypoints: F64) -> float:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Look:
+class VirtualCamera:
     """A virtual camera at the real one's place, turned to a fruit.
 
     Attributes:
@@ -133,7 +133,7 @@ class Look:
         return self.R_camera_look @ (distance * ray), self.R_camera_look @ stem
 
 
-def look_at(K: F64, centre: F64, size: float, roll: float = 0.0) -> Look:
+def look_at(K: F64, centre: F64, size: float, roll: float = 0.0) -> VirtualCamera:
     """The camera turned to a fruit.
 
     Args:
@@ -149,4 +149,4 @@ def look_at(K: F64, centre: F64, size: float, roll: float = 0.0) -> Look:
     R = minimal_rotation((0.0, 0.0, 1.0), ray / length) @ R_roll
     # REFERENCE_LENGTH at distance D along the ray is size = K[0, 0] * REFERENCE_LENGTH * length / D wide.
     distance = K[0, 0] * REFERENCE_LENGTH * length / max(size, 2.0)
-    return Look(K, R, 0.5 * CLOSE_LOOK_SIZE * distance / (MARGIN * REFERENCE_LENGTH))
+    return VirtualCamera(K, R, 0.5 * CLOSE_LOOK_SIZE * distance / (MARGIN * REFERENCE_LENGTH))

@@ -31,7 +31,7 @@ from skills.perception.detection.compact_network import (
     to_input,
 )
 from skills.perception.detection.frame_check import check_picture
-from skills.perception.detection.peaks import Place, decode_offsets
+from skills.perception.detection.peaks import Peak, decode_offsets
 from skills.perception.detection.processor import has_bfloat16
 from skills.perception.detection.weights import load_compact
 
@@ -184,7 +184,7 @@ class CompactDetector:
                 kept.append(fruit)
         return kept
 
-    def places(self, colour: U8, threshold: float) -> list[Place]:
+    def places(self, colour: U8, threshold: float) -> list[Peak]:
         """Where the finder sees fruit, strongest first, in pixels of the picture.
 
         Raises:
@@ -192,7 +192,7 @@ class CompactDetector:
         """
         belief, offsets, factor = self.belief_maps(colour)
         return [
-            Place((place.keypoints + 0.5) / factor - 0.5, place.size / factor, place.belief)
+            Peak((place.keypoints + 0.5) / factor - 0.5, place.size / factor, place.belief)
             for place in decode_offsets(belief, offsets, threshold)
         ]
 

@@ -19,7 +19,7 @@ MOST_PEAKS = 60
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Place:
+class Peak:
     """Where the finder sees a fruit.
 
     Attributes:
@@ -33,7 +33,7 @@ class Place:
     belief: float
 
 
-def decode_offsets(belief: F32, offsets: F32, threshold: float, apart: float = 0.45) -> list[Place]:
+def decode_offsets(belief: F32, offsets: F32, threshold: float, apart: float = 0.45) -> list[Peak]:
     """Fruit in the finder's maps, strongest first.
 
     Args:
@@ -54,7 +54,7 @@ def decode_offsets(belief: F32, offsets: F32, threshold: float, apart: float = 0
     highest = cv2.dilate(centroid, np.ones((5, 5), np.uint8))
     v, u = np.nonzero((centroid >= highest) & (centroid > threshold))
     order = np.argsort(-centroid[v, u], kind="stable")[:MOST_PEAKS]
-    found: list[Place] = []
+    found: list[Peak] = []
     for y, x in zip(v[order].tolist(), u[order].tolist(), strict=True):
         here = np.nan_to_num(offsets[:, y, x].astype(np.float64))
         arms = here[:16].reshape(8, 2) * OFFSET_UNIT
@@ -63,7 +63,7 @@ def decode_offsets(belief: F32, offsets: F32, threshold: float, apart: float = 0
         points = (cells + 0.5) * FINDER_STRIDE - 0.5
         size = float(np.exp(np.clip(here[16], -3.0, 3.0))) * OFFSET_UNIT * FINDER_STRIDE
         if all(np.linalg.norm(points[8] - p.keypoints[8]) > apart * max(size, p.size) for p in found):
-            found.append(Place(points, size, float(centroid[y, x])))
+            found.append(Peak(points, size, float(centroid[y, x])))
     return found
 
 

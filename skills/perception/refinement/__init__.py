@@ -2,7 +2,7 @@
 
 from skills.perception.measured_fruit import MeasuredFruit
 from skills.perception.refinement.depth_image import ImageBox
-from skills.perception.refinement.gather import Look
+from skills.perception.refinement.gather import OtherLook
 from skills.perception.refinement.refinement import refine
 from skills.perception.refinement.render import render_depth
 from skills.perception.refinement.result import Limits, RefineResult
@@ -13,8 +13,8 @@ from skills.perception.refinement.support_plane import Plane, horizontal_plane
 __all__ = [
     "ImageBox",
     "Limits",
-    "Look",
     "MeasuredFruit",
+    "OtherLook",
     "Plane",
     "Priors",
     "RefineResult",

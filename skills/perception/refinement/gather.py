@@ -29,7 +29,7 @@ _OTHER_LOOK = 2.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Look:
+class OtherLook:
     """Another look at the same fruit.
 
     Attributes:
@@ -87,7 +87,7 @@ def gather(
 
 
 def gather_others(
-    looks: Sequence[Look],
+    looks: Sequence[OtherLook],
     mesh: Triangles,
     T_camera_mesh: Float64,
     plane: Plane | None,

@@ -13,7 +13,7 @@ from skills.perception.detection.detection import Detection
 from skills.perception.measured_fruit import MeasuredFruit
 from skills.perception.refinement.depth_image import DepthImage, ImageBox, RendererName
 from skills.perception.refinement.errors import NoDepth
-from skills.perception.refinement.gather import Look
+from skills.perception.refinement.gather import OtherLook
 from skills.perception.refinement.refinement import refine
 from skills.perception.refinement.render import render_depth
 from skills.perception.refinement.result import Limits, Method
@@ -58,7 +58,9 @@ def measure(
         detection.fruit,
         method=method,
         support=None if table_z is None else horizontal_plane(detection.T_base_camera, table_z),
-        looks=[Look(f.depth, f.intrinsics, T_camera_base @ T, f.depth_noise) for f, T in past if f.depth is not None],
+        looks=[
+            OtherLook(f.depth, f.intrinsics, T_camera_base @ T, f.depth_noise) for f, T in past if f.depth is not None
+        ],
         limits=limits,
         depth_noise=frame.depth_noise,
         using=using,

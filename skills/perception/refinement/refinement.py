@@ -12,7 +12,7 @@ from drivers.interfaces import NOMINAL_DEPTH_NOISE, DepthNoise, Intrinsics
 from skills.perception.refinement.checks import check_depth, check_pose, extents
 from skills.perception.refinement.depth_image import DepthImage, ImageBox, RendererName, Triangles
 from skills.perception.refinement.errors import AtBound, SizeOutOfRange, TooFewInliers
-from skills.perception.refinement.gather import Look, gather, gather_others, near_model
+from skills.perception.refinement.gather import OtherLook, gather, gather_others, near_model
 from skills.perception.refinement.paper import fit_scale_by_rendering, sigma_bound
 from skills.perception.refinement.render import render_depth
 from skills.perception.refinement.result import Limits, Method, RefineResult
@@ -48,7 +48,7 @@ def refine(
     *,
     method: Method = "shape",
     support: Plane | None = None,
-    looks: Sequence[Look] = (),
+    looks: Sequence[OtherLook] = (),
     limits: Limits | None = None,
     priors: Priors | None = None,
     depth_noise: DepthNoise = NOMINAL_DEPTH_NOISE,
@@ -151,7 +151,7 @@ def _fitted(
     scaled: RefineResult,
     method: str,
     support: Plane | None,
-    looks: Sequence[Look],
+    looks: Sequence[OtherLook],
     limits: Limits,
     priors: Priors | None,
     using: RendererName,

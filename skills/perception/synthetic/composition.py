@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from skills.perception.detection.symmetry import STEM_AXIS, minimal_rotation
 from skills.perception.fruit import FruitModel
 from skills.perception.synthetic import shapes
-from skills.perception.synthetic.contents import Item, Scene
+from skills.perception.synthetic.contents import Item, SyntheticScene
 from skills.perception.synthetic.foliage import grow_tree
 from skills.perception.synthetic.options import SceneKind, SceneOptions
 from skills.perception.synthetic.paint import plain_paint, skin_paint, skins
@@ -21,9 +21,9 @@ _DEPTHS = {SceneKind.RANDOM: (0.32, 1.0), SceneKind.ORCHARD: (0.4, 1.4), SceneKi
 """Least and greatest distance of fruit that stands on nothing [m]."""
 
 
-def compose(fruit: FruitModel, options: SceneOptions, kind: SceneKind, rng: np.random.Generator) -> Scene:
+def compose(fruit: FruitModel, options: SceneOptions, kind: SceneKind, rng: np.random.Generator) -> SyntheticScene:
     """Draw a scene: camera, fruit, leaves and other things, all from `rng`."""
-    scene = Scene(kind, _camera_pose(kind, rng), table=kind is SceneKind.TABLE or rng.random() < 0.15)
+    scene = SyntheticScene(kind, _camera_pose(kind, rng), table=kind is SceneKind.TABLE or rng.random() < 0.15)
     if kind is SceneKind.TABLE and rng.random() < 0.06:
         scene.table = False
     count = int(rng.integers(options.instances[0], options.instances[1] + 1))
@@ -94,7 +94,7 @@ def _fruit_rotation(kind: SceneKind, rng: np.random.Generator) -> F64:
 
 
 def _place(
-    scene: Scene, options: SceneOptions, radius: float, lowest: float, gap: float, rng: np.random.Generator
+    scene: SyntheticScene, options: SceneOptions, radius: float, lowest: float, gap: float, rng: np.random.Generator
 ) -> F64 | None:
     """A free place in view for a body of `radius` whose centre is `lowest` above its lowest point; None when full."""
     fx, fy, cx, cy = options.camera
@@ -128,7 +128,7 @@ def _place(
 
 
 def _add_fruit(
-    fruit: FruitModel, options: SceneOptions, scene: Scene, style: F64, plain: bool, rng: np.random.Generator
+    fruit: FruitModel, options: SceneOptions, scene: SyntheticScene, style: F64, plain: bool, rng: np.random.Generator
 ) -> None:
     exact = rng.random() < options.exact
     index = 0 if exact or rng.random() < 0.2 else int(rng.integers(1, 64))
@@ -163,7 +163,7 @@ def _add_fruit(
         scene.items.append(Item(part, rotation, thick, centre, paint, 900.0, (0.02, 10.0, 0.1), order))
 
 
-def _add_decoy(options: SceneOptions, scene: Scene, style: F64, rng: np.random.Generator) -> None:
+def _add_decoy(options: SceneOptions, scene: SyntheticScene, style: F64, rng: np.random.Generator) -> None:
     """Balls, capsules, boxes, cylinders, turned bodies; many in the fruit's own colours."""
     choice = rng.choice(["ball", "capsule", "box", "cylinder", "turned"], p=[0.28, 0.2, 0.2, 0.12, 0.2])
     size = rng.uniform(0.012, 0.055)
@@ -201,7 +201,7 @@ def _add_decoy(options: SceneOptions, scene: Scene, style: F64, rng: np.random.G
     scene.decoys.append((centre, radius))
 
 
-def _add_leaves(options: SceneOptions, scene: Scene, rng: np.random.Generator) -> None:
+def _add_leaves(options: SceneOptions, scene: SyntheticScene, rng: np.random.Generator) -> None:
     """Leaves and twigs between, before and behind the fruit."""
     T = scene.T_world_camera
     fx, fy, cx, cy = options.camera
@@ -224,7 +224,7 @@ def _add_leaves(options: SceneOptions, scene: Scene, rng: np.random.Generator) -
         scene.items.append(Item(shape, _random_rotation(rng), size, centre, paint, 600.0, (0.02, 8.0, 0.3)))
 
 
-def _add_finger(scene: Scene, rng: np.random.Generator) -> None:
+def _add_finger(scene: SyntheticScene, rng: np.random.Generator) -> None:
     """Bars close to the camera that reach into the picture from one side, as a gripper's fingers do."""
     T = scene.T_world_camera
     side = rng.uniform(0.0, 2.0 * np.pi) if rng.random() < 0.4 else -0.5 * np.pi

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skills.perception.synthetic.options import SceneKind
-from skills.perception.synthetic.shapes import Shape
+from skills.perception.synthetic.shapes import ShadedMesh
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -18,7 +18,7 @@ F64 = NDArray[np.float64]
 class Item:
     """One thing of a scene: shape, pose [m] and paint."""
 
-    shape: Shape
+    shape: ShadedMesh
     rotation: F64
     scale: F64
     centre: F64
@@ -30,7 +30,7 @@ class Item:
 
 
 @dataclass(slots=True)
-class Scene:
+class SyntheticScene:
     """What is rendered: camera, things, and the truth about the fruit among them."""
 
     kind: SceneKind

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skills.perception.synthetic import shapes
-from skills.perception.synthetic.contents import Item, Scene
+from skills.perception.synthetic.contents import Item, SyntheticScene
 from skills.perception.synthetic.options import SceneOptions
-from skills.perception.synthetic.shapes import Shape
+from skills.perception.synthetic.shapes import ShadedMesh
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -22,7 +22,7 @@ SPRAYS = 64
 UP = np.array([0.0, 0.0, 1.0])
 
 
-def grow_tree(options: SceneOptions, scene: Scene, rng: np.random.Generator) -> None:
+def grow_tree(options: SceneOptions, scene: SyntheticScene, rng: np.random.Generator) -> None:
     """Put leaves over most fruit of a scene, and leaves and branches everywhere else."""
     eye = scene.T_world_camera[:3, 3]
     hue, thickness = rng.uniform(0.0, 1.0), rng.uniform(0.5, 2.0)  # leaves of one tree resemble each other
@@ -44,7 +44,7 @@ def grow_tree(options: SceneOptions, scene: Scene, rng: np.random.Generator) -> 
         _add_branch(scene, place, rng)
 
 
-def _in_view(options: SceneOptions, scene: Scene, depth: float, rng: np.random.Generator) -> F64:
+def _in_view(options: SceneOptions, scene: SyntheticScene, depth: float, rng: np.random.Generator) -> F64:
     fx, fy, cx, cy = options.camera
     u, v = rng.uniform(0.0, options.width), rng.uniform(0.0, options.height)
     ray = np.array([(u - cx) / fx, (v - cy) / fy, 1.0])
@@ -53,7 +53,7 @@ def _in_view(options: SceneOptions, scene: Scene, depth: float, rng: np.random.G
 
 
 @lru_cache(maxsize=SPRAYS)
-def spray(index: int) -> Shape:
+def spray(index: int) -> ShadedMesh:
     """Three to nine leaves of up to unit length along a twig that begins at the origin and points along +z."""
     rng = np.random.default_rng((29, index))
     vertices, faces = [], []
@@ -74,7 +74,9 @@ def _frame(along: F64, rng: np.random.Generator) -> F64:
     return np.stack([x, np.cross(z, x), z], axis=1)
 
 
-def _add_spray(scene: Scene, root: F64, along: F64, length: float, hue: float, rng: np.random.Generator) -> None:
+def _add_spray(
+    scene: SyntheticScene, root: F64, along: F64, length: float, hue: float, rng: np.random.Generator
+) -> None:
     shape = spray(int(rng.integers(SPRAYS)))
     each = len(shapes.leaf(0).vertices)
     leaves = len(shape.vertices) // each
@@ -92,7 +94,7 @@ def _add_spray(scene: Scene, root: F64, along: F64, length: float, hue: float, r
     scene.items.append(Item(shape, _frame(along, rng), scale, root, albedo, rng.uniform(300.0, 1500.0), look))
 
 
-def _add_branch(scene: Scene, centre: F64, rng: np.random.Generator) -> None:
+def _add_branch(scene: SyntheticScene, centre: F64, rng: np.random.Generator) -> None:
     shape = shapes.capsule(1.0, rng.uniform(0.006, 0.05))
     bark = np.array([0.14, 0.11, 0.09]) * rng.uniform(0.3, 2.2)
     paint = np.broadcast_to(bark.astype(np.float32), shape.vertices.shape)

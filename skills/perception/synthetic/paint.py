@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skills.perception.fruit import FruitModel
-from skills.perception.synthetic.shapes import Shape
+from skills.perception.synthetic.shapes import ShadedMesh
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -32,7 +32,7 @@ def skins(fruit: FruitModel) -> F64:
     return np.array([[own, own * 1.2], [own * (0.8, 1.0, 0.7), own * (1.1, 1.0, 1.0)], [own * (0.5, 0.9, 0.6), own]])
 
 
-def skin_paint(shape: Shape, skins: F64, style: F64, rng: np.random.Generator) -> F32:
+def skin_paint(shape: ShadedMesh, skins: F64, style: F64, rng: np.random.Generator) -> F32:
     """Skin colour per vertex: ground colour, blush on the sunny side, streaks along meridians, russet hollows."""
     skin = skins[int(style[0] * len(skins)) if rng.random() < 0.7 else int(rng.integers(len(skins)))]
     skin = skin * np.exp(rng.normal(0.0, 0.18, (2, 3))) * np.exp(rng.normal(0.0, 0.15))
@@ -57,7 +57,7 @@ def skin_paint(shape: Shape, skins: F64, style: F64, rng: np.random.Generator) -
     return colour.astype(np.float32)
 
 
-def plain_paint(shape: Shape, style: F64, rng: np.random.Generator) -> F32:
+def plain_paint(shape: ShadedMesh, style: F64, rng: np.random.Generator) -> F32:
     """One colour all over, as simulators paint fruit."""
     skin = _SKINS[int(style[1] * len(_SKINS))][0] if rng.random() < 0.8 else rng.uniform(0.02, 0.8, 3)
     skin = skin * np.exp(rng.normal(0.0, 0.3, 3))

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from skills.perception.fruit import FruitModel
 from skills.perception.synthetic import textures
 from skills.perception.synthetic.composition import compose
-from skills.perception.synthetic.contents import Scene
+from skills.perception.synthetic.contents import SyntheticScene
 from skills.perception.synthetic.options import SceneKind, SceneOptions
 from skills.perception.synthetic.photograph import photograph
 from skills.perception.synthetic.raster import rasterise, shade
@@ -39,7 +39,7 @@ def render_scene(fruit: FruitModel, options: SceneOptions, seed: int) -> Rendere
     return _render(fruit, options, scene, rng)
 
 
-def _render(fruit: FruitModel, options: SceneOptions, scene: Scene, rng: np.random.Generator) -> RenderedFrame:
+def _render(fruit: FruitModel, options: SceneOptions, scene: SyntheticScene, rng: np.random.Generator) -> RenderedFrame:
     h, w = options.height, options.width
     T_wc = scene.T_world_camera
     R_cw, eye = T_wc[:3, :3].T, T_wc[:3, 3]

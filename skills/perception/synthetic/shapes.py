@@ -15,7 +15,7 @@ F32 = NDArray[np.float32]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Shape:
+class ShadedMesh:
     """Triangles with what the shading needs: positions (n, 3) [m], normals, faces (m, 3), ambient openness (n,)."""
 
     vertices: F32
@@ -25,7 +25,7 @@ class Shape:
     two_sided: bool = False
 
 
-def make_shape(vertices: NDArray[np.float64], faces: NDArray[np.int32], two_sided: bool = False) -> Shape:
+def make_shape(vertices: NDArray[np.float64], faces: NDArray[np.int32], two_sided: bool = False) -> ShadedMesh:
     """A shape with smooth normals and open everywhere."""
     corners = vertices[faces]
     face_normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -33,7 +33,7 @@ def make_shape(vertices: NDArray[np.float64], faces: NDArray[np.int32], two_side
     for k in range(3):
         np.add.at(normals, faces[:, k], face_normals)
     normals /= np.linalg.norm(normals, axis=1, keepdims=True) + 1e-12
-    return Shape(
+    return ShadedMesh(
         vertices.astype(np.float32),
         normals.astype(np.float32),
         np.ascontiguousarray(faces, np.int32),
@@ -42,18 +42,18 @@ def make_shape(vertices: NDArray[np.float64], faces: NDArray[np.int32], two_side
     )
 
 
-def with_hollows(shape: Shape) -> Shape:
+def with_hollows(shape: ShadedMesh) -> ShadedMesh:
     """Darken the stem cavity and the calyx basin by how deep a vertex lies under the rim on its side."""
     x, y, z = shape.vertices.T
     half_height, half_width = np.abs(y).max(), np.hypot(x, z).max()
     depth = (half_height - np.abs(y)) / half_height
     inside = np.clip(1.0 - np.hypot(x, z) / (0.45 * half_width), 0.0, 1.0)
     openness = 1.0 - np.clip(3.2 * depth * inside, 0.0, 0.85)
-    return Shape(shape.vertices, shape.normals, shape.faces, openness.astype(np.float32), shape.two_sided)
+    return ShadedMesh(shape.vertices, shape.normals, shape.faces, openness.astype(np.float32), shape.two_sided)
 
 
 @lru_cache(maxsize=96)
-def apple_relative(index: int) -> Shape:
+def apple_relative(index: int) -> ShadedMesh:
     """Apple `index` of the library in the CAD cuboid; 0 is the CAD apple itself."""
     if index == 0:
         return with_hollows(make_shape(*apple_mesh(around=40, rings=28)))
@@ -69,10 +69,10 @@ def apple_relative(index: int) -> Shape:
     return with_hollows(make_shape(*apple_mesh(shape, around=40, rings=28)))
 
 
-_RELATIVES: dict[tuple[str, int], Shape] = {}
+_RELATIVES: dict[tuple[str, int], ShadedMesh] = {}
 
 
-def fruit_relative(fruit: FruitModel, index: int) -> Shape:
+def fruit_relative(fruit: FruitModel, index: int) -> ShadedMesh:
     """Fruit `index` of a kind's library, in the CAD model's cuboid; 0 is the CAD model itself.
 
     Apples vary by their outline; of any other kind the mesh is bent smoothly.
@@ -96,7 +96,7 @@ def fruit_relative(fruit: FruitModel, index: int) -> Shape:
 
 
 @lru_cache(maxsize=16)
-def stem(index: int) -> Shape:
+def stem(index: int) -> ShadedMesh:
     """Stem `index` of the library, in the CAD apple's frame."""
     rng = np.random.default_rng((11, index))
     return make_shape(
@@ -109,7 +109,7 @@ def stem(index: int) -> Shape:
     )
 
 
-def revolved(outline: NDArray[np.float64], around: int = 28) -> Shape:
+def revolved(outline: NDArray[np.float64], around: int = 28) -> ShadedMesh:
     """A body of revolution about y from points (radius, y); first and last lie on the axis."""
     angle = np.linspace(0.0, 2.0 * np.pi, around, endpoint=False)
     inner = outline[1:-1]
@@ -126,14 +126,14 @@ def revolved(outline: NDArray[np.float64], around: int = 28) -> Shape:
 
 
 @lru_cache(maxsize=1)
-def ball() -> Shape:
+def ball() -> ShadedMesh:
     """A unit sphere."""
     polar = np.linspace(0.0, np.pi, 20)
     return revolved(np.stack([np.sin(polar), -np.cos(polar)], axis=1))
 
 
 @lru_cache(maxsize=1)
-def box() -> Shape:
+def box() -> ShadedMesh:
     """A cube from -1 to 1 with sharp edges."""
     vertices: list[NDArray[np.float64]] = []
     normals: list[NDArray[np.float64]] = []
@@ -147,7 +147,7 @@ def box() -> Shape:
             vertices += [normal + a * right + b * up for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
             normals += [normal] * 4
             faces += [[start, start + 1, start + 2], [start, start + 2, start + 3]]
-    return Shape(
+    return ShadedMesh(
         np.array(vertices, np.float32),
         np.array(normals, np.float32),
         np.array(faces, np.int32),
@@ -156,7 +156,7 @@ def box() -> Shape:
 
 
 @lru_cache(maxsize=32)
-def leaf(index: int) -> Shape:
+def leaf(index: int) -> ShadedMesh:
     """A bent, pointed leaf of unit length."""
     rng = np.random.default_rng((13, index))
     t = np.linspace(0.0, 1.0, 9)
@@ -174,7 +174,7 @@ def leaf(index: int) -> Shape:
     return make_shape(vertices, np.array(faces, np.int32), two_sided=True)
 
 
-def capsule(length: float, radius: float) -> Shape:
+def capsule(length: float, radius: float) -> ShadedMesh:
     """A cylinder of `length` about y with half spheres of `radius` at its ends [m]."""
     polar = np.linspace(0.0, 0.5 * np.pi, 8)
     cap = np.stack([np.sin(polar), -np.cos(polar)], axis=1) * radius
@@ -183,7 +183,7 @@ def capsule(length: float, radius: float) -> Shape:
     return revolved(np.vstack([low, high]))
 
 
-def turned_body(rng: np.random.Generator) -> Shape:
+def turned_body(rng: np.random.Generator) -> ShadedMesh:
     """A random smooth vessel, bulb or pear of about unit radius."""
     polar = np.linspace(0.0, np.pi, 22)
     wave = sum(rng.normal(0.0, 0.22 / k) * np.cos(k * polar + rng.uniform(0.0, 6.28)) for k in (1, 2, 3))
@@ -191,7 +191,7 @@ def turned_body(rng: np.random.Generator) -> Shape:
     return revolved(np.stack([radius, -np.cos(polar) * rng.uniform(0.7, 2.2)], axis=1))
 
 
-def cylinder() -> Shape:
+def cylinder() -> ShadedMesh:
     """A unit cylinder about y with nearly sharp rims."""
     outline = [
         (0.0, -1.0),

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from skills.perception.fruit import FruitModel
 from skills.perception.synthetic import textures
-from skills.perception.synthetic.contents import Scene
+from skills.perception.synthetic.contents import SyntheticScene
 from skills.perception.synthetic.foliage import add_far_fruit
 from skills.perception.synthetic.options import SceneKind, SceneOptions
 from skills.perception.synthetic.paint import skins
@@ -20,7 +20,7 @@ F64 = NDArray[np.float64]
 SHADOW_CELLS = 320
 
 
-def draw_backdrop(fruit: FruitModel, options: SceneOptions, scene: Scene, rng: np.random.Generator) -> F32:
+def draw_backdrop(fruit: FruitModel, options: SceneOptions, scene: SyntheticScene, rng: np.random.Generator) -> F32:
     """The picture behind everything, (h, w, 3) float32."""
     index = int(rng.integers(0, 160))
     tree = scene.kind is SceneKind.TREE
@@ -42,7 +42,7 @@ def draw_backdrop(fruit: FruitModel, options: SceneOptions, scene: Scene, rng: n
     return np.asarray(picture * cast, np.float32)
 
 
-def set_lights(scene: Scene, R_cw: F64, rng: np.random.Generator) -> tuple[F32, F32, F32]:
+def set_lights(scene: SyntheticScene, R_cw: F64, rng: np.random.Generator) -> tuple[F32, F32, F32]:
     """Directions, colours and softness of one to three lamps, in the camera's frame."""
     count = int(rng.integers(1, 4))
     lights = np.zeros((count, 6), np.float32)
@@ -80,7 +80,7 @@ def cast_shadow(P: F32, F: NDArray[np.int32], light: F32, rng: np.random.Generat
     return shadow, light_map
 
 
-def lay_table(scene: Scene, T_wc: F64, rng: np.random.Generator) -> tuple[F32, F32, F32]:
+def lay_table(scene: SyntheticScene, T_wc: F64, rng: np.random.Generator) -> tuple[F32, F32, F32]:
     """The table's plane, its texture axes and its paint, in the camera's frame."""
     R_cw, eye = T_wc[:3, :3].T, T_wc[:3, 3]
     normal = R_cw[:, 2]

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from skills.perception.detection.cuboid import cuboid_keypoints
 from skills.perception.detection.symmetry import STEM_AXIS, label_rotation
 from skills.perception.fruit import FruitModel
-from skills.perception.synthetic.contents import Scene
+from skills.perception.synthetic.contents import SyntheticScene
 from skills.perception.synthetic.options import SceneOptions
 
 F32 = NDArray[np.float32]
@@ -42,7 +42,7 @@ class FruitTruth:
 def true_fruit(
     fruit: FruitModel,
     options: SceneOptions,
-    scene: Scene,
+    scene: SyntheticScene,
     owner: NDArray[np.int32],
     P: F32,
     F: NDArray[np.int32],

@@ -17,8 +17,8 @@ from torch.utils.data import DataLoader, Dataset, Subset
 
 from skills.perception.detection.errors import BadTraining
 from skills.perception.detection.processor import has_bfloat16
+from skills.perception.training.all_reduce import GradientAllReduce
 from skills.perception.training.optimiser import Method, Optimiser
-from skills.perception.training.together import Together
 
 Loss = Callable[[nn.Module, tuple[Tensor, ...]], Tensor]
 
@@ -90,7 +90,7 @@ def train_network(
     device: str = "cpu",
     workers: int = 1,
     report: Callable[[Progress], None] | None = None,
-    together: Together | None = None,
+    all_reduce: GradientAllReduce | None = None,
     rank: int = 0,
 ) -> nn.Module:
     """Train until `schedule.steps`, going on from `checkpoint` where it exists; returns the averaged network.
@@ -132,8 +132,8 @@ def train_network(
             value = loss(network, on_device)
         network.zero_grad(set_to_none=True)
         value.backward()  # type: ignore[no-untyped-call]
-        if together is not None:
-            together.mean(rank, network)
+        if all_reduce is not None:
+            all_reduce.mean(rank, network)
         nn.utils.clip_grad_norm_(network.parameters(), schedule.clip)
         optimiser.step(schedule.rate_at(step))
         if rank > 0:

@@ -14,7 +14,7 @@ from torch import Tensor
 from torch.utils.data import Dataset
 
 from skills.perception.detection.annotations import AnnotatedObject, Annotation, read_annotation
-from skills.perception.detection.close_look import REFERENCE_LENGTH, Look, keypoint_size, look_at
+from skills.perception.detection.close_look import REFERENCE_LENGTH, VirtualCamera, keypoint_size, look_at
 from skills.perception.detection.compact_network import CLOSE_LOOK_SIZE, FINDER_STRIDE
 from skills.perception.detection.cuboid import MIRRORED
 from skills.perception.detection.dope_network import IMAGENET_MEAN, IMAGENET_STD, STRIDE
@@ -275,7 +275,7 @@ def roll_of_look(turned: float, rng: np.random.Generator) -> float:
 
 def look_sample(
     picture: U8,
-    look: Look,
+    look: VirtualCamera,
     target: NDArray[np.float32],
     kind: float,
     visibility: float,
@@ -297,7 +297,7 @@ def look_sample(
     return view, target, np.asarray(np.float32(kind)), np.asarray(np.float32(visibility)), known
 
 
-def no_fruit(picture: U8, look: Look, unlabelled: float, rng: np.random.Generator, augment: bool) -> Sample:
+def no_fruit(picture: U8, look: VirtualCamera, unlabelled: float, rng: np.random.Generator, augment: bool) -> Sample:
     """A look at what is no fruit, as far as is known; `unlabelled` is 1 where it may be fruit that nobody labelled."""
     known = np.zeros(6, np.float32)
     known[UNLABELLED] = unlabelled

@@ -26,6 +26,7 @@ from skills.perception.detection.compact_network import (
 )
 from skills.perception.detection.dope_network import DopeNetwork
 from skills.perception.detection.errors import BadTraining
+from skills.perception.training.all_reduce import CONTEXT, GradientAllReduce
 from skills.perception.training.loop import Loss, Progress, Schedule, train_network
 from skills.perception.training.losses import close_look_loss, dope_loss, finder_loss
 from skills.perception.training.photo_figures import watch
@@ -33,7 +34,6 @@ from skills.perception.training.photo_samples import Mixed, PhotoCloseLookBatche
 from skills.perception.training.photographs import PhotoSet, fruit_scale
 from skills.perception.training.places import load_places
 from skills.perception.training.samples import CloseLookBatches, DopeBatches, FinderBatches, FrameFolder
-from skills.perception.training.together import CONTEXT, Together
 
 Part = Literal["finder", "close_look", "dope"]
 
@@ -97,16 +97,16 @@ def train_part(run: TrainingRun, report: Callable[[Progress], None] | None = Non
     if run.processes == 1:
         return _train(run, report)
     kind, _, _ = _PARTS[run.part]
-    together = Together(run.processes, kind())
-    others = [CONTEXT.Process(target=_follow, args=(run, together, rank)) for rank in range(1, run.processes)]
+    all_reduce = GradientAllReduce(run.processes, kind())
+    others = [CONTEXT.Process(target=_follow, args=(run, all_reduce, rank)) for rank in range(1, run.processes)]
     threads = torch.get_num_threads()
     torch.set_num_threads(1)
     try:
         for other in others:
             other.start()
-        return _train(run, report, together)
+        return _train(run, report, all_reduce)
     except BaseException:
-        together.abandon()
+        all_reduce.abandon()
         raise
     finally:
         torch.set_num_threads(threads)
@@ -114,17 +114,17 @@ def train_part(run: TrainingRun, report: Callable[[Progress], None] | None = Non
             other.join()
 
 
-def _follow(run: TrainingRun, together: Together, rank: int) -> None:
+def _follow(run: TrainingRun, all_reduce: GradientAllReduce, rank: int) -> None:
     """A process that learns beside the first."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the first one decides
     threading.Thread(target=_end_with_parent, daemon=True).start()
     torch.set_num_threads(1)
     try:
-        _train(run, None, together, rank)
+        _train(run, None, all_reduce, rank)
     except BadTraining:
-        together.abandon()  # the first one says it
+        all_reduce.abandon()  # the first one says it
     except BaseException:
-        together.abandon()
+        all_reduce.abandon()
         raise
 
 
@@ -138,7 +138,7 @@ def _end_with_parent() -> None:
 def _train(
     run: TrainingRun,
     report: Callable[[Progress], None] | None,
-    together: Together | None = None,
+    all_reduce: GradientAllReduce | None = None,
     rank: int = 0,
 ) -> nn.Module:
     torch.manual_seed(run.seed)
@@ -158,7 +158,7 @@ def _train(
     validate = _all_figures(run) if rank == 0 else None
     checkpoint = run.out / f"{run.part}.checkpoint.pt"
     return train_network(
-        network, batches, loss, run.schedule, checkpoint, validate, run.device, run.workers, report, together, rank
+        network, batches, loss, run.schedule, checkpoint, validate, run.device, run.workers, report, all_reduce, rank
     )
 
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from drivers import driver as driver_module
 from drivers.cell import known_drivers, load_cell
-from drivers.device import Bench, Device
+from drivers.device import ConnectContext, Device
 from drivers.driver import Driver, NoOptions
 from drivers.errors import CellFileError, DeviceLost
 from drivers.interfaces import Arm, Camera, ForceSensor, Gripper, Hands, Workspace
@@ -160,13 +160,13 @@ class RecorderOptions:
     label: str = value(Text())
 
 
-def connect_recorder(settings, bench: Bench):
-    assert bench.cell.name == "cell.yaml"
-    assert bench.find(Device) is None or bench.find(Camera).name == "first"
+def connect_recorder(settings, context: ConnectContext):
+    assert context.cell.name == "cell.yaml"
+    assert context.find(Device) is None or context.find(Camera).name == "first"
     return Recorder(settings.values.label)
 
 
-def connect_lost(settings, bench):
+def connect_lost(settings, context):
     raise DeviceLost("lost", "does not answer")
 
 

@@ -80,8 +80,8 @@ def test_a_frame_taken_while_the_arm_moves_knows_where_the_arm_was(open_cell):
 def test_two_cells_of_one_seed_measure_the_same_to_the_last_bit_and_another_seed_does_not(open_cell):
     def trace(seed):
         cell = open_cell(seed)
-        heard = []
-        subscription = cell.device(ForceSensor).subscribe(lambda sample: heard.append(sample.wrenches.tobytes()))
+        received = []
+        subscription = cell.device(ForceSensor).subscribe(lambda sample: received.append(sample.wrenches.tobytes()))
         motion = swing(cell)
         cell.device(Gripper).set_speed(-0.02)
         told = []
@@ -90,7 +90,7 @@ def test_two_cells_of_one_seed_measure_the_same_to_the_last_bit_and_another_seed
             told.append((cell.clock.now(), cell.device(Arm).state().q.tobytes(), cell.device(Gripper).state().width))
         subscription.close()
         frame = cell.device(Camera).latest()
-        return told, heard, frame.stamp, frame.depth.tobytes(), frame.colour.tobytes()
+        return told, received, frame.stamp, frame.depth.tobytes(), frame.colour.tobytes()
 
     first, second, other = trace(1), trace(1), trace(2)
     assert len(first[0]) > 20

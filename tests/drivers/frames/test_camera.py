@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from drivers.device import Bench
+from drivers.device import ConnectContext
 from drivers.driver import read_settings
 from drivers.errors import CellFileError, DeviceFault
 from drivers.frames.camera import FramesCamera, connect
@@ -27,7 +27,7 @@ def write_frame(
 
 def connect_folder(cell: Path, folder: object, extra: str = f"intrinsics: {INTRINSICS}") -> FramesCamera:
     cell.write_text(f"driver: frames\nfolder: '{folder}'\n{extra}\n")
-    return connect.connect(read_settings(connect, cell), Bench(cell, ManualClock(5.0), 0))
+    return connect.connect(read_settings(connect, cell), ConnectContext(cell, ManualClock(5.0), 0))
 
 
 @pytest.fixture

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from drivers.device import Bench
+from drivers.device import ConnectContext
 from drivers.driver import read_settings
 from drivers.emulators.motoman import FreeJoints, MotomanEmulator
 from drivers.emulators.server import Server, TcpPort
@@ -22,7 +22,7 @@ ROBOT = Path(__file__).resolve().parents[3] / "trees" / "robots" / "sia5f_wsg32.
 def open_arm(folder: Path, text: str) -> MotomanArm:
     path = folder / "cell.yaml"
     path.write_text(f"driver: motoman\n{text}\n")
-    return connect.connect(read_settings(connect, path), Bench(path, SystemClock(), 0))
+    return connect.connect(read_settings(connect, path), ConnectContext(path, SystemClock(), 0))
 
 
 def neighbours() -> tuple[int, int]:

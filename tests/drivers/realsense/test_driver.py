@@ -6,8 +6,8 @@ import pytest
 
 from drivers.errors import DeviceFault, DeviceLost
 from drivers.interfaces import Intrinsics
+from drivers.realsense.camera_mount import CameraMount
 from drivers.realsense.driver import RECONNECT, StreamingCamera
-from drivers.realsense.ride import Ride
 from drivers.realsense.source import Pair
 from drivers.realsense.stamps import LATENCY
 from executive.clock import ManualClock
@@ -49,7 +49,7 @@ def source() -> ScriptedSource:
 
 @pytest.fixture
 def camera(source: ScriptedSource) -> StreamingCamera:
-    camera = StreamingCamera(source.open, Ride(None, np.eye(4)), source.clock)
+    camera = StreamingCamera(source.open, CameraMount(None, np.eye(4)), source.clock)
     assert camera.latest() is None
     camera.connect()
     return camera
@@ -103,7 +103,7 @@ def test_an_unplugged_camera_is_looked_for_again_and_again(camera: StreamingCame
 def test_a_camera_without_images_is_refused_at_the_connection(source: ScriptedSource) -> None:
     source.silent = True
     with pytest.raises(DeviceLost, match="no image within 1 s"):
-        StreamingCamera(source.open, Ride(None, np.eye(4)), source.clock, silence=9.0).connect(1.0)
+        StreamingCamera(source.open, CameraMount(None, np.eye(4)), source.clock, silence=9.0).connect(1.0)
     assert source.closed == 1
 
 
@@ -177,5 +177,5 @@ def test_the_age_of_a_frame_shows_in_its_stamp(camera: StreamingCamera, source: 
 def test_a_camera_that_lies_from_the_beginning_is_refused(source: ScriptedSource) -> None:
     source.on_host_clock, source.late = True, 30.0
     with pytest.raises(DeviceFault, match="30 s old"):
-        StreamingCamera(source.open, Ride(None, np.eye(4)), source.clock).connect()
+        StreamingCamera(source.open, CameraMount(None, np.eye(4)), source.clock).connect()
     assert source.closed == 1

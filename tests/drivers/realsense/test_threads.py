@@ -8,8 +8,8 @@ import time
 import numpy as np
 
 from drivers.interfaces import Intrinsics
+from drivers.realsense.camera_mount import CameraMount
 from drivers.realsense.driver import StreamingCamera
-from drivers.realsense.ride import Ride
 from drivers.realsense.source import Pair
 from executive.clock import SystemClock
 from tests.drivers.one_thread import PATIENCE, OneThread, hammer
@@ -41,13 +41,13 @@ class LiveSource(OneThread):
 
 def test_calls_of_many_threads_break_nothing_and_frames_come_afterwards() -> None:
     source, clock = LiveSource(), SystemClock()
-    camera = StreamingCamera(source.open, Ride(None, np.eye(4)), clock, silence=PATIENCE)
+    camera = StreamingCamera(source.open, CameraMount(None, np.eye(4)), clock, silence=PATIENCE)
     camera.connect()
     source.used_by.clear()
     camera.start()
     wrong = hammer(
         {
-            "look": lambda rng: (camera.latest(), camera.link(), camera.heard(), camera.settled()),
+            "look": lambda rng: (camera.latest(), camera.link(), camera.last_seen(), camera.settled()),
             "check": lambda rng: camera.check(),
             "safe stop": lambda rng: camera.safe_stop("stress"),
             "acknowledge": lambda rng: camera.acknowledge(),

@@ -103,7 +103,7 @@ class Probe:
         self.samples: list[WrenchSample] = []
         self.lower, self.upper = self.arm.limits.lower, self.arm.limits.upper
         self._bias = np.zeros((2, 6))
-        self._subscription = cell.device(ForceSensor).subscribe(self._hear)
+        self._subscription = cell.device(ForceSensor).subscribe(self._on_sample)
         self._count = 0
         self._gripping = False
 
@@ -153,7 +153,7 @@ class Probe:
         centre: Float64 = self.world.state.body("fruit_0").xpos.copy()
         return centre
 
-    def _hear(self, sample: WrenchSample) -> None:
+    def _on_sample(self, sample: WrenchSample) -> None:
         self.samples.append(sample)
         self._count += 1
         if self._gripping and self._count % 10 == 0:

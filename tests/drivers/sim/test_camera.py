@@ -184,10 +184,10 @@ def test_asking_when_the_camera_was_heard_takes_no_picture(open_cell):
     looked = []
     camera._world.looked = lambda: looked.append(cell.clock.now())
     cell.clock.advance(0.2)
-    assert cell.heard()["camera"] == cell.clock.now()
+    assert cell.last_seen()["camera"] == cell.clock.now()
     assert looked == []
     camera.latest()
     assert looked == [cell.clock.now()]
     camera.inject_fault("lost")
     cell.clock.advance(0.2)
-    assert cell.heard()["camera"] < cell.clock.now()
+    assert cell.last_seen()["camera"] < cell.clock.now()

@@ -163,9 +163,9 @@ CANNOT_BE = {
 def test_what_cannot_be_is_a_fault_within_50_ms_whoever_listens(open_cell, kind, listening):
     cell = open_cell()
     fingers = cell.device(ForceSensor)
-    heard = []
+    received = []
     if listening:
-        fingers.subscribe(heard.append)
+        fingers.subscribe(received.append)
     cell.clock.advance(0.02)
     cell.check()
     fingers.inject_fault(kind)
@@ -176,15 +176,15 @@ def test_what_cannot_be_is_a_fault_within_50_ms_whoever_listens(open_cell, kind,
     assert cell.links()["fingers"] == CANNOT_BE[kind]
     with pytest.raises(DeviceFault, match="still"):
         cell.acknowledge()
-    count = len(heard)
+    count = len(received)
     cell.clock.advance(0.02)
-    assert len(heard) == count  # nobody acts on it any more
+    assert len(received) == count  # nobody acts on it any more
     fingers.clear_fault()
-    fingers.subscribe(heard.append)
+    fingers.subscribe(received.append)
     cell.clock.advance(0.02)
     cell.acknowledge()
     cell.check()
-    assert len(heard) > count
+    assert len(received) > count
 
 
 NEVER_ARRIVE = ("not_a_number", "infinite", "old", "early", "repeated")

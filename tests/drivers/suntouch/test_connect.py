@@ -2,7 +2,7 @@ from pathlib import Path
 
 import pytest
 
-from drivers.device import Bench
+from drivers.device import ConnectContext
 from drivers.driver import read_settings
 from drivers.errors import CellFileError
 from drivers.suntouch.connect import connect
@@ -16,7 +16,7 @@ def refuse(folder: Path, text: str) -> CellFileError:
     path = folder / "cell.yaml"
     path.write_text(f"driver: suntouch\n{text}\n")
     with pytest.raises(CellFileError) as caught:
-        connect(read_settings(connect, path), Bench(path, ManualClock(), 0))
+        connect(read_settings(connect, path), ConnectContext(path, ManualClock(), 0))
     return caught.value
 
 

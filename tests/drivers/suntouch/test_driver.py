@@ -218,14 +218,14 @@ def test_a_listener_that_fails_stops_the_gripper_and_is_reported(rig: Rig) -> No
 
 
 def test_a_closed_subscription_gets_no_more_samples(rig: Rig) -> None:
-    heard: list[WrenchSample] = []
-    subscription = rig.fingers.subscribe(heard.append)
+    samples: list[WrenchSample] = []
+    subscription = rig.fingers.subscribe(samples.append)
     rig.run(0.01)
     subscription.close()
     subscription.close()
-    count = len(heard)
+    count = len(samples)
     rig.run(0.01)
-    assert len(heard) == count > 0
+    assert len(samples) == count > 0
 
 
 def test_a_finger_that_never_answers_is_reported_by_its_side() -> None:
@@ -254,18 +254,18 @@ def test_it_streams_over_real_pseudo_terminals(terminals: tuple[str, str]) -> No
     left, right = (Finger(lambda port=port: SerialLink(port, 1_000_000), CALIBRATION, clock) for port in terminals)
     fingers = SunTouchFingers(left, right, clock, rate=100.0)  # slow: other tests share the machine
     fingers.connect()
-    enough, heard = threading.Event(), []
+    enough, samples = threading.Event(), []
 
     def listen(sample: WrenchSample) -> None:
-        heard.append(sample)
-        if len(heard) == 20:
+        samples.append(sample)
+        if len(samples) == 20:
             enough.set()
 
     fingers.subscribe(listen)
     fingers.start()
     assert enough.wait(5.0)
     fingers.close()
-    assert all(np.abs(sample.wrenches).max() < 0.05 for sample in heard)
+    assert all(np.abs(sample.wrenches).max() < 0.05 for sample in samples)
     with pytest.raises(DeviceLost, match="closed"):
         fingers.check()
 

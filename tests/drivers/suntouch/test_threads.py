@@ -62,10 +62,10 @@ def test_calls_of_many_threads_break_nothing_and_the_fingers_stream_afterwards()
     for line in lines:
         line.used_by.clear()
     fingers.start()
-    heard: list[WrenchSample] = []
+    samples: list[WrenchSample] = []
 
     def come_and_go(_: np.random.Generator) -> None:
-        fingers.subscribe(heard.append).close()
+        fingers.subscribe(samples.append).close()
 
     wrong = hammer(
         {

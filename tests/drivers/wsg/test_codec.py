@@ -26,7 +26,7 @@ from drivers.wsg.codec import (
     encode,
     encode_reply,
 )
-from drivers.wsg.frame import Decoder, Frame, checksum, encode_frame
+from drivers.wsg.frame import Decoder, WireFrame, checksum, encode_frame
 
 
 @pytest.mark.parametrize(
@@ -131,14 +131,14 @@ def test_a_damaged_length_does_not_swallow_the_frames_behind_it() -> None:
 def test_any_frame_decodes_or_is_malformed(command: int, payload: bytes) -> None:
     for decode in (decode_request, decode_reply):
         with contextlib.suppress(Malformed):
-            decode(Frame(command, payload))
+            decode(WireFrame(command, payload))
 
 
 def test_an_unknown_status_is_malformed_in_words() -> None:
     with pytest.raises(Malformed, match="unknown status 99: aa aa aa 21 02 00 63 00"):
-        decode_reply(Frame(Command.MOVE, struct.pack("<H", 99)))
+        decode_reply(WireFrame(Command.MOVE, struct.pack("<H", 99)))
 
 
 def test_a_value_that_is_no_number_is_malformed() -> None:
     with pytest.raises(Malformed, match="no number"):
-        decode_reply(Frame(Command.WIDTH, struct.pack("<Hf", 0, math.nan)))
+        decode_reply(WireFrame(Command.WIDTH, struct.pack("<Hf", 0, math.nan)))

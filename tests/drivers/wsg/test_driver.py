@@ -308,14 +308,14 @@ def test_noise_on_the_wire_is_survived(wire: Wire) -> None:
 
 
 def test_a_frame_that_the_protocol_does_not_know_is_nonsense_with_its_bytes(wire: Wire) -> None:
-    from drivers.wsg.frame import Frame, encode_frame
+    from drivers.wsg.frame import WireFrame, encode_frame
 
     gripper = connected(wire)
-    wire.noise = encode_frame(Frame(0x99, b"\x00\x00"))
+    wire.noise = encode_frame(WireFrame(0x99, b"\x00\x00"))
     serve(gripper, wire, 0.005)
     with pytest.raises(Nonsense, match="0x99") as caught:
         gripper.check()
-    assert caught.value.received == encode_frame(Frame(0x99, b"\x00\x00"))
+    assert caught.value.received == encode_frame(WireFrame(0x99, b"\x00\x00"))
 
 
 def test_closing_says_goodbye_so_that_the_gripper_makes_no_fast_stop(wire: Wire) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 import can
 import pytest
 
-from drivers.device import Bench
+from drivers.device import ConnectContext
 from drivers.driver import read_settings
 from drivers.emulators.free_gripper import FreeGripper
 from drivers.emulators.server import CanPort, Port, Server, TcpPort
@@ -38,13 +38,13 @@ def tcp() -> Iterator[str]:
 @pytest.fixture
 def bus() -> Iterator[str]:
     device = WsgEmulator(FreeGripper(time.monotonic))
-    yield from serving(CanPort(device, can.Bus("wsg-test", interface="virtual"), answers=7), device)
+    yield from serving(CanPort(device, can.Bus("wsg-test", interface="virtual"), reply_id=7), device)
 
 
 def open_gripper(folder: Path, text: str) -> WsgGripper:
     path = folder / "cell.yaml"
     path.write_text(f"driver: wsg\nfinger_offset: 35 mm\nsilence: 900 ms\n{text}\n")
-    return connect.connect(read_settings(connect, path), Bench(path, SystemClock(), 0))
+    return connect.connect(read_settings(connect, path), ConnectContext(path, SystemClock(), 0))
 
 
 def moves(gripper: WsgGripper) -> bool:

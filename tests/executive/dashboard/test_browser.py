@@ -238,7 +238,7 @@ def test_a_breakpoint_after_a_node_holds_when_it_has_ended(show: Show, open_page
 def test_a_device_that_falls_silent_is_seen_in_the_banner(
     show: Show, open_page: Open, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(FakeCell, "heard", lambda _cell: {"wheel": 0.0})  # since the run began, nothing
+    monkeypatch.setattr(FakeCell, "last_seen", lambda _cell: {"wheel": 0.0})  # since the run began, nothing
     page = open_page()
     show.run(HOLD)
     expect(page.locator("#links .link.old")).to_have_text(re.compile(r"wheel [2-9]\.\d s"), timeout=10_000)
@@ -297,7 +297,7 @@ def test_everything_is_reached_by_keys(show: Show, open_page: Open) -> None:
 
 def test_hostile_words_of_a_run_stay_words(show: Show, open_page: Open) -> None:
     hostile = "<img src=x onerror=alert(1)>"
-    show.dashboard.hub.hear(
+    show.dashboard.hub.on_event(
         RunStarted(
             0.0, 0, hostile, hostile, hostile, hostile, hostile, hostile, hostile, hostile, hostile, 0,
             {hostile: hostile}, ({"path": "a", "parent": None, "kind": hostile, "type": hostile, "name": hostile,
@@ -318,7 +318,7 @@ def test_hostile_words_of_a_run_stay_words(show: Show, open_page: Open) -> None:
         OperatorActed(0.1, 1, hostile, hostile, hostile), SafeStopped(0.1, 1, hostile),
         *(Published(0.1, 1, "a", hostile, shown) for shown in (view, scene, series, table)),
     ):  # fmt: skip
-        show.dashboard.hub.hear(event)
+        show.dashboard.hub.on_event(event)
     page = open_page()
     expect(page.locator("#why")).to_contain_text(hostile)
     expect(page.locator("#latched-reason")).to_have_text(hostile)
@@ -337,10 +337,12 @@ def test_a_long_record_gives_its_details_where_one_looks(
     (show.records / "long_1").mkdir()
     recorder = Recorder(show.records / "long_1")
     node = {"path": "a", "parent": None, "kind": "skill", "type": "Rest", "name": "Walk", "line": 1}
-    recorder.hear(RunStarted(0.0, 0, "long", "long", "", "", "", "fake", "mock", "", "", 0, {}, (node,), {}, 0.0, 0.02))
+    recorder.on_event(
+        RunStarted(0.0, 0, "long", "long", "", "", "", "fake", "mock", "", "", 0, {}, (node,), {}, 0.0, 0.02)
+    )
     for tick in range(500):
-        recorder.hear(NodeChanged(tick * 0.2, tick, "a", "RUNNING", f"step {tick}", 1))
-    recorder.hear(RunEnded(100.0, 500, "success", None, 500, 100.0, 100.0, None))
+        recorder.on_event(NodeChanged(tick * 0.2, tick, "a", "RUNNING", f"step {tick}", 1))
+    recorder.on_event(RunEnded(100.0, 500, "success", None, 500, 100.0, 100.0, None))
     recorder.close()
     page = open_page("run=long_1&t=50.1")
     expect(page.locator("#connection")).to_have_text("recorded run")

@@ -37,9 +37,9 @@ def hub() -> Iterator[Hub]:
 
 
 def test_a_late_viewer_gets_the_run_from_its_start_in_order(hub: Hub) -> None:
-    hub.hear(started())
+    hub.on_event(started())
     for tick in range(5):
-        hub.hear(StateChanged(tick * 0.02, tick, "running", ""))
+        hub.on_event(StateChanged(tick * 0.02, tick, "running", ""))
     hub.close()
     messages = waiting(hub.join())
     assert [message["event"] for message in messages] == ["RunStarted"] + ["StateChanged"] * 5
@@ -47,18 +47,18 @@ def test_a_late_viewer_gets_the_run_from_its_start_in_order(hub: Hub) -> None:
 
 
 def test_a_viewer_that_comes_back_gets_only_what_it_missed(hub: Hub) -> None:
-    hub.hear(started())
+    hub.on_event(started())
     for tick in range(5):
-        hub.hear(StateChanged(0.0, tick, "running", ""))
+        hub.on_event(StateChanged(0.0, tick, "running", ""))
     hub.close()
     assert [message["seq"] for message in waiting(hub.join(4, hub.stream))] == [5, 6]
 
 
 def test_numbers_of_another_process_or_an_earlier_run_mean_nothing(hub: Hub) -> None:
-    hub.hear(started())
-    hub.hear(StateChanged(0.0, 0, "running", ""))
-    hub.hear(started())
-    hub.hear(StateChanged(0.0, 0, "running", ""))
+    hub.on_event(started())
+    hub.on_event(StateChanged(0.0, 0, "running", ""))
+    hub.on_event(started())
+    hub.on_event(StateChanged(0.0, 0, "running", ""))
     hub.close()
     for viewer in (hub.join(2, hub.stream), hub.join(4, "another")):
         assert [message["event"] for message in waiting(viewer)] == ["RunStarted", "StateChanged"]
@@ -67,10 +67,10 @@ def test_numbers_of_another_process_or_an_earlier_run_mean_nothing(hub: Hub) -> 
 def test_an_hour_of_messages_stays_small_and_leaves_each_last_word(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(hub_module, "HISTORY_BYTES", 20_000)
     hub = Hub()
-    hub.hear(started())
-    hub.hear(NodeChanged(0.0, 0, "early", "SUCCESS", "", 1))
+    hub.on_event(started())
+    hub.on_event(NodeChanged(0.0, 0, "early", "SUCCESS", "", 1))
     for tick in range(2_000):
-        hub.hear(NodeChanged(0.0, tick, "busy", "RUNNING", str(tick), 1))
+        hub.on_event(NodeChanged(0.0, tick, "busy", "RUNNING", str(tick), 1))
     hub.close()
     messages = waiting(hub.join())
     assert len(messages) < 300
@@ -81,10 +81,10 @@ def test_an_hour_of_messages_stays_small_and_leaves_each_last_word(monkeypatch: 
 
 
 def test_only_the_newest_picture_of_a_topic_is_kept(hub: Hub) -> None:
-    hub.hear(started())
+    hub.on_event(started())
     for tick in range(4):
         image = np.full((8, 8, 3), tick, np.uint8)
-        hub.hear(Published(0.0, tick, "n", "camera", ImageView(image)))
+        hub.on_event(Published(0.0, tick, "n", "camera", ImageView(image)))
     hub.close()
     pictures = [message for message in waiting(hub.join()) if message["event"] == "Published"]
     assert [picture["tick"] for picture in pictures] == [3]
@@ -92,9 +92,9 @@ def test_only_the_newest_picture_of_a_topic_is_kept(hub: Hub) -> None:
 
 
 def test_a_new_run_replaces_the_old_one(hub: Hub) -> None:
-    hub.hear(started())
-    hub.hear(NodeChanged(0.0, 0, "old", "RUNNING", "", 1))
-    hub.hear(started())
+    hub.on_event(started())
+    hub.on_event(NodeChanged(0.0, 0, "old", "RUNNING", "", 1))
+    hub.on_event(started())
     hub.close()
     assert [message["event"] for message in waiting(hub.join())] == ["RunStarted"]
 

@@ -30,7 +30,7 @@ def write(folder: Path, events: tuple[Event, ...]) -> Path:
     folder.mkdir()
     recorder = Recorder(folder)
     for event in events:
-        recorder.hear(event)
+        recorder.on_event(event)
     recorder.close()
     return folder
 

@@ -225,7 +225,7 @@ def test_hostile_text_from_a_run_travels_as_json_only(client: TestClient, tmp_pa
     hostile = '</script><img src=x onerror="alert(1)">\u2028'
     (tmp_path / "run_1").mkdir()
     recorder = Recorder(tmp_path / "run_1")
-    recorder.hear(StateChanged(0.0, 0, "running", hostile))
+    recorder.on_event(StateChanged(0.0, 0, "running", hostile))
     recorder.close()
     answer = client.get("/api/runs/run_1/messages")
     assert answer.headers["content-type"].startswith("application/x-ndjson")
@@ -255,7 +255,7 @@ def test_a_viewer_that_sends_too_much_is_cut_off(show: Show) -> None:
 def test_an_image_is_an_image_of_the_record_or_nothing(client: TestClient, tmp_path: Path, at: str) -> None:
     (tmp_path / "run_1").mkdir()
     recorder = Recorder(tmp_path / "run_1")
-    recorder.hear(StateChanged(0.0, 0, "running", "started"))
+    recorder.on_event(StateChanged(0.0, 0, "running", "started"))
     recorder.close()
     assert client.get(f"/api/runs/run_1/images/{at}").status_code == 404
 
@@ -266,6 +266,6 @@ def test_an_image_is_an_image_of_the_record_or_nothing(client: TestClient, tmp_p
 def test_odd_questions_about_a_record_do_no_harm(client: TestClient, tmp_path: Path, query: str) -> None:
     (tmp_path / "run_1").mkdir()
     recorder = Recorder(tmp_path / "run_1")
-    recorder.hear(StateChanged(0.0, 0, "running", "started"))
+    recorder.on_event(StateChanged(0.0, 0, "running", "started"))
     recorder.close()
     assert client.get(f"/api/runs/run_1/messages?{query}").status_code == 200

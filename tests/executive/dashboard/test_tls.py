@@ -119,7 +119,7 @@ def test_with_tls_another_address_watches_and_acts_with_the_token(
     assert ask(dashboard, "/api/runs", context=trusting) == 200
     assert ask(dashboard, "/api/act", token=False, body=TAKE, context=trusting) == 403
     assert ask(dashboard, "/api/act", body=TAKE, context=trusting) == 200
-    assert dashboard.desk.holder.who == "ada"
+    assert dashboard.control.holder.who == "ada"
     live = dashboard.access.address.replace("https", "wss") + "live"
     assert first_word(f"{live}?token={dashboard.access.reading}", trusting) == "Hello"
     with pytest.raises(InvalidStatus):

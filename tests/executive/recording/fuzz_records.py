@@ -115,7 +115,7 @@ class Records:
         (folder / "good").mkdir()
         recorder = Recorder(folder / "good")
         for event in events():
-            recorder.hear(event)
+            recorder.on_event(event)
         recorder.close()
         self.good = (folder / "good" / EVENTS_FILE).read_bytes()
         self.recorded = {repr(event) for event in read_events(folder / "good")}
@@ -184,7 +184,7 @@ class Records:
             visible(paragraph)
         summary = Summary()
         for event in read:
-            summary.hear(event)
+            summary.on_event(event)
         if summary.started is not None and summary.ended is not None:
             json_text(summary.as_json(None))
             if len(read) % 8 == 1:  # drawing tables is most of a case

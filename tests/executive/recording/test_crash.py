@@ -29,7 +29,7 @@ from executive.recording.recorder import Recorder
 recorder = Recorder(Path(sys.argv[1]))
 began = time.monotonic()
 for tick in range(1_000_000):
-    recorder.hear(StateChanged(time.monotonic() - began, tick, "running", "x" * 500))
+    recorder.on_event(StateChanged(time.monotonic() - began, tick, "running", "x" * 500))
     print(tick, flush=True)
     time.sleep(0.01)
 """
@@ -84,7 +84,7 @@ def test_what_is_no_whole_chunk_is_kept_beside_the_repaired_file(
     monkeypatch.setattr(recorder_module, "CHUNK_BYTES", 500)
     recorder = Recorder(tmp_path)
     for tick in range(20):
-        recorder.hear(StateChanged(0.1 * tick, tick, "running", "x" * 200))
+        recorder.on_event(StateChanged(0.1 * tick, tick, "running", "x" * 200))
     recorder.close()
     path = tmp_path / EVENTS_FILE
     whole = path.read_bytes()
@@ -170,7 +170,7 @@ def test_a_folder_that_cannot_be_made_refuses_a_run_that_needs_its_record(tmp_pa
 
 def test_what_is_written_is_with_the_system_within_a_moment(tmp_path: Path) -> None:
     recorder = Recorder(tmp_path)
-    recorder.hear(StateChanged(0.0, 0, "running", "started"))
+    recorder.on_event(StateChanged(0.0, 0, "running", "started"))
     deadline = time.monotonic() + 5.0
     while not list(read_events(tmp_path)) and time.monotonic() < deadline:
         os.sched_yield()

@@ -23,14 +23,16 @@ SHIPPED = Path(__file__).parents[3] / "trees" / "hazards" / "picking.yaml"
 def run(folder: Path, force: float, *, drops: int = 0, lifted: bool = True, speed: float = 1.0) -> Path:
     folder.mkdir(parents=True)
     recorder = Recorder(folder)
-    recorder.hear(started(cell_text=CELL))
+    recorder.on_event(started(cell_text=CELL))
     stamp = np.array([0.0, 0.002, 0.004])
     normal = {"finger_1_force_z_N": np.array([1.0, force, np.nan]), "finger_2_force_z_N": np.array([-1.0, -force, 1.0])}
     recorder.read(0.1, 5, {"fingers": {"stamp_s": stamp, **normal, "finger_1_force_x_N": np.full(3, 99.0)}})
     arm = {"stamp_s": np.array([0.0, 0.02, 0.02, 0.04]), "q_1_rad": np.array([0.0, 0.02 * speed, 5.0, 5.0])}
     recorder.read(0.1, 5, {"arm": arm})
-    recorder.hear(OperatorActed(0.2, 10, "anna", "pause"))
-    recorder.hear(RunEnded(1.0, 50, "success", None, 50, 1.0, 1.0, {"drops": drops, "collisions": 0, "lifted": lifted}))
+    recorder.on_event(OperatorActed(0.2, 10, "anna", "pause"))
+    recorder.on_event(
+        RunEnded(1.0, 50, "success", None, 50, 1.0, 1.0, {"drops": drops, "collisions": 0, "lifted": lifted})
+    )
     recorder.close()
     return folder
 

@@ -214,7 +214,7 @@ def test_the_cause_is_said_cut_killed_disk_full_lost_power(tmp_path: Path) -> No
 def test_a_disk_that_is_full_is_named_as_the_cause(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     recorder = Recorder(tmp_path)
     monkeypatch.setattr(recorder._writer, "flush", full_disk)
-    recorder.hear(FAILED[0])
+    recorder.on_event(FAILED[0])
     recorder.close()
     assert "No space left" in recorder.problem
     assert why_cut(tmp_path) == "it could not be written: No space left on device"

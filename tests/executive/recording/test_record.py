@@ -19,7 +19,7 @@ from executive.views import ImageView, Line2, SceneView, SeriesView
 def record(folder: Path, events: list[Event]) -> None:
     recorder = Recorder(folder)
     for event in events:
-        recorder.hear(event)
+        recorder.on_event(event)
     recorder.close()
 
 

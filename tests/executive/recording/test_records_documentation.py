@@ -12,7 +12,7 @@ PAGE = (Path(__file__).parents[3] / "docs" / "records.md").read_text(encoding="u
 
 
 def test_the_page_names_the_recorders_figures() -> None:
-    assert f"every {BATCH} s what was heard since becomes one (at most {CHUNK_BYTES // 1024} kB" in PAGE
+    assert f"every {BATCH} s what came since becomes one (at most {CHUNK_BYTES // 1024} kB" in PAGE
     assert f"at most {MOST_GROWTH} bytes of each of their own and {FREE_GROWTH // 1_000_000} MB" in PAGE
 
 

@@ -43,12 +43,12 @@ def leave(
     folder = order.record / name
     folder.mkdir(parents=True)
     recorder = Recorder(folder)
-    recorder.hear(replace(started(), cell_kind=kind, cell_path=str(order.cell.resolve()), nodes=NODES, tree=tree))
-    recorder.hear(NodeChanged(0.1, 5, "t/Lift", "RUNNING", "", 1))
+    recorder.on_event(replace(started(), cell_kind=kind, cell_path=str(order.cell.resolve()), nodes=NODES, tree=tree))
+    recorder.on_event(NodeChanged(0.1, 5, "t/Lift", "RUNNING", "", 1))
     if hand is not None:
-        recorder.hear(HandChanged(0.2, 10, hand))
+        recorder.on_event(HandChanged(0.2, 10, hand))
     if ended:
-        recorder.hear(RunEnded(0.4, 20, outcome, None, 20, 0.4, 0.4, None))
+        recorder.on_event(RunEnded(0.4, 20, outcome, None, 20, 0.4, 0.4, None))
     recorder.close()
 
 

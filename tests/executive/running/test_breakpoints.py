@@ -13,7 +13,7 @@ from py_trees.common import Status
 from executive.nodes.behaviours import LeafBehaviour as Leaf
 from executive.nodes.fallback import Fallback
 from executive.nodes.sequence import Sequence
-from executive.running.breakpoints import Breakpoints, Held, Side, UnknownNodeError
+from executive.running.breakpoints import Breakpoints, HeldTick, Side, UnknownNodeError
 
 SIDES: tuple[Side, ...] = ("before", "after")
 
@@ -44,7 +44,9 @@ def tree(log: list[str]) -> tuple[Behaviour, dict[str, Behaviour]]:
     return root, {node.name: node for node in (root, first, a, b, second, c, d)}
 
 
-def walked(breaks: list[tuple[str, Side]], between: Callable[[], None] = lambda: None) -> tuple[list[str], list[Held]]:
+def walked(
+    breaks: list[tuple[str, Side]], between: Callable[[], None] = lambda: None
+) -> tuple[list[str], list[HeldTick]]:
     """The log of a whole run of the tree, and where it was held."""
     log: list[str] = []
     root, nodes = tree(log)
@@ -90,7 +92,7 @@ def test_a_held_node_says_so_until_it_starts() -> None:
     root, nodes = tree(log)
     points = Breakpoints(nodes)
     points.change("a", "before", True)
-    assert points.tick(root) == Held("a", "before")
+    assert points.tick(root) == HeldTick("a", "before")
     assert nodes["a"].feedback_message == "held by a breakpoint"
     points.tick(root)
     assert nodes["a"].feedback_message == ""

@@ -116,15 +116,15 @@ def test_a_listener_that_fails_ends_the_run_safely_and_the_others_hear_the_end()
         if event.tick == 1:
             raise BrokenPipeError(32, "Broken pipe")
 
-    heard: list[Event] = []
+    received: list[Event] = []
     runner._events.subscribe(broken)
-    runner._events.subscribe(heard.append)
+    runner._events.subscribe(received.append)
     result = runner.run()
     assert result.outcome == "error"
     assert result.reason is not None
     assert "Broken pipe" in result.reason.message
     assert is_safe(runner, cell, events)
-    assert heard == events
+    assert received == events
 
 
 @pytest.mark.parametrize("error", [SystemExit(0), MemoryError()])

@@ -23,7 +23,7 @@ LONG = "pomona: 1\ntree: t\nroot: {Turn: {duration: 9 s}}"
 
 
 @pytest.fixture(autouse=True)
-def heard() -> Iterator[None]:
+def received() -> Iterator[None]:
     """As in a process that was started from a terminal, whatever started the tests."""
     before = {number: signal.getsignal(number) for number in module.WORDS}
     for number in before:

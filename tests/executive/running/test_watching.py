@@ -35,7 +35,7 @@ def test_watchers_look_at_their_own_pace_and_devices_are_heard() -> None:
         watch.look()
         cell.clock.advance(EVERY / 5)
     assert seen == [("looks", n) for n in (1, 2, 3, 4)]
-    assert watch.heard.keys() == {"wheel"}
+    assert watch.last_seen.keys() == {"wheel"}
 
 
 def test_a_watcher_that_fails_is_not_asked_again() -> None:

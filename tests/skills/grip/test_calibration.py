@@ -82,7 +82,7 @@ def test_a_live_stream_becomes_a_push_without_its_bias() -> None:
         wrenches = np.full((2, 6), 0.1)
         wrenches[:, 2] -= 1.0 if i >= 100 else 0.0
         assert recorder.ready == (i >= 100)
-        recorder.hear(WrenchSample(0.002 * i, i, wrenches, (False, i == 120)))
+        recorder.on_sample(WrenchSample(0.002 * i, i, wrenches, (False, i == 120)))
     push = recorder.push()
     assert push.wrenches.shape == (49, 2, 6)
     assert push.wrenches[:, :, 2] == pytest.approx(np.full((49, 2), -1.0))

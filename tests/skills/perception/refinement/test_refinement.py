@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from skills.geometry import inverse, rot_x, rotation_about, transform
-from skills.perception.refinement import Limits, Look, horizontal_plane, refine
+from skills.perception.refinement import Limits, OtherLook, horizontal_plane, refine
 from skills.perception.refinement.errors import (
     AtBound,
     BadDepth,
@@ -140,7 +140,7 @@ def test_fruit_cut_by_the_image_border(scene, apple):
 def test_a_second_look_from_the_side_measures_the_height(scene, apple):
     above, side = scene((93, 73, 93), 84, 6), scene((93, 73, 93), 32, 6)
     T_above_side = inverse(above.T_base_camera) @ side.T_base_camera
-    look = Look(side.depth, side.intrinsics, T_above_side)
+    look = OtherLook(side.depth, side.intrinsics, T_above_side)
     alone, both = measured(above, apple), measured(above, apple, looks=[look])
     assert both.method == "shape+views"
     height = [abs(r.dimensions[1] - above.dimensions[1]) for r in (alone, both)]
@@ -150,7 +150,7 @@ def test_a_second_look_from_the_side_measures_the_height(scene, apple):
 
 def test_uniform_takes_further_looks_too(scene, apple):
     above, side = scene((89, 81, 89), 75, 7), scene((89, 81, 89), 40, 7)
-    look = Look(side.depth, side.intrinsics, inverse(above.T_base_camera) @ side.T_base_camera)
+    look = OtherLook(side.depth, side.intrinsics, inverse(above.T_base_camera) @ side.T_base_camera)
     r = measured(above, apple, method="uniform", looks=[look])
     assert r.method == "uniform+views"
     ratio = r.dimensions / apple.dimensions
@@ -160,8 +160,8 @@ def test_uniform_takes_further_looks_too(scene, apple):
 
 def test_a_look_at_something_else_changes_nothing(scene, apple):
     s = scene((89, 81, 89), 60, 8)
-    elsewhere = Look(s.depth, s.intrinsics, transform(rot_x(np.pi)))
-    empty = Look(np.zeros_like(s.depth), s.intrinsics, np.eye(4))
+    elsewhere = OtherLook(s.depth, s.intrinsics, transform(rot_x(np.pi)))
+    empty = OtherLook(np.zeros_like(s.depth), s.intrinsics, np.eye(4))
     r = measured(s, apple, looks=[elsewhere, empty])
     alone = measured(s, apple)
     assert r.method == "shape"
@@ -171,9 +171,9 @@ def test_a_look_at_something_else_changes_nothing(scene, apple):
 def test_wrong_looks_are_refused(scene, apple):
     s = scene((89, 81, 89), 60, 8)
     with pytest.raises(BadDepth):
-        measured(s, apple, looks=[Look(s.depth[1:], s.intrinsics, np.eye(4))])
+        measured(s, apple, looks=[OtherLook(s.depth[1:], s.intrinsics, np.eye(4))])
     with pytest.raises(BadPose):
-        measured(s, apple, looks=[Look(s.depth, s.intrinsics, 2.0 * np.eye(4))])
+        measured(s, apple, looks=[OtherLook(s.depth, s.intrinsics, 2.0 * np.eye(4))])
 
 
 def test_fruit_held_above_the_table_does_not_reach_it(scene, apple):

@@ -17,12 +17,12 @@ from skills.perception.detection.cuboid import MIRRORED
 from skills.perception.detection.errors import BadAnnotation, BadTraining
 from skills.perception.synthetic.dataset import render_dataset
 from skills.perception.synthetic.options import SceneOptions
+from skills.perception.training.all_reduce import GradientAllReduce
 from skills.perception.training.loop import Progress, Schedule
 from skills.perception.training.losses import close_look_loss, dope_loss, finder_loss
 from skills.perception.training.optimiser import Optimiser
 from skills.perception.training.places import find_places, load_places, save_places
 from skills.perception.training.samples import CloseLookBatches, FinderBatches, FrameFolder
-from skills.perception.training.together import Together
 from skills.perception.training.train import Part, TrainingRun, train_part
 
 
@@ -92,20 +92,20 @@ def test_processes_that_learn_together_repeat_and_resume_exactly(
 
 def test_all_take_the_mean_of_the_gradients_and_none_waits_for_one_that_ended() -> None:
     networks = [torch.nn.Linear(3, 2), torch.nn.Linear(3, 2)]
-    together = Together(2, networks[0])
+    all_reduce = GradientAllReduce(2, networks[0])
     for value, network in zip((1.0, 3.0), networks, strict=True):
         for parameter in network.parameters():
             parameter.grad = torch.full_like(parameter, value)
-    other = threading.Thread(target=together.mean, args=(1, networks[1]))
+    other = threading.Thread(target=all_reduce.mean, args=(1, networks[1]))
     other.start()
-    together.mean(0, networks[0])
+    all_reduce.mean(0, networks[0])
     other.join()
     for parameter in [*networks[0].parameters(), *networks[1].parameters()]:
         assert parameter.grad is not None
         assert torch.equal(parameter.grad, torch.full_like(parameter, 2.0))
-    together.abandon()
+    all_reduce.abandon()
     with pytest.raises(BadTraining, match="has ended"):
-        together.mean(0, networks[0])
+        all_reduce.mean(0, networks[0])
 
 
 def test_muon_moves_every_direction_of_a_kernel_alike_and_adam_the_rest() -> None:

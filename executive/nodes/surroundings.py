@@ -15,7 +15,7 @@ class Around:
 
     Attributes:
         counters: which of `retry`, `repeat` and `for_each` count here.
-        failure: codes of the failure in sight; None when there is none.
+        failure: codes of the last failure; None when there is none.
         items: names of the items of all for_each around.
     """
 
@@ -25,7 +25,7 @@ class Around:
 
 
 @dataclass(slots=True)
-class FailureInSight:
+class LastFailure:
     """The failure that led here: of the sibling before in a fallback, or of the try that `on_failure` follows."""
 
     code: str = ""
@@ -35,7 +35,7 @@ class FailureInSight:
     data: Mapping[str, Any] = field(default_factory=dict)
 
     def see(self, reason: Reason) -> None:
-        """Replace what is in sight: code, message and data are the failed leaf's."""
+        """Replace it: code, message and data are the failed leaf's."""
         leaf = reason
         while leaf.causes:
             leaf = leaf.causes[-1]

@@ -12,7 +12,7 @@ from drivers.interfaces import Arm, Float64
 KEPT = 64
 
 
-class Ride:
+class CameraMount:
     """Remembers the arm's last states; without an arm the camera stands in the cell.
 
     Attributes:

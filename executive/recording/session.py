@@ -16,7 +16,7 @@ from executive.running.events import EventStream
 from executive.running.runner import Runner
 
 
-class Keeping:
+class RecordingSession:
     """Keeps the record of one run, or none for `root=None`.
 
     Attributes:
@@ -49,8 +49,8 @@ class Keeping:
             self._trouble = str(error)
             return
         self._runner = runner
-        events.subscribe(self._recorder.hear)
-        events.subscribe(self._picture.hear)
+        events.subscribe(self._recorder.on_event)
+        events.subscribe(self._picture.on_event)
 
     def look(self) -> Iterable[tuple[str, object]]:
         """Hand what the devices measured to the recorder: called by the run as a watcher, and shows nothing itself."""

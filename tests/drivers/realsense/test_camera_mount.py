@@ -5,7 +5,7 @@ import pytest
 
 from drivers.errors import DeviceLost
 from drivers.interfaces import ArmState
-from drivers.realsense.ride import Ride
+from drivers.realsense.camera_mount import CameraMount
 
 
 class ScriptedArm:
@@ -26,16 +26,16 @@ def at(stamp: float, angle: float) -> ArmState:
 
 
 def test_joints_are_those_of_the_exposure_and_not_of_the_arrival() -> None:
-    ride = Ride(ScriptedArm([at(1.0, 0.0), at(1.1, 0.2), None, at(1.2, 0.3)]), np.eye(4))  # type: ignore[arg-type]
+    mount = CameraMount(ScriptedArm([at(1.0, 0.0), at(1.1, 0.2), None, at(1.2, 0.3)]), np.eye(4))  # type: ignore[arg-type]
     for _ in range(4):
-        ride.note()
+        mount.note()
     for stamp, angle in ((1.05, 0.1), (1.15, 0.25), (0.5, 0.0), (2.0, 0.3)):
-        q = ride.joints(stamp)
+        q = mount.joints(stamp)
         assert q is not None
         assert q == pytest.approx(np.full(7, angle))
 
 
 def test_a_camera_without_an_arm_has_no_joints() -> None:
-    ride = Ride(None, np.eye(4))
-    ride.note()
-    assert ride.joints(1.0) is None
+    mount = CameraMount(None, np.eye(4))
+    mount.note()
+    assert mount.joints(1.0) is None

@@ -1,4 +1,4 @@
-"""The operator's desk: who holds control, and what is done with it."""
+"""One operator at a time: who holds control, and what is done with it."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class RefusedError(PomonaError):
 
 
 @dataclass(frozen=True, slots=True)
-class Held:
+class Holder:
     """Who holds control now; empty when nobody does.
 
     `viewer` is known to that page and the server only; `grant` counts how often control has changed hands, so that
@@ -30,17 +30,17 @@ class Held:
     grant: int = 0
 
 
-class Desk:
+class ControlLock:
     """One operator at a time acts; anybody may safe-stop. Methods may be called from any thread."""
 
     def __init__(self, changed: Callable[[], None] = lambda: None) -> None:
         self._lock = threading.Lock()
-        self._held = Held()
+        self._held = Holder()
         self._runner: Runner | None = None
         self._changed = changed
 
     @property
-    def holder(self) -> Held:
+    def holder(self) -> Holder:
         """Who has control of the run now."""
         return self._held
 
@@ -64,19 +64,19 @@ class Desk:
         """
         if not viewer:
             raise RefusedError("a viewer has an id of its own")
-        self._hand_over(viewer, Held(who, viewer), who, "take")
+        self._hand_over(viewer, Holder(who, viewer), who, "take")
 
     def release(self, viewer: str) -> None:
         """Give control back; harmless for a viewer that does not hold it."""
         held = self._held
         if viewer and held.viewer == viewer:
-            self._hand_over(viewer, Held(), held.who, "release")
+            self._hand_over(viewer, Holder(), held.who, "release")
 
-    def _hand_over(self, viewer: str, to: Held, who: str, action: str) -> None:
+    def _hand_over(self, viewer: str, to: Holder, who: str, action: str) -> None:
         with self._lock:
             if action == "release" and self._held.viewer != viewer:
                 return
-            self._held = Held(to.who, to.viewer, self._held.grant + 1)
+            self._held = Holder(to.who, to.viewer, self._held.grant + 1)
         if self._runner is not None:
             self._runner.note(who, action)
         self._changed()

@@ -21,7 +21,7 @@ PATIENCE = 600.0
 """Longest wait for the others [s]: the first process validates and saves in between."""
 
 
-class Together:
+class GradientAllReduce:
     """What the processes share; made by the first and handed to the others.
 
     Args:
