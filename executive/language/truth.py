@@ -14,7 +14,7 @@ from executive.language.cases import always_same, fact_of
 from executive.language.expression import references
 from executive.language.model import TreeNode
 from executive.language.outcomes import LayerOutcome, Outcomes
-from executive.language.scope import Computed, Given, Named, Resolved, Scope
+from executive.language.scope import ComputedValue, Given, Named, Resolved, Scope
 from executive.language.value_types import SI_NUMBER, ValueType
 from executive.nodes.facts import Fact, Facts, Plain, Possible
 from executive.nodes.node_type import NodeType
@@ -86,7 +86,7 @@ class LayerTruth:
 
     def must(self, slot: str, known: Facts) -> Facts:
         condition = self.found.settings.get(slot)
-        if not isinstance(condition, Computed):
+        if not isinstance(condition, ComputedValue):
             return known
         fixed = self.whole.known()
         fact = fact_of(condition.expression, fixed, condition.where, condition.text)
@@ -103,7 +103,7 @@ class LayerTruth:
 
     def awaits(self, slot: str, known: Facts) -> Facts:
         condition = self.found.settings.get(slot)
-        if not isinstance(condition, Computed):
+        if not isinstance(condition, ComputedValue):
             return known
         names, fixed = {r.name for r in references(condition.expression)}, self.whole.known()
         known = known.without((), passing=True)
