@@ -33,6 +33,7 @@ from executive.running.events import EventStream, Listener, RunStarted
 from executive.running.run_state import RunResult
 from executive.running.runner import Runner
 from executive.running.signals import RunSignals
+from executive.running.starting import StartCancelledError, Starting
 from executive.running.supervisor import Supervision
 from executive.running.traces import place_of, sentence_of
 from executive.running.watching import installed_watchers
@@ -106,6 +107,7 @@ def execute(
     *,
     on_ready: Callable[[Runner], None] = lambda _runner: None,
     on_latched: Callable[[Runner], None] = lambda _runner: None,
+    starting: Starting | None = None,
 ) -> Executed:
     """Run an order to its end, in this thread.
 
@@ -114,10 +116,15 @@ def execute(
         listeners: get every event.
         on_ready: gets the runner before it starts: to pause, stop or step it from another thread.
         on_latched: gets the runner after a run that ended in the safe state, while the cell is still connected.
+        starting: is told how the preparation goes, and can cancel it: once there is a cell, as a run that is stopped
+            before its first tick.
 
     Raises:
         UsageError: the tree, a setting or the cell cannot be used; nothing has moved.
+        StartCancelledError: it was cancelled before there was a cell.
     """
+    starting = starting or Starting()
+    starting.reach("reading the tree")
     registry = Registry.installed()
     document = read_document(order.tree, order.texts)
     settings = {
@@ -133,20 +140,27 @@ def execute(
         mocks = _read_mocks(order.mocks, order.texts, document, registry)
         with RunSignals() as signals:
             nothing = DryCell()
-            work = _Work(order, registry, document, tree_settings, nothing, mocks, signals, Supervision(nothing))
+            work = _Work(
+                order, registry, document, tree_settings, nothing, mocks, signals, Supervision(nothing), starting
+            )
             return _run(work, listeners, on_ready, on_latched)
     judged = judge(document, registry, settings, order.cell, order.texts)
     judged.refuse_errors()
     assert judged.cell is not None
+    starting.cell_kind = judged.cell.kind
     if order.record is not None and not order.cleared and order.tree.resolve() != _recovery():
-        _after_cut(order, listeners, on_ready)
+        _after_cut(order, listeners, on_ready, starting)
     with RunSignals() as signals, contextlib.ExitStack() as stack:
+        starting.refuse_cancelled()
+        starting.reach("connecting the cell")
         cell = connect_cell(judged.cell, order.seed)
         supervision = Supervision(cell)
         stack.callback(supervision.close)  # last of all: until the cell is closed something could still move
         stack.callback(cell.close)
         stack.callback(signals.wait)  # whatever ends the run, the cell is closed without being disturbed
-        work = _Work(order, registry, document, tree_settings, cell, None, signals, supervision, judged.cell.files)
+        work = _Work(
+            order, registry, document, tree_settings, cell, None, signals, supervision, starting, judged.cell.files
+        )
         return _run(work, listeners, on_ready, on_latched)
 
 
@@ -154,7 +168,9 @@ def _recovery() -> Path:
     return (installed_trees() / "recover.yaml").resolve()
 
 
-def _after_cut(order: RunOrder, listeners: Sequence[Listener], on_ready: Callable[[Runner], None]) -> None:
+def _after_cut(
+    order: RunOrder, listeners: Sequence[Listener], on_ready: Callable[[Runner], None], starting: Starting
+) -> None:
     """When the last run on this cell was cut: recover if that is wanted, else refuse a cell that may hold something.
 
     Raises:
@@ -167,9 +183,8 @@ def _after_cut(order: RunOrder, listeners: Sequence[Listener], on_ready: Callabl
     if order.recover:
         logger.warning("%s: recovering first", cut.sentence)
         settings = {key: value for key, value in order.settings.items() if key in RECOVERY_SETTINGS}
-        recovered = execute(
-            replace(order, tree=_recovery(), settings=settings, breaks=()), listeners, on_ready=on_ready
-        )
+        recovery = replace(order, tree=_recovery(), settings=settings, breaks=())
+        recovered = execute(recovery, listeners, on_ready=on_ready, starting=starting)
         if recovered.result.outcome != "success":
             raise UsageError(f"{recovered.summary.sentence()}. Nothing else was run.")
     elif cut.kind in ("real", "emulated") and cut.hand != "":
@@ -193,6 +208,7 @@ class _Work:
     mocks: Mocks | None
     signals: RunSignals
     supervision: Supervision
+    starting: Starting
     cell_texts: Mapping[str, str] = field(default_factory=dict)
 
     def build(self, context: RunContext, board: Board) -> BuiltTree:
@@ -225,12 +241,14 @@ def _run(
         events.subscribe(listener)
     problem = ""
     try:
-        _prepare(runner)
+        work.starting.attach(runner)
+        _prepare(runner, work.starting)
         with signals.ask(runner):
             session.begin(runner, events)
             supervision.begin(runner, session.folder)
             events.emit(_started(work, runner, session.folder))
             on_ready(runner)
+            work.starting.begin()
             result = runner.run()
         supervision.rest()
         session.draw(f"{runner.tree.name}: {result.outcome}, seed {order.seed}")
@@ -263,11 +281,17 @@ def _read_mocks(path: Path | None, texts: Mapping[str, str], document: Document,
     return plan
 
 
-def _prepare(runner: Runner) -> None:
+def _prepare(runner: Runner, starting: Starting) -> None:
+    def tell(skill: str, done: int, of: int) -> None:
+        starting.refuse_cancelled()
+        starting.reach(f"preparing {skill}", done, of)
+
     try:
-        runner.prepare()
+        runner.prepare(tell)
     except KeyboardInterrupt:
         raise
+    except StartCancelledError:  # the run is stopped before its first tick, and recorded
+        return
     except BaseException as error:  # weights that do not load, a robot file that is wrong: nothing has moved
         raise UsageError(f"the skills cannot be prepared: {_with_place(error)}") from error
 

@@ -15,6 +15,7 @@ from executive.dashboard.server import Dashboard
 from executive.errors import PomonaError, UsageError
 from executive.execute import RunOrder, execute
 from executive.running.runner import Runner
+from executive.running.starting import Starting
 from executive.terminal.screen import Screen
 
 
@@ -73,9 +74,10 @@ class Launcher:
     def __init__(self, dashboard: Dashboard, record: Path, choices: Choices) -> None:
         self._dashboard, self._record, self._choices = dashboard, record, choices
         self._thread: threading.Thread | None = None
+        self._starting: Starting | None = None
 
     def start(self, form: dict[str, Any]) -> str:
-        """Start the run that the page's form describes.
+        """Begin to prepare the run that the page's form describes; the desk tells how that goes.
 
         Raises:
             RefusedError: one is running, or the safe state of the last one is latched.
@@ -85,35 +87,27 @@ class Launcher:
             latched = self._dashboard.control.runner is not None and self._dashboard.control.runner.latched
             raise RefusedError(f"reset the safe state first: {latched}" if latched else "a run is going on")
         order = self._order(form)
-        ready = threading.Event()
-        problem: list[PomonaError] = []
-
-        def on_ready(runner: Runner) -> None:
-            self._dashboard.control.serve(runner)
-            ready.set()
+        desk, hub = self._dashboard.control, self._dashboard.hub
+        self._starting = starting = desk.prepare(order.tree.stem)
 
         def run() -> None:
+            problem = "it broke off: the terminal says where"
             try:
-                execute(order, [self._dashboard.hub.on_event], on_ready=on_ready, on_latched=Runner.hold_latched)
+                execute(order, [hub.on_event], on_ready=desk.serve, on_latched=Runner.hold_latched, starting=starting)
+                problem = ""
             except PomonaError as error:
-                problem.append(error)
+                problem = str(error)
             finally:
-                self._dashboard.control.serve(None)
-                ready.set()
+                desk.clear(problem)
 
         self._thread = threading.Thread(target=run, name="pomona-run")
         self._thread.start()
-        ready.wait()
-        if problem:
-            raise problem[0]
         return order.tree.stem
 
     def close(self) -> None:
         """End what runs, in the safe state, and wait until it has ended."""
-        runner = self._dashboard.control.runner
-        if runner is not None:
-            runner.safe_stop("the dashboard was ended")
-            runner.leave()
+        if self._starting is not None and self._thread is not None and self._thread.is_alive():
+            self._starting.abandon("the dashboard was ended")
         while self._thread is not None and self._thread.is_alive():
             with contextlib.suppress(KeyboardInterrupt):  # it ends in the safe state, and that takes seconds at most
                 self._thread.join()

@@ -14,7 +14,7 @@ from typing import Any
 from executive.commands.dashboard import add_address, make_access
 from executive.commands.watch import run_on_save
 from executive.dashboard.server import Dashboard
-from executive.errors import UsageError
+from executive.errors import PomonaError, UsageError
 from executive.execute import Executed, RunOrder, execute
 from executive.files import find_cell, find_tree
 from executive.running.runner import Runner
@@ -151,15 +151,20 @@ def _serve(options: argparse.Namespace, console: Screen, stack: contextlib.ExitS
 def _execute(order: RunOrder, live: LiveTree, dashboard: Dashboard | None, console: Screen) -> Executed:
     if dashboard is None:
         return execute(order, [live.on_event])
+    desk, problem = dashboard.control, ""
     try:
         return execute(
             order,
             [live.on_event, dashboard.hub.on_event],
-            on_ready=dashboard.control.serve,
+            on_ready=desk.serve,
             on_latched=lambda runner: _hold(runner, dashboard, console),
+            starting=desk.prepare(order.tree.stem),
         )
+    except PomonaError as error:
+        problem = str(error)
+        raise
     finally:
-        dashboard.control.serve(None)
+        desk.clear(problem)
 
 
 def _hold(runner: Runner, dashboard: Dashboard, console: Screen) -> None:

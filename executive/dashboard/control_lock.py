@@ -5,10 +5,12 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 from executive.errors import PomonaError
 from executive.running.breakpoints import BREAK_ACTIONS, UnknownNodeError
 from executive.running.runner import Runner
+from executive.running.starting import Starting
 
 ACTIONS = ("pause", "resume", "step", "stop")
 
@@ -37,6 +39,8 @@ class ControlLock:
         self._lock = threading.Lock()
         self._held = Holder()
         self._runner: Runner | None = None
+        self._starting: tuple[str, Starting] | None = None
+        self._problem: dict[str, Any] | None = None
         self._changed = changed
 
     @property
@@ -48,6 +52,39 @@ class ControlLock:
     def runner(self) -> Runner | None:
         """The run in progress, or None."""
         return self._runner
+
+    @property
+    def start(self) -> dict[str, Any] | None:
+        """The run that is being prepared, or why the last one did not begin, as the page is told."""
+        if self._starting is None:
+            return self._problem
+        tree, starting = self._starting
+        stage = starting.stage
+        if stage is None:
+            return None
+        return {
+            "tree": tree, "cell_kind": starting.cell_kind, "what": stage.what, "done": stage.done, "of": stage.of,
+            "age": round(starting.age, 3), "cancelled": starting.cancelled,
+        }  # fmt: skip
+
+    @property
+    def is_preparing(self) -> bool:
+        """Whether a run is being prepared."""
+        return self._starting is not None and self._starting[1].stage is not None
+
+    def prepare(self, tree: str) -> Starting:
+        """A run of this tree is being prepared: what `execute` reports to, until `serve` gives the runner."""
+        starting = Starting(self._changed)
+        self._starting, self._problem = (tree, starting), None
+        self._changed()
+        return starting
+
+    def clear(self, problem: str = "") -> None:
+        """Nothing runs and nothing is being prepared any more; `problem` says why it did not begin."""
+        if self._starting is not None and problem:
+            self._problem = {"tree": self._starting[0], "problem": problem}
+        self._starting = None
+        self.serve(None)
 
     def serve(self, runner: Runner | None) -> None:
         """Act on this runner from now on."""
@@ -92,15 +129,23 @@ class ControlLock:
             raise RefusedError(f"{held.who or 'nobody'} holds control; take it first")
         return held.who
 
-    def safe_stop(self, who: str) -> None:
-        """Stop now. Nobody needs control for this.
+    def safe_stop(self, who: str) -> str:
+        """Stop now. Nobody needs control for this; what is only being prepared does not begin.
 
-        Raises:
-            RefusedError: nothing runs.
+        Returns:
+            what is confirmed: the cell is in its safe state when this returns, as the run has taken it.
         """
-        if self._runner is None or (self._runner.state.ended and self._runner.latched is None):
-            raise RefusedError("nothing is running")
-        self._runner.safe_stop(f"safe stop by {who}", who)
+        because = f"safe stop by {who}"
+        starting, runner = self._starting, self._runner
+        if starting is not None and starting[1].stage is not None:
+            starting[1].cancel(because, who)
+            return "the run that was being prepared does not begin"
+        if runner is None or (runner.state.ended and runner.latched is None):
+            return "nothing was running"
+        runner.safe_stop(because, who)
+        if runner.latched is None:
+            raise RefusedError("the cell did not take the safe stop: use the emergency stop")
+        return f"safe state: {runner.latched}"
 
     def acknowledge(self, viewer: str) -> None:
         """Release the latch of the safe state. Nothing resumes by itself.

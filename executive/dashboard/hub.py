@@ -53,6 +53,16 @@ class Viewer:
         self.waiting: deque[str] = deque()
         self.news = asyncio.Event()
         self.lagged = False
+        self.armed = False
+        """Whether the page has shown the token: what it presses is carried out."""
+        self.page, self.heard = "", 0.0
+        """The page's own id, and when it asked last whether it is heard."""
+
+    def tell(self, event: str, **fields: Any) -> None:
+        """Something for this page alone, after all that waits for it. In the server's loop."""
+        if not self.lagged and len(self.waiting) < BACKLOG:
+            self.waiting.append(json.dumps({"v": VERSION, "event": event, **fields}, ensure_ascii=False))
+            self.news.set()
 
     async def next(self) -> str:
         """The next batch; waits for one."""
@@ -128,6 +138,11 @@ class Hub:
     def viewers(self) -> int:
         """How many watch now."""
         return len(self._viewers)
+
+    def heard(self, page: str) -> float:
+        """When this page was heard last, by `time.monotonic`; 0 when it is not open."""
+        with self._lock:
+            return max((viewer.heard for viewer in self._viewers if viewer.page == page), default=0.0)
 
     @property
     def drained(self) -> bool:

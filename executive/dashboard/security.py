@@ -7,8 +7,11 @@ start.
 
 from __future__ import annotations
 
+import contextlib
 import secrets
+import socket
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 from urllib.parse import parse_qs, urlsplit
 
@@ -59,23 +62,48 @@ class Access:
     @property
     def address(self) -> str:
         """The page's address, without the token."""
-        name = self.names[0] if self.names else f"[{self.host}]" if ":" in self.host else self.host
+        host = own_names()[0] if self.wild else self.host
+        name = self.names[0] if self.names else f"[{host}]" if ":" in host else host
         return f"{'https' if self.certificate is not None else 'http'}://{name}:{self.port}/"
 
     @property
     def hosts(self) -> frozenset[str]:
-        """Host headers that name us."""
-        names = LOOPBACK | {self.host, f"[{self.host}]", *self.names} if not self.local else LOOPBACK
-        return frozenset(f"{name}:{self.port}" for name in names)
+        """Names in Host headers that mean us. The port is left out: a tunnel or a proxy may have another one."""
+        own = {self.host, f"[{self.host}]"} if not self.local else set()
+        return frozenset(name.lower() for name in (*LOOPBACK, *self.names, *own, *(own_names() if self.wild else ())))
+
+    @property
+    def wild(self) -> bool:
+        """Whether it is bound to all addresses of this machine."""
+        return self.host in ("0.0.0.0", "::", "")
 
     def knows_host(self, headers: Headers) -> bool:
         """Whether the request names a host that this server is known by."""
-        return headers.get("host", "") in self.hosts
+        return _without_port(headers.get("host", "")) in self.hosts
 
     def knows_origin(self, headers: Headers) -> bool:
-        """Whether a request comes from our own page; no Origin at all is a plain read or a program, not a page."""
+        """Whether a request comes from our own page; no Origin at all is a plain read or a program, not a page.
+
+        Our page stands where the request goes to, port and all: another server on this machine is not ours. Only a
+        name that was given (`--served-as`) may differ, as it does behind a proxy that writes a Host of its own.
+        """
         origin = headers.get("origin")
-        return origin is None or urlsplit(origin).netloc in self.hosts
+        if origin is None:
+            return True
+        origin_host = urlsplit(origin).netloc.lower()
+        return origin_host == headers.get("host", "").lower() or _without_port(origin_host) in self._given
+
+    @property
+    def _given(self) -> frozenset[str]:
+        return frozenset(name.lower() for name in self.names)
+
+    def knows_reader(self, query: str) -> bool:
+        """Whether an address carries what reads: such a viewer is no stranger."""
+        return _same(query, self.reading)
+
+    def acts_with(self, token: str) -> bool:
+        """Whether who shows this token may act."""
+        return self.may_act and self._is_token(token)
 
     def may_read(self, scope: Scope, headers: Headers) -> bool:
         """Whether a request may see runs. An address may carry what reads, and never what acts."""
@@ -86,10 +114,25 @@ class Access:
 
     def authorised(self, headers: Headers) -> bool:
         """Whether a request may act. A token in an address does not count: addresses are kept and shown."""
-        return self.may_act and self._is_token(headers.get("x-pomona-token", ""))
+        return self.acts_with(headers.get("x-pomona-token", ""))
 
     def _is_token(self, given: str) -> bool:
         return _same(given, self.token)
+
+
+@cache
+def own_names() -> tuple[str, ...]:
+    """How others reach this machine: the address of its way out, if it has one, and its name."""
+    names = []
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as out, contextlib.suppress(OSError):
+        out.connect(("192.0.2.1", 9))  # an address for documentation: nothing is sent, the system only chooses a way
+        names.append(str(out.getsockname()[0]))
+    return (*names, socket.gethostname().lower())
+
+
+def _without_port(host: str) -> str:
+    name, colon, port = host.lower().rpartition(":")
+    return name if colon and port.isdigit() else host.lower()
 
 
 def _same(given: str, expected: str) -> bool:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import errno
 import json
+import socket
 import sys
 import threading
 import time
@@ -23,8 +25,10 @@ from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from executive.dashboard.choices import Choices
+from executive.dashboard.connections import PatientHttp
 from executive.dashboard.control_lock import ControlLock, RefusedError
 from executive.dashboard.hub import Hub, Viewer
+from executive.dashboard.presses import Presses, now, text
 from executive.dashboard.record_messages import between, image, overview, record_messages
 from executive.dashboard.security import Access, Guard
 from executive.errors import PomonaError, UsageError
@@ -32,6 +36,7 @@ from executive.recording.index import RunIndex, records_in
 from executive.recording.plain_file import is_plain
 from executive.recording.recorder import EVENTS_FILE
 
+WATCH_ONLY = "this page may watch but not act: open the link that was printed"
 STATIC = Path(__file__).parent / "static"
 MOST_VIEWERS = 200
 MOST_RUNS = 2000
@@ -39,6 +44,18 @@ MOST_RUNS = 2000
 MOST_BODY = 16_384
 LAST_WORDS = 1.0
 """Seconds in which viewers may still read when the server ends."""
+
+KNOWN_VIEWERS = 50
+"""More viewers that are served when they carry what reads: strangers do not keep an operator from looking."""
+
+MOST_PRESSES = 16
+"""Presses of one page that may be on their way."""
+
+BODY_DEADLINE = 5.0
+"""Seconds in which what acts must have been sent."""
+
+PAGE_SILENT = 4.0
+"""Seconds without a question from the page that holds control after which everybody is told so."""
 
 BEAT = 0.5
 """Seconds between two signs of life of a run."""
@@ -58,6 +75,7 @@ class Dashboard:
         self.access, self.records = access, records
         self.hub = Hub()
         self.control = ControlLock(self._announce)
+        self.presses = Presses(self.control)
         self._index = RunIndex(records)
         self._start_run: StartRun | None = None
         self._choices = Choices({}, {})
@@ -95,9 +113,15 @@ class Dashboard:
 
     def _announce(self) -> None:
         holder = self.control.holder
+        self._holder_here = self._is_here(holder.viewer)
         self.hub.announce(
-            held_by=holder.who, grant=holder.grant, viewers=self.hub.viewers, starts=self._start_run is not None
-        )
+            held_by=holder.who, grant=holder.grant, viewers=self.hub.viewers, starts=self._start_run is not None,
+            start=self.control.start, holder_here=self._holder_here,
+        )  # fmt: skip
+
+    def _is_here(self, page: str) -> bool:
+        """Whether the page that holds control is heard."""
+        return not page or now() - self.hub.heard(page) < PAGE_SILENT
 
     # ------------------------------------------------------------------------------------- its own thread
 
@@ -105,17 +129,18 @@ class Dashboard:
         """Serve in a thread of its own.
 
         Raises:
-            UsageError: the port is taken.
+            UsageError: it cannot listen there.
         """
         config = uvicorn.Config(
-            self.app, host=self.access.host, port=self.access.port, log_level="critical", ws="websockets-sansio",
-            ws_max_size=MOST_BODY, ws_per_message_deflate=False, lifespan="on", limit_concurrency=MOST_VIEWERS + 50,
+            self.app, http=PatientHttp, log_level="critical", ws="websockets-sansio",
+            ws_max_size=MOST_BODY, ws_per_message_deflate=False, lifespan="on",
             ssl_certfile=self.access.certificate, ssl_keyfile=self.access.key,
         )  # fmt: skip
         try:
             config.load()
         except OSError as error:  # ssl.SSLError, too
             raise UsageError(f"the certificate or its key cannot be used: {error}") from error
+        listening = _listen_on(self.access.host, self.access.port)
         # A tick that is due while a batch goes out to many viewers waits so long for the interpreter, not 5 ms.
         sys.setswitchinterval(min(sys.getswitchinterval(), SWITCH))
         self._server = uvicorn.Server(config)
@@ -125,17 +150,14 @@ class Dashboard:
         def serve() -> None:
             assert self._server is not None
             with contextlib.suppress(SystemExit):
-                self._server.run()
+                self._server.run([listening])
             started.set()
 
         self._thread = threading.Thread(target=serve, name="pomona-dashboard", daemon=True)
         self._thread.start()
         while not self._server.started:
             if started.wait(0.02):
-                raise UsageError(
-                    f"the dashboard cannot listen on {self.access.host}:{self.access.port}: the port is taken. "
-                    "Choose another with --port."
-                )
+                raise UsageError(f"the dashboard cannot be served on {self.access.host}:{self.access.port}")
 
     def close(self) -> None:
         """Stop serving, once the viewers have what was said. Harmless when it was not started."""
@@ -159,6 +181,8 @@ class Dashboard:
         while True:
             await asyncio.sleep(BEAT)
             runner = self.control.runner
+            if self._is_here(self.control.holder.viewer) != self._holder_here or self.control.is_preparing:
+                self._announce()
             if runner is not None and self.hub.viewers:
                 t, tick = runner.progress
                 ages = {device: round(age, 3) for device, age in runner.ages.items()}
@@ -223,20 +247,21 @@ class Dashboard:
         path = known.get(name)
         return path.parent if path is not None and is_plain(path) and not path.parent.is_symlink() else None
 
-    async def _live(self, socket: WebSocket) -> None:
-        if self.hub.viewers >= MOST_VIEWERS:
-            await socket.close(4429)
+    async def _live(self, stream: WebSocket) -> None:
+        known = self.access.knows_reader(stream.query_params.get("token", ""))
+        if self.hub.viewers >= MOST_VIEWERS + (KNOWN_VIEWERS if known else 0):
+            await stream.close(4429)
             return
-        await socket.accept()
+        await stream.accept()
         try:
-            since = max(int(socket.query_params.get("since", "0")), 0)
+            since = max(int(stream.query_params.get("since", "0")), 0)
         except ValueError:
             since = 0
-        viewer = self.hub.join(since, socket.query_params.get("stream", ""))
+        viewer = self.hub.join(since, stream.query_params.get("stream", ""))
         self._announce()
-        gone = asyncio.ensure_future(_until_gone(socket))
+        gone = asyncio.ensure_future(self._listen(stream, viewer))
         try:
-            await _feed(socket, viewer, gone)
+            await _feed(stream, viewer, gone)
         except (WebSocketDisconnect, RuntimeError):
             pass
         finally:
@@ -244,29 +269,45 @@ class Dashboard:
             self.hub.leave(viewer)
             self._announce()
 
+    async def _listen(self, stream: WebSocket, viewer: Viewer) -> None:
+        """What a page says over the live stream, until it leaves: is it heard, may it act, what is pressed."""
+        pressed: set[asyncio.Task[None]] = set()
+        with contextlib.suppress(WebSocketDisconnect, RuntimeError):
+            while True:
+                said = _object(await stream.receive_text())
+                if isinstance(said.get("ping"), (int, float)):
+                    viewer.heard = now()
+                    viewer.tell("Pong", ping=said["ping"], now=viewer.heard)  # it follows all that was told before
+                elif "token" in said:
+                    viewer.armed = self.access.acts_with(text(said, "token"))
+                    viewer.page = text(said, "viewer") if viewer.armed else ""
+                    viewer.heard = now()
+                    viewer.tell("Armed", armed=viewer.armed)
+                elif "press" in said and len(pressed) < MOST_PRESSES:
+                    task = asyncio.create_task(self._pressed(viewer, said))
+                    pressed.add(task)
+                    task.add_done_callback(pressed.discard)
+
+    async def _pressed(self, viewer: Viewer, said: dict[str, Any]) -> None:
+        press = text(said, "press")
+        if not viewer.armed:
+            viewer.tell("Pressed", press=press, error=WATCH_ONLY)
+            return
+        try:
+            viewer.tell("Pressed", press=press, **await self.presses.answer(said))
+        except PomonaError as refused:
+            viewer.tell("Pressed", press=press, error=str(refused))
+
     # ---------------------------------------------------------------------------------------------- acting
 
     async def _act(self, request: Request) -> Response:
         body = await self._authorised_body(request)
         if isinstance(body, Response):
             return body
-        action, viewer = _text(body, "action"), _text(body, "viewer")
-        who, detail = _text(body, "who")[:60] or "operator", _text(body, "detail")
         try:
-            if action == "safe_stop":
-                self.control.safe_stop(who)
-            elif action == "take":
-                self.control.take(viewer, who)
-            elif action == "release":
-                self.control.release(viewer)
-            elif action == "acknowledge":
-                self.control.acknowledge(viewer)
-            else:
-                self.control.act(viewer, action, detail)
+            return JSONResponse(await self.presses.answer(body))
         except RefusedError as refused:
             return JSONResponse({"error": str(refused)}, 409)
-        held = self.control.holder
-        return JSONResponse({"held_by": held.who, "grant": held.grant, "yours": bool(viewer) and held.viewer == viewer})
 
     async def _start(self, request: Request) -> Response:
         body = await self._authorised_body(request)
@@ -275,7 +316,7 @@ class Dashboard:
         if self._start_run is None:
             return JSONResponse({"error": "this dashboard belongs to one run and starts no other"}, 409)
         try:
-            self.control.require(_text(body, "viewer"))
+            self.control.require(text(body, "viewer"))
             tree = await asyncio.to_thread(self._start_run, body)
         except PomonaError as error:
             return JSONResponse({"error": str(error)}, 409)
@@ -283,14 +324,18 @@ class Dashboard:
 
     async def _authorised_body(self, request: Request) -> dict[str, Any] | Response:
         if not self.access.authorised(request.headers):
-            return JSONResponse({"error": "this page may watch but not act: open the link that was printed"}, 403)
+            return JSONResponse({"error": WATCH_ONLY}, 403)
         if request.headers.get("content-type", "").partition(";")[0].strip() != "application/json":
             return JSONResponse({"error": "send application/json"}, 415)
         body = b""
-        async for chunk in request.stream():
-            body += chunk
-            if len(body) > MOST_BODY:
-                return JSONResponse({"error": "too long"}, 413)
+        try:
+            async with asyncio.timeout(BODY_DEADLINE):
+                async for chunk in request.stream():
+                    body += chunk
+                    if len(body) > MOST_BODY:
+                        return JSONResponse({"error": "too long"}, 413)
+        except TimeoutError:
+            return JSONResponse({"error": "sent too slowly"}, 408)
         try:
             content = json.loads(body)
         except ValueError:
@@ -298,7 +343,7 @@ class Dashboard:
         return content if isinstance(content, dict) else JSONResponse({"error": "not an object"}, 400)
 
 
-async def _feed(socket: WebSocket, viewer: Viewer, gone: asyncio.Future[None]) -> None:
+async def _feed(stream: WebSocket, viewer: Viewer, gone: asyncio.Future[None]) -> None:
     """Send what waits for a viewer, until it leaves or lags."""
     while not gone.done():
         upcoming = asyncio.ensure_future(viewer.next())
@@ -307,17 +352,52 @@ async def _feed(socket: WebSocket, viewer: Viewer, gone: asyncio.Future[None]) -
         if not upcoming.done():
             upcoming.cancel()
             return
-        await socket.send_text(upcoming.result())
+        await stream.send_text(upcoming.result())
         if viewer.lagged and not viewer.waiting:
-            await socket.close(4408)  # the page connects again and gets the whole state
+            await stream.close(4408)  # the page connects again and gets the whole state
             return
 
 
-async def _until_gone(socket: WebSocket) -> None:
-    """Viewers have nothing to say; what they send is read and dropped until they leave."""
-    with contextlib.suppress(WebSocketDisconnect, RuntimeError):
-        while True:
-            await socket.receive_text()
+def _object(said: str) -> dict[str, Any]:
+    """A message as an object; whatever else was sent says nothing."""
+    try:
+        content = json.loads(said)
+    except (ValueError, RecursionError):
+        return {}
+    return content if isinstance(content, dict) else {}
+
+
+def _listen_on(host: str, port: int) -> socket.socket:
+    """A socket that listens.
+
+    Raises:
+        UsageError: there is no such port or address, or somebody else has it.
+    """
+    where = f"{host}:{port}"
+    if not 0 <= port <= 65535:
+        raise UsageError(f"--port {port}: a port is a number from 0 to 65535")
+    try:
+        family, *_rest, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)[0]
+        listening = socket.socket(family)
+    except OSError as error:
+        raise UsageError(f"the dashboard cannot listen on {where}: {error.strerror or error}") from error
+    try:
+        listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        listening.bind(address)
+        listening.listen(2048)
+        listening.set_inheritable(False)
+    except OSError as error:
+        listening.close()
+        why = _WHY_NOT.get(error.errno or 0, error.strerror or str(error))
+        raise UsageError(f"the dashboard cannot listen on {where}: {why}") from error
+    return listening
+
+
+_WHY_NOT = {
+    errno.EADDRINUSE: "the port is taken. Choose another with --port.",
+    errno.EADDRNOTAVAIL: "this machine has no such address. --host 0.0.0.0 listens on all that it has.",
+    errno.EACCES: "ports below 1024 are the system's. Choose another with --port.",
+}
 
 
 def _stretch(query: Mapping[str, str]) -> tuple[float, float] | None:
@@ -326,8 +406,3 @@ def _stretch(query: Mapping[str, str]) -> tuple[float, float] | None:
         return float(query["begin"]), float(query["end"])
     except (KeyError, ValueError):
         return None
-
-
-def _text(body: dict[str, Any], key: str) -> str:
-    value = body.get(key, "")
-    return value if isinstance(value, str) else ""

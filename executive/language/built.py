@@ -100,9 +100,10 @@ class BuiltTree:
         """All retries of the tree."""
         return tuple(b for b in self.behaviours.values() if isinstance(b, Retry))
 
-    def prepare(self) -> None:
-        """Let every skill load and warm what it needs."""
-        for skill in self.skills:
+    def prepare(self, tell: Callable[[str, int, int], None] = lambda _name, _done, _of: None) -> None:
+        """Let every skill load and warm what it needs; `tell(name, done, of)` is called before each."""
+        for done, skill in enumerate(self.skills):
+            tell(skill.name, done, len(self.skills))
             skill.prepare()
 
     def on_attempt(self, listener: Callable[[str, Attempt, int], None]) -> None:

@@ -136,9 +136,9 @@ class Runner(Requests):
 
     # -------------------------------------------------------------------------------------- the tick thread
 
-    def prepare(self) -> None:
-        """Load and warm what the skills need, before the run's clock starts. Progress goes to the log."""
-        self.tree.prepare()
+    def prepare(self, tell: Callable[[str, int, int], None] = lambda _name, _done, _of: None) -> None:
+        """Load and warm what the skills need, before the run's clock starts; `tell(name, done, of)` before each."""
+        self.tree.prepare(tell)
         self._computations.pending()  # what was computed to prepare is accounted for before the run
 
     def look_after(self, name: str, state: Callable[[], str], *, required: bool) -> None:

@@ -1,7 +1,9 @@
 // The page: messages in, state, views. A live run streams over the WebSocket; a recorded one is read. Both can be scrubbed.
 import { $, seconds } from "./dom.js";
 import { apply, emptyState } from "./store.js";
-import { act, page, readAddress, say, withToken } from "./page.js";
+import { newFeed, page, readAddress, say, withToken } from "./page.js";
+import { connect, isStale, press } from "./link.js";
+import { drawTrust } from "./trust.js";
 import { TreeView } from "./tree.js";
 import { CameraView, PlotsView, drawTables } from "./pictures.js";
 import { SceneView } from "./scene.js";
@@ -13,7 +15,7 @@ import { drawStart, loadRuns, showRuns } from "./runs.js";
 
 const MOST_CHARACTERS = 30e6; // of messages that are kept for scrubbing in a live run; older ones become one state
 
-const toggleBreak = (path, side) => act(`${page.whole.breaks[side].has(path) ? "un" : ""}break${side === "after" ? "_after" : ""}`, path);
+const toggleBreak = (path, side) => press(`${page.whole.breaks[side].has(path) ? "un" : ""}break${side === "after" ? "_after" : ""}`, path);
 const tree = new TreeView((path) => { page.selected = path; page.dirty = true; }, toggleBreak);
 const camera = new CameraView();
 const plots = new PlotsView();
@@ -41,7 +43,8 @@ function render() {
   page.dirty = false;
   const s = momentState();
   drawHeader(s);
-  drawControl(page.whole);
+  drawTrust(page.live.whole);
+  drawControl(page.live.whole);
   drawStart();
   tree.update(s);
   camera.update(s);
@@ -83,63 +86,45 @@ function goLive() { if (!page.recorded) { page.at = null; page.playing = false; 
 // ----------------------------------------------------------------------------------------------- connection
 
 function forget() {
-  Object.assign(page, { messages: [], size: 0, whole: emptyState(), base: null, overview: null, shownState: emptyState(), shownIndex: 0, at: null, playing: false });
+  page.live = newFeed();
+  if (!page.recorded) Object.assign(page, { at: null, playing: false });
 }
 
 function receive(message, size) {
   if (message.v !== 1) { say("the server speaks another version: reload the page", "bad"); return; }
+  const { live } = page;
   if (message.event === "Hello") {
     if (page.stream && page.stream !== message.stream) forget(); // another process: its numbers mean other messages
     page.stream = message.stream;
-  } else if (message.event === "Control") page.control = message;
+    if (!page.recorded) say("connected");
+  } else if (message.event === "Control") { page.control = message; page.heardControl = performance.now(); }
   else if (message.event === "Beat") {
     const now = performance.now();
     page.beat = { tick: message.tick, ages: message.ages ?? {}, received: now, moved: page.beat?.tick === message.tick ? page.beat.moved : now };
-    if (page.whole.run && !page.whole.ended) page.whole.t = Math.max(page.whole.t, message.t);
+    if (live.whole.run && !live.whole.ended) live.whole.t = Math.max(live.whole.t, message.t);
   } else if (message.event !== "Lagged") {
     if (message.event === "RunStarted") { forget(); page.beat = null; }
-    else if (message.seq <= page.whole.seq) return;
-    page.messages.push(message);
-    page.size += size;
-    apply(page.whole, message);
-    if (page.size > MOST_CHARACTERS) shorten();
+    else if (message.seq <= live.whole.seq) return;
+    page.live.messages.push(message);
+    page.live.size += size;
+    apply(page.live.whole, message);
+    if (page.live.size > MOST_CHARACTERS) shorten(page.live);
     if (message.event === "RunEnded" && !$("runs-view").hidden) loadRuns();
   }
   page.dirty = true;
 }
 
 // The older half of the messages becomes the state from which scrubbing begins.
-function shorten() {
-  const base = beginning();
-  for (const message of page.messages.splice(0, page.messages.length / 2)) apply(base, message);
-  Object.assign(page, { base, size: page.size / 2, shownState: emptyState(), shownIndex: 0 });
-}
-
-let retry = 250;
-function connect() {
-  const url = withToken(`/live?since=${page.whole.seq}&stream=${page.stream}`);
-  url.protocol = location.protocol === "https:" ? "wss:" : "ws:";
-  const socket = new WebSocket(url);
-  page.socket = socket;
-  socket.addEventListener("open", () => { retry = 250; say("connected"); document.body.classList.remove("offline"); });
-  socket.addEventListener("message", (event) => { for (const line of event.data.split("\n")) receive(JSON.parse(line), line.length); });
-  socket.addEventListener("close", (event) => {
-    if (page.recorded) return;
-    if (event.code === 4408) page.stream = "";
-    say(`connection lost; what you see is ${page.whole.run ? "old" : "nothing"}`, "bad");
-    document.body.classList.add("offline");
-    setTimeout(connect, retry);
-    retry = Math.min(5000, retry * 2);
-  });
+function shorten(feed) {
+  const base = feed.base ? structuredClone(feed.base) : emptyState();
+  for (const message of feed.messages.splice(0, feed.messages.length / 2)) apply(base, message);
+  Object.assign(feed, { base, size: feed.size / 2, shownState: emptyState(), shownIndex: 0 });
 }
 
 async function openRecord(name, t) {
-  page.recorded = name;
-  page.socket?.close();
+  Object.assign(page, { recorded: name, record: newFeed(), at: null, playing: false });
   showRuns(false);
   say(`reading ${name} …`);
-  forget();
-  document.body.classList.remove("offline");
   $("download").href = withToken(recordAddress(name, "record"));
   const problem = await openOverview(name);
   if (page.recorded !== name) return;
@@ -152,7 +137,7 @@ function openAddress() {
   const { run, t } = readAddress();
   if (run && run !== page.recorded) openRecord(run, t);
   else if (run && t !== null) goTo(t);
-  else if (!run && page.recorded) { page.recorded = null; forget(); page.stream = ""; connect(); }
+  else if (!run && page.recorded) { Object.assign(page, { recorded: null, record: null, at: null, playing: false, dirty: true }); say(isStale() ? "connection lost" : "connected", isStale() ? "bad" : "ok"); }
   return run;
 }
 
@@ -172,7 +157,7 @@ for (const [i, tab] of tabs.entries()) {
     if (step) { const next = tabs[(i + step + tabs.length) % tabs.length]; next.focus(); next.click(); event.preventDefault(); }
   });
 }
-$("safe-stop").addEventListener("click", () => act("safe_stop"));
+$("safe-stop").addEventListener("click", () => press("safe_stop"));
 $("play").addEventListener("click", togglePlay);
 $("live").addEventListener("click", goLive);
 $("back-to-live").addEventListener("click", () => { location.hash = ""; });
@@ -184,8 +169,14 @@ $("share").addEventListener("click", () => {
   const told = `link to ${seconds(page.at ?? page.whole.t)} copied`;
   if (navigator.clipboard) navigator.clipboard.writeText(link).then(() => say(told), () => say(link)); else say(link);
 });
+// What is open or written in closes first: whoever leaves a search does not mean the robot.
+function escape(event) {
+  if (event.repeat || $("keys").open) return;
+  if (event.target.matches("input, select, textarea")) event.target.blur();
+  else press("safe_stop");
+}
 document.addEventListener("keydown", (event) => {
-  if (event.key === "Escape") { act("safe_stop"); return; } // an open dialog closes, too
+  if (event.key === "Escape") { escape(event); return; }
   if (/^(INPUT|SELECT|TEXTAREA|BUTTON|SUMMARY)$/.test(event.target.tagName) || event.ctrlKey || event.metaKey || event.altKey) return;
   if (event.key === "/") { $("search").focus(); event.preventDefault(); }
   else if (event.key === " ") { togglePlay(); event.preventDefault(); }
@@ -198,6 +189,8 @@ document.addEventListener("keydown", (event) => {
 window.addEventListener("hashchange", openAddress);
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { plots.forget(); scene.draw(); timeline.key = ""; page.dirty = true; });
 
-if (!openAddress()) connect();
+openAddress();
+connect(receive);
 setInterval(() => { page.dirty = true; }, 500);
+setInterval(() => drawTrust(page.live.whole), 100); // also while nothing comes, and no frame is drawn
 render();

@@ -1,20 +1,21 @@
 // The control bar, the banner of the safe state, and the header: what is acknowledged, never what was clicked.
 import { $, h, seconds } from "./dom.js";
-import { act, holdsControl, page } from "./page.js";
+import { holdsControl, page } from "./page.js";
+import { isStale, press } from "./link.js";
 
-export const STATUS_WORD = { success: "✓", failure: "✗", stopped: "■", error: "■", running: "▶", paused: "❚❚", pausing: "❚❚" };
+export const STATUS_WORD = { success: "✓", failure: "✗", stopped: "■", error: "■", running: "▶", paused: "❚❚", pausing: "❚❚", preparing: "◌" };
 const KIND = { simulated: "SIMULATED", emulated: "EMULATED", real: "REAL", frames: "RECORDED FRAMES", mock: "MOCK" };
 const OLD = 1; // seconds without a word from a device that look wrong
 
 $("who").value = localStorage.getItem("pomona-who") || "";
 $("who").addEventListener("change", (event) => localStorage.setItem("pomona-who", event.target.value));
-for (const button of document.querySelectorAll("[data-action]")) button.addEventListener("click", () => act(button.dataset.action));
+for (const button of document.querySelectorAll("[data-action]")) button.addEventListener("click", () => press(button.dataset.action));
 
 export function drawControl(s) {
   const live = !page.recorded;
-  const mine = live && holdsControl();
+  const mine = holdsControl();
   const running = s.state === "running" && !s.ended, paused = s.state === "paused" && !s.ended;
-  const enabled = { take: live && !mine, release: mine, pause: mine && running, resume: mine && paused, step: mine && paused, stop: mine && (running || paused), acknowledge: mine && Boolean(s.ended) };
+  const enabled = { take: !mine, release: mine, pause: mine && running, resume: mine && paused, step: mine && paused, stop: mine && (running || paused), acknowledge: mine && Boolean(s.ended) };
   for (const button of document.querySelectorAll("[data-action]")) {
     const { action } = button.dataset;
     if (action in enabled) button.disabled = !enabled[action];
@@ -22,19 +23,28 @@ export function drawControl(s) {
   }
   $("live-control").hidden = !live;
   $("record-control").hidden = live;
-  const { held_by: holder, viewers } = page.control;
-  $("holder").textContent = mine ? "You hold control." : holder ? `${holder} holds control.` : "Nobody holds control.";
+  const { held_by: holder, viewers, holder_here: here } = page.control;
+  $("holder").textContent = mine ? "You hold control." : holder ? `${holder} holds control${here === false ? ", but that page is not heard" : ""}.` : "Nobody holds control.";
   $("holder").dataset.mine = mine;
   $("viewers").textContent = viewers > 1 ? `${viewers} watch.` : "";
   const last = s.acts.findLast((a) => a.action !== "note");
   $("ack").hidden = !live || !s.run;
-  $("ack").textContent = `Acknowledged: ${s.ended ? s.ended.outcome : s.state}${s.because && !s.ended ? ` (${wordsOf(s, s.because)})` : ""}${last ? ` · last: ${last.action.replaceAll("_", " ")} by ${last.who}` : ""}`;
+  $("ack").textContent = `${isStale() ? "Last known" : "Acknowledged"}: ${s.ended ? s.ended.outcome : s.state}${s.because && !s.ended ? ` (${wordsOf(s, s.because)})` : ""}${last ? ` · last: ${last.action.replaceAll("_", " ")} by ${last.who}` : ""}`;
   const name = (path) => s.byPath.get(path)?.name ?? path;
   const breaks = [...[...s.breaks.before].map((path) => `before ${name(path)}`), ...[...s.breaks.after].map((path) => `after ${name(path)}`)];
   $("breaks").textContent = breaks.length ? `◉ Breakpoints: ${breaks.join(", ")}` : "";
-  $("latched").hidden = !s.safeStop || !live;
+  $("latched").hidden = !s.safeStop;
   $("latched-reason").textContent = s.safeStop ?? "";
+  $("latched-rest").textContent = s.safeStop ? restWords(s) : "";
   $("reset-hint").textContent = mine ? "" : "Take control to reset it.";
+}
+
+// What is known of the devices after a safe stop: never more than they have said.
+function restWords(s) {
+  const silent = [...s.links].filter(([, link]) => link.state !== "ok").map(([device]) => device);
+  if (silent.length) return `No feedback from ${silent.join(", ")}: whether it stands is not known. Look; if anything moves, press the emergency stop.`;
+  if (s.unrest) return `Not confirmed to stand: ${s.unrest}. Look; if anything moves, press the emergency stop.`;
+  return s.ended ? "The cell reports that it stands. It keeps its grip; nothing resumes by itself." : "Asked to stop; not yet reported to stand.";
 }
 
 // A pause at a breakpoint names the node's path; people know its name.
@@ -50,11 +60,20 @@ export function drawHeader(s) {
   $("run").textContent = s.run ? `${s.run.tree} · seed ${s.run.seed}` : "no run yet";
   $("run-facts").textContent = s.run ? `cell ${s.run.cell} · ${s.run.run}` : "";
   $("run").parentElement.title = s.run ? `${s.run.run}\ntree ${s.run.tree_path} (${s.run.tree_hash})\ncell ${s.run.cell_path}` : "";
-  const state = s.ended ? s.ended.outcome : s.state;
-  $("state").textContent = `${STATUS_WORD[state] ?? ""} ${state}`.trim();
-  $("state").dataset.state = state;
+  const start = page.recorded ? null : page.control.start;
+  const preparing = Boolean(start && !start.problem);
+  const state = preparing ? "preparing" : s.ended ? s.ended.outcome : s.state;
+  const old = !page.recorded && isStale() && (s.run || preparing);
+  if (preparing) {
+    $("kind").textContent = KIND[start.cell_kind] ?? "CELL";
+    $("kind").dataset.kind = start.cell_kind;
+    $("run").textContent = start.tree;
+    $("run-facts").textContent = start.what;
+  }
+  $("state").textContent = old ? `? last known: ${state}` : `${STATUS_WORD[state] ?? ""} ${state}`.trim();
+  $("state").dataset.state = old ? "old" : state;
   $("state").title = s.because;
-  const still = page.beat && !page.recorded && s.state === "running" && !s.ended ? (performance.now() - page.beat.moved) / 1000 : 0;
+  const still = page.beat && !page.recorded && !old && s.state === "running" && !s.ended ? (performance.now() - page.beat.moved) / 1000 : 0;
   $("clock").textContent = `${(page.at ?? s.t).toFixed(1)} s${still > 3 ? ` · no tick for ${still.toFixed(0)} s` : ""}`;
   $("clock").classList.toggle("stale", still > 3);
   drawLinks(s);

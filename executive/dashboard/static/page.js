@@ -1,15 +1,22 @@
-// What the page knows of itself: the messages, the moment that is shown, the token, and how it acts.
+// What the page knows of itself: the messages, the moment that is shown, the token.
 import { $ } from "./dom.js";
 import { emptyState } from "./store.js";
 
-export const page = {
-  messages: [], size: 0, whole: emptyState(), base: null, shownState: emptyState(), shownIndex: 0, at: null, playing: false,
-  recorded: null, overview: null, stream: "", token: "", reading: "", viewer: "", grant: Number(sessionStorage.getItem("pomona-grant") ?? -1),
-  control: { held_by: "", grant: 0, viewers: 0, starts: false }, beat: null, selected: null, dirty: true, socket: null,
-};
+// The messages of one run, and the states that they give.
+export const newFeed = () => ({ messages: [], size: 0, whole: emptyState(), base: null, overview: null, shownState: emptyState(), shownIndex: 0 });
 
-page.viewer = sessionStorage.getItem("pomona-viewer") || [...crypto.getRandomValues(new Uint8Array(16))].map((b) => b.toString(16).padStart(2, "0")).join("");
+export const page = {
+  live: newFeed(), record: null, at: null, playing: false,
+  recorded: null, stream: "", token: "", reading: "", viewer: "", grant: Number(sessionStorage.getItem("pomona-grant") ?? -1),
+  control: { held_by: "", grant: 0, viewers: 0, starts: false, start: null }, heardControl: 0, beat: null, selected: null, dirty: true,
+  get feed() { return this.record ?? this.live; }, // what is looked at: a record, or what happens now
+};
+for (const name of Object.keys(newFeed())) Object.defineProperty(page, name, { get() { return this.feed[name]; }, set(value) { this.feed[name] = value; } });
+
+page.viewer = sessionStorage.getItem("pomona-viewer") || randomId();
 sessionStorage.setItem("pomona-viewer", page.viewer);
+
+export function randomId() { return [...crypto.getRandomValues(new Uint8Array(16))].map((b) => b.toString(16).padStart(2, "0")).join(""); }
 
 export const holdsControl = () => page.control.grant === page.grant && Boolean(page.control.held_by);
 
@@ -39,23 +46,12 @@ export function withToken(address) {
   return url;
 }
 
-export async function post(path, body) {
-  if (!page.token) { say("this page may watch but not act: open the link that was printed", "bad"); return null; }
-  const who = $("who").value.trim() || "operator";
-  try {
-    const answer = await fetch(path, { method: "POST", headers: { "content-type": "application/json", "x-pomona-token": page.token }, body: JSON.stringify({ ...body, viewer: page.viewer, who }) });
-    const content = await answer.json();
-    if (answer.ok) return content;
-    say(content.error, "bad");
-  } catch { say("the run cannot be reached", "bad"); }
-  return null;
-}
+export const me = () => ({ viewer: page.viewer, who: $("who").value.trim() || "operator" });
 
-export async function act(action, detail = "") {
-  const answer = await post("/api/act", { action, detail });
-  if (answer === null) return false;
-  if (answer.yours) { page.grant = answer.grant; sessionStorage.setItem("pomona-grant", page.grant); }
-  page.control = { ...page.control, held_by: answer.held_by, grant: answer.grant };
-  page.dirty = true;
-  return true;
+// An answer, or the reason why there is none: { error, status }. It does not wait for ever.
+export async function post(path, body, deadline = 5000) {
+  try {
+    const answer = await fetch(path, { method: "POST", signal: AbortSignal.timeout(deadline), headers: { "content-type": "application/json", "x-pomona-token": page.token }, body: JSON.stringify({ ...body, ...me() }) });
+    return { ...await answer.json(), status: answer.status };
+  } catch { return { error: "the run cannot be reached", status: 0 }; }
 }

@@ -4,7 +4,6 @@ import { $, h, seconds } from "./dom.js";
 import { withToken } from "./page.js";
 
 const LINE = new Set(["found", "refined", "muted", "chosen", "ruled_out"]);
-export const STALE = 3; // seconds after which a stream that should go on looks stale
 const SVG = "http://www.w3.org/2000/svg";
 
 const svgElement = (tag, attributes) => {
@@ -24,7 +23,6 @@ export class CameraView {
       this.draw(views);
     }
     showAge($("camera-age"), this.at, state);
-    $("camera").classList.toggle("stale-picture", $("camera-age").classList.contains("stale"));
   }
 
   draw(views) {
@@ -57,12 +55,10 @@ function runs(points) {
   return out.filter((r) => r.length > 1);
 }
 
-// How old a stream is, beside its title.
+// How long ago something was seen, beside its title. A look, a plan, a grip come when they come: old is not wrong. Whether
+// a device or the page itself is heard is told elsewhere.
 export function showAge(element, t, state) {
-  const old = t === null ? 0 : Math.max(0, state.t - t);
-  const stale = t !== null && old > STALE && !state.ended;
-  element.textContent = t === null ? "" : `${seconds(old)} old${stale ? ": stale" : ""}`;
-  element.classList.toggle("stale", stale);
+  element.textContent = t === null ? "" : state.t - t < 0.5 ? "now" : `${seconds(state.t - t)} ago`;
 }
 
 const FINER = { m: ["mm", 1e3], "m/s": ["mm/s", 1e3], "m/s²": ["mm/s²", 1e3] }; // what a hand does is small

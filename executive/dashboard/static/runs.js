@@ -125,16 +125,19 @@ $("start-form").addEventListener("submit", async (event) => {
   say("starting …");
   starting = true;
   drawStart();
-  const answer = await post("/api/start", { tree: $("start-tree").value, cell: $("start-cell").value, seed: Number($("start-seed").value), pace: $("start-pace").value, dry: $("start-dry").checked, settings });
+  const answer = page.token ? await post("/api/start", { tree: $("start-tree").value, cell: $("start-cell").value, seed: Number($("start-seed").value), pace: $("start-pace").value, dry: $("start-dry").checked, settings }) : { error: "this page may watch but not act: open the link that was printed" };
   starting = false;
   drawStart();
-  if (answer) { say(`started ${answer.tree}`); showRuns(false); }
+  if (answer.error) { say(answer.error, "bad"); return; }
+  say("connected");
+  if (page.recorded) location.hash = "";
+  showRuns(false);
 });
 
 export function drawStart() {
   const { starts } = page.control;
   $("start-panel").hidden = !starts;
-  const why = !holdsControl() ? "Take control to start a run." : page.whole.run && !page.whole.ended ? "A run is going on." : page.whole.safeStop ? "Reset the safe state first." : unread;
+  const why = !holdsControl() ? "Take control to start a run." : page.control.start && !page.control.start.problem ? "A run is being prepared." : page.live.whole.run && !page.live.whole.ended ? "A run is going on." : page.live.whole.safeStop ? "Reset the safe state first." : unread;
   $("start-button").disabled = starting || Boolean(why);
   $("start-hint").textContent = why;
 }

@@ -16,7 +16,7 @@ export function emptyState() {
     t: 0, tick: 0, seq: 0, run: null, nodes: [], byPath: new Map(), state: "idle", because: "",
     node: new Map(), attempts: new Map(), ports: new Map(), images: new Map(), scenes: new Map(),
     series: new Map(), tables: new Map(), bodies: new Map(), poses: new Map(), spans: [], marks: [], links: new Map(), failures: [], acts: [], ended: null,
-    safeStop: null, gap: 1.5, breaks: { before: new Set(), after: new Set() },
+    safeStop: null, unrest: "", gap: 1.5, breaks: { before: new Set(), after: new Set() },
   };
 }
 
@@ -52,6 +52,7 @@ const HANDLERS = {
     const leaf = s.byPath.get(m.path)?.leaf;
     if (changed) {
       node.since = m.t;
+      if (m.status === "RUNNING" || before.status !== "RUNNING") node.computed = 0;
       node.history = [...before.history.slice(-19), { t: m.t, status: m.status, reason: m.reason }];
       if (m.status === "RUNNING" || (before.status !== "RUNNING" && m.status !== "INVALID")) {
         if (leaf) s.spans.push({ path: m.path, start: m.t, end: null, status: "RUNNING" });
@@ -78,6 +79,10 @@ const HANDLERS = {
     const list = s.attempts.get(m.path) ?? [];
     s.attempts.set(m.path, [...(m.number === 1 ? [] : list), m]);
     s.marks.push({ t: m.t, kind: m.succeeded ? "good" : "bad", text: `attempt ${m.number} of ${m.of}` });
+  },
+  Computed(s, m) {
+    const node = s.node.get(m.node);
+    if (node) node.computed = (node.computed ?? 0) + m.wall;
   },
   PortWritten(s, m) {
     s.ports.set(m.key, { value: m.value, writer: m.writer, t: m.t, sentence: m.sentence });
@@ -143,6 +148,7 @@ const HANDLERS = {
     s.marks.push({ t: m.t, kind: "bad", text: `safe stop: ${m.reason}` });
   },
   ErrorRaised(s, m) {
+    if (m.during === "letting go" || m.during === "the safe stop") s.unrest = m.message;
     s.marks.push({ t: m.t, kind: "bad", text: `${m.error}: ${m.message}${m.place ? ` (${m.place})` : ""}` });
   },
   RunEnded(s, m) {

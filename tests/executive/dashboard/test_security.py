@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import argparse
 import json
+import socket
 from pathlib import Path
 
 import pytest
 from recorded_events import FAILED, HOSTILE, foreign, write
 from shown_runs import Show
+from starlette.datastructures import Headers
 from starlette.testclient import TestClient
 from starlette.websockets import WebSocketDisconnect
 from websockets.exceptions import ConnectionClosedError
@@ -37,7 +39,7 @@ def client(dashboard: Dashboard) -> TestClient:
 
 
 @pytest.mark.parametrize(
-    "host", ["evil.example", "evil.example:8420", "127.0.0.1", "127.0.0.1:9", "127.0.0.1.evil:8420"]
+    "host", ["evil.example", "evil.example:8420", "", ":8420", "127.0.0.1:9x", "127.0.0.1.evil:8420"]
 )
 def test_a_rebound_host_is_refused_on_http(client: TestClient, host: str) -> None:
     assert client.get("/api/runs", headers={"host": host}).status_code == 403
@@ -46,6 +48,30 @@ def test_a_rebound_host_is_refused_on_http(client: TestClient, host: str) -> Non
 @pytest.mark.parametrize("host", ["127.0.0.1:8420", "localhost:8420", "[::1]:8420"])
 def test_our_own_names_are_served(client: TestClient, host: str) -> None:
     assert client.get("/api/runs", headers={"host": host}).status_code == 200
+
+
+def test_a_tunnel_or_a_proxy_may_have_another_port_and_no_other_page_may_use_it(tmp_path: Path) -> None:
+    dashboard = Dashboard(Access("127.0.0.1", 8420, names=("orchard.example",)), tmp_path)
+    token, take = {"x-pomona-token": dashboard.access.token}, {"action": "take", "viewer": "v"}
+    with TestClient(dashboard.app) as client:
+        for host, origin, status in (
+            ("localhost:9000", "http://localhost:9000", 200),  # ssh -L 9000:localhost:8420
+            ("orchard.example", "https://orchard.example", 200),  # a proxy that keeps the name
+            ("127.0.0.1:8420", "https://orchard.example", 200),  # one that does not
+            ("localhost:8420", "http://localhost:3000", 403),  # another server on the same machine
+            ("127.0.0.1:8420", "http://evil.example", 403),
+        ):
+            answer = client.post("/api/act", json=take, headers={"host": host, "origin": origin, **token})
+            assert answer.status_code == status, (host, origin)
+
+
+def test_bound_to_all_addresses_the_link_leads_here() -> None:
+    access = Access("0.0.0.0", 8420, may_act=False)
+    host = access.address.removeprefix("http://").rstrip("/")
+    assert "0.0.0.0" not in host
+    assert access.knows_host(Headers({"host": host}))
+    assert access.knows_host(Headers({"host": f"{socket.gethostname()}:8420"}))
+    assert not access.knows_host(Headers({"host": "evil.example:8420"}))
 
 
 @pytest.mark.parametrize(

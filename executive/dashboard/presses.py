@@ -1,0 +1,94 @@
+"""Presses of buttons: each is carried out once, in time or not at all, and answered."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections import OrderedDict
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+from executive.dashboard.control_lock import ControlLock, RefusedError
+
+SAFE_STOP_PATIENCE = 10.0
+"""Seconds for which a page tries to deliver a safe stop. What comes later is refused: nobody waits for it any more."""
+
+PATIENCE = 2.0
+"""The same for everything else."""
+
+MOST_ANSWERS = 256
+"""Answers that are kept for presses that come again."""
+
+
+class TooLateError(RefusedError):
+    """A press that was made too long ago."""
+
+
+class Presses:
+    """What pages ask for. A press comes over the live stream, as a request, and again and again until it is answered:
+    its `press`, an id, makes them one. Use it in the server's loop."""
+
+    def __init__(self, desk: ControlLock) -> None:
+        self._desk = desk
+        self._answers: OrderedDict[str, asyncio.Future[dict[str, Any]]] = OrderedDict()
+        # A driver may let a safe stop wait; neither the server nor another safe stop waits with it.
+        self._stopping = ThreadPoolExecutor(4, thread_name_prefix="pomona-stop")
+
+    async def answer(self, body: dict[str, Any]) -> dict[str, Any]:
+        """Carry a press out, unless it was already.
+
+        Returns:
+            who holds control, and what is confirmed.
+
+        Raises:
+            RefusedError: it is not carried out.
+        """
+        press = text(body, "press")
+        if not press:
+            return await self._carry_out(body)
+        if press not in self._answers:
+            self._answers[press] = asyncio.ensure_future(self._carry_out(body))
+            while len(self._answers) > MOST_ANSWERS:
+                self._answers.popitem(last=False)
+        return await asyncio.shield(self._answers[press])
+
+    async def _carry_out(self, body: dict[str, Any]) -> dict[str, Any]:
+        action, viewer = text(body, "action"), text(body, "viewer")
+        who, confirmed = text(body, "who")[:60] or "operator", ""
+        _refuse_late(body, SAFE_STOP_PATIENCE if action == "safe_stop" else PATIENCE)
+        if action == "safe_stop":
+            loop = asyncio.get_running_loop()
+            confirmed = await loop.run_in_executor(self._stopping, self._desk.safe_stop, who)
+        else:
+            self._decide(action, viewer)(who, text(body, "detail"))
+        held = self._desk.holder
+        yours = bool(viewer) and held.viewer == viewer
+        return {"held_by": held.who, "grant": held.grant, "yours": yours, "confirmed": confirmed}
+
+    def _decide(self, action: str, viewer: str) -> Callable[[str, str], None]:
+        desk = self._desk
+        if action == "take":
+            return lambda who, _detail: desk.take(viewer, who)
+        if action == "release":
+            return lambda _who, _detail: desk.release(viewer)
+        if action == "acknowledge":
+            return lambda _who, _detail: desk.acknowledge(viewer)
+        return lambda _who, detail: desk.act(viewer, action, detail)
+
+
+def now() -> float:
+    """The server's clock [s], which pages are told and in which they say when something was pressed."""
+    return time.monotonic()
+
+
+def _refuse_late(body: dict[str, Any], patience: float) -> None:
+    pressed = body.get("pressed")
+    if isinstance(pressed, (int, float)) and not isinstance(pressed, bool) and not now() - pressed <= patience:
+        raise TooLateError(f"pressed {now() - pressed:.1f} s ago, which is too late: it is not carried out")
+
+
+def text(body: dict[str, Any], key: str) -> str:
+    """A text of a message; empty when there is none, or something else stands there."""
+    value = body.get(key, "")
+    return value if isinstance(value, str) else ""

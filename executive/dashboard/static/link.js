@@ -1,0 +1,130 @@
+// The live link: what comes over it, how old that is, whether the page may act, and presses until they are answered.
+import { me, page, post, randomId, say, withToken } from "./page.js";
+
+const PING = 400; // ms between two questions whether the server is heard
+const STALE = 1500; // ms without an answer after which what is shown is no longer the present
+const DEAD = 4000; // ms after which the connection is given up, and another one is tried
+const OPENING = 2000; // ms that a connection may take to open
+const CONFIRM = 500; // ms after which a press that is not confirmed is shown as that
+const RETRY = 400; // ms between two tries
+const PATIENCE = { safe_stop: 10000 }; // ms for which a press is tried; the server refuses what comes later
+const FACED = new Set(["pause", "resume", "step", "stop", "acknowledge", "break", "unbreak", "break_after", "unbreak_after"]); // the run itself confirms them
+
+// `known`: up to then (performance.now) the page has heard everything; `clock`: what to add for the server's time [s].
+export const link = { socket: null, known: -Infinity, knownAt: null, armed: null, clock: null, press: null, opened: 0 };
+
+// Time that has passed, also while the machine slept: its wall clock went on then.
+const elapsed = () => Math.max(performance.now() - link.known, link.knownAt === null ? Infinity : Date.now() - link.knownAt);
+export const age = () => elapsed() / 1000;
+export const isStale = () => elapsed() > STALE;
+export const canAct = () => link.armed === true && !isStale();
+
+let receive = () => {};
+let pings = new Map();
+let number = 0;
+let retry = 250;
+
+export function connect(handler) {
+  if (handler) receive = handler;
+  const url = withToken(`/live?since=${page.live.whole.seq}&stream=${page.stream}`);
+  url.protocol = location.protocol === "https:" ? "wss:" : "ws:";
+  const socket = new WebSocket(url);
+  Object.assign(link, { socket, armed: null, opened: performance.now() });
+  pings = new Map();
+  const tooLong = setTimeout(() => { if (socket.readyState === WebSocket.CONNECTING) leave(socket); }, OPENING);
+  socket.addEventListener("open", () => { clearTimeout(tooLong); retry = 250; link.opened = performance.now(); socket.send(JSON.stringify({ token: page.token, viewer: page.viewer })); ping(); });
+  socket.addEventListener("message", (event) => { if (socket === link.socket) for (const line of event.data.split("\n")) take(JSON.parse(line), line.length); });
+  socket.addEventListener("close", (event) => { clearTimeout(tooLong); if (socket === link.socket) lost(event.code); });
+}
+
+function lost(code) {
+  if (code === 4408) page.stream = "";
+  Object.assign(link, { socket: null, armed: null });
+  say(code === 4429 ? "too many watch already" : `connection lost; what you see is ${page.live.whole.run ? "old" : "nothing"}`, "bad");
+  page.dirty = true;
+  setTimeout(connect, retry);
+  retry = Math.min(1500, retry * 2);
+}
+
+function leave(socket) { // whoever does not answer does not answer a farewell, either
+  socket.close();
+  if (socket === link.socket) lost(0);
+}
+
+function take(message, size) {
+  if (message.event === "Pong") {
+    const asked = pings.get(message.ping);
+    if (!asked) return;
+    for (const key of pings.keys()) if (key <= message.ping) pings.delete(key);
+    if (isStale()) page.dirty = true;
+    Object.assign(link, { known: asked.at, knownAt: asked.wall, clock: message.now - performance.now() / 1000 });
+    if (!page.recorded && document.getElementById("connection").textContent.startsWith("conn")) say("connected");
+  } else if (message.event === "Armed") { link.armed = message.armed; page.dirty = true; }
+  else if (message.event === "Pressed") answered(message.press, message);
+  else {
+    receive(message, size);
+    if (message.event === "OperatorActed") confirmedByRun(message);
+  }
+}
+
+// What the server answers was asked now, so an answer says that everything up to now has come.
+function ping() {
+  if (link.socket?.readyState !== WebSocket.OPEN) return;
+  if (pings.size && elapsed() > DEAD && performance.now() - link.opened > DEAD) { leave(link.socket); return; }
+  if (pings.size > 20) return;
+  pings.set(++number, { at: performance.now(), wall: Date.now() });
+  link.socket.send(JSON.stringify({ ping: number }));
+}
+setInterval(ping, PING);
+document.addEventListener("visibilitychange", ping);
+
+// -------------------------------------------------------------------------------------------------- presses
+
+// Press a button: { id, action, detail, at, state, words }. States: sent, accepted, confirmed, refused, lost.
+export function press(action, detail = "") {
+  const made = { id: randomId(), action, detail, at: performance.now(), tries: 0, state: "sent", words: "", took: 0, ended: 0 };
+  if (link.press?.state === "sent" && link.press.action === "safe_stop" && action !== "safe_stop") return link.press; // first things first
+  link.press = made;
+  page.dirty = true;
+  if (link.armed === false || !page.token) { settle(made, "refused", "this page may watch but not act: open the link that was printed"); return made; }
+  send(made);
+  return made;
+}
+
+function send(made) {
+  if (made !== link.press || made.state !== "sent") return;
+  const { action, detail } = made;
+  if (performance.now() - made.at > (PATIENCE[action] ?? 2000)) { settle(made, "lost", ""); return; }
+  made.tries += 1;
+  const body = { press: made.id, action, detail, pressed: link.clock === null ? null : made.at / 1000 + link.clock, ...me() };
+  const open = link.socket?.readyState === WebSocket.OPEN && link.armed;
+  if (open) link.socket.send(JSON.stringify(body));
+  if (!open || action === "safe_stop") post("/api/act", body, 1500).then((answer) => { if (answer.status) answered(made.id, answer); });
+  setTimeout(() => send(made), RETRY);
+}
+
+function answered(id, answer) {
+  const made = link.press;
+  if (made?.id !== id || made.state !== "sent") return;
+  if (answer.error) { settle(made, "refused", answer.error); return; }
+  if (answer.yours) { page.grant = answer.grant; sessionStorage.setItem("pomona-grant", page.grant); }
+  page.control = { ...page.control, held_by: answer.held_by, grant: answer.grant };
+  made.words = answer.confirmed;
+  if (FACED.has(made.action)) made.state = "accepted"; else settle(made, "confirmed", answer.confirmed);
+  page.dirty = true;
+}
+
+function confirmedByRun({ action, who, detail }) {
+  const made = link.press;
+  if (!made || made.action !== action || who !== me().who || (made.detail && made.detail !== detail)) return;
+  if (made.state === "accepted" || made.state === "sent" || made.state === "lost") settle(made, "confirmed", made.words);
+}
+
+function settle(made, state, words) {
+  const now = performance.now();
+  Object.assign(made, { state, words, took: now - made.at, ended: now });
+  if (state === "refused") say(words, "bad");
+  page.dirty = true;
+}
+
+export const isUnconfirmed = (made) => (made.state === "sent" || made.state === "accepted") && performance.now() - made.at > CONFIRM;

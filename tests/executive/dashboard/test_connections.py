@@ -1,0 +1,93 @@
+"""Whoever connects and says nothing, or too slowly, keeps nobody out."""
+
+from __future__ import annotations
+
+import contextlib
+import http.client
+import json
+import socket
+import time
+
+import pytest
+from shown_runs import Show
+from websockets.sync.client import connect
+
+from executive.dashboard import connections, server
+from executive.errors import UsageError
+
+HALF = b"POST /api/act HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Type: application/json\r\nContent-Length: 9\r\n\r\n{"
+"""A request without the rest of its body, which the page that sends it never sends."""
+
+
+def act(show: Show, action: str) -> tuple[int, float]:
+    """The status of an answer, and how long it took [s]."""
+    began = time.perf_counter()
+    line = http.client.HTTPConnection("127.0.0.1", show.dashboard.access.port, timeout=5.0)
+    headers = {"content-type": "application/json", "x-pomona-token": show.dashboard.access.token}
+    line.request("POST", "/api/act", json.dumps({"action": action, "who": "ada", "viewer": "v"}), headers)
+    status = line.getresponse().status
+    line.close()
+    return status, time.perf_counter() - began
+
+
+def test_260_idle_and_slow_connections_do_not_keep_a_safe_stop_out(show: Show) -> None:
+    port = show.dashboard.access.port
+    hostile = []
+    for number in range(260):
+        hostile.append(socket.create_connection(("127.0.0.1", port), 5.0))
+        if number % 3:
+            hostile[-1].send(
+                b"POST /api/act HTTP/1.1\r\nHost: 127.0.0.1:1\r\n" + b"Content-Length: 9\r\n\r\n" * (number % 2)
+            )
+    status, took = act(show, "safe_stop")
+    assert status == 200
+    assert took < 2.0  # a busy machine; the figure is the benchmark's
+    with connect(f"ws://127.0.0.1:{port}/live") as live:
+        live.send('{"ping": 1}')
+        while '"Pong"' not in str(live.recv(5.0)):
+            pass
+    for one in hostile:
+        one.close()
+
+
+def test_strangers_that_fill_the_stream_do_not_keep_an_operator_out(
+    show: Show, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(server, "MOST_VIEWERS", 2)
+    address = f"ws://127.0.0.1:{show.dashboard.access.port}/live"
+    with connect(address), connect(address), connect(f"{address}?token={show.dashboard.access.reading}") as operator:
+        assert '"Hello"' in str(operator.recv(5.0))
+
+
+@pytest.mark.parametrize("said", [b"", b"GET / HT", HALF])
+def test_a_request_that_does_not_come_is_not_waited_for(
+    show: Show, monkeypatch: pytest.MonkeyPatch, said: bytes
+) -> None:
+    monkeypatch.setattr(connections, "REQUEST_DEADLINE", 0.05)
+    monkeypatch.setattr(server, "BODY_DEADLINE", 30.0)
+    with socket.create_connection(("127.0.0.1", show.dashboard.access.port), 5.0) as slow:
+        slow.send(said.replace(b"Host", b"X-Pomona-Token: %b\r\nHost" % show.dashboard.access.token.encode()))
+        with contextlib.suppress(ConnectionResetError):
+            assert slow.recv(1000) == b""  # closed without an answer; else this waits until the socket's own limit
+
+
+@pytest.mark.parametrize(
+    ("host", "port", "words"),
+    [
+        ("127.0.0.1", 80_000, "a port is a number from 0 to 65535"),
+        ("127.0.0.1", -1, "a port is a number from 0 to 65535"),
+        ("192.0.2.7", 8420, "this machine has no such address"),
+        ("no such host", 8420, "cannot listen on no such host:8420"),
+    ],
+)
+def test_an_address_that_cannot_be_listened_on_says_why(host: str, port: int, words: str) -> None:
+    with pytest.raises(UsageError, match=words):
+        server._listen_on(host, port)
+
+
+def test_a_port_that_is_taken_is_said_to_be() -> None:
+    with socket.socket() as other:
+        other.bind(("127.0.0.1", 0))
+        other.listen()
+        with pytest.raises(UsageError, match="the port is taken"):
+            server._listen_on("127.0.0.1", other.getsockname()[1])

@@ -1,0 +1,212 @@
+"""In a real browser: what the page does not know is not shown as the present, what nobody confirmed not as done."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from shown_runs import GATE, Show
+
+from executive.running.events import Computed, ErrorRaised, LinkChanged, NodeChanged, OperatorActed, SafeStopped
+
+pytestmark = pytest.mark.browser
+
+HOLD = "pomona: 1\ntree: demo\nroot:\n  sequence:\n    - Hold: {}\n    - Rest: {}\n"
+Open = Callable[..., Any]
+
+
+def expect(locator: Any) -> Any:
+    from playwright.sync_api import expect as playwright_expect
+
+    return playwright_expect(locator)
+
+
+class Wire:
+    """What lies between a page and its server; `open` says whether anything passes."""
+
+    def __init__(self, page: Any) -> None:
+        self.open = True
+        page.route_web_socket("**/live*", self._stream)
+        page.route("**/api/act", self._request)
+
+    def _stream(self, page_side: Any) -> None:
+        server = page_side.connect_to_server()
+        page_side.on_message(lambda said: self.open and server.send(said))
+        server.on_message(lambda said: self.open and page_side.send(said))
+
+    def _request(self, route: Any) -> None:
+        if self.open:
+            route.continue_()
+        else:
+            route.abort()  # the page has to take a network that swallows it for the same: no answer
+
+
+def test_a_page_that_hears_nothing_says_so_within_two_seconds_and_a_stop_is_tried_until_it_is_confirmed(
+    show: Show, chromium: Any
+) -> None:
+    page = chromium.new_page()  # its console may complain: requests fail
+    wire = Wire(page)
+    page.goto(show.dashboard.link)
+    show.run(HOLD)
+    expect(page.locator("#state")).to_have_text("▶ running")
+    page.evaluate("""() => { const bar = document.getElementById("not-live");
+        new MutationObserver(() => { if (!bar.hidden) window.firstWords ??= bar.textContent; })
+          .observe(bar, { attributes: true }); }""")
+    wire.open = False
+    expect(page.locator("#not-live")).to_be_visible()
+    silent = re.search(r"heard for ([\d.]+) s", page.evaluate("window.firstWords"))
+    assert silent is not None, page.evaluate("window.firstWords")
+    assert float(silent[1]) <= 2.0
+    expect(page.locator("#not-live-words")).to_contain_text("it may be doing something else now")
+    expect(page.locator("#state")).to_have_text("? last known: running")
+    expect(page.locator("#ack")).to_have_text(re.compile("^Last known: running"))
+    expect(page.locator("body")).to_have_class(re.compile("stale"))
+    page.keyboard.press("Escape")
+    expect(page.locator("#press-what")).to_have_text("SAFE STOP NOT CONFIRMED")
+    expect(page.locator("#press-words")).to_contain_text("press the EMERGENCY STOP")
+    expect(page.locator("#press-words")).to_contain_text(re.compile(r"tried [2-9]"))
+    assert show.cell.latched is None
+    wire.open = True
+    expect(page.locator("#press-what")).to_have_text(re.compile(r"✓ SAFE STOP confirmed after \d+ ms"))
+    assert show.cell.latched == "safe stop by operator"
+    expect(page.locator("#not-live")).to_be_hidden()
+    page.close()
+
+
+def test_a_stop_is_confirmed_at_once_by_the_run(show: Show, open_page: Open) -> None:
+    page = open_page()
+    show.run(HOLD)
+    expect(page.locator("#state")).to_have_text("▶ running")
+    page.locator("#safe-stop").click()
+    expect(page.locator("#press-what")).to_have_text(re.compile(r"✓ SAFE STOP confirmed after \d+ ms"))
+    expect(page.locator("#press-words")).to_have_text("safe state: safe stop by operator")
+    expect(page.locator("#latched-rest")).to_contain_text("The cell reports that it stands")
+
+
+@pytest.mark.parametrize(
+    ("fragment", "words"), [("", "this page only watches"), ("#token=of-yesterday", "this page is of another start")]
+)
+def test_a_page_that_cannot_act_looks_disarmed_and_says_that_a_stop_was_not_carried_out(
+    show: Show, chromium: Any, fragment: str, words: str
+) -> None:
+    page = chromium.new_page()
+    page.goto(f"{show.dashboard.access.address}{fragment}")
+    show.run(HOLD)
+    expect(page.locator("#safe-stop-words")).to_have_text(words)
+    expect(page.locator("#safe-stop")).to_have_class(re.compile("disarmed"))
+    page.locator("#safe-stop").click(force=True)
+    expect(page.locator("#press-what")).to_have_text("SAFE STOP NOT CARRIED OUT")
+    expect(page.locator("#press-words")).to_contain_text("open the link that was printed")
+    assert show.cell.latched is None
+    page.close()
+
+
+def test_the_live_cell_stays_in_sight_and_can_be_stopped_over_a_record(show: Show, open_page: Open) -> None:
+    show.record("pomona: 1\ntree: old\nroot:\n  sequence:\n    - Rest: {}\n", "old_1")
+    page = open_page("run=old_1")
+    expect(page.locator("#connection")).to_have_text("recorded run")
+    expect(page.locator("#strip-state")).to_have_text("LIVE: nothing runs")
+    show.run(HOLD)
+    expect(page.locator("#strip-state")).to_have_text("LIVE: ▶ running")
+    expect(page.locator("#strip-words")).to_contain_text("demo on fake")
+    expect(page.locator("#run")).to_have_text("old · seed 0")  # still the record
+    assert "Nothing here moves" not in page.locator("body").inner_text()
+    page.keyboard.press("Escape")
+    expect(page.locator("#strip-state")).to_have_text("LIVE: ■ safe state, latched")
+    expect(page.locator("#latched")).to_be_visible()
+    assert show.cell.latched == "safe stop by operator"
+    page.get_by_role("button", name="Show the live run").click()
+    expect(page.locator("#run")).to_have_text("demo · seed 0")
+    expect(page.locator("#strip")).to_be_hidden()
+
+
+def test_escape_leaves_a_field_or_a_dialog_and_does_not_stop_the_robot(show: Show, open_page: Open) -> None:
+    page = open_page()
+    show.run(HOLD)
+    expect(page.locator("#state")).to_have_text("▶ running")
+    page.keyboard.press("/")
+    page.keyboard.type("hold")
+    page.keyboard.press("Escape")
+    expect(page.get_by_label("search nodes")).not_to_be_focused()
+    page.keyboard.press("?")
+    page.keyboard.press("Escape")
+    expect(page.locator("#keys")).to_be_hidden()
+    assert show.cell.latched is None
+    page.keyboard.press("Escape")
+    expect(page.locator("#latched")).to_be_visible()
+
+
+def test_a_run_that_is_prepared_is_shown_with_its_progress_and_is_stopped(show: Show, open_page: Open) -> None:
+    page = open_page()
+    desk = show.dashboard.control
+    starting = desk.prepare("pick_apple")
+    starting.cell_kind = "simulated"
+    starting.reach("preparing Detect", 2, 9)
+    expect(page.locator("#state")).to_have_text("◌ preparing")
+    expect(page.locator("#kind")).to_have_text("SIMULATED")
+    expect(page.locator("#preparing-what")).to_have_text("◌ Preparing pick_apple")
+    expect(page.locator("#preparing-words")).to_contain_text("preparing Detect, 3 of 9")
+    page.keyboard.press("Escape")
+    expect(page.locator("#press-words")).to_have_text("the run that was being prepared does not begin")
+    expect(page.locator("#preparing-words")).to_contain_text("Cancelled (safe stop by operator)")
+    desk.clear("safe stop by operator")
+    expect(page.locator("#problem-words")).to_have_text("pick_apple did not start: safe stop by operator")
+    page.locator("#problem-close").click()
+    expect(page.locator("#problem")).to_be_hidden()
+
+
+def test_the_banner_claims_no_rest_that_nobody_has_reported(show: Show, open_page: Open) -> None:
+    page = open_page()
+    show.run(HOLD)
+    expect(page.locator("#state")).to_have_text("▶ running")
+    hear = show.dashboard.hub.on_event
+    hear(SafeStopped(0.1, 1, "arm lost"))
+    expect(page.locator("#latched-rest")).to_have_text("Asked to stop; not yet reported to stand.")
+    hear(ErrorRaised(0.1, 1, "", "letting go", "PomonaError", "the cell has not come to rest", "", ""))
+    expect(page.locator("#latched-rest")).to_contain_text("Not confirmed to stand: the cell has not come to rest")
+    hear(LinkChanged(0.2, 2, "arm", "lost"))
+    expect(page.locator("#latched-rest")).to_contain_text("No feedback from arm: whether it stands is not known.")
+
+
+def test_skills_that_compute_show_their_time_and_what_is_old_is_not_called_stale(show: Show, open_page: Open) -> None:
+    page = open_page()
+    show.run("pomona: 1\ntree: demo\nroot:\n  sequence:\n    - Look: {seen: '{seen}'}\n    - Hold: {}\n")
+    expect(page.locator("#camera img")).to_be_visible()
+    hear = show.dashboard.hub.on_event
+    row = page.locator(".row", has=page.get_by_text("Look", exact=True)).first
+    path = row.get_attribute("data-path")
+    hear(NodeChanged(90.0, 4500, path, "RUNNING", "", 2))
+    hear(Computed(90.0, 4500, path, "detect", 1.25))
+    hear(NodeChanged(90.0, 4500, path, "SUCCESS", "", 2))
+    expect(row.locator(".time")).to_have_text("computed 1.3 s")
+    expect(page.locator("#camera-age")).to_have_text(re.compile(r"^1 min \d+ s ago$"))
+    assert "stale" not in page.locator("main").first.inner_text()
+
+
+def test_a_page_that_holds_control_and_falls_silent_is_told_to_the_others(
+    show: Show, open_page: Open, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("executive.dashboard.server.PAGE_SILENT", 0.9)
+    page, other = open_page(), open_page()
+    page.get_by_label("your name").fill("ada")
+    page.get_by_role("button", name="Take control").click()
+    expect(other.locator("#holder")).to_have_text("ada holds control.")
+    page.close()
+    expect(other.locator("#holder")).to_have_text("ada holds control, but that page is not heard.")
+
+
+def test_a_press_that_the_run_does_not_answer_is_not_taken_for_done(show: Show, open_page: Open) -> None:
+    page = open_page()
+    runner = show.run(HOLD)
+    page.get_by_label("your name").fill("ada")
+    page.get_by_role("button", name="Take control").click()
+    expect(page.locator("#holder")).to_have_text("You hold control.")
+    runner.pause = lambda who="": None  # type: ignore[method-assign]  # a tick that hangs takes no commands
+    page.get_by_role("button", name="Pause").click()
+    expect(page.locator("#press-what")).to_have_text("PAUSE NOT CONFIRMED")
+    expect(page.locator("#press-words")).to_contain_text("the run has not answered")
+    show.dashboard.hub.on_event(OperatorActed(1.0, 1, "ada", "pause", ""))
+    expect(page.locator("#press")).to_be_hidden()
+    GATE.set()
