@@ -1,7 +1,7 @@
 // The control bar, the banner of the safe state, and the header: what is acknowledged, never what was clicked.
 import { $, h, seconds } from "./dom.js";
 import { holdsControl, page } from "./page.js";
-import { isStale, press } from "./link.js";
+import { isStale, link, press } from "./link.js";
 
 export const STATUS_WORD = { success: "✓", failure: "✗", stopped: "■", error: "■", running: "▶", paused: "❚❚", pausing: "❚❚", preparing: "◌" };
 const KIND = { simulated: "SIMULATED", emulated: "EMULATED", real: "REAL", frames: "RECORDED FRAMES", mock: "MOCK" };
@@ -13,13 +13,13 @@ for (const button of document.querySelectorAll("[data-action]")) button.addEvent
 
 export function drawControl(s) {
   const live = !page.recorded;
-  const mine = holdsControl();
+  const mine = holdsControl(), armed = link.armed === true;
   const running = s.state === "running" && !s.ended, paused = s.state === "paused" && !s.ended;
-  const enabled = { take: !mine, release: mine, pause: mine && running, resume: mine && paused, step: mine && paused, stop: mine && (running || paused), acknowledge: mine && Boolean(s.ended) };
+  const enabled = { take: armed && !mine, release: mine, pause: mine && running, resume: mine && paused, step: mine && paused, stop: mine && (running || paused), acknowledge: mine && Boolean(s.ended) };
   for (const button of document.querySelectorAll("[data-action]")) {
     const { action } = button.dataset;
     if (action in enabled) button.disabled = !enabled[action];
-    if (action === "take" || action === "release") button.hidden = !enabled[action];
+    if (action === "take" || action === "release") button.hidden = mine === (action === "take");
   }
   $("live-control").hidden = !live;
   $("record-control").hidden = live;
@@ -44,7 +44,8 @@ function restWords(s) {
   const silent = [...s.links].filter(([, link]) => link.state !== "ok").map(([device]) => device);
   if (silent.length) return `No feedback from ${silent.join(", ")}: whether it stands is not known. Look; if anything moves, press the emergency stop.`;
   if (s.unrest) return `Not confirmed to stand: ${s.unrest}. Look; if anything moves, press the emergency stop.`;
-  return s.ended ? "The cell reports that it stands. It keeps its grip; nothing resumes by itself." : "Asked to stop; not yet reported to stand.";
+  const hand = s.hand ? ` In the hand: ${s.hand}.` : "";
+  return s.ended ? `The cell reports that it stands.${hand} Nothing resumes by itself.` : "Asked to stop; not yet reported to stand.";
 }
 
 // A pause at a breakpoint names the node's path; people know its name.
@@ -55,7 +56,7 @@ function wordsOf(s, because) {
 
 export function drawHeader(s) {
   const kind = s.run?.cell_kind ?? "";
-  $("kind").textContent = KIND[kind] ?? "NO CELL";
+  $("kind").textContent = `${page.recorded ? "RECORD · " : ""}${KIND[kind] ?? "NO CELL"}`;
   $("kind").dataset.kind = kind;
   $("run").textContent = s.run ? `${s.run.tree} · seed ${s.run.seed}` : "no run yet";
   $("run-facts").textContent = s.run ? `cell ${s.run.cell} · ${s.run.run}` : "";

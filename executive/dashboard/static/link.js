@@ -58,7 +58,7 @@ function take(message, size) {
     for (const key of pings.keys()) if (key <= message.ping) pings.delete(key);
     if (isStale()) page.dirty = true;
     Object.assign(link, { known: asked.at, knownAt: asked.wall, clock: message.now - performance.now() / 1000 });
-    if (!page.recorded && document.getElementById("connection").textContent.startsWith("conn")) say("connected");
+    if (!page.recorded && document.getElementById("connection").textContent.match(/^conn|^no answer/)) say("connected");
   } else if (message.event === "Armed") { link.armed = message.armed; page.dirty = true; }
   else if (message.event === "Pressed") answered(message.press, message);
   else {

@@ -16,7 +16,7 @@ export function emptyState() {
     t: 0, tick: 0, seq: 0, run: null, nodes: [], byPath: new Map(), state: "idle", because: "",
     node: new Map(), attempts: new Map(), ports: new Map(), images: new Map(), scenes: new Map(),
     series: new Map(), tables: new Map(), bodies: new Map(), poses: new Map(), spans: [], marks: [], links: new Map(), failures: [], acts: [], ended: null,
-    safeStop: null, unrest: "", gap: 1.5, breaks: { before: new Set(), after: new Set() },
+    safeStop: null, unrest: "", hand: null, gap: 1.5, breaks: { before: new Set(), after: new Set() },
   };
 }
 
@@ -134,6 +134,7 @@ const HANDLERS = {
     s.links.set(m.device, { state: m.state, t: m.t });
     if (m.state !== "ok") s.marks.push({ t: m.t, kind: "bad", text: `${m.device}: ${m.state}` });
   },
+  HandChanged(s, m) { s.hand = m.what; },
   OperatorActed(s, m) {
     s.acts.push(m);
     const [, un, after] = m.action.match(/^(un)?break(_after)?$/) ?? [null];

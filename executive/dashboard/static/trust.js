@@ -31,12 +31,13 @@ function drawLink(live) {
     const then = new Date(link.knownAt).toLocaleTimeString();
     set("not-live-words", `Nothing was heard for ${age() < 90 ? `${age().toFixed(1)} s` : seconds(age())}. ${live.run ? `What is shown of the live run was so at ${then}; it may be doing something else now.` : `The last word came at ${then}.`}`);
   }
+  if (stale && !never && $("connection").textContent === "connected") set("connection", "no answer");
   const button = $("safe-stop"), disarmed = !page.token || link.armed === false || (link.armed === null && !link.socket);
   button.classList.toggle("disarmed", disarmed);
   button.classList.toggle("unsure", !disarmed && (stale || link.armed === null));
   button.setAttribute("aria-disabled", disarmed);
   document.body.classList.toggle("disarmed", disarmed);
-  set("safe-stop-words", !page.token ? "this page only watches" : link.armed === false ? "this page is of another start" : disarmed ? "no connection" : stale ? "the link is silent" : link.armed === null ? "connecting" : "not the emergency stop");
+  set("safe-stop-words", !page.token ? "this page only watches" : link.armed === false ? "this page is of another start" : disarmed ? "no connection" : stale ? "the link is silent" : link.armed === null ? "connecting" : page.recorded ? "acts on the live cell" : "not the emergency stop");
 }
 
 function drawPress() {
