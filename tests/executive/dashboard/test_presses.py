@@ -29,7 +29,7 @@ T = TypeVar("T")
 HOST = "127.0.0.1:8420"
 
 
-class StoppedDesk(ControlLock):
+class StoppedControlLock(ControlLock):
     """Counts safe stops; each waits until the test lets it go."""
 
     def __init__(self) -> None:
@@ -61,7 +61,7 @@ def make_runner(cell: FakeCell, events: EventStream) -> Runner:
 
 
 def test_a_press_that_comes_again_is_carried_out_once_and_answered_each_time() -> None:
-    desk = StoppedDesk()
+    desk = StoppedControlLock()
 
     async def twice() -> list[dict[str, Any]]:
         served = Presses(desk)
@@ -77,7 +77,7 @@ def test_a_press_that_comes_again_is_carried_out_once_and_answered_each_time() -
 
 @pytest.mark.parametrize(("action", "patience"), [("safe_stop", SAFE_STOP_PATIENCE), ("resume", PATIENCE)])
 def test_what_was_pressed_too_long_ago_is_not_carried_out(action: str, patience: float) -> None:
-    desk = StoppedDesk()
+    desk = StoppedControlLock()
     for pressed in (now() - patience - 0.1, float("nan"), float("-inf")):
         with pytest.raises(TooLateError):
             run(Presses(desk).answer(press(action=action, pressed=pressed)))
@@ -85,7 +85,7 @@ def test_what_was_pressed_too_long_ago_is_not_carried_out(action: str, patience:
 
 
 def test_a_safe_stop_that_hangs_in_a_driver_holds_up_nothing_else() -> None:
-    desk = StoppedDesk()
+    desk = StoppedControlLock()
 
     async def hang() -> str:
         served = Presses(desk)
