@@ -139,7 +139,7 @@ def speed(detector: CompactDetector, frames: FrameFolder, fruit: FruitModel, rou
             f"full network: {1e3 * np.median(network_only):.0f} ms in {threads} threads, "
             f"{1e3 * np.median(in_one_thread):.0f} ms in one",
             f"full network with resize and decoding: {1e3 * np.median(whole):.0f} ms",
-            f"compact, all of Detect (resize, networks, decoding, PnP), in one: {1e3 * np.median(compact):.1f} ms",
+            f"compact, all of Detect (resize, networks, decoding, poses), in one: {1e3 * np.median(compact):.1f} ms",
             f"full network / all of compact: {ratio_in_one:.0f} in one thread each, "
             f"{ratio:.0f} in {threads} threads and one",
         ]

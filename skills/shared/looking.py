@@ -16,7 +16,6 @@ from executive.skill import CellFacts, Skill
 from executive.values.sections import Problem
 from executive.views import ImageView, Line2, Pinhole
 from skills.motion.robot.model import RobotModel
-from skills.perception.detection import reprojection
 from skills.perception.detection.compact_detector import CompactDetector, DetectorOptions
 from skills.perception.detection.dope_detector import DopeDetector, DopeFiles
 from skills.perception.detection.errors import BadFrame, BadPoseConfig, BadWeights
@@ -124,7 +123,6 @@ class LookingSkill(Skill):
 def _detector(weights: Path, options: DetectorOptions) -> CompactDetector:
     detector = CompactDetector.load(weights, options)
     detector.warm_up()
-    reprojection.warm_up()
     return detector
 
 

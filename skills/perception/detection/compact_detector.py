@@ -81,19 +81,21 @@ class FoundFruit:
     """One fruit in a picture.
 
     Attributes:
-        centre: centroid [px].
-        size: what `REFERENCE_LENGTH` of a CAD-sized fruit measures in the picture [px].
+        p_camera: centre of a CAD-sized fruit that looks like this one, in the camera frame, (3,) [m].
         stem: stem axis in the camera frame, unit vector (3,).
-        spreads: deviations of centre [px], of the logarithm of size, and of the axis [rad], as the network expects
+        centre: where the picture shows the centre [px].
+        size: what `REFERENCE_LENGTH` of a CAD-sized fruit measures in the picture [px].
+        spreads: mean errors of centre [px], of the logarithm of size, and of the axis [rad], as the network expects
             them, (3,).
         score: belief that this is fruit, 0..1: geometric mean of the finder's and the close look's, and over looks.
         visibility: part of its silhouette that is seen, 0..1, as the network estimates it.
         box: around what is seen of it, x, y, w, h (4,) [px], inside the picture; None with weights that know no boxes.
     """
 
+    p_camera: F64
+    stem: F64
     centre: F64
     size: float
-    stem: F64
     spreads: F64
     score: float
     visibility: float
@@ -238,10 +240,11 @@ class CompactDetector:
             size = K[0, 0] * REFERENCE_LENGTH / p_camera[2]
             centre = p_camera[:2] / p_camera[2] * (K[0, 0], K[1, 1]) + K[:2, 2]
             half = 0.5 * CLOSE_LOOK_SIZE * K[0, 0] / look.focal
-            spreads = np.sqrt(2.0) * np.exp(np.clip(row[SPREAD], -6.0, 2.0)) * (half, 1.0, 1.0)
+            spreads = np.exp(np.clip(row[SPREAD], -6.0, 2.0)) * (half, 1.0, 1.0)
             fruit, seen = 1.0 / (1.0 + np.exp(-row[[KIND, SEEN]]))
             box = _inside(look.place_box(row[BOX]), width, height) if len(row) == ALL_OUTPUTS else None
-            found.append(FoundFruit(centre, size, stem, spreads, float(np.sqrt(belief * fruit)), float(seen), box))
+            score = float(np.sqrt(belief * fruit))
+            found.append(FoundFruit(p_camera, stem, centre, size, spreads, score, float(seen), box))
         return found
 
 

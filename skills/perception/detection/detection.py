@@ -27,7 +27,8 @@ class Detection:
         T_camera_object: pose of the CAD-sized model (the paper's p̂ and Q̂).
         keypoints: the cuboid's 8 vertices and its centroid, shape (9, 2) [px]; NaN where not found.
         score: belief of the centroid, 0 to 1.
-        covariance: of (rotation vector, translation) in the camera frame, (6, 6), from the reprojection residuals.
+        covariance: of (rotation vector, translation) in the camera frame, (6, 6), from the errors
+            that the network expects (`rigid_pose`), or of the reprojection with DOPE's full network.
         index: place among the instances of the frame, by decreasing score.
         found: number of instances in the frame.
     """

@@ -9,13 +9,13 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from skills.perception.detection.cuboid import cuboid_keypoints
 from skills.perception.detection.dope_decode import decode_maps
 from skills.perception.detection.dope_network import DopeNetwork, dope_input
 from skills.perception.detection.errors import BadPoseConfig, PoseUnsolved
 from skills.perception.detection.instances import Instance
 from skills.perception.detection.pose import solve_pose
 from skills.perception.detection.pose_config import ObjectEntry, PoseConfig, load_pose_config
+from skills.perception.detection.rigid_pose import cuboid_in_picture
 from skills.perception.detection.weights import load_weights
 
 F64 = NDArray[np.float64]
@@ -90,9 +90,7 @@ class DopeDetector:
                 drawn = np.where(np.isfinite(keypoints), keypoints, keypoints[8])
                 instances.append(Instance(drawn, _belief(one.score), _seen(keypoints), None, None, str(error)))
                 continue
-            points = cuboid_keypoints(self._dimensions) @ solved.T_camera_object[:3, :3].T
-            points = points + solved.T_camera_object[:3, 3]
-            drawn = points[:, :2] / points[:, 2:] * (K[0, 0], K[1, 1]) + K[:2, 2]
+            drawn = cuboid_in_picture(solved.T_camera_object, self._dimensions, K)
             belief, seen = _belief(one.score), _seen(keypoints)
             instances.append(Instance(drawn, belief, seen, solved.T_camera_object, solved.covariance))
         return instances

@@ -15,6 +15,7 @@ from skills.perception.detection.annotations import AnnotatedObject, Annotation
 from skills.perception.detection.close_look import keypoint_size
 from skills.perception.detection.compact_detector import CompactDetector
 from skills.perception.detection.instances import Instance, find_instances
+from skills.perception.detection.pose_calibration import PoseErrors, pose_calibration_table, pose_errors
 from skills.perception.fruit import FruitModel
 
 F64 = NDArray[np.float64]
@@ -58,6 +59,7 @@ class Match:
         depth: relative error of the distance for CAD-sized fruit; NaN for others.
         turned: angle between the true stem axis and the plane across the line of sight [deg]; at 0 both ends are seen
             alike from the side, at 90 one of them faces the camera.
+        errors: of the pose, in units of its covariance; None without a pose.
     """
 
     visibility: float
@@ -72,6 +74,7 @@ class Match:
     add: float
     depth: float
     turned: float
+    errors: PoseErrors | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -184,11 +187,14 @@ def compare(found: Instance, truth: AnnotatedObject, fruit: FruitModel, scene: s
         add,
         depth,
         abs(90.0 - _angle(T_true[:3, 1], T_true[:3, 3])),
+        pose_errors(found, truth),
     )
 
 
 def table(result: Evaluation, score: float = 0.6, brief: bool = False) -> str:
     """The figures as Markdown: recall and precision by threshold, errors by visibility, distance, size and scene.
+
+    And how often the poses' ellipsoids hold the truth.
 
     `brief` stops after the errors by visibility.
     """
@@ -228,7 +234,16 @@ def table(result: Evaluation, score: float = 0.6, brief: bool = False) -> str:
         some = _only(clear, "turned", low, high)
         share = f"{np.mean([m.axis > 90.0 for m in some]):.3f}" if some else ""
         lines.append(f"| {low:.0f}–{high:.0f}° | {len(some)} | {share} |")
+    lines += ["", "Truths inside the ellipsoids of 50 % and of 90 % of the poses' covariance:", ""]
+    lines.append(pose_calibration_table(_by_visibility(sure)))
     return "\n".join(lines)
+
+
+def _by_visibility(matches: list[Match]) -> dict[str, list[PoseErrors]]:
+    groups = {"all": matches, "≥ 60 % visible": [m for m in matches if m.visibility >= CLEARLY_VISIBLE]}
+    for low, high in ((0.85, 1.01), (0.6, 0.85), (0.0, 0.6)):
+        groups[f"{100 * low:.0f}–{min(100, 100 * high):.0f} % visible"] = _only(matches, "visibility", low, high)
+    return {name: [m.errors for m in some if m.errors is not None] for name, some in groups.items()}
 
 
 def _only(matches: Iterable[Match], key: str, low: float, high: float) -> list[Match]:

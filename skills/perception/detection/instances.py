@@ -9,9 +9,7 @@ from numpy.typing import NDArray
 
 from skills.perception.detection.close_look import keypoint_size
 from skills.perception.detection.compact_detector import CompactDetector
-from skills.perception.detection.errors import PoseUnsolved
-from skills.perception.detection.pose import solve_pose
-from skills.perception.detection.rigid_pose import cuboid_in_picture, pose_covariance
+from skills.perception.detection.rigid_pose import cuboid_in_picture, pose_covariance, pose_of
 from skills.perception.fruit import FruitModel
 
 F64 = NDArray[np.float64]
@@ -28,7 +26,7 @@ class Instance:
         keypoints: (9, 2) [px].
         score: belief that it is fruit, 0..1.
         visibility: part of its silhouette that is seen, 0..1, as estimated.
-        T_camera_object: pose of the CAD-sized model; None when the keypoints gave none.
+        T_camera_object: pose of the CAD-sized model; None when the keypoints of DOPE's full network gave none.
         covariance: of (rotation vector, translation) in the camera frame, (6, 6); None without a pose.
         problem: why there is no pose; empty otherwise.
         box: around what is seen, x, y, w, h (4,) [px]; None with weights that know no boxes.
@@ -49,27 +47,23 @@ class Instance:
 
 
 def find_instances(detector: CompactDetector, colour: NDArray[np.uint8], K: F64, fruit: FruitModel) -> list[Instance]:
-    """Detect all fruit in a picture and solve for their poses, by falling score.
+    """Detect all fruit in a picture with their poses, by falling score.
 
     Args:
         detector: ready to run.
         colour: (h, w, 3) uint8 RGB.
         K: camera matrix (3, 3) [px].
-        fruit: the model whose cuboid the keypoints are.
+        fruit: the model whose cuboid is drawn as keypoints.
 
     Raises:
         BadFrame: the picture has another shape or type.
     """
     instances = []
     for found in detector.find(colour, K):
-        keypoints = cuboid_in_picture(found, fruit.dimensions, K)
-        try:
-            solved = solve_pose(keypoints, fruit.dimensions, K)
-            T, problem = solved.T_camera_object, ""
-            covariance = pose_covariance(found, T, K, solved.residual)
-        except PoseUnsolved as error:
-            T, covariance, problem = None, None, str(error)
-        instances.append(Instance(keypoints, found.score, found.visibility, T, covariance, problem, found.box))
+        T_camera_object = pose_of(found)
+        keypoints = cuboid_in_picture(T_camera_object, fruit.dimensions, K)
+        covariance = pose_covariance(found, K)
+        instances.append(Instance(keypoints, found.score, found.visibility, T_camera_object, covariance, box=found.box))
     return instances
 
 

@@ -10,6 +10,7 @@ from skills.perception.detection.compact_network import CloseLookNetwork, Finder
 from skills.perception.detection.errors import BadFrame
 from skills.perception.detection.evaluation import Evaluation, evaluate, table
 from skills.perception.detection.instances import find_instances
+from skills.perception.detection.pose_calibration import coverage
 from skills.perception.fruit import FruitModel, load_fruit
 from skills.perception.synthetic.dataset import annotate
 from skills.perception.synthetic.options import SceneOptions
@@ -68,9 +69,17 @@ def test_directions_are_within_a_fraction_of_a_degree(result: Evaluation) -> Non
     assert np.median([m.axis for m in clear]) < 20.0
 
 
+def test_ninety_percent_ellipsoids_of_poses_hold_about_ninety_percent_of_the_truths(result: Evaluation) -> None:
+    errors = [m.errors for m in result.matches if m.score >= 0.6 and m.errors is not None]
+    assert len(errors) > 40
+    for key in ("place", "axis"):
+        assert 0.8 < coverage(errors, key, 0.9) < 0.99
+
+
 def test_the_table_names_every_way_to_look_at_the_result(result: Evaluation) -> None:
     text = table(result)
-    for row in ("≥ 60 % visible", "85–100 % visible", "clear, at 0.45–0.65 m", "clear, size 60–80 px", "scene table"):
+    rows = ("≥ 60 % visible", "85–100 % visible", "clear, at 0.45–0.65 m", "clear, size 60–80 px", "scene table")
+    for row in (*rows, "ellipsoids of 50 % and of 90 %"):
         assert row in text
 
 

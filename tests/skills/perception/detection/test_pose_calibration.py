@@ -1,0 +1,75 @@
+"""Whether a covariance is true is counted: errors drawn from it lie inside its ellipsoids as often as they should."""
+
+import numpy as np
+import pytest
+
+from skills.geometry import transform
+from skills.perception.detection.annotations import AnnotatedObject
+from skills.perception.detection.close_look import look_at
+from skills.perception.detection.instances import Instance
+from skills.perception.detection.pose_calibration import (
+    FREEDOM,
+    PoseErrors,
+    coverage,
+    fitted_scale,
+    pose_calibration_table,
+    pose_errors,
+    seen_as_cad_sized,
+)
+from skills.perception.detection.symmetry import label_rotation, minimal_rotation
+
+K = np.array([[610.6, 0.0, 317.7], [0.0, 610.6, 238.1], [0.0, 0.0, 1.0]])
+POINTS = np.zeros((9, 2))
+T = transform(label_rotation((0.1, -0.9, -0.3), (0.1, -0.05, 0.5)), (0.1, -0.05, 0.5))
+COVARIANCE = np.diag([0.01, 0.01, 0.01, 4e-6, 2e-6, 9e-5]) + np.pad(np.full((3, 3), 1e-6), (3, 0))
+
+
+def drawn(seed: int, wider: float = 1.0) -> list[PoseErrors]:
+    """Errors of poses whose truth is scattered as the covariance says, or so many times wider."""
+    rng = np.random.default_rng(seed)
+    errors = []
+    for off in rng.multivariate_normal(np.zeros(6), wider**2 * COVARIANCE, 800):
+        angle = float(np.linalg.norm(off[:3]))
+        axis = off[:3] / angle
+        skew = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
+        turn = np.eye(3) + np.sin(angle) * skew + (1.0 - np.cos(angle)) * skew @ skew
+        truth = AnnotatedObject("apple", 1.0, transform(turn @ T[:3, :3], T[:3, 3] + off[3:]), POINTS)
+        found = pose_errors(Instance(POINTS, 0.9, 1.0, T, COVARIANCE), truth)
+        assert found is not None
+        errors.append(found)
+    return errors
+
+
+def test_errors_of_the_covariance_lie_inside_as_often_as_they_should() -> None:
+    errors = drawn(0)
+    for key in FREEDOM:
+        for level in (0.5, 0.9):
+            assert coverage(errors, key, level) == pytest.approx(level, abs=0.04)
+        assert fitted_scale(errors, key) == pytest.approx(1.0, abs=0.05)
+    assert "| drawn | 800 | 0." in pose_calibration_table({"drawn": errors})
+
+
+def test_a_covariance_that_says_too_little_is_found_with_the_factor_that_it_lacks() -> None:
+    errors = drawn(1, wider=2.0)
+    for key in FREEDOM:
+        assert coverage(errors, key, 0.9) < 0.75
+        assert fitted_scale(errors, key) == pytest.approx(2.0, rel=0.06)
+
+
+@pytest.mark.parametrize("scale", [0.8, 1.0, 1.3])
+def test_a_fruit_of_another_size_is_expected_where_a_perfect_look_puts_a_cad_sized_one(scale: float) -> None:
+    truth = AnnotatedObject("apple", 1.0, T, POINTS, scale)
+    look = look_at(K, T[:2, 3] / T[2, 3] * 610.6 + K[:2, 2], 100.0)
+    p_camera, _ = look.place(look.label(T, scale))
+    assert seen_as_cad_sized(truth) == pytest.approx(p_camera, abs=1e-9)
+
+
+def test_an_axis_upside_down_lies_outside_and_what_has_no_pose_is_not_counted() -> None:
+    flipped = transform(minimal_rotation((1.0, 0.0, 0.0), (-1.0, 0.0, 0.0)) @ T[:3, :3], T[:3, 3])
+    truth = AnnotatedObject("apple", 1.0, flipped, POINTS)
+    errors = pose_errors(Instance(POINTS, 0.9, 1.0, T, COVARIANCE), truth)
+    assert errors is not None
+    assert errors.place == pytest.approx(0.0, abs=1e-12)
+    assert errors.axis > 100.0
+    assert pose_errors(Instance(POINTS, 0.9, 1.0, None, None, "no pose"), truth) is None
+    assert np.isnan(coverage([], "axis", 0.9))
