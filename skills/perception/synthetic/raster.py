@@ -1,13 +1,12 @@
-"""A small software renderer: z-buffer, shadow map and shading compiled with numba.
-
-It needs no OpenGL, gives the same picture on every machine and releases the GIL.
-"""
+"""A small software renderer: visible surfaces, shadow map and shading, without OpenGL."""
 
 from __future__ import annotations
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
+
+from skills.perception.rasteriser import draw, project, signed_areas
 
 F32 = NDArray[np.float32]
 I32 = NDArray[np.int32]
@@ -16,78 +15,34 @@ NEAR = 0.03
 """Faces closer to the camera than this are dropped [m]."""
 
 
-@njit(cache=True, nogil=True, fastmath=True)
 def rasterise(
-    points: F32,
-    faces: I32,
-    face_object: I32,
-    two_sided: NDArray[np.bool_],
-    camera: F32,
-    depth: F32,
-    face_index: I32,
-    weights: F32,
-) -> None:
-    """Draw triangles into `depth` (h, w), `face_index` (h, w; -1 where empty) and barycentric `weights` (h, w, 2).
+    points: F32, faces: I32, face_object: I32, two_sided: NDArray[np.bool_], camera: F32, shape: tuple[int, int]
+) -> tuple[F32, I32, F32]:
+    """What each pixel shows: z-depth (h, w) [m], 0 where empty, face (h, w), -1 where empty, shares (h, w, 2).
 
-    `points` are (n, 3) in the camera frame [m]; `camera` is (fx, fy, cx, cy); `depth` holds z, 0 where empty.
+    `points` are (n, 3) in the camera frame [m]; `camera` is (fx, fy, cx, cy); one-sided objects show their outside.
     """
-    height, width = depth.shape
-    fx, fy, cx, cy = camera[0], camera[1], camera[2], camera[3]
-    for f in range(faces.shape[0]):
-        a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
-        za, zb, zc = points[a, 2], points[b, 2], points[c, 2]
-        if za < NEAR or zb < NEAR or zc < NEAR:
-            continue
-        ia, ib, ic = 1.0 / za, 1.0 / zb, 1.0 / zc
-        ua, va = fx * points[a, 0] * ia + cx, fy * points[a, 1] * ia + cy
-        ub, vb = fx * points[b, 0] * ib + cx, fy * points[b, 1] * ib + cy
-        uc, vc = fx * points[c, 0] * ic + cx, fy * points[c, 1] * ic + cy
-        area = (ub - ua) * (vc - va) - (uc - ua) * (vb - va)
-        if area == 0.0 or (area > 0.0 and not two_sided[face_object[f]]):
-            continue  # with v downwards, faces that look at the camera turn the other way
-        u0 = max(0, int(np.ceil(min(ua, ub, uc))))
-        u1 = min(width - 1, int(np.floor(max(ua, ub, uc))))
-        v0 = max(0, int(np.ceil(min(va, vb, vc))))
-        v1 = min(height - 1, int(np.floor(max(va, vb, vc))))
-        inverse = 1.0 / area
-        for v in range(v0, v1 + 1):
-            for u in range(u0, u1 + 1):
-                wb = ((u - ua) * (vc - va) - (uc - ua) * (v - va)) * inverse
-                wc = ((ub - ua) * (v - va) - (u - ua) * (vb - va)) * inverse
-                wa = 1.0 - wb - wc
-                if wa < 0.0 or wb < 0.0 or wc < 0.0:
-                    continue
-                z = 1.0 / (wa * ia + wb * ib + wc * ic)
-                if depth[v, u] == 0.0 or z < depth[v, u]:
-                    depth[v, u] = z
-                    face_index[v, u] = f
-                    weights[v, u, 0] = wa * ia * z
-                    weights[v, u, 1] = wb * ib * z
+    fx, fy, cx, cy = camera.astype(np.float64).tolist()
+    u, v, nearness = project(points, (fx, fy, cx, cy))
+    drawn = (points[:, 2] >= NEAR)[faces].all(axis=1)
+    drawn &= two_sided[face_object] | (signed_areas(u, v, faces) < 0.0)
+    nearest, face_index = np.zeros(shape), np.full(shape, -1, np.int32)
+    shares = np.zeros((*shape, 2), np.float32)
+    draw(u, v, nearness, faces, drawn, nearest, face_index, shares)
+    depth = np.where(face_index >= 0, 1.0 / np.where(nearest > 0.0, nearest, 1.0), 0.0).astype(np.float32)
+    return depth, face_index, shares
 
 
-@njit(cache=True, nogil=True, fastmath=True)
-def draw_shadow_map(points: F32, faces: I32, shadow: F32) -> None:
-    """Fill an orthographic depth map (s, s) with the nearest depth towards the light.
+def shadow_map(points: F32, faces: I32, size: int, far: float) -> F32:
+    """An orthographic map (size, size) of the nearest depth towards the light, `far` where nothing is.
 
     `points` are (n, 3): columns 0 and 1 in map cells, column 2 the distance along the light [m].
     """
-    size = shadow.shape[0]
-    for f in range(faces.shape[0]):
-        a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
-        ua, va, ub, vb, uc, vc = points[a, 0], points[a, 1], points[b, 0], points[b, 1], points[c, 0], points[c, 1]
-        area = (ub - ua) * (vc - va) - (uc - ua) * (vb - va)
-        if area == 0.0:
-            continue
-        inverse = 1.0 / area
-        for v in range(max(0, int(np.ceil(min(va, vb, vc)))), min(size - 1, int(np.floor(max(va, vb, vc)))) + 1):
-            for u in range(max(0, int(np.ceil(min(ua, ub, uc)))), min(size - 1, int(np.floor(max(ua, ub, uc)))) + 1):
-                wb = ((u - ua) * (vc - va) - (uc - ua) * (v - va)) * inverse
-                wc = ((ub - ua) * (v - va) - (u - ua) * (vb - va)) * inverse
-                if wb < 0.0 or wc < 0.0 or wb + wc > 1.0:
-                    continue
-                z = (1.0 - wb - wc) * points[a, 2] + wb * points[b, 2] + wc * points[c, 2]
-                if z < shadow[v, u]:
-                    shadow[v, u] = z
+    u, v, distance = points.astype(np.float64).T.copy()
+    nearest = np.full((size, size), -far)
+    draw(u, v, -distance, faces, np.ones(len(faces), np.bool_), nearest)
+    shadow: F32 = (-nearest).astype(np.float32)
+    return shadow
 
 
 @njit(cache=True, nogil=True, fastmath=True)

@@ -62,9 +62,7 @@ def _render(fruit: FruitModel, options: SceneOptions, scene: SyntheticScene, rng
     owner_of_face = np.concatenate(face_object)
     camera = np.asarray(options.camera, np.float32)
     two_sided = np.array([item.shape.two_sided for item in scene.items])
-    depth, face_index = np.zeros((h, w), np.float32), np.full((h, w), -1, np.int32)
-    weights = np.zeros((h, w, 2), np.float32)
-    rasterise(P, F, owner_of_face, two_sided, camera, depth, face_index, weights)
+    depth, face_index, weights = rasterise(P, F, owner_of_face, two_sided, camera, (h, w))
 
     picture = draw_backdrop(fruit, options, scene, rng)
     owner = np.empty((h, w), np.int32)

@@ -12,7 +12,7 @@ from skills.perception.synthetic.contents import SyntheticScene
 from skills.perception.synthetic.foliage import add_far_fruit
 from skills.perception.synthetic.options import SceneKind, SceneOptions
 from skills.perception.synthetic.paint import skins
-from skills.perception.synthetic.raster import draw_shadow_map
+from skills.perception.synthetic.raster import shadow_map
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -75,8 +75,7 @@ def cast_shadow(P: F32, F: NDArray[np.int32], light: F32, rng: np.random.Generat
     matrix[:, :3] = axes * scaling[:, None]
     matrix[:, 3] = -(axes @ middle) * scaling + np.array([0.5 * SHADOW_CELLS, 0.5 * SHADOW_CELLS, 0.0])
     light_map = matrix.astype(np.float32)
-    shadow = np.full((SHADOW_CELLS, SHADOW_CELLS), 1e6, np.float32)
-    draw_shadow_map(P @ light_map[:, :3].T + light_map[:, 3], F, shadow)
+    shadow = shadow_map(P @ light_map[:, :3].T + light_map[:, 3], F, SHADOW_CELLS, 1e6)
     return shadow, light_map
 
 
