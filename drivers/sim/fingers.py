@@ -96,6 +96,7 @@ class SimFingers(FaultyDevice):
         Raises:
             DeviceFault: it still is.
         """
+        self._pass_on()  # where nobody listens, nobody has heard that they are well again
         self._passing.acknowledge(self.name)
 
     def inject_fault(self, kind: str) -> None:

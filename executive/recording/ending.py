@@ -14,6 +14,7 @@ from typing import Any
 from executive.encode import encoded
 from executive.recording.json_text import parse_object
 from executive.recording.plain_file import open_plain
+from executive.running.supervise import REPORT
 
 ENDING_FILE = "ending.json"
 LENGTH = 1024
@@ -39,11 +40,32 @@ class Ending:
 
 
 def why_cut(record: Path) -> str:
-    """Why a record ends too early, as the second half of a sentence."""
+    """Why a record ends too early, and what the supervisor did then, as the second half of a sentence."""
+    why, stopped = _why(record), _stopped(record)
+    return f"{why}; {stopped}" if stopped else why
+
+
+def _stopped(record: Path) -> str:
+    """What the supervisor process says that it did; empty when there was none, or nothing to do."""
+    told = _read(record / REPORT)
+    devices = told.get("devices")
+    if not isinstance(devices, dict):
+        return ""
+    done = ", ".join(f"{device} {what}"[:200] for device, what in list(devices.items())[:10])
+    return f"its supervisor found that {str(told.get('reason', ''))[:200]}: {done}"
+
+
+def _read(path: Path) -> dict[str, Any]:
     try:
-        with open_plain(record / ENDING_FILE) as stream:
-            found = parse_object(stream.read(4 * LENGTH))
+        with open_plain(path) as stream:
+            return parse_object(stream.read(4 * LENGTH))
     except (OSError, ValueError):
+        return {}
+
+
+def _why(record: Path) -> str:
+    found = _read(record / ENDING_FILE)
+    if not found:
         return "the process was killed or lost its power, or the file was cut"
     match found.get("state"):
         case "failed":

@@ -63,6 +63,7 @@ class Hold:
         self._lock = RLock()
         self._ended = False
         self._device_problem: GripProblem | None = None
+        self._told = False
         self._record_every = max(round(controller.settings.rate / RECORDED_RATE), 1)
         self._samples = np.zeros((KEPT, 7))
         self._written = self._drained = self._seen = 0
@@ -173,12 +174,14 @@ class Hold:
                 self._written += 1
 
     def _tell_lies(self) -> None:
-        """Fingers that are not to be believed end the run; the grip is kept."""
+        """Fingers that are not to be believed end the run; the grip is kept. What was acknowledged is not told again."""
         problem = self.problem
-        if problem is not None and (
+        lies = problem is not None and (
             problem.code == "SENSOR_FAULT" or (problem.code in LIES and self.controller.phase in IN_HAND)
-        ):
+        )
+        if lies and not self._told and problem is not None:
             self._sensor.distrust(problem.message)
+        self._told = lies
 
     def _command(self, speed: float) -> None:
         """Command a rate of the opening; a gripper that refuses is remembered and asked again next time."""

@@ -13,9 +13,11 @@ from drivers.emulators.server import CanPort, Port, Server, TcpPort
 from drivers.emulators.wsg import WsgEmulator
 from drivers.errors import CellFileError
 from drivers.interfaces import MotionState
+from drivers.wsg.codec import Move, encode
 from drivers.wsg.connect import connect
 from drivers.wsg.driver import WsgGripper
-from drivers.wsg.transport import can_channels
+from drivers.wsg.outside import stop_on_can
+from drivers.wsg.transport import CanLink, can_channels
 from executive.clock import SystemClock
 
 
@@ -96,3 +98,28 @@ def test_can_interfaces_are_found_by_their_hardware_type(tmp_path: Path) -> None
         (tmp_path / name).mkdir()
         (tmp_path / name / "type").write_text(f"{kind}\n")
     assert can_channels(tmp_path) == ["can0", "vcan0"]
+
+
+def test_another_process_stops_it_over_its_own_end_of_the_bus() -> None:
+    """Whoever moved it is gone; its supervisor opens the bus anew, and the fingers stay where they are."""
+    hand = FreeGripper(time.monotonic, width=0.060)
+    device = WsgEmulator(hand)
+    port = CanPort(device, can.Bus("wsg-outside", interface="virtual"), answers=7)
+    mover = CanLink.open("virtual", "wsg-outside", 500_000, 1, 7)
+    mover.send(encode(Move(0.010, 0.005)))
+    served = serving(port, device)
+    next(served)
+    try:
+        while hand.state().speed == 0.0:
+            time.sleep(1e-3)
+        stop_on_can("virtual", "wsg-outside", 500_000, 1, 7)
+        assert hand.state().speed == 0.0
+        assert 0.050 < hand.state().width < 0.060
+    finally:
+        next(served, None)
+        mover.close()
+
+
+def test_a_bus_on_which_nobody_answers_is_told_as_such() -> None:
+    with pytest.raises(OSError, match="did not answer the stop"):
+        stop_on_can("virtual", "wsg-silent", 500_000, 1, 7)

@@ -27,10 +27,14 @@ supervisor = Supervisor({"wheel": ("os:mkdir", [str(folder / "stopped")])}, 0.4,
 for _ in range(20):
     supervisor.beat()
     time.sleep(0.02)
-print("alive", flush=True)
+print("alive", supervisor._process.pid, flush=True)
 if way == "hang":
     while True:
         pass
+if way == "still":
+    for _ in range(20):
+        supervisor.beat()
+        time.sleep(0.02)
 if way == "rest":
     supervisor.rest()
     time.sleep(1.0)
@@ -46,7 +50,7 @@ def supervised(folder: Path, way: str, number: int | None = None) -> tuple[int, 
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
         assert process.stderr is not None
-        assert process.stdout.readline() == "alive\n"
+        assert process.stdout.readline().startswith("alive ")
         began = time.monotonic()
         if number is not None:
             process.send_signal(number)
@@ -79,6 +83,20 @@ def test_a_process_that_hangs_is_stopped_or_dies_has_its_devices_stopped(
 def test_a_process_that_ends_or_rests_is_left_alone(tmp_path: Path, way: str) -> None:
     status, said, _took = supervised(tmp_path, way)
     assert (status, said) == (0, "")
+    assert not (tmp_path / "stopped").exists()
+
+
+def test_a_computer_that_stands_still_as_a_whole_accuses_nobody(tmp_path: Path) -> None:
+    command = [sys.executable, "-c", SUPERVISED, str(tmp_path), "still"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        supervisor = int(process.stdout.readline().split()[-1])
+        for number in (signal.SIGSTOP, signal.SIGCONT):
+            os.kill(supervisor, number)
+            process.send_signal(number)
+            time.sleep(0.6 if number == signal.SIGSTOP else 0.0)
+        _said, complaint = process.communicate()
+    assert (process.returncode, complaint) == (0, "")
     assert not (tmp_path / "stopped").exists()
 
 

@@ -1,0 +1,412 @@
+"""Runs the cases of the fault matrix and judges them by the simulator's truth, the run's events, and its record.
+
+`run_case` runs one case from its beginning. `branch_cases` runs the pick once: where a phase begins, a fork of the
+process goes on with each fault, so that a case costs no more than what comes after its fault.
+"""
+
+from __future__ import annotations
+
+import os
+import pickle
+import select
+import signal
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.fault_table import Case, Verdict
+from drivers.faults import FaultPlan, PlannedFault
+from drivers.interfaces import Arm, Gripper
+from drivers.sim.world import SimWorld
+from executive.execute import Executed, RunOrder, execute
+from executive.files import find_cell
+from executive.recording.read import read_events
+from executive.recording.recorder import Recorder
+from executive.running.compute import Computations
+from executive.running.events import Event, NodeChanged, RunEnded, SafeStopped
+from executive.running.runner import Runner
+
+TREE = Path(__file__).with_name("fault_pick.yaml")
+SETTINGS = {"fruit": "apple_4", "place": "2", "distractors": "0"}
+
+FORCE_MAX = 14.0
+"""What the tree allows for both fingers together [N]: SlipAvoidGrasp's default."""
+OVERSHOOT = 1.05
+"""The arm's deceleration and the grip's force, as measured in the world, over their limits."""
+OPENED = 1.5e-3
+"""A grip that held may give way so much in the safe state [m]: the pads' own softness, and a force that is let down."""
+RESTING = 2e-3
+"""An arm with no joint faster than this stands [rad/s]: what a held arm trembles in the world."""
+AFTERWARDS = 1.0
+"""How long nothing may move after the end [s]."""
+ACTS, RESUMES = 0.25, 1.5
+"""The operator acts so long after the phase's node has begun, and resumes a pause after so long [s]."""
+HUNG = 0.05
+"""A fruit this far above where it stood hangs [m]."""
+HANGS = 180.0
+"""Seconds of the wall's clock after which a case is given up."""
+
+
+class Watcher:
+    """Lives in the world while a case runs: begins phases, turns the switch, and notes the truth of every step."""
+
+    def __init__(self, runner: Runner, branch: Callable[[Watcher], None]) -> None:
+        """
+        Args:
+            runner: of the run.
+            branch: called in every step until there is a case; may set it.
+        """
+        self.case: Case | None = None
+        self.runner = runner
+        cell: Any = runner._cell
+        self.cell = cell
+        world = cell.devices["world"]
+        self.world: SimWorld = world if isinstance(world, SimWorld) else world._world
+        self.limits = runner.context.device(Arm).limits
+        self.events: list[Event] = []
+        self.began_at: dict[str, float] = {"": 0.0}
+        """When each node began, by its name; the run itself has none."""
+        self.safe_at = self.failed_at = self.shows_at = self.rested_at = np.nan
+        self.peak = 0.0
+        self.width_held: float | None = None
+        self.widest = -np.inf
+        self.hung: bool | None = None
+        self._branch = branch
+        self._plan: FaultPlan | None = None
+        self._wrenches = [self.world.sensor(f"wrench_{pad}") for pad in ("pad_left", "pad_right")]
+        model = self.world.model
+        self._qvel = model.jnt_dofadr[self.world.arm_joints]
+        self._finger = model.joint("finger_left").qposadr[0]
+        self._rest_z = float(self.world.state.body("fruit_0").xpos[2])
+        self._operator_at: list[tuple[float, str]] = []
+        self.world.after_step.append(self._step)
+
+    def take(self, case: Case) -> None:
+        """Go on with a case, whose phase has begun."""
+        self.case, phase = case, case.phase
+        planned = PlannedFault(case.switch, case.kind, phase.after, phase.node, case.lasts if np.isfinite(case.lasts) else None)
+        self._plan = FaultPlan([planned], self.cell.switches)
+        begun = self.began_at[phase.node]
+        self._plan.begin(phase.node, begun)
+        if phase.operator:
+            self._operator_at = [(begun + ACTS, phase.operator)]
+        if phase.operator == "pause":
+            self._operator_at.append((begun + ACTS + RESUMES, "resume"))
+        self._turn(self.world.clock.now())
+
+    def _turn(self, now: float) -> None:
+        assert self._plan is not None
+        self._plan.step(now)
+        if self.injected and np.isnan(self.shows_at) and self._can_show():
+            self.shows_at = now
+
+    @property
+    def injected(self) -> bool:
+        return self._plan is not None and bool(self._plan.injected)
+
+    @property
+    def speed(self) -> float:
+        """Of the arm's fastest joint [rad/s]."""
+        return float(np.abs(self.world.state.qvel[self._qvel]).max())
+
+    def hear(self, event: Event) -> None:
+        """Phases begin with their nodes; the end is noted on the world's clock."""
+        self.events.append(event)
+        now = self.world.clock.now()
+        if isinstance(event, NodeChanged):
+            node = event.path.rsplit("/", 1)[-1].split("#")[0]
+            if event.status == "RUNNING":
+                self.began_at.setdefault(node, now)
+            if event.status == "FAILURE" and np.isnan(self.failed_at) and self.injected:
+                self.failed_at = now
+            if node == "Lift" and event.status == "SUCCESS":
+                self.hung = float(self.world.state.body("fruit_0").xpos[2]) - self._rest_z > HUNG
+        elif isinstance(event, SafeStopped) and np.isnan(self.safe_at):
+            self.safe_at = now
+
+    def _step(self) -> None:
+        now, state = self.world.clock.now(), self.world.state
+        if self.case is None:
+            self._branch(self)
+        while self._operator_at and now >= self._operator_at[0][0]:
+            getattr(self.runner, self._operator_at.pop(0)[1])("fault matrix")
+        forces = [float(np.linalg.norm(view[:3])) for view in self._wrenches]
+        self.peak = max(self.peak, sum(forces))
+        width = 2.0 * float(state.qpos[self._finger])
+        if self.case is not None and self._plan is not None:
+            before = self.injected
+            self._turn(now)
+            if self.injected and not before:
+                self.width_held = width if min(forces) > 0.3 else None
+        if not np.isnan(self.safe_at):
+            if self.width_held is not None:
+                self.widest = max(self.widest, width)
+            standing = self.speed < RESTING
+            self.rested_at = (now if np.isnan(self.rested_at) else self.rested_at) if standing else np.nan
+
+    def _can_show(self) -> bool:
+        assert self.case is not None
+        if not self.case.shows:
+            return True
+        device = self.runner.context.device({"arm": Arm, "gripper": Gripper}[self.case.shows])
+        return not device.settled()  # type: ignore[attr-defined]  # every device of a cell has it
+
+
+# --------------------------------------------------------------------------------------------------- judging
+
+
+def judge(watcher: Watcher, executed: Executed, verdict: Verdict) -> None:
+    """Whether the run ended as its row says, and nothing happened that must not."""
+    case, wrong, result = verdict.case, verdict.wrong, executed.result
+    verdict.outcome = result.outcome
+    verdict.reason = f"{result.reason.code}: {result.reason.message}" if result.reason else ""
+    verdict.peak, verdict.hung = watcher.peak, watcher.hung
+    if not watcher.injected:
+        wrong.append("the fault never began")
+        return
+    ended = np.nanmin([watcher.safe_at, watcher.failed_at]) if case.ends == "failure" else watcher.safe_at
+    verdict.noticed = float(ended - watcher.shows_at)
+    if case.ends == "success":
+        if result.outcome != "success" or watcher.hung is not True:
+            wrong.append(f"ended as {result.outcome}")
+    elif np.isnan(verdict.noticed):
+        wrong.append(f"ended as {result.outcome}, not as {case.ends}")
+    elif verdict.noticed > case.within + 1e-9:
+        wrong.append(f"noticed after {1e3 * verdict.noticed:.0f} ms, not within {1e3 * case.within:.0f} ms")
+    elif case.ends == "safe" and case.device not in verdict.reason and result.outcome == "error":
+        wrong.append(f"does not name the {case.device}")
+    if watcher.hung is False:
+        wrong.append("FALSE SUCCESS: Lift said that the fruit hangs")
+    if case.spoils:
+        return
+    if watcher.peak > OVERSHOOT * FORCE_MAX:
+        wrong.append(f"pressed {watcher.peak:.1f} N")
+    if watcher.width_held is not None and watcher.widest > watcher.width_held + OPENED:
+        wrong.append(f"opened {1e3 * (watcher.widest - watcher.width_held):.1f} mm while fruit was held")
+    if (result.truth or {}).get("drops", 0):
+        wrong.append("dropped the fruit")
+
+
+def judge_afterwards(watcher: Watcher, verdict: Verdict) -> None:
+    """In the safe state: nothing moves, nothing resumes, and a cleared cell is clean."""
+    cell, limits = watcher.cell, watcher.limits
+    slowing = float(np.max(limits.velocity / limits.acceleration)) + float(np.max(limits.acceleration / limits.jerk))
+    cell.clock.advance(AFTERWARDS)
+    verdict.rested = float(watcher.rested_at - watcher.safe_at)
+    if np.isnan(verdict.rested):
+        verdict.wrong.append("the arm does not come to rest")
+    elif verdict.rested > slowing + 0.05:
+        verdict.wrong.append(f"at rest only after {verdict.rested:.2f} s")
+    cell.switches[verdict.case.switch].clear_fault()
+    cell.clock.advance(0.2)
+    try:
+        cell.acknowledge()
+        cell.clock.advance(0.1)
+        cell.check()
+    except Exception as error:
+        verdict.wrong.append(f"not clean after an acknowledgement: {error}")
+    if watcher.speed > RESTING:
+        verdict.wrong.append("moves after the acknowledgement")
+
+
+def judge_record(record: Path | None, outcome: str, verdict: Verdict) -> None:
+    """The record can be read, and says the same."""
+    if record is None:
+        verdict.wrong.append("left no record")
+        return
+    ends = [event.outcome for event in read_events(record) if isinstance(event, RunEnded)]
+    if ends != [outcome]:
+        verdict.wrong.append(f"the record says {ends}, the run {outcome}")
+
+
+# ------------------------------------------------------------------------------------------- a case by itself
+
+
+def run_case(case: Case, cell: str, seed: int) -> Verdict:
+    """Run one case on a fresh cell, recorded as it goes, and judge it."""
+    verdict, watchers = Verdict(case), []
+
+    def take(watcher: Watcher) -> None:
+        if case.phase.node in watcher.began_at:
+            watcher.take(case)
+
+    def on_ready(runner: Runner) -> None:
+        watchers.append(Watcher(runner, take))
+        take(watchers[0])
+
+    def hear(event: Event) -> None:
+        if watchers:
+            watchers[0].hear(event)
+
+    with tempfile.TemporaryDirectory() as folder:
+        order = RunOrder(TREE, find_cell(cell), seed, SETTINGS, record=Path(folder))
+        executed = execute(
+            order, [hear], on_ready=on_ready, on_latched=lambda _runner: judge_afterwards(watchers[0], verdict)
+        )
+        judge_record(executed.record, executed.result.outcome, verdict)
+    judge(watchers[0], executed, verdict)
+    return verdict
+
+
+def plan_here() -> None:
+    """Compute in the thread of the tick: a planner's own process for each case takes longer than the case."""
+
+    def submit(
+        self: Computations, node: str, function: Callable[..., Any], arguments: tuple[Any, ...], isolated: bool
+    ) -> Any:
+        future: Future[Any] = Future()
+        began = time.perf_counter()
+        try:
+            future.set_result(function(*arguments))
+        except BaseException as error:
+            future.set_exception(error)
+        self._pending.append((node, f"{function.__module__}.{function.__qualname__}", began, _Computed(future)))  # type: ignore[arg-type]
+        return self._pending[-1][3]
+
+    def warm(self: Computations, function: Callable[..., Any] | None = None, *arguments: Any) -> None:
+        if function is not None:
+            function(*arguments)
+
+    Computations.submit = submit  # type: ignore[method-assign]
+    Computations.warm = warm  # type: ignore[method-assign]
+
+
+class _Computed:
+    """An answer that is there already."""
+
+    def __init__(self, future: Future[Any]) -> None:
+        self._future = future
+
+    def done(self) -> bool:
+        return True
+
+    def result(self) -> Any:
+        return self._future.result()
+
+    def cancel(self) -> None:
+        """Too late."""
+
+
+# ------------------------------------------------------------------------------------------ cases by forking
+
+
+class Forks:
+    """Child processes, each of which goes on with the run of its parent in its own way."""
+
+    def __init__(self, jobs: int, tell: Callable[[Verdict], None]) -> None:
+        self.jobs, self.tell = jobs, tell
+        self.answer: int | None = None
+        """Where a child writes; None in the parent."""
+        self._children: dict[int, tuple[int, Case, float]] = {}
+
+    def fork(self, case: Case) -> bool:
+        """True in the child."""
+        while len(self._children) >= self.jobs:
+            self._collect()
+        reading, writing = os.pipe()
+        child = os.fork()
+        if child == 0:
+            os.close(reading)
+            self.answer = writing
+            return True
+        os.close(writing)
+        self._children[reading] = child, case, time.monotonic() + HANGS
+        return False
+
+    def send(self, verdict: Verdict) -> None:
+        """The end of a child."""
+        assert self.answer is not None
+        with os.fdopen(self.answer, "wb") as stream:
+            pickle.dump(verdict, stream)
+        os._exit(0)
+
+    def finish(self) -> None:
+        """Wait for all children."""
+        while self._children:
+            self._collect()
+
+    def _collect(self) -> None:
+        """Wait for one child."""
+        wait = max(0.0, min(end for _, _, end in self._children.values()) - time.monotonic())
+        ready, _, _ = select.select(list(self._children), [], [], wait)
+        for reading in ready or [min(self._children, key=lambda key: self._children[key][2])]:
+            child, case, _ = self._children.pop(reading)
+            if not ready:
+                os.kill(child, signal.SIGKILL)
+            with os.fdopen(reading, "rb") as stream:
+                said = stream.read()
+            os.waitpid(child, 0)
+            trouble = "" if said else "the process died" if ready else f"does not end within {HANGS:.0f} s"
+            self.tell(Verdict(case, wrong=[trouble]) if trouble else pickle.loads(said))
+
+
+def branch_cases(cases: Sequence[Case], cell: str, seed: int, jobs: int, tell: Callable[[Verdict], None]) -> None:
+    """Run the pick once, and each case from where its phase begins.
+
+    The process must have no other threads: `prepare_to_fork`.
+    """
+    waiting, forks, watchers = list(cases), Forks(jobs, tell), []
+    verdict = Verdict(cases[0])
+
+    def branch(watcher: Watcher) -> None:
+        now = watcher.world.clock.now()
+        for case in list(waiting):
+            begun = watcher.began_at.get(case.phase.node)
+            after = min(case.phase.after, ACTS) if case.phase.operator else case.phase.after
+            if begun is not None and now >= begun + after:
+                waiting.remove(case)
+                if forks.fork(case):
+                    verdict.case = case
+                    watcher.take(case)
+                    return
+
+    def on_ready(runner: Runner) -> None:
+        watchers.append(Watcher(runner, branch))
+        branch(watchers[0])
+
+    def hear(event: Event) -> None:
+        if watchers:
+            watchers[0].hear(event)
+
+    def on_latched(_runner: Runner) -> None:
+        if forks.answer is not None:
+            judge_afterwards(watchers[0], verdict)
+
+    try:
+        executed = execute(RunOrder(TREE, find_cell(cell), seed, SETTINGS), [hear], on_ready=on_ready, on_latched=on_latched)
+        if forks.answer is not None:
+            judge(watchers[0], executed, verdict)
+            with tempfile.TemporaryDirectory() as folder:
+                recorder = Recorder(Path(folder))
+                for event in watchers[0].events:
+                    recorder.hear(event)
+                recorder.close()
+                judge_record(Path(folder), executed.result.outcome, verdict)
+    except BaseException as error:
+        if forks.answer is None:
+            raise
+        verdict.wrong.append(f"{type(error).__name__}: {error}")
+    if forks.answer is not None:
+        forks.send(verdict)
+    forks.finish()
+    for case in waiting:
+        tell(Verdict(case, wrong=["its phase never began"]))
+    if executed.result.outcome != "success" or watchers[0].hung is not True:
+        tell(Verdict(Case("none", "none", cases[0].phase, "success", np.inf), executed.result.outcome, wrong=["the pick itself"]))
+
+
+def prepare_to_fork() -> None:
+    """Have all that is computed and drawn in this thread: a fork has no other."""
+    import torch
+
+    from drivers.sim import camera
+
+    plan_here()
+    torch.set_num_threads(1)
+    os.environ["LP_NUM_THREADS"] = "0"  # of Mesa's rasteriser
+    camera.in_gl_thread = lambda function: function()

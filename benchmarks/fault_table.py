@@ -1,0 +1,136 @@
+"""The rows of the fault matrix: which fault in which phase must end how, and what became of it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import yaml
+
+from executive.values.units import TIME
+
+TABLE = Path(__file__).with_name("fault_matrix.yaml")
+ENDS = ("safe", "failure", "success")
+
+
+@dataclass(frozen=True, slots=True)
+class Phase:
+    """Where in the run a fault begins: so long after a node's start; with what the operator did before it."""
+
+    name: str
+    node: str
+    after: float
+    operator: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """One fault in one phase, and how the run must end.
+
+    Attributes:
+        switch, kind: as the cell names them.
+        ends: one of `ENDS`.
+        within: seconds of the run's clock from when the fault can show.
+        shows: a device that must move before the fault can show; empty when it shows at once.
+        lasts: seconds until the fault goes by itself; infinite for good.
+        spoils: the fruit may fall, or be pressed: no program can stop what this fault does.
+    """
+
+    switch: str
+    kind: str
+    phase: Phase
+    ends: str
+    within: float
+    shows: str = ""
+    lasts: float = np.inf
+    spoils: bool = False
+
+    @property
+    def device(self) -> str:
+        return self.switch.split(".")[0]
+
+    @property
+    def name(self) -> str:
+        lasting = f" {1e3 * self.lasts:.0f} ms" if np.isfinite(self.lasts) else ""
+        return f"{self.switch}.{self.kind}{lasting}"
+
+
+@dataclass(slots=True)
+class Verdict:
+    """What became of a case; `wrong` is empty when everything held.
+
+    Attributes:
+        noticed: from when the fault can show to the safe state, or to the failure of a skill [s]; NaN when neither came.
+        rested: from the safe state to an arm that stands [s].
+        peak: the largest force of both pads together [N].
+        hung: whether the fruit hung when Lift said so; None when it did not say so.
+    """
+
+    case: Case
+    outcome: str = ""
+    reason: str = ""
+    noticed: float = np.nan
+    rested: float = np.nan
+    peak: float = 0.0
+    hung: bool | None = None
+    wrong: list[str] = field(default_factory=list)
+
+
+def read_table(cell: str, path: Path = TABLE) -> list[Case]:
+    """The cases of a cell.
+
+    Raises:
+        ValueError: a row names no phase, or no way to end.
+    """
+    table = yaml.safe_load(path.read_text())
+    phases = {
+        name: Phase(name, said["node"], TIME(said["after"]), said.get("operator", ""))
+        for name, said in table["phases"].items()
+    }
+    cases = []
+    for row in table[cell]:
+        switch, kind = row["fault"].rsplit(".", 1)
+        names = list(phases) if row["phases"] == "all" else row["phases"]
+        if unknown := [name for name in names if name not in phases]:
+            raise ValueError(f"{row['fault']}: there is no phase {', '.join(unknown)}")
+        if row["ends"] not in ENDS:
+            raise ValueError(f"{row['fault']}: a run ends {', '.join(ENDS)}, not {row['ends']}")
+        within = TIME(row["within"]) if "within" in row else np.inf
+        lasts = TIME(row["lasts"]) if "lasts" in row else np.inf
+        said = row["ends"], within, row.get("shows", ""), lasts, row.get("spoils", False)
+        cases += [Case(switch, kind, phases[name], *said) for name in names]
+    return cases
+
+
+def report(verdicts: Sequence[Verdict]) -> str:
+    """Case by case, then each row of the table with its deadline, the median and the worst, then the sums."""
+    lines = [f"{'fault':26}{'phase':13}{'ended':9}{'noticed':>9}{'rest':>9}{'peak N':>8}  "]
+    for v in verdicts:
+        said = "WRONG " + "; ".join(v.wrong) + " – " if v.wrong else ""
+        lines.append(
+            f"{v.case.name:26}{v.case.phase.name:13}{v.outcome:9}{_ms(v.noticed):>9}{_ms(v.rested):>9}{v.peak:8.1f}  "
+            f"{said}{v.reason}"[:240]
+        )
+    rows: dict[tuple[str, str, float], list[Verdict]] = {}
+    for v in verdicts:
+        rows.setdefault((v.case.name, v.case.ends, v.case.within), []).append(v)
+    lines += ["", f"{'fault':26}{'ends':9}{'cases':>6}{'deadline':>10}{'median':>9}{'worst':>9}"]
+    for (name, ends, within), row in rows.items():
+        noticed = [v.noticed for v in row if np.isfinite(v.noticed)]
+        median, worst = (float(np.median(noticed)), max(noticed)) if noticed and ends != "success" else (np.nan, np.nan)
+        lines.append(f"{name:26}{ends:9}{len(row):6d}{_ms(within):>10}{_ms(median):>9}{_ms(worst):>9}")
+    rests = [v.rested for v in verdicts if np.isfinite(v.rested)]
+    bad = sum(bool(v.wrong) for v in verdicts)
+    lines += ["", f"arm at rest {_ms(np.median(rests))} (median), {_ms(max(rests))} (worst) after the safe stop"] * bool(rests)
+    lines.append(
+        f"{len(verdicts)} cases: {len(verdicts) - bad} as they must be, {bad} wrong, "
+        f"{sum(v.hung is False for v in verdicts)} false successes, "
+        f"at most {max((v.peak for v in verdicts if not v.case.spoils), default=0.0):.1f} N"
+    )
+    return "\n".join(lines)
+
+
+def _ms(seconds: float) -> str:
+    return f"{1e3 * seconds:.0f} ms" if np.isfinite(seconds) else "–"
