@@ -74,9 +74,6 @@ bench-plan: $(STAMP) ## planning over random scenes, beside the paper's way
 bench-grasp: $(STAMP) ## grip control over random lifts, baselines beside it
 	$(BIN)/python -m benchmarks.bench_grasp --plots runs/bench_grasp --picture docs/images/grip.png
 
-bench-grip-faults: $(STAMP) ## a force sensor that lies in every way and phase, on the simulated cell (half an hour)
-	$(BIN)/python -m benchmarks.grip_faults
-
 bench-record: $(STAMP) ## what recording costs, and how large a pick's record is
 	$(BIN)/python -m benchmarks.bench_record
 
@@ -92,8 +89,9 @@ bench-devices: $(STAMP) ## streams and round trips of the device drivers on emul
 oracle: $(STAMP) ## the collision model beside MuJoCo over 10 000 random states
 	$(BIN)/python -m benchmarks.collision_oracle --states 10000
 
-faults: $(STAMP) ## every fault in every phase of a pick, judged by the simulator's truth
+faults: $(STAMP) ## every fault in every phase of a pick, simulated and emulated devices, judged by the simulator's truth
 	$(BIN)/python -m benchmarks.fault_matrix
+	$(BIN)/python -m benchmarks.fault_matrix --cell emulated
 
 fuzz: $(STAMP) ## 100 000 damaged tree files, 100 000 random trees; a million damaged device streams, records, web messages each
 	$(BIN)/python tests/executive/language/fuzz.py --cases 100000

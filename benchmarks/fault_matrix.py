@@ -7,8 +7,8 @@ For each case: the run ends as its row says, within its deadline; the device is 
 limits; a grip that held is never opened; no force above the limit; the record can be read and says the same; nothing
 resumes; once the fault is cleared and acknowledged, the cell is clean; and no success is none.
 
-On the simulated cell the pick runs once, and each case from where its fault begins. On the emulated cell, whose drivers
-have threads, each case runs from the beginning.
+The pick runs once, and each case from where its fault begins, in a fork of the process. With `--alone` each case runs
+from the beginning, recorded, and with the drivers' own threads on the emulated cell.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ def _run(job: tuple[Case, str, int]) -> Verdict:
         return Verdict(case, wrong=[f"{type(error).__name__}: {error}"])
 
 
-def run(cases: list[Case], cell: str, seed: int, jobs: int) -> list[Verdict]:
+def run(cases: list[Case], cell: str, seed: int, jobs: int, alone: bool = False) -> list[Verdict]:
     """All cases, each told on standard error when it has ended; in the order of the table."""
     verdicts: list[Verdict] = []
 
@@ -40,7 +40,7 @@ def run(cases: list[Case], cell: str, seed: int, jobs: int) -> list[Verdict]:
         words = f"{len(verdicts)}/{len(cases)} {mark} {case.name} {case.phase.name} {'; '.join(verdict.wrong)}"
         print(words, file=sys.stderr, flush=True)
 
-    if cell == "sim":
+    if not alone:
         prepare_to_fork()
         branch_cases(cases, cell, seed, jobs, tell)
     else:
@@ -59,6 +59,7 @@ def main() -> int:
     parser.add_argument("--cases", nargs="*", help="as switch.fault@phase")
     parser.add_argument("--seed", type=int, default=3)
     parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--alone", action="store_true", help="every case from the beginning")
     options = parser.parse_args()
     cases = [
         case
@@ -67,7 +68,7 @@ def main() -> int:
         and (not options.phases or case.phase.name in options.phases)
         and (not options.cases or f"{case.switch}.{case.kind}@{case.phase.name}" in options.cases)
     ]
-    verdicts = run(cases, options.cell, options.seed, options.jobs)
+    verdicts = run(cases, options.cell, options.seed, options.jobs, options.alone)
     print(report(verdicts))
     return 1 if any(verdict.wrong for verdict in verdicts) else 0
 

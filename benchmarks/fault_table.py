@@ -62,7 +62,7 @@ class Verdict:
     """What became of a case; `wrong` is empty when everything held.
 
     Attributes:
-        noticed: from when the fault can show to the safe state, or to the failure of a skill [s]; NaN when neither came.
+        noticed: from when the fault can show to the safe state, or to the failure of a skill [s]; NaN without either.
         rested: from the safe state to an arm that stands [s].
         peak: the largest force of both pads together [N].
         hung: whether the fruit hung when Lift said so; None when it did not say so.
@@ -123,7 +123,10 @@ def report(verdicts: Sequence[Verdict]) -> str:
         lines.append(f"{name:26}{ends:9}{len(row):6d}{_ms(within):>10}{_ms(median):>9}{_ms(worst):>9}")
     rests = [v.rested for v in verdicts if np.isfinite(v.rested)]
     bad = sum(bool(v.wrong) for v in verdicts)
-    lines += ["", f"arm at rest {_ms(np.median(rests))} (median), {_ms(max(rests))} (worst) after the safe stop"] * bool(rests)
+    lines += [
+        "",
+        f"arm at rest {_ms(np.median(rests))} (median), {_ms(max(rests))} (worst) after the safe stop",
+    ] * bool(rests)
     lines.append(
         f"{len(verdicts)} cases: {len(verdicts) - bad} as they must be, {bad} wrong, "
         f"{sum(v.hung is False for v in verdicts)} false successes, "

@@ -7,17 +7,15 @@ and gets back what is wrong, in words. Nothing here talks to a device.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 from drivers.interfaces import GripperLimits, GripperState
+from executive.values.kinds import Measure, Number
+from executive.values.sections import value
+from executive.values.units import LENGTH, TIME
 
-MARGIN, SHARE = 0.5, 0.5
-"""A move may take longer than it should by so much [s] and by this share of its time."""
 COASTING = 0.3
 """So long after a move the fingers come to rest [s]: 0.2 m/s are braked in 0.1 s at 2 m/s²."""
-STRAY = 3e-3
-"""Fingers that nobody moves stay within this [m]: pads and fruit give way by one or two millimetres."""
-LAG = 0.1
-"""Fingers follow a streamed speed this much later at most [s]."""
 BEYOND = 5e-3
 """A width outside the stroke by more than this is none [m]."""
 FASTER = 5.0
@@ -26,6 +24,23 @@ SLOW = 2e-3
 """Fingers slower than this rest [m/s] …"""
 STEADY, STILL = 5e-4, 0.03
 """… once their width has stayed within the first [m] for the second [s]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GripperSupervision:
+    """How far a gripper is believed.
+
+    Attributes:
+        margin, share: a move may take longer than it should by so much [s] and by this share of its time.
+        stray: fingers that nobody moves stay within this [m]: pads and fruit give way by one or two millimetres.
+        lag: fingers follow a streamed speed this much later at most [s]: two or three of the 30 … 50 commands a second
+            that a WSG takes.
+    """
+
+    margin: float = value(Measure(TIME, "50 ms", "30 s"), "500 ms", "a move may take so much longer than it should")
+    share: float = value(Number(0.0, 10.0), "0.5", "and this share of its time")
+    stray: float = value(Measure(LENGTH, "0.2 mm", "50 mm"), "3 mm", "fingers that nobody moves stay within this")
+    lag: float = value(Measure(TIME, "10 ms", "2 s"), "100 ms", "they follow a streamed speed this much later at most")
 
 
 class GripperSupervisor:
@@ -37,7 +52,9 @@ class GripperSupervisor:
         rest_by: fingers that are left alone now do not move beyond this time [s].
     """
 
-    def __init__(self, limits: GripperLimits, acceleration: float) -> None:
+    def __init__(
+        self, limits: GripperLimits, acceleration: float, supervision: GripperSupervision | None = None
+    ) -> None:
         """
         Args:
             limits: of the hardware: the whole stroke.
@@ -46,6 +63,7 @@ class GripperSupervisor:
         self.at_rest = self.follows = False
         self.rest_by = -math.inf
         self._limits, self._acceleration = limits, acceleration
+        self._supervision = supervision or GripperSupervision()
         self._due, self._target = math.inf, 0.0
         self._free_until = -math.inf  # until then the fingers may move as they like: a move, or what is left of it
         self._speed = self._fastest = 0.0
@@ -57,7 +75,7 @@ class GripperSupervisor:
     def move(self, now: float, start: float, width: float, speed: float) -> None:
         """A move from one opening to another was commanded."""
         expected = abs(width - start) / speed + speed / self._acceleration
-        self._due, self._target = now + expected * (1.0 + SHARE) + MARGIN, width
+        self._due, self._target = now + expected * (1.0 + self._supervision.share) + self._supervision.margin, width
         self._free_until, self.rest_by = math.inf, self._due
 
     def stream(self, now: float, speed: float, watchdog: float) -> None:
@@ -68,7 +86,7 @@ class GripperSupervisor:
         self._speed = speed
         self._fastest = max(self._fastest, abs(speed))
         if speed:
-            self.rest_by = max(self.rest_by, now + watchdog + LAG)
+            self.rest_by = max(self.rest_by, now + watchdog + self._supervision.lag)
 
     def rest(self, now: float) -> None:
         """The fingers were told to stand still, or have ended their move."""
@@ -108,7 +126,7 @@ class GripperSupervisor:
             return f"says a speed of {1e3 * speed:.0f} mm/s, which it cannot reach"
         if self._last is not None:
             way, elapsed = abs(width - self._last.width), state.stamp - self._last.stamp
-            if way > BEYOND + FASTER * limits.speed_max * (elapsed + LAG):
+            if way > BEYOND + FASTER * limits.speed_max * (elapsed + self._supervision.lag):
                 return f"says that it jumped from {1e3 * self._last.width:.1f} to {1e3 * width:.1f} mm"
         return ""
 
@@ -119,13 +137,13 @@ class GripperSupervisor:
 
     def _stray(self, stamp: float, width: float, elapsed: float) -> str:
         """Fingers may open and close by no more than they were told to, and less when something is in the way."""
-        self._fastest = max(abs(self._speed), self._fastest * (1.0 - min(elapsed / LAG, 1.0) / 3.0))
+        self._fastest = max(abs(self._speed), self._fastest * (1.0 - min(elapsed / self._supervision.lag, 1.0) / 3.0))
         self._account(stamp)
         if stamp <= self._free_until:
             self._least, self._most = width, width
             return ""
         self._least, self._most = min(self._least, width), max(self._most, width)
-        allowed = STRAY + LAG * self._fastest
+        allowed = self._supervision.stray + self._supervision.lag * self._fastest
         if width - self._least > allowed:
             return f"opens without being told to: {1e3 * self._least:.1f} → {1e3 * width:.1f} mm"
         if self._most - width > allowed:

@@ -187,7 +187,7 @@ class MotionSupervisor:
         if advance != self._advanced[0] or motion.set_point_rests:
             self._advanced = (advance, now)
         stalled = now - self._advanced[1]
-        if stalled > supervision.stall and motion.phase is Phase.RUNNING:
+        if stalled > supervision.stall and motion.phase is not Phase.RESTING:
             raise DeviceFault(self._device, f"the controller has not gone on with the motion for {stalled:.1f} s")
         if now > self._deadline:
             words = "did not end" if motion.phase is Phase.RUNNING else "did not come to rest"

@@ -10,25 +10,41 @@ from __future__ import annotations
 import math
 import threading
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
 from drivers.errors import DeviceError, DeviceFault
 from drivers.interfaces import Float64, Subscription, WrenchSample
 from executive.clock import Clock
+from executive.values.kinds import Measure
+from executive.values.sections import value
+from executive.values.units import FORCE, TIME
 
 SILENCE = 0.040
 """Fingers of which nothing can be believed for so long are not to be believed at all [s]."""
 FEW = 5
 """Fewer samples in a row than this accuse nobody: the computer itself may have been held up."""
-STUCK = 0.030
-"""A finger that says the same to the last bit for so long is stuck [s]; every live sensor has noise."""
 EARLY = 0.005
 """Stamps are read from the cell's clock; ahead of it by more than this they are wrong [s]."""
 FEW_FRAMES, EARLY_FRAME = 2, 0.020
 """The same of cameras: frames, and seconds; a camera's clock is followed to a few milliseconds."""
-STRONGEST = 200.0
-"""No gripper here presses with more than 50 N; a force above this is none [N], nor a torque above so many N·m."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Belief:
+    """How far the samples of force fingers are believed.
+
+    Attributes:
+        stuck: a finger that says the same to the last bit for so long is stuck [s]: every live sensor has noise, though
+            one of few bits may repeat itself for a while and need more.
+        strongest: a force above this is none [N], nor a torque above so many N·m: no gripper here presses with more
+            than 50 N.
+    """
+
+    stuck: float = value(Measure(TIME, "5 ms", "10 s"), "30 ms", "the same to the last bit for so long: stuck")
+    strongest: float = value(Measure(FORCE, "1 N", "10000 N"), "200 N", "what is more is no force")
+
 
 SIDES = ("the left finger", "the right finger")
 
@@ -54,11 +70,17 @@ class WrenchStream:
         on_lost: called once when a fault begins, in the thread that delivers: stops the gripper.
     """
 
-    def __init__(self, clock: Clock, silence: float = SILENCE, on_lost: Callable[[], None] = lambda: None) -> None:
+    def __init__(
+        self,
+        clock: Clock,
+        silence: float = SILENCE,
+        on_lost: Callable[[], None] = lambda: None,
+        belief: Belief | None = None,
+    ) -> None:
         self.newest: WrenchSample | None = None
         self.left_out = 0
         self.on_lost = on_lost
-        self._clock, self._silence = clock, silence
+        self._clock, self._silence, self._belief = clock, silence, belief or Belief()
         self._lock = threading.Lock()
         self._listeners: tuple[_Listener, ...] = ()
         self._wrong = ""
@@ -178,11 +200,11 @@ class WrenchStream:
 
     def _unchanged(self, sample: WrenchSample) -> str:
         """What is certainly wrong with what the fingers say: impossible, or the same for too long."""
-        wrenches = sample.wrenches
-        if not np.abs(wrenches).max() <= STRONGEST:  # written so that it is True of what is no number
-            finger = 0 if not np.abs(wrenches[0]).max() <= STRONGEST else 1
-            value = next(float(value) for value in wrenches[finger] if not abs(value) <= STRONGEST)
-            what = f"{value:g} N" if math.isfinite(value) else f"{value} instead of a force"
+        wrenches, strongest = sample.wrenches, self._belief.strongest
+        if not np.abs(wrenches).max() <= strongest:  # written so that it is True of what is no number
+            finger = 0 if not np.abs(wrenches[0]).max() <= strongest else 1
+            said = next(float(said) for said in wrenches[finger] if not abs(said) <= strongest)
+            what = f"{said:g} N" if math.isfinite(said) else f"{said} instead of a force"
             return f"{SIDES[finger]} says {what}"
         same = (wrenches == self._same).all(axis=1) if self._same is not None else (False, False)
         self._same = wrenches
@@ -192,13 +214,13 @@ class WrenchStream:
                 self._same_since[finger], self._same_count[finger] = sample.stamp, 0
                 continue
             self._same_count[finger] += 1
-            if self._same_count[finger] >= FEW and sample.stamp - self._same_since[finger] >= STUCK:
+            if self._same_count[finger] >= FEW and sample.stamp - self._same_since[finger] >= self._belief.stuck:
                 stuck.append(finger)
         if not stuck:
             return ""
         who, have = ("both fingers", "have") if len(stuck) == 2 else (SIDES[stuck[0]], "has")
         what = "zero" if not wrenches[stuck].any() else "the same to the last bit"
-        return f"{who} {have} said {what} for {1e3 * STUCK:.0f} ms"
+        return f"{who} {have} said {what} for {1e3 * self._belief.stuck:.0f} ms"
 
 
 class FrameGuard:

@@ -92,7 +92,7 @@ class VirtualTime:
         """Let time pass: for the run's thread the world goes on, a driver's thread waits for its next turn."""
         if duration <= 0.0:
             return
-        if isinstance(threading.current_thread(), Turn):
+        if self.turn() is not None:
             self.wait(duration, _never)
             return
         self._owed += duration
@@ -105,10 +105,15 @@ class VirtualTime:
         """A thread that takes turns with the others, see `drivers.owner.TurnTaking`."""
         return Turn(name, run, self)
 
+    def turn(self) -> Turn | None:
+        """Whose turn it is; None for the run's own thread."""
+        thread = threading.current_thread()
+        return thread if isinstance(thread, Turn) else None
+
     def wait(self, timeout: float, ready: Callable[[], bool]) -> None:
         """Let time pass until `ready` says yes, or for `timeout` [s]."""
-        turn = threading.current_thread()
-        if not isinstance(turn, Turn):
+        turn = self.turn()
+        if turn is None:
             end = self.now() + timeout
             while not ready() and self.now() < end - EPSILON:
                 self.step()

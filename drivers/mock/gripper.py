@@ -5,12 +5,15 @@ from __future__ import annotations
 import math
 
 from drivers.device import Device
-from drivers.errors import DeviceError, MotionRefused
+from drivers.errors import DeviceError, DeviceFault, MotionRefused
+from drivers.gripper_supervisor import GripperSupervisor
 from drivers.interfaces import Gripper, GripperLimits, GripperState, Motion, MotionState
 from drivers.mock.clock import PERIOD, MockClock
 
 LIMITS = GripperLimits(width_min=0.035, width_max=0.103, speed_max=0.2, force_max=20.0)
 WATCHDOG = 0.1
+ACCELERATION = 1e3
+"""Moves begin and end at once [m/s²]; by so much the supervisor reckons."""
 
 
 class MockMove:
@@ -46,7 +49,7 @@ class MockGripper(Device):
         blocked_at: the fingers do not close below this [m]; 0 means never. For moves: they fail there.
 
     Attributes:
-        width: present opening; write it to move the fingers by hand.
+        width: present opening; write it to move the fingers by hand, which `check` notices.
         speeds: every value given to `set_speed`, with its time.
         moves: every move that was started.
     """
@@ -66,6 +69,8 @@ class MockGripper(Device):
         self._latched: str | None = None
         self._refusal: str | None = None
         self._error: DeviceError | None = None
+        self._supervisor = GripperSupervisor(limits, ACCELERATION)
+        self._supervisor.rest(clock.now())
         clock.each_step.append(self._step)
 
     # ---------------------------------------------------------------------------------------------- script
@@ -94,16 +99,21 @@ class MockGripper(Device):
         if refusal:
             raise MotionRefused(self.name, refusal)
         self._end_move()
+        self._supervisor.move(self._clock.now(), self.width, width, speed)
         self.moves.append(MockMove(width, speed, self.width))
         return self.moves[-1]
 
     def set_speed(self, speed: float) -> None:
         self._end_move()
         self.speeds.append((self._clock.now(), speed))
+        self._supervisor.stream(self._clock.now(), speed if math.isfinite(speed) else 0.0, WATCHDOG)
 
     def check(self) -> None:
         if self._error is not None:
             raise self._error
+        wrong = self._supervisor.look(self._clock.now(), self.state())
+        if wrong:
+            raise DeviceFault(self.name, wrong)
 
     def link(self) -> str:
         return "ok" if self._error is None else self._error.message
@@ -114,16 +124,19 @@ class MockGripper(Device):
 
     def acknowledge(self) -> None:
         self._latched = None
+        self._supervisor.rest(self._clock.now())
 
     def pause(self) -> None:
         self._paused = True
         if self._move is not None:
             self._move.state = MotionState.PAUSED
+            self._supervisor.rest(self._clock.now())
 
     def resume(self) -> None:
         self._paused = False
         if self._move is not None:
             self._move.state = MotionState.RUNNING
+            self._supervisor.move(self._clock.now(), self.width, self._move.width, self._move.speed)
 
     def settled(self) -> bool:
         return self._move is None or self._paused
@@ -136,6 +149,7 @@ class MockGripper(Device):
     def _end_move(self) -> None:
         if self._move is not None:
             self._move.stop()
+            self._supervisor.rest(self._clock.now())
 
     def _step(self) -> None:
         move = self._move
@@ -156,3 +170,5 @@ class MockGripper(Device):
             move.end(MotionState.DONE)
         elif self._rate < 0.0 and self.width <= low:
             move.end(MotionState.FAILED, f"the fingers are blocked at {1e3 * self.width:.1f} mm")
+        if move.settled:
+            self._supervisor.rest(self._clock.now())

@@ -9,6 +9,7 @@ from drivers.camera_options import LARGEST, IntrinsicsSection
 from drivers.device import ConnectContext
 from drivers.driver import Settings, Surroundings, driver
 from drivers.errors import UnusableRobotFile
+from drivers.gripper_supervisor import GripperSupervision
 from drivers.motion_supervisor import Supervision
 from drivers.sim.arm import SimArm
 from drivers.sim.camera import SimCamera
@@ -19,6 +20,7 @@ from drivers.sim.layout import WorldOptions, draw_layout
 from drivers.sim.scene import OFFSCREEN, build_scene
 from drivers.sim.stereo_depth import Stereo
 from drivers.sim.world import SimWorld
+from drivers.streams import Belief
 from executive.values.kinds import Counts, Measure
 from executive.values.sections import Problem, Section, value
 from executive.values.units import FORCE, LENGTH, PIXELS, RATE, SPEED, TIME
@@ -50,6 +52,9 @@ class GripperOptions(InWorld):
     watchdog: float = value(
         Measure(TIME, "20 ms", "1 s"), "100 ms", "a streamed speed that is not renewed for so long becomes zero"
     )
+    supervision: GripperSupervision = value(
+        Section(GripperSupervision), GripperSupervision(), "how far the gripper is believed"
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -59,6 +64,7 @@ class FingersOptions(InWorld):
     noise: float = value(Measure(FORCE, "0 N", "1 N"), "0.04 N", "white, per sample")
     bias: float = value(Measure(FORCE, "0 N", "2 N"), "0.08 N", "largest of an axis, drawn for each run")
     range: float = value(Measure(FORCE, "0.5 N", "100 N"), "8 N", "an axis saturates there")
+    belief: Belief = value(Section(Belief), Belief(), "how far the samples are believed")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -107,14 +113,15 @@ def connect_arm(settings: Settings[ArmOptions], context: ConnectContext) -> SimA
 def connect_gripper(settings: Settings[GripperOptions], context: ConnectContext) -> SimGripper:
     """`driver: sim-gripper`"""
     said = settings.values
-    return SimGripper(_world(context), speed_max=said.speed_max, force_max=said.force_max, watchdog=said.watchdog)
+    limits = {"speed_max": said.speed_max, "force_max": said.force_max}
+    return SimGripper(_world(context), **limits, watchdog=said.watchdog, supervision=said.supervision)
 
 
 @driver(SimFingers, FingersOptions)
 def connect_fingers(settings: Settings[FingersOptions], context: ConnectContext) -> SimFingers:
     """`driver: sim-fingers`"""
     said = settings.values
-    return SimFingers(_world(context), noise=said.noise, bias=said.bias, force_range=said.range)
+    return SimFingers(_world(context), noise=said.noise, bias=said.bias, force_range=said.range, belief=said.belief)
 
 
 @driver(SimHands, InWorld)

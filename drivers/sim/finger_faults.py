@@ -1,4 +1,4 @@
-"""How a force sensor lies: what its samples become while a fault lasts, for tests and `make bench-grip-faults`."""
+"""How a force sensor lies: what its samples become while a fault lasts, for tests and `make faults`."""
 
 from __future__ import annotations
 

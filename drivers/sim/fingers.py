@@ -14,7 +14,7 @@ from drivers.sim.finger_faults import LIES
 from drivers.sim.robot import PADS
 from drivers.sim.scene import TIMESTEP
 from drivers.sim.world import SimWorld
-from drivers.streams import WrenchStream
+from drivers.streams import Belief, WrenchStream
 
 STALE = 0.05
 """A stream without a sample for this long is lost [s]."""
@@ -54,7 +54,9 @@ class SimFingers(FaultyDevice):
     known_faults = ("lost", *LIES)
     rate = 1.0 / TIMESTEP
 
-    def __init__(self, world: SimWorld, noise: float, bias: float, force_range: float) -> None:
+    def __init__(
+        self, world: SimWorld, noise: float, bias: float, force_range: float, belief: Belief | None = None
+    ) -> None:
         super().__init__("fingers")
         self._world, self._range = world, force_range
         rng = np.random.default_rng([world.seed, 3])
@@ -66,7 +68,7 @@ class SimFingers(FaultyDevice):
         sites = [world.model.site(pad).id for pad in PADS]
         self._positions = [world.state.site_xpos[site] for site in sites]
         self._rotations = [world.state.site_xmat[site] for site in sites]
-        self._passing = WrenchStream(world.clock)
+        self._passing = WrenchStream(world.clock, belief=belief)
         self._lost: WrenchSample | None = None
         self._before: WrenchSample | None = None
         self._passed = -1  # the step whose sample was measured last

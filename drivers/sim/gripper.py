@@ -6,7 +6,7 @@ import math
 from dataclasses import replace
 
 from drivers.errors import DeviceFault, DeviceLost, MotionRefused
-from drivers.gripper_supervisor import GripperSupervisor
+from drivers.gripper_supervisor import GripperSupervision, GripperSupervisor
 from drivers.interfaces import Gripper, GripperLimits, GripperState, Motion, MotionState
 from drivers.sim.faults import FaultyDevice
 from drivers.sim.scene import TIMESTEP
@@ -74,7 +74,14 @@ class SimGripper(FaultyDevice):
     interfaces = (Gripper,)
     known_faults = ("jam", "lost", "busy", "runaway", "frozen", "not_a_number")
 
-    def __init__(self, world: SimWorld, speed_max: float, force_max: float, watchdog: float) -> None:
+    def __init__(
+        self,
+        world: SimWorld,
+        speed_max: float,
+        force_max: float,
+        watchdog: float,
+        supervision: GripperSupervision | None = None,
+    ) -> None:
         super().__init__("gripper")
         self._world, self._watchdog = world, watchdog
         model = world.model
@@ -94,7 +101,7 @@ class SimGripper(FaultyDevice):
         self._latched_width = self._latched_at = 0.0
         self._estranged = False  # lost since the last acknowledgement
         self._frozen = GripperState(0.0, 0.0, 0.0, False)
-        self._supervisor = GripperSupervisor(self.limits, ACCELERATION)
+        self._supervisor = GripperSupervisor(self.limits, ACCELERATION, supervision)
         self._supervisor.rest(world.clock.now())
         world.before_step.append(self._command)
 

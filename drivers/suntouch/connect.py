@@ -11,6 +11,7 @@ from drivers.device import ConnectContext
 from drivers.driver import Settings, driver
 from drivers.errors import DeviceError, DeviceLost
 from drivers.interfaces import Gripper
+from drivers.streams import Belief
 from drivers.suntouch.calibration import FingerCalibration, UnusableCalibration
 from drivers.suntouch.driver import SunTouchFingers
 from drivers.suntouch.finger import Finger
@@ -51,6 +52,7 @@ class SunTouchFile:
     silence: float = value(
         Measure(TIME, "4 ms", "1 s"), "40 ms", "no sample for so long: the fingers are lost, the gripper stands still"
     )
+    belief: Belief = value(Section(Belief), Belief(), "how far the samples are believed")
 
 
 @driver(SunTouchFingers, SunTouchFile)
@@ -65,7 +67,8 @@ def connect(settings: Settings[SunTouchFile], context: ConnectContext) -> SunTou
             with contextlib.suppress(DeviceError):
                 gripper.set_speed(0.0)
 
-    fingers = SunTouchFingers(left, right, context.clock, rate=said.rate, silence=said.silence, on_lost=hold)
+    stream = {"rate": said.rate, "silence": said.silence}
+    fingers = SunTouchFingers(left, right, context.clock, **stream, on_lost=hold, belief=said.belief)
     try:
         fingers.connect()
     except DeviceLost as error:

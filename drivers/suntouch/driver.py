@@ -15,7 +15,7 @@ from drivers.device import Device
 from drivers.errors import DeviceError, DeviceLost
 from drivers.interfaces import ForceSensor, Subscription, WrenchSample
 from drivers.owner import Owner
-from drivers.streams import SIDES, SILENCE, WrenchStream
+from drivers.streams import SIDES, SILENCE, Belief, WrenchStream
 from drivers.suntouch.codec import Reading
 from drivers.suntouch.finger import Finger
 from drivers.suntouch.spike_filter import JUMP
@@ -51,6 +51,7 @@ class SunTouchFingers(Device):
         rate: float = 500.0,
         silence: float = SILENCE,
         on_lost: Callable[[], None] = lambda: None,
+        belief: Belief | None = None,
         name: str = "fingers",
     ) -> None:
         """
@@ -64,7 +65,7 @@ class SunTouchFingers(Device):
         self._clock, self._silence = clock, silence
         self._period = 1.0 / rate
         self._owner = Owner(name, self.step, self._lose, clock)
-        self._stream = WrenchStream(clock, silence, on_lost)
+        self._stream = WrenchStream(clock, silence, on_lost, belief)
         self._sequence = 0
         self._due = 0.0
         self._last_seen = 0.0

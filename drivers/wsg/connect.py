@@ -9,6 +9,7 @@ from typing import Any
 from drivers.device import ConnectContext
 from drivers.driver import Settings, driver
 from drivers.errors import DeviceLost
+from drivers.gripper_supervisor import GripperSupervision
 from drivers.wire import Address, Link, tcp_opener
 from drivers.wsg.driver import WsgGripper
 from drivers.wsg.handshake import WsgOptions
@@ -50,6 +51,9 @@ class WsgFile:
         Measure(TIME, "30 ms", "1 s"), "100 ms", "a streamed speed that is not renewed for so long becomes zero"
     )
     silence: float = value(Measure(TIME, "15 ms", "1 s"), "45 ms", "no reply for so long: the gripper is lost")
+    supervision: GripperSupervision = value(
+        Section(GripperSupervision), GripperSupervision(), "how far the gripper is believed"
+    )
 
     def problems(self) -> Iterator[Problem]:
         if (self.tcp is None) == (self.can is None):
@@ -72,6 +76,7 @@ def connect(settings: Settings[WsgFile], context: ConnectContext) -> WsgGripper:
         tare=said.tare,
         watchdog=said.watchdog,
         silence=said.silence,
+        supervision=said.supervision,
     )
     open_link, key, outside_stop = _link(said, context)
     gripper = WsgGripper(open_link, context.clock, options)

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from drivers.errors import DeviceFault
+from drivers.gripper_supervisor import GripperSupervision
 from drivers.interfaces import GripperLimits
 from drivers.wsg.codec import (
     Command,
@@ -42,6 +43,7 @@ class WsgOptions:
         watchdog: a streamed speed that is not renewed for so long becomes zero [s].
         silence: without a reply for so long the gripper is lost [s].
         period: of the automatic updates of state, width and speed [s].
+        supervision: how far the gripper is believed; None for the defaults.
     """
 
     finger_offset: float = 0.0
@@ -54,6 +56,7 @@ class WsgOptions:
     watchdog: float = 0.1
     silence: float = 0.045
     period: float = 0.01
+    supervision: GripperSupervision | None = None
 
 
 @dataclass(frozen=True, slots=True)

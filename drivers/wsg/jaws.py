@@ -127,9 +127,9 @@ class Jaws:
         except BaseException:
             session.close()
             raise
-        now = self._clock.now()
-        self.identity, self.limits = identity, identity.limits(self.options)
-        self.supervisor = GripperSupervisor(identity.reach(self.options), identity.acceleration)
+        now, options = self._clock.now(), self.options
+        self.identity, self.limits = identity, identity.limits(options)
+        self.supervisor = GripperSupervisor(identity.reach(options), identity.acceleration, options.supervision)
         self.supervisor.rest(now)
         self._updated = dict.fromkeys(UPDATES, now)
         self._wanted = self._sent = 0.0

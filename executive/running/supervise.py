@@ -30,8 +30,8 @@ REPORT = "supervisor.json"
 """In the record's folder: what was done and why."""
 
 LOOKS = 20
-"""Looks within the deadline. A look that lasts longer than it should counts as one: a computer on which this process, too,
-stood still accuses nobody."""
+"""Looks within the deadline. A look that lasts longer than it should counts as one: a computer on which this process,
+too, stood still accuses nobody."""
 
 PRIORITY = -10
 """Niceness that is asked for: what stops the devices comes before what computes."""

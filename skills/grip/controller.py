@@ -336,6 +336,8 @@ class GripController:
             self.reference.freeze("one finger's signal jumped alone: the force is not lowered any more")
         if sense.one_sided_press and self.reference.carried:
             self._pressed_alone = "one finger's normal force jumped alone: the smaller one counts"
+        if self._sensors.doubt:
+            self.reference.freeze(f"{self._sensors.doubt}: the force is not lowered any more")
         left, right = sense.finger_forces
         low, high = min(left, right), max(left, right)
         slides = self.phase is GripPhase.SLIDING

@@ -174,7 +174,7 @@ class Hold:
                 self._written += 1
 
     def _tell_lies(self) -> None:
-        """Fingers that are not to be believed end the run; the grip is kept. What was acknowledged is not told again."""
+        """Fingers that are not to be believed end the run; the grip is kept. It is told once: until acknowledged."""
         problem = self.problem
         lies = problem is not None and (
             problem.code == "SENSOR_FAULT" or (problem.code in LIES and self.controller.phase in IN_HAND)

@@ -24,11 +24,12 @@ class SensorWatch:
     Attributes:
         reason: why the samples are not believed any more; empty as long as they are.
         still: whether they say nothing at all, so that fingers that follow them had better stand.
+        doubt: why a grip must not be opened because of them, although they may be right; empty when there is none.
     """
 
     def __init__(self, settings: SensorWatchSettings, rate: float) -> None:
         self._settings, self._rate = settings, rate
-        self.reason = ""
+        self.reason = self.doubt = ""
         self.still = False
         self._limits = np.full((2, 6), np.inf)
         self._runs = np.zeros((2, 6))
@@ -81,8 +82,11 @@ class SensorWatch:
         # A fruit that slides out of too weak a grip lets both fingers jump, too.
         self._held_for = self._held_for + elapsed if sense.f_n >= sense.least else 0.0
         allowed = self._settings.jump + 0.5 * self._settings.own_motion * self._force_rate
-        if self._held_for > 0.5 * self._settings.load_memory and sense.loads.press_jump > allowed:
-            self._find("both fingers' normal forces jumped at once without the gripper's doing")
+        if sense.loads.press_jump > allowed:
+            jumped = "both fingers' normal forces jumped at once without the gripper's doing"
+            self.doubt = self.doubt or jumped
+            if self._held_for > 0.5 * self._settings.load_memory:
+                self._find(jumped)
         self._load = max(sense.f_t, self._load * math.exp(-elapsed / self._settings.load_memory))
         left, right = sense.finger_forces
         most = max(self._settings.apart, self._settings.apart_share * sense.f_t) + sense.normal_noise_band

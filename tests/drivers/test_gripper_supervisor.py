@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from drivers.gripper_supervisor import COASTING, GripperSupervisor
+from drivers.gripper_supervisor import COASTING, GripperSupervision, GripperSupervisor
 from drivers.interfaces import GripperLimits, GripperState
 
 PERIOD = 0.01
@@ -37,6 +37,16 @@ def fingers() -> Fingers:
     fingers = Fingers()
     fingers.run(COASTING + 0.1)
     return fingers
+
+
+def test_how_far_a_gripper_is_believed_is_a_setting(fingers: Fingers) -> None:
+    fingers.supervisor = GripperSupervisor(LIMITS, 2.0, GripperSupervision(stray=20e-3, margin=1.0, share=0.0))
+    fingers.supervisor.rest(fingers.now)
+    fingers.run(COASTING + 0.1)
+    assert fingers.run(0.15, 0.1) == []  # 15 mm
+    fingers.supervisor.move(fingers.now, fingers.width, fingers.width + 0.01, 0.1)
+    assert fingers.run(1.1) == []
+    assert fingers.run(0.1) != []
 
 
 def test_fingers_that_do_what_they_are_told_are_left_alone(fingers: Fingers) -> None:

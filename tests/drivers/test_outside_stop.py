@@ -22,7 +22,7 @@ ROBOT = Path(__file__).parents[2] / "trees" / "robots" / "sia5f_wsg32.xml"
 CELL = """
 name: bench
 kind: emulated
-heartbeat: 4 s
+heartbeat: 2 s
 devices:
   arm: {{driver: motoman, address: "127.0.0.1:{arm}", controller: fs100, robot: {robot}, silence: 1 s, lead: 600 ms,
         supervision: {{status: 2 s, stall: 5 s, lag: 1 s, following_error: 0.5 rad}}}}
@@ -42,8 +42,8 @@ class Move(Skill):
     def run(self) -> Work[None]:
         arm, gripper = self.device(Arm), self.device(Gripper)
         arm.follow(_quintic(arm.state().q, 1.0, 20.0))
-        gripper.move(gripper.limits.width_min + 0.002, 0.001)
-        yield from self.wait(5.0)
+        gripper.move(gripper.limits.width_min + 0.002, 0.002)
+        yield from self.wait(1.0)
         print("moving", flush=True)
         if sys.argv[1] == "hang":
             while True:
@@ -119,5 +119,5 @@ def test_arm_and_gripper_are_stopped_from_outside_and_free_for_the_next_run(
         before = arm.state().q[-1], gripper.state().width
         time.sleep(0.3)
         assert (arm.state().q[-1], gripper.state().width) == pytest.approx(before, abs=1e-6)
-        assert 0.01 < before[0] < 0.9, said
+        assert 0.0 < before[0] < 0.9, said
         assert gripper.limits.width_min + 0.004 < before[1], "the fingers did not go on to their goal"

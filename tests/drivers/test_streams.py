@@ -9,7 +9,7 @@ import pytest
 
 from drivers.errors import DeviceFault
 from drivers.interfaces import WrenchSample
-from drivers.streams import FEW, SILENCE, STUCK, WrenchStream
+from drivers.streams import FEW, SILENCE, Belief, WrenchStream
 from executive.clock import ManualClock
 
 PERIOD = 0.002
@@ -117,11 +117,23 @@ def test_a_finger_that_says_the_same_is_stuck(sensor: Sensor, fingers: list[int]
         sample.wrenches[fingers] = stuck[fingers]
         return sample
 
-    sensor.run(STUCK - 2 * PERIOD, hold)
+    sensor.run(Belief().stuck - 2 * PERIOD, hold)
     assert sensor.told() == ""
     sensor.run(3 * PERIOD, hold)
     who = "both fingers have" if len(fingers) == 2 else f"the {('left', 'right')[fingers[0]]} finger has"
     assert sensor.told() == f"{who} said {'zero' if zero else 'the same to the last bit'} for 30 ms"
+
+
+def test_how_far_samples_are_believed_is_a_setting() -> None:
+    clock = ManualClock()
+    stream = WrenchStream(clock, belief=Belief(stuck=0.1, strongest=20.0))
+    for number in range(round(0.09 / PERIOD)):
+        clock.advance(PERIOD)
+        stream.deliver(WrenchSample(clock.now(), number, np.full((2, 6), 15.0)))
+    assert stream.problem("fingers") is None
+    clock.advance(PERIOD)
+    stream.deliver(WrenchSample(clock.now(), 1000, np.full((2, 6), 21.0)))
+    assert "the left finger says 21 N" in str(stream.problem("fingers"))
 
 
 def test_a_reason_of_the_drivers_own_is_a_fault_when_nothing_else_comes(sensor: Sensor) -> None:
