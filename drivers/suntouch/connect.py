@@ -67,8 +67,9 @@ def connect(settings: Settings[SunTouchFile], context: ConnectContext) -> SunTou
             with contextlib.suppress(DeviceError):
                 gripper.set_speed(0.0)
 
-    stream = {"rate": said.rate, "silence": said.silence}
-    fingers = SunTouchFingers(left, right, context.clock, **stream, on_lost=hold, belief=said.belief)
+    fingers = SunTouchFingers(
+        left, right, context.clock, rate=said.rate, silence=said.silence, on_lost=hold, belief=said.belief
+    )
     try:
         fingers.connect()
     except DeviceLost as error:
