@@ -121,7 +121,7 @@ class Watcher:
         """Of the arm's fastest joint [rad/s]."""
         return float(np.abs(self.world.state.qvel[self._qvel]).max())
 
-    def hear(self, event: Event) -> None:
+    def on_event(self, event: Event) -> None:
         """Phases begin with their nodes; the end is noted on the world's clock."""
         self.events.append(event)
         now = self.world.clock.now()
@@ -258,14 +258,14 @@ def run_case(case: Case, cell: str, seed: int) -> Verdict:
         watchers.append(Watcher(runner, take))
         take(watchers[0])
 
-    def hear(event: Event) -> None:
+    def on_event(event: Event) -> None:
         if watchers:
-            watchers[0].hear(event)
+            watchers[0].on_event(event)
 
     with tempfile.TemporaryDirectory() as folder:
         order = RunOrder(TREE, find_cell(cell), seed, SETTINGS, record=Path(folder))
         executed = execute(
-            order, [hear], on_ready=on_ready, on_latched=lambda _runner: judge_afterwards(watchers[0], verdict)
+            order, [on_event], on_ready=on_ready, on_latched=lambda _runner: judge_afterwards(watchers[0], verdict)
         )
         judge_record(executed.record, executed.result.outcome, verdict)
     judge(watchers[0], executed, verdict)
@@ -388,9 +388,9 @@ def branch_cases(cases: Sequence[Case], cell: str, seed: int, jobs: int, tell: C
         watchers.append(Watcher(runner, branch))
         branch(watchers[0])
 
-    def hear(event: Event) -> None:
+    def on_event(event: Event) -> None:
         if watchers:
-            watchers[0].hear(event)
+            watchers[0].on_event(event)
 
     def on_latched(_runner: Runner) -> None:
         if forks.answer is not None:
@@ -398,14 +398,14 @@ def branch_cases(cases: Sequence[Case], cell: str, seed: int, jobs: int, tell: C
 
     try:
         executed = execute(
-            RunOrder(TREE, find_cell(cell), seed, SETTINGS), [hear], on_ready=on_ready, on_latched=on_latched
+            RunOrder(TREE, find_cell(cell), seed, SETTINGS), [on_event], on_ready=on_ready, on_latched=on_latched
         )
         if forks.answer is not None:
             judge(watchers[0], executed, verdict)
             with tempfile.TemporaryDirectory() as folder:
                 recorder = Recorder(Path(folder))
                 for event in watchers[0].events:
-                    recorder.hear(event)
+                    recorder.on_event(event)
                 recorder.close()
                 judge_record(Path(folder), executed.result.outcome, verdict)
     except BaseException as error:

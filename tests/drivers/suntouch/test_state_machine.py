@@ -34,7 +34,7 @@ class FingersMachine(RuleBasedStateMachine):
         self.rig = Rig()
         self.lines = (self.rig.left, self.rig.right)
         self.rig.fingers.connect()
-        self.rig.fingers.subscribe(self.hear)
+        self.rig.fingers.subscribe(self.on_sample)
         self.newest: WrenchSample | None = None
         self.count = 0
         self.broken_since: float | None = None
@@ -46,7 +46,7 @@ class FingersMachine(RuleBasedStateMachine):
         pad = line.device.pad
         return -float(np.sum(pad.volts(line.wrench) - pad.rest))
 
-    def hear(self, sample: WrenchSample) -> None:
+    def on_sample(self, sample: WrenchSample) -> None:
         now = self.rig.clock.now()
         assert 0.0 <= now - sample.stamp < 0.01, "a sample of another time was delivered"
         if self.newest is not None:

@@ -104,7 +104,7 @@ def test_another_process_stops_it_over_its_own_end_of_the_bus() -> None:
     """Whoever moved it is gone; its supervisor opens the bus anew, and the fingers stay where they are."""
     hand = FreeGripper(time.monotonic, width=0.060)
     device = WsgEmulator(hand)
-    port = CanPort(device, can.Bus("wsg-outside", interface="virtual"), answers=7)
+    port = CanPort(device, can.Bus("wsg-outside", interface="virtual"), reply_id=7)
     mover = CanLink.open("virtual", "wsg-outside", 500_000, 1, 7)
     mover.send(encode(Move(0.010, 0.005)))
     served = serving(port, device)
