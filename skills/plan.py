@@ -14,8 +14,8 @@ from executive.views import Line3, Points3, SceneView
 from skills.motion.grasp import Grasp, GraspCandidates
 from skills.motion.occupancy import OccupancyMap
 from skills.motion.planning.arm_space import arm_space
-from skills.motion.planning.ompl_planners import PLANNERS, Kind
 from skills.motion.planning.plan import PlanRequest, PlanResult
+from skills.motion.planning.planners import PLANNERS, Kind
 from skills.motion.robot import RobotModel
 from skills.shared.grasp_view import grasp_picture
 from skills.shared.planning import PLANNING_FAILURES, patience, planned

@@ -15,7 +15,7 @@ import numpy as np
 from skills.motion.planning.arm_space import ArmSpace
 from skills.motion.planning.errors import BadProblem
 from skills.motion.planning.motion_bench_maker import Problem, problem_sets, read_problems
-from skills.motion.planning.ompl_planners import PLANNERS, solve
+from skills.motion.planning.planners import PLANNERS, solve
 from skills.motion.planning.shortcut import path_length, shortcut
 from skills.motion.robot import RobotModel
 from skills.motion.robot.errors import RobotError

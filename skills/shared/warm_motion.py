@@ -38,8 +38,8 @@ def warm_planner(description: Path) -> None:
     q = (robot.lower + robot.upper) / 2.0
     unit = np.ones(robot.dof)
     limits = ArmLimits(robot.lower, robot.upper, unit, 10.0 * unit, 100.0 * unit)
-    space = _Empty(robot)
-    plan(PlanRequest(space, q, q[None] + 0.1, limits, direct=False, budget=0.01))
+    ArmSpace(CollisionWorld.build(robot), robot.width_max).connect(q, q[None] + 0.1, 1, 0)
+    plan(PlanRequest(_Empty(robot), q, q[None] + 0.1, limits, direct=False, budget=0.01))
 
 
 class _Empty:
@@ -56,6 +56,11 @@ class _Empty:
 
     def first_blocked(self, path: np.ndarray) -> int | None:
         return None
+
+    def connect(
+        self, q_start: np.ndarray, q_goals: np.ndarray, iterations: int, seed: int
+    ) -> tuple[np.ndarray | None, int]:
+        return np.array([q_start, q_goals[0]]), 1
 
     def explain(self, q: np.ndarray) -> tuple[str, dict[str, object]]:
         return "everything is free", {}

@@ -9,6 +9,11 @@ bound counts:
 - by s |v| + s²/2 a, where v is how a point moves in the posture at hand and a bounds how that can change: a point p
   of a chain has |d²p/dq_j dq_k| <= reach of the later of the two joints.
 
+A proof needs slack: advanced by exactly the clearance that was found, the next look would find nothing left. And what
+one check has proven, a later one that looks elsewhere on the same segment must not deny: a plan would fail on its own
+path. So a check is told how much a look may miss of the margin (`tolerance`), and proves `SLACK` less than that. What
+is being planned is checked with none, what has been planned and is about to be executed with `SLACK`.
+
 For two geoms the motion of the outer one in the inner one's frame counts, in which the joints before both stand still.
 """
 
@@ -25,18 +30,21 @@ from skills.motion.collision.robot_shape import RobotArrays
 
 Float64 = NDArray[np.float64]
 
+SLACK = 5e-4
+"""By how much a margin may be undershot between two looks [m]."""
+
 _LOOK_AHEAD = 0.15  # clearances beyond this are not resolved further while moving [m]
 
 
 @njit(cache=True, nogil=True)
 def check_segment(
-    robot: RobotArrays, world: WorldArrays, start: Float64, end: Float64, width: float, slack: float
+    robot: RobotArrays, world: WorldArrays, start: Float64, end: Float64, width: float, tolerance: float
 ) -> tuple[float, float, int, int]:
-    """Prove a segment free, or find where it is not; nothing comes closer than its margin minus `slack`.
+    """Prove a segment free, or find where it is not; nothing comes closer than its margin minus `tolerance + SLACK`.
 
     Returns:
-        Where on the segment something is closer than its margin (0 to 1; 2 when nothing is), the smallest clearance
-        met beyond the margins [m], and who has it, as in `check_states`.
+        Where on the segment something is closer than its margin less the tolerance (0 to 1; 2 when nothing is), the
+        smallest clearance met beyond the margins [m], and who has it, as in `check_states`.
     """
     dof, geoms, pairs, of_geom = start.shape[0], robot.links.shape[0], robot.pairs, robot.links
     numbers = geoms + pairs.shape[0]
@@ -80,27 +88,27 @@ def check_segment(
         if found[worst] < smallest:
             geom = worst if worst < geoms else pairs[worst - geoms, 1]
             smallest, other = found[worst], which[worst]
-            if smallest < 0.0:
+            if smallest < -tolerance:
                 return t, smallest, geom, other
         for n in range(numbers):
             if active[n]:
-                reached = _reaches(found[n] + slack, rates[n], speeds[n], bends[n])
+                reached = _reaches(found[n] + tolerance + SLACK, rates[n], speeds[n], bends[n])
                 safe_until[n] = 2.0 if reached > rest else t + reached
 
 
 @njit(cache=True, nogil=True)
 def check_path(
-    robot: RobotArrays, world: WorldArrays, path: Float64, width: float, slack: float
+    robot: RobotArrays, world: WorldArrays, path: Float64, width: float, tolerance: float
 ) -> tuple[int, float, float, int, int]:
     """`check_segment` for all segments between waypoints, shape (n, dof), until one is not free.
 
     Returns:
-        Number of the first segment on which something is closer than its margin, -1 when there is none, and what
+        Number of the first segment that is not free, -1 when there is none, and what
         `check_segment` says of it.
     """
     for k in range(max(path.shape[0] - 1, 1)):
         end = path[min(k + 1, path.shape[0] - 1)]
-        at, clearance, geom, other = check_segment(robot, world, path[k], end, width, slack)
+        at, clearance, geom, other = check_segment(robot, world, path[k], end, width, tolerance)
         if at <= 1.0:
             return k, at, clearance, geom, other
     return -1, 2.0, 1e9, -1, -1

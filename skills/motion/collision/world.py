@@ -16,7 +16,7 @@ from skills.motion.collision.distance_field import DistanceField
 from skills.motion.collision.errors import UnknownObstacle
 from skills.motion.collision.kernel import WorldArrays
 from skills.motion.collision.robot_shape import RobotShape
-from skills.motion.collision.segment import check_path, check_segment
+from skills.motion.collision.segment import SLACK, check_path, check_segment
 from skills.motion.collision.verdict import Collision, Margins
 from skills.motion.robot import RobotModel
 
@@ -160,43 +160,43 @@ class CollisionWorld:
         free: NDArray[np.bool_] = self._judge(self._checked_many(Q), width, 0.0)[0] >= 0.0
         return free
 
-    def segment_free(self, start: ArrayLike, end: ArrayLike, width: float, slack: float = 1e-3) -> bool:
-        """Whether a straight joint-space segment keeps all margins to within `slack` [m], at every point of it."""
+    def segment_free(self, start: ArrayLike, end: ArrayLike, width: float) -> bool:
+        """Whether a straight joint-space segment keeps all margins to within `SLACK`, at every point of it."""
         first, last = self.shape.model.checked(start), self.shape.model.checked(end)
-        return bool(check_segment(self.shape.arrays, self.arrays, first, last, width, slack)[0] > 1.0)
+        return bool(check_segment(self.shape.arrays, self.arrays, first, last, width, 0.0)[0] > 1.0)
 
-    def check_path(self, waypoints: ArrayLike, width: float, slack: float = 1e-3) -> Collision | None:
+    def check_path(self, waypoints: ArrayLike, width: float) -> Collision | None:
         """The first collision along straight joint-space segments between waypoints, shape (n, dof), or None.
 
         No sampling step: how far each part of the robot can move is bounded by joint steps times reach, and the next
-        look is where a found clearance ends, so no cell is jumped.
+        look is where a found clearance ends, so no cell is jumped. A segment that was proven free is free here, too: a
+        look may miss `SLACK` of a margin, and 2 `SLACK` are the most by which one is undershot.
 
         Args:
             waypoints: shape (n, dof) [rad].
             width: opening of the gripper [m].
-            slack: by how much a margin may be undershot between looks [m].
 
         Raises:
             BadJoints: a waypoint is no posture of this robot.
         """
         path = self._checked_many(waypoints)
-        number, at, away, geom, other = check_path(self.shape.arrays, self.arrays, path, width, slack)
+        number, at, away, geom, other = check_path(self.shape.arrays, self.arrays, path, width, SLACK)
         if number < 0:
             return None
         start, end = path[number], path[min(number + 1, len(path) - 1)]
         return self._collision(start + at * (end - start), width, away, geom, other, number + at)
 
-    def first_blocked(self, waypoints: ArrayLike, width: float, slack: float = 1e-3) -> int | None:
+    def first_blocked(self, waypoints: ArrayLike, width: float) -> int | None:
         """Number of the first segment of `check_path` that is not free, or None.
 
         Raises:
             BadJoints: a waypoint is no posture of this robot.
         """
         path = self._checked_many(waypoints)
-        number = check_path(self.shape.arrays, self.arrays, path, width, slack)[0]
+        number = check_path(self.shape.arrays, self.arrays, path, width, SLACK)[0]
         return None if number < 0 else number
 
-    def check_trajectory(self, trajectory: Trajectory, width: float, slack: float = 1e-3) -> Collision | None:
+    def check_trajectory(self, trajectory: Trajectory, width: float) -> Collision | None:
         """The first collision along a timed trajectory, or None.
 
         Between samples the arm may leave the straight segment by up to max|qdd|·dt²/8 in each joint; the motion that
@@ -213,7 +213,7 @@ class CollisionWorld:
         bow = np.maximum(qdd[:-1], qdd[1:]) * np.diff(trajectory.t)[:, None] ** 2 / 8.0
         bulge = float(np.max(bow @ self.shape.arrays.reach, initial=0.0))
         wider = self if bulge < 1e-6 else replace(self, arrays=self._grown(bulge))
-        return wider.check_path(q, width, slack)
+        return wider.check_path(q, width)
 
     # ---------------------------------------------------------------------------------------------- inside
 

@@ -29,7 +29,6 @@ def follow_through(
     poses: Float64,
     width: float,
     largest_step: float,
-    slack: float,
     wanted: int,
     lines: Float64,
     verdicts: Int64,
@@ -45,7 +44,6 @@ def follow_through(
         poses: of the TCP along the approach, the pre-grasp first, shape (m, 3, 4).
         width: opening of the gripper [m].
         largest_step: of a joint from pose to pose [rad].
-        slack: as in `check_segment` [m].
         wanted: number of good solutions after which it ends.
         lines: result: joints along the approach of every solution, shape (n, m, dof).
         verdicts: result: how far each came, shape (n,); -1 where it was not looked at.
@@ -79,7 +77,7 @@ def follow_through(
             continue
         verdicts[n] = GOOD
         for k in range(line.shape[0] - 1):
-            at, _, _, _ = check_segment(robot, world, line[k], line[k + 1], width, slack)
+            at, _, _, _ = check_segment(robot, world, line[k], line[k + 1], width, 0.0)
             if at <= 1.0:
                 verdicts[n] = LINE_BLOCKED
                 for j in range(line.shape[1]):

@@ -33,9 +33,6 @@ from skills.perception.measured_fruit import MeasuredFruit
 Float64 = NDArray[np.float64]
 Int64 = NDArray[np.int64]
 
-SLACK = 2e-3
-"""By how much a margin may be undershot between looks [m]."""
-
 OBLIQUE = 0.35
 """Pads that meet the skin at this angle turn a fruit between them, even with good friction [rad]."""
 
@@ -250,7 +247,6 @@ def _judge(
         poses,
         space.width,
         LARGEST_RATE * apart,
-        SLACK,
         wanted,
         lines,
         verdicts,

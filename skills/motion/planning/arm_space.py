@@ -13,6 +13,7 @@ from skills.motion.collision import CollisionWorld, Convex, Margins, RobotShape,
 from skills.motion.collision.distance_field import DistanceField
 from skills.motion.collision.world import TABLE
 from skills.motion.grasp import Grasp
+from skills.motion.planning import rrt_connect
 from skills.motion.robot import RobotModel
 from skills.perception.measured_fruit import MeasuredFruit
 
@@ -20,13 +21,6 @@ Float64 = NDArray[np.float64]
 
 TARGET = "target"
 """Name of the fruit to be picked among the obstacles."""
-
-
-PROBED = 0.2
-"""Segments with a larger step of any joint are first looked at in a few places [rad]: most that collide do so there,
-and are refused far more quickly than by proof."""
-
-_PROBES = np.array([[1.0], [0.5], [0.25], [0.75]])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -67,9 +61,24 @@ class ArmSpace:
 
     def free_between(self, q_a: Float64, q_b: Float64) -> bool:
         """Whether the straight joint segment keeps all margins, at every point of it."""
-        if np.abs(q_b - q_a).max() > PROBED and not self.world.free(q_a + _PROBES * (q_b - q_a), self.width).all():
-            return False
-        return self.world.segment_free(q_a, q_b, self.width)
+        return bool(rrt_connect.free_between(self.world.shape.arrays, self.world.arrays, self.width, q_a, q_b))
+
+    def connect(self, q_start: Float64, q_goals: Float64, iterations: int, seed: int) -> tuple[Float64 | None, int]:
+        """Waypoints from a free start to one of the free goals by RRT-Connect, and the iterations that it took."""
+        trees = rrt_connect.room(q_start, q_goals, iterations)
+        at_start, at_goal, used = rrt_connect.grow(
+            self.world.shape.arrays,
+            self.world.arrays,
+            self.width,
+            self.lower,
+            self.upper,
+            trees,
+            len(q_goals),
+            rrt_connect.MAX_STEP,
+            iterations,
+            np.random.default_rng(seed),
+        )
+        return (None if at_start < 0 else rrt_connect.path_between(trees, at_start, at_goal)), used
 
     def first_blocked(self, path: Float64) -> int | None:
         """Number of the first segment of a joint polyline, shape (n, dof), that does not keep all margins, or None."""

@@ -1,21 +1,18 @@
 """OMPL's planners on joint space, seeded and ended by counting.
 
-OMPL holds the interpreter's lock for a whole solve, so this runs in a process of its own. A planner ends when it has a
-solution (the plain ones) or has used its iterations (the optimising ones): counting, not the wall clock, decides, so
-that a seed gives the same path on a loaded machine. The wall clock is only the last resort.
+OMPL holds the interpreter's lock for a whole solve, so this runs in a process of its own.
 """
 
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
-from enum import Enum
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from ompl import base, geometric, util
 
+from skills.motion.planning.solution import Solution
 from skills.motion.planning.space import Space
 
 Float64 = NDArray[np.float64]
@@ -26,40 +23,6 @@ util.setLogLevel(util.LOG_NONE)
 RANGE = 0.8
 """Longest step of a tree [rad], tuned on MotionBenchMaker's sets for the UR5: OMPL's default, a fifth of the space's
 extent, makes steps that are expensive to check and seldom free."""
-
-
-class Kind(Enum):
-    """What a planner does with its budget."""
-
-    FEASIBLE = "ends with the first path"
-    OPTIMISING = "shortens its path while the budget lasts"
-
-
-@dataclass(frozen=True, slots=True)
-class PlannerKind:
-    """A planner that is offered: what it does, and its iterations a second on an unloaded core (2.5 GHz, warm)."""
-
-    kind: Kind
-    iterations_per_second: float
-
-
-PLANNERS: dict[str, PlannerKind] = {
-    "RRTConnect": PlannerKind(Kind.FEASIBLE, 10_000.0),
-    "RRT": PlannerKind(Kind.FEASIBLE, 10_000.0),
-    "KPIECE1": PlannerKind(Kind.FEASIBLE, 10_000.0),
-    "RRTstar": PlannerKind(Kind.OPTIMISING, 4_400.0),
-    "InformedRRTstar": PlannerKind(Kind.OPTIMISING, 2_600.0),
-    "BITstar": PlannerKind(Kind.OPTIMISING, 50_000.0),
-}
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Solution:
-    """A path that a planner found: waypoints (n, dof), and how much of the budget it took."""
-
-    waypoints: Float64 | None
-    iterations: int
-    out_of_time: bool
 
 
 class _Validity(base.MotionValidator):  # type: ignore[misc]
@@ -73,7 +36,7 @@ class _Validity(base.MotionValidator):  # type: ignore[misc]
         return bool(self._space.free_between(_read(a, self._dof), _read(b, self._dof)))
 
 
-def solve(
+def solve_by_ompl(
     space: Space,
     q_start: Float64,
     q_goals: Float64,
@@ -81,7 +44,7 @@ def solve(
     iterations: int,
     seed: int,
     deadline: float,
-    good_enough: float = 0.0,
+    good_enough: float | None = None,
 ) -> Solution:
     """Run one planner from a start to a set of goals.
 
@@ -89,11 +52,12 @@ def solve(
         space: joint limits and collision checks.
         q_start: free of collision, shape (dof,) [rad].
         q_goals: free of collision, shape (n, dof) [rad]; n >= 1 (with none free, OMPL would burn the whole budget).
-        planner: a name in `PLANNERS`.
+        planner: the name of a class in `ompl.geometric`.
         iterations: after which it ends; a feasible planner ends earlier, with its first path.
         seed: of OMPL's random numbers.
         deadline: on `time.perf_counter`; the last resort.
-        good_enough: path length at which an optimising planner ends; 0 lets it use all its iterations.
+        good_enough: path length at which an optimising planner ends, 0 for never; None for a planner that does not
+            optimise.
     """
     util.RNG.setSeed(int(seed % 2**31) + 1)
     dof = len(q_start)
@@ -114,7 +78,7 @@ def solve(
     for q in q_goals:
         goals.addState(_write(states.allocState(), q))
     problem.setGoal(goals)
-    if PLANNERS[planner].kind is Kind.OPTIMISING:
+    if good_enough is not None:
         objective = base.PathLengthOptimizationObjective(information)
         objective.setCostThreshold(base.Cost(good_enough))
         problem.setOptimizationObjective(objective)

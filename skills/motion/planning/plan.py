@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from drivers.interfaces import ArmLimits, Trajectory
 from skills.motion.planning.errors import BadRequest, PlanningFailed
-from skills.motion.planning.ompl_planners import PLANNERS, Kind, solve
+from skills.motion.planning.planners import PLANNERS, Kind, solve
 from skills.motion.planning.rounding import time_free_path
 from skills.motion.planning.shortcut import path_length, shortcut
 from skills.motion.planning.space import Space

@@ -35,6 +35,10 @@ class Space(Protocol):
         """Number of the first segment of a joint polyline, shape (n, dof), that is not free, or None."""
         ...
 
+    def connect(self, q_start: Float64, q_goals: Float64, iterations: int, seed: int) -> tuple[Float64 | None, int]:
+        """Waypoints, shape (n, dof), from a free start to one of the free goals by RRT-Connect, and the iterations."""
+        ...
+
     def explain(self, q: Float64) -> tuple[str, dict[str, object]]:
         """Why a configuration is not free: half a sentence for people, and data (link, obstacle, distance)."""
         ...

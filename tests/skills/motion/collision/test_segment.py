@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drivers.interfaces import Workspace
+from drivers.interfaces import Box, Workspace
 from skills.geometry import inverse, rot_x, transform
-from skills.motion.collision import CollisionWorld, RobotShape
+from skills.motion.collision import CollisionWorld, Convex, Margins, RobotShape
 from skills.motion.collision.kernel import make_scratch, place
 from skills.motion.collision.segment import bounds_of_motion, speed_of_ball, write_twists
 from skills.motion.robot import RobotModel, inverse_kinematics
@@ -93,3 +93,22 @@ def test_a_path_names_its_first_segment_that_is_not_free() -> None:
     assert world.first_blocked([high, high + 0.01, low, high], 0.05) == 1
     assert world.first_blocked([high, high + 0.01], 0.05) is None
     assert world.first_blocked([low], 0.05) == 0
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 100_000))
+def test_what_was_proven_free_is_never_denied_where_another_check_looks_elsewhere(seed: int) -> None:
+    """A plan must not fail on its own path: any part of a segment that was proven is free to the one that executes."""
+    rng = np.random.default_rng(seed)
+    boxes = tuple(
+        Convex.of_box(Box(f"box {k}", transform(None, rng.uniform([-0.6, -0.7, 0.0], [0.6, 0.5, 0.6])), size))
+        for k, size in enumerate(rng.uniform(0.02, 0.1, (8, 3)).tolist())
+    )
+    robot = RobotModel.load(SIA5F)
+    world = CollisionWorld.build(robot, obstacles=boxes, margins=Margins(0.005, 0.005, 0.002, 0.0, 0.002))
+    start = rng.uniform(robot.lower, robot.upper)
+    end = np.clip(start + rng.normal(size=robot.dof) * 0.3, robot.lower, robot.upper)
+    if not world.segment_free(start, end, 0.07):
+        return
+    shares = np.sort(rng.uniform(0.0, 1.0, 7))
+    assert world.first_blocked(start + shares[:, None] * (end - start), 0.07) is None

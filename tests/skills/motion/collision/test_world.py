@@ -22,6 +22,7 @@ from skills.motion.collision import (
     UnknownObstacle,
 )
 from skills.motion.collision.cover import fibonacci_sphere
+from skills.motion.collision.segment import SLACK
 from skills.motion.planning.timing import time_polyline
 from skills.motion.robot import BadJoints, RobotModel, inverse_kinematics
 
@@ -149,16 +150,15 @@ def test_a_path_called_free_holds_no_collision_at_any_fine_sample(seed: int) -> 
     world = CollisionWorld.build(robot, scene.workspace, field, margins=Margins(0.005, 0.005, 0.002, 0.0, 0.002))
     start = rng.uniform(robot.lower, robot.upper)
     end = np.clip(start + rng.normal(size=7) * 0.3, robot.lower, robot.upper)
-    slack = 1e-3
     samples = start + np.linspace(0.0, 1.0, 400)[:, None] * (end - start)
     clearances = world.clearances(samples, 0.07)
-    hit = world.check_path([start, end], 0.07, slack)
+    hit = world.check_path([start, end], 0.07)
     if hit is None:
-        assert clearances.min() >= -slack
+        assert clearances.min() >= -2.0 * SLACK
     else:
-        assert clearances.min() < 1e-4
+        assert clearances.min() < 1e-4 - SLACK
         assert world.clearance(hit.q, 0.07) == pytest.approx(-hit.depth, abs=1e-9)
-        first = np.flatnonzero(clearances < -slack)
+        first = np.flatnonzero(clearances < -2.0 * SLACK)
         if len(first):
             assert hit.at <= first[0] / 399.0 + 1e-9
 

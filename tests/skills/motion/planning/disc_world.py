@@ -1,11 +1,13 @@
 """A joint space of two joints with discs in it, solved in closed form: no robot, no map."""
 
+import time
 from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
 
 from drivers.interfaces import ArmLimits
+from skills.motion.planning.ompl_planners import solve_by_ompl
 
 LIMITS = ArmLimits(
     lower=np.full(2, -2.0),
@@ -39,6 +41,13 @@ class DiscWorld:
 
     def first_blocked(self, path: np.ndarray) -> int | None:
         return next((k for k, (a, b) in enumerate(pairwise(path)) if not self.free_between(a, b)), None)
+
+    def connect(
+        self, q_start: np.ndarray, q_goals: np.ndarray, iterations: int, seed: int
+    ) -> tuple[np.ndarray | None, int]:
+        """By OMPL: this project's own grows in compiled code among real robots only."""
+        found = solve_by_ompl(self, q_start, q_goals, "RRTConnect", iterations, seed, time.perf_counter() + 10.0)
+        return found.waypoints, found.iterations
 
     def explain(self, q: np.ndarray) -> tuple[str, dict[str, object]]:
         nearest = int(self.distance_to_segment(q, q).argmin())
