@@ -18,13 +18,13 @@ from executive.errors import UsageError
 from executive.files import installed_trees, read_text
 from executive.judging import judge, split_settings
 from executive.language import BuiltTree, Document, Mocks, build, format_findings
+from executive.language.built import Side
 from executive.language.documents import read_document, refuse_errors
 from executive.language.mocks import MockPlan
 from executive.language.scenario import read_mocks
 from executive.recording.session import RecordingSession
 from executive.recording.unfinished import unfinished
 from executive.registry import Registry
-from executive.running.breakpoints import Side
 from executive.running.cell import Cell
 from executive.running.cell_files import CellFile, cell_files
 from executive.running.context import RunContext
@@ -65,6 +65,7 @@ class RunOrder:
         texts: contents of files, by their path, that are not to be read from the disk.
         recover: after a run on this cell that was cut, run the installed tree `recover` first.
         cleared: somebody has looked after the cell since.
+        attended: somebody is there to answer questions and to go on after breakpoints.
         breaks: breakpoints that are set from the start: a node's name, type or path, and its side.
     """
 
@@ -80,6 +81,7 @@ class RunOrder:
     breaks: tuple[tuple[str, Side], ...] = ()
     recover: bool = False
     cleared: bool = False
+    attended: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -233,6 +235,7 @@ def _run(
         seed=order.seed,
         period=PERIOD,
         real_time=order.real_time,
+        attended=order.attended,
         watchers=[*installed_watchers(cell), session],
         heartbeat=supervision.beat,
     )

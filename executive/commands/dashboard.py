@@ -127,6 +127,7 @@ class Launcher:
             real_time=form.get("pace", "real") == "real",
             record=self._record,
             dry=dry,
+            attended=True,
         )
 
 

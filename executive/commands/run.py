@@ -21,6 +21,7 @@ from executive.running.runner import Runner
 from executive.running.signals import Terminated
 from executive.settings import parse_settings
 from executive.terminal.filtered import write_json
+from executive.terminal.keys import Keys
 from executive.terminal.live import LiveTree
 from executive.terminal.screen import Screen
 
@@ -101,12 +102,13 @@ def main(options: argparse.Namespace) -> int:
         mocks=Path(options.dry) if options.dry else None,
         recover=options.recover,
         cleared=options.cleared,
+        attended=options.dashboard or _answers_here(options, console),
         breaks=(
             *((name, "before") for name in options.break_before),
             *((name, "after") for name in options.break_after),
         ),
     )
-    if order.breaks and not options.dashboard:
+    if order.breaks and not order.attended:
         raise UsageError("nobody could go on after a breakpoint: add --dashboard")
     with contextlib.ExitStack() as stack:
         dashboard = _serve(options, console, stack) if options.dashboard else None
@@ -125,9 +127,18 @@ def main(options: argparse.Namespace) -> int:
     return status
 
 
+def _answers_here(options: argparse.Namespace, console: Screen) -> bool:
+    """Whether somebody sits at this terminal, answers questions and goes on after breakpoints."""
+    return not (options.dashboard or options.quiet or options.json) and console.is_terminal and sys.stdin.isatty()
+
+
 def _run_once(options: argparse.Namespace, order: RunOrder, dashboard: Dashboard | None, console: Screen) -> Executed:
     with contextlib.closing(LiveTree(console)) as live:
-        executed = _execute(order, live, dashboard, console)
+        if _answers_here(options, console):
+            with contextlib.closing(Keys(console, sys.stdin)) as keys:
+                executed = execute(order, [live.on_event, keys.on_event], on_ready=keys.serve)
+        else:
+            executed = _execute(order, live, dashboard, console)
     with contextlib.suppress(OSError):  # nobody reads any more: the exit status says it all the same
         executed.summary.print(console, executed.record)
         if executed.problem:

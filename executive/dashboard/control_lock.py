@@ -9,6 +9,7 @@ from typing import Any
 
 from executive.errors import PomonaError
 from executive.running.breakpoints import BREAK_ACTIONS, UnknownNodeError
+from executive.running.requests import AnswerRefusedError
 from executive.running.runner import Runner
 from executive.running.starting import Starting
 
@@ -167,11 +168,17 @@ class ControlLock:
             RefusedError: the viewer does not hold control, nothing runs, or there is no such action or node.
         """
         who = self.require(viewer)
-        if action not in ACTIONS and action not in BREAK_ACTIONS:
+        if action not in (*ACTIONS, *BREAK_ACTIONS, "answer"):
             raise RefusedError(f"'{action}' is no action")
         if self._runner is None or self._runner.state.ended:
             raise RefusedError("nothing is running")
-        if action in BREAK_ACTIONS:
+        if action == "answer":
+            choice, _, path = detail.rpartition(" ← ")
+            try:
+                self._runner.answer(path, choice, who)
+            except AnswerRefusedError as error:
+                raise RefusedError(str(error)) from None
+        elif action in BREAK_ACTIONS:
             try:
                 self._runner.break_at(detail, *BREAK_ACTIONS[action], who)
             except UnknownNodeError as error:

@@ -13,7 +13,7 @@ from py_trees.behaviour import Behaviour
 from executive.board import Board
 from executive.language.bind_ports import bind_skill
 from executive.language.build_scope import InstanceScope, condition, constant, getter
-from executive.language.built import BuiltTree, NodeInfo
+from executive.language.built import BuiltTree, NodeInfo, Side
 from executive.language.check import Analysis, analyse
 from executive.language.expression_run import Getter
 from executive.language.model import Definition, Document, TreeNode
@@ -84,6 +84,7 @@ def build(
         dict(builder.behaviours),
         dict(analysis.parameters),
         board,
+        tuple(builder.breakpoints),
     )
 
 
@@ -101,6 +102,7 @@ class _Builder:
         self.analysis, self.context, self.board, self.mocks = analysis, context, board, mocks
         self.nodes: dict[str, NodeInfo] = {}
         self.behaviours: dict[str, Behaviour] = {}
+        self.breakpoints: list[tuple[str, Side]] = []
         self.paths = UniquePaths()
 
     def node(self, node: TreeNode, scope: InstanceScope, parent: str | None, *, path: str) -> Behaviour:
@@ -117,6 +119,9 @@ class _Builder:
         layer = node.layers[index]
         found = self.analysis.resolved[id(node), layer.key]
         at = LayerBuild(self, node, index, layer, found, scope, path, parent)
+        side = layer.pauses(at)
+        if side is not None:
+            self.breakpoints.append((path, side))
         if not layer.needed(at):
             return at.inside()
         self.nodes[at.own_path] = at.info()

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Literal
 
 from py_trees.behaviour import Behaviour
 
 from executive.board import Board
 from executive.nodes import Attempt, Retry
+from executive.nodes.ask import Ask
 from executive.skill import Skill
+
+Side = Literal["before", "after"]
+"""Of a node: where a breakpoint holds the tick."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,6 +74,7 @@ class BuiltTree:
         behaviours: by path; each behaviour also has its `path` as an attribute.
         parameters: values of the tree's parameters.
         board: what the nodes write to.
+        breakpoints: that stand in the file: a node's path, and the side on which the run pauses there.
         retries: all retries, in drawing order.
     """
 
@@ -79,6 +84,7 @@ class BuiltTree:
     behaviours: Mapping[str, Behaviour]
     parameters: Mapping[str, Any]
     board: Board
+    breakpoints: tuple[tuple[str, Side], ...] = ()
 
     def find(self, name: str) -> tuple[str, ...]:
         """Paths of the nodes that people mean by a name: a path, the end of one, or a node's name or type.
@@ -94,6 +100,11 @@ class BuiltTree:
     def skills(self) -> tuple[Skill, ...]:
         """All skills (and mocks), in drawing order."""
         return tuple(b for b in self.behaviours.values() if isinstance(b, Skill))
+
+    @property
+    def questions(self) -> Mapping[str, Ask]:
+        """Nodes that ask a person, by path."""
+        return {path: b for path, b in self.behaviours.items() if isinstance(b, Ask)}
 
     @property
     def retries(self) -> tuple[Retry, ...]:

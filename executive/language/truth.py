@@ -6,7 +6,7 @@ Node types say what holds after them (`NodeType.truth`); here their conditions b
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import Any
 
@@ -92,6 +92,8 @@ class LayerTruth:
         fact = fact_of(condition.expression, fixed, condition.where, condition.text)
         if fact is None or fact.names <= fixed.keys():
             return known
+        if any(self.whole.scope.names[name].origin == "input" for name in fact.names & self.whole.scope.names.keys()):
+            fact = replace(fact, lasts=False)  # its caller may write it meanwhile
         against = known.against(fact)
         if against is fact:
             message = f"'{fact.text}' can never hold"

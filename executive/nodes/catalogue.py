@@ -8,6 +8,7 @@ from functools import cache
 from importlib.metadata import entry_points
 
 from executive.errors import PomonaError
+from executive.nodes.ask import AskType
 from executive.nodes.check import CheckType, WaitUntilType
 from executive.nodes.choosing import IfType, ReactiveIfType, SwitchType
 from executive.nodes.fallback import FallbackType, ReactiveFallbackType
@@ -27,6 +28,7 @@ from executive.nodes.takes import NAME
 from executive.nodes.timeout import TimeoutType
 from executive.nodes.turns import PipelineSequenceType, RoundRobinType
 from executive.nodes.untranslated import UntranslatedType
+from executive.nodes.working import BreakpointType, DisabledType
 
 GROUP = "pomona.nodes"
 """Entry point group of node types: word → class."""
@@ -34,9 +36,9 @@ GROUP = "pomona.nodes"
 BUILTIN: tuple[type[NodeType], ...] = (
     SequenceType, ReactiveSequenceType, SequenceWithMemoryType, FallbackType, ReactiveFallbackType, ParallelType,
     RecoveryType, IfType, ReactiveIfType, SwitchType, RoundRobinType, PipelineSequenceType, UntranslatedType,
-    CheckType, WaitUntilType, WaitType, SetType, SucceedType, FailType,
+    CheckType, WaitUntilType, WaitType, SetType, AskType, SucceedType, FailType,
     TimeoutType, InvertType, ForceType, DelayType, RateType, RetryType, RepeatType, ForEachType, RunOnceType,
-    GuardType, WhenType,
+    GuardType, WhenType, DisabledType, BreakpointType,
 )  # fmt: skip
 """Modifiers stand in the order in which they wrap, from the inside to the outside."""
 

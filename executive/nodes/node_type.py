@@ -598,6 +598,10 @@ class NodeType(ABC):
 
     # ---------------------------------------------------------------------------------------- at the run
 
+    def pauses(self, at: Building) -> Literal["before", "after"] | None:
+        """On which side of the node the run pauses, if it does."""
+        return None
+
     @abstractmethod
     def build(self, at: Building) -> Behaviour:
         """Its behaviour, with everything inside. A behaviour that fails should say why (`explain`)."""

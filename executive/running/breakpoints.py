@@ -10,14 +10,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from executive.errors import PomonaError
-
-Side = Literal["before", "after"]
+from executive.language.built import Side
 
 BREAK_ACTIONS: dict[str, tuple[Side, bool]] = {
     "break": ("before", True),

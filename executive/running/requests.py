@@ -3,9 +3,17 @@
 from __future__ import annotations
 
 import queue
+from collections.abc import Mapping
 
-from executive.running.breakpoints import BREAK_ACTIONS, Breakpoints, Side
+from executive.errors import PomonaError
+from executive.language.built import Side
+from executive.nodes.ask import Ask
+from executive.running.breakpoints import BREAK_ACTIONS, Breakpoints
 from executive.running.cell import Cell
+
+
+class AnswerRefusedError(PomonaError):
+    """An answer to what nobody asks, or one that is no choice."""
 
 
 class Requests:
@@ -13,6 +21,7 @@ class Requests:
 
     _cell: Cell
     _breakpoints: Breakpoints
+    _questions: Mapping[str, Ask]
 
     def __init__(self) -> None:
         self._commands: queue.SimpleQueue[tuple[str, str, str]] = queue.SimpleQueue()
@@ -57,6 +66,19 @@ class Requests:
         self._breakpoints.check(path)
         action = next(action for action, change in BREAK_ACTIONS.items() if change == (side, on))
         self._commands.put((action, who, path))
+
+    def answer(self, path: str, choice: str, who: str = "operator") -> None:
+        """Answer the question that the node at this path asks. An answer that comes too late changes nothing.
+
+        Raises:
+            AnswerRefusedError: nothing is asked there now, or this is no choice.
+        """
+        asked = self._questions.get(path)
+        if asked is None or not asked.open:
+            raise AnswerRefusedError(f"nothing is asked at {path} now")
+        if choice not in asked.choices:
+            raise AnswerRefusedError(f"'{choice}' is no answer: {', '.join(asked.choices)}")
+        self._commands.put(("answer", who, f"{choice} ← {path}"))
 
     def note(self, who: str, action: str) -> None:
         """Record that somebody took or released control: it changes nothing in the run."""

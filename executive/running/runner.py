@@ -83,6 +83,7 @@ class Runner(Requests):
         seed: int = 0,
         period: float = 0.02,
         real_time: bool = False,
+        attended: bool = False,
         watchers: Sequence[Watcher] = (),
         heartbeat: Callable[[], None] = lambda: None,
     ) -> None:
@@ -94,6 +95,8 @@ class Runner(Requests):
             seed: every random choice of the skills comes from it.
             period: of a tick [s].
             real_time: pace a simulated cell to the wall's clock; otherwise it runs as fast as the machine allows.
+            attended: whether there is somebody who answers questions and goes on after breakpoints; without, the tree's
+                questions have their defaults, and the breakpoints of its file are left out.
             watchers: show what the cell looks like.
             heartbeat: called in every tick, also while paused or coming to rest.
         """
@@ -106,6 +109,8 @@ class Runner(Requests):
         self.board.subscribe(self._written)
         self.tree = build(self.context, self.board)
         self._breakpoints = Breakpoints(self.tree.behaviours)
+        self._questions = self.tree.questions
+        self._attend(attended)
         self._observer = TreeObserver(self.tree, self._emit, self._stamp)
         self._state = RunState.IDLE
         self._ticks = 0
@@ -184,6 +189,12 @@ class Runner(Requests):
         """Let go of threads and processes. Harmless when closed already."""
         self._computations.close()
 
+    def _attend(self, attended: bool) -> None:
+        for question in self._questions.values():
+            question.attended = attended
+        for path, side in self.tree.breakpoints if attended else ():
+            self._breakpoints.change(path, side, True)
+
     def _loop(self, started: float) -> None:
         next_tick = self._cell.clock.now()
         while True:
@@ -250,6 +261,9 @@ class Runner(Requests):
                 self._pause(who, detail)
             elif action in ("resume", "step") and self._state is RunState.PAUSED:
                 self._resume(stepping=action == "step")
+            elif action == "answer":
+                choice, _, path = detail.rpartition(" ← ")
+                self._questions[path].answer(choice)
             elif action in BREAK_ACTIONS:
                 self._breakpoints.change(detail, *BREAK_ACTIONS[action])
 
@@ -327,7 +341,8 @@ class Runner(Requests):
         clock = self._cell.clock
         if clock.simulated:
             clock.advance(self._period)
-            if self._real_time or self._state is RunState.PAUSED:
+            waiting = self._state is RunState.PAUSED or any(q.open for q in self._questions.values())
+            if self._real_time or waiting:
                 ahead = self.context.elapsed() - (time.perf_counter() - started)
                 time.sleep(min(max(ahead, 0.0), self._period) if self._real_time else self._period)
             return clock.now()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from fake_cell import FakeCell, Wheel
@@ -10,7 +10,8 @@ from fake_cell import FakeCell, Wheel
 from executive.language import build, read
 from executive.ports import Outputs, Time
 from executive.registry import Registry
-from executive.running.events import Event, EventStream
+from executive.running.events import Event, EventStream, Listener
+from executive.running.run_state import RunState
 from executive.running.runner import Runner
 from executive.skill import Interrupted, Skill, Work
 
@@ -51,13 +52,25 @@ root:
 
 
 def make(
-    text: str, registry: Registry, at_tick: dict[int, Callable[[Runner, FakeCell], Any]] | None = None
+    text: str,
+    registry: Registry,
+    at_tick: dict[int, Callable[[Runner, FakeCell], Any]] | None = None,
+    *,
+    attended: bool = False,
+    go_on: bool = False,
+    listeners: Sequence[Listener] = (),
 ) -> tuple[Runner, FakeCell, list[Event]]:
-    """A runner on a fake cell. `at_tick` acts at the start of the n-th look at the cell, paused ones counted too."""
+    """A runner on a fake cell. `at_tick` acts at the start of the n-th look at the cell, paused ones counted too.
+
+    `go_on` resumes whenever the run is paused.
+    """
     cell, events, received = FakeCell(), EventStream(), []
-    events.subscribe(received.append)
+    for listener in (received.append, *listeners):
+        events.subscribe(listener)
     document = read(text, "tree.yaml")
-    runner = Runner(lambda context, board: build(document, registry, context=context, board=board), cell, events)
+    runner = Runner(
+        lambda context, board: build(document, registry, context=context, board=board), cell, events, attended=attended
+    )
     looks = iter(range(1, 10_000))
     check = cell.check
 
@@ -65,6 +78,8 @@ def make(
         action = (at_tick or {}).get(next(looks))
         if action is not None:
             action(runner, cell)
+        if go_on and runner.state is RunState.PAUSED:
+            runner.resume()
         check()
 
     cell.check = scripted_check  # type: ignore[method-assign]

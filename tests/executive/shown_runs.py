@@ -137,6 +137,7 @@ class Show:
             self.cell,
             events,
             real_time=bool(listeners),
+            attended=bool(listeners),
         )
         nodes = tuple(node.facts() for node in runner.tree.nodes)
         events.emit(

@@ -2,6 +2,7 @@
 import { $, h, seconds } from "./dom.js";
 import { holdsControl, page } from "./page.js";
 import { isStale, link, press } from "./link.js";
+import { drawQuestions } from "./questions.js";
 
 export const STATUS_WORD = { success: "✓", failure: "✗", stopped: "■", error: "■", running: "▶", paused: "❚❚", pausing: "❚❚", preparing: "◌" };
 const KIND = { simulated: "SIMULATED", emulated: "EMULATED", real: "REAL", frames: "RECORDED FRAMES", mock: "MOCK" };
@@ -12,6 +13,7 @@ $("who").addEventListener("change", (event) => localStorage.setItem("pomona-who"
 for (const button of document.querySelectorAll("[data-action]")) button.addEventListener("click", () => press(button.dataset.action));
 
 export function drawControl(s) {
+  drawQuestions(s);
   const live = !page.recorded;
   const mine = holdsControl(), armed = link.armed === true;
   const running = s.state === "running" && !s.ended, paused = s.state === "paused" && !s.ended;

@@ -217,6 +217,19 @@ def test_a_breakpoint_holds_and_is_shown_to_all(show: Show, open_page: Open) -> 
     expect(page.locator("#state")).to_have_text("✓ success")
 
 
+def test_a_question_of_the_tree_is_answered_by_who_holds_control(show: Show, open_page: Open) -> None:
+    page = open_page()
+    show.run("pomona: 1\ntree: demo\nroot:\n  ask: Is it ripe?\n  choices: [ripe, not yet]\n")
+    question = page.locator("#questions")
+    expect(question).to_contain_text("Is it ripe?")
+    expect(question.get_by_role("button", name="not yet")).to_be_disabled()
+    take_control(page, "ada")
+    question.get_by_role("button", name="not yet").click()
+    expect(page.locator("#state")).to_have_text("✓ success")
+    expect(question).to_be_hidden()
+    expect(page.locator("#ack")).to_contain_text("last: answer by ada")
+
+
 def test_a_breakpoint_after_a_node_holds_when_it_has_ended(show: Show, open_page: Open) -> None:
     page = open_page()
     show.run(HOLD)

@@ -1,0 +1,137 @@
+"""Ask: a question to a person."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, ClassVar
+
+from py_trees.behaviour import Behaviour
+from py_trees.common import Status
+
+from executive.nodes import takes
+from executive.nodes.behaviours import LeafBehaviour
+from executive.nodes.ends import Outcome
+from executive.nodes.node_type import Building, Checking, Ending, Leaf
+from executive.ports import Port
+from executive.reasons import NoValue
+from executive.values.yaml_nodes import YamlScalar
+
+CHOICES = ("yes", "no")
+
+
+class Ask(LeafBehaviour):
+    """Runs until somebody has answered. Without an answer the default is one, else it fails.
+
+    Attributes:
+        choices: the answers that there are.
+        attended: whether there is somebody to answer; set by who runs the tree.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        question: Callable[[], str],
+        choices: Sequence[str],
+        write: Callable[[Any], None],
+        now: Callable[[], float],
+        *,
+        default: str | None = None,
+        within: Callable[[], float] | None = None,
+    ) -> None:
+        super().__init__(name)
+        self.choices, self.attended = tuple(choices), False
+        self._question, self._write, self._now = question, write, now
+        self._default, self._within = default, within
+        self._answer: str | None = None
+        self._asked, self._end = "", float("inf")
+
+    @property
+    def open(self) -> bool:
+        """Whether it waits for an answer now."""
+        return self.status is Status.RUNNING and self._answer is None
+
+    @property
+    def question(self) -> str:
+        """As it was asked last."""
+        return self._asked
+
+    def answer(self, choice: str) -> bool:
+        """Answer it; the next tick goes on. False for what is no choice, or when nothing is asked now."""
+        if not self.open or choice not in self.choices:
+            return False
+        self._answer = choice
+        return True
+
+    def begin(self) -> None:
+        self._answer, self._asked = None, self._question()
+        self._end = float("inf") if self._within is None else self._now() + self._within()
+
+    def act(self) -> Status:
+        if self._answer is not None:
+            return self._ends(self._answer, f"{self._asked} {self._answer}")
+        if not self.attended:
+            return self._without("NOBODY_TO_ASK", "nobody is there to answer")
+        if self._now() >= self._end - 1e-9:
+            return self._without("NO_ANSWER", "nobody has answered in time")
+        self.feedback_message = self._asked
+        return Status.RUNNING
+
+    def _without(self, code: str, why: str) -> Status:
+        if self._default is None:
+            return self.fails(code, f"{why}: {self._asked}", question=self._asked, choices=list(self.choices))
+        return self._ends(self._default, f"{self._asked} {self._default} (the default: {why})")
+
+    def _ends(self, answer: str, said: str) -> Status:
+        self._write(answer)
+        self.feedback_message = said
+        return Status.SUCCESS
+
+
+class AskType(Leaf):
+    """asks a person and writes the answer; fails with `NO_ANSWER` or `NOBODY_TO_ASK` unless there is a `default`"""
+
+    key, symbol, colour = "ask", "?", "#b26a00"
+    value = takes.Value(Port(str), "the question")
+    fields: ClassVar[takes.Fields] = {
+        "choices": takes.Words("the answers that there are; yes and no unless it is said"),
+        "answer": takes.Target("name to which the answer is written"),
+        "default": takes.Value(Port(str), "the answer when nobody gives one", known=True),
+        "within": takes.duration("how long to wait for an answer"),
+    }
+    ends = ("success", "failure")
+    xml_value = "question"
+
+    def check(self, at: Checking) -> None:
+        super().check(at)
+        default, written = at.literal("default"), at.written("default")
+        choices = at.literal("choices") or CHOICES
+        if len(set(choices)) != len(choices):
+            at.findings.error(at.written("choices") or at.node.key, "value", "an answer stands twice in 'choices'")
+        if isinstance(written, YamlScalar) and isinstance(default, str) and default not in choices:
+            message = f"the default '{default}' is none of the choices: {', '.join(choices)}"
+            at.findings.error(written, "value", message)
+
+    def outcome(self, at: Ending) -> Outcome:
+        certain = at.written("default") is not None
+        return Outcome() if certain else Outcome(frozenset({"NO_ANSWER", "NOBODY_TO_ASK"}))
+
+    def build(self, at: Building) -> Behaviour:
+        default = at.value("default")() if at.given("default") else None
+        within = at.value("within") if at.given("within") else None
+        write = at.writer("answer") if at.written("answer") is not None else _nowhere
+        choices = at.literal("choices") or CHOICES
+        return Ask(at.name, _text(at.value(self.key)), choices, write, at.now, default=default, within=within)
+
+
+def _text(get: Callable[[], Any]) -> Callable[[], str]:
+    def question() -> str:
+        value = get()
+        if not isinstance(value, str):
+            raise NoValue(f"a question is a text, this is {value!r}")
+        return value
+
+    return question
+
+
+def _nowhere(_answer: Any) -> None:
+    """An answer that nobody reads: that somebody has looked is all that is asked for."""
