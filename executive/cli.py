@@ -100,7 +100,7 @@ class _Version(argparse.Action):
 def _parser(first: Sequence[str]) -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="pomona",
-        description="Run fruit-picking tasks that are written as behaviour trees in YAML.",
+        description="Run tasks that are written as behaviour trees in YAML.",
         formatter_class=argparse.RawDescriptionHelpFormatter,
         epilog=__doc__.split("\n", 2)[2] if __doc__ else None,
     )

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import difflib
 import sys
+import tomllib
 from importlib.resources import files
 from pathlib import Path
 
 from executive.errors import UsageError
+from executive.values.findings import did_you_mean
 
 
 def installed_trees() -> Path:
@@ -31,6 +32,12 @@ def find_cell(name: str) -> Path:
         UsageError: there is none; says what there is.
     """
     return _find(name, "cell", installed_trees() / "cells")
+
+
+def default_name(kind: str) -> str:
+    """The name of the installed tree or cell that is taken where nobody names one; `kind` is "tree" or "cell"."""
+    content = tomllib.loads((installed_trees() / "defaults.toml").read_text(encoding="utf-8"))
+    return str(content[kind])
 
 
 def read_text(path: Path) -> str:
@@ -72,6 +79,5 @@ def _find(name: str, kind: str, folder: Path) -> Path:
     if given.name == name and installed.is_file():
         return installed
     known = sorted(path.stem for path in folder.glob("*.yaml"))
-    close = difflib.get_close_matches(given.stem, known, n=1)
-    hint = f" Did you mean '{close[0]}'?" if close and given.name == name else ""
-    raise UsageError(f"no {kind} file '{name}'.{hint} Installed: {', '.join(known) or 'none'}.")
+    hint = did_you_mean(given.stem, known) if given.name == name else ""
+    raise UsageError(f"no {kind} file '{name}'; {f'{hint} ' if hint else ''}installed: {', '.join(known) or 'none'}")

@@ -22,7 +22,7 @@ SCENE: Mapping[str, str] = {
     "chosen": GOOD,
     "ruled_out": BAD,
     "tried": WARN,
-    "fruit": "#c8452f",
+    "object": "#c8452f",
     "robot": "#aeb6c0",
     "tool": "#6f7883",
 }

@@ -86,7 +86,7 @@ class Mesh3:
     vertices: Float64
     faces: NDArray[np.int32]
     label: str = ""
-    style: str = "fruit"
+    style: str = "object"
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -52,17 +52,21 @@ class Seeds(Kind[int | tuple[int, ...]]):
         raise reader.refuse(node, f"'{reader.title}' is {self.words}", "write 'seeds: 3' or 'seeds: [3, 7, 11]'")
 
     def schema(self, options: bool = False) -> Schema:
-        seed = {"type": "integer", "minimum": 0}
         count = {"type": "integer", "minimum": 1, "maximum": MAX_SEEDS}
-        return {"anyOf": [count, {"type": "array", "items": seed, "minItems": 1, "uniqueItems": True}]}
+        return {"anyOf": [count, {"type": "array", "items": _Seed().schema(), "minItems": 1, "uniqueItems": True}]}
 
 
 class _Seed(Kind[int]):
+    words = "a whole number of at least 0"
+
     def read(self, node: YamlNode, reader: Reader) -> int:
         text = node.text if isinstance(node, YamlScalar) else shape_of(node)
         if not (text.isascii() and text.isdigit() and len(text) < 10):
-            raise reader.refuse(node, f"a seed is a whole number of at least 0, not '{text}'")
+            raise reader.refuse(node, f"a seed is {self.words}, not '{text}'")
         return int(text)
+
+    def schema(self, options: bool = False) -> Schema:
+        return {"type": "integer", "minimum": 0}
 
 
 class OneOrMore(ListOf[YamlScalar]):

@@ -12,7 +12,7 @@ from pathlib import Path
 from executive.campaign.file import CAMPAIGN, MAX_SEEDS, CampaignSection, keys_of
 from executive.errors import UsageError
 from executive.execute import RunOrder
-from executive.files import find_cell, find_tree, read_text
+from executive.files import default_name, find_cell, find_tree, read_text
 from executive.judging import judge
 from executive.language.documents import read_document
 from executive.language.model import Document
@@ -129,7 +129,7 @@ class _Planner:
 
     def campaign(self) -> Campaign | None:
         said, node = self.placed.values, self.placed.node
-        tree, cell = self.file(said.tree, find_tree), self.file(said.cell, find_cell, "sim")
+        tree, cell = self.file(said.tree, find_tree), self.file(said.cell, find_cell, default_name("cell"))
         whole = _Arm("all", tree, cell, said.set, said.seeds, {})
         vary = {key: tuple(value.text for value in values) for key, values in said.vary.items()}
         arms = self.arms(whole) or [whole]

@@ -14,6 +14,7 @@ from executive.dashboard.security import Access
 from executive.dashboard.server import Dashboard
 from executive.errors import PomonaError, UsageError
 from executive.execute import RunOrder, execute
+from executive.files import default_name
 from executive.running.runner import Runner
 from executive.running.starting import Starting
 from executive.terminal.screen import Screen
@@ -121,7 +122,7 @@ class Launcher:
         dry = form.get("dry") is True
         return RunOrder(
             tree=self._choices.tree(form.get("tree")),
-            cell=self._choices.cell(form.get("cell", "sim")),
+            cell=self._choices.cell(form.get("cell", default_name("cell"))),
             seed=seed,
             settings=settings,
             real_time=form.get("pace", "real") == "real",

@@ -18,7 +18,7 @@ from executive.terminal.screen import Screen
 
 NO_CLAIM = (
     "what a run did not meet, it did not measure: a maximum over runs is no bound",
-    "forces and positions are what the devices said; truth (drops, collisions, lifted) is the simulated world's",
+    "forces and positions are what the devices said; truth is the simulated world's",
     "checksums and the chain of interventions find accidents and careless edits; who forges a whole record is found "
     "only by a digest that was kept elsewhere: those below",
     "the safe state is no hardware emergency stop, and this is no certificate",

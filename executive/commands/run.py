@@ -16,7 +16,7 @@ from executive.commands.watch import run_on_save
 from executive.dashboard.server import Dashboard
 from executive.errors import PomonaError, UsageError
 from executive.execute import Executed, RunOrder, execute
-from executive.files import find_cell, find_tree
+from executive.files import default_name, find_cell, find_tree
 from executive.running.runner import Runner
 from executive.running.signals import Terminated
 from executive.settings import parse_settings
@@ -32,7 +32,7 @@ def add(subparsers: Any) -> None:
     """Register the subcommand."""
     parser = subparsers.add_parser("run", help="run a tree file on a cell")
     parser.add_argument("tree", help="a tree file, or the name of an installed tree")
-    parser.add_argument("--cell", default="sim", help="a cell file, or the name of an installed cell (default: sim)")
+    parser.add_argument("--cell", help="a cell file, or the name of an installed cell (default: the simulated one)")
     parser.add_argument("--seed", type=int, default=0, help="every random choice comes from it (default: 0)")
     parser.add_argument(
         "--set",
@@ -93,7 +93,7 @@ def main(options: argparse.Namespace) -> int:
     console = Screen(stderr=options.json, quiet=options.quiet)
     order = RunOrder(
         tree=find_tree(options.tree),
-        cell=find_cell(options.cell),
+        cell=find_cell(options.cell or default_name("cell")),
         seed=options.seed,
         settings=parse_settings(options.set),
         real_time=options.pace == "real",

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from executive.errors import PomonaError, UsageError
-from executive.files import find_cell, find_tree, installed_trees, read_text
+from executive.files import default_name, find_cell, find_tree, installed_trees, read_text
 from executive.language import read
 from executive.language.model import Declared
 from executive.running.cell_files import cell_files
@@ -53,10 +53,11 @@ class Choices:
         return _offered(self.cells, name, "cell")
 
     def describe(self) -> dict[str, Any]:
-        """For the page's form: parameters of each tree, options of each cell."""
+        """For the page's form: parameters of each tree, options of each cell, and what it offers first."""
         return {
             "trees": [{"name": name, **_describe(_tree_facts, path)} for name, path in self.trees.items()],
             "cells": [{"name": name, **_describe(_cell_facts, path)} for name, path in self.cells.items()],
+            "first": {"tree": default_name("tree"), "cell": default_name("cell")},
         }
 
 

@@ -22,8 +22,8 @@ class NodeInfo:
     """One node of a built tree, for views and records.
 
     Attributes:
-        path: stable id: names from the root down, `pick_apple/Attempt/Plan#2`. A modifier's node is called after the
-            node that it wraps: `pick_apple/Attempt:retry`.
+        path: stable id: names from the root down, `fetch/Attempt/Plan#2`. A modifier's node is called after the
+            node that it wraps: `fetch/Attempt:retry`.
         parent: path of the parent, None for the root.
         kind: skill, subtree, sequence … or the modifier's name.
         name: what people call it.

@@ -13,7 +13,7 @@ from executive.language.groot_scripts import ScriptError, assignments_of, condit
 from executive.language.xml_nodes import XmlElement, read_xml
 from executive.nodes.calls import SKILL
 from executive.nodes.catalogue import NodeTypes
-from executive.nodes.node_type import Words
+from executive.nodes.written import Words
 from executive.ports import TIME
 from executive.values.findings import Finding, Findings, Source
 from executive.values.yaml_text import Flow, block

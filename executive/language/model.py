@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 from executive.nodes.catalogue import NodeTypes
-from executive.nodes.node_type import Entry, TreeNode
+from executive.nodes.written import Entry, TreeNode
 from executive.values.findings import Finding, Source
 from executive.values.yaml_nodes import YamlNode, YamlScalar
 

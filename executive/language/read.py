@@ -102,7 +102,7 @@ class _Reader:
         if "tree" not in top.entries:
             self.findings.error(_start(top), "missing-key", "the tree has no name", "write 'tree: my_tree'")
         elif name is not None and not _NAME.fullmatch(name.text):
-            hint = "use small letters, digits and _, such as pick_apple"
+            hint = "use small letters, digits and _, such as open_the_door"
             self.findings.error(name, "bad-name", f"'{name.text}' is no name for a tree", hint)
         file.name = name.text if name is not None else resolved.stem
         described = shape.text(top.get("description"))

@@ -9,9 +9,10 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from executive.nodes import takes
+from executive.nodes.asking import Building, Checking, Ending
 from executive.nodes.behaviours import LeafBehaviour
 from executive.nodes.ends import Outcome
-from executive.nodes.node_type import Building, Checking, Ending, Leaf
+from executive.nodes.node_type import Leaf
 from executive.ports import Port
 from executive.reasons import NoValue
 from executive.values.yaml_nodes import YamlScalar

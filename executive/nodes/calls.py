@@ -5,8 +5,10 @@ from __future__ import annotations
 from py_trees.behaviour import Behaviour
 
 from executive.nodes import takes
+from executive.nodes.asking import Building, Checking, Ending, XmlIn, XmlOut
 from executive.nodes.ends import Outcome
-from executive.nodes.node_type import Building, Checking, Ending, Leaf, Stage, Words, XmlIn, XmlOut
+from executive.nodes.node_type import Leaf
+from executive.nodes.written import Stage, Words
 
 
 class SkillCall(Leaf):

@@ -6,11 +6,12 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from executive.nodes import takes
+from executive.nodes.asking import Building, Ending, Knowing
 from executive.nodes.behaviours import LeafBehaviour
 from executive.nodes.conditions import Condition
 from executive.nodes.ends import Outcome
 from executive.nodes.facts import Facts
-from executive.nodes.node_type import Building, Ending, Knowing, Leaf
+from executive.nodes.node_type import Leaf
 
 
 class Check(LeafBehaviour):

@@ -9,11 +9,12 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from executive.nodes import takes
+from executive.nodes.asking import Building, Ending, Flowing, Knowing
 from executive.nodes.behaviours import Wrapper
 from executive.nodes.conditions import Condition
 from executive.nodes.ends import Ends, Names, Outcome
 from executive.nodes.facts import Facts
-from executive.nodes.node_type import Building, Ending, Flowing, Knowing, Modifier
+from executive.nodes.node_type import Modifier
 from executive.reasons import NoValue
 
 

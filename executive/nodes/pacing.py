@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 
@@ -9,9 +10,11 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from executive.nodes import takes
+from executive.nodes.asking import Building, Ending, Flowing, XmlIn, XmlOut
 from executive.nodes.behaviours import Wrapper
 from executive.nodes.ends import Ends, Names, Outcome
-from executive.nodes.node_type import Building, Ending, Flowing, Modifier, Words, XmlIn, XmlOut
+from executive.nodes.node_type import Modifier
+from executive.nodes.written import Words
 from executive.ports import RATE, Port
 from executive.reasons import NoValue
 
@@ -23,9 +26,9 @@ class Late(Wrapper):
         super().__init__(name, child)
         self._now, self._due, self._started = now, 0.0, False
 
+    @abstractmethod
     def due(self) -> float:
         """When the child may start, asked at each start; may raise NoValue."""
-        raise NotImplementedError
 
     def tick(self) -> Iterator[Behaviour]:
         if self.status is not Status.RUNNING:

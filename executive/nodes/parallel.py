@@ -9,9 +9,11 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from executive.nodes import takes
+from executive.nodes.asking import Building, Checking, Ending, Flowing, XmlIn, XmlOut
 from executive.nodes.behaviours import Branch
 from executive.nodes.ends import ALL, Ends, Names, Outcome, codes_of
-from executive.nodes.node_type import Building, Checking, Composite, Ending, Flowing, TreeNode, Words, XmlIn, XmlOut
+from executive.nodes.node_type import Composite
+from executive.nodes.written import TreeNode, Words
 from executive.values.yaml_nodes import YamlList, YamlScalar
 
 

@@ -8,10 +8,12 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from executive.nodes import takes
+from executive.nodes.asking import Building, Ending, Flowing, XmlIn, XmlOut
 from executive.nodes.behaviours import Branch
 from executive.nodes.ends import ALL, Ends, Names, Outcome, codes_of
-from executive.nodes.node_type import Building, Composite, Ending, Flowing, Words, XmlIn, XmlOut
+from executive.nodes.node_type import Composite
 from executive.nodes.sequence import SequenceType
+from executive.nodes.written import Words
 from executive.reasons import Reason, from_causes, reason_of
 
 

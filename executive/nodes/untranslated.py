@@ -8,20 +8,10 @@ from typing import ClassVar
 from py_trees.behaviour import Behaviour
 
 from executive.nodes import takes
+from executive.nodes.asking import Building, Checking, Ending, Flowing, XmlOut
 from executive.nodes.ends import UNKNOWN, Ends, Names, Outcome
-from executive.nodes.node_type import (
-    Building,
-    Checking,
-    Composite,
-    Ending,
-    Field,
-    Flowing,
-    NodeType,
-    Reading,
-    Schema,
-    TreeNode,
-    XmlOut,
-)
+from executive.nodes.node_type import Composite, NodeType
+from executive.nodes.written import Field, Reading, Schema, TreeNode
 from executive.ports import Port
 from executive.values.shape import ShapeCheck
 from executive.values.yaml_nodes import YamlList, YamlMapping, YamlNode, YamlScalar

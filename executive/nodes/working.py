@@ -8,10 +8,11 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from executive.nodes import takes
+from executive.nodes.asking import Asking, Building, Ending, Flowing, Knowing, XmlOut
 from executive.nodes.behaviours import Wrapper
 from executive.nodes.ends import ALL, Ends, Names, Outcome
 from executive.nodes.facts import Facts
-from executive.nodes.node_type import Asking, Building, Ending, Flowing, Knowing, Modifier, XmlOut
+from executive.nodes.node_type import Modifier
 from executive.ports import Port
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 import binascii
-import difflib
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -20,6 +19,7 @@ from executive.recording.json_text import parse_object
 from executive.recording.recorder import EVENTS, EVENTS_FILE
 from executive.recording.scan import scan
 from executive.running.events import Event, Published
+from executive.values.findings import did_you_mean
 from executive.views import ImageView
 
 MOST_PIXELS = 50_000_000
@@ -47,8 +47,8 @@ def find_record(name: str, root: Path) -> Path:
     alike = [record.name for record in records if record.name.startswith(name)]
     if len(alike) == 1:
         return root / alike[0]
-    close = alike[-5:] or difflib.get_close_matches(name, [record.name for record in records], n=3, cutoff=0.5)
-    hint = f"did you mean {', '.join(close)}?" if close else f"`pomona runs list --record {root}` lists them"
+    close = f"did you mean {', '.join(alike[-5:])}?" if alike else did_you_mean(name, (r.name for r in records))
+    hint = close or f"`pomona runs list --record {root}` lists them"
     raise UsageError(f"no record '{name}' in {root}: {hint}")
 
 

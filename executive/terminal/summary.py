@@ -179,7 +179,7 @@ class Summary:
 
 
 def retry_name(path: str) -> str:
-    """`pick_apple/Attempt:retry` -> attempt."""
+    """`fetch/Attempt:retry` -> attempt."""
     return path.rsplit("/", 1)[-1].partition(":")[0].lower()
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, Generic, TypeVar
@@ -25,39 +26,39 @@ OPTION: Schema = {"type": "string", "pattern": r"\{[^{}]+\}"}
 """A scalar in which an option is filled in."""
 
 
-class Kind(Generic[T]):
+class Kind(ABC, Generic[T]):
     """What a value may be."""
 
     words = "a value"
     """What people call it."""
 
+    @abstractmethod
     def read(self, node: YamlNode, reader: Reader) -> T:
         """The value.
 
         Raises:
             Refused: it is none of this kind; every reason is a finding.
         """
-        raise NotImplementedError
 
+    @abstractmethod
     def schema(self, options: bool = False) -> Schema:
         """Its JSON Schema; with `options`, scalars may name them."""
-        raise NotImplementedError
 
 
 class ScalarKind(Kind[T]):
     """A kind whose values are single texts."""
 
+    @abstractmethod
     def parse(self, text: str) -> T:
         """The value of a text.
 
         Raises:
             Unfit: it has none.
         """
-        raise NotImplementedError
 
+    @abstractmethod
     def plain_schema(self) -> Schema:
         """The schema of the text itself."""
-        raise NotImplementedError
 
     def read(self, node: YamlNode, reader: Reader) -> T:
         found = reader.filled(node)

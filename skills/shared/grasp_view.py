@@ -19,7 +19,7 @@ def fruit_mesh(fruit: MeasuredFruit) -> Mesh3:
     """The measured fruit in the base frame."""
     points = fruit_points(fruit)
     vertices, faces = hull(points[:: max(1, len(points) // CORNERS)])
-    return Mesh3(np.round(vertices, 4), faces, "measured fruit", "fruit")
+    return Mesh3(np.round(vertices, 4), faces, "measured fruit", "object")
 
 
 def grasp_picture(grasp: Grasp) -> ImageView:

@@ -22,7 +22,7 @@ def refused(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
 def test_a_missing_tree_is_named_with_what_there_is(capsys: pytest.CaptureFixture[str]) -> None:
     error = refused(capsys, "run", "pick_aple")
     assert "no tree file 'pick_aple'" in error
-    assert "Did you mean 'pick_apple'?" in error
+    assert "did you mean 'pick_apple'?" in error
 
 
 def test_a_missing_cell_is_named_with_what_there_is(capsys: pytest.CaptureFixture[str]) -> None:

@@ -98,7 +98,7 @@ async function loadChoices() {
   const options = (list) => list.map((c) => h("option", { value: c.name, disabled: Boolean(c.problem) }, c.problem ? `${c.name} (cannot be used)` : c.name));
   $("start-tree").replaceChildren(...options(choices.trees));
   $("start-cell").replaceChildren(...options(choices.cells));
-  for (const [id, wanted] of [["start-tree", "pick_apple"], ["start-cell", "sim"]]) if ([...$(id).options].some((o) => o.value === wanted)) $(id).value = wanted;
+  for (const [id, wanted] of [["start-tree", choices.first?.tree], ["start-cell", choices.first?.cell]]) if ([...$(id).options].some((o) => o.value === wanted)) $(id).value = wanted;
   unread = choices.trees.length ? "" : "There is no tree to start.";
   drawFields();
   drawStart();

@@ -9,9 +9,9 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from executive.nodes import Composite, Modifier, takes
+from executive.nodes.asking import Building, Ending, Flowing
 from executive.nodes.behaviours import Branch, Wrapper
 from executive.nodes.ends import ALL, Ends, Names, Outcome, codes_of
-from executive.nodes.node_type import Building, Ending, Flowing
 from executive.ports import RATE, Port
 
 

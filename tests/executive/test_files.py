@@ -1,0 +1,19 @@
+"""Trees and cells by name, and what is taken when nobody names one."""
+
+import pytest
+
+from executive.errors import UsageError
+from executive.files import default_name, find_cell, find_tree
+
+
+def test_what_is_taken_when_nobody_names_one_is_installed() -> None:
+    assert find_tree(default_name("tree")).is_file()
+    assert find_cell(default_name("cell")).is_file()
+
+
+def test_a_name_that_is_nearly_one_is_asked_back_and_a_path_is_not() -> None:
+    with pytest.raises(UsageError, match=r"did you mean 'sim'\?"):
+        find_cell("sin")
+    with pytest.raises(UsageError) as failed:
+        find_cell("./sin")
+    assert "did you mean" not in str(failed.value)
