@@ -14,10 +14,9 @@ from executive.language.outcomes import LayerOutcome, Outcomes
 from executive.language.scope import ComputedValue, Given, Named, Resolved, Scope
 from executive.language.value_types import ANY, ValueType, can_flow, describe, element_type
 from executive.language.values import ValueReader, static_type
-from executive.nodes.node_type import NodeType
+from executive.nodes.node_type import NodeType, Stage
 from executive.nodes.surroundings import COUNTERS, Around
 from executive.nodes.takes import NAME
-from executive.nodes.written import Stage
 from executive.ports import Port
 from executive.registry import Registry
 from executive.skill import Skill

@@ -11,9 +11,9 @@ from pathlib import Path
 from executive.language.groot_names import BUILTIN, LITERAL
 from executive.language.groot_scripts import ScriptError, assignments_of, condition_of
 from executive.language.xml_nodes import XmlElement, read_xml
+from executive.nodes.asking import Words
 from executive.nodes.calls import SKILL
 from executive.nodes.catalogue import NodeTypes
-from executive.nodes.written import Words
 from executive.ports import TIME
 from executive.values.findings import Finding, Findings, Source
 from executive.values.yaml_text import Flow, block

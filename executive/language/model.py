@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
+from executive.nodes.asking import Entry
 from executive.nodes.catalogue import NodeTypes
-from executive.nodes.written import Entry, TreeNode
+from executive.nodes.node_type import TreeNode
 from executive.values.findings import Finding, Source
 from executive.values.yaml_nodes import YamlNode, YamlScalar
 

@@ -6,9 +6,8 @@ that are known only when they start.
 
 from executive.nodes import takes
 from executive.nodes.catalogue import NodeTypeError, NodeTypes
-from executive.nodes.node_type import Composite, Leaf, Modifier, NodeType
+from executive.nodes.node_type import Composite, Leaf, Modifier, NodeType, TreeNode
 from executive.nodes.retry import Attempt, Retry
-from executive.nodes.written import TreeNode
 
 __all__ = [
     "Attempt",

@@ -6,7 +6,7 @@ each done by the language, which hands itself to the type; so a type sees only w
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Protocol
 
 from py_trees.behaviour import Behaviour
@@ -15,17 +15,64 @@ from executive.nodes.conditions import Condition
 from executive.nodes.ends import Ends, Names, Outcome
 from executive.nodes.facts import Facts
 from executive.nodes.surroundings import Around
-from executive.nodes.written import TreeNode, Words
 from executive.ports import Port
 from executive.values.findings import Findings
 from executive.values.yaml_nodes import YamlNode, YamlScalar
+
+Entry = tuple[YamlScalar, YamlNode]
+Words = dict[str, Any]
+"""A node of a tree file as plain values, ready to be written."""
+
+
+class Written(Protocol):
+    """A node as it stands in a tree file (`node_type.TreeNode`)."""
+
+    @property
+    def key(self) -> YamlScalar:
+        """Its type as written."""
+        ...
+
+    @property
+    def kind(self) -> str:
+        """Its type's word."""
+        ...
+
+    @property
+    def label(self) -> str:
+        """What people call it."""
+        ...
+
+    @property
+    def children(self) -> Sequence[Written]:
+        """Nodes that belong to its type, in order."""
+        ...
+
+    @property
+    def leads(self) -> Sequence[str]:
+        """What stands before each child in a drawing."""
+        ...
+
+    @property
+    def parts(self) -> Mapping[str, Written]:
+        """Nodes that belong to a modifier, by the modifier's field."""
+        ...
+
+    @property
+    def ports(self) -> Mapping[str, Entry]:
+        """What is wired to its ports."""
+        ...
+
+    @property
+    def modifiers(self) -> Mapping[str, Entry]:
+        """All that stands beside the type but name and description, by name."""
+        ...
 
 
 class Asking(Protocol):
     """A layer of a node: the node's type, or one of its modifiers."""
 
     @property
-    def node(self) -> TreeNode: ...
+    def node(self) -> Written: ...
 
     def written(self, slot: str) -> YamlNode | None:
         """What is written behind the layer's own word or one of its fields."""

@@ -5,10 +5,9 @@ from __future__ import annotations
 from py_trees.behaviour import Behaviour
 
 from executive.nodes import takes
-from executive.nodes.asking import Building, Checking, Ending, XmlIn, XmlOut
+from executive.nodes.asking import Building, Checking, Ending, Words, XmlIn, XmlOut
 from executive.nodes.ends import Outcome
-from executive.nodes.node_type import Leaf
-from executive.nodes.written import Stage, Words
+from executive.nodes.node_type import Leaf, Stage
 
 
 class SkillCall(Leaf):

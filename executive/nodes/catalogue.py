@@ -17,7 +17,7 @@ from executive.nodes.force import ForceType
 from executive.nodes.guard import GuardType, WhenType
 from executive.nodes.invert import InvertType
 from executive.nodes.leaves import FailType, SetType, SucceedType, WaitType
-from executive.nodes.node_type import Modifier, NodeType
+from executive.nodes.node_type import Field, Modifier, NodeType
 from executive.nodes.pacing import DelayType, RateType, RunOnceType
 from executive.nodes.parallel import ParallelType
 from executive.nodes.recovery import RecoveryType
@@ -29,7 +29,6 @@ from executive.nodes.timeout import TimeoutType
 from executive.nodes.turns import PipelineSequenceType, RoundRobinType
 from executive.nodes.untranslated import UntranslatedType
 from executive.nodes.working import BreakpointType, DisabledType
-from executive.nodes.written import Field
 
 GROUP = "pomona.nodes"
 """Entry point group of node types: word → class."""

@@ -11,14 +11,13 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from executive.nodes import takes
-from executive.nodes.asking import Building, Checking, Ending, Flowing, Knowing, XmlIn, XmlOut
+from executive.nodes.asking import Building, Checking, Ending, Flowing, Knowing, Words, XmlIn, XmlOut
 from executive.nodes.behaviours import Branch
 from executive.nodes.check import CheckType
 from executive.nodes.ends import ALL, Ends, Names, Outcome, codes_of
 from executive.nodes.facts import Facts
 from executive.nodes.node_type import Composite
 from executive.nodes.surroundings import Around, LastFailure
-from executive.nodes.written import Words
 from executive.ports import Port
 from executive.reasons import NoValue, Reason, from_causes, path_of, reason_of
 

@@ -8,11 +8,10 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from executive.nodes import takes
-from executive.nodes.asking import Building, Ending, Flowing, XmlIn, XmlOut
+from executive.nodes.asking import Building, Ending, Flowing, Words, XmlIn, XmlOut
 from executive.nodes.behaviours import Wrapper
 from executive.nodes.ends import ALL, NO_CODES, Ends, Names, Outcome
 from executive.nodes.node_type import Modifier
-from executive.nodes.written import Words
 from executive.ports import Port
 
 

@@ -9,12 +9,11 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from executive.nodes import takes
-from executive.nodes.asking import Building, Ending, Knowing, XmlIn, XmlOut
+from executive.nodes.asking import Building, Ending, Knowing, Words, XmlIn, XmlOut
 from executive.nodes.behaviours import LeafBehaviour
 from executive.nodes.ends import UNKNOWN, Outcome
 from executive.nodes.facts import Facts
 from executive.nodes.node_type import Leaf
-from executive.nodes.written import Words
 from executive.ports import Port
 from executive.values.yaml_nodes import YamlScalar
 

@@ -9,11 +9,10 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from executive.nodes import takes
-from executive.nodes.asking import Building, Checking, Ending, Flowing, XmlIn, XmlOut
+from executive.nodes.asking import Building, Checking, Ending, Flowing, Words, Written, XmlIn, XmlOut
 from executive.nodes.behaviours import Branch
 from executive.nodes.ends import ALL, Ends, Names, Outcome, codes_of
 from executive.nodes.node_type import Composite
-from executive.nodes.written import TreeNode, Words
 from executive.values.yaml_nodes import YamlList, YamlScalar
 
 
@@ -73,7 +72,7 @@ class ParallelType(Composite):
     xml_tags = ("Parallel", "ParallelAll")
 
     @staticmethod
-    def chosen(node: TreeNode) -> frozenset[int] | None:
+    def chosen(node: Written) -> frozenset[int] | None:
         """Indices of the children that must succeed; None when one is enough."""
         written = node.modifiers["success_on"][1] if "success_on" in node.modifiers else None
         if isinstance(written, YamlScalar) and written.text == "one":

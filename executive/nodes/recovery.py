@@ -8,12 +8,11 @@ from typing import ClassVar
 from py_trees.behaviour import Behaviour
 
 from executive.nodes import takes
-from executive.nodes.asking import Building, Checking, Ending, Flowing, XmlIn
+from executive.nodes.asking import Building, Checking, Ending, Flowing, Words, XmlIn
 from executive.nodes.ends import NO_CODES, Ends, Names, Outcome
 from executive.nodes.node_type import Composite
 from executive.nodes.retry import Retry
 from executive.nodes.surroundings import Around, LastFailure, RetryCount
-from executive.nodes.written import Words
 
 
 class RecoveryType(Composite):

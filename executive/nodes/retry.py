@@ -10,12 +10,11 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from executive.nodes import takes
-from executive.nodes.asking import Building, Checking, Ending, Flowing, XmlIn, XmlOut
+from executive.nodes.asking import Building, Checking, Ending, Flowing, Words, XmlIn, XmlOut
 from executive.nodes.behaviours import Branch
 from executive.nodes.ends import Ends, Names, Outcome
 from executive.nodes.node_type import Modifier
 from executive.nodes.surroundings import Around, LastFailure, RetryCount
-from executive.nodes.written import Words
 from executive.reasons import NoValue, Reason, path_of, reason_of
 
 

@@ -10,12 +10,11 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from executive.nodes import takes
-from executive.nodes.asking import Building, Checking, Ending, Flowing, Knowing, XmlIn, XmlOut
+from executive.nodes.asking import Building, Checking, Ending, Flowing, Knowing, Words, XmlIn, XmlOut
 from executive.nodes.behaviours import Branch
 from executive.nodes.ends import ALL, NO_CODES, Ends, Names, Outcome
 from executive.nodes.facts import Facts
 from executive.nodes.node_type import Composite
-from executive.nodes.written import Words
 
 
 class Sequence(Branch):

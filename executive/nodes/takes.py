@@ -5,9 +5,8 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping
 
-from executive.nodes.asking import Checking
-from executive.nodes.node_type import NodeType
-from executive.nodes.written import Entry, Field, Reading, Schema, Stage, TreeNode
+from executive.nodes.asking import Checking, Entry
+from executive.nodes.node_type import Field, NodeType, Reading, Schema, Stage, TreeNode
 from executive.ports import TIME, Port
 from executive.values.shape import ShapeCheck, shape_of
 from executive.values.yaml_nodes import YamlList, YamlMapping, YamlNode, YamlScalar

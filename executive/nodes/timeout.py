@@ -8,12 +8,11 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from executive.nodes import takes
-from executive.nodes.asking import Building, Checking, Ending, Flowing, Knowing, XmlIn, XmlOut
+from executive.nodes.asking import Building, Checking, Ending, Flowing, Knowing, Words, XmlIn, XmlOut
 from executive.nodes.behaviours import Wrapper
 from executive.nodes.ends import Ends, Names, Outcome
 from executive.nodes.facts import Facts
 from executive.nodes.node_type import Modifier
-from executive.nodes.written import Words
 from executive.reasons import path_of
 
 

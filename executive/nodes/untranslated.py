@@ -8,10 +8,9 @@ from typing import ClassVar
 from py_trees.behaviour import Behaviour
 
 from executive.nodes import takes
-from executive.nodes.asking import Building, Checking, Ending, Flowing, XmlOut
+from executive.nodes.asking import Building, Checking, Ending, Flowing, Written, XmlOut
 from executive.nodes.ends import UNKNOWN, Ends, Names, Outcome
-from executive.nodes.node_type import Composite, NodeType
-from executive.nodes.written import Field, Reading, Schema, TreeNode
+from executive.nodes.node_type import Composite, Field, NodeType, Reading, Schema, TreeNode
 from executive.ports import Port
 from executive.values.shape import ShapeCheck
 from executive.values.yaml_nodes import YamlList, YamlMapping, YamlNode, YamlScalar
@@ -47,7 +46,7 @@ class UntranslatedType(Composite):
     }
 
     @staticmethod
-    def element(node: TreeNode) -> str:
+    def element(node: Written) -> str:
         """The element's name."""
         entry = node.modifiers.get("element")
         return entry[1].text if entry is not None and isinstance(entry[1], YamlScalar) else ""
