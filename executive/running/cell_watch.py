@@ -56,11 +56,11 @@ class CellWatch:
             SafeStopRequestedError: the safe state is latched, or something that is required is lost.
             Exception: of a device that is lost or reports a fault, as `Cell.check` raises it.
         """
+        for device, state in self._cell.links().items():
+            self._note(device, state)  # before a lost one ends the run: who looks must know that it does not answer
         self._cell.check()
         if self._cell.latched is not None:
             raise SafeStopRequestedError(self._cell.latched)
-        for device, state in self._cell.links().items():
-            self._note(device, state)
         for name, (ask, required) in self._others.items():
             state = ask()
             self._note(name, state)

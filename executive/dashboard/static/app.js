@@ -36,6 +36,21 @@ function momentState() {
   return s;
 }
 
+// Of a run that failed: what camera, scene and series showed when it did. What moved afterwards explains nothing.
+let evidence = { key: "", state: null };
+function evidenceState(s) {
+  const latest = s.failures.at(-1);
+  if (!s.ended || s.ended.outcome === "success" || !latest || s.ended.t - latest.t < 0.1) return s;
+  wantDetail(latest.t);
+  const key = `${s.run?.run}|${latest.t}|${page.messages.length}`;
+  if (key !== evidence.key) {
+    const state = beginning();
+    for (const message of page.messages) { if ((message.t ?? 0) > latest.t + 1e-9) break; apply(state, message); }
+    evidence = { key, state };
+  }
+  return evidence.state;
+}
+
 function render() {
   requestAnimationFrame(render);
   if (page.playing) play();
@@ -46,12 +61,13 @@ function render() {
   drawTrust(page.live.whole);
   drawControl(page.live.whole);
   drawStart();
+  drawWhy(s); // first: the rest takes the room that it leaves
   tree.update(s);
-  camera.update(s);
-  scene.update(s);
-  plots.update(s, page.at, page.whole.t);
+  const seen = evidenceState(s);
+  camera.update(seen);
+  scene.update(seen);
+  plots.update(seen, seen === s ? page.at : seen.t, page.whole.t);
   drawTables(s);
-  drawWhy(s);
   drawNode(s, toggleBreak);
   drawPorts(s);
   drawLog(s);

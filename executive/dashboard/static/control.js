@@ -23,14 +23,13 @@ export function drawControl(s) {
     if (action in enabled) button.disabled = !enabled[action];
     if (action === "take" || action === "release") button.hidden = mine === (action === "take");
   }
-  $("live-control").hidden = !live;
-  $("record-control").hidden = live;
+  $("control").hidden = !live;
   const { held_by: holder, viewers, holder_here: here } = page.control;
   $("holder").textContent = mine ? "You hold control." : holder ? `${holder} holds control${here === false ? ", but that page is not heard" : ""}.` : "Nobody holds control.";
   $("holder").dataset.mine = mine;
   $("viewers").textContent = viewers > 1 ? `${viewers} watch.` : "";
   const last = s.acts.findLast((a) => a.action !== "note");
-  $("ack").hidden = !live || !s.run;
+  $("ack").hidden = !s.run;
   $("ack").textContent = `${isStale() ? "Last known" : "Acknowledged"}: ${s.ended ? s.ended.outcome : s.state}${s.because && !s.ended ? ` (${wordsOf(s, s.because)})` : ""}${last ? ` · last: ${last.action.replaceAll("_", " ")} by ${last.who}` : ""}`;
   const name = (path) => s.byPath.get(path)?.name ?? path;
   const breaks = [...[...s.breaks.before].map((path) => `before ${name(path)}`), ...[...s.breaks.after].map((path) => `after ${name(path)}`)];
@@ -38,7 +37,7 @@ export function drawControl(s) {
   $("latched").hidden = !s.safeStop;
   $("latched-reason").textContent = s.safeStop ?? "";
   $("latched-rest").textContent = s.safeStop ? restWords(s) : "";
-  $("reset-hint").textContent = mine ? "" : "Take control to reset it.";
+  $("reset-hint").textContent = !live ? "Go back to live to reset it." : mine ? "" : "Take control to reset it.";
 }
 
 // What is known of the devices after a safe stop: never more than they have said.

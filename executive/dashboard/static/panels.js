@@ -23,6 +23,16 @@ function reasonTree(reason, s, crumbs = []) {
     causes.length > 1 ? h("details", {}, h("summary", {}, causes.length === 2 ? "The cause before it" : `The ${causes.length - 1} causes before it`), h("ol", {}, causes.slice(0, -1).map((cause) => reasonTree(cause, s)))) : null);
 }
 
+const MOST_FACTS = 8; // that stand beside the reason; the others are among the causes
+
+// One sentence: what failed at last, and why. What led to it unfolds.
+function verdict(leaf, s) {
+  const facts = Object.entries(leaf.data ?? {}).slice(0, MOST_FACTS);
+  const words = leaf.message.replace(/[.\s]*$/, "");
+  return [h("strong", {}, s.byPath.get(leaf.node_path)?.name ?? (leaf.node_path || "The run")), " ", h("code", {}, leaf.code), ` ${words}.`,
+    facts.length ? h("dl", { class: "data" }, facts.map(([k, v]) => h("div", {}, h("dt", {}, k.replaceAll("_", " ")), h("dd", {}, show(v))))) : null];
+}
+
 let whyKey = "";
 export function drawWhy(s) {
   const latest = s.failures.at(-1);
@@ -30,16 +40,20 @@ export function drawWhy(s) {
   const key = `${s.run?.run}|${s.failures.length}|${latest?.t}|${latest?.next}|${s.ended?.outcome}`;
   if (key === whyKey) return;
   whyKey = key;
+  const failed = Boolean(s.ended && s.ended.outcome !== "success");
+  document.body.classList.toggle("failed", failed);
   if (!chain) { $("why").replaceChildren(h("p", { class: s.ended ? "good" : "muted" }, s.ended ? "✓ The task succeeded; nothing failed on the way." : s.run ? "Nothing has failed so far." : "No run yet. Start one below Runs, or open a recorded one.")); return; }
-  const parts = [];
-  if (s.ended?.outcome === "success") parts.push(h("p", {}, h("b", { class: "good" }, "✓ The task succeeded"), ` after ${s.failures.length} failure${s.failures.length === 1 ? "" : "s"} on the way. The latest:`));
-  else if (s.ended) parts.push(h("p", {}, h("b", { class: "bad" }, `✗ The run ended: ${s.ended.outcome}.`)));
-  parts.push(h("ol", { class: "chain" }, reasonTree(chain, s)));
-  if (latest) parts.push(h("p", {}, "At ", moment(latest.t), latest.next ? [". Then the tree went on with ", h("strong", {}, s.byPath.get(latest.next)?.name ?? latest.next), "."] : s.ended ? ". Then the run ended." : "."));
-  if (s.failures.length > 1) {
-    parts.push(h("details", {}, h("summary", {}, `All ${s.failures.length} failures`), h("ol", { class: "history" }, s.failures.slice(-100).map((f) => h("li", {}, moment(f.t), h("span", {}, h("b", {}, s.byPath.get(f.path)?.name), " ", leavesOf(f.reason).map((l) => `${l.code} ${l.message}`).join("; ")))))));
-  }
-  $("why").replaceChildren(...parts);
+  const leaves = leavesOf(chain), leaf = leaves.at(-1);
+  const name = (path) => s.byPath.get(path)?.name ?? path;
+  const lead = failed ? h("b", { class: "bad" }, `✗ The run ended: ${s.ended.outcome}. `) : s.ended ? [h("b", { class: "good" }, "✓ The task succeeded"), ` after ${s.failures.length} failure${s.failures.length === 1 ? "" : "s"} on the way. The latest: `] : null;
+  const after = latest?.next ? [". Then the tree went on with ", h("strong", {}, name(latest.next)), "."] : s.ended ? ". Then the run ended." : ".";
+  const same = leaves.length === 1 && !chain.causes?.length;
+  $("why").replaceChildren(...[
+    h("div", { class: "verdict" }, lead, verdict(leaf, s)),
+    latest ? h("p", { class: "muted" }, "At ", moment(latest.t), after, failed && s.ended.t - latest.t >= 0.1 ? " Camera, scene and curves show that moment." : "") : null,
+    same && leaf.message.length < 400 && Object.keys(leaf.data ?? {}).length <= MOST_FACTS ? null : h("details", {}, h("summary", {}, leaves.length === 1 ? "How it came to this" : `How it came to this: ${leaves.length} causes`), h("ol", { class: "chain" }, reasonTree(chain, s))),
+    s.failures.length > 1 ? h("details", {}, h("summary", {}, `All ${s.failures.length} failures`), h("ol", { class: "history" }, s.failures.slice(-100).map((f) => h("li", {}, moment(f.t), h("span", {}, h("b", {}, name(f.path)), " ", leavesOf(f.reason).map((l) => `${l.code} ${l.message}`).join("; ")))))) : null,
+  ].filter(Boolean));
 }
 
 function written(s, wired) {

@@ -64,7 +64,7 @@ export function showAge(element, t, state) {
 const FINER = { m: ["mm", 1e3], "m/s": ["mm/s", 1e3], "m/s²": ["mm/s²", 1e3] }; // what a hand does is small
 const figure = (v) => (v === null || v === undefined ? "–" : Math.abs(v) < 5e-4 ? "0" : String(Number(v.toPrecision(3))));
 const unitOf = (name) => name.match(/\[(.+)\]/)?.[1] ?? "";
-const HEIGHT = 132;
+const HEIGHT = innerHeight < 800 ? 108 : 132;
 const DASHES = [undefined, [8, 3], [3, 3], [10, 3, 2, 3]];
 
 // One chart for each unit of each topic: quantities of different units share no axis.

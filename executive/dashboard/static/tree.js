@@ -1,6 +1,6 @@
 // The behaviour tree as rows: one row a node, updated in place so that a thousand nodes stay smooth.
 import { $, h, seconds } from "./dom.js";
-import { lastResult, STATUS } from "./store.js";
+import { lastResult, leavesOf, STATUS } from "./store.js";
 
 export class TreeView {
   constructor(onSelect, onBreak) {
@@ -80,15 +80,41 @@ export class TreeView {
       row.time.textContent = age;
       row.stop.textContent = stops ? `◉ ${stops}` : "";
     }
-    if (running && running !== this.running && $("follow").checked) this.rows.get(running).row.scrollIntoView({ block: "nearest" });
+    if (running && running !== this.running && $("follow").checked) this.show(running);
     this.running = running;
+    this.explain(state);
+  }
+
+  // The leaf that a failed run ended with, once: chosen, unfolded and in sight.
+  explain(state) {
+    if (!state.ended || state.ended.outcome === "success") { this.explained = null; return; }
+    if (this.explained === state.run) return;
+    this.explained = state.run;
+    const leaf = state.ended.reason ? leavesOf(state.ended.reason).at(-1).node_path : null;
+    const path = this.rows.has(leaf) ? leaf : state.failures.at(-1)?.path;
+    if (!this.rows.has(path)) return;
+    this.open(path);
+    requestAnimationFrame(() => this.show(path)); // rows that were never in sight have now their real height
+  }
+
+  open(path) {
+    for (let above = this.rows.get(path).node.parent; above; above = this.rows.get(above)?.node.parent) this.closed.delete(above);
+    this.filter();
+    this.select(path);
+  }
+
+  // In sight in its panel, with what stands around it; the page itself stays where it is.
+  show(path) {
+    const row = this.rows.get(path)?.row;
+    if (!row || !this.root.clientHeight) return;
+    const top = row.getBoundingClientRect().top - this.root.getBoundingClientRect().top;
+    const margin = Math.min(2 * row.offsetHeight, (this.root.clientHeight - row.offsetHeight) / 2);
+    if (top < margin) this.root.scrollTop += top - margin;
+    else if (top + row.offsetHeight + margin > this.root.clientHeight) this.root.scrollTop += top + row.offsetHeight + margin - this.root.clientHeight;
   }
 
   jumpToRunning() {
-    if (!this.running) return;
-    for (let path = this.rows.get(this.running).node.parent; path; path = this.rows.get(path)?.node.parent) this.closed.delete(path);
-    this.filter();
-    this.select(this.running);
+    if (this.running) this.open(this.running);
   }
 
   zoom(scale) {
@@ -104,7 +130,7 @@ export class TreeView {
   select(path) {
     if (path === undefined) return;
     this.selected = path;
-    this.rows.get(path)?.row.scrollIntoView({ block: "nearest" });
+    this.show(path);
     this.root.setAttribute("aria-activedescendant", this.rows.get(path)?.row.id ?? "");
     this.onSelect(path);
   }

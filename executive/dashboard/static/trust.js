@@ -12,7 +12,6 @@ let dismissed = null; // a start's problem that was read
 $("press-again").addEventListener("click", () => press(link.press.action, link.press.detail));
 $("press-close").addEventListener("click", () => { link.press = null; drawPress(); });
 $("problem-close").addEventListener("click", () => { dismissed = page.control.start; drawStartBar(); });
-$("strip-show").addEventListener("click", () => { location.hash = ""; });
 
 export function drawTrust(live) {
   drawLink(live);
@@ -85,6 +84,5 @@ function drawStrip(live) {
   const state = start && !start.problem ? "◌ preparing a run" : live.safeStop ? "■ safe state, latched" : going ? WORD[live.state] ?? live.state : "nothing runs";
   $("strip").classList.toggle("moving", Boolean(going));
   set("strip-state", `LIVE: ${isStale() ? `? last known: ${state}` : state}`);
-  set("strip-words", going ? `${live.run.tree} on ${live.run.cell} (${KIND[live.run.cell_kind] ?? live.run.cell_kind}) · ${live.t.toFixed(1)} s · SAFE STOP acts on it` : "SAFE STOP acts on the live cell, not on this record");
-  $("strip-show").hidden = !live.run;
+  set("strip-words", going ? `${live.run.tree} on ${live.run.cell} (${KIND[live.run.cell_kind] ?? live.run.cell_kind}) · ${live.t.toFixed(1)} s · SAFE STOP acts on it` : "SAFE STOP acts on the live cell");
 }

@@ -117,7 +117,7 @@ def test_the_live_cell_stays_in_sight_and_can_be_stopped_over_a_record(show: Sho
     expect(page.locator("#strip-state")).to_have_text("LIVE: ■ safe state, latched")
     expect(page.locator("#latched")).to_be_visible()
     assert show.cell.latched == "safe stop by operator"
-    page.get_by_role("button", name="Show the live run").click()
+    page.get_by_role("button", name="Back to live").click()
     expect(page.locator("#run")).to_have_text("demo · seed 0")
     expect(page.locator("#strip")).to_be_hidden()
 
