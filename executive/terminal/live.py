@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from rich.live import Live
@@ -88,21 +88,56 @@ class LiveTree:
         self._live.update(self._text(), refresh=True)
 
     def _text(self) -> Text:
-        text = Text(f"{self._header}   {self._t:.1f} s\n", style="bold")
+        """As many lines as the terminal has, the running node among them."""
+        lines, here = self._lines()
+        room = max(3, self._console.size.height - 2)  # without the header and the line of the cursor
+        text = Text(f"{self._header}   {self._t:.1f} s", style="bold", no_wrap=True, overflow="ellipsis")
+        for line in _window(lines, here, room):
+            line.truncate(self._console.size.width, overflow="ellipsis")
+            text.append("\n").append(line)
+        return text
+
+    def _lines(self) -> tuple[list[Text], int]:
+        """A line for each node, and which one is looked at: the last leaf that runs, else what changed last."""
+        lines: list[Text] = []
         depth: dict[str | None, int] = {}
-        for node in self._nodes:
+        running, changed, newest = None, 0, -1
+        for number, node in enumerate(self._nodes):
             path = node["path"]
             level = depth.get(node["parent"], -1) + 1
             depth[path] = level
             change = self._now.get(path)
             status = change.status if change else "INVALID"
-            text.append("  " * level)
-            text.append(f"{ICONS.get(status, '?')} {node['name']}", style=STYLES.get(status, ""))
-            if path in self._attempts:
-                attempt = self._attempts[path]
-                number = attempt.number if attempt.succeeded else min(attempt.number + 1, attempt.of)
-                text.append(f"  attempt {number} of {attempt.of}", style="yellow")
-            if change and change.feedback and path in self._leaves:
-                text.append(f"  {change.feedback}", style="dim")
-            text.append("\n")
-        return text
+            if change is not None and path in self._leaves:
+                running = number if status == "RUNNING" else running
+                if change.tick >= newest:
+                    changed, newest = number, change.tick
+            lines.append(self._line(node, level, change))
+        return lines, changed if running is None else running
+
+    def _line(self, node: Mapping[str, Any], level: int, change: NodeChanged | None) -> Text:
+        path = node["path"]
+        status = change.status if change else "INVALID"
+        line = Text("  " * level)
+        line.append(f"{ICONS.get(status, '?')} {node['name']}", style=STYLES.get(status, ""))
+        if path in self._attempts:
+            attempt = self._attempts[path]
+            number = attempt.number if attempt.succeeded else min(attempt.number + 1, attempt.of)
+            line.append(f"  attempt {number} of {attempt.of}", style="yellow")
+        if change and change.feedback and path in self._leaves:
+            line.append(f"  {change.feedback}", style="dim")
+        return line
+
+
+def _window(lines: Sequence[Text], here: int, room: int) -> list[Text]:
+    """So many of the lines, with `here` among them; how many are left out stands where they would."""
+    if len(lines) <= room:
+        return list(lines)
+    inside = room - 2
+    first = min(max(0, here - 2 * inside // 3), len(lines) - inside)
+    above, below = first, len(lines) - first - inside
+    return [
+        Text(f"  ⋮ {above} above" if above else "", style="dim"),
+        *lines[first : first + inside],
+        Text(f"  ⋮ {below} below" if below else "", style="dim"),
+    ]

@@ -1,10 +1,10 @@
 // What the tree asks a person now, with a button for each answer. Who holds control answers.
 import { $, h } from "./dom.js";
 import { press } from "./link.js";
-import { holdsControl, page } from "./page.js";
+import { holdsControl } from "./page.js";
 
 export function drawQuestions(s) {
-  const open = s.ended || page.recorded ? [] : s.nodes.filter((node) => node.kind === "ask" && s.node.get(node.path)?.status === "RUNNING");
+  const open = s.ended ? [] : s.nodes.filter((node) => node.kind === "ask" && s.node.get(node.path)?.status === "RUNNING");
   const mine = holdsControl();
   const key = JSON.stringify([open.map((node) => [node.path, s.node.get(node.path).feedback]), mine]);
   if ($("questions").dataset.key === key) return;

@@ -1,0 +1,90 @@
+"""The parser of the command line, made of the installed subcommands; help, completion and man page come from it."""
+
+from __future__ import annotations
+
+import argparse
+import re
+import sys
+from collections.abc import Iterable, Iterator
+from importlib.metadata import EntryPoint, entry_points, version
+from importlib.util import find_spec
+from pathlib import Path
+
+from executive.commands.examples import EXAMPLES
+
+COMMANDS = "pomona.commands"
+"""Entry point group of subcommands: functions that add one parser to argparse's subparsers and set its `main`.
+
+An entry point has its subcommand's name and is loaded alone when that is asked for: the others' imports cost seconds.
+Its help is read from its source, where the module says `add_parser("name", help="…")`."""
+
+EPILOG = """Exit status: 0 the task succeeded, 1 the tree failed, 2 unusable input, 3 stopped
+in the safe state (also by SIGTERM and SIGHUP), 130 interrupted; 129 and 143
+ended by SIGHUP and SIGTERM before anything moved.
+
+`pomona COMMAND --help` has examples; `pomona completion` completes commands in
+bash, zsh and fish, and makes the manual page."""
+
+
+class _Version(argparse.Action):
+    """Looks the version up when it is asked for."""
+
+    def __call__(self, *_arguments: object, **_options: object) -> None:
+        sys.stdout.write(f"pomona {version('pomona')}\n")
+        sys.exit(0)
+
+
+def command_names() -> list[str]:
+    """Every installed subcommand."""
+    return sorted(entry.name for entry in entry_points(group=COMMANDS))
+
+
+def make_parser(wanted: Iterable[str]) -> argparse.ArgumentParser:
+    """The parser. Only the subcommands that are wanted are loaded; of the others it knows what their sources say."""
+    parser = argparse.ArgumentParser(
+        prog="pomona",
+        description="Run tasks that are written as behaviour trees in YAML.",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        epilog=EPILOG,
+    )
+    parser.add_argument("--version", action=_Version, nargs=0, help="show the version and exit")
+    subparsers = parser.add_subparsers(metavar="COMMAND", required=True)
+    for entry in sorted(entry_points(group=COMMANDS), key=lambda entry: entry.name):
+        if entry.name in wanted:
+            entry.load()(subparsers)
+            _add_examples(subparsers.choices[entry.name], entry.name)
+        else:
+            subparsers.add_parser(entry.name, help=_help_of(entry), add_help=False)
+    return parser
+
+
+def children(parser: argparse.ArgumentParser) -> Iterator[tuple[str, str, argparse.ArgumentParser]]:
+    """Each subcommand's name, help and parser."""
+    for action in parser._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            helps = {choice.dest: choice.help or "" for choice in action._choices_actions}
+            for name, child in action.choices.items():
+                yield name, helps.get(name, ""), child
+
+
+def _add_examples(parser: argparse.ArgumentParser, name: str) -> None:
+    examples = EXAMPLES.get(name, ())
+    if not examples:
+        return
+    lines = [f"  {line}\n      {about}" for line, about in examples]
+    parser.epilog = "\n".join([*([parser.epilog, ""] if parser.epilog else []), "examples:", *lines])
+    if parser.description:  # raw: the lines of the examples stay as they are, so must those of the description
+        parser.description = parser.description.strip()
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
+
+
+def _help_of(entry: EntryPoint) -> str:
+    """What a subcommand's source gives as its help, without importing it."""
+    spec = find_spec(entry.module.rpartition(".")[0])
+    places = spec.submodule_search_locations if spec is not None else None
+    for place in places or ():
+        source = Path(place) / f"{entry.module.rpartition('.')[2]}.py"
+        if source.is_file():
+            found = re.search(rf"""add_parser\(\s*"{entry.name}",\s*help="([^"]*)\"""", source.read_text("utf-8"))
+            return found[1] if found is not None else ""
+    return ""

@@ -1,0 +1,54 @@
+"""In a small terminal the running node is in sight."""
+
+from __future__ import annotations
+
+import io
+
+import pytest
+from rich.console import Console
+
+from executive.running.events import NodeChanged, RunStarted
+from executive.terminal.live import LiveTree
+from executive.terminal.screen import Screen
+
+NODES = (
+    {"path": "t", "parent": None, "name": "whole"},
+    *({"path": f"t/{n}", "parent": "t", "name": f"a node with quite a long name {n}"} for n in range(60)),
+)
+
+
+def shown(running: int, width: int = 80, height: int = 24) -> list[str]:
+    """What a terminal shows while this leaf runs."""
+    live = LiveTree(Screen(quiet=True))
+    live.on_event(
+        RunStarted(0.0, 0, "r", "t", "t.yaml", "", "", "sim", "simulated", "", "", 0, {}, NODES, {}, 0.0, 0.02)
+    )
+    for number in range(running):
+        live.on_event(NodeChanged(0.0, number, f"t/{number}", "SUCCESS", "", 1))
+    live.on_event(NodeChanged(1.0, running, f"t/{running}", "RUNNING", "on the way " * 20, 1))
+    live._console = Screen()
+    live._console.size = (width, height)  # type: ignore[assignment]
+    text = live._text()
+    terminal = Console(file=io.StringIO(), width=width, height=height, force_terminal=True, color_system=None)
+    return [line.plain for line in text.wrap(terminal, width)]
+
+
+@pytest.mark.parametrize("running", [0, 5, 30, 58, 59])
+def test_the_running_node_is_in_sight_in_80_by_24(running: int) -> None:
+    lines = shown(running)
+    assert len(lines) <= 23
+    assert all(len(line) <= 80 for line in lines)
+    assert any(f"▶ a node with quite a long name {running}" in line for line in lines)
+    assert lines[0].startswith("t on sim")
+
+
+def test_what_is_left_out_is_counted() -> None:
+    lines = shown(30)
+    above = next(int(line.split()[1]) for line in lines if line.endswith("above"))
+    below = next(int(line.split()[1]) for line in lines if line.endswith("below"))
+    inside = sum("name" in line or "whole" in line for line in lines)
+    assert above + inside + below == len(NODES)
+
+
+def test_a_tree_that_fits_is_shown_whole() -> None:
+    assert len(shown(30, height=80)) == len(NODES) + 1
