@@ -9,7 +9,7 @@ from typing import Any
 
 from executive.errors import PomonaError
 from executive.running.breakpoints import BREAK_ACTIONS, UnknownNodeError
-from executive.running.requests import AnswerRefusedError
+from executive.running.requests import AnswerRefusedError, UnknownFaultError
 from executive.running.runner import Runner
 from executive.running.starting import Starting
 
@@ -67,6 +67,12 @@ class ControlLock:
             "tree": tree, "cell_kind": starting.cell_kind, "what": stage.what, "done": stage.done, "of": stage.of,
             "age": round(starting.age, 3), "cancelled": starting.cancelled,
         }  # fmt: skip
+
+    @property
+    def known_faults(self) -> dict[str, tuple[str, ...]]:
+        """What can be made to fail in the run in progress, and how; nothing without one, and on a real cell."""
+        runner = self._runner
+        return {} if runner is None or runner.state.ended else runner.known_faults
 
     @property
     def is_preparing(self) -> bool:
@@ -168,7 +174,7 @@ class ControlLock:
             RefusedError: the viewer does not hold control, nothing runs, or there is no such action or node.
         """
         who = self.require(viewer)
-        if action not in (*ACTIONS, *BREAK_ACTIONS, "answer"):
+        if action not in (*ACTIONS, *BREAK_ACTIONS, "answer", "fail"):
             raise RefusedError(f"'{action}' is no action")
         if self._runner is None or self._runner.state.ended:
             raise RefusedError("nothing is running")
@@ -177,6 +183,12 @@ class ControlLock:
             try:
                 self._runner.answer(path, choice, who)
             except AnswerRefusedError as error:
+                raise RefusedError(str(error)) from None
+        elif action == "fail":
+            switch, _, kind = detail.partition(" ")
+            try:
+                self._runner.fail(switch, kind, who)
+            except UnknownFaultError as error:
                 raise RefusedError(str(error)) from None
         elif action in BREAK_ACTIONS:
             try:

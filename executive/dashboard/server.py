@@ -116,7 +116,7 @@ class Dashboard:
         self._holder_here = self._is_here(holder.viewer)
         self.hub.announce(
             held_by=holder.who, grant=holder.grant, viewers=self.hub.viewers, starts=self._start_run is not None,
-            start=self.control.start, holder_here=self._holder_here,
+            start=self.control.start, holder_here=self._holder_here, faults=self.control.known_faults,
         )  # fmt: skip
 
     def _is_here(self, page: str) -> bool:

@@ -10,6 +10,21 @@ from executive.clock import Clock
 T = TypeVar("T")
 
 
+class FaultSwitch(Protocol):
+    """Something of a simulated or emulated cell that can be made to fail in ways that it names, one at a time."""
+
+    @property
+    def known_faults(self) -> tuple[str, ...]: ...
+
+    def inject_fault(self, kind: str) -> None:
+        """Fail from now on."""
+        ...
+
+    def clear_fault(self) -> None:
+        """Work again."""
+        ...
+
+
 class Cell(Protocol):
     """Named, connected drivers with one clock and one safe stop."""
 
@@ -101,6 +116,11 @@ class Cell(Protocol):
     @property
     def heartbeat_deadline(self) -> float:
         """Seconds without a tick after which that happens."""
+        ...
+
+    @property
+    def switches(self) -> Mapping[str, FaultSwitch]:
+        """All that can be made to fail on purpose, by name; nothing on a real cell."""
         ...
 
     def settled(self) -> bool:

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, TypeVar
 
 from executive.clock import ManualClock
+from executive.running.cell import FaultSwitch
 
 T = TypeVar("T")
 
@@ -55,6 +56,10 @@ class DryCell:
         return None
 
     def outside_stops(self) -> Mapping[str, tuple[str, Sequence[Any]]]:
+        return {}
+
+    @property
+    def switches(self) -> Mapping[str, FaultSwitch]:
         return {}
 
     def settled(self) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import queue
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from executive.errors import PomonaError
 from executive.language.built import Side
@@ -14,6 +14,16 @@ from executive.running.cell import Cell
 
 class AnswerRefusedError(PomonaError):
     """An answer to what nobody asks, or one that is no choice."""
+
+
+class UnknownFaultError(PomonaError):
+    """The cell cannot be made to fail so."""
+
+    def __init__(self, fault: str, known: Mapping[str, Sequence[str]]) -> None:
+        self.fault, self.known = fault, known
+        super().__init__(
+            f"this cell has no fault '{fault}'; there are {', '.join(known)}" if known else "faults cannot be made here"
+        )
 
 
 class Requests:
@@ -79,6 +89,22 @@ class Requests:
         if choice not in asked.choices:
             raise AnswerRefusedError(f"'{choice}' is no answer: {', '.join(asked.choices)}")
         self._commands.put(("answer", who, f"{choice} ← {path}"))
+
+    @property
+    def known_faults(self) -> dict[str, tuple[str, ...]]:
+        """What can be made to fail on purpose, and how; nothing on a real cell."""
+        return {name: tuple(switch.known_faults) for name, switch in self._cell.switches.items()}
+
+    def fail(self, switch: str, kind: str, who: str = "operator") -> None:
+        """Let something of a simulated or emulated cell fail, or with no kind work again.
+
+        Raises:
+            UnknownFaultError: there is no such switch, or it knows no such fault.
+        """
+        known = self.known_faults
+        if switch not in known or (kind and kind not in known[switch]):
+            raise UnknownFaultError(f"{switch} {kind}".strip(), known)
+        self._commands.put(("fail", who, f"{switch} {kind}".strip()))
 
     def note(self, who: str, action: str) -> None:
         """Record that somebody took or released control: it changes nothing in the run."""

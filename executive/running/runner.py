@@ -264,6 +264,10 @@ class Runner(Requests):
             elif action == "answer":
                 choice, _, path = detail.rpartition(" ← ")
                 self._questions[path].answer(choice)
+            elif action == "fail":
+                switch, _, kind = detail.partition(" ")
+                device = self._cell.switches[switch]
+                device.inject_fault(kind) if kind else device.clear_fault()
             elif action in BREAK_ACTIONS:
                 self._breakpoints.change(detail, *BREAK_ACTIONS[action])
 

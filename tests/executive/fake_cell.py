@@ -53,6 +53,7 @@ class FakeCell:
         self.changed = False
         self.hand: str | None = None
         self.closed = False
+        self.switches: dict[str, Any] = {}
 
     def interfaces(self) -> tuple[type, ...]:
         return (Wheel,)

@@ -9,6 +9,7 @@ import { CameraView, PlotsView, drawTables } from "./pictures.js";
 import { SceneView } from "./scene.js";
 import { Timeline } from "./timeline.js";
 import { drawControl, drawHeader } from "./control.js";
+import { drawFaults } from "./faults.js";
 import { drawLog, drawNode, drawPorts, drawWhy, onMoment } from "./panels.js";
 import { openOverview, recordAddress, wantDetail } from "./record.js";
 import { drawStart, loadRuns, showRuns } from "./runs.js";
@@ -60,6 +61,7 @@ function render() {
   drawHeader(s);
   drawTrust(page.live.whole);
   drawControl(page.live.whole);
+  drawFaults(page.live.whole);
   drawStart();
   drawWhy(s); // first: the rest takes the room that it leaves
   tree.update(s);
