@@ -16,6 +16,7 @@ from executive.running.events import (
     AttemptEnded,
     ErrorRaised,
     Event,
+    HandChanged,
     LinkChanged,
     NodeChanged,
     OperatorActed,
@@ -60,6 +61,7 @@ class _Story:
         self.stops: list[SafeStopped] = []
         self.links: list[LinkChanged] = []
         self.errors: list[ErrorRaised] = []
+        self.hands: list[HandChanged] = []
         self.overruns: list[TickOverran] = []
         self.running: dict[str, float] = {}
         self.t = 0.0
@@ -82,6 +84,8 @@ class _Story:
             self.stops.append(event)
         elif isinstance(event, ErrorRaised):
             self.errors.append(event)
+        elif isinstance(event, HandChanged):
+            self.hands.append(event)
         elif isinstance(event, TickOverran):
             self.overruns.append(event)
         elif isinstance(event, LinkChanged) and event.state != "ok":
@@ -99,6 +103,7 @@ class _Story:
             yield self._why(ended.reason)
         yield self._attempts()
         yield self._on_the_way(ended)
+        yield self._in_hand()
         yield self._interventions()
         yield from self._errors()
         yield " ".join(
@@ -184,6 +189,15 @@ class _Story:
             return "Nothing failed on the way." if ended is not None and ended.outcome == "success" else ""
         parts = [f"{name} {code}{_times(number)}" for (name, code), number in counted.most_common()]
         return f"What failed on the way: {', '.join(parts)}."
+
+    def _in_hand(self) -> str:
+        """What the fingers felt: when something came between them, and when it went."""
+        told, felt = [], ""
+        for hand in self.hands:
+            if hand.what != felt:
+                told.append(f"at {hand.t:.1f} s {hand.what or 'nothing any more'}")
+                felt = hand.what
+        return f"The fingers felt: {', '.join(told)}." if told else ""
 
     def _interventions(self) -> str:
         parts = [f"At {link.t:.1f} s, {link.device}: {_sentence(link.state)}" for link in self.links]

@@ -6,7 +6,7 @@ import pytest
 from recorded_events import started
 
 from executive.reasons import Reason
-from executive.running.events import AttemptEnded, Event, RunEnded
+from executive.running.events import AttemptEnded, Event, HandChanged, RunEnded
 from executive.terminal.explain import explain
 from executive.terminal.screen import Screen
 from executive.terminal.summary import Summary
@@ -84,3 +84,14 @@ def test_the_worlds_score_is_told_as_it_was(capsys: pytest.CaptureFixture[str]) 
 )  # fmt: skip
 def test_no_figure_is_finer_than_anything_measures(name: str, value: object, words: str) -> None:
     assert figure(name, value) == words
+
+
+def test_what_came_between_the_fingers_and_went_is_told() -> None:
+    felt = [
+        HandChanged(0.0, 0, ""),
+        HandChanged(2.5, 125, "something is between the fingers"),
+        HandChanged(3.5, 175, ""),
+    ]
+    text = " ".join(explain([*RUN[:4], *felt, *RUN[4:]]))
+    assert "The fingers felt: at 2.5 s something is between the fingers, at 3.5 s nothing any more." in text
+    assert "The fingers felt" not in " ".join(explain([*RUN[:4], felt[0], *RUN[4:]]))

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from recorded_events import started
 
+from executive.cli import main
 from executive.errors import UsageError
 from executive.execute import RunOrder, execute
 from executive.recording.recorder import Recorder
 from executive.recording.unfinished import unfinished
 from executive.running.events import HandChanged, NodeChanged, RunEnded
+from executive.running.supervise import REPORT
 
 CELL = "name: bench\nkind: mock\nclock: manual\ndevices: {}\n"
 TREE = "pomona: 1\ntree: t\nroot: {wait: 20 ms}\n"
@@ -69,6 +72,26 @@ def test_a_cut_run_says_what_was_going_on_and_what_may_be_in_the_gripper(order: 
     assert (cut.kind, cut.doing, cut.hand) == ("real", ("Lift",), HELD)
     assert "while Lift was running" in cut.sentence
     assert HELD in cut.sentence
+
+
+def test_what_the_supervisor_did_is_told_with_a_cut_run_and_by_explain(
+    order: RunOrder, capsys: pytest.CaptureFixture[str]
+) -> None:
+    leave(order, "real", HELD)
+    assert order.record is not None
+    (record,) = order.record.iterdir()
+    report = {"reason": "the run's process did not answer for 1 s", "devices": {"arm": "stopped", "gripper": "stopped"}}
+    (record / REPORT).write_text(json.dumps(report))
+    told = "its supervisor found that the run's process did not answer for 1 s: arm stopped, gripper stopped"
+    cut = unfinished(order.record, order.cell)
+    assert cut is not None
+    assert told in cut.sentence
+    assert main(["explain", str(record)]) == 0
+    assert told in " ".join(capsys.readouterr().out.split())
+    (record / REPORT).write_text("[1, 2")
+    cut = unfinished(order.record, order.cell)
+    assert cut is not None
+    assert "supervisor" not in cut.sentence
 
 
 def test_only_the_newest_run_on_this_cell_counts(order: RunOrder, tmp_path: Path) -> None:
