@@ -25,12 +25,16 @@ from drivers.faults import FaultPlan, PlannedFault
 from drivers.interfaces import Arm, Gripper
 from drivers.sim.world import SimWorld
 from executive.execute import Executed, RunOrder, execute
-from executive.files import find_cell
+from executive.files import find_cell, find_tree
+from executive.language import build
+from executive.language.documents import read_document
 from executive.recording.read import read_events
 from executive.recording.recorder import Recorder
+from executive.registry import Registry
 from executive.running.compute import Computations
-from executive.running.events import Event, NodeChanged, RunEnded, SafeStopped
+from executive.running.events import Event, EventStream, NodeChanged, RunEnded, SafeStopped
 from executive.running.runner import Runner
+from skills.grip.hold import take_over
 
 TREE = Path(__file__).with_name("fault_pick.yaml")
 SETTINGS = {"fruit": "apple_4", "place": "2", "distractors": "0"}
@@ -53,8 +57,16 @@ ACTS, RESUMES = 0.25, 1.5
 """The operator acts so long after the phase's node has begun, and resumes a pause after so long [s]."""
 HUNG = 0.05
 """A fruit this far above where it stood hangs [m]."""
+LIES = 0.02
+"""A fruit this near to the height at which it stood lies on the table again, on whatever side [m]."""
+HOME = 0.01
+"""An arm this near to a pose is there [rad]."""
 HANGS = 180.0
 """Seconds of the wall's clock after which a case is given up."""
+
+
+class Killed(BaseException):
+    """The executive is gone in the middle of a run."""
 
 
 class Watcher:
@@ -87,13 +99,17 @@ class Watcher:
         model = self.world.model
         self._qvel = model.jnt_dofadr[self.world.arm_joints]
         self._finger = model.joint("finger_left").qposadr[0]
-        self._rest_z = float(self.world.state.body("fruit_0").xpos[2])
+        self.rest_z = float(self.world.state.body("fruit_0").xpos[2])
         self._operator_at: list[tuple[float, str]] = []
+        self._killed_at = np.inf
         self.world.after_step.append(self._step)
 
     def take(self, case: Case) -> None:
         """Go on with a case, whose phase has begun."""
         self.case, phase = case, case.phase
+        if case.ends == "recovered":
+            self._killed_at = self.began_at[phase.node] + phase.after
+            return
         planned = PlannedFault(
             case.switch, case.kind, phase.after, phase.node, case.lasts if np.isfinite(case.lasts) else None
         )
@@ -132,7 +148,7 @@ class Watcher:
             if event.status == "FAILURE" and np.isnan(self.failed_at) and self.injected:
                 self.failed_at = now
             if node == "Lift" and event.status == "SUCCESS":
-                self.hung = float(self.world.state.body("fruit_0").xpos[2]) - self._rest_z > HUNG
+                self.hung = float(self.world.state.body("fruit_0").xpos[2]) - self.rest_z > HUNG
         elif isinstance(event, SafeStopped) and np.isnan(self.safe_at):
             self.safe_at = now
 
@@ -142,6 +158,9 @@ class Watcher:
             self._branch(self)
         while self._operator_at and now >= self._operator_at[0][0]:
             getattr(self.runner, self._operator_at.pop(0)[1])("fault matrix")
+        if now >= self._killed_at:
+            self._killed_at, self.shows_at = np.inf, now
+            raise Killed("the executive was killed")
         forces = [float(np.linalg.norm(view[:3])) for view in self._wrenches]
         self.peak = max(self.peak, sum(forces))
         width = 2.0 * float(state.qpos[self._finger])
@@ -173,6 +192,9 @@ def judge(watcher: Watcher, executed: Executed, verdict: Verdict) -> None:
     verdict.outcome = result.outcome
     verdict.reason = f"{result.reason.code}: {result.reason.message}" if result.reason else ""
     verdict.peak, verdict.hung = watcher.peak, watcher.hung
+    verdict.noticed = float(watcher.safe_at - watcher.shows_at)
+    if case.ends == "recovered":
+        return
     if not watcher.injected:
         wrong.append("the fault never began")
         return
@@ -215,6 +237,34 @@ def judge_afterwards(watcher: Watcher, verdict: Verdict) -> None:
         verdict.wrong.append(f"not clean after an acknowledgement: {trouble}")
     if watcher.speed > RESTING:
         verdict.wrong.append("moves after the acknowledgement")
+
+
+def recover(watcher: Watcher, verdict: Verdict, seed: int) -> None:
+    """The next run: `trees/recover.yaml` on the cell as it was left puts down what is held and brings the arm home."""
+    cell, wrong = watcher.cell, verdict.wrong
+    take_over(cell.device(Gripper))  # the control of the grip has died with its process
+    cell.clock.advance(AFTERWARDS)
+    cell.acknowledge()
+    registry, document = Registry.installed(), read_document(find_tree("recover"))
+    settings = {"release": "true"}
+    runner = Runner(
+        lambda context, board: build(document, registry, overrides=settings, context=context, board=board),
+        cell,
+        EventStream(),
+        seed=seed,
+    )
+    runner.prepare()
+    result = runner.run()
+    height = float(watcher.world.state.body("fruit_0").xpos[2]) - watcher.rest_z
+    away = float(np.abs(cell.device(Arm).state().q - cell.workspace.poses["home"]).max())
+    if result.outcome != "success":
+        wrong.append(f"recovery ended as {result.outcome}: {result.reason}")
+    if (result.truth or {}).get("drops", 0):
+        wrong.append("recovery dropped the fruit")
+    if abs(height) > LIES:
+        wrong.append(f"the fruit is {1e3 * height:.0f} mm above where it stood")
+    if away > HOME:
+        wrong.append(f"the arm is {np.degrees(away):.1f}° from home")
 
 
 def _acknowledge(cell: Any) -> str:
@@ -393,7 +443,9 @@ def branch_cases(cases: Sequence[Case], cell: str, seed: int, jobs: int, tell: C
             watchers[0].on_event(event)
 
     def on_latched(_runner: Runner) -> None:
-        if forks.answer is not None:
+        if forks.answer is not None and verdict.case.ends == "recovered":
+            recover(watchers[0], verdict, seed)
+        elif forks.answer is not None:
             judge_afterwards(watchers[0], verdict)
 
     try:

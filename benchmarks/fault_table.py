@@ -12,7 +12,7 @@ import yaml
 from executive.values.units import TIME
 
 TABLE = Path(__file__).with_name("fault_matrix.yaml")
-ENDS = ("safe", "failure", "success")
+ENDS = ("safe", "failure", "success", "recovered")
 
 
 @dataclass(frozen=True, slots=True)

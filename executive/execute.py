@@ -182,6 +182,7 @@ def _after_cut(
     cut = unfinished(order.record, order.cell)
     if cut is None:
         return
+    starting.reach(cut.sentence)
     if order.recover:
         logger.warning("%s: recovering first", cut.sentence)
         settings = {key: value for key, value in order.settings.items() if key in RECOVERY_SETTINGS}

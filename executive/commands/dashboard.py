@@ -119,7 +119,7 @@ class Launcher:
             raise UsageError("the seed is a whole number")
         if not isinstance(settings, dict) or not all(isinstance(value, str) for value in settings.values()):
             raise UsageError("settings are texts by name")
-        dry = form.get("dry") is True
+        dry, after_cut = form.get("dry") is True, form.get("after_cut", "")
         return RunOrder(
             tree=self._choices.tree(form.get("tree")),
             cell=self._choices.cell(form.get("cell", default_name("cell"))),
@@ -129,6 +129,8 @@ class Launcher:
             record=self._record,
             dry=dry,
             attended=True,
+            recover=after_cut == "recover",
+            cleared=after_cut == "cleared",
         )
 
 

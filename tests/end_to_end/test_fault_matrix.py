@@ -17,6 +17,7 @@ TRIED = [
     "arm.frozen@following",
     "arm.stall@paused",
     "camera.old@holding",
+    "executive.killed@lifting",
     "fingers.both_press_more@lifting",
     "fingers.dead_right@holding",
     "fingers.not_a_number@lifting",
@@ -32,7 +33,7 @@ def test_the_table_has_every_fault_of_every_simulated_device() -> None:
     devices = {"arm": SimArm, "camera": SimCamera, "fingers": SimFingers, "gripper": SimGripper}
     known = {(name, kind) for name, device in devices.items() for kind in device.known_faults}
     cases = read_table("sim")
-    assert {(case.switch, case.kind) for case in cases} == known
+    assert {(case.switch, case.kind) for case in cases if case.ends != "recovered"} == known
     assert len(cases) >= 250
     assert not [case.name for case in cases if case.ends != "success" and case.within == float("inf")]
 
