@@ -118,15 +118,13 @@ def report(verdicts: Sequence[Verdict]) -> str:
         rows.setdefault((v.case.name, v.case.ends, v.case.within), []).append(v)
     lines += ["", f"{'fault':26}{'ends':9}{'cases':>6}{'deadline':>10}{'median':>9}{'worst':>9}"]
     for (name, ends, within), row in rows.items():
-        noticed = [v.noticed for v in row if np.isfinite(v.noticed)]
-        median, worst = (float(np.median(noticed)), max(noticed)) if noticed and ends != "success" else (np.nan, np.nan)
+        noticed = [v.noticed for v in row if np.isfinite(v.noticed) and ends != "success"] or [np.nan]
+        median, worst = float(np.median(noticed)), max(noticed)
         lines.append(f"{name:26}{ends:9}{len(row):6d}{_ms(within):>10}{_ms(median):>9}{_ms(worst):>9}")
-    rests = [v.rested for v in verdicts if np.isfinite(v.rested)]
+    rests = [v.rested for v in verdicts if np.isfinite(v.rested)] or [np.nan]
+    median, worst = float(np.median(rests)), max(rests)
+    lines += ["", f"arm at rest {_ms(median)} (median), {_ms(worst)} (worst) after the safe stop"]
     bad = sum(bool(v.wrong) for v in verdicts)
-    lines += [
-        "",
-        f"arm at rest {_ms(np.median(rests))} (median), {_ms(max(rests))} (worst) after the safe stop",
-    ] * bool(rests)
     lines.append(
         f"{len(verdicts)} cases: {len(verdicts) - bad} as they must be, {bad} wrong, "
         f"{sum(v.hung is False for v in verdicts)} false successes, "

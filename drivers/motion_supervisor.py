@@ -184,7 +184,8 @@ class MotionSupervisor:
             left = motion.time_left if motion.phase is Phase.RUNNING else 0.0
             self._deadline = np.inf if motion.phase is Phase.RESTING else now + left + supervision.margin
             self._advanced = (advance, now)
-        if advance != self._advanced[0] or motion.set_point_rests:
+        running = motion.phase is Phase.RUNNING  # then it rests at its end only: not where it was paused
+        if advance != self._advanced[0] or (motion.set_point_arrived if running else motion.set_point_rests):
             self._advanced = (advance, now)
         stalled = now - self._advanced[1]
         if stalled > supervision.stall and motion.phase is not Phase.RESTING:

@@ -56,6 +56,11 @@ class PathMotion:
         return self._follower.at_rest
 
     @property
+    def set_point_arrived(self) -> bool:
+        """True when the set-point has come to the path's end."""
+        return self._follower.finished
+
+    @property
     def at_rest(self) -> bool:
         """True when nothing moves: settled, or paused and standing."""
         return self.settled or (self.state is MotionState.PAUSED and self._follower.at_rest)
