@@ -276,6 +276,9 @@ class MotomanArm(Device):
         except DeviceFault as error:
             self._abandon_motion(error.message)
             session.ask(Control.STOP)
+            ready = session.ask(Control.CHECK_READY)
+            if ready.result == Result.NOT_READY:  # somebody holds it at the pendant: nothing may move when that is over
+                self._blame(DeviceFault(self.name, refusal(ready)))
 
     def _watch_motion(self, session: Session) -> None:
         motion, stream, state = self._motion, self._stream, self._state

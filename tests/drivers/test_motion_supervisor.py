@@ -171,3 +171,14 @@ def test_a_status_that_is_not_told_any_more_is_a_lost_device():
         supervisor.check_status(5.55)
     supervisor.forget()
     supervisor.check_status(9.0)
+
+
+def test_a_controller_that_does_not_go_on_after_a_pause_is_a_fault_within_the_stall_time():
+    rig = Rig(stall=0.3)
+    rig.run(0.3)
+    rig.motion.pause()
+    rig.run(1.0)
+    rig.halted = True
+    rig.motion.resume()
+    with pytest.raises(DeviceFault, match="has not gone on with the motion"):
+        rig.run(0.4)

@@ -348,6 +348,26 @@ def test_a_controller_that_is_not_ready_is_refused_at_the_connection(flag: str, 
     assert all(connection.closed for connection in cell.opened)
 
 
+def test_a_hold_at_the_pendant_ends_the_motion_and_nothing_moves_before_an_acknowledgement() -> None:
+    cell = Cell()
+    arm = connected(cell)
+    motion = arm.follow(swing(START, CHANGE))
+    serve(arm, cell, 0.4)
+    cell.controller.inject_fault("hold")
+    serve(arm, cell, 0.3)
+    assert motion.state is MotionState.FAILED
+    cell.controller.clear_fault()
+    serve(arm, cell, 0.3)
+    with pytest.raises(DeviceFault, match="hold button"):
+        arm.check()
+    with pytest.raises(MotionRefused, match="hold button"):
+        arm.follow(swing(arm.state().q, CHANGE))
+    arm.acknowledge()
+    serve(arm, cell, 1.0)
+    arm.check()
+    arm.follow(swing(arm.state().q, CHANGE))
+
+
 def test_servos_are_not_switched_on_when_the_options_forbid_it() -> None:
     cell = Cell()
     with pytest.raises(DeviceFault, match="servos are off"):
