@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated
 
 import numpy as np
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 from drivers.interfaces import Arm, ForceSensor, Gripper, Workspace
 from executive.ports import ACCELERATION, LENGTH, SPEED, TIME, Acceleration, Length, Port, Speed, Time
 from executive.skill import Work
+from skills.grip.grip import GripProblem
 from skills.grip.hold import Hold
 from skills.motion.grasp import Grasp
 from skills.motion.occupancy import OccupancyMap
@@ -17,7 +19,7 @@ from skills.motion.planning.arm_space import arm_space
 from skills.motion.planning.timing import time_curve
 from skills.motion.robot import RobotModel
 from skills.motion.straight_line import straight_line
-from skills.shared.following import MOTION_FAILURES, MovingSkill
+from skills.shared.following import MOTION_FAILURES, MovingSkill, Watching
 from skills.shared.grip_view import show_grip
 from skills.shared.hanging import Hanging
 from skills.shared.touch import pressing_forces, something_between
@@ -29,18 +31,66 @@ Float64 = NDArray[np.float64]
 JERK_TIME = 0.1
 """Seconds in which the acceleration is reached."""
 
+TOO_MUCH_FOR = 0.06
+"""A grip that wants more than it may, or a fruit that slips, for so long ends the lift [s]; the load of an acceleration
+that is just beginning passes within `JERK_TIME`."""
+
+LOWERING = 0.1
+"""Speed with which a fruit that cannot be held is put back [m/s]."""
+
+
+class _TooMuch(Exception):
+    """The grip cannot hold what it has begun to lift."""
+
+    def __init__(self, problem: GripProblem) -> None:
+        self.problem = problem
+        super().__init__(problem.message)
+
+
+class _Bearable:
+    """Whether the grip can hold what hangs on it, seen in the first millimetres and all the way up."""
+
+    def __init__(self, hold: Hold) -> None:
+        self._hold, self._since = hold, math.nan
+
+    def require(self) -> None:
+        """Look once a tick.
+
+        Raises:
+            _TooMuch: the load needs more force than is allowed, or the fruit slips, and not just for a moment.
+        """
+        problem = self._hold.problem
+        if problem is None or problem.code not in ("FORCE_LIMIT", "SLIPPED"):
+            self._since = math.nan
+            return
+        if math.isnan(self._since):
+            self._since = problem.stamp
+        if problem.stamp - self._since > TOO_MUCH_FOR:
+            raise _TooMuch(problem)
+
 
 class Lift(MovingSkill):
     """Lift straight up with a smooth profile while the grip is controlled, and verify that the fruit came along.
 
     With a `hold` its controller says whether the fruit is still there; without one the fingers' force and opening do.
-    A fruit that creeps out of the grip falls later: `hold_time` watches it for a while.
+    A fruit that creeps out of the grip falls later: `hold_time` watches it for a while. What the grip cannot hold is
+    put back where it stood, before it falls: TOO_HEAVY when its weight alone needs more force than is allowed, wherever
+    it is gripped, FORCE_LIMIT when its moment does, SLIPPED when it slips all the same.
     Interrupted, the arm stops on its line and the grip goes on holding.
     """
 
     devices = (Arm, Gripper, ForceSensor, Workspace)
     moves = (Arm, Gripper)
-    failures = (*MOTION_FAILURES, "NOT_HELD", "LOST", "LIFT_BLOCKED", "MAP_STALE")
+    failures = (
+        *MOTION_FAILURES,
+        "NOT_HELD",
+        "LOST",
+        "TOO_HEAVY",
+        "FORCE_LIMIT",
+        "SLIPPED",
+        "LIFT_BLOCKED",
+        "MAP_STALE",
+    )
 
     def prepare(self) -> None:
         prepare_moving(self)
@@ -66,7 +116,8 @@ class Lift(MovingSkill):
         if not self._held(hold):
             raise self._not_held("NOT_HELD", "there is nothing between the fingers to lift", hold)
         robot = RobotModel.load(arm.description)
-        T_base_goal = robot.tcp(arm.state().q)
+        T_base_start = robot.tcp(arm.state().q)
+        T_base_goal = T_base_start.copy()
         T_base_goal[2, 3] += height
         line = straight_line(robot, arm.state().q, T_base_goal)
         if not line.complete:
@@ -79,29 +130,57 @@ class Lift(MovingSkill):
         trajectory = time_curve(line.q, height, arm.limits, speed, acceleration, acceleration / JERK_TIME)
 
         hanging = None if hold is None or hold.ended else Hanging(hold)
+        bearable = None if hold is None or hold.ended else _Bearable(hold)
 
         def watch() -> None:
             gone = ""
             if hold is not None:
                 show_grip(self, hold)
+            if bearable is not None:
+                bearable.require()
             if hanging is not None:
                 gone = hanging.look()
             if gone or not self._held(hold):
-                risen = robot.tcp(arm.state().q)[2, 3] - T_base_goal[2, 3] + height
+                risen = robot.tcp(arm.state().q)[2, 3] - T_base_start[2, 3]
                 words = f"the fruit was lost {1e3 * risen:.0f} mm up"
                 raise self._not_held("LOST", f"{words}: {gone}" if gone else words, hold)
 
-        yield from self.travel(trajectory, watch)
-        watch()
-        up_since = self.context.elapsed()
-        while self.context.elapsed() - up_since < hold_time - 1e-9:
-            yield "held up"
+        try:
+            yield from self.travel(trajectory, watch)
             watch()
+            up_since = self.context.elapsed()
+            while self.context.elapsed() - up_since < hold_time - 1e-9:
+                yield "held up"
+                watch()
+        except _TooMuch as much:
+            yield from self._put_back(robot, T_base_start, acceleration)
+            raise self._cannot_hold(much.problem, hold) from much
         if hanging is not None and (missing := hanging.missing()):
             raise self._not_held("LOST", f"nothing came up: {missing}", hold)
         if hold is not None:
             show_grip(self, hold, everything=True)
         return None
+
+    def _put_back(self, robot: RobotModel, T_base_start: Float64, acceleration: float) -> Watching:
+        """Lower the fruit to where it stood, on the line that it came up."""
+        arm = self.device(Arm)
+        q = arm.state().q
+        way = float(np.linalg.norm(robot.tcp(q)[:3, 3] - T_base_start[:3, 3]))
+        line = straight_line(robot, q, T_base_start)
+        if way < 1e-6 or not line.complete:
+            return
+        yield from self.travel(time_curve(line.q, way, arm.limits, LOWERING, acceleration, acceleration / JERK_TIME))
+
+    def _cannot_hold(self, problem: GripProblem, hold: Hold | None) -> Exception:
+        code = problem.code
+        if code == "FORCE_LIMIT" and problem.data["weight_alone"] > problem.data["limit"]:
+            code = "TOO_HEAVY"
+        elsewhere = {
+            "TOO_HEAVY": "wherever it is gripped",
+            "FORCE_LIMIT": "gripped nearer its centre it may be held",
+            "SLIPPED": "it is not held by what friction was told or felt",
+        }[code]
+        return self._not_held(code, f"put back where it stood, {elsewhere}", hold, problem)
 
     def _require_free(self, q_line: Float64, grasp: Grasp | None, map: OccupancyMap | None, clearance: float) -> None:
         width = self.device(Gripper).state().width
@@ -118,8 +197,9 @@ class Lift(MovingSkill):
             return hold.holds
         return something_between(self.device(Gripper), self.device(ForceSensor))
 
-    def _not_held(self, code: str, message: str, hold: Hold | None) -> Exception:
-        problem = hold.problem if hold is not None else None
+    def _not_held(self, code: str, message: str, hold: Hold | None, problem: GripProblem | None = None) -> Exception:
+        if problem is None and hold is not None:
+            problem = hold.problem
         left, right = pressing_forces(self.device(ForceSensor))
         return self.failure(
             code,
@@ -128,4 +208,5 @@ class Lift(MovingSkill):
             left_force_n=round(left, 3),
             right_force_n=round(right, 3),
             grip=problem.code if problem is not None else "",
+            **({} if problem is None else problem.data),
         )

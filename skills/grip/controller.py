@@ -367,7 +367,12 @@ class GripController:
             self.problem = GripProblem("SLIPPED", message, stamp, {"slip": slip, "least": needed})
         elif self.reference.wanted > s.loop.max_force:
             message = f"the load needs {self.reference.wanted:.1f} N, the limit is {s.loop.max_force:.1f} N"
-            self.problem = GripProblem("FORCE_LIMIT", message, stamp, {"wanted": self.reference.wanted})
+            data = {
+                "wanted": self.reference.wanted,
+                "weight_alone": self.reference.for_weight,
+                "limit": s.loop.max_force,
+            }
+            self.problem = GripProblem("FORCE_LIMIT", message, stamp, data)
         else:
             self.problem = None
         # What is missing is judged by both fingers together: a fruit presses on both alike, a drifting sensor does not.

@@ -17,13 +17,15 @@ from skills.grip.slip_sense import SlipSense
 class ForceReference:
     """The grasp force to track, and the law that chooses it.
 
+    `wanted` is what the load needs by the law, `for_weight` what it would need without its moment, as gripped at its
+    centre [N].
     `pivoting` bears the weight only and leaves the moment alone, so that the fruit turns until it hangs plumb.
     `sliding` is a grasp force to keep whatever the load [N], or None.
     """
 
     def __init__(self, settings: GripSettings) -> None:
         self.f_ref = 0.0
-        self.wanted = 0.0
+        self.wanted = self.for_weight = 0.0
         self.frozen = ""
         self.pivoting = False
         self.sliding: float | None = None
@@ -79,6 +81,7 @@ class ForceReference:
         self.wanted = (
             tuned.pivot_margin * sense.coulomb if self.pivoting else self._average(self._static(sense), sense, elapsed)
         )
+        self.for_weight = self._margin * sense.coulomb
         needed = target = max(self.wanted, s.floor)
         if self._loaded_for < tuned.carried_after and not self.carried:
             target = max(target, s.initial_force)

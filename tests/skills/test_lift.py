@@ -1,10 +1,15 @@
+from typing import Any
+
 import numpy as np
 import pytest
 from py_trees.common import Status
 
-from executive.skill_testing import drive
+from drivers.mock.fingers import spring_fruit
+from executive.skill_testing import Outcome, drive
+from skills.grip.hold import Hold
 from skills.lift import Lift
 from skills.motion.straight_line import straight_line
+from skills.slip_avoid_grasp import SlipAvoidGrasp
 from tests.skills.picking_scene import ROBOT_MODEL, PickingScene, a_grasp, seen_map
 
 GRASP = a_grasp()
@@ -133,3 +138,83 @@ def test_a_stale_map_is_not_free():
     outcome = drive(Lift(), {"map": seen_map(-1000.0)}, scene.devices, clock=scene.clock)
     assert outcome.reason.code == "MAP_STALE"
     assert scene.arm.followed == []
+
+
+class Standing:
+    """A fruit that stands on the table between the fingers, under a grip that presses with 8 N at most."""
+
+    def __init__(self, weight: float, lever: float = 0.0, mu: float = 0.8) -> None:
+        self.scene = PickingScene(q=Q_GRASP.copy(), width=0.085)
+        press = spring_fruit(self.scene.gripper, 0.08)
+
+        def feel(now: float) -> np.ndarray:
+            wrenches = press(now)
+            risen = self.scene.tcp[2, 3] - GRASP.T_base_grasp[2, 3]
+            hangs = min(max(risen / 2e-3, 0.0), 1.0)  # the load passes from the table within two millimetres
+            borne = min(hangs * weight, 2.0 * mu * -wrenches[0, 2])
+            wrenches[:, 0] += 0.5 * borne
+            wrenches[:, 5] += 0.5 * borne * lever * np.array([1.0, -1.0])
+            return wrenches
+
+        self.scene.fingers.feel = feel
+        inputs = {"max_force": 8.0, "mu": mu, "mu_uncertainty": 0.0}
+        held = drive(SlipAvoidGrasp(), inputs, self.scene.devices, clock=self.scene.clock)
+        hold = held.outputs["hold"]
+        assert isinstance(hold, Hold)
+        self.hold = hold
+
+    def lift(self, **settings: Any) -> Outcome:
+        return drive(
+            Lift(), {"hold": self.hold, "acceleration": 0.5}, self.scene.devices, clock=self.scene.clock, **settings
+        )
+
+    @property
+    def risen(self) -> float:
+        return float(self.scene.tcp[2, 3] - GRASP.T_base_grasp[2, 3])
+
+
+def test_what_the_grip_can_hold_is_lifted_without_a_stop():
+    fruit = Standing(weight=2.0)
+    outcome = fruit.lift()
+    assert outcome.status is Status.SUCCESS
+    assert len(fruit.scene.arm.followed) == 1
+
+
+@pytest.mark.parametrize(("lever", "code"), [(0.0, "TOO_HEAVY"), (0.03, "FORCE_LIMIT")])
+def test_what_needs_more_force_than_is_allowed_is_put_back_before_it_hangs(lever: float, code: str):
+    fruit = Standing(weight=20.0 if lever == 0.0 else 2.5, lever=lever)
+    highest = 0.0
+
+    def watch(_tick: int) -> None:
+        nonlocal highest
+        highest = max(highest, fruit.risen)
+
+    outcome = fruit.lift(each_tick=watch)
+    assert outcome.reason.code == code
+    assert "put back where it stood" in outcome.reason.message
+    assert outcome.reason.data["wanted"] > outcome.reason.data["limit"] == 8.0
+    assert highest < 0.03
+    assert fruit.risen == pytest.approx(0.0, abs=1e-4)
+    assert fruit.scene.arm.settled()
+    assert fruit.hold.holds  # it is let go by whoever comes next
+
+
+def test_a_load_that_is_too_much_for_a_moment_only_is_borne():
+    fruit = Standing(weight=2.0)
+    feel = fruit.scene.fingers.feel
+
+    def jolt(tick: int) -> None:
+        loaded = 10 <= tick <= 11
+        fruit.scene.fingers.feel = (
+            (lambda now: feel(now) + np.array([3.0, 0.0, 0.0, 0.0, 0.0, 0.0])) if loaded else feel
+        )
+
+    assert fruit.lift(each_tick=jolt).status is Status.SUCCESS
+
+
+def test_interrupted_while_it_is_put_back_it_stops_and_holds():
+    fruit = Standing(weight=20.0)
+    outcome = fruit.lift(interrupt_after=22)
+    assert outcome.status is Status.INVALID
+    assert fruit.scene.arm.settled()
+    assert fruit.hold.holds
