@@ -192,6 +192,11 @@ class Skill(py_trees.behaviour.Behaviour):
         """
         return ()
 
+    @classmethod
+    def offers(cls, port: str, cell: CellFacts | None) -> Iterable[str]:
+        """Words that make sense at a port, for editors; `judge` says which do not."""
+        return ()
+
     def known(self, port: str) -> Any:
         """An input's value before the run begins, for `prepare`; None when only the run will tell."""
         try:

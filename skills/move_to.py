@@ -14,7 +14,7 @@ from skills.motion.occupancy import OccupancyMap
 from skills.perception.measured_fruit import MeasuredFruit
 from skills.shared.following import MOTION_FAILURES, MovingSkill
 from skills.shared.moving import POSE_FAILURES, move_to_pose
-from skills.shared.named_pose import judge_pose
+from skills.shared.named_pose import judge_pose, offered_poses
 from skills.shared.warm_motion import prepare_planning
 
 
@@ -33,6 +33,11 @@ class MoveTo(MovingSkill):
     def judge(cls, known: Mapping[str, Any], cell: CellFacts | None) -> Iterator[Problem]:
         """The pose must be one of the cell's."""
         return judge_pose("pose", known, cell)
+
+    @classmethod
+    def offers(cls, port: str, cell: CellFacts | None) -> tuple[str, ...]:
+        """The cell's poses."""
+        return offered_poses(cell) if port == "pose" else ()
 
     def prepare(self) -> None:
         prepare_planning(self)

@@ -23,7 +23,7 @@ from skills.motion.straight_line import straight_line
 from skills.shared.following import MOTION_FAILURES, MovingSkill, Watching
 from skills.shared.grip_view import show_grip
 from skills.shared.moving import POSE_FAILURES, move_to_pose
-from skills.shared.named_pose import judge_pose
+from skills.shared.named_pose import judge_pose, offered_poses
 from skills.shared.touch import Touch, load, something_between
 from skills.shared.usable_map import usable_field
 from skills.shared.warm_motion import prepare_planning
@@ -60,6 +60,11 @@ class Release(MovingSkill):
     def judge(cls, known: Mapping[str, Any], cell: CellFacts | None) -> Iterator[Problem]:
         """Where to must be a pose of the cell."""
         return judge_pose("into", known, cell)
+
+    @classmethod
+    def offers(cls, port: str, cell: CellFacts | None) -> tuple[str, ...]:
+        """The cell's poses."""
+        return offered_poses(cell) if port == "into" else ()
 
     def prepare(self) -> None:
         prepare_planning(self)

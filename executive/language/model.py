@@ -9,7 +9,7 @@ from executive.nodes.asking import Entry
 from executive.nodes.catalogue import NodeTypes
 from executive.nodes.node_type import TreeNode
 from executive.values.findings import Finding, Source
-from executive.values.yaml_nodes import YamlNode, YamlScalar
+from executive.values.yaml_nodes import YamlMapping, YamlNode, YamlScalar
 
 __all__ = ["Declared", "Definition", "Document", "Entry", "TreeFile", "TreeNode"]
 
@@ -52,6 +52,7 @@ class TreeFile:
     parameters: dict[str, Declared] = field(default_factory=dict)
     constants: dict[str, Declared] = field(default_factory=dict)
     subtrees: dict[str, Definition] = field(default_factory=dict)
+    top: YamlMapping | None = None
 
 
 @dataclass(slots=True, eq=False)

@@ -96,6 +96,7 @@ class _Reader:
         top = shape.mapping(root, "a tree file")
         if top is None:
             return file
+        file.top = top
         shape.known_keys(top, _TOP, "a tree file")
         self.version(top)
         name = shape.text(top.get("tree"))

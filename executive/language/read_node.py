@@ -69,8 +69,8 @@ class NodeReader:
 
     def type_of(self, written: YamlMapping) -> Entry | None:
         candidates = [entry for name, entry in written.entries.items() if name not in self.words]
-        types = (*self.types.composites, *self.types.leaves)
         if not candidates:
+            types = (*self.types.composites, *self.types.leaves)
             hint = "name a skill, a subtree or one of " + ", ".join(types)
             self.findings.error(self.first_key(written), "no-type", "this node does not say what it does", hint)
             return None

@@ -94,12 +94,14 @@ class Facts:
 
     def without(self, names: Iterable[str], *, passing: bool) -> Facts:
         """After these names were written; `passing` says whether time passes, too."""
+        if not self.known:
+            return self
         gone = frozenset(names)
         return replace(self, known=tuple(f for f in self.known if not f.names & gone and (f.lasts or not passing)))
 
     def sharing(self, names: Iterable[str]) -> Facts:
         """While somebody else may write these names at any time."""
-        return replace(self.without(names, passing=True), shared=self.shared.union(names))
+        return Facts(self.without(names, passing=True).known, self.shared.union(names))
 
     def against(self, fact: Fact) -> Fact | None:
         """A fact beside which the new one cannot hold; the new one itself when it never can."""

@@ -21,7 +21,7 @@ from skills.perception.detection.dope_detector import DopeDetector, DopeFiles
 from skills.perception.detection.errors import BadFrame, BadPoseConfig, BadWeights
 from skills.perception.detection.instances import Instance, find_instances
 from skills.perception.fruit import FruitModel, load_fruit
-from skills.perception.fruit.catalogue import SHIPPED_WEIGHTS, damage
+from skills.perception.fruit.catalogue import SHIPPED_WEIGHTS, damage, known_fruits
 from skills.perception.fruit.errors import FruitError
 
 Float64 = NDArray[np.float64]
@@ -73,6 +73,14 @@ class LookingSkill(Skill):
             there = ", ".join(kinds.names)
             message = f"there is no {fruit.name} on the table of the cell '{cell.name}', which holds {there}"
             yield Problem("fruit", message, warning=True)
+
+    @classmethod
+    def offers(cls, port: str, cell: CellFacts | None) -> tuple[str, ...]:
+        """The fruit on the cell's table, or all in the catalogue."""
+        if port != "fruit":
+            return ()
+        kinds = None if cell is None else cell.known(FruitKinds)
+        return known_fruits() if kinds is None else tuple(kinds.names)
 
     def fruit_model(self, fruit: str, weights: str = "") -> FruitModel:
         """The fruit of a name or path, with its own or other weights to find it by; fails with NO_WEIGHTS."""

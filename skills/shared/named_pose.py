@@ -23,6 +23,12 @@ def judge_pose(port: str, known: Mapping[str, Any], cell: CellFacts | None) -> I
         yield Problem(port, f"the cell '{cell.name}' has no pose '{name}'", choose(name, sorted(workspace.poses)))
 
 
+def offered_poses(cell: CellFacts | None) -> tuple[str, ...]:
+    """The cell's named poses, for editors."""
+    workspace = None if cell is None else cell.known(Workspace)
+    return () if workspace is None else tuple(sorted(workspace.poses))
+
+
 def named_pose(poses: Mapping[str, Float64], name: str, variation: int = 1) -> Float64:
     """The joints of a pose: `name`, or one of its variations `name_2`, `name_3` … (starting over after the last).
 

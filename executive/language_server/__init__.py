@@ -1,0 +1,1 @@
+"""What editors ask about tree files: findings, completion, hover, definitions, renaming."""

@@ -1,0 +1,496 @@
+"""Answers to an editor about one tree file, without any protocol."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from enum import Enum, EnumType
+from pathlib import Path
+
+from executive.file_kinds import file_kind, kind_names
+from executive.files import installed_trees
+from executive.judging import judge
+from executive.language.check import Analysis, analyse
+from executive.language.expression import FUNCTIONS, SPECIAL
+from executive.language.model import Definition, Document, TreeFile, TreeNode
+from executive.language.read import read
+from executive.language.scope import Named
+from executive.language.value_types import ValueType, describe, element_type, fields_of
+from executive.language_server.places import Place, place_at, word_at
+from executive.nodes.catalogue import NodeTypes
+from executive.nodes.surroundings import COUNTERS, LastFailure
+from executive.nodes.takes import NAME, Value
+from executive.ports import Port, type_name
+from executive.registry import Registry, default_text
+from executive.running.cell_files import CellFile, cell_files
+from executive.skill import Skill
+from executive.values.findings import Finding, Findings, Located, Spot
+from executive.values.yaml_nodes import YamlList, YamlMapping, YamlNode, YamlScalar
+
+TOP = {
+    "pomona": "version of the language",
+    "tree": "the tree's name",
+    "description": "what the tree is for",
+    "parameters": "values that --set changes",
+    "constants": "values with a name",
+    "in": "inputs, for a tree that others call",
+    "out": "outputs, for a tree that others call",
+    "root": "the tree",
+    "subtrees": "parts of the tree that are called by name",
+}
+DECLARED = {
+    "type": "what it carries",
+    "default": "when nothing else is given",
+    "min": "the least that is allowed",
+    "max": "the most that is allowed",
+    "choices": "the only texts that are allowed",
+    "help": "one line for people",
+}
+SUBTREE = {"in": "inputs", "out": "outputs", "root": "its nodes", "description": "for people", "file": "another file"}
+_PATH = re.compile(r"\s*([A-Za-z_]\w*)((?:\.\w+|\[[^\]]*\])*)\.\w*$")
+_CODES = re.compile(r"failure\.codes?\s*(?:==|!=|in|not in)\s*\[?[^\]]*$")
+
+
+class RenameRefused(ValueError):
+    """A name that cannot be given, and why."""
+
+
+@dataclass(frozen=True, slots=True)
+class Offer:
+    """One completion: the word, what it is, a line about it, and what is written for it."""
+
+    word: str
+    kind: str
+    about: str = ""
+    written: str = ""
+
+
+@dataclass(slots=True)
+class TreeService:
+    """Knows one file: its newest text, and the newest analysis in which its nodes could be read.
+
+    Attributes:
+        skills: installed skills, or what they declare.
+        cell: of which poses and fruit are known; None without one.
+    """
+
+    path: Path
+    skills: Registry
+    cell: Path | None = None
+    text: str = ""
+    analysis: Analysis | None = None
+    cell_file: CellFile | None = None
+
+    def update(self, text: str) -> list[Finding]:
+        """Take a new text: everything that is wrong with it."""
+        self.text = text
+        if not is_tree(text):
+            self.analysis = None
+            return []
+        document = read(text, str(self.path), tree_folders=[installed_trees()])
+        if self.cell is None:
+            analysis = analyse(document, self.skills)
+            findings = analysis.findings
+        else:
+            judged = judge(document, self.skills, {}, self.cell)
+            findings, self.cell_file = judged.findings.sorted(), judged.cell or self.cell_file
+            analysis = analyse(document, self.skills)
+        if document.main.main is not None and document.main.main.root is not None:
+            self.analysis = analysis
+        return [finding for finding in findings if finding.path == str(self.path)]
+
+    def use_cell(self, cell: Path | None) -> None:
+        """Know the poses and fruit of a cell from now on."""
+        self.cell, self.cell_file = cell, None
+        if cell is not None:
+            self.cell_file = cell_files().judge(cell, Findings(), {}, {})
+
+    @property
+    def lines(self) -> list[str]:
+        """The newest text's lines."""
+        return self.text.split("\n")
+
+    @property
+    def types(self) -> NodeTypes:
+        """All words of the language."""
+        return self.analysis.document.types if self.analysis is not None else NodeTypes.installed()
+
+    # ------------------------------------------------------------------------------------------- completion
+
+    def complete(self, row: int, column: int) -> list[Offer]:
+        """What may stand at a position, both from 0: only what fits there."""
+        if self.text.strip() and not is_tree(self.text):
+            return []
+        place = place_at(self.lines, row, column)
+        definition = self.definition_around(place)
+        if place.braces is not None:
+            return list(self.in_braces(place.braces, definition))
+        if _CODES.search(place.before):
+            return [Offer(code, "code", "failure code") for code in self.codes()]
+        if place.key:
+            return list(self.values(place))
+        return [offer for offer in self.keys(place) if offer.word not in place.siblings]
+
+    def keys(self, place: Place) -> Iterator[Offer]:
+        """Words that may stand where a key begins."""
+        parent, above = place.parent, place.parents[1] if len(place.parents) > 1 else ""
+        if not parent:
+            yield from (Offer(word, "word", about, f"{word}: ") for word, about in TOP.items())
+        elif above in ("parameters", "in", "out") and len(place.parents) in (2, 4):
+            yield from (Offer(word, "word", about, f"{word}: ") for word, about in DECLARED.items())
+        elif parent in self.skills and (place.flow or self.is_node(place.parents[1:])):
+            skill = self.skills[parent]
+            yield from _ports(skill.inputs, "input", parent)
+            yield from _ports(skill.outputs, "output", parent)
+        elif above == "subtrees" and len(place.parents) == 2:
+            yield from (Offer(word, "word", about, f"{word}: ") for word, about in SUBTREE.items())
+        elif (called := self.called(parent)) is not None and parent not in ("subtrees", "parameters"):
+            interface = self.analysis.interfaces[id(called)] if self.analysis is not None else None
+            if interface is not None:
+                yield from _ports(interface.inputs, "input", parent)
+                yield from _ports(interface.outputs, "output", parent)
+        elif self.is_node(place.parents):
+            kind = next((word for word in place.siblings if self.is_kind(word)), None)
+            yield from self.kinds() if kind is None else self.beside(kind)
+
+    def is_node(self, parents: tuple[str, ...]) -> bool:
+        """Whether what stands below these keys is a node."""
+        if not parents:
+            return False
+        if parents[0] == "root":
+            return True
+        found = self.types.get(parents[0])
+        if found is not None and found.value.nodes:
+            return True
+        return any(owner.fields[parents[0]].nodes for owner in self.types.owners(parents[0])) or (
+            len(parents) > 1 and parents[1] == "cases"
+        )
+
+    def is_kind(self, word: str) -> bool:
+        """Whether a word says what a node is."""
+        found = self.types.get(word)
+        return word in self.skills or self.called(word) is not None or (found is not None and found.role != "modifier")
+
+    def kinds(self) -> Iterator[Offer]:
+        """Everything that a node can be."""
+        for name, skill in sorted(self.skills.items()):
+            needed = [port for port, facts in skill.inputs.items() if facts.required]
+            yield Offer(name, "skill", _first_line(skill), f"{name}: {{{', '.join(f'{port}: ' for port in needed)}}}")
+        for name, definition in self.subtrees().items():
+            yield Offer(name, "subtree", definition.description, f"{name}: {{}}")
+        for word, found in self.types.items():
+            if found.role != "modifier" and not found.calls:
+                yield Offer(word, "word", found.summary, f"{word}: ")
+
+    def beside(self, kind: str) -> Iterator[Offer]:
+        """Modifiers, and the words that belong to a node's type."""
+        found = self.types.get(kind)
+        for word, taken in (found.fields if found is not None else {}).items():
+            yield Offer(word, "word", taken.help, f"{word}: ")
+        for modifier in self.types.modifiers:
+            yield Offer(modifier.key, "modifier", modifier.summary, f"{modifier.key}: ")
+            for word, taken in modifier.fields.items():
+                yield Offer(word, "modifier", taken.help, f"{word}: ")
+        yield Offer("name", "word", "what people call it", "name: ")
+        yield Offer("description", "word", "a sentence for the operator", "description: ")
+
+    def values(self, place: Place) -> Iterator[Offer]:
+        """Words that may stand behind a key."""
+        parent = place.parent
+        if place.key == "type" and any(word in ("parameters", "in", "out") for word in place.parents[:2]):
+            yield from (Offer(name, "type", "a type") for name in sorted(self.skills.types))
+            return
+        skill = self.skills.get(parent)
+        if skill is not None and place.key in skill.inputs:
+            yield from (Offer(word, "value", "of the cell") for word in skill.offers(place.key, self.cell_file))
+            yield from _words_of(skill.inputs[place.key])
+            return
+        for found in self.types.values():
+            taken = found.slots.get(place.key)
+            if isinstance(taken, Value):
+                yield from _words_of(taken.port)
+                yield from (Offer(word, "value") for word in taken.words)
+        if place.key == "success_on":
+            yield from (Offer(word, "value") for word in ("all", "one"))
+
+    def in_braces(self, written: str, definition: Definition | None) -> Iterator[Offer]:
+        """Names in scope, or the fields of the value before a dot."""
+        scope = self.scope(definition)
+        path = _PATH.match(written)
+        if path is not None:
+            kind = self.type_of(path[1], path[2], scope)
+            for name, field in (fields_of(kind) or {}).items() if kind is not None else ():
+                yield Offer(name, "field", describe(field))
+            return
+        for name, named in scope.items():
+            yield Offer(name, "name", _about(named))
+        yield from (Offer(name, "word", "") for name in (*SPECIAL, *FUNCTIONS))
+
+    def type_of(self, name: str, path: str, scope: Mapping[str, Named]) -> ValueType | None:
+        """The type of a name with fields and elements behind it."""
+        kind: ValueType | None = COUNTERS.get(name, LastFailure if name == "failure" else None)
+        if name in scope:
+            kind = scope[name].type
+        for step in re.findall(r"\.\w+|\[", path):
+            if kind is None:
+                return None
+            kind = element_type(kind) if step == "[" else (fields_of(kind) or {}).get(step[1:])
+        return kind
+
+    # ------------------------------------------------------------------------------------------- hover, definition
+
+    def hover(self, row: int, column: int) -> str:
+        """About the word at a position, as Markdown; empty when there is nothing to say."""
+        word, start = word_at(self.lines[row] if row < len(self.lines) else "", column)
+        place = place_at(self.lines, row, start)
+        if not word:
+            return ""
+        if place.braces is not None:
+            return self.hover_name(word, place)
+        if word in self.skills and not place.key:
+            return _skill_sheet(word, self.skills[word])
+        skill = self.skills.get(place.parent)
+        if skill is not None and not place.key:
+            port = skill.inputs.get(word) or skill.outputs.get(word)
+            if port is not None:
+                direction = "input" if word in skill.inputs else "output"
+                return f"**{place.parent}.{word}** ({direction})  \n{_port_text(port)}"
+        called = self.called(word)
+        if called is not None:
+            return f"**{word}**, a subtree  \n{called.description}"
+        found = self.types.get(word)
+        if found is not None:
+            return f"**{word}**  \n{found.summary}"
+        for owner in self.types.owners(word):
+            return f"**{word}**, of {owner.key}  \n{owner.fields[word].help}"
+        return ""
+
+    def hover_name(self, word: str, place: Place) -> str:
+        """About a name or a field in braces."""
+        scope, before = self.scope(self.definition_around(place)), place.braces or ""
+        path = _PATH.match(before + word)
+        if path is not None:
+            kind = self.type_of(path[1], path[2] + "." + word, scope)
+            return "" if kind is None else f"**{before}{word}**  \n{describe(kind)}"
+        return f"**{word}**  \n{_about(scope[word])}" if word in scope else ""
+
+    def definition_of(self, row: int, column: int) -> Located | None:
+        """Where the name, subtree or file at a position is declared or first written."""
+        word, start = word_at(self.lines[row] if row < len(self.lines) else "", column)
+        place = place_at(self.lines, row, start)
+        scope = self.scope(self.definition_around(place))
+        if place.braces is not None or place.key in ("as", "answer"):
+            return scope[word].where if word in scope and "." not in (place.braces or "") else None
+        called = self.called(word)
+        return None if called is None else _key_of(called)
+
+    # ------------------------------------------------------------------------------------------- renaming
+
+    def rename(self, row: int, column: int, new: str) -> list[Spot]:
+        """Every place of the wiring or subtree at a position.
+
+        Raises:
+            RenameRefused: there is nothing to rename, or the new name cannot be given.
+        """
+        word, start = word_at(self.lines[row] if row < len(self.lines) else "", column)
+        place = place_at(self.lines, row, start)
+        if self.analysis is None or self.analysis.document.text != self.text:
+            raise RenameRefused("the file cannot be read as it is: mend it first")
+        if not NAME.fullmatch(new):
+            raise RenameRefused(f"'{new}' is no name: small letters, digits and _")
+        document, definition = self.analysis.document, self.definition_around(place)
+        if self.called(word) is not None and place.braces is None:
+            if new in self.subtrees() or self.is_kind(new) or new in self.types:
+                raise RenameRefused(f"'{new}' is taken")
+            return sorted(_spots_of_subtree(document, word), key=_order)
+        if definition is None or word not in self.scope(definition):
+            raise RenameRefused(f"'{word}' is no name that this file gives")
+        if new in self.scope(definition) or new in SPECIAL:
+            raise RenameRefused(f"'{new}' is taken")
+        return sorted(self.spots_of_name(definition, word), key=_order)
+
+    def spots_of_name(self, definition: Definition, name: str) -> Iterator[Spot]:
+        """Every place of a name: in braces, where it is declared, and where callers wire it."""
+        document, file = self._document, definition.file
+        shared = name in file.parameters and name not in definition.inputs
+        inside = [d for d in document.definitions() if d.file is file] if shared else [definition]
+        declared = [table[name].key for table in (file.parameters, file.constants) if shared and name in table]
+        declared += [t[name].key for t in (definition.inputs, definition.outputs, file.constants) if name in t]
+        for key in {id(key): key for key in declared}.values():
+            yield Spot(key.source, key.line, key.text_column, len(name))
+        for one in inside:
+            for node in one.root.walk() if one.root is not None else ():
+                yield from self.spots_in_node(node, name)
+        if name in definition.inputs or name in definition.outputs:
+            for node in _calls(document, definition):
+                if name in node.ports:
+                    key = node.ports[name][0]
+                    yield Spot(key.source, key.line, key.text_column, len(name))
+
+    def spots_in_node(self, node: TreeNode, name: str) -> Iterator[Spot]:
+        """Places of a name in what is written for a node itself."""
+        below = {id(child.at) for child in node.below()}
+        for scalar in _scalars(node.at, below):
+            for number in range(scalar.line, scalar.end_line + 1):
+                for found in re.finditer(rf"\{{\s*({name})\b(?=[^{{}}]*\}})", scalar.source.excerpt(number)):
+                    inside = number != scalar.line or found.start(1) + 1 >= scalar.column
+                    if inside and (number != scalar.end_line or found.end(1) < scalar.end_column):
+                        yield Spot(scalar.source, number, found.start(1) + 1, len(name))
+        for layer in node.layers:
+            resolved = self._analysis.resolved.get((id(node), layer.key))
+            for slot, target in resolved.outputs.items() if resolved is not None else ():
+                entry = node.entry(layer, slot)
+                own = node.ports[slot][0] if layer.key == "set" and slot in node.ports else entry and entry[1]
+                written = [own] if layer.key == "set" else [e[1] for e in node.modifiers.values()]
+                for key in written:
+                    if target == name and isinstance(key, YamlScalar) and key.text == name:
+                        yield Spot(key.source, key.line, key.text_column, len(name))
+
+    # ------------------------------------------------------------------------------------------- what is known
+
+    @property
+    def _analysis(self) -> Analysis:
+        assert self.analysis is not None
+        return self.analysis
+
+    @property
+    def _document(self) -> Document:
+        return self._analysis.document
+
+    def subtrees(self) -> Mapping[str, Definition]:
+        """The file's subtrees by their names."""
+        return self.analysis.document.main.subtrees if self.analysis is not None else {}
+
+    def called(self, name: str) -> Definition | None:
+        """The subtree of a name."""
+        return self.subtrees().get(name)
+
+    def definition_around(self, place: Place) -> Definition | None:
+        """The definition in which a place stands."""
+        if self.analysis is None:
+            return None
+        if len(place.parents) >= 2 and place.parents[-1] == "subtrees":
+            return self.called(place.parents[-2])
+        return self.analysis.document.main.main
+
+    def scope(self, definition: Definition | None) -> Mapping[str, Named]:
+        """Names by what they mean in a definition."""
+        if self.analysis is None or definition is None or id(definition) not in self.analysis.scopes:
+            return {}
+        return self.analysis.scopes[id(definition)].names
+
+    def codes(self) -> list[str]:
+        """Failure codes of all skills in the file."""
+        if self.analysis is None:
+            return []
+        nodes = [n for d in self.analysis.document.definitions() if d.root is not None for n in d.root.walk()]
+        used = {node.key.text for node in nodes}
+        found = {code for name in used & self.skills.keys() for code in self.skills[name].failures}
+        return sorted({*found, "TIMEOUT", "CONDITION_FALSE", "BAD_VALUE"})
+
+
+def is_tree(text: str) -> bool:
+    """Whether a YAML file is a tree, and not a cell, a scenario or somebody else's."""
+    keys = re.findall(r"^(\w+)\s*:", text, re.MULTILINE)
+    if "root" in keys:
+        return True
+    others = "cases" in keys or any(file_kind(name).recognises(keys) for name in kind_names())
+    return "pomona" in keys and not others
+
+
+def _ports(ports: Mapping[str, Port], direction: str, owner: str) -> Iterator[Offer]:
+    for name, port in ports.items():
+        written = f'{name}: "{{{name}}}"' if direction == "output" else f"{name}: "
+        needed = ", needed" if direction == "input" and port.required else ""
+        yield Offer(name, direction, f"{direction} of {owner}{needed}: {_port_text(port)}", written)
+
+
+def _words_of(port: Port) -> Iterator[Offer]:
+    kind: object = port.type
+    if port.choices:
+        yield from (Offer(word, "value") for word in port.choices)
+    elif kind is bool:
+        yield from (Offer(word, "value") for word in ("true", "false"))
+    elif isinstance(kind, EnumType):
+        for member in list[Enum](kind):
+            yield Offer(member.value if isinstance(member.value, str) else member.name, "value")
+
+
+def _port_text(port: Port) -> str:
+    said = [type_name(port.type)]
+    if not port.required and port.default is not None:
+        said.append(f"default {default_text(port)}")
+    if port.min is not None:
+        said.append(f"at least {port.min}")
+    if port.max is not None:
+        said.append(f"at most {port.max}")
+    if port.choices:
+        said.append("one of " + ", ".join(port.choices))
+    return ", ".join(said) + (f": {port.help}" if port.help else "")
+
+
+def _skill_sheet(name: str, skill: type[Skill]) -> str:
+    lines = [f"**{name}**  ", _first_line(skill), ""]
+    for title, ports in (("in", skill.inputs), ("out", skill.outputs)):
+        lines += [f"- {title} `{port}`: {_port_text(facts)}" for port, facts in ports.items()]
+    if skill.failures:
+        lines.append(f"\nfails with {', '.join(skill.failures)}")
+    return "\n".join(lines)
+
+
+def _first_line(skill: type[Skill]) -> str:
+    return (skill.__doc__ or "").strip().split("\n")[0]
+
+
+def _about(named: Named) -> str:
+    where = f"{named.origin}, line {named.where.line}" if named.origin != "written" else f"written by {named.by}"
+    return f"{describe(named.type)} ({where})"
+
+
+def _key_of(definition: Definition) -> Located:
+    """Where a subtree's name is written; of another file its beginning."""
+    for key, value in _entries(definition.file, definition.name):
+        if value is definition.at:
+            return key
+    return definition.at
+
+
+def _entries(file: TreeFile, name: str) -> Iterator[tuple[YamlScalar, YamlNode]]:
+    subtrees = None if file.top is None else file.top.get("subtrees")
+    if isinstance(subtrees, YamlMapping) and name in subtrees.entries:
+        yield subtrees.entries[name]
+
+
+def _calls(document: Document, definition: Definition) -> Iterator[TreeNode]:
+    for one in document.definitions():
+        for node in one.root.walk() if one.root is not None else ():
+            if node.type.calls and document.called(node) is definition:
+                yield node
+
+
+def _spots_of_subtree(document: Document, name: str) -> Iterator[Spot]:
+    for key, _ in _entries(document.main, name):
+        yield Spot(key.source, key.line, key.text_column, len(name))
+    for one in document.definitions():
+        for node in one.root.walk() if one.root is not None and one.file is document.main else ():
+            if node.type.calls and node.key.text == name:
+                yield Spot(node.key.source, node.key.line, node.key.text_column, len(name))
+
+
+def _scalars(node: YamlNode, below: set[int]) -> Iterator[YamlScalar]:
+    """Scalars in a value, without those that belong to nodes below."""
+    if id(node) in below:
+        return
+    if isinstance(node, YamlScalar):
+        yield node
+    elif isinstance(node, YamlList):
+        for item in node.items:
+            yield from _scalars(item, below)
+    elif isinstance(node, YamlMapping):
+        for _, value in node.entries.values():
+            yield from _scalars(value, below)
+
+
+def _order(spot: Spot) -> tuple[str, int, int]:
+    return spot.source.path, spot.line, spot.column

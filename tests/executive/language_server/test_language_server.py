@@ -1,0 +1,273 @@
+"""What an editor is told: completion fits the place, names are found and renamed; over a real protocol, too."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import re
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+from lsprotocol import types as lsp
+from pygls.lsp.client import LanguageClient
+
+from executive.files import find_cell
+from executive.language.declared_skills import declared_skills
+from executive.language_server.service import RenameRefused, TreeService
+from executive.registry import Registry
+from executive.values.findings import Spot
+
+TREE = """\
+pomona: 1
+tree: t
+parameters:
+  fruit: {type: text, default: apple}
+root:
+  sequence:
+    - MoveTo: {pose: home}
+      retry: 3
+    - look: {kind: "{fruit}", found: "{seen}"}
+    - fallback:
+        - Refine: {detection: "{seen}", measured: "{m}"}
+        - fail: {code: X}
+          when: "failure.code == NO_DEPTH"
+    - check: "{m.dimensions[0]} > 3 cm"
+subtrees:
+  look:
+    in: {kind: text}
+    out: {found: detection}
+    root:
+      Detect: {fruit: "{kind}", detection: "{found}"}
+"""
+
+
+@pytest.fixture(scope="module")
+def skills() -> Registry:
+    return declared_skills()
+
+
+@pytest.fixture
+def service(skills: Registry, tmp_path: Path) -> TreeService:
+    found = TreeService(tmp_path / "t.yaml", skills)
+    assert [finding for finding in found.update(TREE) if finding.severity == "error"] == []
+    return found
+
+
+def cursor(text: str) -> tuple[str, int, int]:
+    """A text without its `|`, and where that stood."""
+    row = next(number for number, line in enumerate(text.split("\n")) if "|" in line)
+    column = text.split("\n")[row].index("|")
+    return text.replace("|", ""), row, column
+
+
+def offered(service: TreeService, old: str, new: str) -> list[str]:
+    """What is offered at the `|` after this replacement."""
+    text, row, column = cursor(TREE.replace(old, new, 1))
+    service.update(text)
+    return [offer.word for offer in service.complete(row, column)]
+
+
+class TestCompletion:
+    def test_beside_a_node_stand_modifiers_and_its_own_words_only(self, service):
+        words = offered(service, "      retry: 3\n", "      retry: 3\n      |\n")
+        assert {"timeout", "guard", "name", "retry_if"} <= set(words)
+        assert not {"retry", "MoveTo", "Detect", "sequence", "look", "then", "success_on"} & set(words)
+
+    def test_a_node_begins_with_a_type(self, service):
+        words = offered(service, "    - check", "    - |\n    - check")
+        assert {"Detect", "sequence", "look", "wait"} <= set(words)
+        assert not {"timeout", "name", "retry", "pose"} & set(words)
+
+    def test_ports_that_are_not_wired_yet(self, service):
+        words = offered(service, "{pose: home}", "{pose: home, |}")
+        assert "variation" in words
+        assert not {"pose", "Detect", "retry"} & set(words)
+        assert offered(service, '{kind: "{fruit}", found: "{seen}"}', '{kind: "{fruit}", |}') == ["found"]
+
+    def test_names_in_braces_and_the_fields_of_their_types(self, service):
+        words = offered(service, '"{m.dimensions[0]} > 3 cm"', '"{|"')
+        assert {"seen", "m", "fruit"} <= set(words)
+        assert "kind" not in words
+        assert "inlier_ratio" in offered(service, '"{m.dimensions[0]} > 3 cm"', '"{m.|}"')
+        inside = offered(service, 'fruit: "{kind}"', 'fruit: "{|"')
+        assert {"kind", "found", "fruit"} <= set(inside)
+        assert "seen" not in inside
+
+    def test_codes_after_failure_code(self, service):
+        assert "NO_DEPTH" in offered(service, "== NO_DEPTH", "== |")
+
+    def test_values_choices_types_and_top_words(self, service):
+        assert "true" in offered(service, "      retry: 3\n", "      run_once: |\n")
+        assert "nearest" in offered(service, 'fruit: "{kind}",', 'target: |, fruit: "{kind}",')
+        assert "length" in offered(service, "{type: text, default", "{type: |, default")
+        assert offered(service, "parameters:\n", "|\nparameters:\n") == ["description", "constants", "in", "out"]
+
+    def test_poses_and_fruit_of_the_cell(self, tmp_path):
+        found = TreeService(tmp_path / "t.yaml", Registry.installed())
+        found.use_cell(find_cell("sim"))
+        found.update(TREE)
+        assert {"home", "observe"} <= set(offered(found, "{pose: home}", "{pose: |}"))
+        assert "apple" in offered(found, 'fruit: "{kind}"', "fruit: |")
+        told = found.update(TREE.replace("pose: home", "pose: hoem"))
+        assert ["the cell 'sim' has no pose 'hoem'" in finding.message for finding in told].count(True) == 1
+
+
+class TestHover:
+    @pytest.mark.parametrize(
+        ("at", "said"),
+        [("Mo|veTo", "Move to a named pose"), ("po|se: home", "MoveTo.pose"), ("ret|ry: 3", "so many tries"),
+         ("{se|en}", "a detection"), ("m.dimen|sions", "an array"), ("lo|ok: {kind", "a subtree")],
+    )  # fmt: skip
+    def test_what_stands_there(self, service, at, said):
+        _, row, column = cursor(TREE.replace(at.replace("|", ""), at, 1))
+        assert said in service.hover(row, column)
+
+
+class TestNames:
+    def at(self, service: TreeService, at: str) -> tuple[int, int]:
+        _, row, column = cursor(TREE.replace(at.replace("|", ""), at, 1))
+        return row, column
+
+    @pytest.mark.parametrize(
+        ("at", "line"), [('detection: "{se|en}"', 9), ('"{fru|it}"', 4), ("lo|ok: {kind", 16), ('"{ki|nd}"', 17)]
+    )
+    def test_go_to_where_it_is_given(self, service, at, line):
+        assert service.definition_of(*self.at(service, at)).line == line
+
+    @pytest.mark.parametrize(
+        ("at", "new", "changed"),
+        [
+            ("{se|en}", "sight", TREE.replace("{seen}", "{sight}")),
+            ("{fru|it}", "kinds", TREE.replace("fruit: {type", "kinds: {type").replace('"{fruit}"', '"{kinds}"')),
+            (
+                "{ki|nd}",
+                "sort",
+                TREE.replace('{kind: "{fruit}"', '{sort: "{fruit}"')
+                .replace("in: {kind", "in: {sort")
+                .replace('"{kind}"', '"{sort}"'),
+            ),
+            ("lo|ok: {kind", "search", TREE.replace("look:", "search:")),
+        ],
+    )
+    def test_rename(self, service, at, new, changed):
+        assert applied(TREE, service.rename(*self.at(service, at), new), new) == changed
+
+    @pytest.mark.parametrize(
+        ("at", "new"), [("{se|en}", "m"), ("{se|en}", "Not a name"), ("{se|en}", "failure"), ("Mo|veTo", "x")]
+    )
+    def test_names_that_cannot_be(self, service, at, new):
+        with pytest.raises(RenameRefused):
+            service.rename(*self.at(service, at), new)
+
+
+def applied(text: str, spots: list[Spot], new: str) -> str:
+    lines = text.split("\n")
+    for spot in sorted(spots, key=lambda spot: (spot.line, spot.column), reverse=True):
+        line = lines[spot.line - 1]
+        lines[spot.line - 1] = line[: spot.column - 1] + new + line[spot.column - 1 + spot.length :]
+    return "\n".join(lines)
+
+
+def test_whatever_is_typed_is_answered(service):
+    for end in range(0, len(TREE), 7):
+        text = TREE[:end]
+        service.update(text)
+        row, column = text.count("\n"), len(text.rpartition("\n")[2])
+        service.complete(row, column)
+        service.hover(row, column)
+        service.definition_of(row, column)
+
+
+def test_a_thousand_nodes_are_answered_at_once(skills, tmp_path):
+    node = '    - Detect: {fruit: apple, detection: "{seen}"}\n      retry: 2\n'
+    text = "pomona: 1\ntree: t\nroot:\n  sequence:\n" + node * 999 + '    - check: "{seen.score} > 0.5"\n'
+    found = TreeService(tmp_path / "t.yaml", skills)
+    found.update(text)
+    lines = text.split("\n")
+    began = time.process_time()
+    for _ in range(5):
+        found.complete(len(lines) - 2, lines[-2].index("seen.") + 5)
+        found.hover(len(lines) - 2, lines[-2].index("seen"))
+    assert (time.process_time() - began) / 10 < 0.1
+
+
+class Editor(LanguageClient):
+    """A client that keeps what it is told."""
+
+    def __init__(self) -> None:
+        super().__init__("test", "1")
+        self.told: dict[str, Any] = {}
+        self.changed = asyncio.Event()
+
+        @self.feature(lsp.TEXT_DOCUMENT_PUBLISH_DIAGNOSTICS)
+        def _(params: lsp.PublishDiagnosticsParams) -> None:
+            self.told[params.uri] = params.diagnostics
+            self.changed.set()
+
+    async def findings(self, uri: str) -> list[Any]:
+        await asyncio.wait_for(self.changed.wait(), 20.0)
+        self.changed.clear()
+        found: list[Any] = self.told[uri]
+        return found
+
+
+def test_a_real_editor_speaks_with_the_command(tmp_path):
+    path = tmp_path / "t.yaml"
+    uri = path.as_uri()
+
+    async def session() -> None:
+        editor = Editor()
+        await editor.start_io(sys.executable, "-c", "from executive.cli import main; main(['lsp'])")
+        await editor.initialize_async(lsp.InitializeParams(capabilities=lsp.ClientCapabilities(), process_id=None))
+        broken = TREE.replace("MoveTo", "MoveTwo")
+        editor.text_document_did_open(
+            lsp.DidOpenTextDocumentParams(lsp.TextDocumentItem(uri, "pomona", 1, broken)),
+        )
+        (wrong,) = await editor.findings(uri)
+        assert (wrong.code, wrong.range.start.line, wrong.range.start.character) == ("unknown-skill", 6, 6)
+        assert "did you mean 'MoveTo'?" in wrong.message
+        whole = lsp.TextDocumentContentChangeWholeDocument(TREE)
+        editor.text_document_did_change(
+            lsp.DidChangeTextDocumentParams(lsp.VersionedTextDocumentIdentifier(2, uri), [whole])
+        )
+        assert list(await editor.findings(uri)) == []
+        document = lsp.TextDocumentIdentifier(uri)
+        at = lsp.Position(7, 6)
+        items = await editor.text_document_completion_async(lsp.CompletionParams(document, at))
+        assert {"timeout", "name"} <= {item.label for item in items}
+        edit = await editor.text_document_rename_async(
+            lsp.RenameParams(document, lsp.Position(10, TREE.split("\n")[10].index("seen")), "sight")
+        )
+        assert len(edit.changes[uri]) == 2
+        hover = await editor.text_document_hover_async(lsp.HoverParams(document, lsp.Position(6, 8)))
+        assert "Move to a named pose" in hover.contents.value
+        await editor.shutdown_async(None)
+        editor.exit(None)
+        await editor.stop()
+
+    asyncio.run(session())
+
+
+@pytest.mark.parametrize(
+    ("text", "tree"),
+    [("pomona: 1\ntree: t\n", True), ("pomona: 1\ntree: t.yaml\ncases: []\n", False), ("services: {}\n", False),
+     ((Path(__file__).parents[3] / "trees" / "cells" / "sim.yaml").read_text(), False)],
+)  # fmt: skip
+def test_only_trees_are_looked_at(service, text, tree):
+    assert bool(service.update(text + "nonsense: 1\n")) is tree
+
+
+def test_the_extension_starts_what_there_is():
+    folder = Path(__file__).parents[3] / "scripts" / "vscode"
+    told = json.loads((folder / "package.json").read_text())
+    source = (folder / told["main"]).read_text()
+    assert 'args: ["lsp"]' in source
+    settings = {name.removeprefix("pomona.") for name in told["contributes"]["configuration"]["properties"]}
+    assert settings == set(re.findall(r'settings\.get\("(\w+)"', source))
+    node = shutil.which("node")
+    assert node is None or subprocess.run([node, "--check", folder / told["main"]], check=False).returncode == 0
