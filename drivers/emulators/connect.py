@@ -47,7 +47,7 @@ from drivers.wire import Address, Link, tcp_opener
 from executive.clock import Clock, SystemClock
 from executive.values.kinds import MappingOf, Measure, Number, PathTo, Text
 from executive.values.sections import Problem, Section, value
-from executive.values.units import RATE
+from executive.values.units import RATE, TIME
 
 START = 120.0
 """The world must be ready within this time [s]."""
@@ -139,6 +139,7 @@ class EmulatedCameraFile:
     address: tuple[str, int] = value(Address(41001), help="HOST:PORT")
     robot: Path = value(PathTo("file"), help="MJCF with the site `camera`")
     rate: float = value(Measure(RATE, "0.5 Hz", "60 Hz"), "5 Hz", "frames per second")
+    silence: float = value(Measure(TIME, "50 ms", "10 s"), "1 s", "no frame for so long: the camera is lost")
     depth_noise: DepthNoiseSection | None = value(
         Section(DepthNoiseSection), None, "how much depth errs; without it a D435's nominal noise"
     )
@@ -261,7 +262,7 @@ def connect_camera(settings: Settings[EmulatedCameraFile], context: ConnectConte
         lambda: WireSource(open_link(), said.rate, context.clock),
         mount,
         context.clock,
-        silence=2.0,
+        silence=said.silence,
         label="emulated",
         depth_noise=noise,
     )

@@ -205,6 +205,8 @@ class MotomanArm(Device):
             session.listen(0.001 if self._stream is not None else 0.004)
         except Nonsense as error:
             self._doubt(error)
+        if not session.awaiting:
+            session.reply()  # a motion connection that breaks while nothing moves is lost now, not with the next motion
         if self._stream is None or not self._doubted:  # else the motion's connection still brakes the arm
             self._watch_silence(session)
         if self._enabling:

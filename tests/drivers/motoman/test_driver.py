@@ -29,7 +29,7 @@ class Connection:
     """One TCP connection, in memory."""
 
     def __init__(self, cell: Cell, port: Any) -> None:
-        self.cell, self.port, self.closed = cell, port, False
+        self.cell, self.port, self.closed, self.broken = cell, port, False, False
         self.arrived = bytearray()
         self.peer = Peer(self)
         port.connected(self.peer)
@@ -40,6 +40,8 @@ class Connection:
         self.port.received(self.peer, chunk)
 
     def receive(self, timeout: float) -> bytes:
+        if self.broken:
+            raise ConnectionResetError("the connection is broken")
         self.cell.let_pass(timeout, lambda: bool(self.arrived))
         chunk = bytes(self.arrived)
         self.arrived.clear()
@@ -388,6 +390,18 @@ def test_a_pulled_cable_is_seen_within_100_ms() -> None:
     for call in (arm.state, arm.check, arm.acknowledge):
         with pytest.raises(DeviceLost):
             call()
+
+
+def test_a_motion_connection_that_breaks_while_nothing_moves_is_seen_at_once() -> None:
+    cell = Cell()
+    arm = connected(cell)
+    serve(arm, cell, 0.1)
+    motion = cell.opened[1]
+    assert motion.port is cell.controller.motion
+    motion.broken = True
+    serve(arm, cell, 0.02)
+    with pytest.raises(DeviceLost, match="broken"):
+        arm.check()
 
 
 def test_a_reconnection_repeats_the_handshake_and_does_not_go_on_to_the_old_target() -> None:
