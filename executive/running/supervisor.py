@@ -12,6 +12,7 @@ import os
 import select
 import subprocess
 import sys
+import threading
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,7 @@ from typing import Any
 from executive.errors import UsageError
 from executive.running.cell import Cell
 from executive.running.runner import Runner
+from executive.running.supervise import PRIORITY
 
 READY = 60.0
 """Seconds that the process may take to be ready."""
@@ -111,7 +113,9 @@ class Supervision:
         self._supervisor: Supervisor | None = None
 
     def begin(self, runner: Runner, record: Path | None) -> None:
-        """Before anything moves. That nobody watches any more ends the run in the safe state.
+        """Before anything moves; in the thread of the tick, which asks for priority.
+
+        That nobody watches any more ends the run in the safe state.
 
         Raises:
             NoSupervisorError: as `Supervisor`.
@@ -120,6 +124,8 @@ class Supervision:
         if stops and not self._cell.clock.simulated:
             self._supervisor = Supervisor(stops, self._cell.heartbeat_deadline, record)
             runner.look_after("supervisor", self._supervisor.state, required=True)
+            with contextlib.suppress(OSError):  # not everybody may: then a very busy computer is nearer to the deadline
+                os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), PRIORITY)
 
     def beat(self) -> None:
         """See `Supervisor.beat`."""

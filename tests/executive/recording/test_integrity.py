@@ -117,7 +117,7 @@ def test_a_byte_that_turned_a_failure_into_a_success_is_believed_by_no_command(
     for command in (
         ["runs", "show", "odd"], ["runs", "show", "odd", "--json"], ["explain", "odd"], ["replay", "odd"],
         ["rerun", "odd"], ["runs", "compare", "good", "odd"], ["runs", "export", "odd", "odd.mcap"],
-        ["runs", "export", "odd", "odd.jsonl"], ["runs", "frames", "odd"],
+        ["runs", "export", "odd", "odd.jsonl"], ["runs", "export", "odd", "odd.zip"], ["runs", "frames", "odd"],
     ):  # fmt: skip
         capsys.readouterr()
         assert main(command) == 2, command
@@ -125,6 +125,7 @@ def test_a_byte_that_turned_a_failure_into_a_success_is_believed_by_no_command(
         assert "damaged" in captured.err
         assert "does not match its checksum" in captured.err
         assert captured.out == ""
+    assert not list(Path().glob("odd.*"))
     assert main(["runs", "list"]) == 0
     listed = capsys.readouterr().out
     assert "1 damaged" in listed
