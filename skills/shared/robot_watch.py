@@ -34,11 +34,14 @@ class RobotWatch:
             for number, part in enumerate(self._robot.bodies)
         ]
         self._shown: Float64 | None = None
+        # Made, and compiled, before the run: its first tick must not wait for it.
+        self._shape = self._bodies()
+        self._poses(np.zeros(len(self._arm.limits.lower)), 0.0)
 
     def look(self) -> Iterator[tuple[str, object]]:
         """The shape at the first look; poses whenever something has moved."""
         if self._shown is None:
-            yield TOPIC, self._bodies()
+            yield TOPIC, self._shape
         now = np.append(self._arm.state().q, self._gripper.state().width)
         if self._shown is not None and np.abs(now - self._shown).max() < STILL:
             return

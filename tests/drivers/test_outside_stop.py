@@ -22,7 +22,7 @@ ROBOT = Path(__file__).parents[2] / "trees" / "robots" / "sia5f_wsg32.xml"
 CELL = """
 name: bench
 kind: emulated
-heartbeat: 2 s
+heartbeat: 4 s
 devices:
   arm: {{driver: motoman, address: "127.0.0.1:{arm}", controller: fs100, robot: {robot}, silence: 1 s, lead: 600 ms,
         supervision: {{status: 2 s, stall: 5 s, lag: 1 s, following_error: 0.5 rad}}}}
