@@ -36,7 +36,7 @@ class RobotWatch:
         self._shown: Float64 | None = None
         # Made, and compiled, before the run: its first tick must not wait for it.
         self._shape = self._bodies()
-        self._poses(np.zeros(len(self._arm.limits.lower)), 0.0)
+        self._poses(np.zeros(self._robot.dof), 0.0)
 
     def look(self) -> Iterator[tuple[str, object]]:
         """The shape at the first look; poses whenever something has moved."""
