@@ -25,12 +25,13 @@ from rich.console import Console
 from rich.progress import Progress
 
 from skills.perception.detection.box_evaluation import match_boxes
-from skills.perception.detection.compact_detector import CompactDetector, DetectorOptions
+from skills.perception.detection.compact_detector import CompactDetector
 from skills.perception.detection.dope_decode import decode_maps
 from skills.perception.detection.dope_network import DopeNetwork, dope_input
 from skills.perception.detection.errors import BadPhotographs
 from skills.perception.detection.evaluation import evaluate, table
 from skills.perception.detection.instances import Instance, find_instances
+from skills.perception.detection.options import DetectorOptions
 from skills.perception.fruit import FruitModel, load_fruit
 from skills.perception.synthetic.dataset import render_dataset
 from skills.perception.synthetic.options import WITHOUT_TREES, SceneOptions

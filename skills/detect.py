@@ -11,10 +11,9 @@ from numpy.typing import NDArray
 from drivers.interfaces import Frame
 from executive.ports import TIME, Outputs, Port, Ratio, Time
 from executive.skill import SkillFailure, Work
-from skills.perception.detection.compact_detector import DetectorOptions
 from skills.perception.detection.detection import Detection
-from skills.perception.detection.dope_detector import DopeFiles
 from skills.perception.detection.instances import POLICIES, Instance, rank
+from skills.perception.detection.options import DetectorOptions, DopeFiles
 from skills.shared.looking import LOOKING_FAILURES, LookingSkill, picture
 
 Float64 = NDArray[np.float64]

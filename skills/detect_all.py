@@ -7,8 +7,8 @@ from typing import Annotated
 
 from executive.ports import TIME, Outputs, Port, Ratio, Time
 from executive.skill import Work
-from skills.perception.detection.compact_detector import DetectorOptions
 from skills.perception.detection.detection import Detection
+from skills.perception.detection.options import DetectorOptions
 from skills.shared.looking import LOOKING_FAILURES, LookingSkill, picture
 
 

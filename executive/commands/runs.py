@@ -13,11 +13,9 @@ from executive.recording import prune as pruning
 from executive.recording.copy import is_whole
 from executive.recording.digest import Digest, trusted
 from executive.recording.export import FORMATS, export
-from executive.recording.extract import extract
 from executive.recording.index import RunIndex, records_in
 from executive.recording.read import find_record, read_events
 from executive.recording.recorder import EVENTS_FILE, is_being_written
-from executive.recording.repair import repair
 from executive.terminal.explain import explain_parting
 from executive.terminal.filtered import write_json
 from executive.terminal.run_list import how, print_comparison, print_list, size, wide_console
@@ -166,6 +164,8 @@ def _export(options: argparse.Namespace) -> int:
 
 
 def _frames(options: argparse.Namespace) -> int:
+    from executive.recording.extract import extract
+
     record = find_record(options.run, options.record)
     folder = options.folder or Path(f"{_name(record)}_frames")
     written = extract(record, folder)
@@ -213,6 +213,8 @@ def _agreed(question: str) -> bool:
 
 
 def _repair(options: argparse.Namespace) -> int:
+    from executive.recording.repair import repair  # it draws, and to load what draws takes a second
+
     console = Screen()
     if options.runs:
         records: Iterable[Path] = [find_record(name, options.record) for name in options.runs]

@@ -9,7 +9,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 
 from executive.errors import UsageError
@@ -98,6 +97,8 @@ def decode_image(text: str) -> np.ndarray[Any, Any]:
     width, height = size_of_image(coded)
     if not 0 < width * height <= MOST_PIXELS:
         raise ValueError(f"an image of {width} × {height} pixels is not read")
+    import cv2  # who lists records reads no images
+
     try:
         image = cv2.imdecode(np.frombuffer(coded, np.uint8), cv2.IMREAD_UNCHANGED)
     except cv2.error as error:

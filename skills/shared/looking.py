@@ -6,7 +6,7 @@ from collections.abc import Generator, Iterator, Mapping
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,15 +16,18 @@ from executive.skill import CellFacts, Skill
 from executive.values.sections import Problem
 from executive.views import ImageView, Line2, Pinhole
 from skills.motion.robot.model import RobotModel
-from skills.perception.detection.compact_detector import CompactDetector, DetectorOptions
-from skills.perception.detection.dope_detector import DopeDetector, DopeFiles
 from skills.perception.detection.errors import BadFrame, BadPoseConfig, BadWeights
 from skills.perception.detection.instances import Instance, find_instances
+from skills.perception.detection.options import DetectorOptions, DopeFiles
 from skills.perception.fruit import FruitModel, load_fruit
 from skills.perception.fruit.catalogue import SHIPPED_WEIGHTS, damage, known_fruits
 from skills.perception.fruit.errors import FruitError
 
 Float64 = NDArray[np.float64]
+
+if TYPE_CHECKING:  # the networks are loaded where they are used: importing torch takes seconds
+    from skills.perception.detection.compact_detector import CompactDetector
+    from skills.perception.detection.dope_detector import DopeDetector
 
 _EDGES = np.array([0, 1, 2, 3, 0, 4, 5, 1, 5, 6, 2, 6, 7, 3, 7, 4])
 
@@ -129,6 +132,8 @@ class LookingSkill(Skill):
 
 @lru_cache(maxsize=4)
 def _detector(weights: Path, options: DetectorOptions) -> CompactDetector:
+    from skills.perception.detection.compact_detector import CompactDetector
+
     detector = CompactDetector.load(weights, options)
     detector.warm_up()
     return detector
@@ -136,6 +141,8 @@ def _detector(weights: Path, options: DetectorOptions) -> CompactDetector:
 
 @lru_cache(maxsize=1)
 def _dope_detector(files: DopeFiles, fruit: str, dimensions: tuple[float, float, float]) -> DopeDetector:
+    from skills.perception.detection.dope_detector import DopeDetector
+
     return DopeDetector.load(files, fruit, dimensions)
 
 

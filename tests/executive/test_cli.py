@@ -110,7 +110,14 @@ def test_skills_are_listed_with_ports_units_and_codes(capsys: pytest.CaptureFixt
 
 def test_only_the_command_that_is_asked_for_is_loaded() -> None:
     script = "import sys; from executive.cli import main; main(['runs', 'list', '--record', 'nowhere'])"
-    heavy = "; print([name for name in ('torch', 'numba', 'mujoco') if name in sys.modules])"
+    heavy = "; print([name for name in ('torch', 'numba', 'mujoco', 'matplotlib', 'cv2') if name in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", script + heavy], capture_output=True, text=True, timeout=60)
+    assert done.stdout.splitlines()[-1] == "[]", done.stderr
+
+
+def test_what_skills_declare_is_asked_without_loading_their_networks() -> None:
+    script = "import sys; from executive.registry import Registry; assert len(Registry.installed()) > 10"
+    heavy = "; print([name for name in ('torch', 'trimesh', 'matplotlib') if name in sys.modules])"
     done = subprocess.run([sys.executable, "-c", script + heavy], capture_output=True, text=True, timeout=60)
     assert done.stdout.splitlines()[-1] == "[]", done.stderr
 

@@ -13,11 +13,10 @@ from executive.clock import ManualClock
 from executive.skill_testing import Outcome, drive
 from skills.detect import Detect
 from skills.geometry import rotation_about, transform
-from skills.perception.detection.compact_detector import DetectorOptions
 from skills.perception.detection.cuboid import cuboid_keypoints
-from skills.perception.detection.dope_detector import DopeFiles
 from skills.perception.detection.errors import BadFrame
 from skills.perception.detection.instances import Instance, rank
+from skills.perception.detection.options import DetectorOptions, DopeFiles
 from skills.perception.fruit import FruitModel, load_fruit
 from skills.shared import looking
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from skills.perception.detection.compact_network import AXIS, CENTRE, CLOSE_LOOK_SIZE, SIZE
+from skills.perception.detection.outputs import AXIS, CENTRE, CLOSE_LOOK_SIZE, SIZE
 from skills.perception.detection.symmetry import STEM_AXIS, minimal_rotation
 
 F64 = NDArray[np.float64]

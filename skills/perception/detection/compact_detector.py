@@ -6,7 +6,7 @@ import copy
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,30 +16,18 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from skills.perception.detection.close_look import REFERENCE_LENGTH, SIZE_OF_BOX, look_at
-from skills.perception.detection.compact_network import (
-    ALL_OUTPUTS,
-    AXIS,
-    BOX,
-    CENTRE,
-    CLOSE_LOOK_SIZE,
-    KIND,
-    SEEN,
-    SPREAD,
-    CloseLookNetwork,
-    FinderNetwork,
-    to_input,
-)
+from skills.perception.detection.close_look import REFERENCE_LENGTH, look_at
+from skills.perception.detection.compact_network import CloseLookNetwork, FinderNetwork, to_input
+from skills.perception.detection.found_fruit import FoundFruit, inside
 from skills.perception.detection.frame_check import check_picture
+from skills.perception.detection.options import DetectorOptions
+from skills.perception.detection.outputs import ALL_OUTPUTS, AXIS, BOX, CENTRE, CLOSE_LOOK_SIZE, KIND, SEEN, SPREAD
 from skills.perception.detection.peaks import Peak, decode_offsets
 from skills.perception.detection.processor import has_bfloat16
 from skills.perception.detection.weights import load_compact
 
 U8 = NDArray[np.uint8]
 F64 = NDArray[np.float64]
-
-WORKING_WIDTH = 320
-"""Width to which pictures are shrunk for the finder [px]."""
 
 MIRROR = np.ones(ALL_OUTPUTS)
 MIRROR[[CENTRE.start, AXIS.start, BOX.start]] = -1.0
@@ -53,60 +41,6 @@ MULTIPLE = 16
 
 BATCH = 16
 """Looks that go through the network at once: more no longer fit into the processor's cache, and each takes longer."""
-
-
-@dataclass(frozen=True, slots=True)
-class DetectorOptions:
-    """How the compact detector looks.
-
-    Attributes:
-        finder_threshold: least belief for which a place gets a second look.
-        looks: how often each fruit is looked at closely; every further look is centred by the one before.
-        mirrored: the last look is taken in a mirror too, and the mean of both answers is used.
-        most_fruit: places that get a second look, strongest first.
-        apart: two fruit are at least this part of the larger one's keypoint size apart.
-        working_width: width to which pictures are shrunk for the finder [px].
-    """
-
-    finder_threshold: float = 0.25
-    looks: int = 2
-    mirrored: bool = True
-    most_fruit: int = 16
-    apart: float = 0.35
-    working_width: int = WORKING_WIDTH
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class FoundFruit:
-    """One fruit in a picture.
-
-    Attributes:
-        p_camera: centre of a CAD-sized fruit that looks like this one, in the camera frame, (3,) [m].
-        stem: stem axis in the camera frame, unit vector (3,).
-        centre: where the picture shows the centre [px].
-        size: what `REFERENCE_LENGTH` of a CAD-sized fruit measures in the picture [px].
-        spreads: mean errors of centre [px], of the logarithm of size, and of the axis [rad], as the network expects
-            them, (3,).
-        score: belief that this is fruit, 0..1: geometric mean of the finder's and the close look's, and over looks.
-        visibility: part of its silhouette that is seen, 0..1, as the network estimates it.
-        box: around what is seen of it, x, y, w, h (4,) [px], inside the picture; None with weights that know no boxes.
-    """
-
-    p_camera: F64
-    stem: F64
-    centre: F64
-    size: float
-    spreads: F64
-    score: float
-    visibility: float
-    box: F64 | None = None
-
-    def outline(self, width: int, height: int) -> F64:
-        """The box, or that of a whole fruit of its size where there is none: x, y, w, h (4,) [px], in the picture."""
-        if self.box is not None:
-            return self.box
-        side = self.size / SIZE_OF_BOX
-        return _inside(np.array([*(self.centre + 0.5 - 0.5 * side), side, side]), width, height)
 
 
 class CompactDetector:
@@ -242,17 +176,10 @@ class CompactDetector:
             half = 0.5 * CLOSE_LOOK_SIZE * K[0, 0] / look.focal
             spreads = np.exp(np.clip(row[SPREAD], -6.0, 2.0)) * (half, 1.0, 1.0)
             fruit, seen = 1.0 / (1.0 + np.exp(-row[[KIND, SEEN]]))
-            box = _inside(look.place_box(row[BOX]), width, height) if len(row) == ALL_OUTPUTS else None
+            box = inside(look.place_box(row[BOX]), width, height) if len(row) == ALL_OUTPUTS else None
             score = float(np.sqrt(belief * fruit))
             found.append(FoundFruit(p_camera, stem, centre, size, spreads, score, float(seen), box))
         return found
-
-
-def _inside(box: F64, width: int, height: int) -> F64:
-    """The part of a box that lies in the picture."""
-    limits = np.array([width, height], np.float64)
-    low, high = np.clip(box[:2], 0.0, limits), np.clip(box[:2] + box[2:], 0.0, limits)
-    return np.concatenate([low, high - low])
 
 
 @contextmanager

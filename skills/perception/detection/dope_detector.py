@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +12,7 @@ from skills.perception.detection.dope_decode import decode_maps
 from skills.perception.detection.dope_network import DopeNetwork, dope_input
 from skills.perception.detection.errors import BadPoseConfig, PoseUnsolved
 from skills.perception.detection.instances import Instance
+from skills.perception.detection.options import DopeFiles
 from skills.perception.detection.pose import solve_pose
 from skills.perception.detection.pose_config import ObjectEntry, PoseConfig, load_pose_config
 from skills.perception.detection.rigid_pose import cuboid_in_picture
@@ -22,19 +22,6 @@ F64 = NDArray[np.float64]
 
 SAME_SIZE = 0.05
 """A configured cuboid whose sides differ more than this part from the fruit's mesh belongs to something else."""
-
-
-@dataclass(frozen=True, slots=True)
-class DopeFiles:
-    """A published network and what it was configured with.
-
-    Attributes:
-        weights: checkpoint of the full network.
-        config: config_pose.yaml.
-    """
-
-    weights: Path
-    config: Path
 
 
 class DopeDetector:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skills.perception.detection.close_look import keypoint_size
-from skills.perception.detection.compact_detector import CompactDetector
+from skills.perception.detection.found_fruit import Finder
 from skills.perception.detection.rigid_pose import cuboid_in_picture, pose_covariance, pose_of
 from skills.perception.fruit import FruitModel
 
@@ -46,7 +46,7 @@ class Instance:
         return keypoint_size(self.keypoints)
 
 
-def find_instances(detector: CompactDetector, colour: NDArray[np.uint8], K: F64, fruit: FruitModel) -> list[Instance]:
+def find_instances(detector: Finder, colour: NDArray[np.uint8], K: F64, fruit: FruitModel) -> list[Instance]:
     """Detect all fruit in a picture with their poses, by falling score.
 
     Args:

@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from skills.perception.detection.compact_network import FINDER_STRIDE, OFFSET_UNIT
 from skills.perception.detection.errors import BadMaps
+from skills.perception.detection.outputs import FINDER_STRIDE, OFFSET_UNIT
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]

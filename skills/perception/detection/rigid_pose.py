@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from skills.perception.detection.compact_detector import FoundFruit
 from skills.perception.detection.cuboid import cuboid_keypoints
+from skills.perception.detection.found_fruit import FoundFruit
 from skills.perception.detection.symmetry import label_rotation
 
 F64 = NDArray[np.float64]

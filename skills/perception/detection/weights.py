@@ -8,9 +8,10 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from skills.perception.detection.compact_network import ALL_OUTPUTS, LEAST_OUTPUTS, CloseLookNetwork, FinderNetwork
+from skills.perception.detection.compact_network import CloseLookNetwork, FinderNetwork
 from skills.perception.detection.dope_network import DopeNetwork
 from skills.perception.detection.errors import BadWeights
+from skills.perception.detection.outputs import ALL_OUTPUTS, LEAST_OUTPUTS
 
 FORMAT = "pomona compact detector 2"
 

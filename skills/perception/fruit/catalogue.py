@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-import trimesh
 from numpy.typing import NDArray
 
 from executive.values.documents import read_value_file
@@ -99,6 +98,8 @@ class FruitSection:
                 yield from self._misfits(mesh)
 
     def _misfits(self, mesh: Mesh) -> Iterator[Problem]:
+        import trimesh
+
         extents = np.ptp(mesh.vertices, axis=0)
         if np.any(np.abs(extents - self.dimensions) > _AGREES):
             measured = " ".join(f"{1e3 * size:.2f}" for size in extents)
@@ -202,6 +203,8 @@ def _read_mesh(path: Path) -> Mesh:
 @lru_cache(maxsize=8)
 def _load_mesh(path: Path, _changed: int) -> Mesh:
     try:
+        import trimesh  # half a second to import: for who reads a mesh, not for who asks for names
+
         loaded = trimesh.load_mesh(path, process=False)
         vertices, faces = np.asarray(loaded.vertices, np.float64), np.asarray(loaded.faces, np.int32)
     except Exception as error:  # trimesh raises whatever the format's reader meets

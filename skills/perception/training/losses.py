@@ -9,17 +9,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from skills.perception.detection.close_look import SIZE_OF_BOX
-from skills.perception.detection.compact_network import (
-    AXIS,
-    BOX,
-    CENTRE,
-    FINDER_STRIDE,
-    KIND,
-    OFFSET_UNIT,
-    SEEN,
-    SIZE,
-    SPREAD,
-)
+from skills.perception.detection.outputs import AXIS, BOX, CENTRE, FINDER_STRIDE, KIND, OFFSET_UNIT, SEEN, SIZE, SPREAD
 
 PEAK_WEIGHT = 20.0
 """How much more a cell on a peak counts than an empty one: plain squared error collapses to zero on small budgets."""

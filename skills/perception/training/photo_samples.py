@@ -12,7 +12,7 @@ from torch import Tensor
 from torch.utils.data import Dataset
 
 from skills.perception.detection.close_look import SIZE_OF_BOX, look_at
-from skills.perception.detection.compact_network import FINDER_STRIDE
+from skills.perception.detection.outputs import FINDER_STRIDE
 from skills.perception.training.augmentation import change_look, cover
 from skills.perception.training.losses import AS_LARGE, FRUIT_IN_INPUT
 from skills.perception.training.photographs import Labels, Photograph, fruit_scale, most_visible

@@ -15,10 +15,10 @@ from torch.utils.data import Dataset
 
 from skills.perception.detection.annotations import AnnotatedObject, Annotation, read_annotation
 from skills.perception.detection.close_look import REFERENCE_LENGTH, VirtualCamera, keypoint_size, look_at
-from skills.perception.detection.compact_network import CLOSE_LOOK_SIZE, FINDER_STRIDE
 from skills.perception.detection.cuboid import MIRRORED
 from skills.perception.detection.dope_network import IMAGENET_MEAN, IMAGENET_STD, STRIDE
 from skills.perception.detection.errors import BadAnnotation, BadTraining
+from skills.perception.detection.outputs import CLOSE_LOOK_SIZE, FINDER_STRIDE
 from skills.perception.training.augmentation import change_look, cover
 from skills.perception.training.targets import dope_targets, finder_targets
 

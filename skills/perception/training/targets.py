@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skills.perception.detection.close_look import keypoint_size
-from skills.perception.detection.compact_network import OFFSET_UNIT
+from skills.perception.detection.outputs import OFFSET_UNIT
 
 F32 = NDArray[np.float32]
 

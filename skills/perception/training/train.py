@@ -15,17 +15,10 @@ import torch
 from torch import Tensor, nn
 from torch.utils.data import Dataset
 
-from skills.perception.detection.compact_network import (
-    AXIS,
-    CENTRE,
-    KIND,
-    SIZE,
-    CloseLookNetwork,
-    FinderNetwork,
-    to_input,
-)
+from skills.perception.detection.compact_network import CloseLookNetwork, FinderNetwork, to_input
 from skills.perception.detection.dope_network import DopeNetwork
 from skills.perception.detection.errors import BadTraining
+from skills.perception.detection.outputs import AXIS, CENTRE, KIND, SIZE
 from skills.perception.training.all_reduce import CONTEXT, GradientAllReduce
 from skills.perception.training.loop import Loss, Progress, Schedule, train_network
 from skills.perception.training.losses import close_look_loss, dope_loss, finder_loss

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from skills.perception.detection.close_look import OUTLINE_RADIUS, REFERENCE_LENGTH, look_at
-from skills.perception.detection.compact_network import CENTRE, CLOSE_LOOK_SIZE, SIZE
+from skills.perception.detection.outputs import CENTRE, CLOSE_LOOK_SIZE, SIZE
 from skills.perception.detection.symmetry import STEM_AXIS, label_rotation
 
 K = np.array([[610.6, 0.0, 317.7], [0.0, 598.0, 238.1], [0.0, 0.0, 1.0]])

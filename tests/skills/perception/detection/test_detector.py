@@ -5,11 +5,12 @@ import pytest
 import torch
 
 from skills.perception.detection.annotations import AnnotatedObject, Annotation
-from skills.perception.detection.compact_detector import CompactDetector, DetectorOptions
+from skills.perception.detection.compact_detector import CompactDetector
 from skills.perception.detection.compact_network import CloseLookNetwork, FinderNetwork
 from skills.perception.detection.errors import BadFrame
 from skills.perception.detection.evaluation import Evaluation, evaluate, table
 from skills.perception.detection.instances import find_instances
+from skills.perception.detection.options import DetectorOptions
 from skills.perception.detection.pose_calibration import coverage
 from skills.perception.fruit import FruitModel, load_fruit
 from skills.perception.synthetic.dataset import annotate

@@ -9,9 +9,10 @@ import torch
 from skills.geometry import rotation_about, transform
 from skills.perception.detection.cuboid import cuboid_keypoints
 from skills.perception.detection.dope_decode import OFFSET_DUE_TO_UPSAMPLING
-from skills.perception.detection.dope_detector import DopeDetector, DopeFiles
+from skills.perception.detection.dope_detector import DopeDetector
 from skills.perception.detection.dope_network import STRIDE, DopeNetwork
 from skills.perception.detection.errors import BadPoseConfig, BadWeights
+from skills.perception.detection.options import DopeFiles
 from skills.perception.detection.pose_config import load_pose_config
 from skills.perception.training.targets import dope_targets
 

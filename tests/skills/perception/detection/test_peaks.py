@@ -5,8 +5,8 @@ import time
 import numpy as np
 import pytest
 
-from skills.perception.detection.compact_network import OFFSET_UNIT
 from skills.perception.detection.errors import BadMaps
+from skills.perception.detection.outputs import OFFSET_UNIT
 from skills.perception.detection.peaks import MOST_PEAKS, decode_offsets
 from skills.perception.training.targets import finder_targets
 

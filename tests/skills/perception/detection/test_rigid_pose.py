@@ -7,8 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from skills.perception.detection.close_look import REFERENCE_LENGTH
-from skills.perception.detection.compact_detector import FoundFruit
 from skills.perception.detection.cuboid import cuboid_keypoints
+from skills.perception.detection.found_fruit import FoundFruit
 from skills.perception.detection.pose import solve_pose
 from skills.perception.detection.rigid_pose import cuboid_in_picture, pose_covariance, pose_of
 from skills.perception.detection.symmetry import STEM_AXIS, label_rotation

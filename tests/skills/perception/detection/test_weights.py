@@ -7,15 +7,9 @@ import pytest
 import torch
 
 from skills.perception.detection.compact_detector import CompactDetector
-from skills.perception.detection.compact_network import (
-    BOX,
-    LEAST_OUTPUTS,
-    USUAL_BOX,
-    CloseLookNetwork,
-    FinderNetwork,
-    with_boxes,
-)
+from skills.perception.detection.compact_network import CloseLookNetwork, FinderNetwork, with_boxes
 from skills.perception.detection.errors import BadWeights
+from skills.perception.detection.outputs import BOX, LEAST_OUTPUTS, USUAL_BOX
 from skills.perception.detection.weights import load_compact, save_compact
 
 

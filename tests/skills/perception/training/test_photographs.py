@@ -7,7 +7,8 @@ import pytest
 import torch
 
 from skills.perception.detection.close_look import MARGIN, REFERENCE_LENGTH, SIZE_OF_BOX, look_at
-from skills.perception.detection.compact_network import BOX, KIND, SEEN, FinderNetwork
+from skills.perception.detection.compact_network import FinderNetwork
+from skills.perception.detection.outputs import BOX, KIND, SEEN
 from skills.perception.training.losses import DOUBTED, close_look_loss, finder_loss
 from skills.perception.training.photo_folder import read_photographs
 from skills.perception.training.photo_samples import Mixed, PhotoCloseLookBatches, PhotoFinderBatches

@@ -1,0 +1,43 @@
+"""How fruit is looked for: the compact detector's options, or a DOPE user's own files."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+WORKING_WIDTH = 320
+"""Width to which pictures are shrunk for the finder [px]."""
+
+
+@dataclass(frozen=True, slots=True)
+class DetectorOptions:
+    """How the compact detector looks.
+
+    Attributes:
+        finder_threshold: least belief for which a place gets a second look.
+        looks: how often each fruit is looked at closely; every further look is centred by the one before.
+        mirrored: the last look is taken in a mirror too, and the mean of both answers is used.
+        most_fruit: places that get a second look, strongest first.
+        apart: two fruit are at least this part of the larger one's keypoint size apart.
+        working_width: width to which pictures are shrunk for the finder [px].
+    """
+
+    finder_threshold: float = 0.25
+    looks: int = 2
+    mirrored: bool = True
+    most_fruit: int = 16
+    apart: float = 0.35
+    working_width: int = WORKING_WIDTH
+
+
+@dataclass(frozen=True, slots=True)
+class DopeFiles:
+    """A published network and what it was configured with.
+
+    Attributes:
+        weights: checkpoint of the full network.
+        config: config_pose.yaml.
+    """
+
+    weights: Path
+    config: Path
