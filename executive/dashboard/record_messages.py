@@ -19,6 +19,7 @@ from typing import Any
 
 import orjson
 
+from executive.dashboard.extremes import Extremes
 from executive.dashboard.messages import VERSION, encode, encode_number
 from executive.errors import UsageError
 from executive.recording.container import HEAD, MESSAGE, MESSAGE_HEAD
@@ -180,18 +181,28 @@ def _is_message(content: bytes) -> bool:
 
 
 def _thinned(lines: Iterable[Line]) -> Iterable[Line | bytes]:
-    """What changes something, and the last word of every key in every part of the record's time."""
+    """What changes something, and the last word of every key in every part of the record's time.
+
+    Of the samples of a part the least and the greatest stay, so that no peak is lost.
+    """
     everything = list(lines)
     if len(everything) <= WHOLE:
         return everything
     interval = everything[-1][1] / MOMENTS
     kept: dict[Hashable, Line] = {}
+    samples: dict[Hashable, Extremes] = {}
     state: dict[bytes, tuple[bytes, bytes]] = {}
     for line in everything:
-        kept[_place(line, interval, state)] = line
-    chosen = sorted(kept.values())
+        place = _place(line, interval, state)
+        kept[place] = line
+        if isinstance(place, tuple) and place[1].endswith(b"|SeriesView"):
+            samples.setdefault(place, Extremes()).add(line[2])
+    chosen: list[tuple[int, Line | bytes]] = [
+        (line[0], samples[place].message(line) if place in samples else line) for place, line in kept.items()
+    ]
     note = {"v": VERSION, "event": "Overview", "interval": interval}
-    return [json.dumps(note, separators=(",", ":")).encode(), *chosen]
+    ordered = sorted(chosen, key=lambda numbered: numbered[0])
+    return [json.dumps(note, separators=(",", ":")).encode(), *(line for _number, line in ordered)]
 
 
 def _place(line: Line, interval: float, state: dict[bytes, tuple[bytes, bytes]]) -> Hashable:

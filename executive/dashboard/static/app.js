@@ -68,7 +68,7 @@ function render() {
   const seen = evidenceState(s);
   camera.update(seen);
   scene.update(seen);
-  plots.update(seen, seen === s ? page.at : seen.t, page.whole.t);
+  plots.update(seen, seen === s ? page.at : seen.t, page.whole.t, page.playing);
   drawTables(s);
   drawNode(s, toggleBreak);
   drawPorts(s);

@@ -65,6 +65,7 @@ const FINER = { m: ["mm", 1e3], "m/s": ["mm/s", 1e3], "m/s²": ["mm/s²", 1e3] }
 const figure = (v) => (v === null || v === undefined ? "–" : Math.abs(v) < 5e-4 ? "0" : String(Number(v.toPrecision(3))));
 const unitOf = (name) => name.match(/\[(.+)\]/)?.[1] ?? "";
 const HEIGHT = innerHeight < 800 ? 108 : 132;
+const PLAYED = 80; // ms between two drawings while a record is played
 const DASHES = [undefined, [8, 3], [3, 3], [10, 3, 2, 3]];
 
 // One chart for each unit of each topic: quantities of different units share no axis.
@@ -91,7 +92,10 @@ export class PlotsView {
     return [Math.max(0, to - this.span), Math.max(to, this.span)];
   }
 
-  update(state, at, end) {
+  update(state, at, end, playing = false) {
+    const now = performance.now();
+    if (playing && state.run === this.run && now - this.updated < PLAYED) return; // curves need not keep up with every frame
+    Object.assign(this, { updated: now, run: state.run });
     const moved = this.at !== at;
     this.marks = state.marks.filter((mark) => mark.kind !== "state");
     this.end = end;
@@ -114,6 +118,8 @@ export class PlotsView {
           Object.assign(chart, { drawn: series.writes, of: series, ended });
           chart.plot.setData(thin(series, mine, this.range(), chart.scale));
           this.tell(chart);
+          const [from, to] = this.range();
+          chart.thinned.hidden = !series.thinned.some(([a, b]) => a < to && b > from);
         }
         const width = chart.box.clientWidth;
         if (width && Math.abs(chart.plot.width - width) > 4) chart.plot.setSize({ width, height: HEIGHT });
@@ -146,9 +152,10 @@ export class PlotsView {
     });
     const [shown, scale] = FINER[unit] ?? [unit, 1];
     const canvas = h("div");
-    const box = h("div", { class: names.length > 2 ? "plot many" : "plot" }, h("h3", {}, `${topic}${shown ? ` [${shown}]` : ""}`), h("div", { class: "keys" }, keys), canvas);
+    const thinned = h("small", { class: "thinned", hidden: true, title: "of many samples the least and the greatest are shown; nearer, in a shorter span, all of them are" }, "thinned");
+    const box = h("div", { class: names.length > 2 ? "plot many" : "plot" }, h("h3", {}, `${topic}${shown ? ` [${shown}]` : ""} `, thinned), h("div", { class: "keys" }, keys), canvas);
     $("plots").append(box);
-    const chart = { box, names, series, values, scale, drawn: -1, of: null };
+    const chart = { box, names, thinned, series, values, scale, drawn: -1, of: null };
     chart.plot = new uPlot({
       width: box.clientWidth || 300, height: HEIGHT, padding: [8, 14, 0, 0], legend: { show: false }, cursor: { sync: { key: "run" }, drag: { x: false, y: false }, y: false },
       scales: { x: { time: false, range: () => this.range() }, y: { range: (_u, low, high) => padded(low, high, chart.series.thresholds, unit, scale) } },

@@ -9,6 +9,7 @@ export const STATUS = {
 
 const MOST_SAMPLES = 40000; // of a series; older ones are thinned, so that an hour of samples stays small
 const MOST_KEPT = 4000; // spans, marks, failures, acts
+const GROUP = 4; // samples of which thinning leaves two, the least and the greatest
 const MOST_TRACE = 900; // points of an executed path
 
 export function emptyState() {
@@ -102,7 +103,7 @@ const HANDLERS = {
     else if (type === "SeriesView") {
       const times = m.value.t;
       if (!Array.isArray(times) || !times.length) return;
-      const have = s.series.get(m.topic) ?? { t: [], values: {}, thresholds: {}, last: 0, shift: null };
+      const have = s.series.get(m.topic) ?? { t: [], values: {}, thresholds: {}, last: 0, shift: null, thinned: [] };
       const shift = m.t - times.at(-1); // samples carry the cell's clock, everything else the run's
       if (have.shift === null || Math.abs(shift - have.shift) > 0.1) have.shift = shift;
       const floor = have.t.length ? have.t.at(-1) : -Infinity;
@@ -118,12 +119,8 @@ const HANDLERS = {
         for (const value of values) own.push(value);
       }
       for (const values of Object.values(have.values)) while (values.length < have.t.length) values.push(null);
-      if (have.t.length > MOST_SAMPLES) {
-        const half = MOST_SAMPLES / 2;
-        const thin = (values) => values.filter((_v, i) => i >= half || i % 2 === 0);
-        have.t = thin(have.t);
-        for (const name of Object.keys(have.values)) have.values[name] = thin(have.values[name]);
-      }
+      if (m.value.thinned) note(have, have.t.at(-times.length), have.t.at(-1));
+      if (have.t.length > MOST_SAMPLES) thin(have);
       have.thresholds = m.value.thresholds ?? {};
       have.last = m.t;
       have.writes = (have.writes ?? 0) + 1;
@@ -157,6 +154,38 @@ const HANDLERS = {
     for (const span of s.spans) if (span.end === null) span.end = m.t;
   },
 };
+
+// The older half of a series with half as many samples: of every few the least and the greatest, so that no peak is lost.
+function thin(have) {
+  const half = Math.floor(have.t.length / 2 / GROUP) * GROUP;
+  note(have, have.t[0], have.t[half - 1]);
+  const times = [];
+  for (let i = 0; i < half; i += GROUP) times.push(have.t[i], have.t[i + GROUP - 1]);
+  have.t = [...times, ...have.t.slice(half)];
+  for (const [name, values] of Object.entries(have.values)) {
+    const kept = [];
+    for (let i = 0; i < half; i += GROUP) kept.push(...extremes(values, i, i + GROUP));
+    have.values[name] = [...kept, ...values.slice(half)];
+  }
+}
+
+// Least and greatest of a stretch, in the order in which they came; nothing where nothing was measured.
+export function extremes(values, from, to) {
+  let low = null, high = null, first = null;
+  for (let i = from; i < to; i++) {
+    const v = values[i];
+    if (v === null || v === undefined) continue;
+    if (low === null || v < low) { low = v; first = "low"; }
+    if (high === null || v > high) { high = v; if (low !== v) first = "high"; }
+  }
+  return first === "high" ? [low, high] : [high, low];
+}
+
+// Where a series is thinned: stretches of time, joined where they touch.
+function note(have, from, to) {
+  const last = have.thinned.at(-1);
+  if (last && from <= last[1] + 5) { last[0] = Math.min(last[0], from); last[1] = Math.max(last[1], to); } else have.thinned.push([from, to]);
+}
 
 export function leavesOf(reason) {
   return reason.causes?.length ? reason.causes.flatMap(leavesOf) : [reason];

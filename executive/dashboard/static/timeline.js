@@ -39,7 +39,8 @@ export class Timeline {
       e.preventDefault();
     });
     $("whole").addEventListener("click", () => { this.part = null; this.key = ""; this.draw(); });
-    new ResizeObserver(() => { this.key = ""; }).observe(this.canvas);
+    this.width = this.canvas.clientWidth; // kept: to ask for it makes the browser lay the page out
+    new ResizeObserver(() => { this.key = ""; this.width = this.canvas.clientWidth; }).observe(this.canvas);
   }
 
   // Asked, not kept from the last drawing: two keys may come before the next frame.
@@ -75,14 +76,16 @@ export class Timeline {
 
   draw() {
     const { whole } = page, { now } = this;
-    const key = `${whole.seq}|${whole.t.toFixed(2)}|${now}|${this.canvas.clientWidth}|${whole.run?.run}`;
-    if (key === this.key) return;
-    this.key = key;
     if (this.part && (now < this.part[0] || now > this.part[1])) { // the cursor stays in sight
       const wide = this.part[1] - this.part[0];
       const start = Math.max(0, Math.min(this.length - wide, now - wide / 2));
       this.part = [start, start + wide];
     }
+    this.point(now);
+    this.tell(whole, now);
+    const key = `${whole.seq}|${whole.t.toFixed(2)}|${this.part}|${this.canvas.clientWidth}|${whole.run?.run}`;
+    if (key === this.key) return; // the cursor moves over what is drawn
+    this.key = key;
     $("whole").hidden = !this.part;
     const css = getComputedStyle(document.documentElement);
     const colour = (name) => css.getPropertyValue(name).trim();
@@ -121,13 +124,15 @@ export class Timeline {
       g.fillStyle = colour(MARK[mark.kind] ?? "--muted");
       SHAPE[mark.kind]?.(g, x(mark.t), 21);
     }
-    g.strokeStyle = colour("--text");
-    g.lineWidth = 1.5;
-    g.beginPath(); g.moveTo(x(now), 4); g.lineTo(x(now), ht); g.stroke();
-    g.fillStyle = colour("--text");
-    shape(g, [[x(now) - 5, 2], [x(now) + 5, 2], [x(now), 9]]);
     g.restore();
-    this.tell(whole, now);
+    this.point(now);
+  }
+
+  // The cursor is an element of its own: sixty times a second it moves, and nothing is drawn anew.
+  point(now) {
+    const [from, to] = this.shown;
+    const x = LEFT + ((now - from) / (to - from)) * (this.width - LEFT - RIGHT);
+    $("timeline-cursor").style.transform = `translateX(${x.toFixed(1)}px)`;
   }
 
   ruler(g, x, from, to, height, colour) {

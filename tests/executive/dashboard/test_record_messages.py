@@ -96,6 +96,30 @@ def test_a_long_record_is_thinned_for_the_eye_and_no_result_is_lost(
     assert messages[-1]["event"] == "RunEnded"
 
 
+def test_no_peak_of_a_long_record_is_lost(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name, value in (("WHOLE", 10), ("WHOLE_BYTES", 10), ("MOMENTS", 5)):
+        monkeypatch.setattr(reading, name, value)
+    force, slip = np.zeros(1000), np.full(1000, np.nan)
+    force[333], force[334], slip[500:503] = 99.0, -7.0, (1.0, 2.0, 0.5)
+    events = [
+        Published(
+            t, tick, "a", "grip", SeriesView(np.array([t - 0.004, t - 0.002]) + 100.0, {"force [N]": f, "slip [mm]": s})
+        )
+        for tick in range(500)
+        for t, f, s in [(tick * 0.02, force[2 * tick : 2 * tick + 2], slip[2 * tick : 2 * tick + 2])]
+    ]
+    folder = write(tmp_path / "r", tuple(events))
+    lines = b"".join(overview(folder, "/images/")).splitlines()
+    thinned = [m["value"] for m in map(json.loads, lines) if m["event"] == "Published"]
+    assert 5 <= len(thinned) <= 7
+    assert sum(value["thinned"] for value in thinned if "thinned" in value) >= 996
+    peak = next(value for value in thinned if 99.0 in value["values"]["force [N]"])
+    assert peak["values"]["force [N]"] == [99.0, -7.0]  # as they came
+    slips = [v["values"]["slip [mm]"] for v in thinned if "thinned" in v and "slip [mm]" in v["values"]]
+    assert slips == [[2.0, 0.5]]
+    assert all(value["t"][0] <= value["t"][-1] and value["t"][0] > 99.0 for value in thinned)
+
+
 def test_a_stretch_of_a_record_is_whole(tmp_path: Path) -> None:
     folder = write(tmp_path / "r", long_run(100))
     messages = [json.loads(line) for line in b"".join(between(folder, "/images/", 0.5, 0.6)).splitlines()]

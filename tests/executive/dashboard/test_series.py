@@ -1,0 +1,40 @@
+"""Curves in a real browser: a long run keeps its peaks, and what is thinned says so."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+pytestmark = pytest.mark.browser
+
+LONG = """async () => {
+    const { apply, emptyState } = await import("/static/store.js");
+    const s = emptyState();
+    const at = () => ({ event: "Published", seq: 1, tick: 1, node: "a", topic: "grip" });
+    for (let k = 0; k < 9000; k++) {
+      const t = Array.from({ length: 10 }, (_x, i) => k * 0.2 + i * 0.02);
+      const force = t.map((_t, i) => (k === 777 && i === 3 ? 99 : k === 778 && i === 4 ? -5 : 1));
+      const slip = t.map(() => (k < 100 ? null : 0.25));
+      const values = { "force [N]": force, "slip [mm]": slip };
+      apply(s, { ...at(), t: t.at(-1), value: { type: "SeriesView", t, values, thresholds: {} } });
+    }
+    const { t, values, thinned } = s.series.get("grip");
+    const rising = t.every((x, i) => !i || x >= t[i - 1]);
+    const [force, slip] = [values["force [N]"], values["slip [mm]"]];
+    return { count: t.length, least: Math.min(...force), greatest: Math.max(...force), slip: [...new Set(slip)],
+      rising, thinned, end: t.at(-1), equal: slip.length === t.length };
+}"""
+
+
+def test_half_an_hour_of_samples_keeps_its_peaks_and_says_where_it_is_thinned(open_page: Callable[..., Any]) -> None:
+    kept = open_page().evaluate(LONG)
+    assert kept["count"] <= 40_000
+    assert (kept["least"], kept["greatest"]) == (-5, 99)
+    assert kept["slip"] == [None, 0.25]
+    assert kept["rising"]
+    assert kept["equal"]
+    ((begin, end),) = kept["thinned"]
+    assert begin == pytest.approx(0.0, abs=0.1)
+    assert 1000.0 < end < kept["end"]  # the newest are all there
