@@ -78,7 +78,7 @@ bench-record: $(STAMP) ## what recording costs, and how large a pick's record is
 	$(BIN)/python -m benchmarks.bench_record
 
 bench-dashboard: $(STAMP) ## what the dashboard costs and how quick it is
-	$(BIN)/python benchmarks/bench_dashboard.py
+	$(BIN)/python -m benchmarks.bench_dashboard
 
 screenshots: $(STAMP) ## pictures of the dashboard to look at, in runs/screenshots
 	$(BIN)/python scripts/screenshots.py runs/screenshots

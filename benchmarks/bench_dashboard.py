@@ -1,6 +1,6 @@
 """What the dashboard costs and how quick it is.
 
-Needs Chromium. `python benchmarks/bench_dashboard.py [--short] [--only viewers|page|record|memory]`; `--short` measures
+Needs Chromium. `python benchmarks/bench_dashboard.py [--short] [--only PART]`; `--short` measures
 less long.
 """
 
@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
+from benchmarks.dashboard_links import bench_presses, bench_stale
 from executive.dashboard.security import Access
 from executive.dashboard.server import Dashboard
 from executive.recording.recorder import Recorder
@@ -270,7 +271,10 @@ def bench_memory(report: Report, dashboard: Dashboard, browser: Any, duration: f
     page.close()
 
 
-PARTS = {"viewers": bench_viewers, "page": bench_page, "record": bench_record, "memory": bench_memory}
+PARTS = {
+    "viewers": bench_viewers, "presses": bench_presses, "stale": bench_stale,
+    "page": bench_page, "record": bench_record, "memory": bench_memory,
+}  # fmt: skip
 
 
 def main() -> int:

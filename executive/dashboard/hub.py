@@ -36,6 +36,9 @@ HISTORY_BYTES = 32_000_000
 BATCH = 0.033
 """Seconds in which messages are gathered, so that fifty viewers cost thirty sends a second each and no more."""
 
+URGENT = (OperatorActed, StateChanged, SafeStopped, type(None))
+"""Nothing is gathered after these: somebody has pressed a button and waits to see it taken."""
+
 CHUNK = 500_000
 """Characters of one batch of old messages."""
 
@@ -165,9 +168,10 @@ class Hub:
         open_ = True
         while open_:
             events = [self._incoming.get()]
-            time.sleep(BATCH)
-            while not self._incoming.empty():
-                events.append(self._incoming.get())
+            until = time.monotonic() + BATCH
+            with contextlib.suppress(queue.Empty):
+                while not isinstance(events[-1], URGENT):
+                    events.append(self._incoming.get(timeout=max(0.0, until - time.monotonic())))
             if None in events:
                 open_ = False
             texts = [self._keep(event) for event in events if event is not None]
@@ -212,7 +216,7 @@ class Hub:
 
     def _hand_out(self, batch: str) -> None:
         with self._lock:
-            for viewer in self._viewers:
+            for viewer in sorted(self._viewers, key=lambda viewer: not viewer.armed):  # who may act is told first
                 if viewer.lagged:
                     continue
                 if len(viewer.waiting) >= BACKLOG:

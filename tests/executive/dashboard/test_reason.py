@@ -43,7 +43,9 @@ def written(message: ast.expr) -> str:
 def test_the_reason_is_wholly_in_sight_for_every_failure(show: Show, open_page: Callable[..., Any], size: str) -> None:
     width, height = SIZES[size]
     page = open_page(viewport={"width": width, "height": height})
-    page.wait_for_function("document.getElementById('connection').textContent === 'connected'")
+    from playwright.sync_api import expect
+
+    expect(page.locator("#connection")).to_have_text("connected")
     failures = failures_in_the_source()
     assert len(failures) > 30
     facts = {"nearest_distance_m": 0.0123456, "candidate": 12, "clearance_m": 0.008, "planner": "RRTConnect"}
