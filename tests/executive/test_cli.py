@@ -110,7 +110,7 @@ def test_skills_are_listed_with_ports_units_and_codes(capsys: pytest.CaptureFixt
 
 def test_only_the_command_that_is_asked_for_is_loaded() -> None:
     script = "import sys; from executive.cli import main; main(['runs', 'list', '--record', 'nowhere'])"
-    heavy = "; print([name for name in ('torch', 'numba', 'mujoco', 'matplotlib', 'cv2') if name in sys.modules])"
+    heavy = "; print([name for name in ('torch', 'numba', 'mujoco', 'matplotlib') if name in sys.modules])"
     done = subprocess.run([sys.executable, "-c", script + heavy], capture_output=True, text=True, timeout=60)
     assert done.stdout.splitlines()[-1] == "[]", done.stderr
 
