@@ -29,7 +29,13 @@ test: $(STAMP) ## run the tests
 test-realtime: $(STAMP) ## the whole pick through emulated devices and wires; needs a machine with nothing else to do
 	$(BIN)/python -m pytest -m realtime
 
-check: test ## what CI runs: tests, lint, types, layer rules
+docs: $(STAMP) ## the documentation's site, in site/; a broken link is an error
+	NO_MKDOCS_2_WARNING=1 DISABLE_MKDOCS_2_WARNING=true $(BIN)/python -m mkdocs build --strict
+
+docs-serve: $(STAMP) ## the same, shown at http://127.0.0.1:8000 while it is written
+	NO_MKDOCS_2_WARNING=1 DISABLE_MKDOCS_2_WARNING=true $(BIN)/python -m mkdocs serve
+
+check: test docs ## what CI runs: tests, the site, lint, types, layer rules
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy

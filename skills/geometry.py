@@ -65,7 +65,7 @@ def rot_z(angle: float) -> Float64:
 
 
 def angle_between(R_a: Float64, R_b: Float64) -> float:
-    """The angle of the turn from one rotation to another, shapes (3, 3), in [0, pi] [rad]."""
+    """The angle of the turn from one rotation to another, shapes (3, 3), from 0 to pi [rad]."""
     return float(Rotation.from_matrix(R_a.T @ R_b).magnitude())
 
 

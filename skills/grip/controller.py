@@ -145,7 +145,10 @@ class GripController:
         """Take one sample.
 
         Args:
-            stamp, sequence, wrenches, saturated: as in `WrenchSample`.
+            stamp: when it was taken [s].
+            sequence: its number.
+            wrenches: of both fingers, shape (2, 6) [N, N·m], as in `WrenchSample`.
+            saturated: whether a channel of a finger is at the end of its range.
 
         Returns:
             Rate of the opening to command now [m/s]; None most of the time. Never two within the loop's

@@ -1,0 +1,122 @@
+"""Pages of the documentation that follow from the code: what mkdocs shows beside what stands in docs/.
+
+Run by mkdocs (the plugin gen-files). The README is the first page; commands come from their parsers, skills from their
+declarations, modules from their docstrings, and decisions and reports from their folders.
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import mkdocs_gen_files
+
+from executive.commands.command_line import children, command_names, make_parser
+from executive.language.declared_skills import declared_skills
+from executive.registry import SkillListing
+
+ROOT = Path(__file__).resolve().parents[1]
+DOCS = ROOT / "docs"
+
+MODULES = (
+    "executive.skill",
+    "executive.ports",
+    "executive.skill_testing",
+    "executive.execute",
+    "executive.views",
+    "executive.recording.read",
+    "drivers.interfaces",
+    "drivers.errors",
+    "skills.geometry",
+    "skills.motion.robot.model",
+    "skills.motion.collision.world",
+    "skills.motion.planning.plan",
+    "skills.motion.planning.planners",
+    "skills.motion.grasps.sphere",
+    "skills.motion.occupancy.occupancy_map",
+    "skills.grip.limit_surface",
+    "skills.grip.controller",
+    "skills.grip.hold",
+    "skills.grip.settings",
+    "skills.perception.detection.compact_detector",
+    "skills.perception.refinement.refinement",
+    "skills.perception.fruit.catalogue",
+)
+"""What an integrator calls."""
+
+
+def write(name: str, text: str) -> None:
+    """Add a page."""
+    with mkdocs_gen_files.open(name, "w") as page:
+        page.write(text)
+
+
+def first_page() -> str:
+    """The README; links into docs/ stay links, links to sources become plain names."""
+    text = (ROOT / "README.md").read_text("utf-8")
+
+    def link(found: re.Match[str]) -> str:
+        words, target = found[1], found[2]
+        if target.startswith("http"):
+            return found[0]
+        if target == "docs/decisions/":
+            return f"[{words}](reference/decisions.md)"
+        return f"[{words}]({target[5:]})" if target.startswith("docs/") else f"`{target}`"
+
+    return re.sub(r"(?<!!)\[([^\]]*)\]\(([^)]*)\)", link, text).replace("](docs/images/", "](images/")
+
+
+def commands(parser: argparse.ArgumentParser, path: str = "pomona") -> Iterator[str]:
+    """A parser's help and that of all below it."""
+    yield f"## {path}\n\n```text\n{parser.format_help().rstrip()}\n```\n"
+    for name, _help, below in children(parser):
+        yield from commands(below, f"{path} {name}")
+
+
+def skill(listing: SkillListing) -> str:
+    """One skill: what it does, its ports, devices and failure codes."""
+    parts = [f"## {listing.name}\n\n{listing.summary}\n"]
+    for title, ports in (("Input", listing.inputs), ("Output", listing.outputs)):
+        if ports:
+            parts.append(f"| {title} | type | default | |\n|---|---|---|---|")
+            for port in ports:
+                default = port.get("default")
+                shown = "" if default in (None, "") else f"`{default}`"
+                parts.append(f"| `{port['name']}` | {port['type']} | {shown} | {port.get('help', '')} |")
+            parts.append("")
+    for title, words in (("Devices", listing.devices), ("Fails with", listing.failures)):
+        if words:
+            parts.append(f"{title}: {', '.join(f'`{word}`' for word in words)}.\n")
+    return "\n".join(parts)
+
+
+def title_of(page: Path) -> str:
+    """The first heading of a page."""
+    found = re.search(r"^# (.+)$", page.read_text("utf-8"), re.MULTILINE)
+    return found[1] if found else page.stem
+
+
+def listed(title: str, intro: str, pages: list[Path]) -> str:
+    """A page of links to pages in docs/."""
+    lines = [f"- [{title_of(page)}](../{page.relative_to(DOCS).as_posix()})" for page in pages]
+    return f"# {title}\n\n{intro}\n\n" + "\n".join(lines) + "\n"
+
+
+write("index.md", first_page())
+write("reference/commands.md", "# Commands\n\n" + "\n".join(commands(make_parser(command_names()))))
+write("reference/skills.md", "# Skills\n\n" + "\n".join(skill(one) for one in declared_skills().listing()))
+write("reference/modules.md", "# Modules\n\n" + "\n".join(f"::: {name}\n" for name in MODULES))
+write(
+    "reference/decisions.md",
+    listed("Decisions", "What was tried, measured and chosen, and why.", sorted((DOCS / "decisions").glob("*.md"))),
+)
+write(
+    "reference/reports.md",
+    listed(
+        "Reports and model cards",
+        "What was measured, with the command that repeats it.",
+        [*sorted((DOCS / "reports").glob("*/*.md")), *sorted((DOCS / "model_cards").glob("*.md"))],
+    ),
+)
