@@ -17,7 +17,8 @@ from skills.perception.detection.cuboid import cuboid_keypoints
 from skills.perception.detection.errors import BadFrame
 from skills.perception.detection.instances import Instance, rank
 from skills.perception.detection.options import DetectorOptions, DopeFiles
-from skills.perception.fruit import FruitModel, load_fruit
+from skills.perception.fruit import FruitModel, catalogue, load_fruit
+from skills.refine import Refine
 from skills.shared import looking
 
 INTRINSICS = Intrinsics(610.6, 610.6, 317.7, 238.1, 640, 480)
@@ -208,3 +209,27 @@ def test_files_of_a_user_that_are_not_there_are_a_failure_in_words(inputs: dict[
     assert outcome.reason is not None
     assert outcome.reason.code == "NO_WEIGHTS"
     assert "none." in outcome.reason.message
+
+
+def test_nothing_of_the_apple_is_loaded_when_a_lemon_is_looked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    loaded: list[str] = []
+
+    def load(name: str) -> FruitModel:
+        loaded.append(name)
+        return load_fruit(name)
+
+    monkeypatch.setattr(looking, "load_fruit", load)
+    monkeypatch.setattr(looking, "_detector", lambda weights, _options: loaded.append(weights.name))
+    skill = Detect()
+    monkeypatch.setattr(skill, "known", {"fruit": "lemon", "weights": ""}.get)
+    skill.prepare()
+    assert loaded == ["lemon", "lemon.pt"]
+
+
+def test_refine_is_prepared_without_any_fruit_of_the_catalogue(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object) -> FruitModel:
+        raise AssertionError("a fruit was loaded")
+
+    monkeypatch.setattr(catalogue, "load_fruit", refuse)
+    monkeypatch.setattr(catalogue, "_read_mesh", refuse)
+    Refine().prepare()

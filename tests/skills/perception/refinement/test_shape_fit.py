@@ -7,9 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from drivers.interfaces import DepthNoise, Intrinsics
 from skills.geometry import rot_x, rot_y, rotation_about, transform
 from skills.perception.fruit import load_fruit
-from skills.perception.refinement.cloud import Cloud, together
+from skills.perception.refinement.cloud import Cloud, cloud, together
+from skills.perception.refinement.render import render_depth
 from skills.perception.refinement.shape_fit import RIGID, Priors, fit_shape
 from skills.perception.refinement.support_plane import Plane
 
@@ -96,3 +98,15 @@ def test_no_points_leave_the_start():
     assert fit.share == 0.0
     np.testing.assert_allclose(fit.T_camera_object, UPRIGHT, atol=1e-3)  # the centre goes to the axis
     assert np.exp(np.log(fit.stretch).mean()) == pytest.approx(0.9, rel=1e-3)
+
+
+def test_a_camera_whose_depth_errs_more_leaves_the_fruit_less_surely_known():
+    camera = Intrinsics(610.6, 610.6, 79.5, 59.5, 160, 120)
+    at = transform(rot_x(-0.9), (0.0, 0.0, 0.6))
+    depth, box = render_depth(APPLE, at, camera, using="zbuffer")
+    whole = np.zeros((camera.height, camera.width), np.float32)
+    whole[box.slices] = depth
+    near, far = (cloud(whole, camera, box, noise=DepthNoise(disparity, 0.05)) for disparity in (0.08, 0.32))
+    assert far.deviation == pytest.approx(4.0 * near.deviation)
+    surely, hardly = (fit_shape(points, APPLE, at, 1.0).covariance for points in (near, far))
+    assert np.all(np.sqrt(np.diag(hardly)[:3]) > 1.2 * np.sqrt(np.diag(surely)[:3]))
