@@ -199,6 +199,25 @@ def test_what_needs_more_force_than_is_allowed_is_put_back_before_it_hangs(lever
     assert fruit.hold.holds  # it is let go by whoever comes next
 
 
+def test_a_fruit_that_slips_out_of_fingers_that_press_no_more_is_put_back():
+    fruit = Standing(weight=0.0)
+    pressed = fruit.scene.fingers.feel(0.0)[:, 2]
+    feel = fruit.scene.fingers.feel
+
+    def weak(now: float) -> np.ndarray:
+        """The weight comes, but however the fingers close, they press as they did."""
+        wrenches = feel(now)
+        wrenches[:, 2] = pressed
+        wrenches[:, 0] += 1.6 * min(max(fruit.risen / 2e-3, 0.0), 1.0)
+        return wrenches
+
+    fruit.scene.fingers.feel = weak
+    outcome = fruit.lift()
+    assert outcome.reason.code == "SLIPPED"
+    assert "put back where it stood" in outcome.reason.message
+    assert fruit.risen == pytest.approx(0.0, abs=1e-4)
+
+
 def test_a_load_that_is_too_much_for_a_moment_only_is_borne():
     fruit = Standing(weight=2.0)
     feel = fruit.scene.fingers.feel
