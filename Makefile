@@ -39,6 +39,7 @@ check: test docs ## what CI runs: tests, the site, lint, types, layer rules
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+	$(BIN)/python scripts/check_kit.py
 	$(BIN)/lint-imports
 
 bench: $(STAMP) ## the 25 cells of the paper, one seed each, with times per skill

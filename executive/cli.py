@@ -10,6 +10,8 @@ import os
 import signal
 import sys
 from collections.abc import Sequence
+from importlib.util import find_spec
+from pathlib import Path
 
 from executive.commands.command_line import make_parser
 from executive.errors import UsageError
@@ -45,7 +47,26 @@ def _run(words: Sequence[str]) -> int:
         return _run_filtered(words)
 
 
+def _in_the_way() -> str:
+    """What is wrong when another package of one of our names is found first."""
+    home = Path(__file__).resolve().parents[1]
+    for name in ("executive", "skills", "drivers", "trees"):
+        found = find_spec(name)
+        places = [] if found is None else [Path(place).resolve() for place in found.submodule_search_locations or ()]
+        if home / name not in places:
+            where = f"{places[0] if places else found.origin} is found first" if found else "it is not there"
+            return (
+                f"another package named '{name}' is in the way of Pomona's in {home / name}: {where}. Run from another "
+                "folder, rename it, or install one of the two into an environment of its own."
+            )
+    return ""
+
+
 def _run_filtered(words: Sequence[str]) -> int:
+    problem = _in_the_way()
+    if problem:
+        _say(problem)
+        return 2
     options = make_parser(words[:1]).parse_args(words)
     try:
         status: int = options.main(options)

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+import os
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
-from importlib.metadata import entry_points
+from importlib.metadata import EntryPoint, entry_points
 
 from executive.ports import QUANTITIES, RATIO, Port, PortType, Quantity, type_name
 from executive.skill import Skill
@@ -44,7 +45,11 @@ class Registry(Mapping[str, type[Skill]]):
         """Every skill that an installed package offers. A skill that cannot be imported is reported, not raised."""
         skills: dict[str, type[Skill]] = {}
         problems: dict[str, str] = {}
-        for point in entry_points(group=GROUP):
+        for name, points in _by_name(entry_points(group=GROUP)).items():
+            point, problem = chosen(name, points, replacements())
+            if problem:
+                problems[name] = problem
+                continue
             try:
                 skill = point.load()
             except Exception as error:  # a third party's module may raise anything
@@ -68,6 +73,37 @@ class Registry(Mapping[str, type[Skill]]):
     def listing(self) -> tuple[SkillListing, ...]:
         """All skills, by name."""
         return tuple(_list_skill(name, self._skills[name]) for name in sorted(self._skills))
+
+
+def replacements() -> Mapping[str, str]:
+    """Which package gives a skill that several offer: `POMONA_SKILLS="Detect=my_package Plan=other"`."""
+    words = os.environ.get("POMONA_SKILLS", "").replace(",", " ").split()
+    return {name: package for name, _, package in (word.partition("=") for word in words)}
+
+
+def chosen(name: str, points: Sequence[EntryPoint], said: Mapping[str, str]) -> tuple[EntryPoint, str]:
+    """The entry point that gives a skill, and what is wrong when packages offer different ones under one name."""
+    if len(points) == 1 and name not in said:
+        return points[0], ""
+    offers = {_package(point): point for point in points}
+    if name in said:
+        found = offers.get(said[name])
+        return found or points[0], "" if found else f"'{said[name]}' offers no {name}: {', '.join(offers)} do"
+    if len({point.value for point in points}) > 1:
+        packages = " and ".join(sorted(offers))
+        return points[0], f"{packages} both offer it: remove one, or choose: POMONA_SKILLS={name}={sorted(offers)[0]}"
+    return points[0], ""
+
+
+def _package(point: EntryPoint) -> str:
+    return point.dist.name if point.dist is not None else point.module.partition(".")[0]
+
+
+def _by_name(points: Iterable[EntryPoint]) -> dict[str, list[EntryPoint]]:
+    found: dict[str, list[EntryPoint]] = {}
+    for point in points:
+        found.setdefault(point.name, []).append(point)
+    return found
 
 
 def _list_skill(name: str, skill: type[Skill]) -> SkillListing:

@@ -25,7 +25,7 @@ import time
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from inspect import isgeneratorfunction
-from typing import Any, ClassVar, Protocol, TypeVar
+from typing import Any, ClassVar, Protocol, TypeVar, cast
 
 import numpy as np
 import py_trees
@@ -229,11 +229,15 @@ class Skill(py_trees.behaviour.Behaviour):
         """The cell's clock."""
         return self.context.clock
 
-    def device(self, interface: type[T]) -> T:
-        """The cell's device; the interface must be one of the class's `devices`."""
-        if interface not in self.devices:
-            raise SkillError(type(self).__name__, f"uses {interface.__name__}, which is not in its `devices`")
-        return self.context.device(interface)
+    def device(self, interface: Callable[..., T]) -> T:
+        """The cell's device; the interface, usually a Protocol, must be one of the class's `devices`.
+
+        (A Protocol is no `type[T]` for type checkers, but a callable that gives a T.)
+        """
+        found = cast(type[T], interface)
+        if found not in self.devices:
+            raise SkillError(type(self).__name__, f"uses {found.__name__}, which is not in its `devices`")
+        return self.context.device(found)
 
     def rng(self) -> np.random.Generator:
         """A random generator for this start of this node: reproducible from the run's seed."""

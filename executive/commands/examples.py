@@ -20,6 +20,16 @@ EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = {
         ("pomona show pick_apple", "draw a tree in the terminal"),
         ("pomona show pick_apple --svg tree.svg", "or as a picture"),
     ),
+    "fmt": (
+        ("pomona fmt my_tree.yaml", "indentation and spacing in one way; comments stay"),
+        ("pomona fmt --check trees/*.yaml", "for CI: says which are not"),
+    ),
+    "lsp": (("pomona lsp --cell sim", "what an editor starts; poses and fruit of this cell"),),
+    "new": (
+        ("pomona new package my_fruit_kit", "a package with a skill, a tree and tests"),
+        ("pomona new driver my_camera --into my_fruit_kit", "add a driver to it"),
+        ("pomona new cell my_cell", "a cell file to begin with"),
+    ),
     "dashboard": (
         ("pomona dashboard", "all recorded runs, and new ones"),
         ("ssh -L 9000:localhost:8420 robot", "then, on your machine, open the printed link with port 9000"),

@@ -37,8 +37,11 @@ def run_on_save(
         the exit status of the newest run.
     """
     registry = Registry.installed()
+    try:
+        document, stamp, status = _first(path, settings, registry, console, wait), _stamp(path), 2
+    except KeyboardInterrupt:
+        return 2
     status = run()
-    document, stamp = read_document(path), _stamp(path)
     console.print(f"watching {path}: save it to run it again, Ctrl-C ends")
     try:
         while True:
@@ -55,13 +58,38 @@ def run_on_save(
         return status
 
 
+def _first(
+    path: Path, settings: Mapping[str, str], registry: Registry, console: Screen, wait: Callable[[float], None]
+) -> Document:
+    """The first version that can run: what is wrong is told at each save until then."""
+    while True:
+        stamp = _stamp(path)
+        try:
+            return _good(path, settings, registry)
+        except UsageError as error:
+            console.print(str(error), style="red", soft_wrap=True)
+        console.print(f"watching {path}: it runs as soon as it can, Ctrl-C ends")
+        while _stamp(path) == stamp:
+            wait(LOOK_EVERY)
+
+
+def _good(path: Path, settings: Mapping[str, str], registry: Registry) -> Document:
+    """The tree of a file that has no errors.
+
+    Raises:
+        UsageError: with every finding.
+    """
+    document = read_document(path)
+    declared = set(document.main.parameters)
+    refuse_errors(document, registry, {k: v for k, v in settings.items() if k in declared}, None)
+    return document
+
+
 def _reload(
     path: Path, before: Document, settings: Mapping[str, str], registry: Registry, console: Screen
 ) -> Document | None:
     try:
-        document = read_document(path)
-        declared = set(document.main.parameters)
-        refuse_errors(document, registry, {k: v for k, v in settings.items() if k in declared}, None)
+        document = _good(path, settings, registry)
     except UsageError as error:
         console.print(str(error), style="red", soft_wrap=True)
         return None

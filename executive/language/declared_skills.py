@@ -25,7 +25,7 @@ from typing import Any
 
 from executive.language.value_types import DECLARED_FIELDS, ListOf, Loose, fields_of
 from executive.ports import REQUIRED, Port, Ports, Quantity
-from executive.registry import GROUP, Registry
+from executive.registry import GROUP, Registry, replacements
 from executive.skill import Skill
 
 VERSION = 2
@@ -62,7 +62,8 @@ def _folder() -> Path:
 
 
 def _digest(points: Iterable[EntryPoint]) -> str:
-    said = [VERSION, sys.version, sys.prefix, [(point.name, point.value) for point in points]]
+    offered = [(point.name, point.value) for point in points]
+    said = [VERSION, sys.version, sys.prefix, offered, sorted(replacements().items())]
     return hashlib.sha256(json.dumps(said).encode()).hexdigest()[:16]
 
 

@@ -8,9 +8,10 @@ mocks:
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
+from itertools import count
 from typing import Any
 
 from executive.language.literals import LiteralError, literal
@@ -62,9 +63,10 @@ class MockSkill(Skill):
 
     results: tuple[MockResult, ...] = (MockResult(),)
     replaced: type[Skill] = Skill
+    calls: Iterator[int]
 
     def run(self, **inputs: Any) -> Work[Mapping[str, object]]:
-        result = self.results[min(self.starts, len(self.results)) - 1]
+        result = self.results[min(next(self.calls), len(self.results)) - 1]
         if result.after > 0.0:
             yield from self.wait(result.after)
         while result.status == "running":
@@ -74,14 +76,17 @@ class MockSkill(Skill):
         return {name: result.outputs.get(name, placeholder(self.replaced.outputs[name])) for name in self.outputs}
 
 
-def mock_class(skill: type[Skill], results: Iterable[MockResult] = ()) -> type[MockSkill]:
-    """A class of mocks for a skill."""
+def mock_class(
+    skill: type[Skill], results: Iterable[MockResult] = (), calls: Iterator[int] | None = None
+) -> type[MockSkill]:
+    """A class of mocks for a skill; `calls` numbers its calls from 1, those of mocks that share results, too."""
     body = {
         "inputs": skill.inputs,
         "outputs": Ports(**{name: Port(object) for name in skill.outputs}),
         "failures": (*skill.failures, "MOCKED"),
         "results": tuple(results) or (MockResult(),),
         "replaced": skill,
+        "calls": calls or count(1),
         "__doc__": skill.__doc__,
     }
     return type(f"Mock{skill.__name__}", (MockSkill,), body)
@@ -108,10 +113,12 @@ class MockPlan:
     Attributes:
         results: by node path, node name or skill name; the most particular one counts.
         keep: names of skills that stay real.
+        calls: numbers of the calls by what results are named after: nodes that share results share them.
     """
 
     results: Mapping[str, tuple[MockResult, ...]] = field(default_factory=dict)
     keep: frozenset[str] = frozenset()
+    calls: dict[str, Iterator[int]] = field(default_factory=dict)
 
     def replace(self, skill: type[Skill], skill_name: str, label: str, path: str) -> Skill | None:
         """See `executive.language.build.Mocks`."""
@@ -120,7 +127,8 @@ class MockPlan:
         below_root = path.partition("/")[2]
         for name in (path, below_root, label, skill_name):
             if name in self.results:
-                return mock_class(skill, self.results[name])(label)
+                calls = self.calls.setdefault(name, count(1))
+                return mock_class(skill, self.results[name], calls)(label)
         return mock_class(skill)(label)
 
 

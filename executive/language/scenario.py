@@ -89,6 +89,11 @@ def read_mocks(text: str, path: str | Path, document: Document, skills: Registry
     root = read_yaml(Source(str(path), text), findings)
     results: dict[str, tuple[MockResult, ...]] = {}
     if isinstance(root, YamlMapping):
+        shape = ShapeCheck(findings)
+        known = ("pomona", "mocks", *(_TOP if "cases" in root.entries else ()))
+        shape.known_keys(root, known, "a file of mocks")
+        if "mocks" not in root.entries and "cases" not in root.entries:
+            findings.error(root, "missing-key", "the file holds no mocks", "write 'mocks: {Skill: result}'")
         results = MockReader(findings, skills, skills_by_node(document)).read(root.get("mocks"))
     elif root is not None:
         ShapeCheck(findings).mapping(root, "a file of mocks")

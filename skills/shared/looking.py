@@ -94,7 +94,11 @@ class LookingSkill(Skill):
         if weights:
             return replace(model, weights=Path(weights))
         if model.weights is None:
-            raise self.failure("NO_WEIGHTS", f"there are no detector weights for {model.name}: train them", fruit=fruit)
+            raise self.failure(
+                "NO_WEIGHTS",
+                f"there are no detector weights for {model.name}: pomona train detect --fruit {model.name}",
+                fruit=fruit,
+            )
         return model
 
     def newest_frame(self, max_age: float) -> Frame:

@@ -88,3 +88,26 @@ def test_the_listing_says_all_that_a_person_needs(installed):
 def test_the_installed_skills_can_be_listed():
     found = Registry.installed()
     assert [listing.name for listing in found.listing()] == sorted(found)
+
+
+class FakePackage:
+    def __init__(self, name: str) -> None:
+        self.name = name
+
+
+def test_a_skill_that_two_packages_offer_is_refused_until_somebody_says_whose(monkeypatch, installed):
+    class Other(Weigh):
+        """Another one."""
+
+    points = FakePoint("Weigh", Weigh), FakePoint("Weigh", Other)
+    for point, package in zip(points, ("pomona", "others"), strict=True):
+        point.dist, point.value = FakePackage(package), f"{package}:Weigh"
+    found = installed(*points)
+    assert "Weigh" not in found
+    assert found.problems["Weigh"] == (
+        "others and pomona both offer it: remove one, or choose: POMONA_SKILLS=Weigh=others"
+    )
+    monkeypatch.setenv("POMONA_SKILLS", "Weigh=others")
+    assert installed(*points)["Weigh"] is Other
+    monkeypatch.setenv("POMONA_SKILLS", "Weigh=nobody")
+    assert "'nobody' offers no Weigh" in installed(*points).problems["Weigh"]

@@ -63,3 +63,11 @@ def test_a_file_that_is_away_for_a_moment_is_waited_for(tmp_path: Path) -> None:
     runs, told = watched(path, [path.unlink, lambda: path.write_text(TREE.replace("1 s", "3 s"))])
     assert runs == 2
     assert "No such file" in told
+
+
+def test_a_file_that_is_broken_at_first_runs_as_soon_as_it_can(tmp_path: Path) -> None:
+    path = tmp_path / "t.yaml"
+    path.write_text(TREE + "    - Nothing: {}\n")
+    runs, told = watched(path, [lambda: path.write_text(TREE + "    - Nobody: {}\n"), lambda: path.write_text(TREE)])
+    assert runs == 1
+    assert told.count("error[unknown-skill]") == 2

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from executive.language import TreeFileError
+from executive.language.read import read
 from executive.language.run_scenario import run_scenario
 from executive.language.scenario import read_mocks, read_scenario
 
@@ -135,3 +136,19 @@ class TestReading:
         mocks, findings = read_mocks("mocks: {Plan: [NO_PATH, success]}", "m.yaml", document, skills)
         assert findings == []
         assert [result.status for result in mocks.results["Plan"]] == ["failure", "success"]
+
+
+def test_a_file_of_mocks_holds_nothing_else(skills, pick_apple):
+    document = read(pick_apple, "t.yaml")
+    wrong = ("mocks: {}\nfoo: 1\n", "unknown-key"), ("plan: NO_PATH\n", "unknown-key"), ("{}", "missing-key")
+    for text, code in wrong:
+        _, findings = read_mocks(text, "m.yaml", document, skills)
+        assert code in [finding.code for finding in findings], text
+
+
+def test_calls_are_counted_over_all_nodes_of_a_skill(built, skills):
+    body = "root: {sequence: [{MoveTo: {pose: a}, name: A}, {MoveTo: {pose: b}, name: B}]}"
+    document = read("pomona: 1\ntree: t\n" + body, "t.yaml")
+    mocks, findings = read_mocks("mocks: {MoveTo: [success, NO_PATH]}", "m.yaml", document, skills)
+    assert findings == []
+    assert built(body, mocks=mocks).run() == "FAILURE"

@@ -1,0 +1,64 @@
+"""The frame of a package, and the tree of its example."""
+
+from __future__ import annotations
+
+from executive.values.piece import Piece
+
+PACKAGE = Piece(
+    "a package: what pip, pytest and mypy need",
+    {
+        "pyproject.toml": """[build-system]
+requires = ["hatchling>=1.27"]
+build-backend = "hatchling.build"
+
+[project]
+name = "$module"
+version = "0.1.0"
+requires-python = ">=3.11"
+dependencies = ["pomona"]
+
+[project.optional-dependencies]
+dev = ["pytest>=8.2", "mypy>=1.13"]
+
+[tool.hatch.build.targets.wheel]
+packages = ["$module"]
+
+[tool.mypy]
+strict = true
+
+[tool.pytest.ini_options]
+testpaths = ["tests"]
+pythonpath = ["."]
+""",
+        "$module/__init__.py": '"""$Name: skills, drivers and words of trees for Pomona."""\n',
+        "$module/py.typed": "",
+        "README.md": """# $module
+
+    pip install -e '.[dev]'
+    pomona skills            # lists what this package adds
+    pytest
+    mypy $module
+
+`pomona new skill|node|driver NAME --into .` adds a piece.
+""",
+    },
+)
+
+TREE = Piece(
+    "a tree with the example's skill",
+    {
+        "trees/$module.yaml": """# A tree to begin with: pomona run trees/$module.yaml --dry
+pomona: 1
+tree: $module
+
+parameters:
+  above: {type: length, default: 5 cm, help: on top of the least height}
+
+root:
+  sequence:
+    - $Name: {above: "{above}", height: "{height}"}
+      timeout: 5 s
+    - check: "{height} > 10 cm"
+"""
+    },
+)

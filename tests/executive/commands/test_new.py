@@ -1,0 +1,77 @@
+"""What `pomona new` writes runs: its tests pass, `pomona check` finds nothing (types: scripts/check_kit.py)."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from executive.cli import main
+
+
+@pytest.fixture(scope="module")
+def kit(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A package with one of everything."""
+    folder = tmp_path_factory.mktemp("new")
+    assert main(["new", "package", "my_fruit_kit", "--into", str(folder)]) == 0
+    package = folder / "my_fruit_kit"
+    for kind, name in (("node", "forgive"), ("driver", "WallCamera"), ("skill", "WeighFruit")):
+        assert main(["new", kind, name, "--into", str(package)]) == 0
+    return package
+
+
+def test_its_tests_pass(kit: Path) -> None:
+    words = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-p", "no:xdist", "."]
+    done = subprocess.run(words, cwd=kit, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "6 passed" in done.stdout
+
+
+def test_every_piece_is_found_by_an_entry_point(kit: Path) -> None:
+    text = (kit / "pyproject.toml").read_text()
+    assert text.count('[project.entry-points."pomona.skills"]') == 1
+    for line in (
+        'Hover = "my_fruit_kit.hover:Hover"',
+        'WeighFruit = "my_fruit_kit.weigh_fruit:WeighFruit"',
+        'forgive = "my_fruit_kit.forgive:ForgiveType"',
+        'wall_camera = "my_fruit_kit.wall_camera:connect"',
+    ):
+        assert line in text
+
+
+def test_cells_and_fruit_are_right(tmp_path: Path) -> None:
+    for kind, name, file in (("cell", "bench", "bench.yaml"), ("fruit", "plum", "plum/fruit.yaml")):
+        assert main(["new", kind, name, "--into", str(tmp_path)]) == 0
+        assert main(["check", str(tmp_path / file)]) == 0
+
+
+def test_a_piece_without_a_package_begins_one(tmp_path: Path) -> None:
+    assert main(["new", "skill", "Weigh", "--into", str(tmp_path)]) == 0
+    assert (tmp_path / "weigh" / "pomona_weigh" / "weigh.py").is_file()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("skill", "Hover"), "is there already"),
+        (("skill", "1st"), "is no name"),
+        (("node", "while"), "means something else"),
+        (("package", "skills"), "means something else"),
+    ],
+)
+def test_what_cannot_be_is_refused(kit: Path, capsys: pytest.CaptureFixture[str], arguments, said) -> None:
+    before = sorted(kit.rglob("*"))
+    assert main(["new", *arguments, "--into", str(kit)]) == 2
+    assert said in capsys.readouterr().err
+    assert sorted(kit.rglob("*")) == before
+
+
+def test_another_package_in_the_way_is_named(tmp_path: Path) -> None:
+    (tmp_path / "skills").mkdir()
+    (tmp_path / "skills" / "__init__.py").touch()
+    script = "import sys; sys.path.insert(0, '.'); from executive.cli import main; sys.exit(main(['check', 'x']))"
+    done = subprocess.run([sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert "another package named 'skills' is in the way" in done.stderr
