@@ -14,7 +14,9 @@ class FaultSwitch(Protocol):
     """Something of a simulated or emulated cell that can be made to fail in ways that it names, one at a time."""
 
     @property
-    def known_faults(self) -> tuple[str, ...]: ...
+    def known_faults(self) -> tuple[str, ...]:
+        """The ways in which it can fail."""
+        ...
 
     def inject_fault(self, kind: str) -> None:
         """Fail from now on."""
