@@ -36,6 +36,8 @@ OPENING_SPEED = 0.03
 """Of the opening while the fruit is let go [m/s]."""
 SLOW_WITHIN = 0.02
 """Distance of the fruit from what is known to be below at which lowering slows down [m]."""
+RESTING = 0.1
+"""So long after the arm has come to rest a fruit that is carried must still weigh less [s]: a jolt is over then."""
 RELEASED_WIDTH = 0.02
 """How much wider than the fruit the fingers open before they rise [m]."""
 
@@ -135,7 +137,13 @@ class Release(MovingSkill):
                 yield from self._along(*quickly, watch)
                 yield from self._along(*gently, watch)
             except _Grounded:
-                return
+                yield from self.wait(RESTING)
+                if touch.present > 0.5 * contact and not touch.stale_for(self.clock.now()):
+                    return
+                words = (
+                    "what was felt on the way down has gone again, as after a jolt of the arm: the fruit is still held"
+                )
+                raise self.failure("NO_CONTACT", words, lowered_m=before - float(self._tcp()[2, 3])) from None
         lowered = before - float(self._tcp()[2, 3])
         raise self.failure(
             "NO_CONTACT", f"the fruit met nothing within {1e3 * lowered:.0f} mm and is still held", lowered_m=lowered

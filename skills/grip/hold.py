@@ -63,7 +63,7 @@ class Hold:
         self._lock = RLock()
         self._ended = False
         self._device_problem: GripProblem | None = None
-        self._told = False
+        self._told = self._stands = False
         self._record_every = max(round(controller.settings.rate / RECORDED_RATE), 1)
         self._samples = np.zeros((KEPT, 7))
         self._written = self._drained = self._seen = 0
@@ -158,6 +158,9 @@ class Hold:
             if self._ended:
                 return
             controller = self.controller
+            # What comes after a silence may come late for ever: a loop with a delay would press harder and harder.
+            silent = self._now() - max(controller.usable_until, self._started)
+            self._stands = self._stands or (silent > STALE_AFTER and controller.phase in IN_HAND)
             if controller.wants_width:
                 state = self.gripper.state()
                 controller.width, controller.motor_force = state.width, state.motor_force
@@ -166,7 +169,7 @@ class Hold:
                 return
             speed = controller.step(sample.stamp, sample.sequence, sample.wrenches, sample.saturated)
             if speed is not None:
-                self._command(speed)
+                self._command(0.0 if self._stands else speed)
             self._tell_lies()
             self._seen += 1
             if self._seen % self._record_every == 0:

@@ -71,6 +71,11 @@ class Touch:
     def __exit__(self, *_: object) -> None:
         self._subscription.close()
 
+    @property
+    def present(self) -> float:
+        """How much the force differs from the beginning now, lastingly [N]."""
+        return float(np.min(self._recent, axis=0).max()) if len(self._recent) == SPIKE else 0.0
+
     def stale_for(self, now: float) -> float:
         """Age of the newest sample [s] when that is more than `STALE_AFTER`; 0 while the stream flows."""
         newest = self._sensor.latest()

@@ -78,6 +78,21 @@ def test_a_fruit_lost_on_the_way_down_is_told():
     assert scene.arm.settled()
 
 
+def test_a_jolt_on_the_way_down_opens_nothing():
+    scene = over_ground(None)
+    calm = scene.fingers.feel
+
+    def jolt(tick: int) -> None:
+        weight = np.zeros((2, 6))
+        weight[0, 0] = 2.0 if tick in (20, 21) else 0.0  # an arm whose controller halts
+        scene.fingers.feel = lambda now: calm(now) + weight
+
+    outcome = drive(Release(), {}, scene.devices, clock=scene.clock, each_tick=jolt)
+    assert outcome.reason.code == "NO_CONTACT"
+    assert "jolt" in outcome.reason.message
+    assert scene.gripper.moves == []
+
+
 def test_interrupted_while_lowering_the_fruit_stays_held():
     scene = over_ground(None)
     outcome = drive(Release(), {}, scene.devices, clock=scene.clock, interrupt_after=30)
