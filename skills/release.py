@@ -140,9 +140,7 @@ class Release(MovingSkill):
                 yield from self.wait(RESTING)
                 if touch.present > 0.5 * contact and not touch.stale_for(self.clock.now()):
                     return
-                words = (
-                    "what was felt on the way down has gone again, as after a jolt: the fruit is still held"
-                )
+                words = "what was felt on the way down has gone again, as after a jolt: the fruit is still held"
                 raise self.failure("NO_CONTACT", words, lowered_m=before - float(self._tcp()[2, 3])) from None
         lowered = before - float(self._tcp()[2, 3])
         raise self.failure(
