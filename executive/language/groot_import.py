@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from executive.language.expression import SPECIAL
 from executive.language.groot_names import BUILTIN, LITERAL
 from executive.language.groot_scripts import ScriptError, assignments_of, condition_of
 from executive.language.xml_nodes import XmlElement, read_xml
@@ -19,9 +20,13 @@ from executive.values.findings import Finding, Findings, Source
 from executive.values.yaml_text import Flow, block
 
 _ATTRIBUTES = ("name", "ID", "_description", "_autoremap", "_fullpath", "_uid")
+_LOOPS = ("LoopInt", "LoopDouble", "LoopBool", "LoopString")
 _PRECONDITIONS = ("_failureIf", "_successIf", "_skipIf", "_while")
 """In the order in which BehaviorTree.CPP looks at them."""
 _NAME = re.compile(r"[a-z][a-z0-9_]*")
+_KEYS = re.compile(r"(?:\{|output_key=[\"']\{?)(\w+)")
+_ASSIGNED = re.compile(r"\b([A-Za-z_]\w*)\s*(?::=|[-+*/]=)")
+"""A plain `=` gives a value only to what has been written elsewhere; attributes have it, too."""
 
 
 def import_groot(text: str, path: str | Path, types: NodeTypes | None = None) -> tuple[str, list[Finding]]:
@@ -46,6 +51,30 @@ class _Importer:
     def __init__(self, findings: Findings, types: NodeTypes) -> None:
         self.findings, self.types = findings, types
         self.names: dict[str, str] = {}
+        self.ports: dict[str, str] = {}
+        """Blackboard keys that no name here can be, by what they are called here."""
+        self.taken: set[str] = set()
+        self.keys: set[str] = set()
+
+    def called(self, name: str) -> str:
+        """What a blackboard key is called here: names have small letters, and no two become one."""
+        if _NAME.fullmatch(name) or name not in self.keys:  # what nobody writes or wires may be an enum's member
+            return name
+        if name not in self.ports:
+            small = re.sub(r"[^a-z0-9_]", "_", name.lower()).lstrip("_0123456789") or "port"
+            number, found = 1, small
+            while found in self.taken:
+                number += 1
+                found = f"{small}_{number}"
+            self.taken.add(found)
+            self.ports[name] = found
+        return self.ports[name]
+
+    def wired(self, text: str) -> str:
+        """A text with blackboard keys as they are called here."""
+        if text.startswith(LITERAL):
+            return text
+        return re.sub(r"\{(\w+)\}", lambda found: f"{{{self.called(found[1])}}}", text)
 
     def file(self, root: XmlElement) -> str:
         trees = {tree.get("ID") or f"tree_{i}": tree for i, tree in enumerate(root.all("BehaviorTree"), start=1)}
@@ -57,6 +86,8 @@ class _Importer:
             self.findings.error(root, "xml", f"the main tree '{main}' is not in the file")
             return ""
         self.names = {tree_id: _tree_name(tree_id) for tree_id in trees}
+        self.keys = set(_KEYS.findall(root.source.text)) | set(_ASSIGNED.findall(root.source.text))
+        self.taken = {*re.findall(r"\w+", root.source.text), *SPECIAL}
         models = {m.get("ID"): m for group in root.all("TreeNodesModel") for m in group.all("SubTree")}
         top: Words = {"pomona": Flow("1"), "tree": self.names[main]}
         top.update(self.interface(models.get(main)))
@@ -133,6 +164,14 @@ class _Importer:
             return self.subtree(element)
         if tag in ("Script", "ScriptCondition"):
             return self.script(element)
+        if tag == "SetBlackboard":
+            return self.assignment(element)
+        if tag == "TryCatch":
+            return self.attempt(element)
+        if tag == "Precondition":
+            return self.precondition(element)
+        if tag in _LOOPS:
+            return self.loop(element)
         if tag in BUILTIN or not re.fullmatch(r"[A-Z][A-Za-z0-9_]*", tag):
             return element.refuse("has no counterpart in tree files")
         return SKILL.from_xml(element)
@@ -144,16 +183,55 @@ class _Importer:
         if element.get("_autoremap") in ("1", "true"):
             message = f"'_autoremap' of subtree '{called}' is left out"
             self.findings.warning(element.found, "not-translated", message, "wire its ports by name")
-        return {self.names.get(called, _tree_name(called)): element.ports()}
+        return {self.names.get(called, _tree_name(called)): {self.called(n): v for n, v in element.ports().items()}}
 
     def script(self, element: ElementIn) -> Words:
         try:
             if element.tag == "ScriptCondition":
-                return {"check": condition_of(element.get("code"))}
-            steps: list[Words] = [{"set": {name: value}} for name, value in assignments_of(element.get("code"))]
+                return {"check": condition_of(element.get("code"), self.called)}
+            given = assignments_of(element.get("code"), self.called)
+            steps: list[Words] = [{"set": {name: value}} for name, value in given]
         except ScriptError as error:
             return element.refuse(str(error))
         return steps[0] if len(steps) == 1 else {"sequence": steps}
+
+    def assignment(self, element: ElementIn) -> Words:
+        """`SetBlackboard` copies a text or a wire to a key."""
+        key = self.called(element.get("output_key").strip("{}"))
+        if not _NAME.fullmatch(key) or "value" not in element.attributes:
+            return element.refuse("names no key, or no value")
+        return {"set": {key: element.value("value")}}
+
+    def attempt(self, element: ElementIn) -> Words:
+        """`TryCatch`: a sequence; when it fails the last child runs, and it has failed all the same."""
+        *tried, caught = element.children() or [{}]
+        if not tried or element.get("catch_on_halt") in ("true", "1"):
+            return element.refuse("also catches an interruption" if tried else "has too few children")
+        return {"sequence": tried, "retry": Flow("1"), "on_failure": caught}
+
+    def loop(self, element: ElementIn) -> Words:
+        """`LoopInt` and its like over a list that is written out; another queue is emptied by who reads it."""
+        children, queue = element.children(), element.get("queue")
+        key = self.called(element.get("value").strip("{}"))
+        if len(children) != 1 or not _NAME.fullmatch(key) or element.get("if_empty") not in ("", "SUCCESS"):
+            return element.refuse("has no single child, no key for its value, or does not succeed when it is empty")
+        if "{" in queue or not re.fullmatch(r"[\w.;+ -]+", queue):
+            return element.refuse("empties a queue that others see")
+        items = [item.strip() for item in queue.split(";") if item.strip()]
+        return element.wrap(children[0], "for_each", Flow(f"[{', '.join(items)}]"), {"as": key})
+
+    def precondition(self, element: ElementIn) -> Words:
+        """`Precondition`: looks once at its start."""
+        otherwise: dict[str, Words] = {"FAILURE": {"fail": {}}, "SUCCESS": {"succeed": {}}, "SKIPPED": {}}
+        children, status = element.children(), element.get("else") or "FAILURE"
+        if len(children) != 1 or status not in otherwise:
+            return element.refuse(f"has {len(children)} children and ends as {status}")
+        try:
+            condition = condition_of(element.get("if"), self.called)
+        except ScriptError as error:
+            return element.refuse(str(error))
+        found: Words = {"if": condition, "then": children[0]}
+        return {**found, "else": otherwise[status]} if otherwise[status] else found
 
     def conditions(self, element: XmlElement, found: Words) -> Words:
         """Put the pre- and postconditions of BehaviorTree.CPP around a node."""
@@ -165,7 +243,7 @@ class _Importer:
                 found = self.untranslated(element, name, {"code": element.get(name)}, [found], "is a script")
                 continue
             try:
-                found = _guarded(found, name, condition_of(element.get(name)))
+                found = _guarded(found, name, condition_of(element.get(name), self.called))
             except ScriptError as error:
                 found = self.untranslated(element, name, {"code": element.get(name)}, [found], str(error))
         return found
@@ -205,10 +283,10 @@ class ElementIn:
         return self.found.get(name)
 
     def value(self, name: str) -> object:
-        return _value(self.found.get(name))
+        return _value(self.importer.wired(self.found.get(name)))
 
     def duration(self, name: str) -> str:
-        return _duration(self.found.get(name))
+        return _duration(self.importer.wired(self.found.get(name)))
 
     def children(self) -> list[Words]:
         """The element's children, translated."""
@@ -218,7 +296,11 @@ class ElementIn:
 
     def ports(self) -> Words:
         given = self.found.attributes.items()
-        return {name: _value(text) for name, text in given if name not in _ATTRIBUTES and not name.startswith("_")}
+        return {
+            name: _value(self.importer.wired(text))
+            for name, text in given
+            if name not in _ATTRIBUTES and not name.startswith("_")
+        }
 
     def refuse(self, message: str) -> Words:
         kept = {n: v for n, v in self.found.attributes.items() if n != "name" and not n.startswith("_")}

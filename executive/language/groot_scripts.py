@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 
 from executive.language.expression import SPECIAL
 from executive.language.expression_parser import ExpressionSyntaxError, parse_expression
@@ -20,8 +21,8 @@ class ScriptError(ValueError):
     """A script that cannot be said as an expression; the text ends a sentence about it."""
 
 
-def condition_of(script: str) -> str:
-    """An expression.
+def condition_of(script: str, called: Callable[[str], str] = str) -> str:
+    """An expression; `called` gives what a name is called in tree files.
 
     Raises:
         ScriptError: it says something that expressions cannot say.
@@ -33,7 +34,7 @@ def condition_of(script: str) -> str:
         if match is None:
             raise ScriptError(f"has the script '{script}', which is no expression here")
         at = match.end()
-        words.append(_word(match))
+        words.append(_word(match, called))
     found = " ".join(words).replace("( ", "(").replace(" )", ")")
     try:
         parse_expression(found)
@@ -42,11 +43,12 @@ def condition_of(script: str) -> str:
     return found
 
 
-def _word(match: re.Match[str]) -> str:
+def _word(match: re.Match[str], called: Callable[[str], str]) -> str:
     name = match["name"]
     if name in ("true", "false"):
         return str(name)
     if name is not None:
+        name = called(name)
         if name in SPECIAL or not _NAME.fullmatch(name):
             raise ScriptError(f"uses '{name}', which is no name of a port here")
         return f"{{{name}}}"
@@ -54,7 +56,7 @@ def _word(match: re.Match[str]) -> str:
     return _WORDS.get(operator, operator) if operator is not None else match["number"] or match["text"]
 
 
-def assignments_of(script: str) -> list[tuple[str, str]]:
+def assignments_of(script: str, called: Callable[[str], str] = str) -> list[tuple[str, str]]:
     """Names with the values that a script gives them, in order.
 
     Raises:
@@ -63,9 +65,9 @@ def assignments_of(script: str) -> list[tuple[str, str]]:
     found = []
     for statement in filter(str.strip, script.split(";")):
         match = _ASSIGNMENT.fullmatch(statement)
-        if match is None or not _NAME.fullmatch(match[1]):
+        if match is None or not _NAME.fullmatch(called(match[1])):
             raise ScriptError(f"has the script '{script}', which does more than assign values to ports")
-        name, operator, value = match[1], match[2], condition_of(match[3])
+        name, operator, value = called(match[1]), match[2], condition_of(match[3], called)
         if operator not in ("=", ":="):
             value = f"{{{name}}} {operator[0]} ({value})"
         found.append((name, _literal(value)))

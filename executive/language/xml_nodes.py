@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field
 from xml.parsers import expat
 
@@ -74,7 +75,7 @@ def read_xml(source: Source, findings: Findings) -> XmlElement | None:
     parser.StartElementHandler, parser.EndElementHandler = begin, end
     parser.CharacterDataHandler, parser.StartDoctypeDeclHandler = characters, doctype
     try:
-        parser.Parse(source.text.encode("utf-8", "replace"), True)
+        parser.Parse(_escaped(source.text).encode("utf-8", "replace"), True)
     except expat.ExpatError as error:
         where = Spot(source, error.lineno, error.offset + 1)
         findings.error(where, "xml", f"not XML: {expat.errors.messages.get(error.code, 'cannot be read')}")
@@ -82,3 +83,15 @@ def read_xml(source: Source, findings: Findings) -> XmlElement | None:
     except _Refused:
         return None
     return top[0]
+
+
+def _escaped(text: str) -> str:
+    """The text with signs escaped that BehaviorTree.CPP's reader takes as they are: `a < b && c` in an attribute."""
+    if not _BARE.search(text):
+        return text
+    return _VALUE.sub(lambda found: _BARE.sub(lambda sign: _SIGNS[sign[0]], found[0]), text)
+
+
+_BARE = re.compile(r"<(?![A-Za-z/!?])|&(?!(?:#\d+|#x[0-9A-Fa-f]+|[A-Za-z]+);)")
+_VALUE = re.compile(r'=\s*"[^"]*"' + r"|=\s*'[^']*'|<!--.*?-->", re.DOTALL)
+_SIGNS = {"<": "&lt;", "&": "&amp;"}

@@ -193,6 +193,8 @@ class IfType(Composite):
         own = element.tag == self.xml_tag
         if not 2 <= len(children) <= 3:
             return element.refuse(f"has {len(children)} children")
+        if self.reactive and not own and takes_time(children[0]):
+            return element.refuse("has a condition that takes time: what runs would go on unattended meanwhile")
         asked: object = children[0]
         if list(children[0]) == ["check"]:
             asked = children[0]["check"]
@@ -266,3 +268,11 @@ class SwitchType(Composite):
             return element.refuse("has cases that are no words, or that stand twice")
         found: Words = {self.key: element.value("variable"), "cases": cases}
         return {**found, "default": rest[0]} if rest else found
+
+
+def takes_time(words: object) -> bool:
+    """Whether a node as plain values surely runs for more than a tick."""
+    if isinstance(words, dict):
+        slow = words.keys() & {"wait", "wait_until", "delay", "rate", "ask", "retry", "repeat", "for_each"}
+        return bool(slow) or any(map(takes_time, words.values()))
+    return isinstance(words, list) and any(map(takes_time, words))

@@ -83,5 +83,23 @@ class RepeatType(Modifier):
         if element.tag == self.xml_tag:
             return super().from_xml(element)
         (child,) = element.children()
+        if element.tag == "KeepRunningUntilFailure" and may_skip(child):  # it goes on when its child is skipped
+            child = {"sequence": [child, {"succeed": {}}]}
         forever = element.tag == "KeepRunningUntilFailure" or element.get("num_cycles") == "-1"
         return element.wrap(child, self.key, "forever" if forever else element.value("num_cycles"))
+
+
+def may_skip(words: object) -> bool:
+    """Whether a node as plain values could be skipped; a subtree is not looked into."""
+    if isinstance(words, dict):
+        chooses = words.keys() & {"when", "run_once", "if", "reactive_if", "switch", "disabled"}
+        return bool(chooses) or any(map(may_skip, words.values())) or any(str(w)[:1].islower() for w in called(words))
+    return isinstance(words, list) and any(map(may_skip, words))
+
+
+def called(words: Words) -> list[str]:
+    """Words that may call a subtree, which may be skipped."""
+    return [word for word, value in words.items() if isinstance(value, dict) and word not in _NEVER_SKIPPED]
+
+
+_NEVER_SKIPPED = frozenset({"succeed", "fail", "set", "attributes"})

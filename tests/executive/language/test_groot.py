@@ -252,3 +252,43 @@ class TestForeignFiles:
     )
     def test_what_cannot_be_read_is_a_finding(self, text, code):
         assert code in [finding.code for finding in import_groot(text, "x.xml")[1]]
+
+
+@pytest.mark.parametrize(
+    ("xml", "words"),
+    [
+        ('<SetBlackboard output_key="goal" value="{Home}"/>', 'root:\n  set: {goal: "{home}"}'),
+        ('<Script code="A:=1; B:=A"/>', 'set: {b: "{a}"}'),
+        ("<TryCatch><Go/><Grip/><Back/></TryCatch>", "retry: 1\n  on_failure:\n    Back: {}"),
+        ('<Precondition if="x < 3 && y > 1" else="SUCCESS"><Go/></Precondition>', 'if: "{x} < 3 and {y} > 1"'),
+        ('<Precondition if="x" else="SKIPPED"><Go/></Precondition>', 'if: "{x}"\n  then:\n    Go: {}\n'),
+        ('<LoopInt queue="1;2;3" value="{N}"><Go n="{N}"/></LoopInt>', "for_each: [1, 2, 3]\n  as: n_2"),
+        (
+            '<KeepRunningUntilFailure><Go _skipIf="x"/></KeepRunningUntilFailure>',
+            'when: "not ({x})"\n    - succeed: {}\n  repeat: forever',
+        ),
+        ("<KeepRunningUntilFailure><Go/></KeepRunningUntilFailure>", "Go: {}\n  repeat: forever"),
+    ],
+)
+def test_more_words_of_behaviortree_cpp_mean_the_same(xml, words):
+    text, findings = import_groot(f'<root BTCPP_format="4"><BehaviorTree ID="T">{xml}</BehaviorTree></root>', "t.xml")
+    assert findings == []
+    assert words in text
+    assert read(text, "t.yaml").findings == []
+
+
+@pytest.mark.parametrize(
+    "xml",
+    [
+        "<WhileDoElse><Sleep msec='9'/><Go/><Back/></WhileDoElse>",  # what runs would go on unattended
+        "<Precondition if='x' else='RUNNING'><Go/></Precondition>",
+        "<TryCatch catch_on_halt='true'><Go/><Back/></TryCatch>",
+        "<LoopInt queue='{q}' value='{n}'><Go/></LoopInt>",
+        "<LoopInt queue='1;2' value='{n}' if_empty='FAILURE'><Go/></LoopInt>",
+        "<ScriptCondition code='colour == RED'/>",  # may be an enum's member
+    ],
+)
+def test_what_would_change_its_meaning_is_refused(xml):
+    text, findings = import_groot(f'<root BTCPP_format="4"><BehaviorTree ID="T">{xml}</BehaviorTree></root>', "t.xml")
+    assert [finding.code for finding in findings] == ["not-translated"]
+    assert "untranslated" in text
