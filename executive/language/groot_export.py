@@ -76,7 +76,7 @@ class _Exporter:
         """The element of a node without its outer modifiers."""
         layer = node.layers[index]
         at = LayerXml(self, node, index, layer, definition)
-        if not layer.needed(at):
+        if not layer.needed(at) and layer.pauses(at) is None:
             return self.layer(node, index + 1, definition)
         element: Element = layer.to_xml(at)
         if layer is node.type:

@@ -7,6 +7,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from executive.language.expression import SPECIAL
 from executive.language.groot_names import BUILTIN, LITERAL
@@ -55,9 +56,17 @@ class _Importer:
         """Blackboard keys that no name here can be, by what they are called here."""
         self.taken: set[str] = set()
         self.keys: set[str] = set()
+        self.trees: dict[str, XmlElement] = {}
+        self.wires: dict[str, str] = {}
+        """In a subtree that shares its caller's names: what its explicit wires stand for."""
+        self.inside: list[str] = []
+        self.written_out: set[str] = set()
+        self.calls: set[str] = set()
 
     def called(self, name: str) -> str:
         """What a blackboard key is called here: names have small letters, and no two become one."""
+        if name in self.wires:
+            return self.wires[name]
         if _NAME.fullmatch(name) or name not in self.keys:  # what nobody writes or wires may be an enum's member
             return name
         if name not in self.ports:
@@ -81,6 +90,7 @@ class _Importer:
         if not trees:
             self.findings.error(root, "xml", "the file holds no <BehaviorTree>")
             return ""
+        self.trees = trees
         main = root.get("main_tree_to_execute") or next(iter(trees))
         if main not in trees:
             self.findings.error(root, "xml", f"the main tree '{main}' is not in the file")
@@ -95,7 +105,11 @@ class _Importer:
         subtrees = {}
         for tree_id, tree in trees.items():
             if tree_id != main:
-                subtrees[self.names[tree_id]] = {**self.interface(models.get(tree_id)), "root": self.tree(tree)}
+                found = {**self.interface(models.get(tree_id)), "root": self.tree(tree)}
+                subtrees[tree_id] = found
+        subtrees = {
+            self.names[i]: found for i, found in subtrees.items() if i in self.calls or i not in self.written_out
+        }
         if subtrees:
             top["subtrees"] = subtrees
         if root.all("include"):
@@ -181,9 +195,30 @@ class _Importer:
         if called not in self.names:
             self.findings.error(element.found, "xml", f"the subtree '{called}' is not in the file")
         if element.get("_autoremap") in ("1", "true"):
+            shared = self.shared(element, called)
+            if shared is not None:
+                return shared
             message = f"'_autoremap' of subtree '{called}' is left out"
             self.findings.warning(element.found, "not-translated", message, "wire its ports by name")
+        self.calls.add(called)
         return {self.names.get(called, _tree_name(called)): {self.called(n): v for n, v in element.ports().items()}}
+
+    def shared(self, element: ElementIn, called: str) -> Words | None:
+        """A subtree that shares its caller's names, written out where it is called; None when that cannot be."""
+        tree = self.trees.get(called)
+        wires = {n: t for n, t in element.attributes.items() if n not in _ATTRIBUTES and not n.startswith("_")}
+        plain = all(re.fullmatch(r"\{(\w+|=)\}", text) for text in wires.values())
+        if tree is None or called in self.inside or len(tree.children) != 1 or not plain or _has_private(tree):
+            return None
+        outer, again = self.wires, called in self.written_out
+        names = {name: name if text == "{=}" else text[1:-1] for name, text in wires.items()}
+        self.written_out.add(called)
+        self.wires = {**outer, **{inner: self.called(name) for inner, name in names.items()}}
+        self.inside.append(called)
+        found = self.node(tree.children[0])
+        self.inside.pop()
+        self.wires = outer
+        return {"sequence": [_without_names(found) if again else found]}
 
     def script(self, element: ElementIn) -> Words:
         try:
@@ -366,3 +401,16 @@ def _foreign_port(port: XmlElement) -> Words:
     if port.text.strip():
         found["help"] = port.text.strip()
     return found
+
+
+def _has_private(tree: XmlElement) -> bool:
+    """Whether a tree has keys of its own: BehaviorTree.CPP shares none that begins with an underscore."""
+    own = any(re.search(r"\{_\w+\}|(?<!\w)_\w+\s*(?::=|=)", text) for text in tree.attributes.values())
+    return own or any(map(_has_private, tree.children))
+
+
+def _without_names(found: object) -> Any:
+    """A node as plain values without what people call it: a name can be taken only once."""
+    if isinstance(found, dict):
+        return {key: _without_names(value) for key, value in found.items() if key != "name"}
+    return [_without_names(value) for value in found] if isinstance(found, list) else found

@@ -270,7 +270,7 @@ class NodeType(ABC):
 
     # ---------------------------------------------------------------------------------------- at the run
 
-    def pauses(self, at: Building) -> Literal["before", "after"] | None:
+    def pauses(self, at: Asking) -> Literal["before", "after"] | None:
         """On which side of the node the run pauses, if it does."""
         return None
 

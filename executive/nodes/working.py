@@ -58,7 +58,7 @@ class BreakpointType(Modifier):
     def needed(self, at: Asking) -> bool:
         return False
 
-    def pauses(self, at: Building) -> Literal["before", "after"] | None:
+    def pauses(self, at: Asking) -> Literal["before", "after"] | None:
         return "after" if at.literal(self.key) == "after" else "before"
 
     def build(self, at: Building) -> Behaviour:

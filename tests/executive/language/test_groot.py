@@ -17,6 +17,8 @@ from executive.values.yaml_nodes import YamlList, YamlMapping, YamlScalar
 HEAD = "pomona: 1\ntree: t\n"
 
 TREES = [
+    "root: {sequence: [{ask: 'Go?', choices: [a, b], answer: c, default: a, within: 3 s}, {check: '{c} == a'}]}",
+    "root: {sequence: [{Beep: {}, disabled: true}, {MoveTo: {pose: a}, breakpoint: before}]}",
     "root: {sequence: [{Beep: {times: 3}}, {Beep: }, {Beep: {loud: true}, name: 'Beep & <tell>'}]}",
     "root: {reactive_sequence: [{check: '1 < 2'}, {reactive_fallback: [{Beep: {}}, {wait: 1.5 s}]}]}",
     "root: {parallel: [{Beep: {}, name: A}, {Beep: {}, name: B}], success_on: [A]}",
@@ -203,8 +205,8 @@ def test_words_of_behaviortree_cpp_and_nav2_mean_the_same(xml, expected):
         "<RunOnce then_skip='false'><A/></RunOnce>",
         "<RetryUntilSuccessful num_attempts='-1'><A/></RetryUntilSuccessful>",
         "<Parallel success_count='2' failure_count='1'><A/><B/><C/></Parallel>",
-        "<SetBlackboard output_key='a' value='b'/>",
-        "<TryCatch><A/><B/></TryCatch>",
+        "<UnsetBlackboard key='a'/>",
+        "<ManualSelector><A/><B/></ManualSelector>",
         "<SpeedController><A/></SpeedController>",
         "<Inverter/>",
     ],
@@ -292,3 +294,30 @@ def test_what_would_change_its_meaning_is_refused(xml):
     text, findings = import_groot(f'<root BTCPP_format="4"><BehaviorTree ID="T">{xml}</BehaviorTree></root>', "t.xml")
     assert [finding.code for finding in findings] == ["not-translated"]
     assert "untranslated" in text
+
+
+def test_a_subtree_that_shares_its_callers_names_is_written_out():
+    xml = """<root BTCPP_format="4" main_tree_to_execute="Main">
+      <BehaviorTree ID="Main"><Sequence>
+        <Script code="goal := 1; Speed := 2"/>
+        <SubTree ID="Go" _autoremap="true" target="{goal}"/>
+        <SubTree ID="Go" _autoremap="1" target="{=}"/>
+      </Sequence></BehaviorTree>
+      <BehaviorTree ID="Go"><Move name="move" to="{target}" at="{Speed}"/></BehaviorTree>
+    </root>"""
+    text, findings = import_groot(xml, "t.xml")
+    assert findings == []
+    assert text.count("- Move:") == 2
+    assert 'to: "{goal}"' in text
+    assert 'to: "{target}"' in text
+    assert text.count('at: "{speed}"') == 2
+    assert "subtrees" not in text
+    assert read(text, "t.yaml").findings == []
+
+
+def test_keys_of_its_own_keep_a_subtree_from_being_written_out():
+    xml = """<root BTCPP_format="4" main_tree_to_execute="Main">
+      <BehaviorTree ID="Main"><SubTree ID="Go" _autoremap="true"/></BehaviorTree>
+      <BehaviorTree ID="Go"><Move to="{_mine}"/></BehaviorTree>
+    </root>"""
+    assert [finding.code for finding in import_groot(xml, "t.xml")[1]] == ["not-translated"]
