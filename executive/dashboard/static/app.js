@@ -4,6 +4,7 @@ import { apply, emptyState } from "./store.js";
 import { newFeed, page, readAddress, say, withToken } from "./page.js";
 import { connect, isStale, press } from "./link.js";
 import { drawTrust } from "./trust.js";
+import "./layout.js";
 import { TreeView } from "./tree.js";
 import { CameraView, PlotsView, drawTables } from "./pictures.js";
 import { SceneView } from "./scene.js";

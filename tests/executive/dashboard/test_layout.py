@@ -1,0 +1,62 @@
+"""Panels are resized and stay so; one picture fills the middle."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from shown_runs import Show
+
+pytestmark = pytest.mark.browser
+
+LOOK = "pomona: 1\ntree: old\nroot:\n  sequence:\n    - Look: {seen: '{seen}'}\n"
+
+
+def expect(locator: Any) -> Any:
+    from playwright.sync_api import expect as playwright_expect
+
+    return playwright_expect(locator)
+
+
+def box(page: Any, selector: str) -> dict[str, float]:
+    found: dict[str, float] = page.locator(selector).bounding_box()
+    return found
+
+
+def test_panels_are_resized_with_mouse_and_keys_and_stay_so(show: Show, open_page: Callable[..., Any]) -> None:
+    page = open_page(viewport={"width": 1440, "height": 900})
+    expect(page.locator("#connection")).to_have_text("connected")
+    before = box(page, ".tree-panel")["width"]
+    grip = box(page, ".handle.left")
+    page.mouse.move(grip["x"] + 3, 400)
+    page.mouse.down()
+    page.mouse.move(grip["x"] + 123, 400)
+    page.mouse.up()
+    wide = box(page, ".tree-panel")["width"]
+    assert wide == pytest.approx(before + 120, abs=10)
+    page.get_by_role("separator", name="width of the details").press("ArrowLeft")
+    side = box(page, ".side")["width"]
+    page.reload()
+    expect(page.locator("#connection")).to_have_text("connected")
+    assert box(page, ".tree-panel")["width"] == pytest.approx(wide, abs=1)
+    assert box(page, ".side")["width"] == pytest.approx(side, abs=1)
+    page.locator(".handle.left").dblclick()
+    assert box(page, ".tree-panel")["width"] == pytest.approx(before, abs=25)
+    assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+
+
+def test_the_scene_fills_the_middle_when_it_is_wanted_large(show: Show, open_page: Callable[..., Any]) -> None:
+    show.record(LOOK, "old_1")
+    page = open_page("run=old_1", viewport={"width": 1440, "height": 900})
+    expect(page.locator("#connection")).to_have_text("recorded run")
+    page.locator("[data-enlarge=scene]").click()
+    large = box(page, "#scene")
+    assert large["width"] > 600
+    assert large["height"] > 380
+    expect(page.locator("#camera")).to_be_hidden()
+    page.reload()
+    expect(page.locator("#connection")).to_have_text("recorded run")
+    assert box(page, "#scene")["height"] > 380
+    page.locator("[data-enlarge=scene]").click()
+    expect(page.locator("#camera")).to_be_visible()
