@@ -69,6 +69,10 @@ def make_access(options: argparse.Namespace) -> Access:
     )
 
 
+CLOSING = 4.0
+"""Seconds for which the next start waits until the last run's cell is closed."""
+
+
 class Launcher:
     """Starts runs for the page, one at a time, each in a thread of its own."""
 
@@ -84,6 +88,8 @@ class Launcher:
             RefusedError: one is running, or the safe state of the last one is latched.
             UsageError: the tree, cell or settings cannot be used.
         """
+        if self._thread is not None and not self._dashboard.control.is_busy:
+            self._thread.join(CLOSING)  # the last run has ended, its record and its cell are being closed
         if self._thread is not None and self._thread.is_alive():
             latched = self._dashboard.control.runner is not None and self._dashboard.control.runner.latched
             raise RefusedError(f"reset the safe state first: {latched}" if latched else "a run is going on")

@@ -79,6 +79,12 @@ class ControlLock:
         """Whether a run is being prepared."""
         return self._starting is not None and self._starting[1].stage is not None
 
+    @property
+    def is_busy(self) -> bool:
+        """Whether a run is being prepared, goes on, or holds a latched safe state."""
+        runner = self._runner
+        return self.is_preparing or (runner is not None and (not runner.state.ended or runner.latched is not None))
+
     def prepare(self, tree: str) -> Starting:
         """A run of this tree is being prepared: what `execute` reports to, until `serve` gives the runner."""
         starting = Starting(self._changed)

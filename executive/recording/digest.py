@@ -168,8 +168,15 @@ def _end(event: Mapping[str, Any]) -> dict[str, Any]:
         "ticks": ticks if isinstance(ticks, int) and abs(ticks) < 2**63 else None,
         "truth": None if truth is None else _mapping(truth),
         "code": None if reason is None else _text(reason["code"], MOST_CODE),
-        "message": None if reason is None else _text(reason["message"]),
+        "message": None if reason is None else _text(_last_cause(reason)["message"]),
     }
+
+
+def _last_cause(reason: Mapping[str, Any]) -> Mapping[str, Any]:
+    """What a reason comes down to: one sentence, without what each parent says around it."""
+    while reason["causes"]:
+        reason = _mapping(reason["causes"][-1])
+    return reason
 
 
 def _text(value: Any, most: int | None = MOST_TEXT) -> str:

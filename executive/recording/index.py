@@ -38,6 +38,7 @@ MIGRATIONS: tuple[str, ...] = (
     ALTER TABLE runs ADD COLUMN lost TEXT;
     UPDATE runs SET stamp = 0
     """,
+    "UPDATE runs SET stamp = 0",  # the message is that of the last cause
 )
 """Each brings the index from one version of its schema to the next. One that adds a column ends with
 `UPDATE runs SET stamp = 0`: every record is then read again."""

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
 from executive.errors import UsageError
 from executive.execute import RunOrder, execute
 from executive.files import find_cell, find_tree
+from executive.recording.read import read_events
 from executive.running.breakpoints import Side
-from executive.running.events import Event, StateChanged
+from executive.running.events import Event, OperatorActed, StateChanged
 from executive.running.runner import Runner
+from executive.running.starting import Starting
 
 
 def order(*breaks: tuple[str, Side]) -> RunOrder:
@@ -35,3 +39,18 @@ def test_breakpoints_of_an_order_hold_the_run_from_its_start() -> None:
     assert executed.result.outcome == "success"
     assert [because.split()[1] for because in held] == ["before", "after"]
     assert all(because.endswith("Refine") for because in held)
+
+
+def test_a_stop_during_the_preparation_is_a_recorded_run_without_a_tick(tmp_path: Path) -> None:
+    def stop_when_preparing() -> None:
+        if starting.stage is not None and starting.stage.done == 1 and not starting.cancelled:
+            starting.cancel("safe stop by ada", "ada")
+
+    starting = Starting(stop_when_preparing)
+    executed = execute(
+        RunOrder(find_tree("pick_apple"), find_cell("sim"), dry=True, record=tmp_path), starting=starting
+    )
+    assert (executed.result.outcome, executed.result.ticks) == ("stopped", 0)
+    assert executed.record is not None
+    acts = [(e.who, e.action) for e in read_events(executed.record) if isinstance(e, OperatorActed)]
+    assert acts == [("ada", "safe_stop")]
