@@ -186,7 +186,9 @@ class IfType(Composite):
         return If(at.name, children, self.reactive, last_failure)
 
     def to_xml(self, at: XmlOut) -> object:
-        return at.element(self.xml_tags[0]) if len(at.node.children) == 3 else at.own({})
+        asked = at.node.children[0]
+        at_once = not self.reactive or (asked.type.instant and not asked.wrapping)  # see `from_xml`
+        return at.element(self.xml_tags[0]) if at_once and len(at.node.children) == 3 else at.own({})
 
     def from_xml(self, element: XmlIn) -> Words:
         children = element.children()

@@ -504,12 +504,15 @@ JOBS = Registry(
 )  # fmt: skip
 
 
-def differs(seed: str) -> str:
-    """What the executive does otherwise than the interpreter, for one random tree; an empty text when nothing."""
+def differs(seed: str, through: Callable[[str], str] = str) -> str:
+    """What the executive does otherwise than the interpreter, for one random tree; an empty text when nothing.
+
+    The executive gets the tree `through` something that must not change what it means.
+    """
     rng = random.Random(seed)
     case = Case(rng)
     body, node = case.node(rng.randint(1, 3))
-    text = f"pomona: 1\ntree: t\nroot: {{sequence: [{{set: {{n: 0}}}}, {{{body}}}]}}\n"
+    text = through(f"pomona: 1\ntree: t\nroot: {{sequence: [{{set: {{n: 0}}}}, {{{body}}}]}}\n")
     context, world = Context(), World()
     tree = build(read(text, "t.yaml"), JOBS, context=context)
     for skill in tree.skills:
