@@ -13,7 +13,7 @@ from executive.language.model import Definition, Document, TreeNode
 from executive.language.outcomes import Outcomes
 from executive.language.overrides import parameter_values
 from executive.language.scope import Named, Origin, Read, Resolved, Scope
-from executive.language.truth import NOTHING, Truth
+from executive.language.truth import Truth
 from executive.language.value_types import can_flow, describe
 from executive.language.values import static_type
 from executive.nodes.calls import SUBTREE
@@ -129,7 +129,7 @@ class _Checker:
         checker.definition(definition.root)
         self.follow(definition, scope)
         if not self.findings.errors:  # what is wrong already says nothing about what is true
-            Truth(self.findings, scope, self.analysis.resolved, self.outcomes).node(definition.root, NOTHING)
+            Truth(self.findings, scope, self.analysis.resolved, self.outcomes).definition()
         for name, named in scope.written():
             if not named.read and name not in definition.outputs:
                 message = f"nobody reads '{name}', which {named.by} writes"

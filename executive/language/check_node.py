@@ -41,6 +41,11 @@ class NodeChecker:
     resolved: dict[tuple[int, str], Resolved]
     interfaces_of_cell: tuple[type, ...] | None
     named: dict[str, YamlScalar] = field(default_factory=dict)
+    moved: dict[str, tuple[type, ...]] = field(init=False)
+    """What each skill moves, if it moves anything."""
+
+    def __post_init__(self) -> None:
+        self.moved = {name: claims for name, skill in self.skills.items() if (claims := skill.claims())}
 
     def definition(self, root: TreeNode) -> None:
         """Check all nodes of a definition."""
@@ -122,6 +127,8 @@ class NodeChecker:
     def devices(self, node: TreeNode) -> dict[str, str]:
         """Devices that a node and all below it move, each with the first node that does."""
         found: dict[str, str] = {}
+        if not self.moved:
+            return found
         stack, seen = [node], set()
         while stack:
             below = stack.pop()
@@ -131,7 +138,7 @@ class NodeChecker:
                 seen.add(id(called))
                 stack.append(called.root)
             elif skill is not None and below.type.calls:
-                for interface in skill.claims():
+                for interface in self.moved.get(below.key.text, ()):
                     found.setdefault(interface.__name__, below.label)
             stack.extend(reversed(below.below()))
         return found

@@ -35,6 +35,19 @@ class Truth:
     outcomes: Outcomes
     written: dict[int, frozenset[str]] = field(default_factory=dict)
 
+    def definition(self) -> None:
+        """Follow it, if any of its nodes looks at anything."""
+        root = self.scope.definition.root
+        nodes = {id(node) for node in root.walk()} if root is not None else set()
+        looks = any(
+            isinstance(value, ComputedValue) and value.type is bool
+            for (node, _), found in self.resolved.items()
+            if node in nodes
+            for value in found.settings.values()
+        )
+        if root is not None and looks:
+            self.node(root, NOTHING)
+
     def known(self) -> dict[str, Any]:
         """Values that are the same for the whole run."""
         fixed = ("constant", "parameter")

@@ -187,7 +187,7 @@ class IfType(Composite):
 
     def to_xml(self, at: XmlOut) -> object:
         asked = at.node.children[0]
-        at_once = not self.reactive or (asked.type.instant and not asked.wrapping)  # see `from_xml`
+        at_once = not self.reactive or (asked.kind == CheckType.key and not asked.modifiers)  # see `from_xml`
         return at.element(self.xml_tags[0]) if at_once and len(at.node.children) == 3 else at.own({})
 
     def from_xml(self, element: XmlIn) -> Words:
