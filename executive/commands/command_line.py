@@ -34,6 +34,13 @@ class _Version(argparse.Action):
         sys.exit(0)
 
 
+def add_records_folder(parser: argparse.ArgumentParser) -> None:
+    """`--record DIR`, the same for every subcommand that writes or reads records."""
+    parser.add_argument(
+        "--record", type=Path, default=Path("runs"), metavar="DIR", help="folder of records (default: runs)"
+    )
+
+
 def command_names() -> list[str]:
     """Every installed subcommand."""
     return sorted(entry.name for entry in entry_points(group=COMMANDS))

@@ -8,6 +8,7 @@ import threading
 from pathlib import Path
 from typing import Any
 
+from executive.commands.command_line import add_records_folder
 from executive.dashboard.choices import Choices
 from executive.dashboard.control_lock import RefusedError
 from executive.dashboard.security import Access
@@ -23,9 +24,7 @@ from executive.terminal.screen import Screen
 def add(subparsers: Any) -> None:
     """Register the subcommand."""
     parser = subparsers.add_parser("dashboard", help="serve the operator's page: recorded runs, and new ones")
-    parser.add_argument(
-        "--record", type=Path, default=Path("runs"), metavar="DIR", help="folder of records (default: runs)"
-    )
+    add_records_folder(parser)
     parser.add_argument(
         "--tree", action="append", default=[], metavar="FILE", help="offer this tree, too, beside the installed ones"
     )

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from executive.campaign.document import Bullets, Document, Heading, Table, Text
+from executive.commands.command_line import add_records_folder
 from executive.errors import UsageError
 from executive.files import installed_trees
 from executive.recording.evidence import Evidence, Measured, gather, read_hazards
@@ -31,7 +32,7 @@ def add(subparsers: Any) -> None:
     add_argument = parser.add_argument
     what = "a folder of a campaign, a folder of records, a record, or its name below --record"
     add_argument("runs", nargs="+", metavar="CAMPAIGN_OR_RUN", help=what)
-    add_argument("--record", type=Path, default=Path("runs"), metavar="DIR", help="folder of records (default: runs)")
+    add_records_folder(parser)
     add_argument("--hazards", type=Path, help="a file of hazards (default: the installed one)")
     add_argument("--out", type=Path, default=Path("evidence"), metavar="DIR", help="where to (default: evidence)")
     parser.set_defaults(main=main)

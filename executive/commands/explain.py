@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 from typing import Any
 
+from executive.commands.command_line import add_records_folder
 from executive.commands.runs import RUN
 from executive.recording.digest import trusted
 from executive.recording.read import events_file, find_record, read_events
@@ -19,9 +19,7 @@ def add(subparsers: Any) -> None:
     """Register the subcommand."""
     parser = subparsers.add_parser("explain", help="what happened in a recorded run and why, in a few sentences")
     parser.add_argument("run", nargs="?", default="last", help=f"{RUN} (default: last)")
-    parser.add_argument(
-        "--record", type=Path, default=Path("runs"), metavar="DIR", help="where records are (default: runs)"
-    )
+    add_records_folder(parser)
     parser.set_defaults(main=main)
 
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import argparse
 import time
-from pathlib import Path
 from typing import Any
 
+from executive.commands.command_line import add_records_folder
 from executive.recording.digest import trusted
 from executive.recording.read import find_record, read_events
 from executive.terminal.live import LiveTree
@@ -19,9 +19,7 @@ def add(subparsers: Any) -> None:
     """Register the subcommand."""
     parser = subparsers.add_parser("replay", help="show a recorded run again")
     parser.add_argument("run", help="a record's folder, its name below --record, or 'last'")
-    parser.add_argument(
-        "--record", type=Path, default=Path("runs"), metavar="DIR", help="where records are (default: runs)"
-    )
+    add_records_folder(parser)
     parser.add_argument(
         "--speed", type=float, default=0.0, help="1 is real time; 0 (default) as fast as it can be shown"
     )

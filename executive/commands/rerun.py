@@ -8,6 +8,7 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
+from executive.commands.command_line import add_records_folder
 from executive.commands.runs import RUN
 from executive.errors import UsageError
 from executive.execute import RunOrder, execute, versions
@@ -33,9 +34,7 @@ def add(subparsers: Any) -> None:
         "the files, and compares every event. Exit status: 0 the same, 1 it differs.",
     )
     parser.add_argument("run", help=RUN)
-    parser.add_argument(
-        "--record", type=Path, default=Path("runs"), metavar="DIR", help="where records are (default: runs)"
-    )
+    add_records_folder(parser)
     parser.set_defaults(main=main)
 
 

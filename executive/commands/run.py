@@ -11,6 +11,7 @@ import threading
 from pathlib import Path
 from typing import Any
 
+from executive.commands.command_line import add_records_folder
 from executive.commands.dashboard import add_address, make_access
 from executive.commands.watch import run_on_save
 from executive.dashboard.server import Dashboard
@@ -44,9 +45,7 @@ def add(subparsers: Any) -> None:
     parser.add_argument(
         "--pace", choices=("fast", "real"), default="fast", help="a simulated cell as fast as possible, or in real time"
     )
-    parser.add_argument(
-        "--record", type=Path, default=Path("runs"), metavar="DIR", help="folder of records (default: runs)"
-    )
+    add_records_folder(parser)
     parser.add_argument("--no-record", action="store_true", help="leave no record")
     parser.add_argument(
         "--dry",

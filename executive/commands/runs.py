@@ -8,6 +8,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
+from executive.commands.command_line import add_records_folder
 from executive.errors import UsageError
 from executive.recording import prune as pruning
 from executive.recording.copy import is_whole
@@ -71,9 +72,7 @@ def add(subparsers: Any) -> None:
 
 def _command(commands: Any, name: str, main: Any, text: str) -> argparse.ArgumentParser:
     parser: argparse.ArgumentParser = commands.add_parser(name, help=text, description=text.capitalize())
-    parser.add_argument(
-        "--record", type=Path, default=Path("runs"), metavar="DIR", help="folder of records (default: runs)"
-    )
+    add_records_folder(parser)
     parser.set_defaults(main=main)
     return parser
 
