@@ -77,14 +77,18 @@ class FrameFolder:
         return _read(self.pictures[index], flag)
 
 
-class FinderBatches(Dataset[tuple[Tensor, ...]]):
-    """Batches for the finder: pictures (n, h, w, 3) uint8, and the maps of `finder_targets`."""
+class _FrameBatches(Dataset[tuple[Tensor, ...]]):
+    """So many batches of frames, each drawn from the seed and its number alone."""
 
     def __init__(self, frames: FrameFolder, batch: int, seed: int, steps: int, augment: bool = True) -> None:
         self.frames, self.batch, self.seed, self.steps, self.augment = frames, batch, seed, steps, augment
 
     def __len__(self) -> int:
         return self.steps
+
+
+class FinderBatches(_FrameBatches):
+    """Batches for the finder: pictures (n, h, w, 3) uint8, and the maps of `finder_targets`."""
 
     def __getitem__(self, step: int) -> tuple[Tensor, ...]:
         cv2.setNumThreads(1)
@@ -135,14 +139,8 @@ DOPE_INPUT = 400
 """Side of the square pictures on which the full network learns [px]; its maps are 50 x 50 then."""
 
 
-class DopeBatches(Dataset[tuple[Tensor, ...]]):
+class DopeBatches(_FrameBatches):
     """Batches for the full network: normalised pictures (n, 3, 400, 400), belief and affinity maps."""
-
-    def __init__(self, frames: FrameFolder, batch: int, seed: int, steps: int, augment: bool = True) -> None:
-        self.frames, self.batch, self.seed, self.steps, self.augment = frames, batch, seed, steps, augment
-
-    def __len__(self) -> int:
-        return self.steps
 
     def __getitem__(self, step: int) -> tuple[Tensor, ...]:
         cv2.setNumThreads(1)
@@ -310,7 +308,7 @@ def _on_fruit(place: F64, size: float, keypoints: F64) -> bool:
     return bool(np.linalg.norm(place - keypoints[8]) < 0.5 * max(own, 0.6 * size)) and own < 2.5 * size
 
 
-def _indices(batches: FinderBatches | DopeBatches, rng: np.random.Generator, step: int) -> NDArray[np.int64]:
+def _indices(batches: _FrameBatches, rng: np.random.Generator, step: int) -> NDArray[np.int64]:
     if not batches.augment:
         return (np.arange(batches.batch) + step * batches.batch) % len(batches.frames)
     return rng.integers(0, len(batches.frames), batches.batch)
