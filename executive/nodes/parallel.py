@@ -147,7 +147,7 @@ class ParallelType(Composite):
         if element.tag == "ParallelAll":
             success, failure = "-1", element.get("max_failures") or "1"
         children = element.children()
-        everything = success in ("-1", str(len(children)))
+        everything = success == "-1" or (success != "1" and success == str(len(children)))
         if failure != "1" or not (everything or success == "1"):
             return element.refuse(f"succeeds on {success} and fails on {failure}")
         return {"parallel": children} if everything else {"parallel": children, "success_on": "one"}
