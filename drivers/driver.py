@@ -1,7 +1,7 @@
 """What a driver says of itself before anything is connected: its device, and the options that a cell file may give it.
 
     @driver(WsgGripper, WsgFile)
-    def connect(settings: Settings[WsgFile], bench: Bench) -> WsgGripper: ...
+    def connect(settings: Settings[WsgFile], context: ConnectContext) -> WsgGripper: ...
 
 is found by its name in a cell file through the entry point group `pomona.drivers`. The options are a dataclass of
 `executive.values.sections`: with its kinds, ranges and defaults a cell file is judged without touching a device. Its
