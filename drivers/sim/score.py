@@ -21,7 +21,9 @@ TOUCH = 0.05
 REGAINED = 0.5
 """A fruit that both pads touch again within this time is still in the same grip [s]."""
 SLID_OUT = 10e-3
-"""A grip that ends after the fruit slid by more than this has lost it; pads that open slide by far less [m]."""
+"""A grip that ends after the fruit slid by more than this has lost it; pads that open slide by far less. A fruit that
+the pads let go has left them when it is so far from where they held it: a jolt makes stiff contacts part for some
+milliseconds, again and again, without that [m]."""
 REST = 3e-3
 """The tool is at rest below this speed [m/s]."""
 
@@ -54,18 +56,34 @@ class Grip:
 
 @dataclass(slots=True)
 class FruitRecord:
-    """What happened to one fruit; bumps are touches by the robot while it held another one."""
+    """What happened to one fruit; bumps are touches by the robot while it held another one.
+
+    `ending`: where in the tool the fruit was when the last grip's contact went, which may come back yet; `fell`: it
+    hung then, and nothing carried it.
+    """
 
     rest: Float64
     looked: Float64
     grip: Grip | None = None
     last_grip: Grip | None = None
     lost_at: float = -1.0
+    ending: Float64 | None = None
+    fell: bool = False
     drops: int = 0
     lost: int = 0
     touches: int = 0
     bumps: int = 0
     touching: bool = False
+
+    def end_grip(self) -> None:
+        """The last grip is over: count a drop, or a fruit that slid out."""
+        grip = self.last_grip
+        assert grip is not None
+        self.drops += self.fell
+        if not grip.lost and (self.fell or grip.slip > SLID_OUT):
+            grip.lost = True
+            self.lost += 1
+        self.ending = None
 
 
 @dataclass(slots=True)
@@ -125,7 +143,7 @@ class Score:
             record.touches += begins
             record.bumps += begins and any(other.grip is not None for other in self._fruits if other is not record)
             record.touching = touching
-            if touching or record.grip is not None:
+            if touching or record.grip is not None or record.ending is not None:
                 self._watch_grip(i, record, sensors)
 
     def note_look(self) -> None:
@@ -141,12 +159,15 @@ class Score:
             if record.grip is not None:
                 record.last_grip, record.grip = record.grip, None
                 record.lost_at = float(self.state.time)
-                fell = bool(record.last_grip.hung and not sensors.supported)
-                record.drops += fell
-                if (fell or record.last_grip.slip > SLID_OUT) and not record.last_grip.lost:
-                    record.last_grip.lost = True
-                    record.lost += 1
+                record.ending = self._in_tool(i)
+                record.fell = bool(record.last_grip.hung and not sensors.supported)
+            elif record.ending is not None and (
+                (record.fell and sensors.supported)
+                or float(np.linalg.norm(self._in_tool(i) - record.ending)) > SLID_OUT
+            ):
+                record.end_grip()
             return
+        record.ending = None
         T_base_tool, T_base_fruit = self._tool(), self._pose(i)
         supported = sensors.supported or T_base_fruit[2, 3] - record.rest[2, 3] < CLEAR
         if record.grip is None:
@@ -168,6 +189,11 @@ class Score:
             least = self._least_force()
             grip.least = max(grip.least, least)
             grip.held.note(float(self.state.time), sum(normal), least)
+
+    def _in_tool(self, fruit: int) -> Float64:
+        """Where a fruit's centre is in the tool's frame, shape (3,) [m]."""
+        T_tool_fruit: Float64 = np.linalg.inv(self._tool()) @ self._pose(fruit)
+        return T_tool_fruit[:3, 3]
 
     def _take_hold(self, T_base_tool: Float64, T_base_fruit: Float64) -> Grip:
         T_tool_fruit = np.linalg.inv(T_base_tool) @ T_base_fruit

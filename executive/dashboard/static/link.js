@@ -104,11 +104,12 @@ function send(made) {
 }
 
 function answered(id, answer) {
+  // What the server has done is so, however late its answer comes: a page that holds control must not think otherwise.
+  if (answer.yours) { page.grant = answer.grant; sessionStorage.setItem("pomona-grant", page.grant); page.dirty = true; }
   const made = link.press;
-  if (made?.id !== id || made.state !== "sent") return;
+  if (made?.id !== id || (made.state !== "sent" && made.state !== "lost")) return;
   if (answer.error) { settle(made, "refused", answer.error); return; }
-  if (answer.yours) { page.grant = answer.grant; sessionStorage.setItem("pomona-grant", page.grant); }
-  page.control = { ...page.control, held_by: answer.held_by, grant: answer.grant };
+  if (answer.grant >= page.control.grant) page.control = { ...page.control, held_by: answer.held_by, grant: answer.grant };
   made.words = answer.confirmed;
   if (FACED.has(made.action)) made.state = "accepted"; else settle(made, "confirmed", answer.confirmed);
   page.dirty = true;

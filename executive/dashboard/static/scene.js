@@ -4,7 +4,7 @@ import { showAge } from "./pictures.js";
 
 const STYLE = {
   planned: "--planned", executed: "--executed", approach: "--approach", muted: "--hidden", occupied: "--occupied",
-  free: "--free", chosen: "--good", ruled_out: "--bad", tried: "--warn", object: "--object", fruit: "--object", robot: "--robot", tool: "--tool",
+  free: "--free", chosen: "--good", ruled_out: "--bad", tried: "--warn", object: "--object", robot: "--robot", tool: "--tool",
 };
 const MOST_CUBES = 1500; // more cells are drawn as squares
 const SUN = normal([0.35, -0.5, 0.8]);

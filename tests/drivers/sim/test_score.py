@@ -1,8 +1,12 @@
 """The score's least force is where the engine itself lets a held fruit slip."""
 
+from types import SimpleNamespace
+
+import numpy as np
 import pytest
 
 from drivers.sim.fingers import SimFingers
+from drivers.sim.score import SLID_OUT, FruitRecord, Grip, Score
 
 
 @pytest.mark.parametrize("friction", ["0.5", "0.9"])
@@ -24,3 +28,51 @@ def test_slip_begins_at_the_least_force(open_cell, probe_of, pick_with, friction
         assert probe.force_wanted > 0.0
     # Several points of contact resist a twist a little better than the one of the ellipsoid.
     assert 0.94 < pressed[-2] / loads[-2] < 1.01
+
+
+class StandingScore(Score):
+    """Of a world in which nothing moves, but the fruit where it is put."""
+
+    fallen = 0.0
+
+    def _tool(self):
+        return np.eye(4)
+
+    def _pose(self, _fruit):
+        pose = np.eye(4)
+        pose[2, 3] = -self.fallen
+        return pose
+
+    def _normal_forces(self, _sensors):
+        return (1.0, 1.0)
+
+    def _tool_speed(self):
+        return 0.1
+
+    def _least_force(self):
+        return 1.0
+
+    def _measure_slip(self, _grip, _T_tool_fruit):
+        pass
+
+
+@pytest.mark.parametrize(("fallen", "drops"), [(0.5 * SLID_OUT, 0), (1.5 * SLID_OUT, 1)])
+def test_contacts_that_part_again_and_again_are_no_drop_as_long_as_the_fruit_stays(
+    fallen: float, drops: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    record = FruitRecord(np.eye(4), np.eye(4), grip=Grip(np.eye(4), np.zeros(3), hung=True))
+    score = StandingScore.__new__(StandingScore)
+    score.state = SimpleNamespace(time=1.0)
+
+    def step(force: float) -> None:
+        score.state.time += 0.01
+        pads = (np.full(10, force), np.full(10, force))
+        score._watch_grip(0, record, SimpleNamespace(pads=pads, supported=False))
+
+    for force in (1.0, 0.0, 0.0, 1.0, 0.0, 0.0):
+        step(force)
+    monkeypatch.setattr(StandingScore, "fallen", fallen)
+    step(0.0)
+    step(1.0)
+    assert (record.drops, record.lost) == (drops, drops)
+    assert record.grip is not None

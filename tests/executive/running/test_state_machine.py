@@ -55,7 +55,9 @@ class RunnerMachine(RuleBasedStateMachine):
         assert self.looked.acquire(timeout=PATIENCE)
 
     def _run(self) -> None:
-        self.result = self.runner.run()
+        result = self.runner.run()
+        self.latched_in_run = self.cell is not None and self.cell.latched is not None
+        self.result = result
         self.looked.release()
 
     def _step(self) -> None:
@@ -105,7 +107,7 @@ class RunnerMachine(RuleBasedStateMachine):
         if self.cell is None or self.cell.latched is None:
             return
         assert not self.cell.wheel.turning, "it moves in the safe state"
-        if self.result is not None:
+        if self.result is not None and self.latched_in_run:  # a stop after the end latches the cell, and changes no end
             assert self.result.outcome in ("stopped", "error")
 
     @invariant()
