@@ -24,7 +24,7 @@ run: $(STAMP) ## pick an apple on the simulated cell
 
 test: $(STAMP) ## run the tests
 	@sh scripts/system_libraries.sh tests
-	$(BIN)/python -m pytest -n 2
+	$(BIN)/python -m pytest -n 2 --dist worksteal
 
 test-realtime: $(STAMP) ## the whole pick through emulated devices and wires; needs a machine with nothing else to do
 	$(BIN)/python -m pytest -m realtime
