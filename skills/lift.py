@@ -21,7 +21,7 @@ from skills.motion.robot import RobotModel
 from skills.motion.straight_line import straight_line
 from skills.shared.following import MOTION_FAILURES, MovingSkill, Watching
 from skills.shared.grip_view import show_grip
-from skills.shared.hanging import Hanging
+from skills.shared.hanging import Hanging, require_truth
 from skills.shared.touch import pressing_forces, something_between
 from skills.shared.usable_map import usable_field
 from skills.shared.warm_motion import prepare_moving
@@ -37,6 +37,10 @@ that is just beginning passes within `JERK_TIME`."""
 
 LOWERING = 0.1
 """Speed with which a fruit that cannot be held is put back [m/s]."""
+
+
+BACK = 1e-3
+"""A fruit that is lower than this above where it stood is back [m]."""
 
 
 class _TooMuch(Exception):
@@ -153,25 +157,37 @@ class Lift(MovingSkill):
                 yield "held up"
                 watch()
         except _TooMuch as much:
-            yield from self._put_back(robot, T_base_start, acceleration)
-            raise self._cannot_hold(much.problem, hold) from much
+            yield from self._put_back(robot, T_base_start, acceleration, hold)
+            risen = float(robot.tcp(arm.state().q)[2, 3] - T_base_start[2, 3])
+            raise self._cannot_hold(much.problem, hold, risen) from much
         if hanging is not None and (missing := hanging.missing()):
             raise self._not_held("LOST", f"nothing came up: {missing}", hold)
         if hold is not None:
             show_grip(self, hold, everything=True)
         return None
 
-    def _put_back(self, robot: RobotModel, T_base_start: Float64, acceleration: float) -> Watching:
-        """Lower the fruit to where it stood, on the line that it came up."""
+    def _put_back(self, robot: RobotModel, T_base_start: Float64, acceleration: float, hold: Hold | None) -> Watching:
+        """Lower the fruit to where it stood, on the line that it came up; where there is no such line, stay."""
         arm = self.device(Arm)
         q = arm.state().q
         way = float(np.linalg.norm(robot.tcp(q)[:3, 3] - T_base_start[:3, 3]))
         line = straight_line(robot, q, T_base_start)
-        if way < 1e-6 or not line.complete:
+        if way < BACK or not line.complete:
             return
-        yield from self.travel(time_curve(line.q, way, arm.limits, LOWERING, acceleration, acceleration / JERK_TIME))
 
-    def _cannot_hold(self, problem: GripProblem, hold: Hold | None) -> Exception:
+        def watch() -> None:
+            if hold is not None:
+                show_grip(self, hold)
+                require_truth(hold)
+            if not self._held(hold):
+                raise self._not_held("LOST", "the fruit was lost while it was put back", hold)
+
+        yield from self.travel(
+            time_curve(line.q, way, arm.limits, LOWERING, acceleration, acceleration / JERK_TIME), watch
+        )
+        watch()
+
+    def _cannot_hold(self, problem: GripProblem, hold: Hold | None, risen: float) -> Exception:
         code = problem.code
         if code == "FORCE_LIMIT" and problem.data["weight_alone"] > problem.data["limit"]:
             code = "TOO_HEAVY"
@@ -180,7 +196,10 @@ class Lift(MovingSkill):
             "FORCE_LIMIT": "gripped nearer its centre it may be held",
             "SLIPPED": "it is not held by what friction was told or felt",
         }[code]
-        return self._not_held(code, f"put back where it stood, {elsewhere}", hold, problem)
+        where = (
+            "put back where it stood" if risen < BACK else f"still {1e3 * risen:.0f} mm up, with no straight way back"
+        )
+        return self._not_held(code, f"{where}, {elsewhere}", hold, problem)
 
     def _require_free(self, q_line: Float64, grasp: Grasp | None, map: OccupancyMap | None, clearance: float) -> None:
         width = self.device(Gripper).state().width

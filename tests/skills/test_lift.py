@@ -1,3 +1,4 @@
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -229,6 +230,38 @@ def test_a_load_that_is_too_much_for_a_moment_only_is_borne():
         )
 
     assert fruit.lift(each_tick=jolt).status is Status.SUCCESS
+
+
+def test_a_fruit_that_falls_while_it_is_put_back_is_lost_and_not_told_as_put_back():
+    fruit = Standing(weight=20.0)
+    highest = 0.0
+
+    def drop(_tick: int) -> None:
+        nonlocal highest
+        highest = max(highest, fruit.risen)
+        if highest - fruit.risen > 5e-4:  # on the way down
+            fruit.scene.fingers.feel = lambda _now: np.zeros((2, 6))
+
+    outcome = fruit.lift(each_tick=drop)
+    assert outcome.reason.code == "LOST"
+    assert "put back where it stood" not in outcome.reason.message
+    assert fruit.scene.arm.settled()
+
+
+def test_where_there_is_no_way_back_it_says_that_the_fruit_is_still_up(monkeypatch: pytest.MonkeyPatch):
+    fruit = Standing(weight=20.0)
+
+    def only_up(robot, q, T_base_goal):
+        line = straight_line(robot, q, T_base_goal)
+        return line if T_base_goal[2, 3] > robot.tcp(q)[2, 3] else replace(line, reason="a limit is reached")
+
+    monkeypatch.setattr("skills.lift.straight_line", only_up)
+    outcome = fruit.lift()
+    assert outcome.reason.code == "TOO_HEAVY"
+    assert "mm up, with no straight way back" in outcome.reason.message
+    assert fruit.risen > 1e-3
+    assert fruit.scene.arm.settled()
+    assert fruit.hold.holds
 
 
 def test_interrupted_while_it_is_put_back_it_stops_and_holds():
