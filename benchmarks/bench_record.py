@@ -19,9 +19,10 @@ from pathlib import Path
 
 from executive.execute import RunOrder, execute
 from executive.files import find_cell, find_tree
+from executive.recording.folder import EVENTS_FILE
 from executive.recording.picture import Picture
 from executive.recording.read import read_events
-from executive.recording.recorder import EVENTS_FILE, Recorder
+from executive.recording.recorder import Recorder
 from executive.recording.scan import scan
 from executive.running.events import Event, RunEnded, RunStarted
 

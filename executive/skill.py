@@ -25,9 +25,8 @@ import time
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from inspect import isgeneratorfunction
-from typing import Any, ClassVar, Protocol, TypeVar, cast
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol, TypeVar, cast
 
-import numpy as np
 import py_trees
 from py_trees.common import Status
 
@@ -36,6 +35,9 @@ from executive.errors import SkillError
 from executive.ports import Outputs, Ports
 from executive.signature import ports_of
 from executive.values.sections import Problem
+
+if TYPE_CHECKING:
+    import numpy as np
 
 T = TypeVar("T")
 Work = Generator["str | None", None, T]
@@ -241,6 +243,8 @@ class Skill(py_trees.behaviour.Behaviour):
 
     def rng(self) -> np.random.Generator:
         """A random generator for this start of this node: reproducible from the run's seed."""
+        import numpy as np
+
         return np.random.default_rng(self.context.seed(f"{self.path}#{self.starts}"))
 
     def publish(self, topic: str, value: object) -> None:

@@ -12,8 +12,8 @@ from executive.commands.command_line import add_records_folder
 from executive.errors import UsageError
 from executive.files import installed_trees
 from executive.recording.evidence import Evidence, Measured, gather, read_hazards
+from executive.recording.folder import find_record
 from executive.recording.index import records_in
-from executive.recording.read import find_record
 from executive.terminal.filtered import json_text
 from executive.terminal.screen import Screen
 

@@ -8,8 +8,8 @@ from typing import Any
 from executive.commands.command_line import add_records_folder
 from executive.commands.runs import RUN
 from executive.recording.digest import trusted
-from executive.recording.read import events_file, find_record, read_events
-from executive.recording.recorder import is_being_written
+from executive.recording.folder import events_file, find_record, is_being_written
+from executive.recording.read import read_events
 from executive.terminal.explain import explain
 from executive.terminal.run_list import UNCHECKED
 from executive.terminal.screen import Screen

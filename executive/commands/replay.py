@@ -8,7 +8,8 @@ from typing import Any
 
 from executive.commands.command_line import add_records_folder
 from executive.recording.digest import trusted
-from executive.recording.read import find_record, read_events
+from executive.recording.folder import find_record
+from executive.recording.read import read_events
 from executive.terminal.live import LiveTree
 from executive.terminal.run_list import UNCHECKED, ending
 from executive.terminal.screen import Screen

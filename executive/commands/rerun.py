@@ -15,7 +15,8 @@ from executive.execute import RunOrder, execute, versions
 from executive.files import installed_trees
 from executive.recording.difference import first_difference
 from executive.recording.digest import trusted
-from executive.recording.read import find_record, read_events
+from executive.recording.folder import find_record
+from executive.recording.read import read_events
 from executive.running.events import OperatorActed, RunEnded, RunStarted
 from executive.terminal.explain import describe
 from executive.terminal.live import LiveTree

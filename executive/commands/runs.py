@@ -6,23 +6,22 @@ import argparse
 import sys
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from executive.commands.command_line import add_records_folder
 from executive.errors import UsageError
 from executive.recording import prune as pruning
-from executive.recording.copy import is_whole
 from executive.recording.digest import Digest, trusted
 from executive.recording.export import FORMATS, export
+from executive.recording.folder import EVENTS_FILE, find_record, is_being_written
 from executive.recording.index import RunIndex, records_in
-from executive.recording.read import find_record, read_events
-from executive.recording.recorder import EVENTS_FILE, is_being_written
-from executive.terminal.explain import explain_parting
+from executive.recording.scan import is_whole
 from executive.terminal.filtered import write_json
 from executive.terminal.run_list import how, print_comparison, print_list, size, wide_console
-from executive.terminal.run_sheet import print_sheet
 from executive.terminal.screen import Screen
-from executive.terminal.summary import Summary
+
+if TYPE_CHECKING:  # what reads whole records is imported where it is needed: a list does not wait for it
+    from executive.terminal.summary import Summary
 
 RUN = "a record's folder or MCAP file, its name (or the beginning of it) below --record, or 'last'"
 
@@ -116,6 +115,8 @@ def _wanted(run: Digest, options: argparse.Namespace) -> bool:
 
 
 def _show(options: argparse.Namespace) -> int:
+    from executive.terminal.run_sheet import print_sheet
+
     record = find_record(options.run, options.record)
     if options.json:
         write_json(trusted(record).as_json())
@@ -126,6 +127,8 @@ def _show(options: argparse.Namespace) -> int:
 
 
 def _compare(options: argparse.Namespace) -> int:
+    from executive.terminal.explain import explain_parting
+
     if len(options.runs) < 2:
         raise UsageError("compare at least two runs: pomona runs compare RUN RUN")
     records = [find_record(name, options.record) for name in options.runs]
@@ -145,6 +148,9 @@ def _same_start(run: Digest) -> tuple[Any, ...]:
 
 
 def _summary(record: Path) -> Summary:
+    from executive.recording.read import read_events
+    from executive.terminal.summary import Summary
+
     summary = Summary()
     for event in read_events(record):
         summary.on_event(event)

@@ -24,11 +24,11 @@ from executive.dashboard.messages import VERSION, encode, encode_number
 from executive.errors import UsageError
 from executive.recording.container import HEAD, MESSAGE, MESSAGE_HEAD
 from executive.recording.decode import ForeignRecordError, event_from
+from executive.recording.folder import EVENTS, EVENTS_FILE
 from executive.recording.image_size import size_of_jpeg
 from executive.recording.json_text import is_strict, parse_object
 from executive.recording.plain_file import open_plain
 from executive.recording.read import read_events
-from executive.recording.recorder import EVENTS, EVENTS_FILE
 from executive.recording.scan import believed, walk
 
 IMAGES = "/images/"

@@ -32,9 +32,9 @@ from executive.dashboard.presses import Presses, now, text
 from executive.dashboard.record_messages import between, image, overview, record_messages
 from executive.dashboard.security import Access, Guard
 from executive.errors import PomonaError, UsageError
+from executive.recording.folder import EVENTS_FILE
 from executive.recording.index import RunIndex, records_in
 from executive.recording.plain_file import is_plain
-from executive.recording.recorder import EVENTS_FILE
 
 WATCH_ONLY = "this page may watch but not act: open the link that was printed"
 STATIC = Path(__file__).parent / "static"

@@ -160,7 +160,7 @@ class _Writer:
         if found.__module__ == "builtins" and found.__name__ in _PLAIN:
             return found.__name__
         top = found.__module__.partition(".")[0]
-        if top in ("builtins", "numpy") or top in sys.stdlib_module_names:
+        if top == "builtins" or top in sys.stdlib_module_names:
             return {"module": found.__module__, "name": found.__qualname__}
         if found not in self.known:
             self.known[found] = len(self.classes)

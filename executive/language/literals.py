@@ -7,10 +7,7 @@ import math
 import re
 from collections.abc import Iterable
 from enum import Enum
-from typing import Any
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import TYPE_CHECKING, Any
 
 from executive.language.expression_parser import UNITS
 from executive.language.value_types import (
@@ -22,11 +19,16 @@ from executive.language.value_types import (
     ValueType,
     describe,
     fields_of,
+    is_array,
 )
 from executive.ports import RATIO, Quantity
 from executive.values.findings import did_you_mean
 from executive.values.rotations import from_quaternion, from_rpy
 from executive.values.yaml_nodes import YamlList, YamlMapping, YamlNode, YamlScalar
+
+if TYPE_CHECKING:  # numpy is imported where an array is read: most trees hold none
+    import numpy as np
+    from numpy.typing import NDArray
 
 _INT = re.compile(r"[-+]?[0-9]{1,18}")
 _FLOAT = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]{1,3})?")
@@ -132,7 +134,7 @@ def _member(node: YamlScalar, text: str, enum: type[Any]) -> Any:
 
 
 def _list(node: YamlList, value_type: ValueType) -> Any:
-    if value_type is np.ndarray:
+    if is_array(value_type):
         return _array(node)
     if isinstance(value_type, ListOf):
         return tuple(literal(item, value_type.element) for item in node.items)
@@ -144,6 +146,8 @@ def _list(node: YamlList, value_type: ValueType) -> Any:
 
 
 def _array(node: YamlList) -> NDArray[np.float64]:
+    import numpy as np
+
     rows = [_array(item) if isinstance(item, YamlList) else literal(item, SI_NUMBER) for item in node.items]
     try:
         return np.array(rows, dtype=np.float64)
@@ -152,7 +156,7 @@ def _array(node: YamlList) -> NDArray[np.float64]:
 
 
 def _mapping(node: YamlMapping, value_type: ValueType) -> Any:
-    if value_type is np.ndarray:
+    if is_array(value_type):
         return _pose(node)
     if value_type in (ANY, object, dict):
         return {key.text: literal(value, ANY) for key, value in node.entries.values()}
@@ -190,6 +194,8 @@ def _pose(node: YamlMapping) -> NDArray[np.float64]:
             raise LiteralError(key, f"a pose has no '{key.text}'", did_you_mean(key.text, known) or "position and rpy")
     if "rpy" in node.entries and "quaternion" in node.entries:
         raise LiteralError(node, "a pose has one orientation: rpy or quaternion")
+    import numpy as np
+
     T = np.eye(4)
     T[:3, 3] = _vector(node, "position", 3)
     if "rpy" in node.entries:
@@ -207,7 +213,7 @@ def _vector(node: YamlMapping, name: str, length: int) -> NDArray[np.float64]:
 
 
 def _from_quaternion(q: NDArray[np.float64], node: YamlNode) -> NDArray[np.float64]:
-    norm = float(np.linalg.norm(q))
+    norm = math.hypot(*q)
     if not 0.99 < norm < 1.01:
         raise LiteralError(node, f"a quaternion has length 1, this one {norm:.3g}")
     return from_quaternion(q)

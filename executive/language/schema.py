@@ -5,9 +5,7 @@ from __future__ import annotations
 from enum import Enum
 from typing import Any
 
-import numpy as np
-
-from executive.language.value_types import fields_of
+from executive.language.value_types import fields_of, is_array
 from executive.nodes.catalogue import NodeTypes
 from executive.nodes.node_type import NodeType
 from executive.ports import RATIO, Port, Quantity, type_name
@@ -153,9 +151,9 @@ def _literal(port: Port) -> Schema:
         return {"enum": list(port.choices)} if port.choices else {"type": ["string", "number", "boolean"]}
     if issubclass(port_type, Enum):
         return {"enum": sorted({word for m in port_type for word in (m.name, str(m.value))})}
-    if port_type is np.ndarray or port_type is object:
-        return {"type": ["array", "object"]} if port_type is np.ndarray else {}
-    if fields_of(port_type):
+    if port_type is object:
+        return {}
+    if fields_of(port_type) and not is_array(port_type):
         return {"type": "object"}
     return {"type": ["array", "object"]}
 

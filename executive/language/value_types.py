@@ -11,8 +11,6 @@ from enum import Enum
 from functools import cache
 from typing import Any
 
-import numpy as np
-
 from executive.errors import PomonaError
 from executive.ports import RATIO, Quantity, type_name
 from executive.values.units import Array
@@ -69,6 +67,11 @@ def _bare(value_type: ValueType) -> str:
     return describe(value_type).removeprefix("a ").removeprefix("an ")
 
 
+def is_array(value_type: ValueType) -> bool:
+    """Whether it is numpy's array, or what stands in for it: told by its name, since a check does not import numpy."""
+    return isinstance(value_type, type) and (value_type.__module__, value_type.__name__) == ("numpy", "ndarray")
+
+
 def is_numeric(value_type: ValueType) -> bool:
     """Whether a type can be calculated with."""
     return value_type in (int, float, SI_NUMBER, ANY) or isinstance(value_type, Quantity)
@@ -84,12 +87,12 @@ def can_flow(source: ValueType, target: ValueType) -> bool:
         return source in (int, SI_NUMBER) or source == RATIO
     if isinstance(source, ListOf):
         if source.array:
-            return target is np.ndarray or (isinstance(target, ListOf) and can_flow(source.element, target.element))
+            return is_array(target) or (isinstance(target, ListOf) and can_flow(source.element, target.element))
         if isinstance(target, ListOf):
             return can_flow(source.element, target.element)
         return isinstance(target, type) and issubclass(target, (list, tuple, Sequence))
     if isinstance(target, ListOf):
-        return isinstance(source, type) and issubclass(source, (np.ndarray,) if target.array else (list, tuple))
+        return is_array(source) if target.array else isinstance(source, type) and issubclass(source, (list, tuple))
     if isinstance(source, type) and isinstance(target, type):
         if source is bool or target is bool:
             return source is target

@@ -34,7 +34,7 @@ from executive.recording.container import (
 )
 from executive.recording.plain_file import open_plain
 from executive.recording.recorder import new_writer
-from executive.recording.scan import REPAIR, examine, has_begun, metadata_of
+from executive.recording.scan import REPAIR, has_begun, metadata_of
 
 _UNREADABLE = (McapError, struct.error, ValueError, OverflowError)
 EVENT_START = b'{"event":"'
@@ -62,15 +62,6 @@ class Copied:
         """What was lost in the middle, for people; empty when nothing was."""
         parts = [f"{size} bytes between {before:.2f} and {after:.2f} s" for _at, size, before, after in self.gaps]
         return " and ".join(parts)
-
-
-def is_whole(path: Path) -> bool:
-    """Whether an MCAP file was finished and is as it was written.
-
-    Raises:
-        UsageError: it is no MCAP file, or cannot be read.
-    """
-    return examine(path).state == "whole"
 
 
 def copy(source: Path, target: Path, *, compressed: bool) -> Copied:

@@ -9,9 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from executive.recording.folder import EVENTS, events_file
 from executive.recording.json_text import parse_object
-from executive.recording.read import events_file
-from executive.recording.recorder import EVENTS
 from executive.recording.scan import scan
 
 OF_THE_MOMENT: Mapping[str, tuple[str, ...]] = {

@@ -11,11 +11,10 @@ from typing import Any
 
 from executive.errors import UsageError
 from executive.recording.ending import why_cut
+from executive.recording.folder import EVENTS, events_file, hash_of
 from executive.recording.interventions import INTERVENTIONS, read_log
 from executive.recording.json_text import parse_object
 from executive.recording.plain_file import is_plain
-from executive.recording.read import events_file
-from executive.recording.recorder import EVENTS, hash_of
 from executive.recording.scan import DamagedRecordError, Verdict, believed, scan
 
 _NAMES = ("RunStarted", "AttemptEnded", "RunEnded", "OperatorActed", "NodeChanged")

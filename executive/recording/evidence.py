@@ -20,11 +20,10 @@ from numpy.typing import NDArray
 from executive.errors import UsageError
 from executive.language.expression_parser import UNITS
 from executive.recording.digest import Digest, digest
+from executive.recording.folder import DEVICES, EVENTS, events_file
 from executive.recording.interventions import interventions
 from executive.recording.json_text import parse_object
 from executive.recording.plain_file import open_plain
-from executive.recording.read import events_file
-from executive.recording.recorder import DEVICES, EVENTS
 from executive.recording.scan import scan
 
 TAKES = ("largest", "sum", "rate")

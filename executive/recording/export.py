@@ -7,11 +7,9 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from executive.errors import UsageError
-from executive.recording.copy import copy
+from executive.recording.folder import EVENTS, events_file
 from executive.recording.json_text import parse_object
 from executive.recording.plain_file import is_plain
-from executive.recording.read import events_file
-from executive.recording.recorder import EVENTS
 from executive.recording.scan import believed, scan
 
 
@@ -34,6 +32,8 @@ def _json_lines(record: Path, target: Path) -> None:
 
 def _mcap(record: Path, target: Path) -> None:
     """One indexed and compressed file, for Foxglove and other readers."""
+    from executive.recording.copy import copy  # who lists records copies none
+
     believed(events_file(record))
     copy(events_file(record), target, compressed=True)
 

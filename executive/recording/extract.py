@@ -23,9 +23,9 @@ import cv2
 import numpy as np
 
 from executive.errors import UsageError
+from executive.recording.folder import DEVICES, events_file
 from executive.recording.json_text import parse_object
-from executive.recording.read import events_file, read_events
-from executive.recording.recorder import DEVICES
+from executive.recording.read import read_events
 from executive.recording.scan import scan
 from executive.recording.well_known import SERIES_TOPIC, plain_name
 from executive.running.events import Event, Published

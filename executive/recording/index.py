@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import Any
 
 from executive.recording.digest import STATES, Digest, digest
+from executive.recording.folder import EVENTS_FILE, is_being_written
 from executive.recording.json_text import parse
-from executive.recording.recorder import EVENTS_FILE, is_being_written
 
 INDEX_FILE = "index.sqlite"
 PATIENCE = 2.0

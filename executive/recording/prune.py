@@ -10,7 +10,7 @@ from pathlib import Path
 
 from executive.errors import UsageError
 from executive.recording.digest import Digest
-from executive.recording.recorder import EVENTS_FILE, is_being_written
+from executive.recording.folder import EVENTS_FILE, is_being_written
 
 _AGES = {"h": 3600.0, "d": 86400.0, "w": 7 * 86400.0, "min": 60.0}
 _SIZES = {"kB": 1e3, "MB": 1e6, "GB": 1e9, "TB": 1e12}

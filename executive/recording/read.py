@@ -13,47 +13,17 @@ import numpy as np
 
 from executive.errors import UsageError
 from executive.recording.decode import ForeignRecordError, event_from
+from executive.recording.folder import EVENTS, events_file
 from executive.recording.image_size import size_of_image
 from executive.recording.json_text import parse_object
-from executive.recording.recorder import EVENTS, EVENTS_FILE
 from executive.recording.scan import scan
 from executive.running.events import Event, Published
-from executive.values.findings import did_you_mean
 from executive.views import ImageView
 
 MOST_PIXELS = 50_000_000
 """Of an image that is decoded: a few kilobytes may claim gigabytes."""
 MOST_WAITING = 64
 """Images whose events have not come yet."""
-
-
-def find_record(name: str, root: Path) -> Path:
-    """The folder of a record: a path (of a folder or of an MCAP file), a name below `root`, or `last`.
-
-    Raises:
-        UsageError: there is none; says what there is.
-    """
-    records = sorted(path.parent for path in root.glob(f"*/{EVENTS_FILE}"))
-    if name == "last":
-        if not records:
-            raise UsageError(f"no records in {root}: `pomona run` leaves one, --record names another folder")
-        return records[-1]
-    for path in (Path(name), root / name):
-        if (path / EVENTS_FILE).is_file():
-            return path
-        if path.is_file():
-            return path.parent if path.name == EVENTS_FILE else path
-    alike = [record.name for record in records if record.name.startswith(name)]
-    if len(alike) == 1:
-        return root / alike[0]
-    close = f"did you mean {', '.join(alike[-5:])}?" if alike else did_you_mean(name, (r.name for r in records))
-    hint = close or f"`pomona runs list --record {root}` lists them"
-    raise UsageError(f"no record '{name}' in {root}: {hint}")
-
-
-def events_file(record: Path) -> Path:
-    """The MCAP file of a record: of a folder, or the file itself."""
-    return record / EVENTS_FILE if record.is_dir() else record
 
 
 def read_events(record: Path) -> Iterator[Event]:

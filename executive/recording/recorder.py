@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import contextlib
 import fcntl
-import hashlib
 import json
 import queue
 import threading
@@ -23,18 +22,15 @@ import numpy as np
 from mcap.writer import CompressionType, Writer
 
 from executive.encode import encoded, field_names, plain
-from executive.errors import UsageError
 from executive.recording.container import LIBRARY
 from executive.recording.ending import Ending
+from executive.recording.folder import DEVICES, EVENTS, EVENTS_FILE, RecordError, hash_of
 from executive.recording.interventions import INTERVENTIONS, Chain
 from executive.recording.schemas import EVENT, INTERVENTION, READING, Schema
 from executive.recording.well_known import Images, samples, well_known
 from executive.running.events import Event, OperatorActed, Published, RunEnded, RunStarted
 from executive.views import ImageView, SeriesView
 
-EVENTS_FILE = "run.mcap"
-EVENTS = "/events"
-DEVICES = "/devices/"
 BATCH = 0.2
 """Seconds between two times that what came is written."""
 
@@ -50,39 +46,6 @@ _BUFFER = 1 << 20
 
 _DECIMALS = 6
 """Of a reading: micrometres, microradians, micronewtons."""
-
-
-class RecordError(UsageError):
-    """The record cannot be written."""
-
-
-def new_record_folder(root: Path, tree: str, now: datetime | None = None) -> Path:
-    """Make `root/2026-11-21_08-41-07_tree`, with a number appended when there is one already.
-
-    Raises:
-        RecordError: the folder cannot be made.
-    """
-    stem = f"{now or datetime.now():%Y-%m-%d_%H-%M-%S}_{tree}"
-    for number in range(1000):
-        folder = root / (stem if number == 0 else f"{stem}_{number + 1}")
-        try:
-            folder.mkdir(parents=True)
-        except FileExistsError:
-            continue
-        except OSError as error:
-            raise RecordError(f"cannot make the record's folder {folder}: {error.strerror}") from error
-        return folder
-    raise RecordError(f"{root} holds a thousand records of this second")
-
-
-def is_being_written(path: Path) -> bool:
-    """Whether some process, this one or another, writes this MCAP file now."""
-    with contextlib.suppress(OSError), path.open("rb") as stream:
-        try:
-            fcntl.flock(stream, fcntl.LOCK_SH | fcntl.LOCK_NB)
-        except BlockingIOError:
-            return True
-    return False
 
 
 class Recorder:
@@ -254,8 +217,3 @@ def _coded(text: str) -> bytes:
 
 def _whole(text: str) -> str:
     return _coded(text).decode()
-
-
-def hash_of(*texts: str) -> str:
-    """What names a tree's or a cell's texts."""
-    return hashlib.sha256(_coded("".join(texts))).hexdigest()[:16]

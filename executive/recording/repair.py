@@ -13,10 +13,10 @@ from executive.encode import plain
 from executive.errors import UsageError
 from executive.recording.copy import Copied, copy
 from executive.recording.ending import why_cut
+from executive.recording.folder import events_file, is_being_written
 from executive.recording.picture import Picture
 from executive.recording.plain_file import open_plain
-from executive.recording.read import events_file, read_events
-from executive.recording.recorder import is_being_written
+from executive.recording.read import read_events
 from executive.recording.scan import examine
 from executive.running.events import RunEnded, RunStarted
 

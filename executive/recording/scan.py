@@ -94,6 +94,15 @@ def examine(path: Path) -> Verdict:
         raise UsageError(f"{path}: {error.strerror}") from error
 
 
+def is_whole(path: Path) -> bool:
+    """Whether an MCAP file was finished and is as it was written.
+
+    Raises:
+        UsageError: it is no MCAP file, or cannot be read.
+    """
+    return examine(path).state == "whole"
+
+
 def believed(path: Path) -> Verdict:
     """The verdict on a file that may be believed, as far as it goes.
 

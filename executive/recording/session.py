@@ -9,8 +9,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
+from executive.recording.folder import RecordError, new_record_folder
 from executive.recording.picture import Picture
-from executive.recording.recorder import Recorder, RecordError, new_record_folder
+from executive.recording.recorder import Recorder
 from executive.running.cell import Cell
 from executive.running.events import EventStream
 from executive.running.runner import Runner

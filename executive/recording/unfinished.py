@@ -8,8 +8,8 @@ from pathlib import Path
 
 from executive.recording.digest import digest
 from executive.recording.ending import why_cut
-from executive.recording.read import events_file, read_events
-from executive.recording.recorder import EVENTS_FILE, is_being_written
+from executive.recording.folder import EVENTS_FILE, events_file, is_being_written
+from executive.recording.read import read_events
 from executive.running.events import HandChanged, NodeChanged, RunStarted
 
 RECOVERY = "recover"

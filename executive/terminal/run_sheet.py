@@ -10,9 +10,8 @@ from rich.table import Table
 from rich.text import Text
 
 from executive.recording.digest import Digest
+from executive.recording.folder import events_file, is_being_written
 from executive.recording.interventions import interventions
-from executive.recording.read import events_file
-from executive.recording.recorder import is_being_written
 from executive.recording.scan import scan
 from executive.terminal.run_list import MARKS, UNCHECKED, ending, how, size, when
 from executive.terminal.screen import Screen

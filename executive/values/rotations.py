@@ -1,14 +1,17 @@
 """Rotations as files and messages write them, to and from matrices: one place, over scipy's Rotation.
 
-scipy is imported where it is needed: a command that only reads a tree without poses does not wait for it.
+numpy and scipy are imported where they are needed: a command that only reads a tree without poses waits for neither.
 """
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from typing import TYPE_CHECKING
 
-Float64 = NDArray[np.float64]
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import ArrayLike, NDArray
+
+    Float64 = NDArray[np.float64]
 
 
 def from_rpy(rpy: ArrayLike) -> Float64:

@@ -13,9 +13,9 @@ import pytest
 from executive.cli import main
 from executive.execute import RunOrder, execute
 from executive.files import find_cell, find_tree
-from executive.recording.copy import is_whole
 from executive.recording.digest import digest
-from executive.recording.recorder import EVENTS_FILE
+from executive.recording.folder import EVENTS_FILE
+from executive.recording.scan import is_whole
 
 pytestmark = pytest.mark.slow
 

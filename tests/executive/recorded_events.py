@@ -14,7 +14,8 @@ from scipy.spatial.transform import Rotation
 
 from executive.encode import encoded
 from executive.reasons import Reason
-from executive.recording.recorder import EVENTS_FILE, Recorder, message_of, new_writer
+from executive.recording.folder import EVENTS_FILE
+from executive.recording.recorder import Recorder, message_of, new_writer
 from executive.running.events import (
     AttemptEnded,
     Event,

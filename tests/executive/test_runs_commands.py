@@ -11,7 +11,8 @@ from recorded_events import FAILED, SUCCEEDED, write
 
 from executive.cli import main
 from executive.recording import recorder as recorder_module
-from executive.recording.recorder import EVENTS_FILE, Recorder
+from executive.recording.folder import EVENTS_FILE
+from executive.recording.recorder import Recorder
 
 TREE = """\
 pomona: 1

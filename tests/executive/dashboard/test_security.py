@@ -22,7 +22,8 @@ from executive.dashboard.choices import Choices
 from executive.dashboard.security import Access
 from executive.dashboard.server import Dashboard
 from executive.errors import UsageError
-from executive.recording.recorder import EVENTS_FILE, Recorder
+from executive.recording.folder import EVENTS_FILE
+from executive.recording.recorder import Recorder
 from executive.running.events import StateChanged
 
 HOST = "127.0.0.1:8420"

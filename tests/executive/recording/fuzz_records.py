@@ -39,10 +39,11 @@ from executive.recording.container import CHUNK, HEAD, MAGIC
 from executive.recording.decode import event_from
 from executive.recording.difference import comparable, differences
 from executive.recording.digest import digest
+from executive.recording.folder import EVENTS_FILE
 from executive.recording.interventions import interventions
 from executive.recording.json_text import parse, parse_object
 from executive.recording.read import read_events
-from executive.recording.recorder import EVENTS_FILE, Recorder, message_of
+from executive.recording.recorder import Recorder, message_of
 from executive.recording.scan import examine
 from executive.running.events import AttemptEnded, Event, NodeChanged, OperatorActed, Published, RunEnded, RunStarted
 from executive.terminal.explain import explain

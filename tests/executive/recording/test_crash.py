@@ -13,12 +13,13 @@ import pytest
 
 from executive.errors import UsageError
 from executive.recording import recorder as recorder_module
-from executive.recording.copy import is_whole
 from executive.recording.digest import digest
+from executive.recording.folder import EVENTS_FILE, is_being_written
 from executive.recording.index import RunIndex
 from executive.recording.read import read_events
-from executive.recording.recorder import EVENTS_FILE, Recorder, is_being_written
+from executive.recording.recorder import Recorder
 from executive.recording.repair import repair
+from executive.recording.scan import is_whole
 from executive.running.events import StateChanged
 
 RECORD_FOR_EVER = """

@@ -13,7 +13,8 @@ from recorded_events import started
 from executive.cli import main
 from executive.errors import UsageError
 from executive.recording.evidence import gather, read_hazards
-from executive.recording.recorder import EVENTS_FILE, Recorder
+from executive.recording.folder import EVENTS_FILE
+from executive.recording.recorder import Recorder
 from executive.running.events import OperatorActed, RunEnded
 
 CELL = "name: sim\ndevices:\n  gripper: {force_max: 20 N}\n  fingers: {range: 8 N}\n"

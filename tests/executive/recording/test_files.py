@@ -17,9 +17,10 @@ from executive.errors import UsageError
 from executive.recording.digest import Digest
 from executive.recording.export import export
 from executive.recording.extract import extract
+from executive.recording.folder import EVENTS_FILE, find_record
 from executive.recording.prune import choose, parse_age, parse_size, remove
-from executive.recording.read import find_record, read_events
-from executive.recording.recorder import EVENTS_FILE, Recorder
+from executive.recording.read import read_events
+from executive.recording.recorder import Recorder
 
 
 @pytest.fixture

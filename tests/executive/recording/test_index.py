@@ -9,8 +9,8 @@ import pytest
 from recorded_events import FAILED, SUCCEEDED, write
 
 from executive.recording import index as index_module
+from executive.recording.folder import EVENTS_FILE, hash_of
 from executive.recording.index import INDEX_FILE, MIGRATIONS, RunIndex
-from executive.recording.recorder import EVENTS_FILE, hash_of
 
 
 @pytest.fixture

@@ -23,9 +23,10 @@ from executive.recording.container import HEAD, MAGIC
 from executive.recording.digest import digest
 from executive.recording.ending import ENDING_FILE, why_cut
 from executive.recording.export import export
+from executive.recording.folder import EVENTS_FILE
 from executive.recording.index import RunIndex
 from executive.recording.read import read_events
-from executive.recording.recorder import EVENTS_FILE, Recorder
+from executive.recording.recorder import Recorder
 from executive.recording.repair import repair
 from executive.recording.scan import DamagedRecordError, examine
 from executive.running.events import Event, RunEnded, StateChanged

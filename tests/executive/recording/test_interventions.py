@@ -13,8 +13,9 @@ from recorded_events import SUCCEEDED, write
 from executive.cli import main
 from executive.encode import encoded
 from executive.recording.digest import digest
+from executive.recording.folder import EVENTS_FILE
 from executive.recording.interventions import INTERVENTIONS, Chain, interventions, read_log
-from executive.recording.recorder import EVENTS_FILE, new_writer
+from executive.recording.recorder import new_writer
 from executive.running.events import OperatorActed
 
 ACTS = tuple(OperatorActed(0.5 * n, 25 * n, "anna", action) for n, action in enumerate(("take", "pause", "resume")))

@@ -10,8 +10,9 @@ import pytest
 from executive.errors import UsageError
 from executive.reasons import Reason
 from executive.recording import recorder as recorder_module
-from executive.recording.read import find_record, read_events
-from executive.recording.recorder import EVENTS_FILE, Recorder, RecordError, new_record_folder
+from executive.recording.folder import EVENTS_FILE, RecordError, find_record, new_record_folder
+from executive.recording.read import read_events
+from executive.recording.recorder import Recorder
 from executive.running.events import Event, NodeChanged, Published, StateChanged
 from executive.views import ImageView, Line2, SceneView, SeriesView
 
