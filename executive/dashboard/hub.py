@@ -13,6 +13,7 @@ from collections import deque
 from collections.abc import Hashable, Iterable
 from typing import Any
 
+from executive.dashboard.connections import LiveWire, frame_of
 from executive.dashboard.messages import VERSION, encode
 from executive.running.breakpoints import BREAK_ACTIONS
 from executive.running.events import (
@@ -50,9 +51,10 @@ Kept = tuple[int, str]
 
 
 class Viewer:
-    """One open page. `waiting` holds batches: messages, one a line."""
+    """One open page. `waiting` holds batches, messages, one a line, that its wire could not take at once."""
 
-    def __init__(self) -> None:
+    def __init__(self, wire: LiveWire | None = None) -> None:
+        self._wire = wire
         self.waiting: deque[str] = deque()
         self.news = asyncio.Event()
         self.lagged = False
@@ -64,15 +66,32 @@ class Viewer:
     def tell(self, event: str, **fields: Any) -> None:
         """Something for this page alone, after all that waits for it. In the server's loop."""
         if not self.lagged and len(self.waiting) < BACKLOG:
-            self.waiting.append(json.dumps({"v": VERSION, "event": event, **fields}, ensure_ascii=False))
-            self.news.set()
+            text = json.dumps({"v": VERSION, "event": event, **fields}, ensure_ascii=False)
+            self.hand(text, frame_of(text))
+
+    def hand(self, batch: str, frame: bytes) -> None:
+        """A batch, and the same as a frame: sent at once, unless something waits. In the server's loop."""
+        if self.lagged or (not self.waiting and self._wire is not None and self._wire.take(frame)):
+            return
+        if len(self.waiting) >= BACKLOG:
+            first = self.waiting[0]  # it may be on its way
+            self.waiting.clear()
+            self.waiting.extend((first, json.dumps({"v": VERSION, "event": "Lagged"})))
+            self.lagged = True
+        else:
+            self.waiting.append(batch)
+        self.news.set()
 
     async def next(self) -> str:
-        """The next batch; waits for one."""
+        """The next batch; waits for one. It waits itself until `sent` is called: nothing passes it meanwhile."""
         while not self.waiting:
             self.news.clear()
             await self.news.wait()
-        return self.waiting.popleft()
+        return self.waiting[0]
+
+    def sent(self) -> None:
+        """The next batch is on its way."""
+        self.waiting.popleft()
 
 
 class Hub:
@@ -120,9 +139,9 @@ class Hub:
 
     # -------------------------------------------------------------------------------------- in the loop
 
-    def join(self, since: int = 0, stream: str = "") -> Viewer:
+    def join(self, since: int = 0, stream: str = "", wire: LiveWire | None = None) -> Viewer:
         """A new viewer, with everything after message `since` of `stream` already waiting for it."""
-        viewer = Viewer()
+        viewer = Viewer(wire)
         viewer.waiting.append(json.dumps({"v": VERSION, "event": "Hello", "stream": self.stream}))
         with self._lock:
             viewer.waiting.extend(_chunks(self._backlog(since if stream == self.stream else 0)))
@@ -215,17 +234,11 @@ class Hub:
                 self._loop.call_soon_threadsafe(self._hand_out, batch)
 
     def _hand_out(self, batch: str) -> None:
+        frame = frame_of(batch)
         with self._lock:
-            for viewer in sorted(self._viewers, key=lambda viewer: not viewer.armed):  # who may act is told first
-                if viewer.lagged:
-                    continue
-                if len(viewer.waiting) >= BACKLOG:
-                    viewer.waiting.clear()
-                    viewer.waiting.append(json.dumps({"v": VERSION, "event": "Lagged"}))
-                    viewer.lagged = True
-                else:
-                    viewer.waiting.append(batch)
-                viewer.news.set()
+            viewers = sorted(self._viewers, key=lambda viewer: not viewer.armed)  # who may act is told first
+        for viewer in viewers:
+            viewer.hand(batch, frame)
 
 
 def _key(event: Event) -> Hashable:

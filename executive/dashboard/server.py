@@ -25,7 +25,7 @@ from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from executive.dashboard.choices import Choices
-from executive.dashboard.connections import PatientHttp
+from executive.dashboard.connections import LiveWire, PatientHttp, wire_of
 from executive.dashboard.control_lock import ControlLock, RefusedError
 from executive.dashboard.hub import Hub, Viewer
 from executive.dashboard.presses import Presses, now, text
@@ -132,7 +132,7 @@ class Dashboard:
             UsageError: it cannot listen there.
         """
         config = uvicorn.Config(
-            self.app, http=PatientHttp, log_level="critical", ws="websockets-sansio",
+            self.app, http=PatientHttp, log_level="critical", ws=LiveWire,
             ws_max_size=MOST_BODY, ws_per_message_deflate=False, lifespan="on",
             ssl_certfile=self.access.certificate, ssl_keyfile=self.access.key,
         )  # fmt: skip
@@ -257,7 +257,7 @@ class Dashboard:
             since = max(int(stream.query_params.get("since", "0")), 0)
         except ValueError:
             since = 0
-        viewer = self.hub.join(since, stream.query_params.get("stream", ""))
+        viewer = self.hub.join(since, stream.query_params.get("stream", ""), wire_of(stream.scope.get("state", {})))
         self._announce()
         gone = asyncio.ensure_future(self._listen(stream, viewer))
         try:
@@ -353,6 +353,7 @@ async def _feed(stream: WebSocket, viewer: Viewer, gone: asyncio.Future[None]) -
             upcoming.cancel()
             return
         await stream.send_text(upcoming.result())
+        viewer.sent()
         if viewer.lagged and not viewer.waiting:
             await stream.close(4408)  # the page connects again and gets the whole state
             return
