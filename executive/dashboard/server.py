@@ -379,7 +379,8 @@ def _listen_on(host: str, port: int) -> socket.socket:
         raise UsageError(f"--port {port}: a port is a number from 0 to 65535")
     try:
         family, *_rest, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)[0]
-        listening = socket.socket(family)
+        # The protocol must be named: asyncio switches Nagle's delay (40 ms) off only for sockets that say TCP.
+        listening = socket.socket(family, socket.SOCK_STREAM, socket.IPPROTO_TCP)
     except OSError as error:
         raise UsageError(f"the dashboard cannot listen on {where}: {error.strerror or error}") from error
     try:

@@ -7,6 +7,7 @@ import http.client
 import json
 import socket
 import time
+from typing import Any
 
 import pytest
 from shown_runs import Show
@@ -48,6 +49,17 @@ def test_260_idle_and_slow_connections_do_not_keep_a_safe_stop_out(show: Show) -
             pass
     for one in hostile:
         one.close()
+
+
+def test_nothing_that_is_said_waits_for_more_to_say(show: Show) -> None:
+    """With Nagle's algorithm every press was answered 40 ms later."""
+    with connect(f"ws://127.0.0.1:{show.dashboard.access.port}/live") as live:
+        live.recv(5.0)
+        assert show.dashboard._server is not None
+        lines: list[Any] = list(show.dashboard._server.server_state.connections)
+        delays = [line.transport.get_extra_info("socket") for line in lines]
+        assert delays
+        assert all(line.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY) for line in delays)
 
 
 def test_strangers_that_fill_the_stream_do_not_keep_an_operator_out(

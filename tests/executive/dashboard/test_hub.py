@@ -115,3 +115,29 @@ def test_a_viewer_that_stops_reading_is_told_so_and_costs_no_memory() -> None:
         viewer, messages = thread.submit(lambda: asyncio.run(watch())).result()
     assert viewer.lagged
     assert messages == [{"v": 1, "event": "Lagged"}]
+
+
+class Wire:
+    """Takes frames while it is open."""
+
+    def __init__(self) -> None:
+        self.open, self.frames = True, list[bytes]()
+
+    def take(self, frame: bytes) -> bool:
+        self.frames += [frame] if self.open else []
+        return self.open
+
+
+def test_what_a_wire_takes_at_once_never_overtakes_what_waits() -> None:
+    wire: Any = Wire()
+    viewer = Viewer(wire)
+    viewer.hand("a", b"a")
+    wire.open = False
+    viewer.hand("b", b"b")
+    wire.open = True
+    viewer.hand("c", b"c")  # b is on its way
+    assert (wire.frames, list(viewer.waiting)) == ([b"a"], ["b", "c"])
+    viewer.sent()
+    viewer.sent()
+    viewer.hand("d", b"d")
+    assert (wire.frames, list(viewer.waiting)) == ([b"a", b"d"], [])
