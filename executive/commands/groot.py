@@ -28,7 +28,10 @@ def add_export(subparsers: Any) -> None:
 def add_import(subparsers: Any) -> None:
     """Register `pomona import`."""
     into = subparsers.add_parser("import", help="read such XML and print a tree file")
-    into.add_argument("xml", type=Path)
+    into.add_argument("xml", type=Path, help="the file whose tree runs; what it includes is read, too")
+    into.add_argument("beside", type=Path, nargs="*", metavar="xml", help="further files, whose trees it calls")
+    into.add_argument("--nodes", type=Path, action="append", default=[], metavar="FILE", help="models of its nodes")
+    into.add_argument("--main", dest="tree", default="", metavar="ID", help="the tree that runs, if the file is silent")
     into.add_argument("--out", type=Path, metavar="FILE", help="file to write (default: standard output)")
     into.set_defaults(main=import_)
 
@@ -55,7 +58,8 @@ def import_(options: argparse.Namespace) -> int:
     Returns:
         0 when everything was carried over, else 1.
     """
-    text, findings = import_groot(read_text(options.xml), options.xml)
+    beside, nodes = ([(read_text(path), path) for path in given] for given in (options.beside, options.nodes))
+    text, findings = import_groot(read_text(options.xml), options.xml, beside=beside, nodes=nodes, main=options.tree)
     if not text:
         raise UsageError(format_findings(findings))
     if findings:

@@ -4,132 +4,99 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from executive.language.expression import SPECIAL
-from executive.language.groot_names import BUILTIN, LITERAL
-from executive.language.groot_scripts import ScriptError, assignments_of, condition_of
-from executive.language.xml_nodes import XmlElement, read_xml
+from executive.language.groot_files import Forest
+from executive.language.groot_keys import NAME, Constant, Keys, ScriptError, small
+from executive.language.groot_names import BUILTIN, LITERAL, NEEDED
+from executive.language.groot_scripts import assignments_of, condition_of, statements_of
+from executive.language.read_node import is_word
+from executive.language.xml_nodes import XmlElement
 from executive.nodes.asking import Words
 from executive.nodes.calls import SKILL
 from executive.nodes.catalogue import NodeTypes
 from executive.ports import TIME
-from executive.values.findings import Finding, Findings, Source
-from executive.values.yaml_text import Flow, block
+from executive.values.findings import Finding, Findings
+from executive.values.yaml_text import Flow, block, flow
 
 _ATTRIBUTES = ("name", "ID", "_description", "_autoremap", "_fullpath", "_uid")
 _LOOPS = ("LoopInt", "LoopDouble", "LoopBool", "LoopString")
 _PRECONDITIONS = ("_failureIf", "_successIf", "_skipIf", "_while")
 """In the order in which BehaviorTree.CPP looks at them."""
-_NAME = re.compile(r"[a-z][a-z0-9_]*")
-_KEYS = re.compile(r"(?:\{|output_key=[\"']\{?)(\w+)")
-_ASSIGNED = re.compile(r"\b([A-Za-z_]\w*)\s*(?::=|[-+*/]=)")
-"""A plain `=` gives a value only to what has been written elsewhere; attributes have it, too."""
+_AFTERWARDS = ("_onSuccess", "_onFailure", "_post")
+_KEY = re.compile(r"\{\w+\}")
+_AGAIN: Words = {"fail": {"code": "{failure.code}", "message": "{failure.message}"}}
+"""Fails as what has just failed did."""
+MAX_WRITTEN_OUT = 10_000
+"""Nodes of a tree with the subtrees that are written out where they are called."""
 
 
-def import_groot(text: str, path: str | Path, types: NodeTypes | None = None) -> tuple[str, list[Finding]]:
+def import_groot(
+    text: str,
+    path: str | Path,
+    types: NodeTypes | None = None,
+    *,
+    beside: Sequence[tuple[str, str | Path]] = (),
+    nodes: Sequence[tuple[str, str | Path]] = (),
+    main: str = "",
+) -> tuple[str, list[Finding]]:
     """The text of a tree file, and what could not be translated. The text is empty when there is nothing to translate.
+
+    Args:
+        beside: further files, texts and paths, whose trees are called.
+        nodes: texts and paths of files with models of nodes (`<TreeNodesModel>`).
+        main: ID of the tree that runs, if the file does not say so.
 
     Raises nothing. Check the text before you run it: other people's nodes may not be installed as skills here.
     """
     findings = Findings()
-    root = read_xml(Source(str(path), text), findings)
-    if root is None:
+    forest = Forest(findings)
+    for models, where in nodes:
+        forest.read_models(models, where)
+    forest.read([(text, path), *beside], main)
+    if not forest.main:
         return "", findings.sorted()
-    if root.tag != "root":
-        findings.error(root, "xml", "the file is not BehaviorTree.CPP's: its first element is not <root>")
-        return "", findings.sorted()
-    if root.get("BTCPP_format") != "4":
-        findings.error(root, "version", 'only version 4 of the format is read: <root BTCPP_format="4">')
-        return "", findings.sorted()
-    return _Importer(findings, types or NodeTypes.installed()).file(root), findings.sorted()
+    return _Importer(forest, types or NodeTypes.installed()).file(), findings.sorted()
 
 
 class _Importer:
-    def __init__(self, findings: Findings, types: NodeTypes) -> None:
-        self.findings, self.types = findings, types
-        self.names: dict[str, str] = {}
-        self.ports: dict[str, str] = {}
-        """Blackboard keys that no name here can be, by what they are called here."""
-        self.taken: set[str] = set()
-        self.keys: set[str] = set()
-        self.trees: dict[str, XmlElement] = {}
-        self.wires: dict[str, str] = {}
-        """In a subtree that shares its caller's names: what its explicit wires stand for."""
+    def __init__(self, forest: Forest, types: NodeTypes) -> None:
+        self.forest, self.findings, self.types = forest, forest.findings, types
+        self.names = _tree_names(forest.trees, self.types)
+        self.keys = Keys(set())
+        self.labels: set[str] = set()
+        """What nodes of the tree that is being read are called."""
         self.inside: list[str] = []
         self.written_out: set[str] = set()
         self.calls: set[str] = set()
+        self.count = 0
 
-    def called(self, name: str) -> str:
-        """What a blackboard key is called here: names have small letters, and no two become one."""
-        if name in self.wires:
-            return self.wires[name]
-        if _NAME.fullmatch(name) or name not in self.keys:  # what nobody writes or wires may be an enum's member
-            return name
-        if name not in self.ports:
-            small = re.sub(r"[^a-z0-9_]", "_", name.lower()).lstrip("_0123456789") or "port"
-            number, found = 1, small
-            while found in self.taken:
-                number += 1
-                found = f"{small}_{number}"
-            self.taken.add(found)
-            self.ports[name] = found
-        return self.ports[name]
-
-    def wired(self, text: str) -> str:
-        """A text with blackboard keys as they are called here."""
-        if text.startswith(LITERAL):
-            return text
-        return re.sub(r"\{(\w+)\}", lambda found: f"{{{self.called(found[1])}}}", text)
-
-    def file(self, root: XmlElement) -> str:
-        trees = {tree.get("ID") or f"tree_{i}": tree for i, tree in enumerate(root.all("BehaviorTree"), start=1)}
-        if not trees:
-            self.findings.error(root, "xml", "the file holds no <BehaviorTree>")
-            return ""
-        self.trees = trees
-        main = root.get("main_tree_to_execute") or next(iter(trees))
-        if main not in trees:
-            self.findings.error(root, "xml", f"the main tree '{main}' is not in the file")
-            return ""
-        self.names = {tree_id: _tree_name(tree_id) for tree_id in trees}
-        self.keys = set(_KEYS.findall(root.source.text)) | set(_ASSIGNED.findall(root.source.text))
-        self.taken = {*re.findall(r"\w+", root.source.text), *SPECIAL}
-        models = {m.get("ID"): m for group in root.all("TreeNodesModel") for m in group.all("SubTree")}
+    def file(self) -> str:
+        forest, main = self.forest, self.forest.main
         top: Words = {"pomona": Flow("1"), "tree": self.names[main]}
-        top.update(self.interface(models.get(main)))
-        top["root"] = self.tree(trees[main])
-        subtrees = {}
-        for tree_id, tree in trees.items():
-            if tree_id != main:
-                found = {**self.interface(models.get(tree_id)), "root": self.tree(tree)}
-                subtrees[tree_id] = found
+        top.update(self.interface(forest.models.get(main)))
+        top["root"] = self.tree(main)
+        subtrees = {
+            tree_id: {**self.interface(forest.models.get(tree_id)), "root": self.tree(tree_id)}
+            for tree_id in forest.trees
+            if tree_id != main
+        }
         subtrees = {
             self.names[i]: found for i, found in subtrees.items() if i in self.calls or i not in self.written_out
         }
         if subtrees:
             top["subtrees"] = subtrees
-        if root.all("include"):
-            self.findings.error(root.all("include")[0], "xml", "<include> is not followed", "import that file as well")
         return "\n".join(block(top)) + "\n"
 
     def interface(self, model: XmlElement | None) -> Words:
-        """Parameters, constants and ports: from our own metadata, or from the model's ports."""
+        """Parameters, constants and ports, from our own metadata."""
         if model is None:
             return {}
-        for fields in model.all("MetadataFields"):
-            for metadata in fields.all("Metadata"):
-                if metadata.get("pomona"):
-                    return self.told(metadata)
-        found: Words = {}
-        for tag, key in (("input_port", "in"), ("output_port", "out")):
-            ports = {p.get("name"): _foreign_port(p) for p in model.all(tag) if _NAME.fullmatch(p.get("name"))}
-            if ports:
-                found[key] = ports
-        return found
+        metadata = _own(model)
+        return {} if metadata is None else self.told(metadata)
 
     def told(self, metadata: XmlElement) -> Words:
         try:
@@ -148,10 +115,13 @@ class _Importer:
                 found[key] = {str(name): _declared(port) for name, port in ports.items()}
         return found
 
-    def tree(self, tree: XmlElement) -> Words:
+    def tree(self, tree_id: str) -> Words:
+        tree = self.forest.trees[tree_id]
         if len(tree.children) != 1:
             self.findings.error(tree, "xml", f"a <BehaviorTree> has one child, this one {len(tree.children)}")
             return {"succeed": {}}
+        words = {word for text in self.forest.texts for word in re.findall(r"\w+", text)}
+        self.keys, self.labels, self.inside = Keys({*words, *SPECIAL}), set(), [tree_id]
         return self.node(tree.children[0])
 
     # ------------------------------------------------------------------------------------------- nodes
@@ -162,14 +132,27 @@ class _Importer:
         reading = ElementIn(self, element, tag)
         found = self.bare(reading)
         if element.get("name") and "name" not in found and not reading.wrapped:
-            found["name"] = _node_name(element.get("name"))
+            found["name"] = self.label(element.get("name"))
         if element.get("_description") and "description" not in found:
             found["description"] = element.get("_description")
         return self.conditions(element, found)
 
+    def label(self, name: str) -> str:
+        """What a node is called; a name can be taken only once in a tree."""
+        start = found = _node_name(name)
+        number = 1
+        while found in self.labels:
+            number += 1
+            found = f"{start} {number}"
+        self.labels.add(found)
+        return found
+
     def bare(self, element: ElementIn) -> Words:
         tag = element.tag
         found = self.types.of_tag(tag)
+        needed = NEEDED.get(tag)
+        if needed is not None and not element.get(needed):
+            return element.refuse(f"has no '{needed}'")
         if found is not None:
             if found.role == "modifier" and tag in found.xml_tags and len(element.found.children) != 1:
                 return element.refuse(f"has {len(element.found.children)} children")
@@ -188,71 +171,111 @@ class _Importer:
             return self.loop(element)
         if tag in BUILTIN or not re.fullmatch(r"[A-Z][A-Za-z0-9_]*", tag):
             return element.refuse("has no counterpart in tree files")
-        return SKILL.from_xml(element)
+        return self.skill(element, self.forest.nodes.get(tag))
+
+    def skill(self, element: ElementIn, model: XmlElement | None) -> Words:
+        """A node of somebody else's; its model says what stands at ports that are not wired."""
+        found = SKILL.from_xml(element)
+        if model is None or element.tag not in found:
+            return found
+        if model.tag not in ("Action", "Condition"):
+            return element.refuse(f"is a {model.tag} of somebody else's")
+        ports = {port.get("name"): port for port in model.children if port.tag.endswith("_port")}
+        unknown = [name for name in found[element.tag] if name not in ports]
+        if unknown:
+            return element.refuse(f"has no port '{unknown[0]}': {', '.join(ports) or 'none'}")
+        defaults = {name: port.get("default") for name, port in ports.items() if port.get("default")}
+        wired = {name: f"{{{name}}}" if text == "{=}" else text for name, text in defaults.items()}
+        return {element.tag: {**{n: _value(self.keys.wired(text)) for n, text in wired.items()}, **found[element.tag]}}
 
     def subtree(self, element: ElementIn) -> Words:
+        """A call; written out where it stands when the subtree deals in keys that it does not declare."""
         called = element.get("ID")
-        if called not in self.names:
-            self.findings.error(element.found, "xml", f"the subtree '{called}' is not in the file")
-        if element.get("_autoremap") in ("1", "true"):
-            shared = self.shared(element, called)
-            if shared is not None:
-                return shared
-            message = f"'_autoremap' of subtree '{called}' is left out"
-            self.findings.warning(element.found, "not-translated", message, "wire its ports by name")
-        self.calls.add(called)
-        return {self.names.get(called, _tree_name(called)): {self.called(n): v for n, v in element.ports().items()}}
-
-    def shared(self, element: ElementIn, called: str) -> Words | None:
-        """A subtree that shares its caller's names, written out where it is called; None when that cannot be."""
-        tree = self.trees.get(called)
+        tree, model = self.forest.trees.get(called), self.forest.models.get(called)
+        if tree is None:
+            return element.refuse(f"calls '{called}', which is in no file that was read")
+        if called in self.inside:
+            return element.refuse("calls itself")
         wires = {n: t for n, t in element.attributes.items() if n not in _ATTRIBUTES and not n.startswith("_")}
-        plain = all(re.fullmatch(r"\{(\w+|=)\}", text) for text in wires.values())
-        if tree is None or called in self.inside or len(tree.children) != 1 or not plain or _has_private(tree):
-            return None
-        outer, again = self.wires, called in self.written_out
-        names = {name: name if text == "{=}" else text[1:-1] for name, text in wires.items()}
-        self.written_out.add(called)
-        self.wires = {**outer, **{inner: self.called(name) for inner, name in names.items()}}
+        declared = model is not None and _own(model) is not None
+        if declared or not (wires or model or self.deals_in_keys(tree)) or len(tree.children) != 1:
+            self.calls.add(called)
+            return {self.names[called]: {name: _value(self.keys.wired(text)) for name, text in wires.items()}}
+        shares = element.get("_autoremap") in ("1", "true")
+        for port in () if model is None or shares else (p for p in model.children if p.tag.endswith("_port")):
+            if port.get("name") not in wires and not port.get("default"):
+                return element.refuse(f"does not wire the port '{port.get('name')}'")
+            wires.setdefault(port.get("name"), port.get("default"))
+        outer, known = self.keys, {n: n if t == "{=}" else t[1:-1] for n, t in wires.items() if _KEY.fullmatch(t)}
+        known |= {name: name for name, text in wires.items() if text == "{=}"}
+        given: dict[str, str | Constant] = {n: known.get(n) or Constant(t) for n, t in wires.items()}
+        self.keys = Keys(outer.taken, outer, given, shares, f"{small(self.names[called])}_")
         self.inside.append(called)
+        self.written_out.add(called)
         found = self.node(tree.children[0])
         self.inside.pop()
-        self.wires = outer
-        return {"sequence": [_without_names(found) if again else found]}
+        self.keys = outer
+        return {"sequence": [found]}
+
+    def deals_in_keys(self, tree: XmlElement) -> bool:
+        """Whether anything in a tree reads or writes a blackboard key."""
+        for name, text in tree.attributes.items():
+            script = name in ("code", "if") or (name.startswith("_") and name not in _ATTRIBUTES)
+            if "{" in text or script or name == "output_key":
+                return True
+        below = self.forest.trees.get(tree.get("ID")) if tree.tag == "SubTree" else None
+        return below is not None or any(map(self.deals_in_keys, tree.children))
 
     def script(self, element: ElementIn) -> Words:
         try:
+            code, steps = element.get("code"), []
             if element.tag == "ScriptCondition":
-                return {"check": condition_of(element.get("code"), self.called)}
-            given = assignments_of(element.get("code"), self.called)
-            steps: list[Words] = [{"set": {name: value}} for name, value in given]
+                *before, last = statements_of(code) or [""]
+                steps = self.assigned(";".join(before)) if before else []
+                steps.append({"check": condition_of(last, self.keys)})
+            else:
+                steps = self.assigned(code)
         except ScriptError as error:
             return element.refuse(str(error))
         return steps[0] if len(steps) == 1 else {"sequence": steps}
 
+    def assigned(self, script: str) -> list[Words]:
+        return [{"set": Flow(flow({name: value}))} for name, value in assignments_of(script, self.keys)]
+
     def assignment(self, element: ElementIn) -> Words:
         """`SetBlackboard` copies a text or a wire to a key."""
-        key = self.called(element.get("output_key").strip("{}"))
-        if not _NAME.fullmatch(key) or "value" not in element.attributes:
+        try:
+            key = self.keys.target(element.get("output_key").strip("{}"))
+        except ScriptError as error:
+            return element.refuse(str(error))
+        if not element.get("output_key") or "value" not in element.attributes:
             return element.refuse("names no key, or no value")
-        return {"set": {key: element.value("value")}}
+        return {"set": Flow(flow({key: element.value("value")}))}
 
     def attempt(self, element: ElementIn) -> Words:
         """`TryCatch`: a sequence; when it fails the last child runs, and it has failed all the same."""
         *tried, caught = element.children() or [{}]
         if not tried or element.get("catch_on_halt") in ("true", "1"):
             return element.refuse("also catches an interruption" if tried else "has too few children")
-        return {"sequence": tried, "retry": Flow("1"), "on_failure": caught}
+        caught = self.modified(caught, "force", "success", {})
+        return _ended({"sequence": tried}, [], [caught])
 
     def loop(self, element: ElementIn) -> Words:
         """`LoopInt` and its like over a list that is written out; another queue is emptied by who reads it."""
-        children, queue = element.children(), element.get("queue")
-        key = self.called(element.get("value").strip("{}"))
-        if len(children) != 1 or not _NAME.fullmatch(key) or element.get("if_empty") not in ("", "SUCCESS"):
-            return element.refuse("has no single child, no key for its value, or does not succeed when it is empty")
-        if "{" in queue or not re.fullmatch(r"[\w.;+ -]+", queue):
+        children, queue, at_the_end = element.children(), str(element.value("queue")), element.get("if_empty")
+        try:
+            key = self.keys.target(element.get("value").strip("{}"))
+        except ScriptError as error:
+            return element.refuse(str(error))
+        if len(children) != 1 or not NAME.fullmatch(key):
+            return element.refuse("has no single child, or no key for its value")
+        if "{" in queue or not re.fullmatch(r"[\w.;+ -]*", queue):
             return element.refuse("empties a queue that others see")
         items = [item.strip() for item in queue.split(";") if item.strip()]
+        if at_the_end not in ("", "SUCCESS"):
+            if items or at_the_end not in ("FAILURE", "SKIPPED"):
+                return element.refuse(f"ends as {at_the_end} when it is empty")
+            return {"fail": {}} if at_the_end == "FAILURE" else {"succeed": {}, "disabled": True}
         return element.wrap(children[0], "for_each", Flow(f"[{', '.join(items)}]"), {"as": key})
 
     def precondition(self, element: ElementIn) -> Words:
@@ -262,7 +285,7 @@ class _Importer:
         if len(children) != 1 or status not in otherwise:
             return element.refuse(f"has {len(children)} children and ends as {status}")
         try:
-            condition = condition_of(element.get("if"), self.called)
+            condition = condition_of(element.get("if"), self.keys)
         except ScriptError as error:
             return element.refuse(str(error))
         found: Words = {"if": condition, "then": children[0]}
@@ -271,17 +294,28 @@ class _Importer:
     def conditions(self, element: XmlElement, found: Words) -> Words:
         """Put the pre- and postconditions of BehaviorTree.CPP around a node."""
         others = [name for name in element.attributes if name.startswith("_") and name not in _ATTRIBUTES]
-        for name in (*reversed(_PRECONDITIONS), *(name for name in others if name not in _PRECONDITIONS)):
+        for name in ("_onHalted", *reversed(_PRECONDITIONS)):  # BehaviorTree.CPP reads no others that begin with _
             if name not in element.attributes:
                 continue
-            if name not in _PRECONDITIONS:
-                found = self.untranslated(element, name, {"code": element.get(name)}, [found], "is a script")
+            if name == "_onHalted":
+                why = "follows an interruption"
+                found = self.untranslated(element, name, {"code": element.get(name)}, [found], why)
                 continue
             try:
-                found = _guarded(found, name, condition_of(element.get(name), self.called))
+                found = _guarded(found, name, condition_of(element.get(name), self.keys))
             except ScriptError as error:
                 found = self.untranslated(element, name, {"code": element.get(name)}, [found], str(error))
-        return found
+        return self.afterwards(element, found) if set(others) & set(_AFTERWARDS) else found
+
+    def afterwards(self, element: XmlElement, found: Words) -> Words:
+        """Scripts that follow a node's end in the same tick; none when it is skipped or interrupted."""
+        scripts = {name: element.get(name) for name in _AFTERWARDS}
+        try:
+            steps = {name: self.assigned(script) if script else [] for name, script in scripts.items()}
+        except ScriptError as error:
+            given = {name: script for name, script in scripts.items() if script}
+            return self.untranslated(element, next(iter(given)), given, [found], str(error))
+        return _ended(found, steps["_onSuccess"] + steps["_post"], steps["_onFailure"] + steps["_post"])
 
     def untranslated(self, element: XmlElement, name: str, attributes: Words, children: list[Words], why: str) -> Words:
         """A placeholder that `check` refuses."""
@@ -318,10 +352,10 @@ class ElementIn:
         return self.found.get(name)
 
     def value(self, name: str) -> object:
-        return _value(self.importer.wired(self.found.get(name)))
+        return _value(self.importer.keys.wired(self.found.get(name)))
 
     def duration(self, name: str) -> str:
-        return _duration(self.importer.wired(self.found.get(name)))
+        return _duration(self.importer.keys.wired(self.found.get(name)))
 
     def children(self) -> list[Words]:
         """The element's children, translated."""
@@ -332,7 +366,7 @@ class ElementIn:
     def ports(self) -> Words:
         given = self.found.attributes.items()
         return {
-            name: _value(self.importer.wired(text))
+            name: _value(self.importer.keys.wired(text))
             for name, text in given
             if name not in _ATTRIBUTES and not name.startswith("_")
         }
@@ -360,6 +394,20 @@ def _guarded(found: Words, name: str, condition: str) -> Words:
     return {"if": condition, "then": {"succeed": {}} if name == "_successIf" else {"fail": {}}, "else": found}
 
 
+def _ended(found: Words, after_success: list[Words], after_failure: list[Words]) -> Words:
+    """A node and what follows its success and its failure in the same tick; it ends as it would without them."""
+    then: Words = {"sequence": after_success} if len(after_success) > 1 else {"succeed": {}}
+    if len(after_success) == 1:
+        then = after_success[0]
+    return {"if": found, "then": then, "else": {"sequence": [*after_failure, _AGAIN]} if after_failure else _AGAIN}
+
+
+def _own(model: XmlElement) -> XmlElement | None:
+    """What we have written into a model ourselves."""
+    told = (found for fields in model.all("MetadataFields") for found in fields.all("Metadata"))
+    return next((found for found in told if found.get("pomona")), None)
+
+
 def _value(text: str) -> object:
     return Flow(text.removeprefix(LITERAL)) if text.startswith(LITERAL) else text
 
@@ -376,7 +424,20 @@ def _duration(milliseconds: str) -> str:
 def _tree_name(tree_id: str) -> str:
     words = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", tree_id)
     name = re.sub(r"[^a-z0-9_]", "_", words.lower()).strip("_")
-    return name if _NAME.fullmatch(name) else f"tree_{name}".rstrip("_")
+    return name if NAME.fullmatch(name) else f"tree_{name}".rstrip("_")
+
+
+def _tree_names(trees: Iterable[str], types: NodeTypes) -> dict[str, str]:
+    """What trees are called here, by ID: no word of the language, and no two are the same."""
+    found: dict[str, str] = {}
+    for tree_id in trees:
+        start = name = _tree_name(tree_id)
+        number = 1
+        while name in found.values() or is_word(types, name):
+            number += 1
+            name = f"{start}_{number}"
+        found[tree_id] = name
+    return found
 
 
 def _node_name(name: str) -> str:
@@ -392,25 +453,3 @@ def _declared(port: object) -> object:
     for key, value in port.items():
         found[str(key)] = Flow(value) if key in ("default", "min", "max") and isinstance(value, str) else value
     return found["type"] if list(found) == ["type"] else found
-
-
-def _foreign_port(port: XmlElement) -> Words:
-    found: Words = {"type": port.get("type") if _NAME.fullmatch(port.get("type")) else "text"}
-    if "default" in port.attributes and port.tag == "input_port":
-        found["default"] = port.get("default")
-    if port.text.strip():
-        found["help"] = port.text.strip()
-    return found
-
-
-def _has_private(tree: XmlElement) -> bool:
-    """Whether a tree has keys of its own: BehaviorTree.CPP shares none that begins with an underscore."""
-    own = any(re.search(r"\{_\w+\}|(?<!\w)_\w+\s*(?::=|=)", text) for text in tree.attributes.values())
-    return own or any(map(_has_private, tree.children))
-
-
-def _without_names(found: object) -> Any:
-    """A node as plain values without what people call it: a name can be taken only once."""
-    if isinstance(found, dict):
-        return {key: _without_names(value) for key, value in found.items() if key != "name"}
-    return [_without_names(value) for value in found] if isinstance(found, list) else found

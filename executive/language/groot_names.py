@@ -20,5 +20,11 @@ BUILTIN = frozenset(
 )  # fmt: skip
 """Nodes that BehaviorTree.CPP has by itself."""
 
+NEEDED = {
+    "Timeout": "msec", "Delay": "delay_msec", "Sleep": "msec", "Repeat": "num_cycles",
+    "RetryUntilSuccessful": "num_attempts",
+}  # fmt: skip
+"""An attribute without which a node of BehaviorTree.CPP does not run, by its name."""
+
 LITERAL = "yaml:"
 """Marks a list or mapping in an attribute: BehaviorTree.CPP would take braces for a blackboard key."""

@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from typing import Any
 
-from executive.language.expression import SPECIAL
 from executive.language.expression_parser import ExpressionSyntaxError, parse_expression
+from executive.language.expression_run import compile_expression
+from executive.language.groot_keys import NAME, Keys, ScriptError
+from executive.reasons import NoValue
+from executive.values.yaml_text import scalar
 
 _TOKEN = re.compile(
     r"\s*(?:(?P<number>\d+\.?\d*(?:[eE][-+]?\d+)?)(?![\w.])|(?P<text>'[^']*')|(?P<name>[A-Za-z_]\w*)"
@@ -14,15 +18,11 @@ _TOKEN = re.compile(
 )
 _WORDS = {"&&": "and", "||": "or", "!": "not"}
 _ASSIGNMENT = re.compile(r"\s*([A-Za-z_]\w*)\s*(:=|=|\+=|-=|\*=|/=)(?!=)(.*)", re.DOTALL)
-_NAME = re.compile(r"[a-z][a-z0-9_]*")
+_STATEMENT = re.compile(r"(?:'[^']*'|[^';])+")
 
 
-class ScriptError(ValueError):
-    """A script that cannot be said as an expression; the text ends a sentence about it."""
-
-
-def condition_of(script: str, called: Callable[[str], str] = str) -> str:
-    """An expression; `called` gives what a name is called in tree files.
+def condition_of(script: str, keys: Keys) -> str:
+    """An expression.
 
     Raises:
         ScriptError: it says something that expressions cannot say.
@@ -34,7 +34,7 @@ def condition_of(script: str, called: Callable[[str], str] = str) -> str:
         if match is None:
             raise ScriptError(f"has the script '{script}', which is no expression here")
         at = match.end()
-        words.append(_word(match, called))
+        words.append(_word(match, keys))
     found = " ".join(words).replace("( ", "(").replace(" )", ")")
     try:
         parse_expression(found)
@@ -43,37 +43,42 @@ def condition_of(script: str, called: Callable[[str], str] = str) -> str:
     return found
 
 
-def _word(match: re.Match[str], called: Callable[[str], str]) -> str:
+def _word(match: re.Match[str], keys: Keys) -> str:
     name = match["name"]
-    if name in ("true", "false"):
-        return str(name)
     if name is not None:
-        name = called(name)
-        if name in SPECIAL or not _NAME.fullmatch(name):
-            raise ScriptError(f"uses '{name}', which is no name of a port here")
-        return f"{{{name}}}"
+        return str(name) if name in ("true", "false") else keys.read(name)
     operator = match["operator"]
     return _WORDS.get(operator, operator) if operator is not None else match["number"] or match["text"]
 
 
-def assignments_of(script: str, called: Callable[[str], str] = str) -> list[tuple[str, str]]:
+def statements_of(script: str) -> list[str]:
+    """The parts of a script; the last one is its value."""
+    return [part for part in _STATEMENT.findall(script) if part.strip()]
+
+
+def assignments_of(script: str, keys: Keys) -> list[tuple[str, str]]:
     """Names with the values that a script gives them, in order.
 
     Raises:
         ScriptError: it does something else as well.
     """
     found = []
-    for statement in filter(str.strip, script.split(";")):
+    for statement in statements_of(script):
         match = _ASSIGNMENT.fullmatch(statement)
-        if match is None or not _NAME.fullmatch(called(match[1])):
+        if match is None or not NAME.fullmatch(keys.target(match[1])):
             raise ScriptError(f"has the script '{script}', which does more than assign values to ports")
-        name, operator, value = called(match[1]), match[2], condition_of(match[3], called)
+        name, operator, value = keys.target(match[1]), match[2], condition_of(match[3], keys)
         if operator not in ("=", ":="):
             value = f"{{{name}}} {operator[0]} ({value})"
         found.append((name, _literal(value)))
     if not found:
         raise ScriptError("has an empty script")
     return found
+
+
+class _NoPorts:
+    def getter(self, name: str) -> Callable[[], Any]:
+        raise NoValue(name)
 
 
 def _literal(value: str) -> str:
@@ -84,4 +89,8 @@ def _literal(value: str) -> str:
         return value.replace(" ", "")
     if re.fullmatch(r"'[^']*'", value):
         return value[1:-1]
-    raise ScriptError(f"computes '{value}' without any port")
+    try:
+        computed = compile_expression(parse_expression(value), _NoPorts())
+        return scalar(computed())
+    except (NoValue, ExpressionSyntaxError):
+        raise ScriptError(f"computes '{value}' without any port") from None

@@ -216,7 +216,8 @@ class RetryType(Modifier):
     def from_xml(self, element: XmlIn) -> Words:
         if element.tag == self.xml_tag:
             return super().from_xml(element)
-        if element.get("num_attempts") == "-1":
-            return element.refuse("retries for ever")
         (child,) = element.children()
+        if element.get("num_attempts") == "-1":  # for ever: until a success ends the repetition of failures
+            repeated = element.wrap(element.wrap(child, "invert", True), "repeat", "forever")
+            return element.wrap(repeated, "invert", True)
         return element.wrap(child, self.key, element.value("num_attempts"))

@@ -68,7 +68,7 @@ class SequenceType(Composite):
 
     key, symbol = "sequence", "→"
     value = takes.Children("one after the other while they succeed")
-    xml_tags: ClassVar[tuple[str, ...]] = ("Sequence", "SequenceStar", "AsyncSequence")
+    xml_tags: ClassVar[tuple[str, ...]] = ("Sequence", "AsyncSequence")
     memory: ClassVar[bool] = True
     keeps: ClassVar[bool] = False
 
@@ -132,5 +132,5 @@ class SequenceWithMemoryType(SequenceType):
 
     key, symbol = "sequence_with_memory", "⇥"
     value = takes.Children("goes on with the child that failed when it is started again")
-    xml_tags = ("SequenceWithMemory",)
+    xml_tags = ("SequenceWithMemory", "SequenceStar")
     keeps = True

@@ -199,11 +199,12 @@ def test_words_of_behaviortree_cpp_and_nav2_mean_the_same(xml, expected):
 @pytest.mark.parametrize(
     "xml",
     [
-        "<A _onSuccess='x := 1'/>",
+        "<A _onHalted='x := 1'/>",
+        "<A _onSuccess='print(x)'/>",
+        "<Timeout><A/></Timeout>",
         "<Script code='print(3)'/>",
         "<A _skipIf='a ? b : c'/>",
         "<RunOnce then_skip='false'><A/></RunOnce>",
-        "<RetryUntilSuccessful num_attempts='-1'><A/></RetryUntilSuccessful>",
         "<Parallel success_count='2' failure_count='1'><A/><B/><C/></Parallel>",
         "<UnsetBlackboard key='a'/>",
         "<ManualSelector><A/><B/></ManualSelector>",
@@ -234,7 +235,7 @@ class TestForeignFiles:
         assert window.key.text == "PassWindow"
         assert slow.decorators == ["timeout"]
         assert slow.children[0].decorators == ["retry"]
-        assert home.kind == "subtree"
+        assert [child.key.text for child in home.children] == ["succeed"]
 
     @pytest.mark.parametrize(
         ("text", "code"),
@@ -246,7 +247,9 @@ class TestForeignFiles:
             ('<root BTCPP_format="4"/>', "xml"),
             ('<!DOCTYPE a [<!ENTITY b "c">]><root BTCPP_format="4"/>', "xml"),
             (FOREIGN.replace("AlwaysSuccess", "ManualSelector"), "not-translated"),
-            (FOREIGN.replace('<SubTree ID="GoHome"', '<SubTree ID="Nowhere"'), "xml"),
+            (FOREIGN.replace('<SubTree ID="GoHome"', '<SubTree ID="Nowhere"'), "not-translated"),
+            (FOREIGN.replace("<AlwaysSuccess/>", '<SubTree ID="GoHome" a="b"/>'), "not-translated"),
+            (FOREIGN.replace('<BehaviorTree ID="M', '<include path="no.xml"/><BehaviorTree ID="M'), "file"),
             ('<root BTCPP_format="4"><BehaviorTree ID="a"/></root>', "xml"),
             ('<?xml version="1.0" encoding="no such"?><tree/>', "xml"),
             ("<a>" * 500 + "</a>" * 500, "too-deep"),
@@ -259,9 +262,12 @@ class TestForeignFiles:
 @pytest.mark.parametrize(
     ("xml", "words"),
     [
-        ('<SetBlackboard output_key="goal" value="{Home}"/>', 'root:\n  set: {goal: "{home}"}'),
+        ('<SetBlackboard output_key="goal" value="{Home}"/>', 'root: {set: {goal: "{home}"}}'),
         ('<Script code="A:=1; B:=A"/>', 'set: {b: "{a}"}'),
-        ("<TryCatch><Go/><Grip/><Back/></TryCatch>", "retry: 1\n  on_failure:\n    Back: {}"),
+        (
+            "<TryCatch><Go/><Grip/><Back/></TryCatch>",
+            'else:\n    sequence:\n      - Back: {}\n        force: success\n      - fail: {code: "{failure.code}"',
+        ),
         ('<Precondition if="x < 3 && y > 1" else="SUCCESS"><Go/></Precondition>', 'if: "{x} < 3 and {y} > 1"'),
         ('<Precondition if="x" else="SKIPPED"><Go/></Precondition>', 'if: "{x}"\n  then:\n    Go: {}\n'),
         ('<LoopInt queue="1;2;3" value="{N}"><Go n="{N}"/></LoopInt>', "for_each: [1, 2, 3]\n  as: n_2"),
@@ -270,6 +276,22 @@ class TestForeignFiles:
             'when: "not ({x})"\n    - succeed: {}\n  repeat: forever',
         ),
         ("<KeepRunningUntilFailure><Go/></KeepRunningUntilFailure>", "Go: {}\n  repeat: forever"),
+        ("<SequenceStar><Go/></SequenceStar>", "sequence_with_memory:"),
+        ("<Script code=\"A := '1;2'; b := (1 + 0.5)\"/>", '- set: {a: "1;2"}\n    - set: {b: 1.5}'),
+        ("<ScriptCondition code='n += 1; n >= 5'/>", '- set: {n: "{n} + (1)"}\n    - check: "{n} >= 5"'),
+        ("<Go to='{retry}'/>", 'Go: {to: "{retry_2}"}'),
+        ("<Go _anything='1'/>", "root:\n  Go: {}\n"),  # BehaviorTree.CPP does not read it either
+        ("<LoopInt queue='' if_empty='SKIPPED' value='{n}'><Go/></LoopInt>", "succeed: {}\n  disabled: true"),
+        (
+            "<RetryUntilSuccessful num_attempts='-1'><Go/></RetryUntilSuccessful>",
+            "- Go: {}\n      invert: true\n      repeat: forever\n  invert: true",
+        ),
+        ("<Go _onSuccess='n = 1'/>", "if:\n    Go: {}\n  then: {set: {n: 1}}\n  else:\n    fail: {code:"),
+        (
+            "<Go _onFailure='n = 1' _post='done = true'/>",
+            "then: {set: {done: true}}\n  else:\n    sequence:\n      - set: {n: 1}\n      - set: {done: true}\n",
+        ),
+        ("<Sequence><Go name='a'/><Go name='a'/></Sequence>", "name: a 2"),
     ],
 )
 def test_more_words_of_behaviortree_cpp_mean_the_same(xml, words):
@@ -287,7 +309,6 @@ def test_more_words_of_behaviortree_cpp_mean_the_same(xml, words):
         "<TryCatch catch_on_halt='true'><Go/><Back/></TryCatch>",
         "<LoopInt queue='{q}' value='{n}'><Go/></LoopInt>",
         "<LoopInt queue='1;2' value='{n}' if_empty='FAILURE'><Go/></LoopInt>",
-        "<ScriptCondition code='colour == RED'/>",  # may be an enum's member
     ],
 )
 def test_what_would_change_its_meaning_is_refused(xml):
@@ -315,9 +336,116 @@ def test_a_subtree_that_shares_its_callers_names_is_written_out():
     assert read(text, "t.yaml").findings == []
 
 
-def test_keys_of_its_own_keep_a_subtree_from_being_written_out():
+def test_keys_of_its_own_get_names_of_their_own():
     xml = """<root BTCPP_format="4" main_tree_to_execute="Main">
-      <BehaviorTree ID="Main"><SubTree ID="Go" _autoremap="true"/></BehaviorTree>
-      <BehaviorTree ID="Go"><Move to="{_mine}"/></BehaviorTree>
+      <BehaviorTree ID="Main"><Sequence><Move to="{mine}"/><SubTree ID="Go" _autoremap="1"/></Sequence></BehaviorTree>
+      <BehaviorTree ID="Go"><Move to="{_mine}" at="{mine}"/></BehaviorTree>
+    </root>"""
+    text, findings = import_groot(xml, "t.xml")
+    assert findings == []
+    assert 'Move: {to: "{go_mine}", at: "{mine}"}' in text
+
+
+def test_a_subtree_with_wires_and_texts_is_written_out():
+    xml = """<root BTCPP_format="4" main_tree_to_execute="Main">
+      <TreeNodesModel><SubTree ID="Go"><input_port name="speed" default="2"/></SubTree></TreeNodesModel>
+      <BehaviorTree ID="Main">
+        <Sequence><SubTree ID="Go" to="{Goal}"/><SubTree ID="Go" to="home"/></Sequence>
+      </BehaviorTree>
+      <BehaviorTree ID="Go"><Move to="{to}" own="{x}" _skipIf="speed > 1 &amp;&amp; to == 'home'"/></BehaviorTree>
+    </root>"""
+    text, findings = import_groot(xml, "t.xml")
+    assert findings == []
+    assert """Move: {to: "{goal}", own: "{go_x}"}\n          when: "not (2 > 1 and {goal} == 'home')\"""" in text
+    assert """Move: {to: home, own: "{go_x_2}"}\n          when: "not (2 > 1 and 'home' == 'home')\"""" in text
+
+
+def test_what_a_subtree_writes_to_a_text_of_its_caller_is_refused():
+    xml = """<root BTCPP_format="4" main_tree_to_execute="Main">
+      <BehaviorTree ID="Main"><SubTree ID="Go" n="3"/></BehaviorTree>
+      <BehaviorTree ID="Go"><Script code="n += 1"/></BehaviorTree>
     </root>"""
     assert [finding.code for finding in import_groot(xml, "t.xml")[1]] == ["not-translated"]
+
+
+class TestSeveralFiles:
+    @staticmethod
+    def tree(name: str, inside: str, before: str = "") -> str:
+        return f'<root BTCPP_format="4">{before}<BehaviorTree ID="{name}">{inside}</BehaviorTree></root>'
+
+    def test_included_files_are_read(self, tmp_path):
+        (tmp_path / "sub").mkdir()
+        (tmp_path / "sub" / "go.xml").write_text(self.tree("Go", "<Move/>", '<include path="../home.xml"/>'))
+        (tmp_path / "home.xml").write_text(self.tree("Home", "<Stop/>"))
+        calls = '<Sequence><SubTree ID="Go"/><SubTree ID="Home"/></Sequence>'
+        main = self.tree("Main", calls, '<include path="sub/go.xml"/>')
+        text, findings = import_groot(main, tmp_path / "main.xml")
+        assert findings == []
+        assert list(yaml.safe_load(text)["subtrees"]) == ["home", "go"]
+
+    @pytest.mark.parametrize("included", ["main.xml", "sub", "missing.xml", "", "\0"])
+    def test_what_cannot_be_included_is_a_finding(self, tmp_path, included):
+        (tmp_path / "sub").mkdir()
+        main = self.tree("Main", "<Move/>", f'<include path="{included}"/>')
+        (tmp_path / "main.xml").write_text(main)
+        findings = import_groot(main, tmp_path / "main.xml")[1]
+        assert len(findings) == 1
+        assert (findings[0].line, findings[0].column) == (1, 25 if included != "\0" else 39)
+
+    def test_files_beside_hold_what_is_called(self):
+        text, findings = import_groot(
+            self.tree("Main", '<SubTree ID="Go"/>'), "main.xml", beside=[(self.tree("Go", "<Move/>"), "go.xml")]
+        )
+        assert findings == []
+        assert yaml.safe_load(text)["subtrees"] == {"go": {"root": {"Move": {}}}}
+
+    def test_which_tree_runs(self):
+        two = """<root><BehaviorTree ID="Go"><A/></BehaviorTree>
+          <BehaviorTree ID="M"><SubTree ID="Go"/></BehaviorTree></root>"""
+        text, findings = import_groot(two, "t.xml")
+        assert (yaml.safe_load(text)["tree"], findings) == ("m", [])
+        assert yaml.safe_load(import_groot(two, "t.xml", main="Go")[0])["tree"] == "go"
+        unclear = two.replace('<SubTree ID="Go"/>', "<A/>")
+        assert "does not say which tree runs" in import_groot(unclear, "t.xml")[1][0].message
+
+    def test_names_of_trees_stay_apart(self):
+        calls = "".join(f'<SubTree ID="{name}"/>' for name in ("GoHome", "go_home", "sequence"))
+        trees = "".join(
+            f'<BehaviorTree ID="{n}"><{n[0].upper()}/></BehaviorTree>' for n in ("GoHome", "go_home", "sequence")
+        )
+        xml = f'<root><BehaviorTree ID="Main"><Sequence>{calls}</Sequence></BehaviorTree>{trees}</root>'
+        text, findings = import_groot(xml, "t.xml", main="Main")
+        assert findings == []
+        assert list(yaml.safe_load(text)["subtrees"]) == ["go_home", "go_home_2", "sequence_2"]
+
+
+class TestModelsOfNodes:
+    MODELS = """<root><TreeNodesModel>
+      <Action ID="Move"><input_port name="to"/><input_port name="speed" default="1.5"/>
+        <output_port name="at" default="{=}"/></Action>
+      <Decorator ID="Careful"/>
+    </TreeNodesModel></root>"""
+
+    def read(self, xml):
+        text = f'<root BTCPP_format="4"><BehaviorTree ID="T">{xml}</BehaviorTree></root>'
+        return import_groot(text, "t.xml", nodes=[(self.MODELS, "models.xml")])
+
+    def test_ports_that_are_not_wired_have_the_models_defaults(self):
+        text, findings = self.read('<Move to="home"/>')
+        assert findings == []
+        assert yaml.safe_load(text)["root"] == {"Move": {"to": "home", "speed": 1.5, "at": "{at}"}}
+
+    @pytest.mark.parametrize(
+        ("xml", "message"),
+        [
+            ('<Move where="home"/>', "no port 'where'"),
+            ("<Careful><Move/></Careful>", "children"),
+            ("<Careful/>", "Decor"),
+        ],
+    )
+    def test_what_the_models_do_not_know_is_refused(self, xml, message):
+        (finding,) = self.read(xml)[1]
+        assert message in finding.message
+
+    def test_a_file_without_models_is_a_finding(self):
+        assert [f.code for f in import_groot("<root/>", "t.xml", nodes=[("<root/>", "m.xml")])[1]] == ["xml", "xml"]
