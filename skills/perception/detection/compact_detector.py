@@ -126,10 +126,15 @@ class CompactDetector:
         Raises:
             BadFrame: another shape or type.
         """
-        belief, offsets, factor = self.belief_maps(colour)
+        (belief, offsets, *reaches), factor = self._maps(colour)
         return [
-            Peak((place.keypoints + 0.5) / factor - 0.5, place.size / factor, place.belief)
-            for place in decode_offsets(belief, offsets, threshold)
+            Peak(
+                (place.keypoints + 0.5) / factor - 0.5,
+                place.size / factor,
+                place.belief,
+                None if place.box is None else place.box / factor,
+            )
+            for place in decode_offsets(belief, offsets, threshold, reaches=reaches[0] if reaches else None)
         ]
 
     def belief_maps(self, colour: U8) -> tuple[NDArray[np.float32], NDArray[np.float32], float]:
@@ -138,6 +143,10 @@ class CompactDetector:
         Raises:
             BadFrame: another shape or type.
         """
+        (belief, offsets, *_), factor = self._maps(colour)
+        return belief, offsets, factor
+
+    def _maps(self, colour: U8) -> tuple[list[NDArray[np.float32]], float]:
         check_picture(colour)
         height, width = colour.shape[:2]
         factor = self.options.working_width / width
@@ -148,8 +157,8 @@ class CompactDetector:
         if below or right:
             shrunk = cv2.copyMakeBorder(shrunk, 0, below, 0, right, cv2.BORDER_CONSTANT, value=(114, 114, 114))
         with torch.inference_mode():
-            belief, offsets = self._finder(to_input(torch.from_numpy(shrunk[None])).to(self._type))
-        return belief[0].float().numpy(), offsets[0].float().numpy(), factor
+            maps = self._finder(to_input(torch.from_numpy(shrunk[None])).to(self._type))
+        return [part[0].float().numpy() for part in maps], factor
 
     def _look(
         self, colour: U8, K: F64, places: list[tuple[F64, float]], beliefs: list[float], mirrored: bool

@@ -6,11 +6,19 @@ in place of DOPE's affinity fields. `CloseLookNetwork` sees one fruit at a time 
 
 from __future__ import annotations
 
+import math
+
 import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
 from skills.perception.detection.outputs import ALL_OUTPUTS, BOX, CLOSE_LOOK_SIZE, USUAL_BOX
+
+USUAL_REACH = 5.0
+"""How far a fruit reaches from its middle before a finder has learnt boxes [cells]."""
+
+STEEPNESS, EVEN_BELIEF = 8.0, 0.4
+"""A belief of older weights b becomes the logit STEEPNESS (b - EVEN_BELIEF)."""
 
 
 def _convolve(inputs: int, outputs: int, kernel: int = 3, stride: int = 1) -> nn.Sequential:
@@ -40,12 +48,15 @@ class FinderNetwork(nn.Module):
     (n, 17, h/4, w/4): (du, dv) from the centroid to corners 0..7, and the logarithm of the corners' mean distance from
     it, all in units of `OFFSET_UNIT` cells. The distance is learnt by itself because corners of a fruit whose turn is
     unclear are drawn to their mean, and would make it look small.
+
+    With `boxes` there is a third output (n, 4, h/4, w/4): how far what is seen of the fruit reaches to the left, up, to
+    the right and down of this cell, in cells; and the centroid's belief is a probability. Older weights have neither.
     """
 
-    def __init__(self, widths: tuple[int, int, int, int] = (24, 48, 96, 160)) -> None:
+    def __init__(self, widths: tuple[int, int, int, int] = (24, 48, 96, 160), boxes: bool = True) -> None:
         super().__init__()
         a, b, c, d = widths
-        self.widths = widths
+        self.widths, self.boxes = widths, boxes
         self.stem = nn.Sequential(_convolve(3, a, 5, 2), _convolve(a, b, 3, 2))
         self.at_4 = _Residual(b)
         self.at_8 = nn.Sequential(_convolve(b, c, 3, 2), _Residual(c), _Residual(c))
@@ -57,16 +68,25 @@ class FinderNetwork(nn.Module):
         last = nn.Conv2d(b, 9 + 17, 1)
         nn.init.normal_(last.weight, std=0.01)
         self.head = nn.Sequential(_convolve(b, b), last)
+        if boxes:
+            reach = nn.Conv2d(b, 4, 1)
+            nn.init.normal_(reach.weight, std=0.01)
+            assert reach.bias is not None
+            nn.init.constant_(reach.bias, math.log(USUAL_REACH))
+            self.box_head = nn.Sequential(_convolve(b, b), reach)
 
-    def forward(self, x: Tensor) -> tuple[Tensor, Tensor]:
-        """Belief maps and offsets of pictures, shape (n, 3, h, w): (n, 9, h / 4, w / 4) and (n, 17, h / 4, w / 4)."""
+    def forward(self, x: Tensor) -> tuple[Tensor, ...]:
+        """Belief maps, offsets and, where it knows them, boxes of pictures, shape (n, 3, h, w)."""
         fine = self.at_4(self.stem(x))
         middle = self.at_8(fine)
         coarse = self.to_8(self.at_16(middle))
         middle = self.up_8(middle + functional.interpolate(coarse, scale_factor=2.0, mode="nearest"))
         fine = self.up_4(fine + functional.interpolate(self.to_4(middle), scale_factor=2.0, mode="nearest"))
         maps = self.head(fine)
-        return maps[:, :9], maps[:, 9:]
+        if not self.boxes:
+            return maps[:, :9], maps[:, 9:]
+        belief = torch.cat([maps[:, :8].float(), maps[:, 8:9].float().sigmoid()], dim=1)
+        return belief, maps[:, 9:], self.box_head(fine).float().clamp(-4.0, 5.0).exp()
 
 
 class CloseLookNetwork(nn.Module):
@@ -111,6 +131,24 @@ class CloseLookNetwork(nn.Module):
     def forward(self, x: Tensor) -> Tensor:
         """What is said of each look, shape (n, 3, side, side)."""
         return self.head(self.trunk(x))  # type: ignore[no-any-return]
+
+
+def finder_with_boxes(network: FinderNetwork) -> FinderNetwork:
+    """A finder that knows boxes, to be taught them, with this one's weights; its belief starts as a steeper one."""
+    if network.boxes:
+        return network
+    with torch.random.fork_rng(devices=[]):
+        torch.manual_seed(0)  # what is new begins the same each time, so that a run can be repeated
+        twin = FinderNetwork(network.widths)
+    state = network.state_dict()
+    twin.load_state_dict(twin.state_dict() | state)
+    last = twin.head[-1]
+    assert isinstance(last, nn.Conv2d)
+    assert last.bias is not None
+    with torch.no_grad():
+        last.weight[8] *= STEEPNESS
+        last.bias[8] = STEEPNESS * (last.bias[8] - EVEN_BELIEF)
+    return twin.train(network.training)
 
 
 def with_boxes(network: CloseLookNetwork) -> CloseLookNetwork:

@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from skills.perception.detection.close_look import SIZE_OF_BOX
 from skills.perception.detection.errors import BadMaps
 from skills.perception.detection.outputs import FINDER_STRIDE, OFFSET_UNIT
 
@@ -26,14 +27,26 @@ class Peak:
         keypoints: corners and centroid, (9, 2) [px].
         size: mean distance of the corners from the centroid [px].
         belief: of the centroid, 0..1.
+        box: around what is seen, x, y, w, h (4,) [px], from a finder that knows boxes.
     """
 
     keypoints: F64
     size: float
     belief: float
+    box: F64 | None = None
+
+    @property
+    def outline(self) -> F64:
+        """The box, or that of a whole fruit of its size where there is none: x, y, w, h (4,) [px]."""
+        if self.box is not None:
+            return self.box
+        side = self.size / SIZE_OF_BOX
+        return np.array([*(self.keypoints[8] + 0.5 - 0.5 * side), side, side])
 
 
-def decode_offsets(belief: F32, offsets: F32, threshold: float, apart: float = 0.45) -> list[Peak]:
+def decode_offsets(
+    belief: F32, offsets: F32, threshold: float, apart: float = 0.45, reaches: F32 | None = None
+) -> list[Peak]:
     """Fruit in the finder's maps, strongest first.
 
     Args:
@@ -41,6 +54,7 @@ def decode_offsets(belief: F32, offsets: F32, threshold: float, apart: float = 0
         offsets: (17, h, w), centroid to corners and log of their mean distance, in units of `OFFSET_UNIT` cells.
         threshold: least belief of a centroid.
         apart: two fruit are at least this part of the larger one's keypoint size apart.
+        reaches: (4, h, w), how far what is seen reaches left, up, right and down [cells]; None: boxes are not known.
 
     Returns:
         Places, in pixels of the finder's input. Cells that are not finite count as zero.
@@ -63,8 +77,15 @@ def decode_offsets(belief: F32, offsets: F32, threshold: float, apart: float = 0
         points = (cells + 0.5) * FINDER_STRIDE - 0.5
         size = float(np.exp(np.clip(here[16], -3.0, 3.0))) * OFFSET_UNIT * FINDER_STRIDE
         if all(np.linalg.norm(points[8] - p.keypoints[8]) > apart * max(size, p.size) for p in found):
-            found.append(Peak(points, size, float(centroid[y, x])))
+            box = None if reaches is None else _box(reaches[:, y, x], y, x)
+            found.append(Peak(points, size, float(centroid[y, x]), box))
     return found
+
+
+def _box(reach: F32, y: int, x: int) -> F64:
+    left, up, right, down = np.nan_to_num(reach.astype(np.float64), posinf=0.0).tolist()
+    # A cell's middle is at integers; a box ends at the outer sides of pixels.
+    return FINDER_STRIDE * np.array([x + 0.5 - left, y + 0.5 - up, left + right, up + down])
 
 
 def _sub_cell(belief: F32, y: int, x: int, dy: int, dx: int) -> float:

@@ -63,7 +63,8 @@ def load_compact(path: Path | str) -> tuple[FinderNetwork, CloseLookNetwork, dic
     if not isinstance(content, dict) or content.get("format") != FORMAT:
         raise BadWeights(path, f"is not a '{FORMAT}' file")
     try:
-        finder = FinderNetwork(_widths(content, "finder", 4))
+        knows_boxes = any(str(key).startswith("box_head.") for key in content["finder"])
+        finder = FinderNetwork(_widths(content, "finder", 4), knows_boxes)
         close_look = CloseLookNetwork(_widths(content, "close_look", 5), _outputs(content))
     except (KeyError, TypeError, ValueError) as error:
         raise BadWeights(path, f"does not say how wide its networks are: {error!r}") from error

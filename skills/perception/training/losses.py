@@ -29,6 +29,9 @@ DOUBTED = 0.25
 labelled stays fruit. Not counting them at all leaves the leaves (docs/decisions/detect-photographs.md)."""
 
 
+CENTRES, BOXES = 2.0, 4.0
+"""Weights of the centroid's and the boxes' losses beside those of corners and sizes."""
+
 SURE = 1.0
 """The same for the close look's logit of kind."""
 
@@ -37,30 +40,54 @@ _LARGE_OFFSET = math.log(AS_LARGE * SIZE_OF_BOX * FRUIT_IN_INPUT / (FINDER_STRID
 
 
 def finder_loss(
-    belief: Tensor,
-    offsets: Tensor,
+    outputs: tuple[Tensor, ...],
     target: Tensor,
     weight: Tensor,
     target_offsets: Tensor,
     offset_weight: Tensor,
     cornered: Tensor,
     unlabelled: Tensor,
+    peak: Tensor,
+    reaches: Tensor,
+    reach_weight: Tensor,
 ) -> Tensor:
-    """Weighted squared error of the belief maps plus smooth L1 of the offsets near centroids.
+    """Of the finder's belief, offsets and boxes; the targets are those of `FinderTargets`, (n, …) each.
 
-    The last two say what photographs leave open: `cornered` (n, 1, 1, 1) is 0 where only centres and sizes are known,
-    `unlabelled` (n, 1, h, w) is 1 where fruit may be that nobody labelled.
+    Weighted squared error of the corners' maps, smooth L1 of offsets near centroids, focal loss of the centroid's
+    probability, and generalised IoU of the boxes.
     """
+    belief, offsets, found = outputs
     count, belief = belief.shape[0], belief.float()
-    error = (belief - target) ** 2 * (1.0 + PEAK_WEIGHT * target) * weight
+    error = (belief[:, :8] - target[:, :8]) ** 2 * (1.0 + PEAK_WEIGHT * target[:, :8]) * weight * cornered
     large = offsets[:, 16:].detach().float() > _LARGE_OFFSET
     forgiven = (1.0 - DOUBTED) * unlabelled * large * (belief[:, 8:].detach() > CONFIDENT) * (target[:, 8:] < 0.05)
-    total = (error[:, :8] * cornered).sum() + (error[:, 8:] * (1.0 - forgiven)).sum()
     placed = functional.smooth_l1_loss(offsets.float(), target_offsets, beta=0.5 / OFFSET_UNIT, reduction="none")
     placed = placed * offset_weight
     arms = (placed[:, :16] * cornered).sum(dim=(0, 2, 3)) / (offset_weight * cornered).sum().clamp(min=1.0)
     size = placed[:, 16].sum() / offset_weight.sum().clamp(min=1.0)
-    return total / (count * 600.0) + 8.0 * arms.mean() + 8.0 * size
+    centres = focal_loss(belief[:, 8:], target[:, 8:], peak, weight * (1.0 - forgiven))
+    boxes = ((1.0 - _generalised_iou(found, reaches)) * reach_weight[:, 0]).sum() / reach_weight.sum().clamp(min=1.0)
+    return error.sum() / (count * 600.0) + 8.0 * arms.mean() + 8.0 * size + CENTRES * centres + BOXES * boxes
+
+
+def focal_loss(belief: Tensor, target: Tensor, peak: Tensor, weight: Tensor) -> Tensor:
+    """CenterNet's: the peaks' logarithms, and those of everything else the less the nearer a peak is, for each peak."""
+    p = belief.clamp(1e-4, 1.0 - 1e-4)
+    there = (1.0 - p) ** 2 * torch.log(p) * peak
+    elsewhere = (1.0 - target) ** 4 * p**2 * torch.log(1.0 - p) * (1.0 - peak) * weight
+    return -(there + elsewhere).sum() / peak.sum().clamp(min=1.0)
+
+
+def _generalised_iou(a: Tensor, b: Tensor) -> Tensor:
+    """Of boxes that reach left, up, right and down of the same cells, (n, 4, h, w) each [cells]: -1..1, (n, h, w)."""
+
+    def area(sides: Tensor) -> Tensor:
+        return (sides[:, 0] + sides[:, 2]) * (sides[:, 1] + sides[:, 3])
+
+    shared = area(torch.minimum(a, b))
+    union = area(a) + area(b) - shared
+    around = area(torch.maximum(a, b))
+    return shared / union.clamp(min=1e-6) - (around - union) / around.clamp(min=1e-6)
 
 
 def close_look_loss(output: Tensor, target: Tensor, kind: Tensor, visibility: Tensor, known: Tensor) -> Tensor:

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from torch import nn
 
 from skills.perception.detection.box_evaluation import BoxCurve, curve, match_boxes
-from skills.perception.detection.close_look import SIZE_OF_BOX
 from skills.perception.detection.compact_detector import CompactDetector
 from skills.perception.detection.compact_network import CloseLookNetwork, FinderNetwork
+from skills.perception.detection.found_fruit import inside
 from skills.perception.training.photographs import Photograph
 
 F64 = NDArray[np.float64]
@@ -57,17 +57,14 @@ def find_boxes(
 
 
 def find_places_boxes(finder: CompactDetector, photographs: Sequence[Photograph], scale: float) -> list[Finds]:
-    """The same for the finder alone: a fruit's box is a square about its centre, its score the finder's belief."""
+    """The same for the finder alone: a fruit's box is its own or a square, its score the finder's belief."""
     found = []
     for photo in photographs:
         searching = finder.looking(replace(finder.options, working_width=max(16, round(scale * photo.width))))
         places = searching.places(photo.picture(), LEAST_BELIEF)
-        centres = np.array([place.keypoints[8] for place in places]).reshape(-1, 2)
-        sides = np.array([place.size for place in places]).reshape(-1, 1) / SIZE_OF_BOX
-        limits = np.array([photo.width, photo.height], np.float64)
-        low, high = np.clip(centres + 0.5 - 0.5 * sides, 0.0, limits), np.clip(centres + 0.5 + 0.5 * sides, 0.0, limits)
+        boxes = [inside(place.outline, photo.width, photo.height) for place in places]
         scores = np.array([place.belief for place in places], np.float64)
-        found.append((np.hstack([low, high - low]), scores, photo.boxes))
+        found.append((np.array(boxes).reshape(-1, 4), scores, photo.boxes))
     return found
 
 

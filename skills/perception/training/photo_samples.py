@@ -20,7 +20,9 @@ from skills.perception.training.samples import (
     FINDER_INPUT,
     MOST_ROLL,
     Sample,
+    cut_boxes,
     look_sample,
+    move_boxes,
     no_fruit,
     roll_of_look,
 )
@@ -68,28 +70,28 @@ class PhotoFinderBatches(Dataset[tuple[Tensor, ...]]):
         middle = np.where(least < most, np.clip(middle, least, np.maximum(least, most)), 0.5 * (least + most))
         shift = 0.5 * np.array([width - 1, height - 1]) - size * middle
         picture = window(picture, size, shift, (width, height), rng)
-        centres, corners = labels.centres * size + shift, labels.boxes[:, :2] * size + shift
-        boxes = np.hstack([corners, labels.boxes[:, 2:] * size])
-        sizes = labels.sizes * size
+        centres, boxes, sizes = (
+            labels.centres * size + shift,
+            move_boxes(labels.boxes, size, shift),
+            labels.sizes * size,
+        )
         if rng.random() < 0.5:
             picture = np.ascontiguousarray(picture[:, ::-1])
             centres = centres * (-1.0, 1.0) + (width - 1.0, 0.0)
-            boxes[:, 0] = width - 1.0 - boxes[:, 0] - boxes[:, 2]
+            boxes[:, 0] = width - boxes[:, 0] - boxes[:, 2]
         picture = cover(change_look(picture, rng), rng, 0.1, (0.03, 0.15))
-        inside = np.clip(boxes[:, :2] + boxes[:, 2:], 0.0, (width, height)) - np.clip(
-            boxes[:, :2], 0.0, (width, height)
-        )
-        counted = labels.counted & (inside.prod(axis=1) >= SHOWN * boxes[:, 2:].prod(axis=1))
+        inside = cut_boxes(boxes, width, height)
+        counted = labels.counted & (inside[:, 2:].prod(axis=1) >= SHOWN * boxes[:, 2:].prod(axis=1))
         s = FINDER_STRIDE
         maps = box_targets(
             (centres + 0.5) / s - 0.5,
             sizes / s,
-            np.hstack([(boxes[:, :2] + 0.5) / s - 0.5, boxes[:, 2:] / s]),
+            inside / s,
             counted,
             height // s,
             width // s,
         )
-        return (picture, *maps)
+        return (picture, *maps.parts)
 
 
 def window(picture: U8, size: float, shift: F64, extent: tuple[int, int], rng: np.random.Generator) -> U8:

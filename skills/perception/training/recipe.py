@@ -11,7 +11,7 @@ from typing import Any
 import torch
 
 from skills.perception.detection.compact_detector import CompactDetector
-from skills.perception.detection.compact_network import CloseLookNetwork, FinderNetwork, with_boxes
+from skills.perception.detection.compact_network import CloseLookNetwork, FinderNetwork, finder_with_boxes, with_boxes
 from skills.perception.detection.weights import load_compact, save_compact
 from skills.perception.synthetic.dataset import render_dataset
 from skills.perception.synthetic.options import WITHOUT_TREES, SceneOptions
@@ -147,7 +147,8 @@ def make_weights(
     made_by: dict[str, int] = {}  # the stage that last taught each network
     if start is not None:
         finder, close_look, _ = load_compact(start)
-        networks, made_by = {"finder": finder, "close_look": with_boxes(close_look)}, dict.fromkeys(networks, -1)
+        networks = {"finder": finder_with_boxes(finder), "close_look": with_boxes(close_look)}
+        made_by = dict.fromkeys(networks, -1)
     held_out = work / "held_out"
     folders = (data,) if data else tuple(work / f"frames_{k}" for k in range(len(recipe.sets)))
     render_set(held_out, recipe.held_out, fruit, workers)

@@ -106,22 +106,27 @@ class FinderBatches(_FrameBatches):
             np.array([item.keypoints for item in annotation.objects]).reshape(-1, 9, 2) * scale + (scale - 1) / 2
         )
         visibility = np.array([item.visibility for item in annotation.objects])
+        boxes = scale * np.array([item.box or (0.0, 0.0, 0.0, 0.0) for item in annotation.objects]).reshape(-1, 4)
         if picture.shape[:2] != FINDER_INPUT:
             picture = cv2.resize(picture, (width, height), interpolation=cv2.INTER_AREA)
         if self.augment:
-            picture, keypoints, visibility = _move(picture, keypoints, visibility, rng)
+            picture, keypoints, visibility, boxes = _move(picture, keypoints, visibility, boxes, rng)
             picture = cover(change_look(picture, rng), rng, 0.2, (0.03, 0.18))
         stride = FINDER_STRIDE
         cells = (keypoints + 0.5) / stride - 0.5
-        return (picture, *finder_targets(cells, visibility, height // stride, width // stride))
+        maps = finder_targets(cells, visibility, height // stride, width // stride, boxes / stride)
+        return (picture, *maps.parts)
 
 
-def _move(picture: U8, keypoints: F64, visibility: F64, rng: np.random.Generator) -> tuple[U8, F64, F64]:
+def _move(
+    picture: U8, keypoints: F64, visibility: F64, boxes: F64, rng: np.random.Generator
+) -> tuple[U8, F64, F64, F64]:
     """Mirror, scale, shift; borders are filled with one colour, since reflected ones would show unlabelled fruit."""
     h, w = picture.shape[:2]
     if rng.random() < 0.5:
         picture = np.ascontiguousarray(picture[:, ::-1])
         keypoints = keypoints[:, MIRRORED, :] * (-1.0, 1.0) + (w - 1.0, 0.0)
+        boxes[:, 0] = w - boxes[:, 0] - boxes[:, 2]
     if rng.random() < 0.6:
         size = np.exp(rng.uniform(np.log(0.6), np.log(1.35)))
         shift = np.array([w, h]) * (0.5 * (1.0 - size) + rng.uniform(-0.5, 0.5, 2) * abs(1.0 - size))
@@ -130,9 +135,22 @@ def _move(picture: U8, keypoints: F64, visibility: F64, rng: np.random.Generator
         flag = cv2.INTER_AREA if size < 1.0 else cv2.INTER_LINEAR
         picture = cv2.warpAffine(picture, matrix, (w, h), flags=flag, borderValue=colour)
         keypoints = keypoints * size + shift
+        boxes = move_boxes(boxes, size, shift)
         outside = (keypoints[:, 8] < 0.0).any(axis=1) | (keypoints[:, 8] > (w - 1.0, h - 1.0)).any(axis=1)
         visibility = np.where(outside, 0.5 * visibility, visibility)
-    return picture, keypoints, visibility
+    return picture, keypoints, visibility, cut_boxes(boxes, w, h)
+
+
+def move_boxes(boxes: F64, size: float, shift: F64) -> F64:
+    """Boxes x, y, w, h (n, 4) after the picture was scaled and then moved; they end at the outer sides of pixels."""
+    return np.hstack([(boxes[:, :2] - 0.5) * size + shift + 0.5, boxes[:, 2:] * size])
+
+
+def cut_boxes(boxes: F64, width: int, height: int) -> F64:
+    """The parts of boxes x, y, w, h (n, 4) that lie in a picture."""
+    limits = np.array([width, height], np.float64)
+    low, high = np.clip(boxes[:, :2], 0.0, limits), np.clip(boxes[:, :2] + boxes[:, 2:], 0.0, limits)
+    return np.hstack([low, high - low])
 
 
 DOPE_INPUT = 400

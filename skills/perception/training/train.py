@@ -173,8 +173,7 @@ def _all_figures(run: TrainingRun) -> Callable[[nn.Module], dict[str, float]]:
 
 def _finder_step(network: nn.Module, batch: tuple[Tensor, ...]) -> Tensor:
     pictures, *targets = batch
-    found_belief, found_offsets = network(to_input(pictures))
-    return finder_loss(found_belief, found_offsets, *targets)
+    return finder_loss(network(to_input(pictures)), *targets)
 
 
 def _dope_step(network: nn.Module, batch: tuple[Tensor, ...]) -> Tensor:

@@ -259,10 +259,22 @@ def test_losses_are_least_at_the_target_and_grow_away_from_it() -> None:
     belief, offsets = torch.rand(2, 9, 6, 8), torch.rand(2, 17, 6, 8)
     weight = torch.ones(2, 1, 6, 8)
     known, labelled = torch.ones(2, 1, 1, 1), torch.zeros(2, 1, 6, 8)
-    assert float(finder_loss(belief, offsets, belief, weight, offsets, weight, known, labelled)) == 0.0
-    assert float(finder_loss(belief + 0.1, offsets, belief, weight, offsets, weight, known, labelled)) > 0.0
-    hidden = torch.zeros(2, 1, 6, 8)
-    assert float(finder_loss(belief + 0.1, offsets + 1, belief, hidden, offsets, hidden, known, labelled)) == 0.0
+    belief[:, 8] = 0.0
+    peak, reaches, hidden = torch.zeros(2, 1, 6, 8), 1.0 + torch.rand(2, 4, 6, 8), torch.zeros(2, 1, 6, 8)
+    belief[:, 8, 3, 4] = peak[:, 0, 3, 4] = 1.0
+
+    def cost(outputs: tuple[torch.Tensor, ...], counted: torch.Tensor, fruit: torch.Tensor) -> float:
+        return float(finder_loss(outputs, belief, counted, offsets, counted, known, labelled, fruit, reaches, counted))
+
+    assert cost((belief, offsets, reaches), weight, peak) < 1e-4
+    for worse in (
+        (belief + 0.1, offsets, reaches),
+        (belief, offsets + 0.1, reaches),
+        (belief, offsets, 1.1 * reaches),
+        (belief * (1.0 - 0.2 * peak), offsets, reaches),
+    ):
+        assert cost(worse, weight, peak) > 0.01
+    assert cost((0.5 * belief, offsets + 1, 2.0 * reaches), hidden, hidden) == 0.0
     target, kind, seen = torch.rand(3, 10), torch.tensor([1.0, 1.0, 0.0]), torch.tensor([1.0, 0.5, 0.0])
     all_known = torch.tensor([1.0, 1.0, 1.0, 1.0, 1.0, 0.0]).repeat(3, 1)
     output = torch.zeros(3, 15)
