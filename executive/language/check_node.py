@@ -52,10 +52,10 @@ class NodeChecker:
         nodes = list(root.walk())
         for node in nodes:
             self.unique_name(node)
+        layers = [self.layer(node, index, _EVERYTHING) for node in nodes for index in range(len(node.layers))]
         for stage in Stage:
-            for node in nodes:
-                for index, layer in enumerate(node.layers):
-                    layer.declare(self.layer(node, index, _EVERYTHING), stage)
+            for at in layers:
+                at.layer.declare(at, stage)
         self.layer(root, 0, Around()).check()
 
     def layer(self, node: TreeNode, index: int, around: Around) -> LayerCheck:

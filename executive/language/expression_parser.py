@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from functools import lru_cache
 
 from executive.language.expression import (
     FUNCTIONS,
@@ -93,8 +94,9 @@ def _tokenize(text: str) -> list[_Token]:
     return tokens
 
 
+@lru_cache(4096)
 def parse_expression(text: str) -> Expression:
-    """The syntax tree of `text`.
+    """The syntax tree of `text`; what was read once is kept, since an editor checks the same file again and again.
 
     Raises:
         ExpressionSyntaxError: it is no expression; the error says where and why.
@@ -118,7 +120,8 @@ class _Parser:
         return token
 
     def at(self, *texts: str) -> bool:
-        return self.token.kind in ("operator", "word") and self.token.text in texts
+        token = self.tokens[self.position]
+        return token.text in texts and token.kind in ("operator", "word")
 
     def expect(self, text: str, why: str) -> _Token:
         if not self.at(text):

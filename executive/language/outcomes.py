@@ -22,9 +22,10 @@ class Outcomes:
 
     def __init__(self, skills: Registry, called: Mapping[int, Definition]) -> None:
         """`called` maps the id of each subtree node to the definition that it calls."""
-        self.skills, self.called = skills, called
+        self.called = called
         self._known: dict[tuple[int, int], Outcome] = {}
         self._open: set[int] = set()
+        self._skills = {name: Outcome(frozenset(skill.failures)) for name, skill in skills.items()}
 
     def of(self, node: TreeNode) -> Outcome:
         """Of a node with its modifiers."""
@@ -38,6 +39,10 @@ class Outcomes:
             known = at.layer.outcome(at) if at.layer.needed(at) else at.inside()
             self._known[id(node), index] = known
         return known
+
+    def of_skill(self, name: str) -> Outcome:
+        """Of a skill, if there is one of this name."""
+        return self._skills.get(name, _ANYHOW)
 
     def of_definition(self, definition: Definition) -> Outcome:
         """Of a subtree; a subtree that calls itself adds no codes."""
@@ -91,8 +96,7 @@ class LayerOutcome:
         return None if part is None else self.outcomes.of(part)
 
     def skill(self) -> Outcome:
-        skill = self.outcomes.skills.get(self.node.key.text)
-        return _ANYHOW if skill is None else Outcome(frozenset(skill.failures))
+        return self.outcomes.of_skill(self.node.key.text)
 
     def subtree(self) -> Outcome:
         called = self.outcomes.called.get(id(self.node))

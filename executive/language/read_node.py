@@ -21,6 +21,7 @@ class NodeReader:
 
     def __init__(self, findings: Findings, file: TreeFile, types: NodeTypes) -> None:
         self.findings, self.file, self.types = findings, file, types
+        self.known = dict(types)
         self.shape = ShapeCheck(findings)
         self.commented: set[int] = set()
         self.beside = ("name", "description", *types.beside)
@@ -62,7 +63,7 @@ class NodeReader:
 
     def type_named(self, word: str) -> NodeType:
         """The node type that a word stands for: a registered one, a subtree, or a skill."""
-        found = self.types.get(word)
+        found = self.known.get(word)
         if found is not None:
             return found
         return SUBTREE if word in self.file.subtrees or not _SKILL.fullmatch(word) else SKILL
@@ -94,7 +95,7 @@ class NodeReader:
 
     def is_type(self, word: str) -> bool:
         """Whether a word can stand for a node."""
-        return word in self.types or word in self.file.subtrees or bool(_SKILL.fullmatch(word))
+        return word in self.known or word in self.file.subtrees or bool(_SKILL.fullmatch(word))
 
     def first_key(self, written: YamlMapping) -> YamlNode:
         """The first key of a mapping, to point at."""

@@ -34,6 +34,13 @@ class Truth:
     resolved: Mapping[tuple[int, str], Resolved]
     outcomes: Outcomes
     written: dict[int, frozenset[str]] = field(default_factory=dict)
+    known: dict[str, Any] = field(init=False)
+    """Values that are the same for the whole run."""
+
+    def __post_init__(self) -> None:
+        fixed = ("constant", "parameter")
+        names = self.scope.names.items()
+        self.known = {name: found.value for name, found in names if found.origin in fixed and found.value is not None}
 
     def definition(self) -> None:
         """Follow it, if any of its nodes looks at anything."""
@@ -47,11 +54,6 @@ class Truth:
         )
         if root is not None and looks:
             self.node(root, NOTHING)
-
-    def known(self) -> dict[str, Any]:
-        """Values that are the same for the whole run."""
-        fixed = ("constant", "parameter")
-        return {name: n.value for name, n in self.scope.names.items() if n.origin in fixed and n.value is not None}
 
     def node(self, node: TreeNode, known: Facts) -> Facts:
         """What is true when a node has succeeded, given what is true before it."""
@@ -101,7 +103,7 @@ class LayerTruth:
         condition = self.found.settings.get(slot)
         if not isinstance(condition, ComputedValue):
             return known
-        fixed = self.whole.known()
+        fixed = self.whole.known
         fact = fact_of(condition.expression, fixed, condition.where, condition.text)
         if fact is None or fact.names <= fixed.keys():
             return known
@@ -120,7 +122,7 @@ class LayerTruth:
         condition = self.found.settings.get(slot)
         if not isinstance(condition, ComputedValue):
             return known
-        names, fixed = {r.name for r in references(condition.expression)}, self.whole.known()
+        names, fixed = {r.name for r in references(condition.expression)}, self.whole.known
         known = known.without((), passing=True)
         if always_same(condition.expression, fixed) is False:
             message = f"'{condition.text}' can never hold: this waits for ever"

@@ -119,9 +119,12 @@ class TreeNode:
 
     def walk(self) -> Iterator[TreeNode]:
         """This node and all below, in the order of a drawing."""
-        yield self
-        for child in self.below():
-            yield from child.walk()
+        stack = [self]
+        while stack:
+            node = stack.pop()
+            yield node
+            if node.children or node.parts:
+                stack.extend(reversed(node.below()))
 
 
 class Reading(Protocol):
