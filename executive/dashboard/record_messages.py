@@ -9,17 +9,15 @@ from __future__ import annotations
 
 import base64
 import json
-import os
-import re
+import math
 import struct
-from collections.abc import Callable, Hashable, Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 import orjson
 
-from executive.dashboard.extremes import Extremes
 from executive.dashboard.messages import VERSION, encode, encode_number
 from executive.errors import UsageError
 from executive.recording.container import HEAD, MESSAGE, MESSAGE_HEAD
@@ -27,11 +25,12 @@ from executive.recording.decode import ForeignRecordError, event_from
 from executive.recording.folder import EVENTS, EVENTS_FILE
 from executive.recording.image_size import size_of_jpeg
 from executive.recording.json_text import is_strict, parse_object
+from executive.recording.overview import FREQUENT, OVERVIEW, TOPIC, WHOLE, WHOLE_BYTES, Overview
 from executive.recording.plain_file import open_plain
 from executive.recording.read import read_events
-from executive.recording.scan import believed, walk
+from executive.recording.scan import Verdict, attachment, believed, walk, walk_topics
+from executive.recording.well_known import IMAGES
 
-IMAGES = "/images/"
 MOST_IMAGE = 50_000_000
 """Bytes of an image that is handed out."""
 
@@ -41,21 +40,8 @@ LARGE = 200_000
 PIECE = 262_144
 """Bytes that are sent at once."""
 
-WHOLE = 20_000
-"""Records with no more messages, and of no more than `WHOLE_BYTES`, are their own overview."""
-
-WHOLE_BYTES = 10_000_000
-MOMENTS = 2_000
-"""Parts into which an overview divides a record; of each the last word of every key stays."""
-
-FREQUENT = re.compile(
-    rb'\{"event":"(NodeChanged|Published|PortWritten|Computed)",[^{]*?"(?:path|topic|key|node)":"((?:[^"\\]|\\.)*)"'
-)
-STATUS = re.compile(rb'"status":"(\w+)"')
-STARTS = re.compile(rb'"starts":(\d+)')
-TOPIC = re.compile(rb'"topic":"((?:[^"\\]|\\.)*)","value":\{"type":"(\w+)"')
-STREAMED = (b"SeriesView", b"PosesView")
-"""Views of which there are many, each one moment's."""
+_LONGEST = 1e10
+"""Seconds; no stamp is later."""
 
 
 class _PackedError(Exception):
@@ -79,22 +65,21 @@ def record_messages(folder: Path, images: str = "") -> Iterator[bytes]:
     Raises:
         UsageError: the file is not a record.
     """
-    return _pieces(_written(folder, images, lambda lines: lines))
+    return _pieces(_written(folder, images))
 
 
 def overview(folder: Path, images: str) -> Iterator[bytes]:
     """Like `record_messages`, for the eye: of a long record the messages that change something, and of those that are
-    said again and again (feedback, samples, poses) the last of each key in each of `MOMENTS` parts. The first line of a
-    thinned overview says so: `{"event": "Overview", "interval": seconds}`."""
-    path = folder / EVENTS_FILE
-    if path.stat().st_size <= WHOLE_BYTES:
+    said again and again (feedback, samples, poses, pictures) the last of each key in each part of the time. The first
+    line of a thinned overview says so: `{"event": "Overview", "interval": seconds}`."""
+    if (folder / EVENTS_FILE).stat().st_size <= WHOLE_BYTES:
         return record_messages(folder, images)
-    return _pieces(_written(folder, images, _thinned))
+    return _pieces(_overview(folder, images))
 
 
 def between(folder: Path, images: str, begin: float, end: float) -> Iterator[bytes]:
     """Every message of a stretch of a record: begin ≤ t ≤ end [s]."""
-    return _pieces(_written(folder, images, lambda lines: (line for line in lines if begin <= line[1] <= end)))
+    return _pieces(_written(folder, images, begin, end))
 
 
 def image(folder: Path, at: int) -> bytes | None:
@@ -102,8 +87,9 @@ def image(folder: Path, at: int) -> bytes | None:
     path = folder / EVENTS_FILE
     try:
         with open_plain(path) as stream:
-            about = os.fstat(stream.fileno())
-            if not _is_believed(path, about.st_ino, about.st_size, about.st_mtime_ns):
+            try:
+                _verdict(path)
+            except UsageError:
                 return None
             stream.seek(at)
             opcode, length = HEAD.unpack(stream.read(HEAD.size))
@@ -115,14 +101,22 @@ def image(folder: Path, at: int) -> bytes | None:
         return None
 
 
-@lru_cache(maxsize=64)
-def _is_believed(path: Path, _inode: int, _size: int, _changed: int) -> bool:
-    """Whether a file passes its checks; asked once for all images of a file that nobody has changed."""
+def _verdict(path: Path) -> Verdict:
+    """The verdict on a file that is believed; asked once of a file that nobody has changed.
+
+    Raises:
+        UsageError: it is damaged, or no record.
+    """
     try:
-        believed(path)
-    except UsageError:
-        return False
-    return True
+        about = path.stat()
+    except OSError as error:
+        raise UsageError(f"{path}: {error.strerror}") from error
+    return _believed(path, about.st_ino, about.st_size, about.st_mtime_ns)
+
+
+@lru_cache(maxsize=64)
+def _believed(path: Path, _inode: int, _size: int, _changed: int) -> Verdict:
+    return believed(path)
 
 
 def first_event(folder: Path) -> dict[str, Any]:
@@ -147,26 +141,24 @@ def _pieces(lines: Iterable[bytes]) -> Iterator[bytes]:
     yield bytes(piece)
 
 
-Choose = Callable[[Iterable[Line]], Iterable[Line | bytes]]
-
-
-def _written(folder: Path, images: str, choose: Choose) -> Iterator[bytes]:
+def _written(folder: Path, images: str, begin: float = 0.0, end: float = math.inf) -> Iterator[bytes]:
     path = folder / EVENTS_FILE
     try:
-        for line in choose(_lines(path)):
-            if isinstance(line, bytes):
-                yield line
-                continue
-            seq, _t, content, image_at = line
-            if image_at >= 0:
-                yield _with_image(path, line, images)
-            elif len(content) <= LARGE and _is_message(content):
-                yield b"%b%b" % (encode_number(seq), content[1:])
-            else:
-                yield encode(event_from(parse_object(content)), seq).encode(errors="replace")
+        for line in _lines(path, begin, end):
+            yield _message(path, line, images)
     except _PackedError:
         for number, event in enumerate(read_events(folder), start=1):
-            yield encode(event, number).encode(errors="replace")
+            if begin <= event.t <= end:
+                yield encode(event, number).encode(errors="replace")
+
+
+def _message(path: Path, line: Line, images: str) -> bytes:
+    seq, _t, content, image_at = line
+    if image_at >= 0:
+        return _with_image(path, line, images)
+    if len(content) <= LARGE and _is_message(content):
+        return b"%b%b" % (encode_number(seq), content[1:])
+    return encode(event_from(parse_object(content)), seq).encode(errors="replace")
 
 
 def _is_message(content: bytes) -> bool:
@@ -180,50 +172,60 @@ def _is_message(content: bytes) -> bool:
     return b'"reason":{' not in content
 
 
-def _thinned(lines: Iterable[Line]) -> Iterable[Line | bytes]:
-    """What changes something, and the last word of every key in every part of the record's time.
-
-    Of the samples of a part the least and the greatest stay, so that no peak is lost.
-    """
-    everything = list(lines)
-    if len(everything) <= WHOLE:
-        return everything
-    interval = everything[-1][1] / MOMENTS
-    kept: dict[Hashable, Line] = {}
-    samples: dict[Hashable, Extremes] = {}
-    state: dict[bytes, tuple[bytes, bytes]] = {}
-    for line in everything:
-        place = _place(line, interval, state)
-        kept[place] = line
-        if isinstance(place, tuple) and place[1].endswith(b"|SeriesView"):
-            samples.setdefault(place, Extremes()).add(line[2])
-    chosen: list[tuple[int, Line | bytes]] = [
-        (line[0], samples[place].message(line) if place in samples else line) for place, line in kept.items()
-    ]
-    note = {"v": VERSION, "event": "Overview", "interval": interval}
-    ordered = sorted(chosen, key=lambda numbered: numbered[0])
-    return [json.dumps(note, separators=(",", ":")).encode(), *(line for _number, line in ordered)]
+def _overview(folder: Path, images: str) -> Iterator[bytes]:
+    path = folder / EVENTS_FILE
+    try:
+        interval, lines = _prepared(path) or _made(path)
+    except _PackedError:
+        yield from _written(folder, images)
+        return
+    if interval:
+        note = {"v": VERSION, "event": "Overview", "interval": interval}
+        yield json.dumps(note, separators=(",", ":")).encode()
+    for line in lines:
+        yield _message(path, line, images)
 
 
-def _place(line: Line, interval: float, state: dict[bytes, tuple[bytes, bytes]]) -> Hashable:
-    """Lines that share a place replace each other; one that says something new has a place of its own."""
-    seq, t, content, _image_at = line
-    found = FREQUENT.match(content)
-    if found is None:
-        return seq
-    kind, key = found.groups()
-    if kind == b"NodeChanged":
-        status, starts = STATUS.search(content, found.end()), STARTS.search(content, found.end())
-        now = (status[1] if status else b"", starts[1] if starts else b"")
-        if state.get(key) != now:
-            state[key] = now
-            return seq
-    elif kind == b"Published":
-        view = TOPIC.search(content, found.start(2))
-        if view is None or view[2] not in STREAMED:
-            return seq
-        key = view[1] + b"|" + view[2]
-    return kind, key, int(t / interval)
+def _prepared(path: Path) -> tuple[float, list[Line]] | None:
+    """The overview that was made while the run was recorded; None where there is none, or it is not as expected."""
+    written = attachment(path, OVERVIEW, _verdict(path))
+    if written is None:
+        return None
+    try:
+        head, *rest = written.splitlines()
+        interval = float(json.loads(head)["interval"])
+        entries = [line[1:-1].split(b",", 2) for line in rest]
+        lines = [(int(seq), int(number), content) for seq, number, content in entries]
+    except (ValueError, KeyError, TypeError, IndexError):
+        return None
+    places = _image_places(path) if any(number for _seq, number, _content in lines) else {}
+    return interval, [(seq, 0.0, content, _image_of(content, number, places)) for seq, number, content in lines]
+
+
+def _image_places(path: Path) -> dict[str, list[int]]:
+    places: dict[str, list[int]] = {}
+    for found in walk_topics(path, lambda topic: topic.startswith(IMAGES), 1, 0, _verdict(path)):
+        places.setdefault(found.topic, []).append(found.at)
+    return places
+
+
+def _image_of(content: bytes, number: int, places: Mapping[str, list[int]]) -> int:
+    view = TOPIC.search(content) if number else None
+    if view is None:
+        return -1
+    known = places.get(IMAGES + view[1].decode(errors="replace"), [])
+    return known[number - 1] if 0 < number <= len(known) else -1
+
+
+def _made(path: Path) -> tuple[float, list[Line]]:
+    """The overview of a record that has none: one that was cut off, or was written before there were any."""
+    made, lines = Overview(), list[Line]()
+    for line in _lines(path):
+        lines.append(line)
+        made.add(*line[:3])
+    if made.count <= WHOLE or not made.entries:
+        return 0.0, lines
+    return made.interval, [(e.seq, 0.0, e.text, lines[e.seq - 1][3]) for e in made.entries]
 
 
 def _with_image(path: Path, line: Line, images: str) -> bytes:
@@ -239,18 +241,25 @@ def _with_image(path: Path, line: Line, images: str) -> bytes:
     return text.encode(errors="replace")
 
 
-def _lines(path: Path) -> Iterator[Line]:
-    """Every event; an image belongs to the event after it."""
+def _lines(path: Path, begin: float = 0.0, end: float = math.inf) -> Iterator[Line]:
+    """Every event of a stretch of time [s]; an image belongs to the event after it."""
     pictures: dict[str, int] = {}
     seq = 0
-    for topic, stamp, content, at in walk(path):
+    first, last = round(max(begin, 0.0) * 1e9), round(min(end, _LONGEST) * 1e9)
+    for topic, stamp, content, at in walk_topics(path, _is_shown, first, last, _verdict(path)):
         if at < 0:
             raise _PackedError
         if topic == EVENTS:
             seq += 1
+            if not first <= stamp <= last:
+                continue
             image_at = -1
             if pictures and (view := TOPIC.search(content)) is not None:
                 image_at = pictures.pop(IMAGES + view[1].decode(errors="replace"), -1)
             yield seq, stamp / 1e9, content, image_at
-        elif topic.startswith(IMAGES):
+        elif first <= stamp <= last:
             pictures[topic] = at
+
+
+def _is_shown(topic: str) -> bool:
+    return topic == EVENTS or topic.startswith(IMAGES)

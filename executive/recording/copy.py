@@ -32,6 +32,7 @@ from executive.recording.container import (
     next_chunk,
     records_of,
 )
+from executive.recording.overview import OVERVIEW
 from executive.recording.plain_file import open_plain
 from executive.recording.recorder import new_writer
 from executive.recording.scan import REPAIR, has_begun, metadata_of
@@ -179,7 +180,8 @@ class _Copier:
             found = Attachment.read(_stream_of(content, 0, size))
         except _UNREADABLE as error:
             raise DamagedError(piece.at, "an attachment cannot be read") from error
-        self._writer.add_attachment(found.create_time, found.log_time, found.name, found.media_type, found.data)
+        if found.name != OVERVIEW:  # it counts events and images of the original
+            self._writer.add_attachment(found.create_time, found.log_time, found.name, found.media_type, found.data)
 
 
 def _stream_of(content: bytes, begin: int, end: int) -> ReadDataStream:

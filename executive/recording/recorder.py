@@ -12,6 +12,7 @@ import fcntl
 import json
 import queue
 import threading
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import replace
 from datetime import datetime
@@ -26,8 +27,9 @@ from executive.recording.container import LIBRARY
 from executive.recording.ending import Ending
 from executive.recording.folder import DEVICES, EVENTS, EVENTS_FILE, RecordError, hash_of
 from executive.recording.interventions import INTERVENTIONS, Chain
+from executive.recording.overview import OVERVIEW, WHOLE_BYTES, Overview
 from executive.recording.schemas import EVENT, INTERVENTION, READING, Schema
-from executive.recording.well_known import Images, samples, well_known
+from executive.recording.well_known import IMAGES, Images, samples, well_known
 from executive.running.events import Event, OperatorActed, Published, RunEnded, RunStarted
 from executive.views import ImageView, SeriesView
 
@@ -73,6 +75,7 @@ class Recorder:
             raise RecordError(f"cannot write {folder / EVENTS_FILE}: {error.strerror}") from error
         self._writer = new_writer(self._file, CompressionType.NONE)
         self._interventions = Chain()
+        self._overview, self._events, self._pictures = Overview(), 0, Counter[str]()
         self._thread = threading.Thread(target=self._work, name="pomona-recorder", daemon=True)
         self._thread.start()
 
@@ -99,6 +102,8 @@ class Recorder:
             self._take_all()
             if self._interventions.count:
                 self._write(INTERVENTIONS, INTERVENTION, _stamp(self._t), self._interventions.close())
+            if self._file.tell() > WHOLE_BYTES and (lines := b"".join(self._overview.lines())):
+                self._writer.add_attachment(_stamp(self._t), 0, OVERVIEW, "application/x-ndjson", lines)
             self._writer.finish()
             self._file.flush()
             self._ending.write("closed", bytes=self._file.tell())
@@ -139,10 +144,16 @@ class Recorder:
             if isinstance(event.value, ImageView):
                 for topic, schema, message in self._images.messages(event.topic, event.value, stamp):
                     self._write(topic, schema, stamp, message)
+                    self._pictures[topic] += 1
             elif isinstance(event.value, SeriesView):
                 for topic, schema, message in samples(event.topic, event.value):
                     self._write(topic, schema, stamp, message)
-        self._write(EVENTS, EVENT, stamp, message_of(event))
+        self._events += 1
+        content = self._write(EVENTS, EVENT, stamp, message_of(event))
+        number = 0
+        if isinstance(event, Published) and isinstance(event.value, ImageView) and event.value.image is not None:
+            number = self._pictures[f"{IMAGES}{event.topic}"]
+        self._overview.add(self._events, stamp / 1e9, content, number)
         if isinstance(event, OperatorActed):
             self._write(INTERVENTIONS, INTERVENTION, stamp, self._interventions.add(event))
         for topic, schema, message in well_known(event, stamp):
@@ -177,7 +188,7 @@ class Recorder:
             numbers = dict(zip(quantities, np.round(np.array(list(quantities.values())), _DECIMALS), strict=True))
             self._write(f"{DEVICES}{device}", READING, stamp, {"t": round(t, _DECIMALS), "tick": tick, **numbers})
 
-    def _write(self, topic: str, schema: Schema, stamp: int, message: Any) -> None:
+    def _write(self, topic: str, schema: Schema, stamp: int, message: Any) -> bytes:
         if topic not in self._channels:
             if schema.name not in self._schemas:
                 self._schemas[schema.name] = self._writer.register_schema(
@@ -186,7 +197,9 @@ class Recorder:
             self._channels[topic] = self._writer.register_channel(
                 topic=topic, message_encoding="json", schema_id=self._schemas[schema.name]
             )
-        self._writer.add_message(self._channels[topic], log_time=stamp, publish_time=stamp, data=encoded(message))
+        content = encoded(message)
+        self._writer.add_message(self._channels[topic], log_time=stamp, publish_time=stamp, data=content)
+        return content
 
 
 def new_writer(stream: BinaryIO, compression: CompressionType) -> Writer:

@@ -8,20 +8,23 @@ from __future__ import annotations
 
 import os
 import struct
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
 from executive.errors import UsageError
 from executive.recording.container import (
+    ATTACHMENT,
     CHANNEL,
     CHUNK,
     HEAD,
     MAGIC,
     MESSAGE,
     MESSAGE_HEAD,
+    MESSAGE_INDEX,
     METADATA,
+    MOST_BYTES,
     SCHEMA,
     CutError,
     DamagedError,
@@ -54,6 +57,7 @@ class Verdict:
             some of other programs.
         compressed: messages do not stand in the file as they are.
         lost: what a repair before could not save, for people; empty when there was none.
+        attachments: where they begin.
     """
 
     state: str
@@ -63,6 +67,7 @@ class Verdict:
     checked: bool = True
     compressed: bool = False
     lost: str = ""
+    attachments: tuple[int, ...] = ()
 
 
 class Found(NamedTuple):
@@ -158,6 +163,105 @@ def walk(path: Path, verdict: Verdict | None = None) -> Iterator[Found]:
         raise UsageError(f"{path}: {error.strerror}") from error
 
 
+def walk_topics(
+    path: Path, wanted: Callable[[str], bool], begin: int = 0, end: int = 2**64, verdict: Verdict | None = None
+) -> Iterator[Found]:
+    """The messages of some topics, found by the chunks' own indexes; those outside begin ≤ stamp ≤ end without content.
+
+    Raises:
+        DamagedRecordError, UsageError: as `walk`.
+    """
+    good = (verdict or believed(path)).good
+    topics: dict[int, str] = {}
+    chunk: Piece | None = None
+    indexes: list[bytes] = []
+    try:
+        with open_plain(path) as stream:
+            if good <= len(MAGIC) or not has_begun(path, stream):
+                return
+            try:
+                for piece in Pieces(stream):
+                    if piece.opcode == MESSAGE_INDEX and chunk is not None:
+                        indexes.append(piece.content)
+                    else:
+                        if chunk is not None:
+                            yield from _indexed(chunk, indexes, topics, wanted, begin, end)
+                        chunk, indexes = (piece, []) if piece.opcode == CHUNK else (None, [])
+                        if chunk is None:
+                            yield from (found for found in messages_of(piece, topics) if wanted(found.topic))
+                    if piece.end >= good:
+                        break
+            except CutError:
+                pass
+            if chunk is not None:  # the last one's indexes may be cut
+                yield from (found for found in messages_of(chunk, topics) if wanted(found.topic))
+    except DamagedError as error:
+        raise DamagedRecordError(f"{path}: the record is damaged and is not believed: {error}. {REMEDY}") from error
+    except OSError as error:
+        raise UsageError(f"{path}: {error.strerror}") from error
+
+
+_INDEX_ENTRY = struct.Struct("<QQ")
+
+
+def _indexed(
+    chunk: Piece, indexes: list[bytes], topics: dict[int, str], wanted: Callable[[str], bool], begin: int, end: int
+) -> Iterator[Found]:
+    channels = [int.from_bytes(content[:2], "little") for content in indexes]
+    if not indexes or not topics.keys() >= set(channels):
+        for opcode, first, last in records_of(chunk.content, chunk.at):
+            if opcode == CHANNEL:
+                _add_channel(chunk, first, last, topics)
+    if not indexes or chunk.compressed or not topics.keys() >= set(channels):
+        yield from (found for found in messages_of(chunk, topics) if wanted(found.topic))
+        return
+    start = chunk.end - len(chunk.content)
+    places = sorted(
+        (offset, stamp, topics[channel])
+        for channel, content in zip(channels, indexes, strict=True)
+        if wanted(topics[channel])
+        for stamp, offset in _INDEX_ENTRY.iter_unpack(content[6:])
+    )
+    for offset, stamp, topic in places:
+        content = _message_at(chunk, offset) if begin <= stamp <= end else b""
+        yield Found(topic, stamp, content, start + offset)
+
+
+def _message_at(chunk: Piece, offset: int) -> bytes:
+    if offset + HEAD.size <= len(chunk.content):
+        opcode, length = HEAD.unpack_from(chunk.content, offset)
+        last = offset + HEAD.size + length
+        if opcode == MESSAGE and MESSAGE_HEAD.size <= length and last <= len(chunk.content):
+            return chunk.content[offset + HEAD.size + MESSAGE_HEAD.size : last]
+    raise DamagedError(chunk.at, "an index of messages names a place where none begins")
+
+
+def attachment(path: Path, name: str, verdict: Verdict) -> bytes | None:
+    """The newest attachment of this name in a file that is believed, or None.
+
+    Raises:
+        UsageError: the file cannot be read.
+    """
+    try:
+        with open_plain(path) as stream:
+            for at in reversed(verdict.attachments):
+                stream.seek(at)
+                opcode, length = HEAD.unpack(stream.read(HEAD.size))
+                head = stream.read(min(length, _ATTACHMENT_HEAD + len(name.encode())))
+                if opcode == ATTACHMENT and head[16:] == len(name.encode()).to_bytes(4, "little") + name.encode():
+                    if length > MOST_BYTES:
+                        return None
+                    rest = stream.read(length - len(head) - 4)
+                    start = 4 + int.from_bytes(rest[:4], "little") + 8  # behind the media type and the size
+                    return rest[start:]
+    except (OSError, struct.error) as error:
+        raise UsageError(f"{path}: {error}") from error
+    return None
+
+
+_ATTACHMENT_HEAD = 20
+
+
 def messages_of(piece: Piece, topics: dict[int, str]) -> Iterator[Found]:
     """The messages of a piece; `topics` are the channels' by number, and grow.
 
@@ -215,9 +319,10 @@ def _examined(path: Path, stream: BinaryIO) -> Verdict:
     pieces = Pieces(stream)
     topics: dict[int, str] = {}
     stamp, compressed, lost = 0, False, ""
+    attachments: list[int] = []
 
     def verdict(state: str, why: str) -> Verdict:
-        return Verdict(state, why, stamp / 1e9, pieces.at, pieces.checked, compressed, lost)
+        return Verdict(state, why, stamp / 1e9, pieces.at, pieces.checked, compressed, lost, tuple(attachments))
 
     try:
         for piece in pieces:
@@ -226,6 +331,8 @@ def _examined(path: Path, stream: BinaryIO) -> Verdict:
             if piece.opcode != CHUNK:  # what a chunk holds is looked at when it is read: its checksum is right
                 for found in messages_of(piece, topics):
                     stamp = max(stamp, found.stamp)
+            if piece.opcode == ATTACHMENT:
+                attachments.append(piece.at)
             if piece.opcode == METADATA and REPAIR.encode() in piece.content[:40]:
                 lost = metadata_of(piece).get(REPAIR, {}).get("lost", lost)
         good = verdict("whole", "")
@@ -233,7 +340,7 @@ def _examined(path: Path, stream: BinaryIO) -> Verdict:
     except CutError as error:
         cut = _is_cut(stream, error.at)
         if pieces.finished and cut:
-            return Verdict("cut off", "its summary is missing", good.t, good.good, good.checked, compressed, lost)
+            return replace(good, state="cut off", why="its summary is missing")
         if cut:
             return verdict("cut off", f"the file ends after {error.at} bytes")
         return verdict("damaged", str(DamagedError(error.at, "a piece has a wrong length")))
@@ -241,7 +348,7 @@ def _examined(path: Path, stream: BinaryIO) -> Verdict:
         if _zeros_from(stream, error.at):
             return verdict("cut off", f"only zeros follow after {error.at} bytes, as after a loss of power")
         return verdict("damaged", f"{error}, at {stamp / 1e9:.2f} s of the run")
-    return Verdict("whole", "", good.t, good.good, pieces.checked, compressed, lost)
+    return replace(good, checked=pieces.checked)
 
 
 def _is_cut(stream: BinaryIO, at: int) -> bool:

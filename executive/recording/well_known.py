@@ -81,6 +81,10 @@ def well_known(event: Event, stamp: int) -> Iterator[Message]:
         yield "/log", LOG, {"timestamp": at, "level": level, "message": message, "name": name, "file": "", "line": 0}
 
 
+IMAGES = "/images/"
+"""Topics of colour images; an event's stands before the event."""
+
+
 class Images:
     """Colour as JPEG and depth as 16-bit PNG [mm]: they are taken out of the event that carries them."""
 
@@ -95,7 +99,7 @@ class Images:
             if view.image is not self._last[0]:
                 self._last = view.image, _coded(".jpg", view.image[..., ::-1], JPEG)
             if self._last[1]:
-                yield f"/images/{topic}", COMPRESSED_IMAGE, _image(stamp, frame, self._last[1], "jpeg")
+                yield f"{IMAGES}{topic}", COMPRESSED_IMAGE, _image(stamp, frame, self._last[1], "jpeg")
         if view.depth is not None:
             metres = np.where(np.isfinite(view.depth), view.depth, np.float32(0.0))
             millimetres = np.rint(np.clip(metres * np.float32(1e3), 0, 65535)).astype(np.uint16)

@@ -16,6 +16,8 @@ from executive.commands.dashboard import Launcher
 from executive.dashboard import record_messages
 from executive.dashboard.choices import Choices
 from executive.reasons import Reason
+from executive.recording import overview as thinning
+from executive.recording import recorder as recording
 from executive.recording.read import read_events
 from executive.recording.recorder import Recorder
 from executive.running.events import (
@@ -345,8 +347,9 @@ def test_hostile_words_of_a_run_stay_words(show: Show, open_page: Open) -> None:
 def test_a_long_record_gives_its_details_where_one_looks(
     show: Show, open_page: Open, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for name, value in (("WHOLE", 10), ("WHOLE_BYTES", 10), ("MOMENTS", 4)):
-        monkeypatch.setattr(record_messages, name, value)
+    for module in (record_messages, thinning, recording):
+        for name, value in (("WHOLE", 10), ("WHOLE_BYTES", 10), ("PARTS", 8)):
+            monkeypatch.setattr(module, name, value, raising=False)
     (show.records / "long_1").mkdir()
     recorder = Recorder(show.records / "long_1")
     node = {"path": "a", "parent": None, "kind": "skill", "type": "Rest", "name": "Walk", "line": 1}

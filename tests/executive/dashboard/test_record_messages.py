@@ -13,7 +13,10 @@ from executive.dashboard.messages import encode
 from executive.dashboard.record_messages import between, first_event, image, overview, record_messages
 from executive.errors import UsageError
 from executive.reasons import Reason
+from executive.recording import overview as thinning
+from executive.recording import recorder
 from executive.recording.recorder import Recorder
+from executive.recording.scan import attachment, believed, walk, walk_topics
 from executive.running.events import Event, NodeChanged, Published, RunEnded, StateChanged
 from executive.views import ImageView, Line2, Points3, SceneView, SeriesView
 
@@ -79,26 +82,34 @@ def long_run(ticks: int) -> tuple[Event, ...]:
     return (*events, RunEnded(ticks * 0.02, ticks, "success", None, ticks, ticks * 0.02, 2.0, None))
 
 
-def test_a_long_record_is_thinned_for_the_eye_and_no_result_is_lost(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    for name, value in (("WHOLE", 10), ("WHOLE_BYTES", 10), ("MOMENTS", 20)):
-        monkeypatch.setattr(reading, name, value)
+@pytest.fixture(params=["made when recorded", "made when read"])
+def small(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
+    """Records of a few events count as long ones, with and without an overview in them."""
+    for module in (reading, thinning, recorder):
+        for name, value in (("WHOLE", 10), ("WHOLE_BYTES", 10), ("PARTS", 20)):
+            monkeypatch.setattr(module, name, value, raising=False)
+    if request.param == "made when read":
+        monkeypatch.setattr(recorder, "WHOLE_BYTES", 1e9)
+    return str(request.param)
+
+
+def test_a_long_record_is_thinned_for_the_eye_and_no_result_is_lost(tmp_path: Path, small: str) -> None:
     folder = write(tmp_path / "r", long_run(400))
+    made = attachment(folder / "run.mcap", thinning.OVERVIEW, believed(folder / "run.mcap"))
+    assert (made is not None) == (small == "made when recorded")
     note, *messages = (json.loads(line) for line in b"".join(overview(folder, "/images/")).splitlines())
-    assert note == {"v": 1, "event": "Overview", "interval": pytest.approx(0.4)}
+    assert note == {"v": 1, "event": "Overview", "interval": pytest.approx(0.8)}  # doubled until all fits
     assert [m["seq"] for m in messages] == sorted(m["seq"] for m in messages)
     changes = [m for m in messages if m["event"] == "NodeChanged"]
-    assert len(changes) < 25
+    assert len(changes) < 14
     assert next(m["tick"] for m in changes if m["status"] == "SUCCESS") == 200  # where it changed, to the tick
     assert changes[-1]["feedback"] == "at 399"  # and what was said last
-    assert len([m for m in messages if m["event"] == "Published"]) <= 21
+    assert len([m for m in messages if m["event"] == "Published"]) <= 11
     assert messages[-1]["event"] == "RunEnded"
 
 
-def test_no_peak_of_a_long_record_is_lost(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    for name, value in (("WHOLE", 10), ("WHOLE_BYTES", 10), ("MOMENTS", 5)):
-        monkeypatch.setattr(reading, name, value)
+@pytest.mark.usefixtures("small")
+def test_no_peak_of_a_long_record_is_lost(tmp_path: Path) -> None:
     force, slip = np.zeros(1000), np.full(1000, np.nan)
     force[333], force[334], slip[500:503] = 99.0, -7.0, (1.0, 2.0, 0.5)
     events = [
@@ -111,7 +122,7 @@ def test_no_peak_of_a_long_record_is_lost(tmp_path: Path, monkeypatch: pytest.Mo
     folder = write(tmp_path / "r", tuple(events))
     lines = b"".join(overview(folder, "/images/")).splitlines()
     thinned = [m["value"] for m in map(json.loads, lines) if m["event"] == "Published"]
-    assert 5 <= len(thinned) <= 7
+    assert 10 <= len(thinned) <= 20
     assert sum(value["thinned"] for value in thinned if "thinned" in value) >= 996
     peak = next(value for value in thinned if 99.0 in value["values"]["force [N]"])
     assert peak["values"]["force [N]"] == [99.0, -7.0]  # as they came
@@ -138,3 +149,36 @@ def test_an_image_stays_behind_until_it_is_asked_for(tmp_path: Path) -> None:
     assert found.startswith(b"\xff\xd8")
     for wrong in (0, at + 1, 10**30, (folder / "run.mcap").stat().st_size):
         assert image(folder, wrong) is None
+
+
+@pytest.mark.usefixtures("small")
+def test_images_of_an_overview_are_those_of_their_moment(tmp_path: Path) -> None:
+    looks = [
+        Published(n * 1.0, n, "n", "camera", ImageView(np.full((8, 8 + 8 * n, 3), n, np.uint8))) for n in range(30)
+    ]
+    folder = write(tmp_path / "r", tuple(looks))
+    note, *messages = (json.loads(line) for line in b"".join(overview(folder, "/images/")).splitlines())
+    assert note["interval"] == pytest.approx(1.6)
+    assert len(messages) == 19
+    for message in messages:
+        assert message["value"]["size"] == [8 + 8 * message["tick"], 8]
+        found = image(folder, int(message["value"]["image"].removeprefix("/images/")))
+        assert found is not None
+
+
+def test_chunks_indexes_lead_to_the_same_messages_as_a_walk_through_all(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(recorder, "CHUNK_BYTES", 2_000)
+    path = write(tmp_path / "r", long_run(300)) / "run.mcap"
+    whole = path.read_bytes()
+    for length in (len(whole), len(whole) * 2 // 3, len(whole) // 3):
+        path.write_bytes(whole[:length])
+        events = [found for found in walk(path) if found.topic == "/events"]
+        assert events
+        assert list(walk_topics(path, lambda topic: topic == "/events")) == events
+        some = list(walk_topics(path, lambda topic: topic == "/events", 1_000_000_000, 2_000_000_000))
+        assert [found.at for found in some] == [found.at for found in events]
+        assert {found.stamp for found in some if found.content} >= {
+            found.stamp for found in events if 1e9 <= found.stamp <= 2e9
+        }
