@@ -10,11 +10,12 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 from executive.dashboard.control_lock import ControlLock, RefusedError
+from executive.running.requests import LATE
 
 SAFE_STOP_PATIENCE = 10.0
 """Seconds for which a page tries to deliver a safe stop. What comes later is refused: nobody waits for it any more."""
 
-PATIENCE = 2.0
+PATIENCE = LATE
 """The same for everything else."""
 
 MOST_ANSWERS = 256

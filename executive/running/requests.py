@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import queue
+import time
 from collections.abc import Mapping, Sequence
 
 from executive.errors import PomonaError
@@ -10,6 +11,14 @@ from executive.language.built import Side
 from executive.nodes.ask import Ask
 from executive.running.breakpoints import BREAK_ACTIONS, Breakpoints
 from executive.running.cell import Cell
+
+
+LATE = 2.0
+"""Seconds of the wall's clock after which nobody still expects that what was asked for sets something in motion; as long
+as a page tries to deliver it."""
+
+SETS_IN_MOTION = ("resume", "step", "answer")
+"""What is carried out at once or not at all: a tick may have hung in between."""
 
 
 class AnswerRefusedError(PomonaError):
@@ -34,37 +43,37 @@ class Requests:
     _questions: Mapping[str, Ask]
 
     def __init__(self) -> None:
-        self._commands: queue.SimpleQueue[tuple[str, str, str]] = queue.SimpleQueue()
+        self._commands: queue.SimpleQueue[tuple[str, str, str, float]] = queue.SimpleQueue()
         self._leaving = False
         self.breakable = False
         """Whether the run survives an exception that a signal's handler raises in the tick thread now."""
 
     def pause(self, who: str = "operator") -> None:
         """Stop motions on their paths and hold; force control goes on."""
-        self._commands.put(("pause", who, ""))
+        self._ask("pause", who, "")
 
     def resume(self, who: str = "operator") -> None:
         """Go on in place, after checking that the world is as it was."""
-        self._commands.put(("resume", who, ""))
+        self._ask("resume", who, "")
 
     def step(self, who: str = "operator") -> None:
         """Run one tick, then pause again."""
-        self._commands.put(("step", who, ""))
+        self._ask("step", who, "")
 
     def stop(self, who: str = "operator") -> None:
         """Halt every running skill, wait until each has let go, end the run."""
-        self._commands.put(("stop", who, ""))
+        self._ask("stop", who, "")
 
     def safe_stop(self, reason: str, who: str = "operator") -> None:
         """Bring the cell into its safe state now, whatever the tick is doing, and end the run."""
         self._cell.safe_stop(reason)
-        self._commands.put(("safe_stop", who, reason))
+        self._ask("safe_stop", who, reason)
 
     def interrupt(self, who: str = "keyboard", reason: str = "interrupted from the keyboard") -> None:
         """What a signal asks for: the safe state now, and the run's end. Not for the signal's handler itself: the tick
         that it interrupts may hold the cell's lock.
         """
-        self._commands.put(("interrupt", who, reason))
+        self._ask("interrupt", who, reason)
         self._cell.safe_stop(reason)
 
     def break_at(self, path: str, side: Side = "before", on: bool = True, who: str = "operator") -> None:
@@ -75,7 +84,7 @@ class Requests:
         """
         self._breakpoints.check(path)
         action = next(action for action, change in BREAK_ACTIONS.items() if change == (side, on))
-        self._commands.put((action, who, path))
+        self._ask(action, who, path)
 
     def answer(self, path: str, choice: str, who: str = "operator") -> None:
         """Answer the question that the node at this path asks. An answer that comes too late changes nothing.
@@ -88,7 +97,7 @@ class Requests:
             raise AnswerRefusedError(f"nothing is asked at {path} now")
         if choice not in asked.choices:
             raise AnswerRefusedError(f"'{choice}' is no answer: {', '.join(asked.choices)}")
-        self._commands.put(("answer", who, f"{choice} ← {path}"))
+        self._ask("answer", who, f"{choice} ← {path}")
 
     @property
     def known_faults(self) -> dict[str, tuple[str, ...]]:
@@ -104,20 +113,23 @@ class Requests:
         known = self.known_faults
         if switch not in known or (kind and kind not in known[switch]):
             raise UnknownFaultError(f"{switch} {kind}".strip(), known)
-        self._commands.put(("fail", who, f"{switch} {kind}".strip()))
+        self._ask("fail", who, f"{switch} {kind}".strip())
 
     def note(self, who: str, action: str) -> None:
         """Record that somebody took or released control: it changes nothing in the run."""
-        self._commands.put((action, who, ""))
+        self._ask(action, who, "")
 
     def acknowledge(self, who: str = "operator") -> None:
         """Release the latch of the safe state, once the run has ended; `hold_latched` waits for this."""
-        self._commands.put(("acknowledge", who, ""))
+        self._ask("acknowledge", who, "")
 
     def leave(self) -> None:
         """Make `hold_latched` return although nobody has acknowledged: the process ends."""
         self._leaving = True
-        self._commands.put(("leave", "", ""))
+        self._ask("leave", "", "")
+
+    def _ask(self, action: str, who: str, detail: str) -> None:
+        self._commands.put((action, who, detail, time.monotonic()))
 
     @property
     def latched(self) -> str | None:

@@ -44,7 +44,7 @@ from executive.running.events import (
     TickOverran,
 )
 from executive.running.observer import TreeObserver
-from executive.running.requests import Requests
+from executive.running.requests import LATE, SETS_IN_MOTION, Requests
 from executive.running.run_state import RunResult, RunState
 from executive.running.traces import place_of, sentence_of, traceback_of
 from executive.running.watching import Watch, Watcher
@@ -178,7 +178,7 @@ class Runner(Requests):
     def hold_latched(self) -> None:
         """After the run: keep the cell connected in its safe state until somebody acknowledges the reason."""
         while (reason := self._cell.latched) is not None and not self._leaving:
-            action, who, _detail = self._commands.get()
+            action, who, _detail, _asked = self._commands.get()
             if action == "leave":
                 return
             self._emit(OperatorActed(*self._stamp(), who, action, reason))
@@ -245,10 +245,14 @@ class Runner(Requests):
     def _take_commands(self) -> None:
         while True:
             try:
-                action, who, detail = self._commands.get_nowait()
+                action, who, detail, asked = self._commands.get_nowait()
             except queue.Empty:
                 return
             if action == "leave":
+                continue
+            if action in SETS_IN_MOTION and (ago := time.monotonic() - asked) > LATE:
+                what = f"{action} {detail}".strip()
+                self._emit(OperatorActed(*self._stamp(), who, "too_late", f"{what}, asked for {ago:.1f} s before"))
                 continue
             self._emit(OperatorActed(*self._stamp(), who, action, detail))
             if action == "safe_stop":
@@ -438,7 +442,7 @@ class Runner(Requests):
     def _take_last_commands(self) -> None:
         """What was asked for in the last moment is recorded, too."""
         while not self._commands.empty():
-            action, who, detail = self._commands.get()
+            action, who, detail, _asked = self._commands.get()
             if action != "leave":
                 self._emit(OperatorActed(*self._stamp(), who, action, detail))
 

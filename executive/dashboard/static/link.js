@@ -117,6 +117,10 @@ function answered(id, answer) {
 
 function confirmedByRun({ action, who, detail }) {
   const made = link.press;
+  if (made && action === "too_late" && who === me().who && detail.startsWith(made.action) && made.state !== "refused") {
+    settle(made, "refused", `${detail}: not carried out`);
+    return;
+  }
   if (!made || made.action !== action || who !== me().who || (made.detail && made.detail !== detail)) return;
   if (made.state === "accepted" || made.state === "sent" || made.state === "lost") settle(made, "confirmed", made.words);
 }

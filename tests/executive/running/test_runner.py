@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import time
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -24,6 +25,7 @@ from executive.running.events import (
     SafeStopped,
     StateChanged,
 )
+from executive.running.requests import LATE
 from executive.running.run_state import RunState
 from executive.running.runner import Runner
 from executive.skill import Interrupted, Skill, Work
@@ -167,6 +169,24 @@ def test_resume_into_a_changed_world_is_refused_and_safe() -> None:
     result = runner.run()
     assert result.outcome == "error"
     assert cell.latched == "the wheel was turned by hand"
+
+
+@pytest.mark.parametrize("action", ["resume", "step"])
+def test_what_was_asked_for_while_a_tick_hung_does_not_set_the_arm_in_motion_afterwards(
+    action: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def ask_and_hang(runner: Runner, _cell: FakeCell) -> None:
+        getattr(runner, action)("ada")
+        monkeypatch.setattr(time, "monotonic", lambda now=time.monotonic: now() + LATE + 1.0)
+
+    script = {4: lambda runner, _cell: runner.pause("ada"), 20: ask_and_hang}
+    script[60] = lambda runner, _cell: runner.stop("bob")
+    runner, _cell, events = make(TURN, script)
+    result = runner.run()
+    assert result.outcome == "stopped"
+    assert states(events) == ["running", "pausing", "paused", "stopping", "stopped"]
+    acts = [(e.who, e.action, e.detail) for e in events if isinstance(e, OperatorActed)]
+    assert acts == [("ada", "pause", ""), ("ada", "too_late", f"{action}, asked for 3.0 s before"), ("bob", "stop", "")]
 
 
 def test_step_runs_one_tick_and_pauses_again() -> None:
