@@ -65,7 +65,8 @@ class GripperSupervisor:
         self._limits, self._acceleration = limits, acceleration
         self._supervision = supervision or GripperSupervision()
         self._due, self._target = math.inf, 0.0
-        self._free_until = -math.inf  # until then the fingers may move as they like: a move, or what is left of it
+        self._free_until = -math.inf  # until then they may move within the way of a move, or come to rest from it
+        self._way = -math.inf, math.inf
         self._speed = self._fastest = 0.0
         self._least, self._most = math.inf, -math.inf  # openings that the fingers were told to stay between
         self._told_at = -math.inf
@@ -77,6 +78,7 @@ class GripperSupervisor:
         expected = abs(width - start) / speed + speed / self._acceleration
         self._due, self._target = now + expected * (1.0 + self._supervision.share) + self._supervision.margin, width
         self._free_until, self.rest_by = math.inf, self._due
+        self._way = self._reach(min(start, width), max(start, width))
 
     def stream(self, now: float, speed: float, watchdog: float) -> None:
         """A speed [m/s] was commanded; without another it ends after `watchdog` [s]."""
@@ -93,6 +95,7 @@ class GripperSupervisor:
         self._due, self._speed = math.inf, 0.0
         self._least, self._most, self._told_at = math.inf, -math.inf, now
         self._free_until = now + COASTING
+        self._way = (-math.inf, math.inf) if self._last is None else self._reach(self._last.width, self._last.width)
         self.rest_by = max(self.rest_by, self._free_until)
 
     def look(self, now: float, state: GripperState) -> str:
@@ -141,14 +144,22 @@ class GripperSupervisor:
         self._account(stamp)
         if stamp <= self._free_until:
             self._least, self._most = width, width
-            return ""
+            nearest = min(max(width, self._way[0]), self._way[1])
+            return self._astray(nearest, width) if abs(width - nearest) > self._supervision.stray else ""
         self._least, self._most = min(self._least, width), max(self._most, width)
         allowed = self._supervision.stray + self._supervision.lag * self._fastest
         if width - self._least > allowed:
-            return f"opens without being told to: {1e3 * self._least:.1f} → {1e3 * width:.1f} mm"
-        if self._most - width > allowed:
-            return f"closes without being told to: {1e3 * self._most:.1f} → {1e3 * width:.1f} mm"
-        return ""
+            return self._astray(self._least, width)
+        return self._astray(self._most, width) if self._most - width > allowed else ""
+
+    def _astray(self, told: float, width: float) -> str:
+        return f"{'opens' if width > told else 'closes'} without being told to: {1e3 * told:.1f} → {1e3 * width:.1f} mm"
+
+    def _reach(self, least: float, most: float) -> tuple[float, float]:
+        """These openings, and what moving fingers go on by until they obey."""
+        speed = 0.0 if self._last is None else self._last.speed
+        coasting = abs(speed) * self._supervision.lag + speed * speed / (2.0 * self._acceleration)
+        return (least, most + coasting) if speed > 0.0 else (least - coasting, most)
 
     def _account(self, now: float) -> None:
         """Add how far the streamed speed has told the fingers to open or to close since the last time."""

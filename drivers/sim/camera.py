@@ -16,10 +16,8 @@ from drivers.sim.stereo_depth import Stereo, measure_depth
 from drivers.sim.world import SimWorld
 from drivers.streams import FrameGuard
 
-STALE = 1.0
-"""A picture that did not change for this long although time went on is lost [s]."""
 SILENCE = 0.5
-"""A camera of which no frame can be believed for so long is not to be believed [s]; as a real one."""
+"""A camera of which no frame can be believed for so long, or that shows the same one, is lost [s]; as a real one."""
 LIES = {"old": -30.0, "early": 10.0, "repeated": 0.0}
 """Faults of a camera that goes on sending, and by how much its stamps are wrong [s]."""
 
@@ -76,7 +74,7 @@ class SimCamera(FaultyDevice):
         if self.fault in LIES:  # judged without taking a picture: a picture is a look that is scored
             self._guard.judge(*self._next())
             self._guard.check(self.name)
-        elif self.fault is not None and self._world.clock.now() - self._fault_since > STALE:
+        elif self.fault is not None and self._world.clock.now() - self._fault_since > SILENCE:
             raise DeviceLost(self.name, f"no new frame for {self._world.clock.now() - self._fault_since:.1f} s")
 
     def inject_fault(self, kind: str) -> None:

@@ -14,10 +14,8 @@ from drivers.sim.finger_faults import LIES
 from drivers.sim.robot import PADS
 from drivers.sim.scene import TIMESTEP
 from drivers.sim.world import SimWorld
-from drivers.streams import Belief, WrenchStream
+from drivers.streams import SILENCE, Belief, WrenchStream
 
-STALE = 0.05
-"""A stream without a sample for this long is lost [s]."""
 LEVER = 0.01
 """Torque errors are the force errors at this lever [m]."""
 _NOISE_ROWS = 8192
@@ -82,7 +80,7 @@ class SimFingers(FaultyDevice):
         return self._passing.subscribe(listener)
 
     def check(self) -> None:
-        if self._lost is not None and self._world.clock.now() - self._lost.stamp > STALE:
+        if self._lost is not None and self._world.clock.now() - self._lost.stamp > SILENCE:
             raise DeviceLost(self.name, f"no sample for {1e3 * (self._world.clock.now() - self._lost.stamp):.0f} ms")
         problem = self._passing.problem(self.name)
         if problem is not None:

@@ -22,8 +22,8 @@ STANDING = 2e-3
 """… that move slower than this [m/s] …"""
 PATIENCE = 0.05
 """… for this long [s] are blocked."""
-STALE = 0.05
-"""A state that is older than this is none [s]."""
+STALE = 0.045
+"""A state that is older than this is none [s]; as of a WSG."""
 RUNAWAY, FAST_STOP = 0.03, 0.2
 """Speed of fingers that run away [m/s]; so long after a safe stop a fast stop ends that [s], as a real driver does."""
 YIELD = 1e-3

@@ -77,6 +77,23 @@ def test_fingers_that_move_when_they_should_rest_are_found_after_three_millimetr
     assert fingers.supervisor.rest_by == math.inf
 
 
+@pytest.mark.parametrize(("speed", "word"), [(0.03, "opens"), (-0.15, "closes")])
+def test_fingers_that_leave_the_way_of_a_move_are_found_before_it_ends(
+    fingers: Fingers, speed: float, word: str
+) -> None:
+    fingers.supervisor.move(fingers.now, 0.030, 0.025, 0.02)
+    words = fingers.run(0.15, speed)
+    assert words[0].startswith(f"{word} without being told to: {30.0 if speed > 0.0 else 25.0:.1f} → ")
+
+
+def test_fingers_that_come_to_rest_from_a_move_go_on_by_what_braking_takes_and_no_further(fingers: Fingers) -> None:
+    fingers.supervisor.move(fingers.now, 0.030, 0.060, 0.1)
+    assert fingers.run(0.1, 0.1) == []
+    fingers.supervisor.rest(fingers.now)
+    assert fingers.run(0.05, 0.1) == []
+    assert fingers.run(0.2, 0.1)[0].startswith("opens without being told to: 52.5 → ")  # 40 + 10 + 2.5 mm
+
+
 def test_fingers_at_rest_are_those_whose_width_stays(fingers: Fingers) -> None:
     assert fingers.supervisor.at_rest
     fingers.run(0.05, 0.05)
