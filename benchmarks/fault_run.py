@@ -203,7 +203,7 @@ def judge(watcher: Watcher, executed: Executed, verdict: Verdict) -> None:
         wrong.append("the fault never began")
         return
     ended = np.fmin(watcher.safe_at, watcher.failed_at) if case.ends == "failure" else watcher.safe_at
-    verdict.noticed = float(ended - watcher.shows_at)
+    verdict.noticed = float(ended - np.fmin(watcher.shows_at, ended))  # some show before they must
     if case.ends == "success":
         if result.outcome != "success" or watcher.hung is not True:
             wrong.append(f"ended as {result.outcome}")

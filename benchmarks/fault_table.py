@@ -33,7 +33,8 @@ class Case:
         switch, kind: as the cell names them.
         ends: one of `ENDS`.
         within: seconds of the run's clock from when the fault can show.
-        shows: a device that must move, or a node that must have begun, before the fault can show; empty when it shows at once.
+        shows: a device that must move, or a node that must have begun, before the fault can show; empty when it shows
+            at once.
         lasts: seconds until the fault goes by itself; infinite for good.
         spoils: the fruit may fall, or be pressed: no program can stop what this fault does.
     """

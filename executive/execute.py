@@ -193,7 +193,8 @@ def _after_cut(
     elif cut.kind in ("real", "emulated") and cut.hand != "":
         raise UsageError(
             f"{cut.sentence}.\nNothing was run. `--recover` moves the arm home slowly first, with `--set release=true` "
-            "it puts down what it holds before; `--cleared` says that somebody has looked after the cell."
+            "it puts down what it holds before; `--cleared` says that somebody has looked after the cell; "
+            "on the page, choose either where the run is started."
         )
     else:
         logger.warning("%s", cut.sentence)

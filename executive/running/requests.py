@@ -12,10 +12,8 @@ from executive.nodes.ask import Ask
 from executive.running.breakpoints import BREAK_ACTIONS, Breakpoints
 from executive.running.cell import Cell
 
-
 LATE = 2.0
-"""Seconds of the wall's clock after which nobody still expects that what was asked for sets something in motion; as long
-as a page tries to deliver it."""
+"""Seconds of the wall's clock after which nobody still expects that what was asked for sets something in motion."""
 
 SETS_IN_MOTION = ("resume", "step", "answer")
 """What is carried out at once or not at all: a tick may have hung in between."""

@@ -5,11 +5,16 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 from recorded_events import started
 
 from executive.cli import main
+from executive.commands.dashboard import Launcher
+from executive.dashboard.choices import Choices
+from executive.dashboard.control_lock import ControlLock
 from executive.errors import UsageError
 from executive.execute import RunOrder, execute
 from executive.recording.recorder import Recorder
@@ -152,6 +157,36 @@ def test_recovery_runs_before_anything_else_and_nothing_runs_when_it_fails(
     names = sorted(path.name.split("_", 2)[-1] for path in order.record.iterdir())
     assert sum(name.startswith("recover") for name in names) == 2
     assert unfinished(order.record, order.cell) is not None  # the record from the future is still the newest
+
+
+def test_the_page_begins_after_a_cut_as_its_form_says(
+    order: RunOrder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("executive.execute.installed_trees", lambda: tmp_path)
+    (tmp_path / "recover.yaml").write_text(TREE.replace("tree: t", "tree: recover"))
+    leave(order, "real", HELD)
+    assert order.record is not None
+    dashboard: Any = SimpleNamespace(control=ControlLock(), hub=SimpleNamespace(on_event=lambda event: None))
+    launcher = Launcher(dashboard, order.record, Choices({"tree": order.tree}, {"cell": order.cell}))
+
+    def start(after_cut: str) -> tuple[str, list[str]]:
+        before = {path.name for path in order.record.iterdir()} if order.record else set()
+        launcher.start({"tree": "tree", "cell": "cell", "pace": "fast", "after_cut": after_cut})
+        assert launcher._thread is not None
+        launcher._thread.join()
+        problem = (dashboard.control.start or {}).get("problem", "")
+        new = {path.name for path in order.record.iterdir()} - before if order.record else set()
+        return problem, sorted("recover" if "_recover" in name else "t" for name in new)
+
+    problem, run = start("")
+    assert run == []
+    assert "was cut after" in problem
+    assert HELD in problem
+    assert "on the page" in problem
+    assert start("recover") == ("", ["recover", "t"])
+    leave(order, "real", HELD, name="2099-01-01_t")
+    assert start("") != ("", ["t"])
+    assert start("cleared") == ("", ["t"])
 
 
 def test_a_recovery_that_failed_leaves_the_cell_as_it_was(order: RunOrder) -> None:
