@@ -1,4 +1,4 @@
-"""`pomona data detect` and `pomona train detect`: frames and weights for the detector, made here."""
+"""`pomona data detect`, `pomona train detect`, `pomona export-weights`: the detector's frames and weights."""
 
 from __future__ import annotations
 
@@ -65,6 +65,37 @@ def add_train(subparsers: Any) -> None:
     detect.add_argument("--network", default="compact", choices=("compact", "dope"), help="dope: the full network")
     detect.add_argument("--batch", type=int, default=116, help="samples a step, for the full network (116)")
     detect.set_defaults(main=train_main)
+
+
+def add_export(subparsers: Any) -> None:
+    """Register `pomona export-weights`."""
+    parser = subparsers.add_parser("export-weights", help="a detector's weights in a format that other programs read")
+    parser.add_argument("--onnx", action="store_true", required=True, help="both networks as ONNX files")
+    parser.add_argument("--fruit", default="apple", help="name in the catalogue, or a path (apple)")
+    parser.add_argument("--weights", type=Path, help="another weights file than the fruit's own")
+    parser.add_argument("--out", type=Path, help="folder for finder.onnx, close_look.onnx and about.json (FRUIT_onnx)")
+    parser.set_defaults(main=export_main)
+
+
+def export_main(options: argparse.Namespace) -> int:
+    """Write the files; returns 0, or 2 when there are no weights that can be written."""
+    from skills.perception.detection.errors import BadWeights, DetectError
+    from skills.perception.detection.onnx_runtime import export_onnx
+    from skills.perception.fruit import load_fruit
+    from skills.perception.fruit.errors import FruitError
+
+    try:
+        fruit = load_fruit(options.fruit)
+        weights = options.weights or fruit.weights
+        if weights is None:
+            raise BadWeights(options.fruit, "this fruit has no weights: train some, or name a file with --weights")
+        written = export_onnx(weights, options.out or Path(f"{fruit.name}_onnx"))
+    except (DetectError, FruitError, OSError) as error:
+        sys.stderr.write(f"pomona export-weights: {error}\n")
+        return 2
+    sizes = ", ".join(f"{path} ({path.stat().st_size / 1e6:.1f} MB)" for path in written)
+    sys.stdout.write(f"{weights.name} is now {sizes}\n")
+    return 0
 
 
 def data_main(options: argparse.Namespace) -> int:

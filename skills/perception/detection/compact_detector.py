@@ -39,6 +39,13 @@ HOPELESS = 0.2
 MULTIPLE = 16
 """The finder's input sides are multiples of this [px]."""
 
+FINDER_EXAMPLE = (1, 3, 12 * MULTIPLE, 16 * MULTIPLE)
+CLOSE_LOOK_EXAMPLE = (2, 3, CLOSE_LOOK_SIZE, CLOSE_LOOK_SIZE)
+"""Shapes of inputs with which the networks' graphs are drawn up; a graph holds none of their sizes but the looks'."""
+
+Run = Callable[[Tensor], Any]
+"""Carries out a network: float32 pictures (n, 3, h, w) to what the network gives."""
+
 BATCH = 16
 """Looks that go through the network at once: more no longer fit into the processor's cache, and each takes longer."""
 
@@ -50,10 +57,10 @@ class CompactDetector:
         self, finder: FinderNetwork, close_look: CloseLookNetwork, options: DetectorOptions | None = None
     ) -> None:
         self.options = options or DetectorOptions()
-        self._type = torch.bfloat16 if has_bfloat16() else torch.float32
+        number = torch.bfloat16 if has_bfloat16() else torch.float32
         # Any size will do: the graph that is traced holds no sizes.
-        self._finder = _ready(finder, torch.zeros(1, 3, 12 * MULTIPLE, 16 * MULTIPLE), self._type)
-        self._close_look = _ready(close_look, torch.zeros(2, 3, CLOSE_LOOK_SIZE, CLOSE_LOOK_SIZE), self._type)
+        self._finder = _ready(finder, torch.zeros(FINDER_EXAMPLE), number)
+        self._close_look = _ready(close_look, torch.zeros(CLOSE_LOOK_EXAMPLE), number)
 
     @classmethod
     def load(cls, path: Path | str, options: DetectorOptions | None = None) -> CompactDetector:
@@ -64,6 +71,14 @@ class CompactDetector:
         """
         finder, close_look, _ = load_compact(path)
         return cls(finder, close_look, options)
+
+    @classmethod
+    def running(cls, finder: Run, close_look: Run, options: DetectorOptions | None = None) -> CompactDetector:
+        """A detector whose networks something else runs, such as ONNX Runtime."""
+        detector = cls.__new__(cls)
+        detector.options = options or DetectorOptions()
+        detector._finder, detector._close_look = finder, close_look
+        return detector
 
     def looking(self, options: DetectorOptions) -> CompactDetector:
         """The same networks with other options."""
@@ -157,7 +172,7 @@ class CompactDetector:
         if below or right:
             shrunk = cv2.copyMakeBorder(shrunk, 0, below, 0, right, cv2.BORDER_CONSTANT, value=(114, 114, 114))
         with torch.inference_mode():
-            maps = self._finder(to_input(torch.from_numpy(shrunk[None])).to(self._type))
+            maps = self._finder(to_input(torch.from_numpy(shrunk[None])))
         return [part[0].float().numpy() for part in maps], factor
 
     def _look(
@@ -171,7 +186,7 @@ class CompactDetector:
             pictures = np.concatenate([pictures, pictures[:, :, ::-1]])
         with torch.inference_mode():
             parts = np.array_split(pictures, -(-len(pictures) // BATCH))
-            outputs = [self._close_look(to_input(torch.from_numpy(part)).to(self._type)).float() for part in parts]
+            outputs = [self._close_look(to_input(torch.from_numpy(part))).float() for part in parts]
         output = torch.cat(outputs).numpy().astype(np.float64)
         if mirrored:
             output = 0.5 * (output[: len(looks)] + output[len(looks) :] * MIRROR[: output.shape[1]])
@@ -208,7 +223,7 @@ def _one_thread() -> Iterator[None]:
         torch.set_num_threads(before)
 
 
-def _ready(network: nn.Module, example: Tensor, number: torch.dtype) -> Callable[[Tensor], Any]:
+def _ready(network: nn.Module, example: Tensor, number: torch.dtype) -> Run:
     """The network as a frozen graph with folded normalisation and prepacked weights."""
     twin = copy.deepcopy(network).eval().to(memory_format=torch.channels_last).to(number)  # type: ignore[call-overload]
     sample = example.to(number).to(memory_format=torch.channels_last)
@@ -216,5 +231,5 @@ def _ready(network: nn.Module, example: Tensor, number: torch.dtype) -> Callable
         # TorchScript is announced to go; on a CPU nothing else folds and prepacks without compiling at run time.
         warnings.simplefilter("ignore", DeprecationWarning)
         traced: Any = torch.jit.trace(twin, sample, check_trace=False)  # type: ignore[no-untyped-call]
-        frozen: Callable[[Tensor], Any] = torch.jit.optimize_for_inference(traced)
-        return frozen
+        frozen: Run = torch.jit.optimize_for_inference(traced)
+    return lambda pictures: frozen(pictures.to(number))

@@ -8,6 +8,7 @@ DetectError
 ├── BadAnnotation    an annotation file that cannot be read
 ├── BadPhotographs   a folder of labelled photographs that cannot be used
 ├── PoseUnsolved     keypoints from which no pose follows
+├── MissingPackage   something asked for needs a package that is not installed
 └── BadTraining      a training run that cannot start or continue
 """
 
@@ -72,3 +73,11 @@ class BadAnnotation(_BadFile):
 
 class BadPhotographs(_BadFile):
     """A folder of labelled photographs, or a file of it, that cannot be used."""
+
+
+class MissingPackage(DetectError):
+    """What was asked for needs a package that does not come with Pomona by itself."""
+
+    def __init__(self, package: str, purpose: str) -> None:
+        self.package = package
+        super().__init__(f"{package} {purpose} and is not installed: pip install 'pomona[onnx]'")

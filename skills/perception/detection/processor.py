@@ -10,8 +10,11 @@ CPU_FLAGS = Path("/proc/cpuinfo")
 
 @lru_cache(maxsize=1)
 def has_bfloat16() -> bool:
-    """Whether the processor multiplies bfloat16 natively; elsewhere it would only be slower."""
+    """Whether the processor multiplies matrices of bfloat16 (AMX); elsewhere that is slower than float32.
+
+    With AVX-512's own bfloat16 and no AMX, finder and eight looks took 48 and 52 ms, in float32 38 and 36 ms.
+    """
     if not CPU_FLAGS.is_file():
         return False
     flags = CPU_FLAGS.read_text(encoding="utf-8", errors="replace")
-    return "avx512_bf16" in flags or "amx_bf16" in flags
+    return "amx_bf16" in flags

@@ -1,14 +1,16 @@
-"""`pomona data detect` and `pomona train detect`, from the command line to files."""
+"""`pomona data detect`, `pomona train detect` and `pomona export-weights`, from the command line to files."""
 
 import argparse
+import json
 from pathlib import Path
 
 import pytest
 import torch
 
-from skills.commands.detector import add_data, add_train
+from skills.commands.detector import add_data, add_export, add_train
 from skills.perception.detection.annotations import read_annotation
-from skills.perception.detection.weights import load_compact
+from skills.perception.detection.compact_network import CloseLookNetwork, FinderNetwork
+from skills.perception.detection.weights import load_compact, save_compact
 from skills.perception.training import recipe
 from skills.perception.training.photo_samples import PhotoCloseLookBatches
 from skills.perception.training.recipe import FrameSet, Recipe, Stage
@@ -20,6 +22,7 @@ def run(*arguments: str) -> int:
     subparsers = parser.add_subparsers(required=True)
     add_data(subparsers)
     add_train(subparsers)
+    add_export(subparsers)
     options = parser.parse_args(arguments)
     code: int = options.main(options)
     return code
@@ -162,3 +165,25 @@ def test_training_on_bad_input_says_one_line_and_touches_nothing(
     assert "line 7: the box at 500, 20" in capsys.readouterr().err
     assert [path.name for path in work.iterdir()] == ["apple.pt"]
     assert (work / "apple.pt").read_bytes() == b"weights of yesterday"
+
+
+def test_weights_are_exported_in_one_command_and_what_cannot_be_is_said_in_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("onnx")
+    small = tmp_path / "small.pt"
+    save_compact(small, FinderNetwork((8, 8, 8, 8)), CloseLookNetwork((8, 8, 8, 8, 8)), {"fruit": "apple"})
+    out = tmp_path / "onnx"
+    assert run("export-weights", "--onnx", "--weights", str(small), "--out", str(out)) == 0
+    assert sorted(path.name for path in out.iterdir()) == ["about.json", "close_look.onnx", "finder.onnx"]
+    assert json.loads((out / "about.json").read_text()) == {"fruit": "apple"}
+    capsys.readouterr()
+    for arguments, says in (
+        (("--weights", str(tmp_path / "none.pt")), "none.pt: no such file"),
+        (("--fruit", "durian"), "durian"),
+    ):
+        assert run("export-weights", "--onnx", *arguments, "--out", str(tmp_path / "other")) == 2
+        complaint = capsys.readouterr().err
+        assert says in complaint
+        assert complaint.count("\n") == 1
+    assert not (tmp_path / "other").exists()

@@ -1,0 +1,21 @@
+"""Which numbers the networks are carried out in, by what the processor says of itself."""
+
+from pathlib import Path
+
+import pytest
+
+from skills.perception.detection import processor
+
+
+@pytest.mark.parametrize(
+    ("flags", "expected"),
+    [("fpu avx512f avx512_bf16 amx_bf16 amx_tile", True), ("fpu avx512f avx512_bf16", False), ("fpu avx2", False)],
+)
+def test_bfloat16_is_taken_only_where_it_is_faster(
+    flags: str, expected: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "cpuinfo").write_text(f"processor : 0\nflags : {flags}\n")
+    monkeypatch.setattr(processor, "CPU_FLAGS", tmp_path / "cpuinfo")
+    assert processor.has_bfloat16.__wrapped__() is expected
+    monkeypatch.setattr(processor, "CPU_FLAGS", tmp_path / "none")
+    assert processor.has_bfloat16.__wrapped__() is False
