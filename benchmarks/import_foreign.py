@@ -190,8 +190,8 @@ def _walk(element: XmlElement) -> Iterator[XmlElement]:
         yield from _walk(child)
 
 
-def stand_ins(document: Document) -> Registry:
-    """A skill for every name that a document uses; a port that is wired wherever it stands writes."""
+def stand_ins(document: Document, writes: bool = True) -> Registry:
+    """A skill for every name that a document uses; a port that is wired wherever it stands writes, unless none does."""
     ports: dict[str, set[str]] = collections.defaultdict(set)
     inputs: dict[str, set[str]] = collections.defaultdict(set)
     for definition in document.definitions():
@@ -199,7 +199,7 @@ def stand_ins(document: Document) -> Registry:
             if node.type is SKILL:
                 ports[node.key.text].update(node.ports)
                 wired = {n for n, (_, v) in node.ports.items() if isinstance(v, YamlScalar) and _WIRE.fullmatch(v.text)}
-                inputs[node.key.text].update(node.ports.keys() - wired)
+                inputs[node.key.text].update(node.ports.keys() - (wired if writes else set()))
     return Registry({name: _stand_in(name, inputs[name], found - inputs[name]) for name, found in ports.items()})
 
 

@@ -21,6 +21,7 @@ class Forest:
         trees: by ID. A later one replaces an earlier one, and what a file holds replaces what it includes.
         models: of subtrees, by ID.
         nodes: models of other people's nodes, by ID.
+        conditions: other people's nodes that end in the tick in which they start.
         texts: of all files.
     """
 
@@ -29,6 +30,7 @@ class Forest:
     trees: dict[str, XmlElement] = field(default_factory=dict)
     models: dict[str, XmlElement] = field(default_factory=dict)
     nodes: dict[str, XmlElement] = field(default_factory=dict)
+    conditions: set[str] = field(default_factory=set)
     texts: list[str] = field(default_factory=list)
     including: list[Path] = field(default_factory=list)
 
@@ -59,6 +61,7 @@ class Forest:
             self.findings.error(root, "xml", "the file holds no <TreeNodesModel>")
         for group in groups:
             self.nodes.update({model.get("ID"): model for model in group.children if model.tag != "SubTree"})
+            self.conditions.update(model.get("ID") for model in group.all("Condition"))
 
     def file(self, text: str, path: str | Path) -> XmlElement | None:
         """The root of one file, when it is BehaviorTree.CPP's; its trees are taken."""
@@ -78,6 +81,7 @@ class Forest:
         self.including.pop()
         for group in root.all("TreeNodesModel"):
             self.models.update({model.get("ID"): model for model in group.all("SubTree")})
+            self.conditions.update(model.get("ID") for model in group.all("Condition"))
         for number, tree in enumerate(root.all("BehaviorTree"), start=1):
             self.trees[tree.get("ID") or _numbered(number)] = tree
         return root

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from executive.language.expression import SPECIAL
 from executive.language.groot_files import Forest
 from executive.language.groot_keys import NAME, Constant, Keys, ScriptError, small
-from executive.language.groot_names import BUILTIN, LITERAL, NEEDED
+from executive.language.groot_names import BUILTIN, LITERAL, NEEDED, node_name, tree_names
 from executive.language.groot_scripts import assignments_of, condition_of, statements_of
-from executive.language.read_node import is_word
 from executive.language.xml_nodes import XmlElement
 from executive.nodes.asking import Words
 from executive.nodes.calls import SKILL
@@ -28,10 +27,10 @@ _PRECONDITIONS = ("_failureIf", "_successIf", "_skipIf", "_while")
 """In the order in which BehaviorTree.CPP looks at them."""
 _AFTERWARDS = ("_onSuccess", "_onFailure", "_post")
 _KEY = re.compile(r"\{\w+\}")
+MAX_WRITTEN_OUT = 10_000
+"""Nodes in subtrees that are written out where they are called; as many as can run."""
 _AGAIN: Words = {"fail": {"code": "{failure.code}", "message": "{failure.message}"}}
 """Fails as what has just failed did."""
-MAX_WRITTEN_OUT = 10_000
-"""Nodes of a tree with the subtrees that are written out where they are called."""
 
 
 def import_groot(
@@ -65,7 +64,7 @@ def import_groot(
 class _Importer:
     def __init__(self, forest: Forest, types: NodeTypes) -> None:
         self.forest, self.findings, self.types = forest, forest.findings, types
-        self.names = _tree_names(forest.trees, self.types)
+        self.names = tree_names(forest.trees, self.types)
         self.keys = Keys(set())
         self.labels: set[str] = set()
         """What nodes of the tree that is being read are called."""
@@ -73,6 +72,7 @@ class _Importer:
         self.written_out: set[str] = set()
         self.calls: set[str] = set()
         self.count = 0
+        """Of nodes in subtrees that are written out."""
 
     def file(self) -> str:
         forest, main = self.forest, self.forest.main
@@ -129,6 +129,7 @@ class _Importer:
     def node(self, element: XmlElement) -> Words:
         """A node of a tree file; a placeholder when nothing means the same."""
         tag = element.get("ID") if element.tag in ("Action", "Condition", "Control", "Decorator") else element.tag
+        self.count += len(self.inside) > 1
         reading = ElementIn(self, element, tag)
         found = self.bare(reading)
         if element.get("name") and "name" not in found and not reading.wrapped:
@@ -137,9 +138,16 @@ class _Importer:
             found["description"] = element.get("_description")
         return self.conditions(element, found)
 
+    def may_take_time(self, element: XmlElement) -> bool:
+        """Whether somebody else's node, which no model calls a condition, is in it."""
+        foreign = element.tag not in BUILTIN and self.types.of_tag(element.tag) is None
+        if foreign and element.tag != "Condition" and not element.children:
+            return (element.get("ID") or element.tag) not in self.forest.conditions
+        return any(map(self.may_take_time, element.children))
+
     def label(self, name: str) -> str:
         """What a node is called; a name can be taken only once in a tree."""
-        start = found = _node_name(name)
+        start = found = node_name(name)
         number = 1
         while found in self.labels:
             number += 1
@@ -153,6 +161,9 @@ class _Importer:
         needed = NEEDED.get(tag)
         if needed is not None and not element.get(needed):
             return element.refuse(f"has no '{needed}'")
+        if tag == "WhileDoElse" and any(map(self.may_take_time, element.found.children[:1])):
+            why = "asks a node that may take time: what runs would go on unattended meanwhile"
+            return element.refuse(f"{why}; write <Condition ID=…>, or name its model with --nodes, when it takes none")
         if found is not None:
             if found.role == "modifier" and tag in found.xml_tags and len(element.found.children) != 1:
                 return element.refuse(f"has {len(element.found.children)} children")
@@ -194,8 +205,8 @@ class _Importer:
         tree, model = self.forest.trees.get(called), self.forest.models.get(called)
         if tree is None:
             return element.refuse(f"calls '{called}', which is in no file that was read")
-        if called in self.inside:
-            return element.refuse("calls itself")
+        if called in self.inside or self.count > MAX_WRITTEN_OUT:
+            return element.refuse("calls itself" if called in self.inside else "is too large when it is written out")
         wires = {n: t for n, t in element.attributes.items() if n not in _ATTRIBUTES and not n.startswith("_")}
         declared = model is not None and _own(model) is not None
         if declared or not (wires or model or self.deals_in_keys(tree)) or len(tree.children) != 1:
@@ -419,29 +430,6 @@ def _duration(milliseconds: str) -> str:
         return TIME.format(float(milliseconds) * 1e-3)
     except (ValueError, OverflowError):
         return milliseconds
-
-
-def _tree_name(tree_id: str) -> str:
-    words = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", tree_id)
-    name = re.sub(r"[^a-z0-9_]", "_", words.lower()).strip("_")
-    return name if NAME.fullmatch(name) else f"tree_{name}".rstrip("_")
-
-
-def _tree_names(trees: Iterable[str], types: NodeTypes) -> dict[str, str]:
-    """What trees are called here, by ID: no word of the language, and no two are the same."""
-    found: dict[str, str] = {}
-    for tree_id in trees:
-        start = name = _tree_name(tree_id)
-        number = 1
-        while name in found.values() or is_word(types, name):
-            number += 1
-            name = f"{start}_{number}"
-        found[tree_id] = name
-    return found
-
-
-def _node_name(name: str) -> str:
-    return re.sub(r"[/:#{}\x00-\x1f]", " ", name).strip()[:80] or "node"
 
 
 def _declared(port: object) -> object:

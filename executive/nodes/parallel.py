@@ -144,9 +144,9 @@ class ParallelType(Composite):
         if element.tag == self.xml_tag:
             return {"parallel": element.children(), "success_on": element.value("success_on") or "all"}
         success, failure = element.get("success_count") or "-1", element.get("failure_count") or "1"
-        if element.tag == "ParallelAll":
-            success, failure = "-1", element.get("max_failures") or "1"
         children = element.children()
+        if element.tag == "ParallelAll" and len(children) > 1:
+            return element.refuse("lets all children end before it fails")
         everything = success == "-1" or (success != "1" and success == str(len(children)))
         if failure != "1" or not (everything or success == "1"):
             return element.refuse(f"succeeds on {success} and fails on {failure}")

@@ -168,7 +168,10 @@ def test_what_has_no_counterpart_keeps_its_children_and_is_refused(skills):
     [
         ("<IfThenElse><A/><B/><C/></IfThenElse>", "{if: {A: {}}, then: {B: {}}, else: {C: {}}}"),
         ("<IfThenElse><A/><B/></IfThenElse>", "{if: {A: {}}, then: {B: {}}, else: {fail: {}}}"),
-        ("<WhileDoElse><A/><B/><C/></WhileDoElse>", "{reactive_if: {A: {}}, then: {B: {}}, else: {C: {}}}"),
+        (
+            "<WhileDoElse><Condition ID='A'/><B/><C/></WhileDoElse>",
+            "{reactive_if: {A: {}}, then: {B: {}}, else: {C: {}}}",
+        ),
         (
             "<Switch2 variable='{v}' case_1='1' case_2='x'><A/><B/><C/></Switch2>",
             "{switch: '{v}', cases: {1: {A: {}}, x: {B: {}}}, default: {C: {}}}",
@@ -304,6 +307,8 @@ def test_more_words_of_behaviortree_cpp_mean_the_same(xml, words):
 @pytest.mark.parametrize(
     "xml",
     [
+        "<WhileDoElse><Near/><Go/><Back/></WhileDoElse>",  # a node of which nobody says that it takes no time
+        "<ParallelAll><Go/><Back/></ParallelAll>",  # lets all end, then fails
         "<WhileDoElse><Sleep msec='9'/><Go/><Back/></WhileDoElse>",  # what runs would go on unattended
         "<Precondition if='x' else='RUNNING'><Go/></Precondition>",
         "<TryCatch catch_on_halt='true'><Go/><Back/></TryCatch>",
@@ -368,6 +373,15 @@ def test_what_a_subtree_writes_to_a_text_of_its_caller_is_refused():
     assert [finding.code for finding in import_groot(xml, "t.xml")[1]] == ["not-translated"]
 
 
+def test_subtrees_that_explode_when_they_are_written_out_are_refused():
+    tree = '<BehaviorTree ID="{}"><Sequence><SubTree ID="{}" a="1"/><SubTree ID="{}" a="1"/></Sequence></BehaviorTree>'
+    trees = "".join(tree.format(f"T{i}", f"T{i + 1}", f"T{i + 1}") for i in range(15))
+    xml = f'<root main_tree_to_execute="T0">{trees}<BehaviorTree ID="T15"><A/></BehaviorTree></root>'
+    text, findings = import_groot(xml, "t.xml")
+    assert {finding.code for finding in findings} == {"not-translated"}
+    assert len(text) < 2**24
+
+
 class TestSeveralFiles:
     @staticmethod
     def tree(name: str, inside: str, before: str = "") -> str:
@@ -420,7 +434,7 @@ class TestSeveralFiles:
 
 
 class TestModelsOfNodes:
-    MODELS = """<root><TreeNodesModel>
+    MODELS = """<root><TreeNodesModel><Condition ID="Near"/>
       <Action ID="Move"><input_port name="to"/><input_port name="speed" default="1.5"/>
         <output_port name="at" default="{=}"/></Action>
       <Decorator ID="Careful"/>
@@ -446,6 +460,11 @@ class TestModelsOfNodes:
     def test_what_the_models_do_not_know_is_refused(self, xml, message):
         (finding,) = self.read(xml)[1]
         assert message in finding.message
+
+    def test_a_condition_takes_no_time(self):
+        text, findings = self.read('<WhileDoElse><Near/><Move to="a"/><Move to="b"/></WhileDoElse>')
+        assert findings == []
+        assert yaml.safe_load(text)["root"]["reactive_if"] == {"Near": {}}
 
     def test_a_file_without_models_is_a_finding(self):
         assert [f.code for f in import_groot("<root/>", "t.xml", nodes=[("<root/>", "m.xml")])[1]] == ["xml", "xml"]
