@@ -58,6 +58,8 @@ class Node:
 
     def tick(self, world: World) -> str:
         fresh, self.running = not self.running, True
+        if fresh and isinstance(self, Branch):
+            self.forget()
         status = self.step(world, fresh)
         if status != RUNNING:
             self.stop_children(world)
@@ -69,6 +71,12 @@ class Node:
             self.running = False
             self.halted()
             self.stop_children(world)
+            self.forget()
+
+    def forget(self) -> None:
+        """A start of what is around begins afresh: no success that a rate counts from is left."""
+        for child in self.children():
+            child.forget()
 
     def stop_children(self, world: World) -> None:
         for child in self.children():
@@ -289,6 +297,34 @@ class Look(Node):
         return SUCCESS if self.holds(world.tick) else FAILURE
 
 
+class Timed(Node):
+    """Waits for a while, or until something holds."""
+
+    def __init__(self, over: Callable[[World, float], bool]) -> None:
+        self.over = over
+
+    def step(self, world: World, fresh: bool) -> str:
+        if fresh:
+            self.since = world.now
+        return SUCCESS if self.over(world, world.now - self.since) else RUNNING
+
+
+class Pick(Branch):
+    """Switch: the case of the value, looked at in every tick; the last node when none fits and there is one more."""
+
+    def __init__(self, words: list[str], *nodes: Node) -> None:
+        super().__init__(*nodes)
+        self.words = words
+
+    def step(self, world: World, fresh: bool) -> str:
+        chosen = next((n for w, n in zip(self.words, self.nodes, strict=False) if w == str(world.tick)), None)
+        chosen = chosen or next(iter(self.nodes[len(self.words) :]), None)
+        for other in self.nodes:
+            if other is not chosen:
+                other.halt(world)
+        return SKIPPED if chosen is None else chosen.tick(world)
+
+
 class Around(Node):
     """A modifier around one node, by its word."""
 
@@ -300,8 +336,8 @@ class Around(Node):
     def children(self) -> list[Node]:
         return [self.inner]
 
-    def halt(self, world: World) -> None:
-        super().halt(world)
+    def forget(self) -> None:
+        super().forget()
         self.since = None
 
     def step(self, world: World, fresh: bool) -> str:
@@ -310,7 +346,11 @@ class Around(Node):
         if early is not None:
             return str(early)
         status = self.inner.tick(world)
-        return status if status == SKIPPED else str(getattr(self, f"after_{self.word}")(world, status))
+        if status == SKIPPED:
+            self.since = None
+            if self.word != "for_each":
+                return status
+        return str(getattr(self, f"after_{self.word}")(world, status))
 
     def before_timeout(self, world: World, fresh: bool) -> None:
         if fresh:
@@ -340,6 +380,30 @@ class Around(Node):
     def after_repeat(self, _world: World, status: str) -> str:
         self.rounds += status == SUCCESS
         return RUNNING if status == SUCCESS and self.rounds < self.value else status
+
+    def before_rate(self, world: World, fresh: bool) -> str | None:
+        if fresh:
+            self.due = world.now if self.since is None else self.since + 1 / self.value
+            self.since = None
+        return RUNNING if not self.inner.running and world.now < self.due - 1e-9 else None
+
+    def after_rate(self, world: World, status: str) -> str:
+        self.since = world.now if status == SUCCESS else None
+        return status
+
+    def before_for_each(self, _world: World, fresh: bool) -> str | None:
+        if fresh:
+            self.items = 0
+        return None
+
+    def after_for_each(self, _world: World, status: str) -> str:
+        if status in (RUNNING, FAILURE):
+            return status
+        self.items += 1
+        return RUNNING if self.items < self.value else SUCCESS
+
+    def before_disabled(self, _world: World, _fresh: bool) -> str:
+        return SKIPPED
 
     def before_run_once(self, _world: World, fresh: bool) -> str | None:
         return SKIPPED if fresh and self.once else None
@@ -380,6 +444,10 @@ class Case:
 
     rng: random.Random
     leaves: dict[str, Leaf] = field(default_factory=dict)
+    subtrees: list[str] = field(default_factory=list)
+    files: dict[str, str] | None = None
+    """Texts of files of their own, by name; None when every subtree stands in the same file."""
+    names: int = 0
 
     def node(self, depth: int) -> tuple[str, Node]:
         text, node = self.leaf() if depth == 0 or self.rng.random() < 0.25 else self.branch(depth)
@@ -389,17 +457,54 @@ class Case:
         if self.rng.random() < 0.15:
             text, holds = self.rng.choice(CONDITIONS)
             return f"check: '{text}'", Look(holds)
+        if self.rng.random() < 0.12:
+            return self.instant()
         name = f"L{len(self.leaves)}"
         jobs = [(self.rng.choice((0, 0, 1, 2, 5)), self.rng.random() < 0.6) for _ in range(self.rng.randint(1, 3))]
         devices = tuple(device for device in DEVICES if self.rng.random() < 0.3)
         leaf = self.leaves[name] = Leaf(name, jobs, self.rng.choice((0, 0, 1, 3)), devices)
         return f"{'With'.join(('Job', *devices))}: {{}}, name: {name}", leaf
 
+    def instant(self) -> tuple[str, Node]:
+        """Leaves of the language's own."""
+        text, holds = self.rng.choice(CONDITIONS)
+        pause = self.rng.randint(0, 3)
+        return self.rng.choice(
+            [
+                (f"wait: {pause * PERIOD * 1000:.0f} ms", Timed(lambda _, past: past >= pause * PERIOD - 1e-9)),
+                (f"wait_until: '{text}'", Timed(lambda world, _: holds(world.tick))),
+                ("succeed: {}", Look(lambda _: True)),
+                ("fail: {code: NO}", Look(lambda _: False)),
+                ("set: {v: 1}", Look(lambda _: True)),
+                ("ask: 'Go on?', default: 'yes'", Look(lambda _: True)),  # nobody is there to answer
+                ("ask: 'Go on?', within: 1 s", Look(lambda _: False)),
+            ]
+        )
+
+    def called(self, depth: int) -> tuple[str, Node]:
+        """A subtree of the same file, or of one of its own."""
+        before = len(self.subtrees)
+        body, node = self.node(depth - 1)
+        self.names += 1
+        name = f"s{self.names}"
+        if self.files is not None and self.rng.random() < 0.5:
+            inner = subtrees_of(self.subtrees[before:])
+            del self.subtrees[before:]
+            head = f"pomona: 1\ntree: {name}\nparameters: {{n: {{type: int, default: 0}}}}\n"
+            self.files[f"{name}.yaml"] = f"{head}root: {{{body}}}\n{inner}"
+            self.subtrees.append(f"{name}: {{file: {name}.yaml}}")
+        else:
+            self.subtrees.append(f"{name}: {{in: {{n: int}}, root: {{{body}}}}}")
+        return f"{name}: {{n: '{{n}}'}}", node
+
     def branch(self, depth: int) -> tuple[str, Node]:
         word = self.rng.choice(
             ("sequence", "sequence", "fallback", "fallback", "parallel", "parallel", "reactive_sequence", "if",
-             "reactive_fallback", "recovery", "sequence_with_memory", "reactive_if", "round_robin", "pipeline_sequence")
+             "reactive_fallback", "recovery", "sequence_with_memory", "reactive_if", "round_robin", "pipeline_sequence",
+             "switch", "subtree")
         )  # fmt: skip
+        if word == "subtree":
+            return self.called(depth)
         count = {"recovery": 2, "if": self.rng.randint(2, 3), "reactive_if": self.rng.randint(2, 3)}.get(word)
         parts = [self.node(depth - 1) for _ in range(count or self.rng.randint(1, 3))]
         texts, nodes = [f"{{{text}}}" for text, _ in parts], [node for _, node in parts]
@@ -407,6 +512,13 @@ class Case:
             words = (word, "then", "else")
             text = ", ".join(f"{key}: {value}" for key, value in zip(words, texts, strict=False))
             return text, Choose(word == "reactive_if", *nodes)
+        if word == "switch":
+            words = [str(self.rng.randint(0, 9)) for _ in nodes[1:]] or ["3"]
+            words = sorted(set(words), key=words.index)
+            cases = ", ".join(f"'{key}': {value}" for key, value in zip(words, texts, strict=False))
+            rest = f", default: {texts[len(words)]}" if len(words) < len(texts) else ""
+            used = len(words) + bool(rest)
+            return f"switch: '{{n}}', cases: {{{cases}}}{rest}", Pick(words, *nodes[:used])
         text = f"{word}: [{', '.join(texts)}]"
         if word == "parallel":
             if self.rng.random() < 0.4:
@@ -435,6 +547,8 @@ class Case:
         some("force", end, end)
         pause = rng.randint(0, 4) * PERIOD
         some("delay", f"{pause * 1000:.0f} ms", pause)
+        starts = rng.choice((10, 20, 50))
+        some("rate", f"{starts} Hz", starts)
         if rng.random() < 0.1:
             total, nodes = rng.randint(1, 3), [node]
             text += f", retry: {total}"
@@ -445,11 +559,23 @@ class Case:
             node = Tries(total, False, *nodes)
         rounds = rng.randint(1, 3)
         some("repeat", str(rounds), rounds)
+        items = rng.randint(1, 3)
+        self.names += 1
+        some("for_each", f"{list(range(items))}, as: i{self.names}", items)
         some("run_once", "true", None)
         for word in ("guard", "when"):
             said, holds = rng.choice(CONDITIONS)
             some(word, f"'{said}'", holds)
+        if rng.random() < 0.03:
+            text, node = f"{text}, disabled: true", Around("disabled", None, node)
+        if rng.random() < 0.05:
+            text += f", breakpoint: {rng.choice(('before', 'after'))}"  # nobody is there to go on: it holds nothing
         return text, node
+
+
+def subtrees_of(written: list[str]) -> str:
+    """The part of a file that holds them."""
+    return "".join(["subtrees:\n", *(f"  {subtree}\n" for subtree in written)]) if written else ""
 
 
 # ------------------------------------------------------------------------------------------- the executive's side
@@ -504,17 +630,18 @@ JOBS = Registry(
 )  # fmt: skip
 
 
-def differs(seed: str, through: Callable[[str], str] = str) -> str:
+def differs(seed: str, through: Callable[[str], str] | None = None) -> str:
     """What the executive does otherwise than the interpreter, for one random tree; an empty text when nothing.
 
     The executive gets the tree `through` something that must not change what it means.
     """
     rng = random.Random(seed)
-    case = Case(rng)
+    case = Case(rng, files={} if through is None else None)
     body, node = case.node(rng.randint(1, 3))
-    text = through(f"pomona: 1\ntree: t\nroot: {{sequence: [{{set: {{n: 0}}}}, {{{body}}}]}}\n")
+    text = f"pomona: 1\ntree: t\nroot: {{sequence: [{{set: {{n: 0}}}}, {{{body}}}]}}\n{subtrees_of(case.subtrees)}"
+    text = text if through is None else through(text)
     context, world = Context(), World()
-    tree = build(read(text, "t.yaml"), JOBS, context=context)
+    tree = build(read(text, "t.yaml", texts=case.files or {}), JOBS, context=context)
     for skill in tree.skills:
         skill.leaf = case.leaves[skill.name]
     root = InOrder(FAILURE, False, False, Look(lambda _: True), node)
@@ -527,7 +654,7 @@ def differs(seed: str, through: Callable[[str], str] = str) -> str:
         expected = root.tick(world)
         found = tree.root.status.name
         if (found, context.log) != (expected, world.log):
-            return f"{text}tick {tick}: {found}, expected {expected}\n{context.log}\n{world.log}"
+            return f"{text}{case.files}\ntick {tick}: {found}, expected {expected}\n{context.log}\n{world.log}"
         world.end_of_tick()
         context.drive_halting()
         context.clock.advance(PERIOD)
@@ -537,7 +664,7 @@ def differs(seed: str, through: Callable[[str], str] = str) -> str:
         tree.root.stop(type(tree.root.status).INVALID)
         root.halt(world)
         if context.log != world.log:
-            return f"{text}halt: {context.log}\n{world.log}"
+            return f"{text}{case.files}\nhalt: {context.log}\n{world.log}"
     return ""
 
 
