@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from executive.file_kinds import file_kind, kind_names
-from executive.files import find_cell, find_tree, installed_trees, read_text
+from executive.files import find_cell, find_tree, read_text
 from executive.judging import judge
 from executive.language.documents import read_document, with_declarations
 from executive.registry import Registry
@@ -57,11 +57,6 @@ def _check(path: Path, cell: Path | None, settings: dict[str, str]) -> list[Find
     """What a file is, the keys at its top tell; what cannot be told is taken for a tree."""
     root = read_yaml(Source(str(path), read_text(path)), Findings())
     keys = tuple(root.entries) if isinstance(root, YamlMapping) else ()
-    if "cases" in keys:
-        from executive.language.scenario import read_scenario  # imports all that runs a tree
-
-        scenario = read_scenario(read_text(path), path, Registry.installed(), tree_folders=[installed_trees()])
-        return list(scenario.findings)
     kinds = () if "root" in keys else map(file_kind, kind_names())
     kind = next((kind for kind in kinds if kind.recognises(keys)), None)
     if kind is None:

@@ -1,10 +1,4 @@
-"""Mocks: skills whose results are written in a file, to test a tree's logic without any cell.
-
-mocks:
-  Plan: [NO_PATH, success]                      # by call; the last one stays
-  Look again: {status: failure, code: NO_FRUIT, after: 2 s, calls: 3}
-  Refine: {outputs: {measured: {inlier_ratio: 0.7}}}
-"""
+"""Mocks: skills that end as it is written in a file, to test a tree's logic without any cell."""
 
 from __future__ import annotations
 
@@ -14,18 +8,9 @@ from enum import Enum
 from itertools import count
 from typing import Any
 
-from executive.language.literals import LiteralError, literal
-from executive.language.value_types import ANY, ListOf, ValueType, describe, fields_of
-from executive.ports import TIME, Port, Ports, Quantity, type_name
+from executive.ports import Port, Ports, Quantity, type_name
 from executive.reasons import NoValue
-from executive.registry import Registry
 from executive.skill import Skill, Work
-from executive.values.findings import Findings, did_you_mean
-from executive.values.shape import ShapeCheck
-from executive.values.yaml_nodes import YamlList, YamlMapping, YamlNode, YamlScalar
-
-STATUSES = ("success", "failure", "running")
-_KEYS = ("status", "after", "outputs", "code", "message", "calls")
 
 
 class Placeholder:
@@ -130,99 +115,3 @@ class MockPlan:
                 calls = self.calls.setdefault(name, count(1))
                 return mock_class(skill, self.results[name], calls)(label)
         return mock_class(skill)(label)
-
-
-class MockReader:
-    """Reads the `mocks` of a file. `nodes` maps what a mock may be named after to the skill that it replaces."""
-
-    def __init__(self, findings: Findings, skills: Registry, nodes: Mapping[str, str]) -> None:
-        self.findings, self.skills, self.nodes = findings, skills, nodes
-        self.shape = ShapeCheck(findings)
-
-    def read(self, node: YamlNode | None) -> dict[str, tuple[MockResult, ...]]:
-        """Results by skill or node name, as the file says them."""
-        found: dict[str, tuple[MockResult, ...]] = {}
-        for key, value in self.shape.entries(node, "mocks", "'Skill: result' for each"):
-            skill = self.skills.get(self.nodes.get(key.text, ""))
-            if skill is None:
-                hint = did_you_mean(key.text, self.nodes) or "name a skill or a node of the tree"
-                self.findings.error(key, "unknown-node", f"the tree has no skill or node '{key.text}'", hint)
-                continue
-            calls = value.items if isinstance(value, YamlList) else [value]
-            results = [result for call in calls for result in self.call(call, skill)]
-            found[key.text] = tuple(results)
-        return found
-
-    def call(self, node: YamlNode, skill: type[Skill]) -> list[MockResult]:
-        """One entry: a word, or a mapping that counts for so many calls."""
-        if isinstance(node, YamlScalar):
-            if node.text in STATUSES:
-                return [MockResult(node.text, code="MOCKED")]
-            self.code(node, skill)
-            return [MockResult("failure", code=node.text)]
-        at = self.shape.mapping(node, "a mock's result")
-        if at is None:
-            return []
-        self.shape.known_keys(at, _KEYS, "a mock's result")
-        code, message = self.shape.text(at.get("code")), self.shape.text(at.get("message"))
-        if code is not None:
-            self.code(code, skill)
-        status = "failure" if code is not None else "success"
-        written = self.shape.text(at.get("status"))
-        if written is not None:
-            status = written.text
-            if status not in STATUSES:
-                self.findings.error(written, "value", f"a mock's status is one of {', '.join(STATUSES)}")
-        result = MockResult(
-            status,
-            self.value(at.get("after"), TIME, 0.0),
-            self.outputs(at.get("outputs"), skill),
-            code.text if code is not None else "MOCKED",
-            message.text if message is not None else "",
-        )
-        return [result] * max(1, min(self.value(at.get("calls"), int, 1), 10_000))
-
-    def code(self, code: YamlScalar, skill: type[Skill]) -> None:
-        """Report a code with which the skill never fails."""
-        if code.text not in skill.failures:
-            hint = did_you_mean(code.text, (*skill.failures, *STATUSES)) or "codes: " + ", ".join(skill.failures)
-            message = f"{skill.__name__} never fails with {code.text}"
-            self.findings.error(code, "unknown-code", message, hint)
-
-    def value(self, node: YamlNode | None, value_type: ValueType, default: Any) -> Any:
-        if node is None:
-            return default
-        try:
-            return literal(node, value_type)
-        except LiteralError as error:
-            self.findings.error(error.where, "value", error.message, error.hint)
-            return default
-
-    def outputs(self, node: YamlNode | None, skill: type[Skill]) -> dict[str, Any]:
-        found: dict[str, Any] = {}
-        for key, value in self.shape.entries(node, "outputs", "'port: value' for each"):
-            port = skill.outputs.get(key.text)
-            if port is None:
-                hint = did_you_mean(key.text, skill.outputs) or "outputs: " + (", ".join(skill.outputs) or "none")
-                message = f"{skill.__name__} has no output '{key.text}'"
-                self.findings.error(key, "unknown-port", message, hint)
-                continue
-            found[key.text] = self.stand_in(value, port.type)
-        return found
-
-    def stand_in(self, node: YamlNode, value_type: ValueType) -> Any:
-        """A literal; a mapping for a class becomes a placeholder with some of the class's fields."""
-        if isinstance(node, YamlList) and isinstance(value_type, ListOf):
-            return tuple(self.stand_in(item, value_type.element) for item in node.items)
-        fields = fields_of(value_type)
-        if isinstance(node, YamlMapping) and fields:
-            given: dict[str, Any] = {}
-            for key, value in node.entries.values():
-                if key.text not in fields:
-                    hint = did_you_mean(key.text, fields) or "fields: " + ", ".join(fields)
-                    message = f"{describe(value_type)} has no field '{key.text}'"
-                    self.findings.error(key, "unknown-field", message, hint)
-                    continue
-                given[key.text] = self.stand_in(value, fields[key.text])
-            return Placeholder(describe(value_type).split(" ", 1)[-1], given)
-        return self.value(node, ANY if value_type is object else value_type, None)

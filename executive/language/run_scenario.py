@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import zlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
+from itertools import chain, repeat
 from typing import Any, TypeVar
 
 from py_trees.common import Status
@@ -13,7 +14,8 @@ from executive.clock import Clock, ManualClock
 from executive.errors import SkillError
 from executive.language.build import build
 from executive.language.built import BuiltTree, NodeInfo
-from executive.language.scenario import Case, Scenario
+from executive.language.scenario import Scenario, ScenarioCase
+from executive.nodes.ask import Ask
 from executive.nodes.node_type import NodeType
 from executive.reasons import Reason, reason_of
 from executive.registry import Registry
@@ -64,7 +66,7 @@ class DryContext:
 class CaseResult:
     """How one case went; `problems` is empty when all went as expected."""
 
-    case: Case
+    case: ScenarioCase
     status: str
     reason: Reason | None
     time: float
@@ -144,11 +146,12 @@ def run_scenario(scenario: Scenario, skills: Registry) -> ScenarioResult:
     return ScenarioResult(scenario, tuple(results), coverage)
 
 
-def _run_case(case: Case, tree: BuiltTree, clock: Clock, coverage: Coverage) -> CaseResult:
+def _run_case(case: ScenarioCase, tree: BuiltTree, clock: Clock, coverage: Coverage) -> CaseResult:
     seen: dict[str, set[Status]] = {}
     starts: dict[str, int] = {}
     running: set[str] = set()
     ticks = 0
+    asked = _attended(case, tree)
     coverage.nodes.update({info.path: info for info in tree.nodes})
     while clock.now() <= case.limit and ticks < MAX_TICKS:
         ticks += 1
@@ -166,6 +169,9 @@ def _run_case(case: Case, tree: BuiltTree, clock: Clock, coverage: Coverage) -> 
         running = now_running
         if tree.root.status is not Status.RUNNING:
             break
+        for question, answers in asked:
+            if question.open:
+                question.answer(next(answers))
         clock.advance(PERIOD)
     status = tree.root.status
     reason = reason_of(tree.root) if status is Status.FAILURE else None
@@ -177,22 +183,34 @@ def _run_case(case: Case, tree: BuiltTree, clock: Clock, coverage: Coverage) -> 
     return CaseResult(case, status.name.lower(), reason, clock.now(), ticks, problems)
 
 
+def _attended(case: ScenarioCase, tree: BuiltTree) -> list[tuple[Ask, Iterator[str]]]:
+    """Questions that somebody answers, with the answers in their order; nodes of one name share them."""
+    found: list[tuple[Ask, Iterator[str]]] = []
+    for name, answers in case.answers.items():
+        words = chain(answers, repeat(answers[-1]))
+        for path in tree.find(name):
+            if path in tree.questions:
+                tree.questions[path].attended = True
+                found.append((tree.questions[path], words))
+    return found
+
+
 def _problems(
-    case: Case, status: Status, reason: Reason | None, tree: BuiltTree, starts: Mapping[str, int]
+    case: ScenarioCase, status: Status, reason: Reason | None, tree: BuiltTree, starts: Mapping[str, int]
 ) -> list[str]:
     found = []
     ended = status.name.lower()
-    if ended != case.status:
+    if ended != case.expect.status:
         if status is Status.RUNNING:
             ended = f"still running after {case.limit:g} s"
         why = f": {reason.code} {reason.message}" if reason is not None else ""
-        found.append(f"expected {case.status}, got {ended}{why}")
-    if case.code and reason is not None and case.code not in reason.codes():
-        found.append(f"expected the failure {case.code}, got {reason.code}: {reason.message}")
-    if case.failing_node and reason is not None:
+        found.append(f"expected {case.expect.status}, got {ended}{why}")
+    if case.expect.code and reason is not None and case.expect.code not in reason.codes():
+        found.append(f"expected the failure {case.expect.code}, got {reason.code}: {reason.message}")
+    if case.expect.node and reason is not None:
         leaves = [leaf.node_path for leaf in reason.leaves()]
-        if not set(tree.find(case.failing_node)).intersection(leaves):
-            found.append(f"expected {case.failing_node} to fail, it was {', '.join(dict.fromkeys(leaves))}")
+        if not set(tree.find(case.expect.node)).intersection(leaves):
+            found.append(f"expected {case.expect.node} to fail, it was {', '.join(dict.fromkeys(leaves))}")
     for name in case.visits:
         if not starts.keys() & set(tree.find(name)):
             found.append(f"'{name}' was never reached")

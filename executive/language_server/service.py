@@ -395,7 +395,7 @@ def is_tree(text: str) -> bool:
     keys = re.findall(r"^(\w+)\s*:", text, re.MULTILINE)
     if "root" in keys:
         return True
-    others = "cases" in keys or any(file_kind(name).recognises(keys) for name in kind_names())
+    others = any(file_kind(name).recognises(keys) for name in kind_names())
     return "pomona" in keys and not others
 
 

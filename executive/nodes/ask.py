@@ -12,10 +12,10 @@ from executive.nodes import takes
 from executive.nodes.asking import Building, Checking, Ending
 from executive.nodes.behaviours import LeafBehaviour
 from executive.nodes.ends import Outcome
-from executive.nodes.node_type import Leaf
+from executive.nodes.node_type import Leaf, TreeNode
 from executive.ports import Port
 from executive.reasons import NoValue
-from executive.values.yaml_nodes import YamlScalar
+from executive.values.yaml_nodes import YamlList, YamlScalar
 
 CHOICES = ("yes", "no")
 
@@ -111,6 +111,11 @@ class AskType(Leaf):
         if isinstance(written, YamlScalar) and isinstance(default, str) and default not in choices:
             message = f"the default '{default}' is none of the choices: {', '.join(choices)}"
             at.findings.error(written, "value", message)
+
+    def choices(self, node: TreeNode) -> tuple[str, ...]:
+        entry = node.entry(self, "choices")
+        items = entry[1].items if entry is not None and isinstance(entry[1], YamlList) else ()
+        return tuple(item.text for item in items if isinstance(item, YamlScalar)) or CHOICES
 
     def outcome(self, at: Ending) -> Outcome:
         certain = at.written("default") is not None

@@ -303,6 +303,10 @@ class NodeType(ABC):
         """The attribute that carries a word."""
         return self.xml_value if slot == self.key else self.xml_fields.get(slot, slot)
 
+    def choices(self, node: TreeNode) -> tuple[str, ...]:
+        """The answers of a type that asks somebody; none for any other."""
+        return ()
+
     def from_xml(self, element: XmlIn) -> Words:
         """Its words from an element: one of ours, or one of `xml_tags`."""
         words: Words = {}

@@ -134,8 +134,11 @@ def test_check_on_a_cell_connects_nothing_and_takes_every_kind_of_file(
     cell, fruit = tmp_path / "cell.yaml", tmp_path / "fruit.yaml"
     cell.write_text("kind: mock\nworld: {driver: mock}\ndevices: {arm: {driver: mock-arm, start: hoem}}\n")
     fruit.write_text("name: plum\nmesh: plum.ply\ndimensions: 50 50 50 mm\nsymmetry_axis: [0, -1, 0]\n")
-    assert pomona(["check", str(campaign), str(cell), str(fruit)]) == 2
+    scenario = tmp_path / "cases.yaml"
+    scenario.write_text("tree: pick_apple.yaml\ncases: [{expect: maybe}]\n")
+    assert pomona(["check", str(campaign), str(cell), str(fruit), str(scenario)]) == 2
     said = capsys.readouterr().out
-    for place in ("many.yaml:3:19", "cell.yaml:3:", "fruit.yaml:2:7"):
+    for place in ("many.yaml:3:19", "cell.yaml:3:", "fruit.yaml:2:7", "cases.yaml:2:18"):
         assert place in said
+    assert pomona(["schema", "scenario"]) == 0
     assert pomona(["schema", "fruit"]) == pomona(["schema", "cell"]) == pomona(["schema", "campaign"]) == 0

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import jsonschema
 import pytest
+import yaml
 
 from executive.language import TreeFileError
 from executive.language.read import read
 from executive.language.run_scenario import run_scenario
-from executive.language.scenario import read_mocks, read_scenario
+from executive.language.scenario import SCENARIO_FILES, read_mocks, read_scenario
 
 
 @pytest.fixture
@@ -118,6 +120,10 @@ class TestReading:
             ("{limit: 3}", "value"),
             ("{nam: x}", "unknown-key"),
             ("7", "shape"),
+            ("{set: {atempts: 2}}", "unknown-setting"),
+            ("{mocks: {Plan: {calls: 0}}}", "range"),
+            ("{expect: {node: Retreet}}", "unknown-node"),
+            ("{answers: {Plan: yes}}", "unknown-node"),
         ],
     )
     def test_mistakes_are_findings(self, scenario, case, code):
@@ -136,6 +142,91 @@ class TestReading:
         mocks, findings = read_mocks("mocks: {Plan: [NO_PATH, success]}", "m.yaml", document, skills)
         assert findings == []
         assert [result.status for result in mocks.results["Plan"]] == ["failure", "success"]
+
+
+ASKING = """\
+pomona: 1
+tree: asking
+root:
+  sequence:
+    - retry: 3
+      sequence:
+        - ask: Is it ripe?
+          name: Ripe
+          choices: [ripe, unripe]
+          answer: said
+          within: 5 s
+        - check: "{said} == ripe"
+"""
+
+
+class TestAnswers:
+    @pytest.fixture
+    def asked(self, tmp_path, skills):
+        (tmp_path / "asking.yaml").write_text(ASKING)
+
+        def make(case):
+            return read_scenario(f"tree: asking.yaml\ncases: [{case}]", tmp_path / "s.yaml", skills)
+
+        return make
+
+    @pytest.mark.parametrize(
+        "case",
+        [
+            "{answers: {Ripe: ripe}, calls: {Ripe: 1}}",
+            "{answers: {Ripe: [unripe, ripe]}, calls: {Ripe: 2}}",
+            "{answers: {Ripe: unripe}, calls: {Ripe: 3}, expect: {code: CONDITION_FALSE}}",
+            "{expect: {code: NOBODY_TO_ASK, node: Ripe}}",
+        ],
+    )
+    def test_questions_are_answered_in_their_order_and_the_last_answer_stays(self, asked, skills, case):
+        result = run_scenario(asked(case), skills)
+        assert [r.problems for r in result.cases] == [()]
+
+    @pytest.mark.parametrize(
+        ("answers", "code"),
+        [("{Rip: ripe}", "unknown-node"), ("{Ripe: rippe}", "value"), ("{Ripe: []}", "empty"), ("[ripe]", "shape")],
+    )
+    def test_answers_to_nothing_and_wrong_ones_are_findings(self, asked, answers, code):
+        assert codes(asked(f"{{answers: {answers}}}")) == [code]
+
+
+def test_everything_wrong_with_a_scenario_is_found_at_once_with_its_place(tmp_path, skills, pick_apple):
+    (tmp_path / "pick_apple.yaml").write_text(pick_apple)
+    text = (
+        "tree: pick_apple.yaml\nmock: {}\nmocks:\n  Plna: success\n  Plan: {after: 3}\ncases:\n  - limit: 7\n"
+        "    visits: [Retreet]\n  - name: a\n    mocks: {Plan: [success, NO_PAHT]}\n    expects: failure\n"
+    )
+    found = read_scenario(text, tmp_path / "s.yaml", skills).findings
+    assert [(f.line, f.column, f.code) for f in found] == [
+        (2, 1, "unknown-key"),
+        (4, 3, "unknown-node"),
+        (5, 17, "value"),
+        (7, 12, "value"),
+        (8, 14, "unknown-node"),
+        (10, 29, "unknown-code"),
+        (11, 5, "unknown-key"),
+    ]
+    assert [f.hint for f in found if f.code.startswith("unknown")] == [
+        f"did you mean '{word}'?" for word in ("mocks", "Plan", "Retreat", "NO_PATH", "expect")
+    ]
+
+
+def test_the_schema_takes_what_the_reader_takes(scenario):
+    taken = jsonschema.Draft202012Validator(SCENARIO_FILES.schema())
+    cases = [
+        "{name: x, set: {attempts: 2}, mocks: {Plan: [NO_PATH, {status: running, after: 2 s}]}, expect: failure}",
+        "{expect: {code: NO_PATH, node: Plan}, visits: Retreat, never: [Lift], calls: {Plan: 2}, limit: 3 s}",
+        "{mocks: {Plan: {after: 3}}}",
+        "{mocks: {Plan: {stauts: success}}}",
+        "{expect: maybe}",
+        "{calls: {Lift: often}}",
+        "{limit: 3}",
+        "7",
+    ]
+    for case in cases:
+        value = yaml.safe_load(f"tree: pick_apple.yaml\ncases: [{case}]")
+        assert taken.is_valid(value) == (codes(scenario(f"cases: [{case}]")) == []), case
 
 
 def test_a_file_of_mocks_holds_nothing_else(skills, pick_apple):
