@@ -67,7 +67,7 @@ class GripperSupervisor:
         self._due, self._target = math.inf, 0.0
         self._free_until = -math.inf  # until then they may move within the way of a move, or come to rest from it
         self._way = -math.inf, math.inf
-        self._speed = self._fastest = 0.0
+        self._speed = self._opening = self._closing = 0.0  # told now; and the fastest either way lately
         self._least, self._most = math.inf, -math.inf  # openings that the fingers were told to stay between
         self._told_at = -math.inf
         self._steady: tuple[float, float] | None = None
@@ -86,7 +86,7 @@ class GripperSupervisor:
             self.rest(now)
         self._account(now)
         self._speed = speed
-        self._fastest = max(self._fastest, abs(speed))
+        self._opening, self._closing = max(self._opening, speed), max(self._closing, -speed)
         if speed:
             self.rest_by = max(self.rest_by, now + watchdog + self._supervision.lag)
 
@@ -112,7 +112,7 @@ class GripperSupervisor:
             self._steady = (state.stamp, state.width)
         self.at_rest = abs(state.speed) < SLOW and (last is None or state.stamp - self._steady[0] >= STILL)
         stray = self._stray(state.stamp, state.width, 0.0 if last is None else state.stamp - last.stamp)
-        self.follows = not stray and abs(state.speed) <= self._fastest + SLOW
+        self.follows = not stray and -self._closing - SLOW <= state.speed <= self._opening + SLOW
         if stray:
             self.rest_by = math.inf
         elif self.at_rest and state.stamp > self._free_until and not self._speed:
@@ -140,17 +140,18 @@ class GripperSupervisor:
 
     def _stray(self, stamp: float, width: float, elapsed: float) -> str:
         """Fingers may open and close by no more than they were told to, and less when something is in the way."""
-        self._fastest = max(abs(self._speed), self._fastest * (1.0 - min(elapsed / self._supervision.lag, 1.0) / 3.0))
+        fading = 1.0 - min(elapsed / self._supervision.lag, 1.0) / 3.0
+        self._opening, self._closing = max(self._speed, self._opening * fading), max(-self._speed, self._closing * fading)
         self._account(stamp)
         if stamp <= self._free_until:
             self._least, self._most = width, width
             nearest = min(max(width, self._way[0]), self._way[1])
             return self._astray(nearest, width) if abs(width - nearest) > self._supervision.stray else ""
         self._least, self._most = min(self._least, width), max(self._most, width)
-        allowed = self._supervision.stray + self._supervision.lag * self._fastest
-        if width - self._least > allowed:
+        stray, lag = self._supervision.stray, self._supervision.lag
+        if width - self._least > stray + lag * self._opening:
             return self._astray(self._least, width)
-        return self._astray(self._most, width) if self._most - width > allowed else ""
+        return self._astray(self._most, width) if self._most - width > stray + lag * self._closing else ""
 
     def _astray(self, told: float, width: float) -> str:
         return f"{'opens' if width > told else 'closes'} without being told to: {1e3 * told:.1f} → {1e3 * width:.1f} mm"

@@ -86,6 +86,13 @@ def test_fingers_that_leave_the_way_of_a_move_are_found_before_it_ends(
     assert words[0].startswith(f"{word} without being told to: {30.0 if speed > 0.0 else 25.0:.1f} → ")
 
 
+def test_fingers_that_open_while_they_are_told_to_close_are_found_after_three_millimetres(fingers: Fingers) -> None:
+    fingers.supervisor.stream(fingers.now, -0.08, 0.1)
+    assert fingers.run(0.05, -0.08) == []
+    assert fingers.run(0.09, 0.03) == []
+    assert fingers.run(0.05, 0.03)[0].startswith("opens without being told to: 26.0 → ")
+
+
 def test_fingers_that_come_to_rest_from_a_move_go_on_by_what_braking_takes_and_no_further(fingers: Fingers) -> None:
     fingers.supervisor.move(fingers.now, 0.030, 0.060, 0.1)
     assert fingers.run(0.1, 0.1) == []
