@@ -15,6 +15,11 @@ from drivers.interfaces import Arm, Camera, ForceSensor, Gripper
 
 CELL = Path(__file__).resolve().parents[3] / "trees" / "cells" / "emulated.yaml"
 PACE = "0.2"
+PATIENT = {
+    "fingers_silence": "300 ms", "gripper_silence": "300 ms", "arm_silence": "300 ms", "arm_status": "600 ms",
+    "arm_stall": "1 s", "camera_silence": "2 s",
+}  # fmt: skip
+"""A busy computer emulates with pauses, which real devices do not make."""
 
 
 def free_ports(folder: Path) -> dict[str, str]:
@@ -27,7 +32,7 @@ def free_ports(folder: Path) -> dict[str, str]:
         if arm + 1 not in (gripper, camera) and arm < 65000:
             addresses = {"arm": arm, "gripper": gripper, "camera": camera}
             wires = {name: f"127.0.0.1:{port}" for name, port in addresses.items()}
-            return wires | {"wires": str(folder), "time": "wall"}
+            return wires | {"wires": str(folder), "time": "wall"} | PATIENT
 
 
 @pytest.mark.realtime
