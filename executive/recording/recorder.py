@@ -12,6 +12,7 @@ import fcntl
 import json
 import queue
 import threading
+import time
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import replace
@@ -33,8 +34,8 @@ from executive.recording.well_known import IMAGES, Images, samples, well_known
 from executive.running.events import Event, OperatorActed, Published, RunEnded, RunStarted
 from executive.views import ImageView, SeriesView
 
-BATCH = 0.2
-"""Seconds between two times that what came is written."""
+BATCH = 0.1
+"""Seconds between two times that what came is written: what is not is lost when the process is killed."""
 
 WHOLE, PART = 4_000_000, 48
 """Elements of arrays that are written out: of views all, of values of ports those of poses, covariances, joints. Thirty
@@ -63,7 +64,7 @@ class Recorder:
         """Why the record ends early; empty while all is well. From any thread."""
         self._queue: queue.SimpleQueue[Any] = queue.SimpleQueue()
         self._closing = threading.Event()
-        self._t = 0.0
+        self._t, self._flushed = 0.0, 0.0
         self._channels: dict[str, int] = {}
         self._schemas: dict[str, int] = {}
         self._images = Images()
@@ -127,9 +128,17 @@ class Recorder:
             with contextlib.suppress(queue.Empty):
                 while True:
                     self._take(self._queue.get_nowait())
-            self._writer.flush()
+                    if time.monotonic() - self._flushed > BATCH:  # a starved computer has much to write at once
+                        self._flush()
+            self._flush()
+
+    def _flush(self) -> None:
+        self._writer.flush()
+        self._flushed = time.monotonic()
 
     def _take(self, taken: Any) -> None:
+        if isinstance(taken, Published) and isinstance(taken.value, ImageView):
+            self._flush()  # what came before does not wait until the picture is compressed
         if isinstance(taken, Event):
             self._t = taken.t
             self._write_event(taken)
