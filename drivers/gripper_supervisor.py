@@ -141,7 +141,8 @@ class GripperSupervisor:
     def _stray(self, stamp: float, width: float, elapsed: float) -> str:
         """Fingers may open and close by no more than they were told to, and less when something is in the way."""
         fading = 1.0 - min(elapsed / self._supervision.lag, 1.0) / 3.0
-        self._opening, self._closing = max(self._speed, self._opening * fading), max(-self._speed, self._closing * fading)
+        self._opening = max(self._speed, self._opening * fading)
+        self._closing = max(-self._speed, self._closing * fading)
         self._account(stamp)
         if stamp <= self._free_until:
             self._least, self._most = width, width
