@@ -50,6 +50,7 @@ def add_train(subparsers: Any) -> None:
         type=Path,
         help="folder of photographs with boxes (tables, YOLO or COCO): the fruit's weights go on learning from them",
     )
+    detect.add_argument("--empty", type=Path, help="with --photos, a folder of pictures in which no fruit is")
     detect.add_argument("--start-from", type=Path, help="other weights than the fruit's own to go on from")
     detect.add_argument("--data", type=Path, help="folder of frames made before, instead of rendering them")
     detect.add_argument("--fruit", default="apple", help="name in the catalogue, or a path (apple)")
@@ -124,7 +125,7 @@ def data_main(options: argparse.Namespace) -> int:
 
 def train_main(options: argparse.Namespace) -> int:
     """Train, write the weights and a report beside the checkpoints; returns 0, or 2 when it cannot start."""
-    from skills.perception.detection.errors import DetectError
+    from skills.perception.detection.errors import BadTraining, DetectError
     from skills.perception.fruit.errors import FruitError
     from skills.perception.training.recipe import SHIPPED, WITH_PHOTOGRAPHS, make_weights
     from skills.perception.training.report import write_report
@@ -132,6 +133,8 @@ def train_main(options: argparse.Namespace) -> int:
     console = Console()
     work = options.work or Path("runs/train_photos" if options.photos else "runs/train_detect")
     try:
+        if options.empty and not options.photos:
+            raise BadTraining("--empty goes with --photos: rendered frames have scenes without fruit of their own")
         if options.network == "dope":
             return _train_dope(options, work, console)
         base = WITH_PHOTOGRAPHS if options.photos else SHIPPED
@@ -183,7 +186,7 @@ def _start(options: argparse.Namespace) -> Path | None:
 
 
 def _photographs(options: argparse.Namespace, console: Console) -> Any:
-    from skills.perception.training.photo_folder import read_photographs
+    from skills.perception.training.photo_folder import read_empty, read_photographs
 
     with _bar("photographs") as show:
         photographs = read_photographs(options.photos, Path(options.fruit).stem, show)
@@ -191,6 +194,9 @@ def _photographs(options: argparse.Namespace, console: Console) -> Any:
         f"{len(some)} photographs with {sum(len(photograph.boxes) for photograph in some)} boxes to {what}"
         for some, what in ((photographs.train, "learn from"), (photographs.val, "measure on"))
     ]
+    if options.empty:
+        photographs = dataclasses.replace(photographs, empty=read_empty(options.empty))
+        counts.append(f"{len(photographs.empty)} pictures without fruit")
     console.print(", ".join(counts))
     return photographs
 

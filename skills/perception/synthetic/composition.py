@@ -10,6 +10,7 @@ from skills.perception.fruit import FruitModel
 from skills.perception.synthetic import shapes
 from skills.perception.synthetic.contents import Item, SyntheticScene
 from skills.perception.synthetic.foliage import grow_tree
+from skills.perception.synthetic.lookalikes import draw_lookalike
 from skills.perception.synthetic.options import SceneKind, SceneOptions
 from skills.perception.synthetic.paint import plain_paint, skin_paint, skins
 
@@ -31,6 +32,9 @@ def compose(fruit: FruitModel, options: SceneOptions, kind: SceneKind, rng: np.r
     plain = rng.random() < 0.22
     for _ in range(count):
         _add_fruit(fruit, options, scene, style, plain, rng)
+    if options.lookalikes:
+        for _ in range(int(rng.integers(options.lookalikes // 2, options.lookalikes + 1))):
+            _add_lookalike(options, scene, rng)
     tree = kind is SceneKind.TREE
     for _ in range(int(rng.integers(0, options.distractors + 1)) // 2 if tree else options.distractors):
         _add_decoy(options, scene, style, rng)
@@ -198,6 +202,23 @@ def _add_decoy(options: SceneOptions, scene: SyntheticScene, style: F64, rng: np
         paint = paint * (1.0 + 0.6 * np.sign(bands)[:, None]).astype(np.float32) * np.float32(0.7)
     gloss = (rng.uniform(0.0, 0.5), 10.0 ** rng.uniform(0.7, 2.1), rng.uniform(0.0, 0.3) * (rng.random() < 0.5))
     scene.items.append(Item(shape, rotation, scale, centre, paint, rng.uniform(100.0, 2500.0), gloss))
+    scene.decoys.append((centre, radius))
+
+
+def _add_lookalike(options: SceneOptions, scene: SyntheticScene, rng: np.random.Generator) -> None:
+    """Something that stands or lies among the fruit and is none."""
+    thing = draw_lookalike(rng)
+    upright = minimal_rotation(STEM_AXIS, np.array([0.0, 0.0, 1.0]))
+    rotation = upright if thing.upright else _random_rotation(rng)
+    points = thing.shape.vertices * thing.scale
+    radius = float(min(np.abs(points).max(), 0.1))
+    lowest = -float((points @ rotation[2]).min())
+    centre = _place(scene, options, 0.85 * radius, lowest, rng.uniform(0.85, 1.2), rng)
+    if centre is None:
+        return
+    scene.items.append(
+        Item(thing.shape, rotation, thing.scale, centre, thing.paint, thing.grain_frequency, thing.material)
+    )
     scene.decoys.append((centre, radius))
 
 

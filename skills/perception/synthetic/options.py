@@ -32,6 +32,7 @@ class SceneOptions:
         height_ratio: range of height over width against the CAD model's; an apple's is then 0.75 to 1.0.
         exact: part of the instances that keep the CAD model's own size and proportions.
         kinds: how often each kind of scene appears.
+        lookalikes: tomatoes, oranges, peaches, balls, cans and the like, per frame, at most.
     """
 
     width: int = 640
@@ -43,3 +44,4 @@ class SceneOptions:
     height_ratio: tuple[float, float] = (0.85, 1.133)
     exact: float = 0.15
     kinds: tuple[float, float, float, float] = (0.4, 0.25, 0.1, 0.25)
+    lookalikes: int = 0

@@ -132,6 +132,20 @@ def ball() -> ShadedMesh:
     return revolved(np.stack([np.sin(polar), -np.cos(polar)], axis=1))
 
 
+def swollen_ball(ribs: int, depth: float) -> ShadedMesh:
+    """A unit sphere with so many swellings about y, each higher by `depth` than the furrows between."""
+    x, y, z = ball().vertices.astype(np.float64).T
+    swelling = 1.0 + depth * (np.cos(ribs * np.arctan2(z, x)) - 1.0) * np.hypot(x, z)
+    return make_shape(np.stack([x * swelling, y, z * swelling], axis=1), ball().faces)
+
+
+def seamed_ball(depth: float) -> ShadedMesh:
+    """A unit sphere with a furrow from one end to the other."""
+    x, y, z = ball().vertices.astype(np.float64).T
+    inwards = 1.0 - depth * np.exp(-((np.arctan2(z, x) / 0.25) ** 2)) * np.hypot(x, z) ** 0.5
+    return make_shape(np.stack([x * inwards, y, z * inwards], axis=1), ball().faces)
+
+
 @lru_cache(maxsize=1)
 def box() -> ShadedMesh:
     """A cube from -1 to 1 with sharp edges."""

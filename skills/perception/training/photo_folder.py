@@ -8,7 +8,7 @@ from __future__ import annotations
 import csv
 import json
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -92,6 +92,18 @@ def read_photographs(
         if progress is not None:
             progress(number + 1, len(labelled))
     return _split(folder, labelled, photographs)
+
+
+def read_empty(folder: Path) -> tuple[Photograph, ...]:
+    """All pictures of a folder, in which no fruit is.
+
+    Raises:
+        BadPhotographs: no such folder, none in it, or a file that is no picture.
+    """
+    paths = sorted(path for path in _files(folder) if path.suffix.lower() in PICTURES)
+    if not paths:
+        raise BadPhotographs(folder, f"holds no pictures ({', '.join(PICTURES)})")
+    return tuple(replace(_checked(_Labelled(path, str(folder))), empty=True) for path in paths)
 
 
 def _split(folder: Path, labelled: list[_Labelled], photographs: list[Photograph]) -> PhotoSet:
@@ -298,7 +310,7 @@ def _is_split(word: str) -> bool:
 
 def _files(folder: Path) -> list[Path]:
     if not folder.is_dir():
-        raise BadPhotographs(folder, "no such folder: pictures are in images/, their labels in labels/")
+        raise BadPhotographs(folder, "no such folder")
     found = list(islice((p for p in folder.rglob("*") if p.is_file()), MOST_FILES + 1))
     if len(found) > MOST_FILES:
         raise BadPhotographs(folder, f"holds more than {MOST_FILES} files: give a part of them")

@@ -34,16 +34,28 @@ F64 = NDArray[np.float64]
 JITTER = (0.71, 1.36)
 """How much larger or smaller than that: in orchards size tells near fruit from fruit of the next row."""
 
+EMPTY_SHARE = 0.12
+"""How often a picture without fruit stands in a photograph's place, where there are any."""
+
+EMPTY_JITTER = (0.9, 3.0)
+"""How much larger than the whole picture on the finder's input such a picture is shown."""
+
 SHOWN = 0.45
 """A fruit of whose box a window shows less than this part is ignored there."""
 
 
 class PhotoFinderBatches(Dataset[tuple[Tensor, ...]]):
-    """Batches for the finder from photographs, of the same parts as `FinderBatches`."""
+    """Batches for the finder from photographs, of the same parts as `FinderBatches`.
 
-    def __init__(self, photographs: Sequence[Photograph], batch: int, seed: int, steps: int) -> None:
+    Args:
+        empty: pictures without fruit, of which `EMPTY_SHARE` of a batch are.
+    """
+
+    def __init__(
+        self, photographs: Sequence[Photograph], batch: int, seed: int, steps: int, empty: Sequence[Photograph] = ()
+    ) -> None:
         self.photographs, self.batch, self.seed, self.steps = photographs, batch, seed, steps
-        self.scale = fruit_scale(photographs)
+        self.scale, self.empty = fruit_scale(photographs), empty
 
     def __len__(self) -> int:
         return self.steps
@@ -51,15 +63,16 @@ class PhotoFinderBatches(Dataset[tuple[Tensor, ...]]):
     def __getitem__(self, step: int) -> tuple[Tensor, ...]:
         cv2.setNumThreads(1)
         rng = np.random.default_rng((self.seed, step, 3))
-        chosen = rng.integers(0, len(self.photographs), self.batch)
-        samples = [self._sample(self.photographs[int(i)], rng) for i in chosen]
+        samples = [self._sample(_one_of(self.photographs, self.empty, rng), rng) for _ in range(self.batch)]
         return tuple(torch.from_numpy(np.stack(part)) for part in zip(*samples, strict=True))
 
     def _sample(self, photo: Photograph, rng: np.random.Generator) -> Sample:
         """A window of the photograph at nearly the usual scale, most often with a fruit in it."""
         height, width = FINDER_INPUT
         picture, labels = photo.picture(), photo.labels
-        size = self.scale * np.exp(rng.uniform(*np.log(JITTER)))
+        # What is in a picture without fruit may be of any size.
+        usual, jitter = (FINDER_INPUT[1] / photo.width, EMPTY_JITTER) if photo.empty else (self.scale, JITTER)
+        size = usual * np.exp(rng.uniform(*np.log(jitter)))
         around = rng.uniform((0.0, 0.0), (photo.width, photo.height))
         if len(labels.centres) and rng.random() < 0.6:
             around = labels.centres[int(rng.integers(len(labels.centres)))]
@@ -91,6 +104,8 @@ class PhotoFinderBatches(Dataset[tuple[Tensor, ...]]):
             height // s,
             width // s,
         )
+        if photo.empty:
+            maps.unlabelled[:] = 0.0
         return (picture, *maps.parts)
 
 
@@ -115,6 +130,7 @@ class PhotoCloseLookBatches(Dataset[tuple[Tensor, ...]]):
     Args:
         places: where the finder sees fruit in each photograph, by name: rows (u, v, size [px], belief).
         turned: share of the looks that are turned anyhow about their axis.
+        empty: pictures without fruit.
     """
 
     def __init__(
@@ -125,9 +141,10 @@ class PhotoCloseLookBatches(Dataset[tuple[Tensor, ...]]):
         steps: int,
         places: Mapping[str, F64] | None = None,
         turned: float = 0.0,
+        empty: Sequence[Photograph] = (),
     ) -> None:
         self.photographs, self.batch, self.seed, self.steps = photographs, batch, seed, steps
-        self.places, self.turned = places or {}, turned
+        self.places, self.turned, self.empty = places or {}, turned, empty
         self.usual = SIZE_OF_BOX * FRUIT_IN_INPUT / fruit_scale(photographs)
 
     def __len__(self) -> int:
@@ -138,7 +155,7 @@ class PhotoCloseLookBatches(Dataset[tuple[Tensor, ...]]):
         rng = np.random.default_rng((self.seed, step, 4))
         samples: list[Sample] = []
         while len(samples) < self.batch:
-            samples += self._samples(self.photographs[int(rng.integers(len(self.photographs)))], rng)
+            samples += self._samples(_one_of(self.photographs, self.empty, rng), rng)
         return tuple(torch.from_numpy(np.stack(part)) for part in zip(*samples[: self.batch], strict=True))
 
     def _samples(self, photo: Photograph, rng: np.random.Generator) -> list[Sample]:
@@ -159,7 +176,8 @@ class PhotoCloseLookBatches(Dataset[tuple[Tensor, ...]]):
             samples.append(look_sample(picture, look, target, 1.0, shown, known, rng, True))
         for place, size in self._elsewhere(photo, labels, rng):
             look = look_at(K, place, size, roll_of_look(self.turned, rng))
-            samples.append(no_fruit(picture, look, float(size >= AS_LARGE * self.usual), rng, True))
+            unlabelled = float(size >= AS_LARGE * self.usual and not photo.empty)
+            samples.append(no_fruit(picture, look, unlabelled, rng, True))
         return samples
 
     def _elsewhere(self, photo: Photograph, labels: Labels, rng: np.random.Generator) -> list[tuple[F64, float]]:
@@ -167,8 +185,11 @@ class PhotoCloseLookBatches(Dataset[tuple[Tensor, ...]]):
         places = self.places.get(photo.name, np.empty((0, 4)))
         wrong = [(row[:2], float(row[2])) for row in rng.permutation(places)]
         wrong = [place for place in wrong if _clear(*place, labels.boxes)][: MOST_OF_ONE - 2]
-        anywhere = rng.uniform((0.0, 0.0), (photo.width, photo.height))
-        other = [(anywhere, self.usual * np.exp(rng.uniform(np.log(0.5), np.log(1.6))))]
+        usual, extent = 0.12 * photo.width if photo.empty else self.usual, (photo.width, photo.height)
+        other = [
+            (rng.uniform((0.0, 0.0), extent), usual * np.exp(rng.uniform(np.log(0.5), np.log(1.6))))
+            for _ in range(3 if photo.empty else 1)
+        ]
         if len(labels.boxes):
             box = labels.boxes[int(rng.integers(len(labels.boxes)))]
             size, angle = SIZE_OF_BOX * float(box[2:].max()), rng.uniform(0.0, 2.0 * np.pi)
@@ -179,6 +200,11 @@ class PhotoCloseLookBatches(Dataset[tuple[Tensor, ...]]):
             for place, size in other
             if _clear(place, size, labels.boxes) and (place > 0).all() and (place < (photo.width, photo.height)).all()
         ]
+
+
+def _one_of(labelled: Sequence[Photograph], empty: Sequence[Photograph], rng: np.random.Generator) -> Photograph:
+    some = empty if empty and rng.random() < EMPTY_SHARE else labelled
+    return some[int(rng.integers(len(some)))]
 
 
 def _clear(place: F64, size: float, boxes: F64) -> bool:

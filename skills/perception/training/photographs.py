@@ -104,6 +104,7 @@ class Photograph:
         boxes: x, y, w, h (n, 4) [px], inside the picture.
         crowd: boxes of more than one fruit or marked as doubtful, (n,).
         group: pictures of one group show the same place, so that a group is either learnt from or measured on.
+        empty: it is known that no fruit is in it; elsewhere people may have left out some.
     """
 
     path: Path
@@ -112,6 +113,7 @@ class Photograph:
     boxes: F64
     crowd: NDArray[np.bool_]
     group: str = ""
+    empty: bool = False
 
     @cached_property
     def labels(self) -> Labels:
@@ -148,10 +150,11 @@ def camera_of(width: int, height: int) -> F64:
 
 @dataclass(frozen=True, slots=True)
 class PhotoSet:
-    """Labelled photographs: to learn from, and to measure on."""
+    """Labelled photographs: to learn from, and to measure on; and pictures without fruit to learn from."""
 
     train: tuple[Photograph, ...]
     val: tuple[Photograph, ...]
+    empty: tuple[Photograph, ...] = ()
 
 
 def fruit_scale(photographs: Sequence[Photograph]) -> float:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skills.perception.detection.compact_detector import CompactDetector
-from skills.perception.training.photographs import Photograph, fruit_scale
+from skills.perception.detection.options import WORKING_WIDTH
+from skills.perception.training.photographs import PhotoSet, fruit_scale
 from skills.perception.training.samples import FrameFolder
 
 F64 = NDArray[np.float64]
@@ -45,20 +46,21 @@ def find_places(
 
 def find_photo_places(
     detector: CompactDetector,
-    photographs: Sequence[Photograph],
+    photographs: PhotoSet,
     progress: Callable[[int, int], None] | None = None,
     most: int | None = None,
 ) -> dict[str, F64]:
     """The same in photographs, each shrunk as it is when the finder learns from it, by the photograph's name."""
-    places, scale = {}, fruit_scale(photographs)
-    for number in range(0, len(photographs), _stride(len(photographs), most)):
-        photo = photographs[number]
-        options = replace(detector.options, working_width=max(16, round(scale * photo.width)))
+    places, scale = {}, fruit_scale(photographs.train)
+    searched = [*photographs.train[:: _stride(len(photographs.train), most)], *photographs.empty]
+    for number, photo in enumerate(searched):
+        width = 2 * WORKING_WIDTH if photo.empty else max(16, round(scale * photo.width))
+        options = replace(detector.options, working_width=width)
         found = detector.looking(options).places(photo.picture(), THRESHOLD)
         rows = [[*place.keypoints[8], place.size, place.belief] for place in found]
         places[photo.name] = np.array(rows, np.float64).reshape(-1, 4)
         if progress is not None:
-            progress(number + 1, len(photographs))
+            progress(number + 1, len(searched))
     return places
 
 

@@ -51,11 +51,13 @@ class Stage:
 
 @dataclass(frozen=True, slots=True)
 class FrameSet:
-    """Rendered frames: how many, of which seed, and how often each kind of scene appears, as in `SceneOptions`."""
+    """Rendered frames: how many, of which seed, and what is in them, as in `SceneOptions`."""
 
     frames: int
     seed: int
     kinds: tuple[float, float, float, float] = SceneOptions().kinds
+    instances: tuple[int, int] = SceneOptions().instances
+    lookalikes: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,16 +92,20 @@ SHIPPED = Recipe(
 """What `make train-detect` carries out; how the weights in the repository came about is in docs/model_cards."""
 
 WITH_PHOTOGRAPHS = Recipe(
-    sets=(FrameSet(2600, 1, (0.4, 0.25, 0.1, 0.0)), FrameSet(700, 2, (0.25, 0.25, 0.0, 0.5))),
+    sets=(
+        FrameSet(1300, 1, (0.4, 0.25, 0.1, 0.0)),
+        FrameSet(700, 2, (0.25, 0.25, 0.0, 0.5)),
+        FrameSet(500, 3, (0.5, 0.25, 0.1, 0.15), (0, 2), 10),
+    ),
     held_out=FrameSet(60, 9001, WITHOUT_TREES),
     stages=(
-        Stage("finder", 500, 1.5e-3, 14, sets=2, photos=8 / 14, average=0.99),
-        Stage("close_look", 500, 1.5e-3, 96, turned=0.2, fall="late", sets=2, photos=0.5, average=0.99),
+        Stage("finder", 2400, 2e-3, 24, fall="late", sets=3, photos=2 / 3),
+        Stage("close_look", 2000, 2e-3, 96, turned=0.2, fall="late", sets=3, photos=0.5),
     ),
 )
 """What `pomona train detect --photos` carries out, from weights that rendered frames gave."""
 
-WARM_UP, VALIDATE_EVERY, SAVE_EVERY = 30, 100, 25
+WARM_UP, VALIDATE_EVERY, SAVE_EVERY = 50, 100, 25
 """Where photographs are learnt from, steps are few and dear."""
 
 MOST_SEARCHED = 400
@@ -167,7 +173,7 @@ def make_weights(
                 photo_places = work / f"places_{made_by['finder']}_photographs.npz"
                 if not photo_places.is_file():
                     detector = CompactDetector(networks["finder"].cpu(), networks["close_look"])
-                    found = find_photo_places(detector, photographs.train, rendered, MOST_SEARCHED)
+                    found = find_photo_places(detector, photographs, rendered, MOST_SEARCHED)
                     save_places(photo_places, found)
         run = TrainingRun(
             stage.part,
@@ -196,6 +202,8 @@ def make_weights(
     if photographs is not None:
         boxes = sum(len(photograph.boxes) for photograph in photographs.train)
         about["photographs"] = f"{len(photographs.train)} with {boxes} boxes"
+        if photographs.empty:
+            about["pictures without fruit"] = str(len(photographs.empty))
     if start is not None:
         about["went on from"] = hashlib.sha256(start.read_bytes()).hexdigest()
     save_compact(out, networks["finder"].cpu(), networks["close_look"].cpu(), about)
@@ -213,5 +221,5 @@ def render_set(
     folder: Path, frames: FrameSet, fruit: str, workers: int, rendered: Callable[[int, int], None] | None = None
 ) -> None:
     """Render a set of frames into a folder; those that are there already are kept."""
-    options = SceneOptions(kinds=frames.kinds)
+    options = SceneOptions(kinds=frames.kinds, instances=frames.instances, lookalikes=frames.lookalikes)
     render_dataset(folder, frames.frames, frames.seed, fruit, options, workers=workers, progress=rendered)

@@ -144,7 +144,9 @@ def _train(
     real = round(batch * run.photo_share) if run.photographs is not None else 0
     batches: Dataset[tuple[Tensor, ...]] = batches_of(frames, batch - real, seed, steps, **extra)
     if run.photographs is not None and real:
-        from_photos = _PHOTOS[run.part](run.photographs.train, real, seed, steps, **real_extra)
+        from_photos = _PHOTOS[run.part](
+            run.photographs.train, real, seed, steps, empty=run.photographs.empty, **real_extra
+        )
         batches = Mixed([batches, from_photos], steps)
     if run.start_from is not None:
         network.load_state_dict(run.start_from)

@@ -1,5 +1,6 @@
 """What boxes teach and what they leave open: against discs whose centre and radius are known."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,9 +9,10 @@ import torch
 
 from skills.perception.detection.close_look import MARGIN, REFERENCE_LENGTH, SIZE_OF_BOX, look_at
 from skills.perception.detection.compact_network import FinderNetwork
+from skills.perception.detection.errors import BadPhotographs
 from skills.perception.detection.outputs import BOX, KIND, SEEN
 from skills.perception.training.losses import DOUBTED, close_look_loss, finder_loss
-from skills.perception.training.photo_folder import read_photographs
+from skills.perception.training.photo_folder import read_empty, read_photographs
 from skills.perception.training.photo_samples import Mixed, PhotoCloseLookBatches, PhotoFinderBatches
 from skills.perception.training.photographs import Labels, PhotoSet, camera_of, fruit_scale, labels_of, most_visible
 from skills.perception.training.targets import box_targets
@@ -167,3 +169,29 @@ def test_mixed_batches_hold_frames_and_photographs(photographs: PhotoSet, tmp_pa
     outputs = FinderNetwork((8, 8, 8, 8))(mixed[0][0].permute(0, 3, 1, 2).float() / 255.0 - 0.5)
     loss = finder_loss(outputs, *mixed[0][1:])
     assert torch.isfinite(loss)
+
+
+def test_in_a_picture_without_fruit_nothing_is_forgiven(photographs: PhotoSet) -> None:
+    blank = replace(photographs.val[0], boxes=np.empty((0, 4)), crowd=np.zeros(0, np.bool_), empty=True)
+    finder = PhotoFinderBatches(photographs.train, 24, 5, 9, empty=(blank,))[0]
+    unlabelled, peak = finder[6], finder[7]
+    without = (unlabelled.flatten(1).max(dim=1).values == 0.0) & (peak.flatten(1).max(dim=1).values == 0.0)
+    assert 1 <= int(without.sum()) <= 9  # about an eighth
+    looks = [PhotoCloseLookBatches(photographs.train, 60, 0, 1, empty=empty)[0] for empty in ((), (blank,))]
+    doubted = [float(known[kind < 0.5][:, 5].mean()) for _, _, kind, _, known in looks]
+    assert doubted[1] < doubted[0]
+
+
+def test_a_folder_without_fruit_is_read_and_one_without_pictures_refused(tmp_path: Path) -> None:
+    folder = tables(tmp_path / "set") / "images"
+    read = read_empty(folder)
+    assert len(read) == 4
+    assert all(photo.empty and not len(photo.boxes) for photo in read)
+    (folder / "broken.jpg").write_bytes(b"no picture")
+    with pytest.raises(BadPhotographs, match=r"broken\.jpg: cannot be read as a picture"):
+        read_empty(folder)
+    (tmp_path / "bare").mkdir()
+    with pytest.raises(BadPhotographs, match="bare: holds no pictures"):
+        read_empty(tmp_path / "bare")
+    with pytest.raises(BadPhotographs, match="nowhere: no such folder"):
+        read_empty(tmp_path / "nowhere")
