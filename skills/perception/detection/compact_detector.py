@@ -24,7 +24,8 @@ from skills.perception.detection.options import DetectorOptions
 from skills.perception.detection.outputs import ALL_OUTPUTS, AXIS, BOX, CENTRE, CLOSE_LOOK_SIZE, KIND, SEEN, SPREAD
 from skills.perception.detection.peaks import Peak, decode_offsets
 from skills.perception.detection.processor import has_bfloat16
-from skills.perception.detection.weights import load_compact
+from skills.perception.detection.scores import ScoreMap
+from skills.perception.detection.weights import load_compact, load_scores
 
 U8 = NDArray[np.uint8]
 F64 = NDArray[np.float64]
@@ -54,9 +55,13 @@ class CompactDetector:
     """Both networks, ready to run on the CPU. Calls release the interpreter's lock while the networks run."""
 
     def __init__(
-        self, finder: FinderNetwork, close_look: CloseLookNetwork, options: DetectorOptions | None = None
+        self,
+        finder: FinderNetwork,
+        close_look: CloseLookNetwork,
+        options: DetectorOptions | None = None,
+        scores: ScoreMap | None = None,
     ) -> None:
-        self.options = options or DetectorOptions()
+        self.options, self.scores = options or DetectorOptions(), scores or ScoreMap()
         number = torch.bfloat16 if has_bfloat16() else torch.float32
         # Any size will do: the graph that is traced holds no sizes.
         self._finder = _ready(finder, torch.zeros(FINDER_EXAMPLE), number)
@@ -70,13 +75,15 @@ class CompactDetector:
             BadWeights: unreadable or not fitting.
         """
         finder, close_look, _ = load_compact(path)
-        return cls(finder, close_look, options)
+        return cls(finder, close_look, options, load_scores(path))
 
     @classmethod
-    def running(cls, finder: Run, close_look: Run, options: DetectorOptions | None = None) -> CompactDetector:
+    def running(
+        cls, finder: Run, close_look: Run, options: DetectorOptions | None = None, scores: ScoreMap | None = None
+    ) -> CompactDetector:
         """A detector whose networks something else runs, such as ONNX Runtime."""
         detector = cls.__new__(cls)
-        detector.options = options or DetectorOptions()
+        detector.options, detector.scores = options or DetectorOptions(), scores or ScoreMap()
         detector._finder, detector._close_look = finder, close_look
         return detector
 
@@ -126,13 +133,16 @@ class CompactDetector:
             )
             for k, fruit in zip(again, better, strict=True):
                 seen[k] = replace(fruit, score=float(np.sqrt(seen[k].score * fruit.score)))
+        for k, place in enumerate(places):
+            if seen[k].box is None and place.box is not None:  # a close look that knows no boxes
+                seen[k] = replace(seen[k], box=inside(place.box, colour.shape[1], colour.shape[0]))
         kept: list[FoundFruit] = []
         for fruit in sorted(seen, key=lambda fruit: -fruit.score):
             if all(
                 np.linalg.norm(fruit.centre - other.centre) > options.apart * max(fruit.size, other.size)
                 for other in kept
             ):
-                kept.append(fruit)
+                kept.append(replace(fruit, score=self.scores(fruit.score)))
         return kept
 
     def places(self, colour: U8, threshold: float) -> list[Peak]:

@@ -25,7 +25,8 @@ class FoundFruit:
         size: what `REFERENCE_LENGTH` of a CAD-sized fruit measures in the picture [px].
         spreads: mean errors of centre [px], of the logarithm of size, and of the axis [rad], as the network expects
             them, (3,).
-        score: belief that this is fruit, 0..1: geometric mean of the finder's and the close look's, and over looks.
+        score: belief that this is fruit, 0..1: geometric mean of the finder's and the close look's, and over looks, as
+            the weights' `ScoreMap` reads it.
         visibility: part of its silhouette that is seen, 0..1, as the network estimates it.
         box: around what is seen of it, x, y, w, h (4,) [px], inside the picture; None with weights that know no boxes.
     """

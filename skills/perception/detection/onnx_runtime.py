@@ -19,7 +19,8 @@ from skills.perception.detection.compact_detector import (
 )
 from skills.perception.detection.errors import BadWeights, MissingPackage
 from skills.perception.detection.options import DetectorOptions
-from skills.perception.detection.weights import load_compact
+from skills.perception.detection.scores import ScoreMap
+from skills.perception.detection.weights import load_compact, load_scores
 
 FINDER, CLOSE_LOOK, ABOUT = "finder.onnx", "close_look.onnx", "about.json"
 
@@ -31,7 +32,7 @@ def export_onnx(weights: Path, folder: Path) -> tuple[Path, Path]:
 
     Inputs are `picture`, float32 (n, 3, h, w), RGB in 0..1 minus 0.5; the finder's h and w are multiples of 16, the
     close look's 96. Outputs are those of `FinderNetwork` and `CloseLookNetwork`. What the weights say about themselves
-    is in about.json.
+    and the map of their scores are in about.json.
 
     Args:
         weights: of the compact detector.
@@ -42,13 +43,15 @@ def export_onnx(weights: Path, folder: Path) -> tuple[Path, Path]:
         MissingPackage: without the package onnx.
     """
     finder, close_look, about = load_compact(weights)
+    scores = load_scores(weights)
     outputs = ["belief", "offsets", "reaches"][: 3 if finder.boxes else 2]
     folder.mkdir(parents=True, exist_ok=True)
     paths = folder / FINDER, folder / CLOSE_LOOK
     sizes = {0: "n", 2: "h", 3: "w"}
     _export(finder, FINDER_EXAMPLE, outputs, dict.fromkeys(("picture", *outputs), sizes), paths[0])
     _export(close_look, CLOSE_LOOK_EXAMPLE, ["look"], {"picture": {0: "n"}, "look": {0: "n"}}, paths[1])
-    (folder / ABOUT).write_text(json.dumps(about, indent=2) + "\n", encoding="utf-8")
+    said = {"about": about, "scores": {"slope": scores.slope, "offset": scores.offset}}
+    (folder / ABOUT).write_text(json.dumps(said, indent=2) + "\n", encoding="utf-8")
     return paths
 
 
@@ -84,7 +87,13 @@ def load_onnx(folder: Path, options: DetectorOptions | None = None) -> CompactDe
         BadWeights: no such files, or files that ONNX Runtime cannot read.
         MissingPackage: without the package onnxruntime.
     """
-    return CompactDetector.running(_session(folder / FINDER), _session(folder / CLOSE_LOOK), options)
+    finder, close_look = _session(folder / FINDER), _session(folder / CLOSE_LOOK)
+    try:
+        said = json.loads((folder / ABOUT).read_text(encoding="utf-8"))["scores"]
+        scores = ScoreMap(float(said["slope"]), float(said["offset"]))
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise BadWeights(folder / ABOUT, f"does not say what the scores mean: {error!r}") from error
+    return CompactDetector.running(finder, close_look, options, scores)
 
 
 def _session(path: Path) -> Run:

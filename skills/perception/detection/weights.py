@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from skills.perception.detection.compact_network import CloseLookNetwork, Finder
 from skills.perception.detection.dope_network import DopeNetwork
 from skills.perception.detection.errors import BadWeights
 from skills.perception.detection.outputs import ALL_OUTPUTS, LEAST_OUTPUTS
+from skills.perception.detection.scores import ScoreMap
 
 FORMAT = "pomona compact detector 2"
 
@@ -30,7 +32,11 @@ def load_weights(path: Path | str) -> DopeNetwork:
 
 
 def save_compact(
-    path: Path, finder: FinderNetwork, close_look: CloseLookNetwork, about: dict[str, str] | None = None
+    path: Path,
+    finder: FinderNetwork,
+    close_look: CloseLookNetwork,
+    about: dict[str, str] | None = None,
+    scores: ScoreMap | None = None,
 ) -> None:
     """Write both networks of the compact detector into one file, in half precision.
 
@@ -38,8 +44,11 @@ def save_compact(
         path: written atomically.
         finder, close_look: of any widths; these travel along.
         about: text that travels along: how the weights were made.
+        scores: from what the networks say to the share of such finds that are fruit.
     """
     content: dict[str, Any] = {"format": FORMAT, "about": dict(about or {}), "widths": {}}
+    if scores is not None:
+        content["scores"] = [scores.slope, scores.offset]
     for name, network in (("finder", finder), ("close_look", close_look)):
         content["widths"][name] = list(network.widths)
         content[name] = {
@@ -73,6 +82,22 @@ def load_compact(path: Path | str) -> tuple[FinderNetwork, CloseLookNetwork, dic
         tensors = {key: value.float() for key, value in _tensors(path, content.get(name)).items()}
         fill(network, {**counters, **tensors}, path)
     return finder.eval(), close_look.eval(), {str(k): str(v) for k, v in content.get("about", {}).items()}
+
+
+def load_scores(path: Path | str) -> ScoreMap:
+    """What the scores of a weights file mean; weights that were never calibrated keep theirs.
+
+    Raises:
+        BadWeights: unreadable, or a map that is none.
+    """
+    content = _read(path)
+    try:
+        slope, offset = (float(value) for value in content.get("scores", (1.0, 0.0)))
+    except (AttributeError, TypeError, ValueError) as error:
+        raise BadWeights(path, f"does not say what its scores mean: {error}") from error
+    if not (math.isfinite(offset) and 0.0 < slope < math.inf):
+        raise BadWeights(path, f"maps its scores by the line {slope} x + {offset}, which does not rise")
+    return ScoreMap(slope, offset)
 
 
 def fill(network: nn.Module, tensors: dict[str, Tensor], path: Path | str) -> None:

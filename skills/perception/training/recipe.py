@@ -13,8 +13,10 @@ import torch
 from skills.perception.detection.compact_detector import CompactDetector
 from skills.perception.detection.compact_network import CloseLookNetwork, FinderNetwork, finder_with_boxes, with_boxes
 from skills.perception.detection.weights import load_compact, save_compact
+from skills.perception.fruit import load_fruit
 from skills.perception.synthetic.dataset import render_dataset
 from skills.perception.synthetic.options import WITHOUT_TREES, SceneOptions
+from skills.perception.training.calibrate import calibrate
 from skills.perception.training.loop import Fall, Progress, Schedule
 from skills.perception.training.photographs import PhotoSet
 from skills.perception.training.places import find_photo_places, find_places, save_places
@@ -111,6 +113,9 @@ WARM_UP, VALIDATE_EVERY, SAVE_EVERY = 50, 100, 25
 MOST_SEARCHED = 400
 """There so many frames, and so many photographs, are searched for what deceives the finder."""
 
+CALIBRATED_ON = 120
+"""The scores' map is fitted on so many held-out frames, and on so many photographs that were learnt from."""
+
 Say = Callable[[str, Progress], None]
 
 
@@ -206,8 +211,16 @@ def make_weights(
             about["pictures without fruit"] = str(len(photographs.empty))
     if start is not None:
         about["went on from"] = hashlib.sha256(start.read_bytes()).hexdigest()
-    save_compact(out, networks["finder"].cpu(), networks["close_look"].cpu(), about)
+    networks = {name: network.cpu().eval() for name, network in networks.items()}
+    detector = CompactDetector(networks["finder"], networks["close_look"])
+    some = () if photographs is None else photographs.train[:: _every(len(photographs.train), CALIBRATED_ON)]
+    scores = calibrate(detector, FrameFolder([held_out]), load_fruit(fruit), CALIBRATED_ON, some)
+    save_compact(out, networks["finder"], networks["close_look"], about, scores)
     return out
+
+
+def _every(count: int, most: int) -> int:
+    return max(1, -(-count // most))
 
 
 def _schedule(stage: Stage) -> Schedule:
