@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 import csv
+import importlib.util
 import os
 import time
 from collections.abc import Callable, Iterator
@@ -35,7 +36,7 @@ from skills.perception.detection.options import DetectorOptions
 from skills.perception.fruit import FruitModel, load_fruit
 from skills.perception.synthetic.dataset import render_dataset
 from skills.perception.synthetic.options import WITHOUT_TREES, SceneOptions
-from skills.perception.training.photo_figures import calibration_table, find_boxes, photo_table
+from skills.perception.training.photo_figures import calibration_table, find_boxes, judged, photo_table
 from skills.perception.training.photo_folder import read_photographs
 from skills.perception.training.photographs import camera_of, fruit_scale
 from skills.perception.training.samples import FrameFolder
@@ -81,6 +82,7 @@ def main() -> None:
     with progress("looking") as looked:
         result = evaluate(detector, frames, fruit, options.frames, looked)
     print(table(result, options.score), "\n")
+    print(calibration_table(*result.judged()), "\n")
     print(f"## Rendered trees, {len(trees)} frames\n")
     print(table(evaluate(detector, trees, fruit, len(trees)), options.score, brief=True), "\n")
     if not options.no_speed:
@@ -92,8 +94,11 @@ def main() -> None:
     photos = options.photos or (Path(shared) / "orchard_photos" if shared else None)
     if photos is not None and (options.photos or photos.is_dir()):
         print(photographs(detector, photos, fruit, options.score), "\n")
-    if options.empty is not None:
-        print(empty_pictures(detector, options.empty, options.score))
+    print(rendered_lookalikes(detector, options), "\n")
+    empty = pictures_of(options.empty) if options.empty is not None else []
+    for paths, name in ((empty, "pictures without fruit"), (everyday_pictures(), "everyday pictures")):
+        if paths:
+            print(empty_pictures(detector, paths, name, options.score), "\n")
 
 
 @contextmanager
@@ -202,15 +207,59 @@ def photographs(detector: CompactDetector, folder: Path, fruit: FruitModel, scor
     boxes = sum(len(photo.boxes) for photo in sets.val)
     places = len({photo.group for photo in sets.val})
     title = f"## {len(sets.val)} photographs of {places} places, {boxes} boxes, searched at {scale:.2f} of their width"
-    return f"{title}\n\n{photo_table(found, score)}\n\n{calibration_table(found)}"
+    return f"{title}\n\n{photo_table(found, score)}\n\n{calibration_table(*judged(found))}"
 
 
-def empty_pictures(detector: CompactDetector, folder: Path, score: float) -> str:
-    """How often something is found where no fruit is, by working width."""
+def rendered_lookalikes(detector: CompactDetector, options: argparse.Namespace) -> str:
+    """How often something is found in rendered scenes with tomatoes, oranges, balls and cans, and no fruit."""
+    folder, count = options.work / f"{options.fruit}_lookalikes", max(1, options.frames // 5)
+    scenes = SceneOptions(instances=(0, 0), kinds=(0.6, 0.2, 0.1, 0.1), lookalikes=10)
+    with progress("rendering lookalikes") as rendered:
+        render_dataset(folder, count, BENCH_SEED, options.fruit, scenes, progress=rendered)
+    frames = FrameFolder([folder])
+    found = things = 0
+    for index in range(count):
+        annotation = frames.annotation(index)
+        things += len(annotation.decoys)
+        fx, fy, cx, cy = annotation.camera
+        K = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
+        finds = detector.find(frames.picture(index, halved=False), K)
+        found += sum(fruit.score >= options.score for fruit in finds)
+    return (
+        f"## {count} rendered frames of {things} things that are no fruit\n\n"
+        f"{found} finds with score ≥ {options.score}, {found / count:.3f} per frame"
+    )
+
+
+EVERYDAY = {
+    "skimage": ("data", ("astronaut", "chelsea", "coffee", "rocket", "motorcycle_left", "motorcycle_right")),
+    "sklearn": ("datasets/images", ("china", "flower")),
+}
+"""Photographs in colour, without fruit, that come with scikit-image and scikit-learn."""
+
+
+def everyday_pictures() -> list[Path]:
+    """Those of them that are installed here; nothing that is shipped was taught with these."""
+    paths = []
+    for package, (folder, names) in EVERYDAY.items():
+        spec = importlib.util.find_spec(package)
+        if spec is not None and spec.origin is not None:
+            inside = Path(spec.origin).parent / folder
+            paths += [path for path in sorted(inside.glob("*")) if path.stem in names]
+    return paths
+
+
+def pictures_of(folder: Path) -> list[Path]:
+    """All pictures of a folder."""
     paths = sorted(p for p in folder.iterdir() if p.suffix.lower() in (".jpg", ".jpeg", ".png"))
     if not paths:
         raise SystemExit(f"bench_detect: {folder} holds no pictures")
-    lines = [f"## {len(paths)} pictures without fruit", "", "| working width | finds at score | per picture | where |"]
+    return paths
+
+
+def empty_pictures(detector: CompactDetector, paths: list[Path], name: str, score: float) -> str:
+    """How often something is found where no fruit is, by working width."""
+    lines = [f"## {len(paths)} {name}", "", "| working width | finds at score | per picture | where |"]
     lines.append("|---|---|---|---|")
     for width in EMPTY_WIDTHS:
         searching = detector.looking(replace(detector.options, working_width=width))

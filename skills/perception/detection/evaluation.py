@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skills.perception.detection.annotations import AnnotatedObject, Annotation
+from skills.perception.detection.box_evaluation import BoxCurve
 from skills.perception.detection.close_look import keypoint_size
 from skills.perception.detection.compact_detector import CompactDetector
 from skills.perception.detection.instances import Instance, find_instances
@@ -106,6 +107,22 @@ class Evaluation:
         scores = sorted((m.score for m in self.matches if m.visibility >= least), reverse=True)
         needed = max(1, math.ceil(recall * wanted - 1e-9))
         return scores[needed - 1] if needed <= len(scores) else None
+
+    def judged(self) -> tuple[F64, NDArray[np.bool_]]:
+        """Scores of all detections, and whether each is of a fruit, however visible; (n,) each."""
+        scores = np.array([*(match.score for match in self.matches), *self.wrong], np.float64)
+        return scores, np.arange(len(scores)) < len(self.matches)
+
+    def curve(self, least: float = CLEARLY_VISIBLE) -> BoxCurve:
+        """Precision over all detections, recall of the fruit at least `least` visible."""
+        scores, right = self.judged()
+        order = np.argsort(-scores, kind="stable")
+        clear = np.array([*(match.visibility >= least for match in self.matches), *(False for _ in self.wrong)], bool)
+        wanted = sum(visibility >= least for visibility, *_ in self.fruit)
+        counts = np.maximum(1, np.arange(1, len(scores) + 1))
+        return BoxCurve(
+            scores[order], np.cumsum(right[order]) / counts, np.cumsum(clear[order]) / max(1, wanted), wanted
+        )
 
     def precision(self, score: float) -> float:
         """Part of the detections with at least `score` that are fruit, however visible."""

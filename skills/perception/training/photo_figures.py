@@ -136,10 +136,15 @@ def calibration(scores: F64, right: NDArray[np.bool_], bins: int = 10) -> tuple[
     return error, points
 
 
-def calibration_table(found: Sequence[Finds], least: float = 0.05) -> str:
-    """Scores against the share of finds that overlap a box by half, as Markdown."""
-    scores = np.concatenate([sure for _, sure, _ in found])
-    right = np.concatenate([match_boxes(boxes, sure, wanted, 0.5) for boxes, sure, wanted in found])
+def judged(found: Sequence[Finds]) -> tuple[F64, NDArray[np.bool_]]:
+    """Scores of all finds in photographs, and whether each overlaps a box that people drew by half; (n,) each."""
+    scores = np.concatenate([np.empty(0), *(sure for _, sure, _ in found)])
+    right = [match_boxes(boxes, sure, wanted, 0.5) for boxes, sure, wanted in found]
+    return scores, np.concatenate([np.empty(0, np.bool_), *right])
+
+
+def calibration_table(scores: F64, right: NDArray[np.bool_], least: float = 0.05) -> str:
+    """Scores against the share of such finds that are right, as Markdown."""
     error, points = calibration(scores[scores >= least], right[scores >= least])
     lines = [f"Expected calibration error of finds with score ≥ {least}: {error:.3f}.", ""]
     lines += ["| mean score | share right | finds |", "|---|---|---|"]

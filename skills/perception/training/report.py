@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import cv2
 import numpy as np
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from skills.perception.detection.box_evaluation import curve, match_boxes
@@ -13,7 +15,15 @@ from skills.perception.detection.compact_detector import CompactDetector
 from skills.perception.detection.evaluation import Evaluation, evaluate, table
 from skills.perception.detection.instances import find_instances
 from skills.perception.fruit import FruitModel, load_fruit
-from skills.perception.training.photo_figures import PRECISION, find_boxes, photo_table
+from skills.perception.training.photo_figures import (
+    LEAST_BELIEF,
+    PRECISION,
+    Finds,
+    calibration,
+    find_boxes,
+    judged,
+    photo_table,
+)
 from skills.perception.training.photographs import PhotoSet, fruit_scale
 from skills.perception.training.samples import FrameFolder
 
@@ -60,15 +70,38 @@ def write_report(
         K = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
         cv2.imwrite(str(out / name), draw(detector, folder.picture(k, halved=False), K, model)[..., ::-1])
         lines.append(f"![Held-out frame {k}: cuboids on the left, belief on the right]({name})")
+    found = None
     if photographs is not None and photographs.val:
-        lines += ["", *_on_photographs(detector, photographs, out)]
+        found = find_boxes(detector, photographs.val, fruit_scale(photographs.train))
+        lines += ["", *_on_photographs(found, photographs, out)]
+    draw_curves(result, found, out / "curves.png")
+    lines += ["", "![Precision over recall, and the share that is right over the score](curves.png)"]
     (out / "report.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
     return result
 
 
-def _on_photographs(detector: CompactDetector, photographs: PhotoSet, out: Path) -> list[str]:
+def draw_curves(rendered: Evaluation, found: Sequence[Finds] | None, path: Path) -> None:
+    """Precision over recall, and the share of finds that are right over their score, of frames and of photographs."""
+    figure = Figure(figsize=(9.0, 4.2), layout="constrained")
+    axes = figure.subplots(1, 2)
+    sets = [("rendered frames", rendered.curve(), rendered.judged())]
+    if found is not None:
+        sets.append(("photographs, IoU 0.5", curve(found), judged(found)))
+    axes[1].plot([0, 1], [0, 1], color="0.7", linewidth=1)
+    for (name, line, (scores, right)), colour in zip(sets, ("#1f6fb4", "#c4481c"), strict=False):
+        axes[0].plot(line.recall, line.precision, color=colour, label=name)
+        error, points = calibration(scores[scores >= LEAST_BELIEF], right[scores >= LEAST_BELIEF])
+        said, shares = [point[0] for point in points], [point[1] for point in points]
+        axes[1].plot(said, shares, "o-", color=colour, label=f"{name}: error {error:.3f}")
+    for part, across, up in ((axes[0], "recall", "precision"), (axes[1], "score", "share that is right")):
+        part.set(xlabel=across, ylabel=up, xlim=(0, 1), ylim=(0, 1.02))
+        part.grid(color="0.9")
+        part.legend(loc="lower left" if part is axes[0] else "upper left")
+    figure.savefig(path, dpi=110)
+
+
+def _on_photographs(found: Sequence[Finds], photographs: PhotoSet, out: Path) -> list[str]:
     """Figures, and the photographs on which the detector does best and worst: finds yellow, boxes of people blue."""
-    found = find_boxes(detector, photographs.val, fruit_scale(photographs.train))
     right = curve(found)
     score = right.score_for(PRECISION) or 0.5
     lines = [f"## {len(found)} photographs with {right.labelled} boxes", "", photo_table(found, 0.6), ""]

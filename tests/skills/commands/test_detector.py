@@ -120,6 +120,7 @@ def test_train_goes_on_from_photographs_and_an_interrupted_run_ends_the_same(
     report = (tmp_path / "whole" / "report" / "report.md").read_text()
     assert "2 photographs with 1 boxes" in report
     assert (tmp_path / "whole" / "report" / "photograph_worst_0.jpg").stat().st_size > 1000
+    assert (tmp_path / "whole" / "report" / "curves.png").stat().st_size > 1000
 
     original = PhotoCloseLookBatches.__getitem__
 
@@ -155,6 +156,8 @@ def test_training_on_bad_input_says_one_line_and_touches_nothing(
         ((*photo_arguments(folder, work), "--start-from", str(old)), "old.pt: is not a 'pomona compact detector 2'"),
         ((*photo_arguments(folder, work), "--start-from", str(tmp_path / "none.pt")), "none.pt: no such file"),
         ((*photo_arguments(folder, work), "--fruit", "durian"), "durian"),
+        ((*photo_arguments(folder, work), "--empty", str(tmp_path / "bare")), "bare: no such folder"),
+        (("--empty", str(folder)), "--empty goes with --photos"),
     ):
         assert run("train", "detect", *arguments) == 2
         complaint = capsys.readouterr().err

@@ -38,3 +38,18 @@ def test_recall_and_precision_count_what_they_say() -> None:
     assert result.precision(0.5) == 2 / 3
     assert result.score_for(0.75) == 0.4
     assert result.score_for(0.8) is None
+
+
+@given(SCORES, st.integers(0, 5), SCORES)
+def test_the_curve_says_what_recall_and_precision_say_at_each_score(
+    found: list[float], missed: int, wrong: list[float]
+) -> None:
+    result = outcome(found, missed, wrong)
+    line, (scores, right) = result.curve(), result.judged()
+    assert sorted(scores.tolist()) == sorted([*found, *wrong])
+    assert int(right.sum()) == len(found)
+    assert line.labelled == len(found) + missed
+    for score in {*found, *wrong}:
+        recall, precision = line.at_score(score)
+        assert abs(recall - result.recall(score)) < 1e-9
+        assert abs(precision - result.precision(score)) < 1e-9
