@@ -67,7 +67,8 @@ def _run_filtered(words: Sequence[str]) -> int:
     if problem:
         _say(problem)
         return 2
-    options = make_parser(words[:1]).parse_args(words)
+    command = next((index for index in range(0, len(words), 2) if words[index] != "--skill"), 0)
+    options = make_parser(words[command : command + 1]).parse_args(words)
     try:
         status: int = options.main(options)
     except UsageError as error:

@@ -12,6 +12,8 @@ from executive.ports import QUANTITIES, RATIO, Port, PortType, Quantity, type_na
 from executive.skill import Skill
 
 GROUP = "pomona.skills"
+CHOSEN = "POMONA_SKILLS"
+"""Of the environment, for the run's other processes: `Detect=my_package Plan=other`."""
 BUILTIN_TYPES: Mapping[str, PortType] = {"bool": bool, "int": int, "number": float, "text": str, **QUANTITIES}
 
 
@@ -43,23 +45,29 @@ class Registry(Mapping[str, type[Skill]]):
     @classmethod
     def installed(cls) -> Registry:
         """Every skill that an installed package offers. A skill that cannot be imported is reported, not raised."""
-        skills: dict[str, type[Skill]] = {}
-        problems: dict[str, str] = {}
-        for name, points in _by_name(entry_points(group=GROUP)).items():
-            point, problem = chosen(name, points, replacements())
-            if problem:
-                problems[name] = problem
-                continue
-            try:
-                skill = point.load()
-            except Exception as error:  # a third party's module may raise anything
-                problems[point.name] = f"{point.value} cannot be imported: {type(error).__name__}: {error}"
-                continue
-            if isinstance(skill, type) and issubclass(skill, Skill):
-                skills[point.name] = skill
+        return cls({}).choosing({}, tuple(_by_name(entry_points(group=GROUP))))
+
+    def choosing(self, said: Mapping[str, str], names: Iterable[str] | None = None) -> Registry:
+        """This registry with the skills of the packages that a tree names: package by skill. The command goes first.
+
+        What cannot be used is reported, not raised.
+
+        Args:
+            names: skills to look up; by default those that the tree names.
+        """
+        looked_up = tuple(said if names is None else names)
+        if not looked_up:
+            return self
+        skills, problems, offered = dict(self._skills), dict(self.problems), _by_name(entry_points(group=GROUP))
+        for name in looked_up:
+            skills.pop(name, None)
+            problems.pop(name, None)
+            found = _loaded(name, offered.get(name, []), {**said, **replacements()})
+            if isinstance(found, str):
+                problems[name] = found
             else:
-                problems[point.name] = f"{point.value} is not a Skill"
-        return cls(skills, problems)
+                skills[name] = found
+        return Registry(skills, problems)
 
     def __getitem__(self, name: str) -> type[Skill]:
         return self._skills[name]
@@ -75,9 +83,23 @@ class Registry(Mapping[str, type[Skill]]):
         return tuple(_list_skill(name, self._skills[name]) for name in sorted(self._skills))
 
 
+def _loaded(name: str, points: Sequence[EntryPoint], said: Mapping[str, str]) -> type[Skill] | str:
+    """A skill, or why it cannot be used."""
+    if not points:
+        return "no package offers it"
+    point, problem = chosen(name, points, said)
+    if problem:
+        return problem
+    try:
+        skill = point.load()
+    except Exception as error:  # a third party's module may raise anything
+        return f"{point.value} cannot be imported: {type(error).__name__}: {error}"
+    return skill if isinstance(skill, type) and issubclass(skill, Skill) else f"{point.value} is not a Skill"
+
+
 def replacements() -> Mapping[str, str]:
-    """Which package gives a skill that several offer: `POMONA_SKILLS="Detect=my_package Plan=other"`."""
-    words = os.environ.get("POMONA_SKILLS", "").replace(",", " ").split()
+    """Which package gives a skill that several offer: `pomona --skill Detect=my_package`, or `POMONA_SKILLS`."""
+    words = os.environ.get(CHOSEN, "").replace(",", " ").split()
     return {name: package for name, _, package in (word.partition("=") for word in words)}
 
 
@@ -91,7 +113,9 @@ def chosen(name: str, points: Sequence[EntryPoint], said: Mapping[str, str]) -> 
         return found or points[0], "" if found else f"'{said[name]}' offers no {name}: {', '.join(offers)} do"
     if len({point.value for point in points}) > 1:
         packages = " and ".join(sorted(offers))
-        return points[0], f"{packages} both offer it: remove one, or choose: POMONA_SKILLS={name}={sorted(offers)[0]}"
+        return points[
+            0
+        ], f"{packages} both offer it: remove one, or choose: skills: {{{name}: {sorted(offers)[0]}}} in the tree"
     return points[0], ""
 
 

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import argparse
+import os
 import re
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from importlib.metadata import EntryPoint, entry_points, version
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 from executive.commands.examples import EXAMPLES
 
@@ -34,6 +36,24 @@ class _Version(argparse.Action):
         sys.exit(0)
 
 
+class _Choose(argparse.Action):
+    """Keeps the choice where all processes of a run find it."""
+
+    def __call__(
+        self,
+        parser: argparse.ArgumentParser,
+        _namespace: argparse.Namespace,
+        values: str | Sequence[Any] | None,
+        _option: str | None = None,
+    ) -> None:
+        from executive.registry import CHOSEN  # loading it takes a while, and few ask for it
+
+        name, _, package = str(values).partition("=")
+        if not (name and package) or " " in str(values):
+            parser.error(f"argument --skill: '{values}' is not NAME=PACKAGE, such as Detect=my_package")
+        os.environ[CHOSEN] = f"{os.environ.get(CHOSEN, '')} {values}".strip()
+
+
 def add_records_folder(parser: argparse.ArgumentParser) -> None:
     """`--record DIR`, the same for every subcommand that writes or reads records."""
     parser.add_argument(
@@ -55,6 +75,9 @@ def make_parser(wanted: Iterable[str]) -> argparse.ArgumentParser:
         epilog=EPILOG,
     )
     parser.add_argument("--version", action=_Version, nargs=0, help="show the version and exit")
+    parser.add_argument(
+        "--skill", action=_Choose, metavar="NAME=PACKAGE", help="whose skill NAME is, when several packages offer one"
+    )
     subparsers = parser.add_subparsers(metavar="COMMAND", required=True)
     for entry in sorted(entry_points(group=COMMANDS), key=lambda entry: entry.name):
         if entry.name in wanted:

@@ -84,9 +84,14 @@ def analyse(
 
 class _Checker:
     def __init__(self, document: Document, skills: Registry, devices: tuple[type, ...] | None) -> None:
-        self.document, self.skills, self.devices = document, skills, devices
+        self.document, self.devices = document, devices
         self.findings = Findings()
         self.findings.extend(document.findings)
+        packages = document.main.skills
+        self.skills = skills = skills.choosing({name: package.text for name, package in packages.items()})
+        for name, package in packages.items():
+            if name in skills.problems:
+                self.findings.error(package, "broken-skill", f"{name} cannot be used: {skills.problems[name]}")
         self.analysis = Analysis(document)
         self.called: dict[int, Definition] = {}
         self.outcomes = self.analysis.outcomes = Outcomes(skills, self.called)

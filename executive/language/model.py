@@ -51,6 +51,7 @@ class TreeFile:
     main: Definition | None = None
     parameters: dict[str, Declared] = field(default_factory=dict)
     constants: dict[str, Declared] = field(default_factory=dict)
+    skills: dict[str, YamlScalar] = field(default_factory=dict)
     subtrees: dict[str, Definition] = field(default_factory=dict)
     top: YamlMapping | None = None
 

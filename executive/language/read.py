@@ -16,7 +16,7 @@ from executive.values.yaml_nodes import MAX_CHARACTERS, YamlList, YamlMapping, Y
 
 VERSION = "1"
 MAX_FILES = 100
-_TOP = ("pomona", "tree", "description", "parameters", "constants", "in", "out", "root", "subtrees")
+_TOP = ("pomona", "tree", "description", "skills", "parameters", "constants", "in", "out", "root", "subtrees")
 _SUBTREE = ("description", "in", "out", "root")
 _DECLARED = ("type", "default", "min", "max", "choices", "help")
 _NAME = re.compile(r"[a-z][a-z0-9_]*")
@@ -108,6 +108,10 @@ class _Reader:
         file.name = name.text if name is not None else resolved.stem
         described = shape.text(top.get("description"))
         file.description = described.text if described is not None else _header(source, top)
+        for key, value in shape.entries(top.get("skills"), "skills", "'Skill: package' for each"):
+            package = shape.text(value)
+            if package is not None:
+                file.skills[key.text] = package
         file.parameters = self.declarations(shape, top.get("parameters"), "a parameter")
         file.constants = self.constants(shape, top.get("constants"))
         main = file.main = Definition(file.name, top, file, main=True, description=file.description)

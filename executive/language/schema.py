@@ -43,6 +43,7 @@ def schema(skills: Registry, types: NodeTypes | None = None) -> Schema:
             "tree": {"type": "string", "pattern": _NAME, "description": "the tree's name"},
             "description": {"type": "string"},
             "parameters": {**ports, "description": "values that --set changes"},
+            "skills": {"type": ["object", "null"], "additionalProperties": {"type": "string"}},
             "constants": {"type": ["object", "null"], "propertyNames": {"pattern": _NAME}},
             "in": {**ports, "description": "inputs, for a tree that others call"},
             "out": {**ports, "description": "outputs, for a tree that others call"},

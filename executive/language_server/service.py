@@ -33,6 +33,7 @@ TOP = {
     "tree": "the tree's name",
     "description": "what the tree is for",
     "parameters": "values that --set changes",
+    "skills": "packages of skills that several offer",
     "constants": "values with a name",
     "in": "inputs, for a tree that others call",
     "out": "outputs, for a tree that others call",

@@ -8,6 +8,8 @@ from typing import Annotated
 import pytest
 
 from executive import registry
+from executive.commands.command_line import make_parser
+from executive.language import check, read
 from executive.ports import LENGTH, Length, Outputs, Port
 from executive.registry import Registry
 from executive.skill import Skill, Work
@@ -105,9 +107,34 @@ def test_a_skill_that_two_packages_offer_is_refused_until_somebody_says_whose(mo
     found = installed(*points)
     assert "Weigh" not in found
     assert found.problems["Weigh"] == (
-        "others and pomona both offer it: remove one, or choose: POMONA_SKILLS=Weigh=others"
+        "others and pomona both offer it: remove one, or choose: skills: {Weigh: others} in the tree"
     )
     monkeypatch.setenv("POMONA_SKILLS", "Weigh=others")
     assert installed(*points)["Weigh"] is Other
     monkeypatch.setenv("POMONA_SKILLS", "Weigh=nobody")
     assert "'nobody' offers no Weigh" in installed(*points).problems["Weigh"]
+
+
+def test_a_tree_says_whose_skill_it_means_and_the_command_goes_first(monkeypatch, installed):
+    class Other(Weigh):
+        """Another one."""
+
+    points = FakePoint("Weigh", Weigh), FakePoint("Weigh", Other)
+    for point, package in zip(points, ("pomona", "others"), strict=True):
+        point.dist, point.value = FakePackage(package), f"{package}:Weigh"
+    found = installed(*points)
+    tree = "pomona: 1\ntree: t\nskills: {Weigh: %s}\nroot: {Weigh: {basket: '{b}'}}\n"
+    codes = [finding.code for finding in check(read(tree % "others", "t.yaml"), found)]
+    assert "broken-skill" not in codes
+    assert found.choosing({"Weigh": "others"})["Weigh"] is Other
+    finding = check(read(tree % "nobody", "t.yaml"), found)[0]
+    assert (finding.code, finding.line, finding.column) == ("broken-skill", 3, 17)
+    monkeypatch.setenv("POMONA_SKILLS", "")
+    make_parser(["schema"]).parse_args(["--skill", "Weigh=pomona", "schema"])
+    assert found.choosing({"Weigh": "others"})["Weigh"] is Weigh
+
+
+def test_a_choice_that_is_none_is_refused(capsys):
+    with pytest.raises(SystemExit):
+        make_parser([]).parse_args(["--skill", "Weigh"])
+    assert "NAME=PACKAGE" in capsys.readouterr().err

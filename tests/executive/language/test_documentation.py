@@ -28,6 +28,15 @@ def test_every_row_of_a_table_with_proofs_has_one():
     assert [row for row in rows if "`test_" not in row] == []
 
 
+def test_every_rule_names_its_proof():
+    """Paragraphs, points and rows; but not headings, examples and what leads to a table or an example."""
+    rules = re.split(r"\n\n|\n(?=- |\|)", re.sub(r"```.*?```", "", PAGE.partition("\n## ")[2], flags=re.DOTALL))
+    rows = re.compile(r"\||#|$")
+    bare = [rule for rule in rules if "test_" not in rule and not rows.match(rule) and not rule.endswith(":")]
+    tables = [row for row in rules if re.match(r"\| `|\| an? |\| any ", row) and "test_" not in row]
+    assert bare + tables == ["Nodes"]  # what is left of the first heading
+
+
 @pytest.mark.parametrize("found", NodeTypes().values(), ids=lambda found: found.key)
 def test_the_page_says_of_every_type_what_the_type_says(found):
     row = rf"^\| (?:`[^|]*`, )?`{found.key}\b[^|]*\| {re.escape(found.summary)}[^|]*\|"

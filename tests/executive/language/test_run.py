@@ -152,6 +152,22 @@ class TestRetry:
 
 
 class TestOtherModifiers:
+    @pytest.mark.parametrize("modifiers", ["invert: true, retry: 3", "repeat: 3", "for_each: [1, 2, 3]"])
+    def test_every_try_round_and_item_takes_a_tick(self, built, modifiers):
+        run = built(f"root: {{succeed: {{}}, {modifiers}}}")
+        assert [run.tick(), run.tick()] == ["RUNNING", "RUNNING"]
+        assert run.tick() != "RUNNING"
+
+    @pytest.mark.parametrize(
+        ("modifier", "name"), [("repeat: 3", "repeat.round"), ("for_each: [a, b]", "for_each.index")]
+    )
+    def test_loops_count_from_one(self, built, modifier, name):
+        run = built(f"root: {{set: {{n: '{{{name}}} * 10'}}, {modifier}}}")
+        run.tick()
+        assert run.value("/n") == 10
+        run.tick()
+        assert run.value("/n") == 20
+
     def test_timeout_interrupts_on_the_runs_clock(self, built):
         run = built("root: {wait: 1 h, timeout: 100 ms}")
         assert run.run() == "FAILURE"
@@ -281,6 +297,22 @@ class TestPorts:
         np.testing.assert_allclose(seen["pose"], expected, atol=1e-12)
         assert (seen["share"], seen["hold"].name) == (0.4, "FIRM")
         assert (seen["grasp"].index, seen["grasp"].width) == (2, 0.07)
+
+    def test_plain_literals(self, built):
+        values = {
+            "3": 3,
+            "0.5": 0.5,
+            "1e-3": 0.001,
+            "no": "no",
+            "'3 x'": "3 x",
+            "40 %": 0.4,
+            "none": None,
+            "true": True,
+        }
+        listed = ", ".join(f"v{number}: {text}" for number, text in enumerate(values))
+        run = built(f"root: {{set: {{{listed}}}}}")
+        assert run.run() == "SUCCESS"
+        assert [run.value(f"/v{number}") for number in range(len(values))] == list(values.values())
 
     def test_quantities_arrive_in_si(self, built):
         run = built("root: {Retreat: {distance: 12 cm}}")

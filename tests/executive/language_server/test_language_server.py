@@ -105,7 +105,13 @@ class TestCompletion:
         assert "true" in offered(service, "      retry: 3\n", "      run_once: |\n")
         assert "nearest" in offered(service, 'fruit: "{kind}",', 'target: |, fruit: "{kind}",')
         assert "length" in offered(service, "{type: text, default", "{type: |, default")
-        assert offered(service, "parameters:\n", "|\nparameters:\n") == ["description", "constants", "in", "out"]
+        assert offered(service, "parameters:\n", "|\nparameters:\n") == [
+            "description",
+            "skills",
+            "constants",
+            "in",
+            "out",
+        ]
 
     def test_poses_and_fruit_of_the_cell(self, tmp_path):
         found = TreeService(tmp_path / "t.yaml", Registry.installed())
