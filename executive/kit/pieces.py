@@ -136,7 +136,7 @@ root:
 def test_two_failures_are_forgiven_and_the_third_is_not() -> None:
     types = NodeTypes([*BUILTIN, ${Name}Type])
     tree = build(read(TREE, "t.yaml", types=types), Registry({}), context=BenchContext())
-    ends = []
+    ends: list[Status] = []
     for _ in range(3):
         tree.root.tick_once()
         ends.append(tree.root.status)
