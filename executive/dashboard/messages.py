@@ -14,6 +14,7 @@ from typing import Any
 import cv2
 import numpy as np
 
+from executive.dashboard.cloud import cloud_of
 from executive.encode import plain
 from executive.running.events import Event, PortWritten, Published
 from executive.views import ImageView
@@ -47,6 +48,8 @@ def _view(value: Any) -> Any:
         message = plain(dataclasses.replace(value, image=None), arrays=MOST_SCENE_ELEMENTS)
         message.pop("depth", None)
         message["image"] = _data_url(value.image)
+        if (cloud := cloud_of(value)) is not None:
+            message["cloud"] = cloud
         message["size"] = [value.image.shape[1], value.image.shape[0]]
         return message
     return _rounded(plain(value, arrays=MOST_SCENE_ELEMENTS))

@@ -16,10 +16,12 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+import cv2
 import orjson
 
+from executive.dashboard.cloud import cloud_in_record
 from executive.dashboard.messages import VERSION, encode, encode_number
-from executive.errors import UsageError
+from executive.errors import PomonaError, UsageError
 from executive.recording.container import HEAD, MESSAGE, MESSAGE_HEAD
 from executive.recording.decode import ForeignRecordError, event_from
 from executive.recording.folder import EVENTS, EVENTS_FILE
@@ -99,6 +101,15 @@ def image(folder: Path, at: int) -> bytes | None:
             return base64.b64decode(found["data"]) if found["format"] == "jpeg" else None
     except (OSError, OverflowError, ValueError, KeyError, TypeError, struct.error):
         return None
+
+
+def cloud(folder: Path, at: int) -> dict[str, str]:
+    """The depth points of the look whose image stands at a place in the record; empty where there are none."""
+    path = folder / EVENTS_FILE
+    try:
+        return cloud_in_record(path, at, _verdict(path)) if image(folder, at) is not None else {}
+    except (PomonaError, ValueError, KeyError, TypeError, AttributeError, cv2.error):
+        return {}
 
 
 def _verdict(path: Path) -> Verdict:
@@ -237,6 +248,8 @@ def _with_image(path: Path, line: Line, images: str) -> bytes:
     if not isinstance(value, dict):
         raise ForeignRecordError("an event with an image has no view")
     event["value"] = value | {"image": address, "size": size_of_jpeg(coded)}
+    if images and isinstance(value.get("pinhole"), dict):
+        event["value"]["cloud"] = f"{address}/cloud"
     text = json.dumps({"v": VERSION, "seq": seq, **event}, ensure_ascii=False, separators=(",", ":"))
     return text.encode(errors="replace")
 

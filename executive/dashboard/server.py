@@ -29,7 +29,7 @@ from executive.dashboard.connections import LiveWire, PatientHttp, wire_of
 from executive.dashboard.control_lock import ControlLock, RefusedError
 from executive.dashboard.hub import Hub, Viewer
 from executive.dashboard.presses import Presses, now, text
-from executive.dashboard.record_messages import between, image, overview, record_messages
+from executive.dashboard.record_messages import between, cloud, image, overview, record_messages
 from executive.dashboard.security import Access, Guard
 from executive.errors import PomonaError, UsageError
 from executive.recording.folder import EVENTS_FILE
@@ -88,6 +88,7 @@ class Dashboard:
                 Route("/api/runs", self._runs),
                 Route("/api/runs/{name}/messages", self._messages),
                 Route("/api/runs/{name}/images/{at:int}", self._image),
+                Route("/api/runs/{name}/images/{at:int}/cloud", self._cloud),
                 Route("/api/runs/{name}/record", self._download),
                 Route("/api/runs/{name}/picture", self._picture),
                 Route("/api/act", self._act, methods=["POST"]),
@@ -227,6 +228,11 @@ class Dashboard:
         if found is None:
             return JSONResponse({"error": "no such image"}, 404)
         return Response(found, media_type="image/jpeg", headers={"cache-control": "private, max-age=86400"})
+
+    async def _cloud(self, request: Request) -> Response:
+        folder = self._folder(request)
+        found = {} if folder is None else await asyncio.to_thread(cloud, folder, request.path_params["at"])
+        return JSONResponse(found, headers={"cache-control": "private, max-age=86400"})
 
     async def _download(self, request: Request) -> Response:
         folder = self._folder(request)

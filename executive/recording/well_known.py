@@ -83,6 +83,8 @@ def well_known(event: Event, stamp: int) -> Iterator[Message]:
 
 IMAGES = "/images/"
 """Topics of colour images; an event's stands before the event."""
+DEPTH = "/depth/"
+"""Topics of its depth, between the two."""
 
 
 class Images:
@@ -104,7 +106,7 @@ class Images:
             metres = np.where(np.isfinite(view.depth), view.depth, np.float32(0.0))
             millimetres = np.rint(np.clip(metres * np.float32(1e3), 0, 65535)).astype(np.uint16)
             if data := _coded(".png", millimetres, PNG):
-                yield f"/depth/{topic}", COMPRESSED_IMAGE, _image(stamp, frame, data, "png")
+                yield f"{DEPTH}{topic}", COMPRESSED_IMAGE, _image(stamp, frame, data, "png")
 
 
 JPEG = [cv2.IMWRITE_JPEG_QUALITY, 90]

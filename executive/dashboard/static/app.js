@@ -21,7 +21,7 @@ const toggleBreak = (path, side) => press(`${page.whole.breaks[side].has(path) ?
 const tree = new TreeView((path) => { page.selected = path; page.dirty = true; }, toggleBreak);
 const camera = new CameraView();
 const plots = new PlotsView();
-const scene = new SceneView();
+const scene = new SceneView((path) => { tree.open(path); tree.show(path); });
 const timeline = new Timeline(goTo);
 onMoment(goTo);
 
@@ -68,7 +68,7 @@ function render() {
   tree.update(s);
   const seen = evidenceState(s);
   camera.update(seen);
-  scene.update(seen);
+  scene.update(seen, page.selected);
   plots.update(seen, seen === s ? page.at : seen.t, page.whole.t, page.playing);
   drawTables(s);
   drawNode(s, toggleBreak);
@@ -206,7 +206,7 @@ document.addEventListener("keydown", (event) => {
   else if (event.key === "?") $("keys").showModal();
 });
 window.addEventListener("hashchange", openAddress);
-matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { plots.forget(); scene.draw(); timeline.key = ""; page.dirty = true; });
+matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { plots.forget(); scene.repaint(); timeline.key = ""; page.dirty = true; });
 
 openAddress();
 connect(receive);

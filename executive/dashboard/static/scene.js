@@ -1,206 +1,291 @@
-// Things in space on a plain canvas: robot, paths, points and meshes in the base frame, turned with the mouse.
+// Things in space, in the base frame: robot, paths, fruit, map, the look's depth points. Turned with mouse and keys; what is
+// clicked selects the node that has shown it, and the chosen node's things stand out.
 import { $, h } from "./dom.js";
+import { withToken } from "./page.js";
 import { showAge } from "./pictures.js";
 
 const STYLE = {
   planned: "--planned", executed: "--executed", approach: "--approach", muted: "--hidden", occupied: "--occupied",
   free: "--free", chosen: "--good", ruled_out: "--bad", tried: "--warn", object: "--object", robot: "--robot", tool: "--tool",
 };
-const MOST_CUBES = 1500; // more cells are drawn as squares
-const SUN = normal([0.35, -0.5, 0.8]);
-const HOME = { yaw: -0.7, pitch: 0.45, zoom: 1 };
+const MOST_CUBES = 20000; // more cells are drawn as points
+const HOME = { yaw: -0.7, pitch: 0.45 };
+const FIELD = 40; // degrees
+const CLICK = 4; // px between down and up that are still a click
+let three = null; // the library, once there is something to show
 
 export class SceneView {
-  constructor() {
+  constructor(onPick) {
     this.canvas = $("scene");
-    Object.assign(this, HOME, { key: null, views: [], robots: [], run: null, box: [[Infinity], [-Infinity]] });
-    let drag = null;
-    this.canvas.addEventListener("pointerdown", (e) => { drag = [e.clientX, e.clientY]; this.canvas.setPointerCapture(e.pointerId); });
-    this.canvas.addEventListener("pointermove", (e) => {
-      if (!drag) return;
-      this.turn((e.clientX - drag[0]) * 0.01, (e.clientY - drag[1]) * 0.01);
-      drag = [e.clientX, e.clientY];
-    });
-    this.canvas.addEventListener("pointerup", () => { drag = null; });
-    this.canvas.addEventListener("wheel", (e) => { e.preventDefault(); this.closer(Math.exp(-e.deltaY * 0.001)); }, { passive: false });
-    this.canvas.addEventListener("keydown", (e) => {
-      if (e.key === "+" || e.key === "-") { this.closer(e.key === "+" ? 1.15 : 1 / 1.15); return; }
-      const step = { ArrowLeft: [-0.1, 0], ArrowRight: [0.1, 0], ArrowUp: [0, -0.1], ArrowDown: [0, 0.1] }[e.key];
-      if (!step) return;
-      this.turn(...step); e.preventDefault(); e.stopPropagation();
-    });
-    $("scene-home").addEventListener("click", () => { Object.assign(this, HOME); this.draw(); });
-    new ResizeObserver(() => this.draw()).observe(this.canvas);
+    Object.assign(this, { onPick, key: null, topics: new Map(), robots: new Map(), run: null, selected: null, mine: true, problem: "" });
+    $("scene-home").addEventListener("click", () => { this.mine = true; this.home(); });
+    new ResizeObserver(() => this.draw()).observe(this.canvas.parentElement);
+    this.canvas.addEventListener("keydown", (e) => this.turnedByKey(e));
+    let down = null;
+    this.canvas.addEventListener("pointerdown", (e) => { down = [e.clientX, e.clientY]; });
+    this.canvas.addEventListener("click", (e) => { if (down && Math.hypot(e.clientX - down[0], e.clientY - down[1]) < CLICK) this.pick(e); });
   }
 
-  turn(yaw, pitch) { this.yaw += yaw; this.pitch = Math.max(-0.2, Math.min(1.5, this.pitch + pitch)); this.draw(); }
-  closer(factor) { this.zoom = Math.max(0.3, Math.min(12, this.zoom * factor)); this.draw(); }
-
-  update(state) {
+  update(state, selected = null) {
     const ages = [...state.scenes.values(), ...state.poses.values()].map((v) => v.t);
     showAge($("scene-age"), ages.length ? Math.max(...ages) : null, state);
-    const stamps = (map) => [...map.entries()].map(([topic, v]) => `${topic}@${v.t}`).join("|");
-    const key = `${state.run?.run}|${stamps(state.scenes)}|${stamps(state.poses)}|${state.bodies.size}`;
+    const views = shownViews(state);
+    const robots = [...state.poses].filter(([topic]) => state.bodies.has(topic));
+    const key = `${state.run?.run}|${views.map(([topic, v]) => `${topic}@${v.t}`).join("|")}|${robots.map(([topic, v]) => `${topic}@${v.t}`).join("|")}|${state.bodies.size}|${selected}|${Boolean(three)}`;
     if (key === this.key) return;
     this.key = key;
-    this.views = [...state.scenes.values()];
-    this.robots = [...state.poses.entries()].filter(([topic]) => state.bodies.has(topic)).map(([topic, v]) => ({ ...v, bodies: state.bodies.get(topic) }));
-    const anything = this.views.length || this.robots.length;
-    this.canvas.hidden = !anything;
+    const anything = views.length || robots.length;
+    this.canvas.hidden = !anything || Boolean(this.problem);
     $("scene-home").hidden = !anything;
-    $("scene-caption").textContent = "";
-    if (!anything) { $("scene-legend").replaceChildren(h("p", { class: "empty" }, "Nothing to show yet")); return; }
+    if (!anything || this.problem) { $("scene-caption").textContent = ""; $("scene-legend").replaceChildren(h("p", { class: "empty" }, this.problem || "Nothing to show yet")); if (!anything) this.clear(); return; }
+    if (!three) { load().then(() => { this.key = null; this.update(state, selected); }, (error) => { this.problem = `The scene cannot be drawn: ${error.message}`; this.key = null; }); return; }
+    if (!this.begin()) return;
+    if (this.run !== state.run?.run) { this.clear(); this.run = state.run?.run; this.mine = true; }
+    this.selected = selected;
+    this.place(new Map(views), state);
+    for (const [topic, { poses, trace, t }] of robots) this.placeRobot(topic, state.bodies.get(topic), poses, trace, t);
+    for (const topic of [...this.robots.keys()]) if (!robots.some(([other]) => other === topic)) { this.drop(this.robots.get(topic).group); this.robots.delete(topic); }
+    for (const { group, node } of this.topics.values()) emphasize(group, selected && node === selected);
+    this.tell(views, robots);
+    if (this.mine) this.home(); else this.draw();
+  }
+
+  begin() {
+    if (this.renderer) return true;
+    try { this.renderer = new three.WebGLRenderer({ canvas: this.canvas, antialias: true, alpha: true, preserveDrawingBuffer: true }); } catch {
+      this.problem = "This browser has no WebGL: the scene cannot be drawn.";
+      this.key = null;
+      return false;
+    }
+    this.scene = new three.Scene();
+    this.camera = new three.PerspectiveCamera(FIELD, 1, 0.01, 50);
+    this.camera.up.set(0, 0, 1);
+    const sun = new three.DirectionalLight(0xffffff, 1.9);
+    sun.position.set(0.35, -0.5, 0.8);
+    this.scene.add(new three.AmbientLight(0xffffff, 1.7), sun);
+    this.controls = new three.OrbitControls(this.camera, this.canvas);
+    this.controls.addEventListener("change", () => this.draw());
+    this.controls.addEventListener("start", () => { this.mine = false; });
+    return true;
+  }
+
+  clear() {
+    for (const { group } of [...this.topics.values(), ...this.robots.values()]) this.drop(group);
+    this.topics.clear();
+    this.robots.clear();
+    if (this.renderer) this.draw();
+  }
+
+  drop(group) {
+    this.scene.remove(group);
+    group.traverse((thing) => { thing.geometry?.dispose(); thing.material?.dispose(); });
+  }
+
+  place(views, state) {
+    for (const [topic, view] of views) {
+      const before = this.topics.get(topic);
+      if (before?.t === view.t) continue;
+      if (before) this.drop(before.group);
+      const group = built(view);
+      group.userData = { node: view.node, what: `${state.byPath.get(view.node)?.name ?? ""} ${topic}`.trim() };
+      this.topics.set(topic, { group, t: view.t, node: view.node });
+      this.scene.add(group);
+      if (view.cloud) cloudOf(view).then((points) => { if (points && this.topics.get(topic)?.group === group) { group.add(points); this.draw(); } });
+    }
+    for (const topic of [...this.topics.keys()]) if (!views.has(topic)) { this.drop(this.topics.get(topic).group); this.topics.delete(topic); }
+  }
+
+  placeRobot(topic, bodies, poses, trace, t) {
+    let robot = this.robots.get(topic);
+    if (robot?.bodies !== bodies) {
+      if (robot) this.drop(robot.group);
+      const group = new three.Group();
+      const parts = bodies.map((body) => { const mesh = meshOf(body); group.add(mesh); return mesh; });
+      robot = { group, bodies, parts, line: null, t: null };
+      this.robots.set(topic, robot);
+      this.scene.add(group);
+    }
+    if (robot.t === t) return;
+    robot.t = t;
+    robot.parts.forEach((part, i) => { const p = poses[i]; part.visible = Boolean(p); if (p) { part.position.set(p[0], p[1], p[2]); part.quaternion.set(p[3], p[4], p[5], p[6]); } });
+    if (robot.line) { robot.group.remove(robot.line); robot.line.geometry.dispose(); robot.line.material.dispose(); robot.line = null; }
+    if (trace.length > 1) { robot.line = lineOf(trace, "executed"); robot.group.add(robot.line); }
+  }
+
+  tell(views, robots) {
     const labels = new Map();
-    for (const view of this.views) for (const part of [...list(view.lines), ...list(view.points), ...list(view.meshes)]) if (part.label) labels.set(part.label, part.style);
-    if (this.robots.some((robot) => robot.trace.length > 1)) labels.set("executed path", "executed");
-    $("scene-legend").replaceChildren(...[...labels].map(([label, style]) => { const dot = h("i"); dot.style.background = colour(style); return h("span", {}, dot, label); }));
-    $("scene-caption").textContent = $("scene-caption").title = this.views.map((v) => v.caption).filter(Boolean).join(" · ");
-    if (this.run !== state.run?.run) { this.run = state.run?.run; this.box = [[Infinity, Infinity, Infinity], [-Infinity, -Infinity, -Infinity]]; }
-    const [low, high] = this.box;
-    eachPoint(this.views, this.robots, (p, by) => { for (let i = 0; i < 3; i++) { low[i] = Math.min(low[i], p[i] - by); high[i] = Math.max(high[i], p[i] + by); } });
+    for (const [, view] of views) for (const part of [...list(view.lines), ...list(view.points), ...list(view.meshes)]) if (part.label) labels.set(part.label, part.style);
+    if (robots.some(([, { trace }]) => trace.length > 1)) labels.set("executed path", "executed");
+    if (views.some(([, view]) => view.cloud)) labels.set("depth of the look", null);
+    const words = JSON.stringify([...labels]);
+    if ($("scene-legend").dataset.key !== words) {
+      $("scene-legend").dataset.key = words;
+      $("scene-legend").replaceChildren(...[...labels].map(([label, style]) => { const dot = h("i"); dot.style.background = style ? colour(style) : "conic-gradient(#c8452f, #2f86c9, #11703f, #c8452f)"; return h("span", {}, dot, label); }));
+    }
+    $("scene-caption").textContent = $("scene-caption").title = views.map(([, v]) => (v.cloud ? "" : v.caption)).filter(Boolean).join(" · ");
+  }
+
+  // The whole of what there is, seen from the side that is shown at first.
+  home() {
+    if (!this.renderer) return;
+    const box = new three.Box3();
+    for (const { group } of [...this.topics.values(), ...this.robots.values()]) box.union(new three.Box3().setFromObject(group));
+    if (box.isEmpty()) return;
+    const around = box.getBoundingSphere(new three.Sphere());
+    if (this.around && this.around.containsPoint(around.center) && this.around.radius >= around.radius && this.around.radius < 1.5 * around.radius) around.copy(this.around); // what moves does not make the rest move
+    this.around = around;
+    const far = Math.max(around.radius, 0.1) / Math.sin((FIELD / 2) * Math.PI / 180) * Math.max(1, 1 / (this.camera.aspect || 1)) * 0.85;
+    const { yaw, pitch } = HOME;
+    this.controls.target.copy(around.center);
+    this.camera.position.set(Math.sin(yaw) * Math.cos(pitch), -Math.cos(yaw) * Math.cos(pitch), Math.sin(pitch)).multiplyScalar(far).add(around.center);
+    this.floor(box);
+    this.controls.update();
     this.draw();
   }
 
-  // What there is to see, as it lies on the screen. It only grows while one looks from the same side: what moves must not
-  // make the rest move.
-  extent(turned) {
-    const side = `${this.run}|${this.yaw}|${this.pitch}`;
-    if (this.side !== side) { this.side = side; this.seen = [Infinity, -Infinity, Infinity, -Infinity]; }
-    const { seen } = this;
-    eachPoint(this.views, this.robots, (p, by) => {
-      const [u, v] = turned(p);
-      seen[0] = Math.min(seen[0], u - by); seen[1] = Math.max(seen[1], u + by); seen[2] = Math.min(seen[2], v - by); seen[3] = Math.max(seen[3], v + by);
-    });
-    return seen;
+  floor(box) {
+    const wide = Math.ceil(Math.max(box.max.x - box.min.x, box.max.y - box.min.y, 0.4) * 10) / 10 + 0.2;
+    const tint = colour("--floor"), low = Math.min(0, box.min.z);
+    const key = `${wide}|${low.toFixed(3)}|${tint}`;
+    if (this.floorKey === key) return;
+    this.floorKey = key;
+    if (this.grid) this.drop(this.grid);
+    this.grid = new three.GridHelper(wide, Math.round(wide * 10), tint, tint); // squares of 100 mm
+    this.grid.rotation.x = Math.PI / 2;
+    this.grid.position.set(Math.round((box.min.x + box.max.x) * 5) / 10, Math.round((box.min.y + box.max.y) * 5) / 10, low);
+    this.scene.add(this.grid);
+  }
+
+  turnedByKey(e) {
+    const step = { ArrowLeft: [-0.1, 0], ArrowRight: [0.1, 0], ArrowUp: [0, -0.1], ArrowDown: [0, 0.1], "+": 1 / 1.15, "-": 1.15 }[e.key];
+    if (!step || !this.renderer) return;
+    this.mine = false;
+    const arm = this.camera.position.clone().sub(this.controls.target);
+    if (Array.isArray(step)) {
+      const flat = Math.hypot(arm.x, arm.y), far = arm.length();
+      const yaw = Math.atan2(arm.y, arm.x) - step[0], pitch = Math.max(-1.4, Math.min(1.5, Math.atan2(arm.z, flat) + step[1]));
+      arm.set(Math.cos(yaw) * Math.cos(pitch), Math.sin(yaw) * Math.cos(pitch), Math.sin(pitch)).multiplyScalar(far);
+    } else arm.multiplyScalar(step);
+    this.camera.position.copy(this.controls.target).add(arm);
+    this.controls.update();
+    this.draw();
+    e.preventDefault(); e.stopPropagation();
+  }
+
+  pick(e) {
+    if (!this.renderer) return;
+    const box = this.canvas.getBoundingClientRect();
+    const at = new three.Vector2(((e.clientX - box.left) / box.width) * 2 - 1, 1 - ((e.clientY - box.top) / box.height) * 2);
+    const ray = new three.Raycaster();
+    ray.params.Points.threshold = 0.01;
+    ray.params.Line2 = { threshold: 8 };
+    ray.setFromCamera(at, this.camera);
+    const known = [...this.topics.values()].filter(({ node }) => node).map(({ group }) => group);
+    const hits = ray.intersectObjects(known, true);
+    const hit = hits.find(({ object }) => object.userData.mesh) ?? hits[0]; // a fruit before the points around it
+    if (!hit) return;
+    let group = hit.object;
+    while (group && !group.userData.node) group = group.parent;
+    if (group) this.onPick?.(group.userData.node);
   }
 
   draw() {
-    const { canvas } = this;
-    const ratio = devicePixelRatio || 1;
-    const [w, ht] = [canvas.clientWidth, canvas.clientHeight];
+    const { renderer, canvas } = this;
+    if (!renderer || canvas.hidden) return;
+    const [w, ht] = [canvas.parentElement.clientWidth, canvas.parentElement.clientHeight];
     if (!w || !ht) return;
-    canvas.width = w * ratio; canvas.height = ht * ratio;
-    const g = canvas.getContext("2d");
-    g.scale(ratio, ratio);
-    if (!this.views.length && !this.robots.length) return;
-    const [low, high] = this.box;
-    if (!Number.isFinite(low[0])) return;
-    const [cy, sy, cp, sp] = [Math.cos(this.yaw), Math.sin(this.yaw), Math.cos(this.pitch), Math.sin(this.pitch)];
-    const turned = ([x, y, z]) => { const ry = sy * x + cy * y; return [cy * x - sy * y, cp * z + sp * ry, cp * ry - sp * z]; };
-    const [left, right, bottom, top] = this.extent(turned);
-    const legend = getComputedStyle($("scene-legend")).position === "absolute" ? 130 : 0;
-    const scale = Math.min((w - legend) / (right - left), ht / (top - bottom)) * this.zoom;
-    const [cu, cv] = [(left + right) / 2, (bottom + top) / 2];
-    const project = (p) => { const [u, v, depth] = turned(p); return [(w + legend) / 2 + (u - cu) * scale, ht / 2 - (v - cv) * scale, depth]; };
-    floor(g, low, high, project);
-    const things = [];
-    const line = (points, tint, width) => { // paths are seen through what hides them
-      const ps = points.map(project);
-      for (let i = 1; i < ps.length; i++) things.push({ depth: (ps[i][2] + ps[i - 1][2]) / 2 - 0.3, line: [ps[i - 1], ps[i]], tint, width });
-    };
-    const mesh = (vertices, faces, style) => {
-      const shade = shades(style);
-      const ps = vertices.map(project);
-      for (const [a, b, c] of faces) {
-        const area = (ps[b][0] - ps[a][0]) * (ps[c][1] - ps[a][1]) - (ps[b][1] - ps[a][1]) * (ps[c][0] - ps[a][0]);
-        if (area >= 0) continue; // it looks away
-        things.push({ depth: (ps[a][2] + ps[b][2] + ps[c][2]) / 3, face: [ps[a], ps[b], ps[c]], tint: shade(facing(vertices[a], vertices[b], vertices[c])) });
-      }
-    };
-    for (const robot of this.robots) {
-      robot.bodies.forEach((body, i) => { if (robot.poses[i]) mesh(placed(body.vertices, robot.poses[i]), body.faces, body.style); });
-      line(robot.trace, colour("executed"), 2.5);
+    const ratio = Math.min(devicePixelRatio || 1, 2);
+    if (this.size !== `${w}|${ht}|${ratio}`) {
+      this.size = `${w}|${ht}|${ratio}`;
+      renderer.setPixelRatio(ratio);
+      renderer.setSize(w, ht, false);
+      const first = !this.camera.aspect || this.mine;
+      this.camera.aspect = w / ht;
+      this.camera.updateProjectionMatrix();
+      if (first && !this.fitting) { this.fitting = true; this.home(); this.fitting = false; return; }
     }
-    for (const view of this.views) {
-      for (const cloud of list(view.points)) {
-        const points = list(cloud.points), tint = colour(cloud.style);
-        const cells = cloud.style === "occupied" || cloud.style === "muted";
-        if (cells && points.length <= MOST_CUBES) for (const p of points) cube(things, p, cloud.size / 2, project, shades(cloud.style));
-        else for (const p of points) { const q = project(p); things.push({ depth: q[2], dot: q, tint, size: Math.max(cells ? 2 : 3.5, cells ? cloud.size * scale : Math.min(6, cloud.size * scale)), round: !cells }); }
-      }
-      for (const m of list(view.meshes)) if (Array.isArray(m.vertices)) mesh(m.vertices, list(m.faces), m.style);
-      for (const l of list(view.lines)) line(list(l.points), colour(l.style), 2.5);
-    }
-    things.sort((a, b) => b.depth - a.depth);
-    for (const thing of things) paint(g, thing);
+    renderer.render(this.scene, this.camera);
   }
+
+  // Light and dark have other colours: everything is made anew.
+  repaint() { this.clear(); this.floorKey = null; this.key = null; $("scene-legend").dataset.key = ""; }
 }
 
-function paint(g, { face, line, dot, tint, width, size, round }) {
-  g.fillStyle = g.strokeStyle = tint;
-  if (dot) {
-    if (round) { g.beginPath(); g.arc(dot[0], dot[1], size / 2, 0, 7); g.fill(); } else g.fillRect(dot[0] - size / 2, dot[1] - size / 2, size, size);
-    return;
+let loading = null;
+const load = () => (loading ??= import("./vendor/three.js").then((module) => { three = module; }));
+
+// The scenes, and the newest look that has depth.
+function shownViews(state) {
+  const looks = [...state.images].filter(([, view]) => view.cloud).sort(([, a], [, b]) => a.t - b.t).slice(-1);
+  return [...state.scenes, ...looks.map(([topic, { cloud, t, node, caption }]) => [`look ${topic}`, { cloud, t, node, caption }])];
+}
+
+function built(view) {
+  const group = new three.Group();
+  for (const cloud of list(view.points)) {
+    const points = list(cloud.points);
+    if (!points.length) continue;
+    const cells = cloud.style === "occupied" || cloud.style === "muted";
+    group.add(cells && points.length <= MOST_CUBES ? cubesOf(points, cloud) : pointsOf(new Float32Array(points.flat()), cloud));
   }
-  const points = face ?? line;
-  g.beginPath();
-  g.moveTo(points[0][0], points[0][1]);
-  for (let i = 1; i < points.length; i++) g.lineTo(points[i][0], points[i][1]);
-  g.lineWidth = face ? 0.6 : width;
-  g.lineCap = "round";
-  if (face) { g.closePath(); g.fill(); }
-  g.stroke(); // of a face too: it hides the seams
+  for (const mesh of list(view.meshes)) if (Array.isArray(mesh.vertices)) group.add(meshOf(mesh));
+  for (const line of list(view.lines)) if (list(line.points).length > 1) group.add(lineOf(line.points, line.style));
+  return group;
 }
 
-function normal(v) { const n = Math.hypot(...v) || 1; return v.map((x) => x / n); }
-
-// How much a triangle faces the light, 0 to 1.
-function facing(a, b, c) {
-  const [u, v] = [[b[0] - a[0], b[1] - a[1], b[2] - a[2]], [c[0] - a[0], c[1] - a[1], c[2] - a[2]]];
-  const n = normal([u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]]);
-  return Math.max(0, n[0] * SUN[0] + n[1] * SUN[1] + n[2] * SUN[2]);
+function cubesOf(points, { size, style }) {
+  const cubes = new three.InstancedMesh(new three.BoxGeometry(size, size, size), new three.MeshLambertMaterial({ color: colour(style) }), points.length);
+  const place = new three.Matrix4();
+  points.forEach(([x, y, z], i) => cubes.setMatrixAt(i, place.makeTranslation(x, y, z)));
+  cubes.computeBoundingSphere();
+  return cubes;
 }
 
-// Vertices of a body where its pose puts them: position and quaternion x, y, z, w.
-function placed(vertices, [px, py, pz, x, y, z, w]) {
-  const r = [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w), 2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w), 2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)];
-  return vertices.map(([a, b, c]) => [r[0] * a + r[1] * b + r[2] * c + px, r[3] * a + r[4] * b + r[5] * c + py, r[6] * a + r[7] * b + r[8] * c + pz]);
+function pointsOf(positions, { size = 0.005, style = null }, colours = null) {
+  const geometry = new three.BufferGeometry();
+  geometry.setAttribute("position", new three.BufferAttribute(positions, 3));
+  if (colours) geometry.setAttribute("color", new three.BufferAttribute(colours, 3, true));
+  return new three.Points(geometry, new three.PointsMaterial({ size: Math.max(size, 0.004), color: colours ? 0xffffff : colour(style), vertexColors: Boolean(colours) }));
 }
 
-const SIDES = [[[1, 0, 0], [[1, -1, -1], [1, 1, -1], [1, 1, 1], [1, -1, 1]]], [[-1, 0, 0], [[-1, -1, -1], [-1, -1, 1], [-1, 1, 1], [-1, 1, -1]]], [[0, 1, 0], [[-1, 1, -1], [-1, 1, 1], [1, 1, 1], [1, 1, -1]]], [[0, -1, 0], [[-1, -1, -1], [1, -1, -1], [1, -1, 1], [-1, -1, 1]]], [[0, 0, 1], [[-1, -1, 1], [1, -1, 1], [1, 1, 1], [-1, 1, 1]]]];
+function meshOf({ vertices, faces, style }) {
+  const geometry = new three.BufferGeometry();
+  geometry.setAttribute("position", new three.BufferAttribute(new Float32Array(list(vertices).flat()), 3));
+  geometry.setIndex(list(faces).flat());
+  const flat = geometry.toNonIndexed(); // each face has its own normal: what has edges is seen to have them
+  flat.computeVertexNormals();
+  geometry.dispose();
+  const mesh = new three.Mesh(flat, new three.MeshLambertMaterial({ color: colour(style), side: three.DoubleSide }));
+  mesh.userData.mesh = true;
+  return mesh;
+}
 
-function cube(things, p, half, project, shade) {
-  for (const [n, corners] of SIDES) {
-    const ps = corners.map((c) => project([p[0] + c[0] * half, p[1] + c[1] * half, p[2] + c[2] * half]));
-    if ((ps[1][0] - ps[0][0]) * (ps[2][1] - ps[0][1]) - (ps[1][1] - ps[0][1]) * (ps[2][0] - ps[0][0]) >= 0) continue;
-    things.push({ depth: (ps[0][2] + ps[2][2]) / 2, face: ps, tint: shade(Math.max(0, n[0] * SUN[0] + n[1] * SUN[1] + n[2] * SUN[2])) });
+function lineOf(points, style) {
+  const line = new three.Line2(new three.LineGeometry().setPositions(points.flat()), new three.LineMaterial({ color: colour(style), linewidth: 3, depthTest: false, transparent: true, opacity: 0.95 }));
+  line.renderOrder = 1; // seen through what hides it
+  return line;
+}
+
+// The look's depth, in the base frame: millimetres and colours, packed; a record tells the address of them.
+async function cloudOf(view) {
+  let { cloud } = view;
+  if (typeof cloud === "string") {
+    try { cloud = await (await fetch(withToken(cloud))).json(); } catch { return null; }
   }
+  if (!cloud?.mm) return null;
+  const bytes = (text) => Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
+  const mm = new Int16Array(bytes(cloud.mm).buffer);
+  return pointsOf(Float32Array.from(mm, (v) => v / 1000), { size: 0.005 }, bytes(cloud.rgb));
 }
 
-// Tints of a style from shadow to light, made once for each style and scheme.
-const made = new Map();
-function shades(style) {
-  const base = colour(style);
-  if (!made.has(base)) {
-    const rgb = [1, 3, 5].map((i) => parseInt(base.slice(i, i + 2), 16));
-    made.set(base, Array.from({ length: 17 }, (_x, i) => { const k = 0.62 + 0.5 * (i / 16); return `rgb(${rgb.map((c) => Math.min(255, Math.round(c * k))).join(",")})`; }));
-  }
-  const tints = made.get(base);
-  return (light) => tints[Math.round(light * 16)];
-}
-
-// A grid of 100 mm below everything, and the base frame's axes, so that the eye has something to hold on to.
-function floor(g, low, high, project) {
-  const z = Math.min(0, low[2]);
-  const [x0, y0] = [Math.floor(low[0] * 10) / 10, Math.floor(low[1] * 10) / 10];
-  const [x1, y1] = [Math.ceil(high[0] * 10) / 10, Math.ceil(high[1] * 10) / 10];
-  const line = (a, b) => { const [p, q] = [project(a), project(b)]; g.beginPath(); g.moveTo(p[0], p[1]); g.lineTo(q[0], q[1]); g.stroke(); };
-  g.strokeStyle = colour("--floor"); g.lineWidth = 1;
-  for (let i = 0; i <= Math.min(100, Math.round((x1 - x0) * 10)); i++) line([x0 + i / 10, y0, z], [x0 + i / 10, y1, z]);
-  for (let i = 0; i <= Math.min(100, Math.round((y1 - y0) * 10)); i++) line([x0, y0 + i / 10, z], [x1, y0 + i / 10, z]);
-  g.font = "11px system-ui, sans-serif"; g.lineWidth = 1.5;
-  g.strokeStyle = g.fillStyle = colour("--muted");
-  for (const [name, end] of [["x", [x0 + 0.1, y0, z]], ["y", [x0, y0 + 0.1, z]], ["z", [x0, y0, z + 0.1]]]) { line([x0, y0, z], end); const p = project(end); g.fillText(name, p[0] + 3, p[1] - 3); }
+function emphasize(group, on) {
+  group.traverse((thing) => {
+    if (thing.material?.emissive) thing.material.emissive.set(on ? colour("--accent") : 0x000000).multiplyScalar(0.55);
+    if (thing.material?.linewidth) thing.material.linewidth = on ? 6 : 3;
+  });
 }
 
 const list = (v) => (Array.isArray(v) ? v : []);
-
-// Every point that should be in sight, and how far what belongs to it reaches [m].
-function eachPoint(views, robots, take) {
-  const all = (points, by) => { for (const p of list(points)) take(p, by); };
-  for (const v of views) { list(v.lines).forEach((l) => all(l.points, 0.02)); list(v.points).forEach((c) => all(c.points, 0.02)); list(v.meshes).forEach((m) => all(m.vertices, 0)); }
-  for (const robot of robots) { all(robot.poses, 0.09); all(robot.trace, 0.02); }
-}
 
 export function colour(style) {
   return getComputedStyle(document.documentElement).getPropertyValue(style.startsWith("--") ? style : STYLE[style] ?? "--accent").trim();

@@ -90,8 +90,8 @@ const HANDLERS = {
   },
   Published(s, m) {
     const type = m.value?.type;
-    if (type === "ImageView") s.images.set(m.topic, { ...m.value, t: m.t });
-    else if (type === "SceneView") s.scenes.set(m.topic, { ...m.value, t: m.t });
+    if (type === "ImageView") s.images.set(m.topic, { ...m.value, t: m.t, node: m.node });
+    else if (type === "SceneView") s.scenes.set(m.topic, { ...m.value, t: m.t, node: m.node });
     else if (type === "TableView") s.tables.set(m.topic, m.value);
     else if (type === "BodiesView") s.bodies.set(m.topic, m.value.bodies);
     else if (type === "PosesView") {

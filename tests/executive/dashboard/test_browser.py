@@ -77,8 +77,10 @@ def take_control(page: Any, name: str) -> None:
 def painted(page: Any) -> int:
     """How many pixels of the scene are not empty."""
     count: int = page.evaluate(
-        "() => { const c = document.getElementById('scene');"
-        " const { data } = c.getContext('2d').getImageData(0, 0, c.width, c.height);"
+        "() => { const seen = document.getElementById('scene');"
+        " const c = Object.assign(document.createElement('canvas'), { width: seen.width, height: seen.height });"
+        " const g = c.getContext('2d'); g.drawImage(seen, 0, 0);"
+        " const { data } = g.getImageData(0, 0, c.width, c.height);"
         " return data.filter((v, i) => i % 4 === 3 && v).length }"
     )
     return count

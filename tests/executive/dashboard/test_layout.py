@@ -60,3 +60,29 @@ def test_the_scene_fills_the_middle_when_it_is_wanted_large(show: Show, open_pag
     assert box(page, "#scene")["height"] > 380
     page.locator("[data-enlarge=scene]").click()
     expect(page.locator("#camera")).to_be_visible()
+
+
+PICK = """() => { // clicks all over the scene, until something is hit
+    const canvas = document.getElementById("scene"), box = canvas.getBoundingClientRect();
+    for (let y = 4; y < box.height; y += 6) for (let x = 4; x < box.width; x += 6) {
+      const at = { clientX: box.left + x, clientY: box.top + y, bubbles: true };
+      canvas.dispatchEvent(new PointerEvent("pointerdown", { ...at, pointerId: 1, button: 2 }));
+      canvas.dispatchEvent(new MouseEvent("click", at));
+      if (document.getElementById("tree").getAttribute("aria-activedescendant")) return;
+    }
+}"""
+PAINTED = """() => { const seen = document.getElementById("scene");
+    const c = Object.assign(document.createElement("canvas"), { width: seen.width, height: seen.height });
+    const g = c.getContext("2d"); g.drawImage(seen, 0, 0);
+    return g.getImageData(0, 0, c.width, c.height).data.reduce((sum, v) => sum + v, 0); }"""
+
+
+def test_what_is_clicked_in_the_scene_is_chosen_in_the_tree_and_back(show: Show, open_page: Callable[..., Any]) -> None:
+    show.record(LOOK, "old_1")
+    page = open_page("run=old_1", viewport={"width": 1280, "height": 720})
+    expect(page.locator("#scene-legend")).to_contain_text("planned path")
+    before = page.evaluate(PAINTED)
+    page.evaluate(PICK)
+    expect(page.locator(".row.selected .name")).to_have_text("Look")
+    expect(page.locator("#node .about")).to_contain_text("Look")
+    page.wait_for_function(f"(before) => ({PAINTED})() !== before", arg=before)  # its things stand out
