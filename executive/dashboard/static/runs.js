@@ -41,7 +41,7 @@ function drawRuns() {
     h("td", { class: "number" }, typeof r.time === "number" ? seconds(r.time) : ""), h("td", { class: "words" }, r.code ? h("code", {}, r.code) : "", ` ${r.message ?? ""}`),
     h("td", { class: "number" }, h("a", { href: withToken(recordAddress(r.run, "record")), title: "Download the record" }, `${(r.bytes / 1e6).toFixed(1)} MB`)));
   $("runs-count").textContent = `${rows.length} of ${runs.length}`;
-  $("runs").replaceChildren(h("table", {}, h("thead", {}, h("tr", {}, ["compare", "outcome", "run", "tree", "cell", "seed", "duration", "why", "record"].map((c) => h("th", {}, c)))), h("tbody", {}, rows.slice(0, 300).map(row))));
+  $("runs").replaceChildren(h("table", {}, h("thead", {}, h("tr", {}, ["⇄", "outcome", "run", "tree", "cell", "seed", "duration", "why", "record"].map((c) => h("th", { title: c === "⇄" ? "choose two to compare" : null }, c)))), h("tbody", {}, rows.slice(0, 300).map(row))));
   mayCompare();
 }
 

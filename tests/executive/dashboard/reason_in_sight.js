@@ -1,6 +1,8 @@
-async ({ reasons, nodes }) => {
-    // Feeds failed runs to the open page, one after the other, and measures whether each reason is wholly in sight.
+async ({ reasons, nodes, drawn }) => {
+    // Feeds failed runs to the open page, one after the other, and measures whether each reason is wholly in sight. The
+    // first `drawn` of them are drawn by the page in its own time, tree and all; of the others the reason alone.
     const { page } = await import("/static/page.js");
+    const { drawWhy } = await import("/static/panels.js");
     const { apply, emptyState } = await import("/static/store.js");
     const frame = () => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)));
     const entries = nodes.map((name, i) => ({ path: `t/${i}`, parent: i ? "t/0" : null, kind: "skill", type: name, name, line: 1 }));
@@ -16,7 +18,7 @@ async ({ reasons, nodes }) => {
       apply(s, { event: "RunEnded", seq: 4, t: 2, tick: 100, outcome: "failure", reason, ticks: 100, time: 2, wall: 2 });
       page.live.whole = s;
       page.dirty = true;
-      await frame();
+      if (number < drawn) await frame(); else drawWhy(s);
       const say = (what) => problems.push(`${code} (${message.length} characters): ${what}`);
       const why = document.querySelector(".why"), box = why.getBoundingClientRect();
       const shown = document.getElementById("why").textContent;
@@ -25,6 +27,7 @@ async ({ reasons, nodes }) => {
       if (why.scrollHeight > why.clientHeight + 1 || why.scrollWidth > why.clientWidth + 1) say(`${why.clientHeight} of ${why.scrollHeight} px shown`);
       if (box.bottom > innerHeight + 1 || box.top < 0) say(`out of the window: ${box.top} to ${box.bottom}`);
       if (document.documentElement.scrollWidth > innerWidth) say("the page scrolls sideways");
+      if (number >= drawn) continue;
       const boxes = [...document.querySelectorAll("header > *, .bar, .control > *, #run-view > .panel, .middle > .panel, .timeline-panel")].filter((e) => e.offsetParent && e.offsetWidth && e.textContent.trim()).map((e) => [e.id || e.className, e.getBoundingClientRect()]);
       for (const [i, [name, a]] of boxes.entries()) for (const [other, b] of boxes.slice(i + 1)) {
         if (innerWidth > 720 && a.left < b.right - 1 && b.left < a.right - 1 && a.top < b.bottom - 1 && b.top < a.bottom - 1 && a.bottom <= innerHeight + 1 && b.bottom <= innerHeight + 1) say(`${name} and ${other} overlap`);
