@@ -170,6 +170,8 @@ class Skill(py_trees.behaviour.Behaviour):
         self.starts = 0
         self.blocked = 0.0  # seconds that the last poll kept the tick waiting
         self.broke = False  # whether it raised what is no failure: this ends the run
+        self.changed: dict[str, object] = {}
+        """Inputs to which somebody has given another value while the tree runs; they count from the next start on."""
         self._work: Work[Any] | None = None
         self._context: SkillContext | None = None
         self._read: Callable[[], Mapping[str, object]] = dict
@@ -333,7 +335,7 @@ class Skill(py_trees.behaviour.Behaviour):
             if obstacle is not None:
                 self.feedback_message = obstacle
                 return Status.RUNNING
-            started = self._body()(**self._read())
+            started = self._body()(**{**self._read(), **self.changed})
             if not isinstance(started, Generator):
                 return self._succeed(started)
             self._work = started

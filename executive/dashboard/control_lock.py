@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from executive.errors import PomonaError
+from executive.language.changes import ChangeRefusedError
 from executive.running.breakpoints import BREAK_ACTIONS, UnknownNodeError
 from executive.running.requests import AnswerRefusedError, UnknownFaultError
 from executive.running.runner import Runner
@@ -180,7 +181,7 @@ class ControlLock:
             RefusedError: the viewer does not hold control, nothing runs, or there is no such action or node.
         """
         who = self.require(viewer)
-        if action not in (*ACTIONS, *BREAK_ACTIONS, "answer", "fail"):
+        if action not in (*ACTIONS, *BREAK_ACTIONS, "answer", "fail", "change"):
             raise RefusedError(f"'{action}' is no action")
         if self._runner is None or self._runner.state.ended:
             raise RefusedError("nothing is running")
@@ -189,6 +190,13 @@ class ControlLock:
             try:
                 self._runner.answer(path, choice, who)
             except AnswerRefusedError as error:
+                raise RefusedError(str(error)) from None
+        elif action == "change":
+            said, _, path = detail.rpartition(" ← ")
+            port, _, value = said.partition("=")
+            try:
+                self._runner.change(path, port.strip(), value.strip(), who)
+            except ChangeRefusedError as error:
                 raise RefusedError(str(error)) from None
         elif action == "fail":
             switch, _, kind = detail.partition(" ")

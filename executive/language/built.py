@@ -10,6 +10,7 @@ from py_trees.behaviour import Behaviour
 
 from executive.board import Board
 from executive.nodes import Attempt, Retry
+from executive.nodes.approve import Approve
 from executive.nodes.ask import Ask
 from executive.skill import Skill
 
@@ -102,9 +103,9 @@ class BuiltTree:
         return tuple(b for b in self.behaviours.values() if isinstance(b, Skill))
 
     @property
-    def questions(self) -> Mapping[str, Ask]:
+    def questions(self) -> Mapping[str, Ask | Approve]:
         """Nodes that ask a person, by path."""
-        return {path: b for path, b in self.behaviours.items() if isinstance(b, Ask)}
+        return {path: b for path, b in self.behaviours.items() if isinstance(b, (Ask, Approve))}
 
     @property
     def retries(self) -> tuple[Retry, ...]:

@@ -8,6 +8,7 @@ from functools import cache
 from importlib.metadata import entry_points
 
 from executive.errors import PomonaError
+from executive.nodes.approve import ApproveType
 from executive.nodes.ask import AskType
 from executive.nodes.check import CheckType, WaitUntilType
 from executive.nodes.choosing import IfType, ReactiveIfType, SwitchType
@@ -38,7 +39,7 @@ BUILTIN: tuple[type[NodeType], ...] = (
     RecoveryType, IfType, ReactiveIfType, SwitchType, RoundRobinType, PipelineSequenceType, UntranslatedType,
     CheckType, WaitUntilType, WaitType, SetType, AskType, SucceedType, FailType,
     TimeoutType, InvertType, ForceType, DelayType, RateType, RetryType, RepeatType, ForEachType, RunOnceType,
-    GuardType, WhenType, DisabledType, BreakpointType,
+    GuardType, WhenType, DisabledType, BreakpointType, ApproveType,
 )  # fmt: skip
 """Modifiers stand in the order in which they wrap, from the inside to the outside."""
 

@@ -7,7 +7,9 @@ import time
 from collections.abc import Mapping, Sequence
 
 from executive.errors import PomonaError
-from executive.language.built import Side
+from executive.language.built import BuiltTree, Side
+from executive.language.changes import changed_input
+from executive.nodes.approve import Approve
 from executive.nodes.ask import Ask
 from executive.running.breakpoints import BREAK_ACTIONS, Breakpoints
 from executive.running.cell import Cell
@@ -38,7 +40,8 @@ class Requests:
 
     _cell: Cell
     _breakpoints: Breakpoints
-    _questions: Mapping[str, Ask]
+    tree: BuiltTree
+    _questions: Mapping[str, Ask | Approve]
 
     def __init__(self) -> None:
         self._commands: queue.SimpleQueue[tuple[str, str, str, float]] = queue.SimpleQueue()
@@ -96,6 +99,15 @@ class Requests:
         if choice not in asked.choices:
             raise AnswerRefusedError(f"'{choice}' is no answer: {', '.join(asked.choices)}")
         self._ask("answer", who, f"{choice} ← {path}")
+
+    def change(self, path: str, port: str, text: str, who: str = "operator") -> None:
+        """Give an input of the skill at this path another value, as in a tree file, from its next start on.
+
+        Raises:
+            ChangeRefusedError: there is no such skill or input, or this is no value for it.
+        """
+        changed_input(self.tree, path, port, text)
+        self._ask("change", who, f"{port} = {text} ← {path}")
 
     @property
     def known_faults(self) -> dict[str, tuple[str, ...]]:

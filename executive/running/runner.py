@@ -22,6 +22,7 @@ from py_trees.common import Status
 from executive.board import Board, Entry
 from executive.errors import PomonaError
 from executive.language import BuiltTree
+from executive.language.changes import change_input
 from executive.reasons import Reason
 from executive.running.breakpoints import BREAK_ACTIONS, Breakpoints
 from executive.running.cell import Cell
@@ -272,6 +273,8 @@ class Runner(Requests):
                 switch, _, kind = detail.partition(" ")
                 device = self._cell.switches[switch]
                 device.inject_fault(kind) if kind else device.clear_fault()
+            elif action == "change":
+                change_input(self.tree, detail)
             elif action in BREAK_ACTIONS:
                 self._breakpoints.change(detail, *BREAK_ACTIONS[action])
 

@@ -8,6 +8,7 @@ import threading
 from collections.abc import Mapping
 from typing import TextIO
 
+from executive.nodes.approve import Approve
 from executive.nodes.ask import Ask
 from executive.running.events import Event, NodeChanged, RunEnded, StateChanged
 from executive.running.requests import AnswerRefusedError
@@ -25,7 +26,7 @@ class Keys:
     def __init__(self, console: Screen, lines: TextIO) -> None:
         self._console, self._lines = console, lines
         self._runner: Runner | None = None
-        self._questions: Mapping[str, Ask] = {}
+        self._questions: Mapping[str, Ask | Approve] = {}
         self._asked: list[str] = []
         self._paused = self._ended = False
         self._thread: threading.Thread | None = None

@@ -1,6 +1,7 @@
 // Words about the run: why something failed, what a node does, what was written, what happened.
 import { $, h, seconds, show } from "./dom.js";
-import { page } from "./page.js";
+import { press } from "./link.js";
+import { holdsControl, page } from "./page.js";
 import { lastResult, leavesOf, STATUS } from "./store.js";
 
 let goTo = () => {};
@@ -65,13 +66,24 @@ function written(s, wired) {
 const brief = (value) => (typeof value === "object" && value?.type ? value.type : plain(show(value)).replaceAll("\n", ", ").slice(0, 100));
 const plain = (text) => text.replace(/^<.*\.(\w+) object.*$/s, "$1"); // what Python says of a thing that says nothing of itself
 
+// Inputs that somebody has changed while the run goes on, and a field to change one before the next start.
+function changed(s, about) {
+  const said = [...(s.changes.get(about.path) ?? [])].map(([port, { text, who, t }]) => h("p", { class: "changed" }, h("b", {}, `${port} = ${text}`), " from its next start on, by ", who, " at ", moment(t)));
+  if (page.recorded || about.kind !== "skill" || s.ended) return said;
+  const mine = holdsControl();
+  const field = h("input", { "aria-label": "input = value", placeholder: "input = value", maxlength: 200, list: "inputs-known", disabled: !mine });
+  const known = h("datalist", { id: "inputs-known" }, Object.keys(about.inputs ?? {}).map((port) => h("option", { value: `${port} = ` })));
+  const change = (event) => { event.preventDefault(); if (field.value.includes("=")) press("change", `${field.value.trim().replace(/\s*=\s*/, " = ")} ← ${about.path}`); };
+  return [...said, h("form", { class: "change", onsubmit: change }, field, known, h("button", { disabled: !mine, title: mine ? "It counts from the node's next start on, and is recorded." : "Take control to change an input." }, "Change"))];
+}
+
 let nodeKey = "";
 export function drawNode(s, onBreak) {
   const path = page.selected;
   const node = path && s.node.get(path);
   const [before, after] = [s.breaks.before.has(path), s.breaks.after.has(path)];
-  const key = `${path}|${node?.tick}|${node?.status}|${node?.feedback}|${s.run?.run}|${s.ports.size}|${before}|${after}|${s.t.toFixed(0)}|${page.recorded}`;
-  if (key === nodeKey) return;
+  const key = `${path}|${node?.tick}|${node?.status}|${node?.feedback}|${s.run?.run}|${s.ports.size}|${before}|${after}|${s.t.toFixed(0)}|${page.recorded}|${s.acts.length}|${holdsControl()}`;
+  if (key === nodeKey || $("node").contains(document.activeElement) && document.activeElement.matches("input")) return; // not under somebody's hands
   nodeKey = key;
   const about = path && s.byPath.get(path);
   if (!about) { $("node").replaceChildren(h("p", { class: "empty" }, "Choose a node in the tree.")); return; }
@@ -86,7 +98,7 @@ export function drawNode(s, onBreak) {
     about.description || about.comment ? h("p", {}, about.description || about.comment) : null,
     h("div", { class: `status ${rank}` }, h("b", {}, `${icon} ${word}`), h("span", {}, [node?.feedback, last ? `last result: ${STATUS[last.status].word}, ${ago(s, last.t)}` : "", node?.starts ? `started ${node.starts}×` : ""].filter(Boolean).join(" · "))),
     page.recorded ? null : h("div", { class: "group joined", role: "group", "aria-label": "breakpoints of this node" }, breakButton("before", before, "b"), breakButton("after", after, "a")),
-    ...wires("Reads", about.inputs), ...wires("Writes", about.outputs),
+    ...wires("Reads", about.inputs), ...changed(s, about), ...wires("Writes", about.outputs),
     ...(node?.history.length ? [h("h3", {}, "Last results"), h("ol", { class: "history" }, node.history.slice(-8).reverse().map((e) => h("li", {}, moment(e.t), h("span", { class: e.status === "FAILURE" ? "bad" : "" }, `${STATUS[e.status].icon} ${STATUS[e.status].word}`, e.reason ? ` ${e.reason.code}: ${e.reason.message}` : ""))))] : []),
     ...(source ? [h("h3", {}, "In the tree's file"), h("pre", {}, source)] : [])].filter(Boolean));
 }

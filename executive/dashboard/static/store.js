@@ -17,7 +17,7 @@ export function emptyState() {
     t: 0, tick: 0, seq: 0, run: null, nodes: [], byPath: new Map(), state: "idle", because: "",
     node: new Map(), attempts: new Map(), ports: new Map(), images: new Map(), scenes: new Map(),
     series: new Map(), tables: new Map(), bodies: new Map(), poses: new Map(), spans: [], marks: [], links: new Map(), failures: [], acts: [], ended: null,
-    safeStop: null, unrest: "", hand: null, gap: 1.5, breaks: { before: new Set(), after: new Set() },
+    safeStop: null, unrest: "", hand: null, gap: 1.5, breaks: { before: new Set(), after: new Set() }, changes: new Map(),
   };
 }
 
@@ -139,6 +139,10 @@ const HANDLERS = {
     if (un) side.delete(m.detail);
     else if (m.action.startsWith("break")) side.add(m.detail);
     else if (m.action === "acknowledge") s.safeStop = null;
+    else if (m.action === "change") {
+      const [, port, text, path] = m.detail.match(/^(.*?) = (.*) ← (.*)$/s) ?? [];
+      if (path) s.changes.set(path, new Map(s.changes.get(path)).set(port, { text, who: m.who, t: m.t }));
+    }
     s.marks.push({ t: m.t, kind: "act", text: `${m.who}: ${m.action.replaceAll("_", " ")} ${s.byPath.get(m.detail)?.name ?? m.detail}`.trim() });
   },
   SafeStopped(s, m) {

@@ -210,3 +210,42 @@ def test_a_press_that_the_run_does_not_answer_is_not_taken_for_done(show: Show, 
     show.dashboard.hub.on_event(OperatorActed(1.0, 1, "ada", "pause", ""))
     expect(page.locator("#press")).to_be_hidden()
     GATE.set()
+
+
+APPROVED = """pomona: 1
+tree: demo
+root:
+  sequence:
+    - Look: {seen: '{seen}'}
+    - Rest: {duration: 40 ms}
+      approve: true
+    - Hold: {}
+"""
+
+
+def test_what_is_planned_is_shown_and_waits_for_a_person_who_may_change_it_first(show: Show, open_page: Open) -> None:
+    page = open_page(viewport={"width": 1280, "height": 720})
+    show.run(APPROVED)
+    expect(page.locator("#questions")).to_contain_text("May Rest start? What is planned is shown.")
+    expect(page.get_by_role("button", name="Approve")).to_be_disabled()
+    expect(page.locator("#camera")).to_be_hidden()
+    expect(page.locator("#scene-legend")).to_contain_text("planned path")
+    assert page.locator("#scene").bounding_box()["height"] > 250  # it has the room
+    page.get_by_label("your name").fill("ada")
+    page.get_by_role("button", name="Take control").click()
+    page.locator(".row", has=page.get_by_text("Rest", exact=True)).last.click()
+    field = page.get_by_label("input = value")
+    field.fill("durable=60 ms")
+    field.press("Enter")
+    expect(page.locator("#connection")).to_contain_text("has no input 'durable'")
+    field.fill("duration=60 ms")
+    field.press("Enter")
+    page.locator("#tree").focus()
+    expect(page.locator("#node .changed")).to_contain_text("duration = 60 ms from its next start on, by ada")
+    page.get_by_role("button", name="Approve").click()
+    expect(page.locator("#questions")).to_be_hidden()
+    expect(page.locator("#camera")).to_be_visible()
+    expect(page.locator(".row", has=page.get_by_text("Hold", exact=True)).locator(".icon")).to_have_attribute(
+        "aria-label", "running"
+    )
+    GATE.set()

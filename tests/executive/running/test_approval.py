@@ -1,0 +1,119 @@
+"""A person approves a node's start, and changes its inputs before it; both are recorded."""
+
+from __future__ import annotations
+
+import pytest
+from fake_runs import Turn, make
+
+from executive.dashboard.control_lock import ControlLock, RefusedError
+from executive.language.changes import ChangeRefusedError
+from executive.registry import Registry
+from executive.running.events import NodeChanged, OperatorActed
+
+TEXT = """
+pomona: 1
+tree: careful
+root:
+  sequence:
+    - Turn: {duration: 40 ms}
+      approve: true
+    - Turn: {duration: 40 ms}
+      name: Again
+"""
+PATH, TURN, AGAIN = "careful/Turn:approve", "careful/Turn", "careful/Again"
+SKILLS = Registry({"Turn": Turn})
+
+
+def starts(events, path):
+    return [
+        event.tick
+        for event in events
+        if isinstance(event, NodeChanged) and event.path == path and event.status == "RUNNING"
+    ]
+
+
+def test_a_node_waits_until_somebody_approves():
+    runner, _, events = make(
+        TEXT, SKILLS, {9: lambda runner, _: runner.answer(PATH, "approve", "Ada")}, attended=True, go_on=True
+    )
+    assert runner.run().outcome == "success"
+    assert min(starts(events, TURN)) >= 9
+    assert min(starts(events, PATH)) < 3
+    acted = [event for event in events if isinstance(event, OperatorActed) and event.action == "answer"]
+    assert [(event.who, event.detail) for event in acted] == [("Ada", f"approve ← {PATH}")]
+
+
+def test_each_start_is_approved_anew():
+    text = TEXT.replace("approve: true", "approve: true\n      repeat: 2")
+    answered = {tick: lambda runner, _: runner.answer("careful/Turn:approve", "approve") for tick in (5, 30)}
+    runner, _, events = make(text, SKILLS, answered, attended=True, go_on=True)
+    assert runner.run().outcome == "success"
+    first, second = (tick for tick in sorted(set(starts(events, TURN))) if tick in (5, 6, 30, 31))
+    assert first < 30 <= second
+
+
+def test_what_is_not_approved_does_not_start():
+    runner, _, events = make(
+        TEXT, SKILLS, {5: lambda runner, _: runner.answer(PATH, "refuse")}, attended=True, go_on=True
+    )
+    result = runner.run()
+    assert result.reason is not None
+    assert (result.outcome, result.reason.codes()) == ("failure", {"NOT_APPROVED"})
+    assert not starts(events, TURN)
+
+
+def test_where_nobody_is_there_nothing_starts_and_a_code_says_why():
+    runner, _, events = make(TEXT, SKILLS)
+    result = runner.run()
+    assert result.reason is not None
+    assert result.reason.codes() == {"NOBODY_TO_ASK"}
+    assert not starts(events, TURN)
+
+
+def test_an_input_is_changed_before_the_next_start_and_who_did_it_is_recorded():
+    def act(runner, _cell):
+        runner.change(AGAIN, "duration", "200 ms", "Ada")
+        runner.answer(PATH, "approve")
+
+    runner, _, events = make(TEXT, SKILLS, {3: act}, attended=True, go_on=True)
+    assert runner.run().outcome == "success"
+    again = [e.tick for e in events if isinstance(e, NodeChanged) and e.path == AGAIN]
+    turned = [e.tick for e in events if isinstance(e, NodeChanged) and e.path == TURN]
+    assert again[-1] - again[0] >= 10 > turned[-1] - turned[0]  # ticks of 20 ms: 200 ms instead of 40
+    acted = [event for event in events if isinstance(event, OperatorActed) and event.action == "change"]
+    assert [(event.who, event.detail) for event in acted] == [("Ada", f"duration = 200 ms ← {AGAIN}")]
+
+
+@pytest.mark.parametrize(
+    ("path", "port", "text", "words"),
+    [
+        ("careful/nobody", "duration", "1 s", "there is no skill at careful/nobody"),
+        (AGAIN, "duratoin", "1 s", "has no input 'duratoin': did you mean"),
+        (AGAIN, "duration", "3 kg", "duration: "),
+        (AGAIN, "duration", "[", "duration: "),
+    ],
+)
+def test_a_change_that_means_nothing_is_refused(path, port, text, words):
+    runner, _, _ = make(TEXT, SKILLS)
+    with pytest.raises(ChangeRefusedError, match=words.replace("[", r"\[")):
+        runner.change(path, port, text)
+
+
+def test_on_the_page_who_holds_control_changes():
+    lock, refused = ControlLock(), []
+
+    def act(runner, _cell):
+        lock.serve(runner)
+        lock.take("page 1", "Ada")
+        with pytest.raises(RefusedError):
+            lock.act("page 2", "change", f"duration = 60 ms ← {AGAIN}")
+        with pytest.raises(RefusedError) as error:
+            lock.act("page 1", "change", f"speed = 1 ← {AGAIN}")
+        refused.append(str(error.value))
+        lock.act("page 1", "change", f"duration = 60 ms ← {AGAIN}")
+        runner.answer(PATH, "approve")
+
+    runner, _, events = make(TEXT, SKILLS, {3: act}, attended=True, go_on=True)
+    assert runner.run().outcome == "success"
+    assert "has no input 'speed'" in refused[0]
+    assert any(isinstance(e, OperatorActed) and (e.who, e.action) == ("Ada", "change") for e in events)
