@@ -107,6 +107,7 @@ function answered(id, answer) {
   // What the server has done is so, however late its answer comes: a page that holds control must not think otherwise.
   if (answer.yours) { page.grant = answer.grant; sessionStorage.setItem("pomona-grant", page.grant); page.dirty = true; }
   const made = link.press;
+  if (made?.id === id && made.state === "confirmed" && answer.confirmed) { made.words = answer.confirmed; page.dirty = true; } // the run was quicker
   if (made?.id !== id || (made.state !== "sent" && made.state !== "lost")) return;
   if (answer.error) { settle(made, "refused", answer.error); return; }
   if (answer.grant >= page.control.grant) page.control = { ...page.control, held_by: answer.held_by, grant: answer.grant };
