@@ -216,6 +216,11 @@ class Report:
         self.missed += value > most
         self.table.add_row(what, f"{value:.3g} {unit}", f"≤ {most:g} {unit}", style="" if value <= most else "red")
 
+    def least(self, what: str, value: float, unit: str, least: float) -> None:
+        """The same for a figure that should be high."""
+        self.missed += value < least
+        self.table.add_row(what, f"{value:.3g} {unit}", f"≥ {least:.3g} {unit}", style="" if value >= least else "red")
+
     def note(self, what: str, words: str) -> None:
         """What helps to judge the figures."""
         self.table.add_row(f"  {what}", words, "")
@@ -272,7 +277,18 @@ def bench_record(report: Report, dashboard: Dashboard, browser: Any, _duration: 
         pass
     answer.value.finished()
     report.note("everything around a moment is there after", f"{time.perf_counter() - began:.2f} s")
+    page.wait_for_timeout(1000)
+    gaps = np.diff(page.evaluate(PLAYED))
+    report.least("frames a second while it is played", 1e3 / float(np.mean(gaps)), "", 60.0 * 0.97)
+    report.note("frames that took longer than two", f"{np.mean(gaps > 2.1e3 / 60.0):.1%} of {len(gaps)}")
     page.close()
+
+
+PLAYED = """async () => { const times = [];
+    document.getElementById("play").click();
+    await new Promise((done) => { const frame = (t) => { times.push(t); if (t - times[0] < 6000) requestAnimationFrame(frame); else done(); }; requestAnimationFrame(frame); });
+    document.getElementById("play").click();
+    return times.slice(30); }"""  # noqa: E501
 
 
 def bench_memory(report: Report, dashboard: Dashboard, browser: Any, duration: float) -> None:

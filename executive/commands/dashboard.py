@@ -5,10 +5,12 @@ from __future__ import annotations
 import argparse
 import contextlib
 import threading
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from executive.commands.command_line import add_records_folder
+from executive.dashboard.alerts import AlertRule, Alerts
 from executive.dashboard.choices import Choices
 from executive.dashboard.control_lock import RefusedError
 from executive.dashboard.security import Access
@@ -16,6 +18,7 @@ from executive.dashboard.server import Dashboard
 from executive.errors import PomonaError, UsageError
 from executive.execute import RunOrder, execute
 from executive.files import default_name
+from executive.running.events import Listener
 from executive.running.runner import Runner
 from executive.running.starting import Starting
 from executive.terminal.screen import Screen
@@ -31,8 +34,21 @@ def add(subparsers: Any) -> None:
     parser.add_argument(
         "--cell", action="append", default=[], metavar="FILE", help="offer this cell, too, beside the installed ones"
     )
+    parser.add_argument(
+        "--alert-to", metavar="URL", help="post a JSON object there when fewer of the last runs succeed than should"
+    )
+    parser.add_argument(
+        "--alert-below", type=_share, default=0.8, metavar="SHARE", help="of runs that should succeed (default: 80%%)"
+    )
+    parser.add_argument(
+        "--alert-over", type=int, default=20, metavar="N", help="the last runs that count (default: 20)"
+    )
     add_address(parser)
     parser.set_defaults(main=main)
+
+
+def _share(text: str) -> float:
+    return float(text.removesuffix("%")) / 100.0 if text.endswith("%") else float(text)
 
 
 def add_address(parser: argparse.ArgumentParser) -> None:
@@ -75,8 +91,11 @@ CLOSING = 4.0
 class Launcher:
     """Starts runs for the page, one at a time, each in a thread of its own."""
 
-    def __init__(self, dashboard: Dashboard, record: Path, choices: Choices) -> None:
+    def __init__(
+        self, dashboard: Dashboard, record: Path, choices: Choices, listeners: Sequence[Listener] = ()
+    ) -> None:
         self._dashboard, self._record, self._choices = dashboard, record, choices
+        self._listeners = [dashboard.hub.on_event, *listeners]
         self._thread: threading.Thread | None = None
         self._starting: Starting | None = None
 
@@ -93,13 +112,13 @@ class Launcher:
             latched = self._dashboard.control.runner is not None and self._dashboard.control.runner.latched
             raise RefusedError(f"reset the safe state first: {latched}" if latched else "a run is going on")
         order = self._order(form)
-        desk, hub = self._dashboard.control, self._dashboard.hub
+        desk = self._dashboard.control
         self._starting = starting = desk.prepare(order.tree.stem)
 
         def run() -> None:
             problem = "it broke off: the terminal says where"
             try:
-                execute(order, [hub.on_event], on_ready=desk.serve, on_latched=Runner.hold_latched, starting=starting)
+                execute(order, self._listeners, on_ready=desk.serve, on_latched=Runner.hold_latched, starting=starting)
                 problem = ""
             except PomonaError as error:
                 problem = str(error)
@@ -139,6 +158,10 @@ class Launcher:
         )
 
 
+def _rule(options: argparse.Namespace) -> AlertRule:
+    return AlertRule(options.alert_to, options.alert_below, options.alert_over)
+
+
 def main(options: argparse.Namespace) -> int:
     """Serve until Ctrl-C.
 
@@ -148,7 +171,8 @@ def main(options: argparse.Namespace) -> int:
     console = Screen()
     dashboard = Dashboard(make_access(options), options.record)
     choices = Choices.installed(options.tree, options.cell)
-    launcher = Launcher(dashboard, options.record, choices)
+    alerts = [] if options.alert_to is None else [Alerts(_rule(options)).on_event]
+    launcher = Launcher(dashboard, options.record, choices, alerts)
     dashboard.allow_starts(launcher.start, choices)
     dashboard.start()
     console.print(f"dashboard: {dashboard.link}   (Ctrl-C ends it)", soft_wrap=True)

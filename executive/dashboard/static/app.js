@@ -9,10 +9,10 @@ import { TreeView } from "./tree.js";
 import { CameraView, PlotsView, drawTables } from "./pictures.js";
 import { SceneView } from "./scene.js";
 import { Timeline } from "./timeline.js";
-import { drawControl, drawHeader } from "./control.js";
+import { drawControl, drawHeader, STATUS_WORD } from "./control.js";
 import { drawFaults } from "./faults.js";
 import { drawLog, drawNode, drawPorts, drawWhy, onMoment } from "./panels.js";
-import { openOverview, recordAddress, wantDetail } from "./record.js";
+import { openOver, openOverview, recordAddress, wantDetail } from "./record.js";
 import { drawStart, loadRuns, showRuns } from "./runs.js";
 
 const MOST_CHARACTERS = 30e6; // of messages that are kept for scrubbing in a live run; older ones become one state
@@ -32,10 +32,13 @@ const beginning = () => (page.base ? structuredClone(page.base) : emptyState());
 function momentState() {
   if (page.at === null) return page.whole;
   wantDetail(page.at);
-  if (page.shownState.t > page.at || !page.shownState.run) { page.shownState = beginning(); page.shownIndex = 0; }
-  const s = page.shownState;
-  while (page.shownIndex < page.messages.length && (page.messages[page.shownIndex].t ?? 0) <= page.at + 1e-9) apply(s, page.messages[page.shownIndex++]);
-  return s;
+  return momentOf(page.feed, page.at);
+}
+
+function momentOf(feed, at) {
+  if (feed.shownState.t > at || !feed.shownState.run) { feed.shownState = feed.base ? structuredClone(feed.base) : emptyState(); feed.shownIndex = 0; }
+  while (feed.shownIndex < feed.messages.length && (feed.messages[feed.shownIndex].t ?? 0) <= at + 1e-9) apply(feed.shownState, feed.messages[feed.shownIndex++]);
+  return feed.shownState;
 }
 
 // Of a run that failed: what camera, scene and series showed when it did. What moved afterwards explains nothing.
@@ -68,8 +71,10 @@ function render() {
   tree.update(s);
   const seen = evidenceState(s);
   camera.update(seen);
-  scene.update(seen, page.selected);
-  plots.update(seen, seen === s ? page.at : seen.t, page.whole.t, page.playing);
+  const { over } = page, other = over && momentOf(over, page.at ?? page.whole.t);
+  drawOver(over, other);
+  scene.update(seen, page.selected, other);
+  plots.update(seen, seen === s ? page.at : seen.t, Math.max(page.whole.t, over?.whole.t ?? 0), page.playing, other);
   drawTables(s);
   drawNode(s, toggleBreak);
   drawPorts(s);
@@ -82,13 +87,22 @@ function render() {
   document.body.classList.toggle("past", page.at !== null && !page.recorded);
 }
 
+// The second run: what it did at this moment, in words; curves and path say the rest.
+function drawOver(over, s) {
+  $("over").hidden = !over;
+  if (!over) return;
+  const doing = s.nodes.filter((node) => s.byPath.get(node.path)?.leaf && s.node.get(node.path)?.status === "RUNNING").map((node) => node.name).join(", ");
+  $("over-words").textContent = over.problem || `${over.name}: ${s.ended ? `${STATUS_WORD[s.ended.outcome] ?? ""} ${s.ended.outcome} after ${seconds(s.ended.t)}` : `${doing || s.state}, ${seconds(s.t)}`}`;
+}
+
 let lastFrame = 0;
 function play() {
   const now = performance.now();
   const dt = lastFrame ? (now - lastFrame) / 1000 : 0;
   lastFrame = now;
-  page.at = Math.min(page.whole.t, (page.at ?? 0) + dt * Number($("speed").value));
-  if (page.at >= page.whole.t) { page.playing = false; if (!page.recorded) page.at = null; }
+  const length = Math.max(page.whole.t, page.over?.whole.t ?? 0);
+  page.at = Math.min(length, (page.at ?? 0) + dt * Number($("speed").value));
+  if (page.at >= length) { page.playing = false; if (!page.recorded) page.at = null; }
   page.dirty = true;
 }
 
@@ -153,7 +167,11 @@ async function openRecord(name, t) {
 }
 
 function openAddress() {
-  const { run, t } = readAddress();
+  const { run, over, t } = readAddress();
+  if ((over ?? null) !== (page.over?.name ?? null)) {
+    page.over = null;
+    if (over && run) openOver(over).then((read) => { page.over = read; page.dirty = true; });
+  }
   if (run && run !== page.recorded) openRecord(run, t);
   else if (run && t !== null) goTo(t);
   else if (!run && page.recorded) { Object.assign(page, { recorded: null, record: null, at: null, playing: false, dirty: true }); say(isStale() ? "connection lost" : "connected", isStale() ? "bad" : "ok"); }
@@ -180,6 +198,7 @@ $("safe-stop").addEventListener("click", () => press("safe_stop"));
 $("play").addEventListener("click", togglePlay);
 $("live").addEventListener("click", goLive);
 $("back-to-live").addEventListener("click", () => { location.hash = ""; });
+$("over-close").addEventListener("click", () => { location.hash = `run=${encodeURIComponent(page.recorded)}`; });
 $("show-keys").addEventListener("click", () => $("keys").showModal());
 $("running").addEventListener("click", () => tree.jumpToRunning());
 $("share").addEventListener("click", () => {

@@ -6,7 +6,7 @@ import { emptyState } from "./store.js";
 export const newFeed = () => ({ messages: [], size: 0, whole: emptyState(), base: null, overview: null, shownState: emptyState(), shownIndex: 0 });
 
 export const page = {
-  live: newFeed(), record: null, at: null, playing: false,
+  live: newFeed(), record: null, over: null, at: null, playing: false,
   recorded: null, stream: "", token: "", reading: "", viewer: "", grant: Number(sessionStorage.getItem("pomona-grant") ?? -1),
   control: { held_by: "", grant: 0, viewers: 0, starts: false, start: null }, heardControl: 0, beat: null, selected: null, dirty: true,
   get feed() { return this.record ?? this.live; }, // what is looked at: a record, or what happens now
@@ -32,7 +32,7 @@ export function readAddress() {
     fields.delete("read");
     history.replaceState(null, "", fields.size ? `#${fields}` : location.pathname);
   }
-  return { run: fields.get("run"), t: fields.has("t") ? Number(fields.get("t")) : null };
+  return { run: fields.get("run"), over: fields.get("over"), t: fields.has("t") ? Number(fields.get("t")) : null };
 }
 
 export function say(text, rank = "ok") { $("connection").textContent = text; $("connection").dataset.rank = rank; }

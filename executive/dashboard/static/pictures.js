@@ -92,7 +92,7 @@ export class PlotsView {
     return [Math.max(0, to - this.span), Math.max(to, this.span)];
   }
 
-  update(state, at, end, playing = false) {
+  update(state, at, end, playing = false, over = null) {
     const now = performance.now();
     if (playing && state.run === this.run && now - this.updated < PLAYED) return; // curves need not keep up with every frame
     Object.assign(this, { updated: now, run: state.run });
@@ -107,16 +107,18 @@ export class PlotsView {
         const key = `${topic}|${unit}`;
         const mine = names.filter((name) => unitOf(name) === unit);
         wanted.add(key);
-        if (this.charts.get(key)?.names.length !== mine.length) {
+        const other = over?.series.get(topic) ?? null;
+        const both = other ? mine.filter((name) => name in other.values) : [];
+        if (this.charts.get(key)?.names.length !== mine.length || this.charts.get(key).both.length !== both.length) {
           this.charts.get(key)?.box.remove();
-          this.charts.set(key, this.make(topic, unit, mine, series));
+          this.charts.set(key, this.make(topic, unit, mine, series, both, other));
         }
         const chart = this.charts.get(key);
-        chart.series = series;
+        Object.assign(chart, { series, other });
         const ended = this.span === 0 || end < this.span || at !== null ? "" : end.toFixed(1);
-        if (chart.drawn !== series.writes || chart.of !== series || chart.ended !== ended || moved) {
-          Object.assign(chart, { drawn: series.writes, of: series, ended });
-          chart.plot.setData(thin(series, mine, this.range(), chart.scale));
+        if (chart.drawn !== series.writes || chart.otherDrawn !== other?.writes || chart.of !== series || chart.ended !== ended || moved) {
+          Object.assign(chart, { drawn: series.writes, otherDrawn: other?.writes, of: series, ended });
+          chart.plot.setData(this.data(chart));
           this.tell(chart);
           const [from, to] = this.range();
           chart.thinned.hidden = !series.thinned.some(([a, b]) => a < to && b > from);
@@ -133,13 +135,20 @@ export class PlotsView {
 
   // Each quantity's value under the cursor, else at the moment that is shown.
   tell(chart) {
-    const { plot, values } = chart;
+    const { plot, values, names, both } = chart;
     const last = plot.data[0].length - 1;
     const index = plot.cursor.idx ?? (this.at === null ? last : plot.data[0].findLastIndex((t) => t <= this.at + 1e-6));
-    values.forEach((element, i) => { const v = plot.data[i + 1][index]; element.textContent = figure(v); });
+    const known = (column) => { let i = index; while (i > 0 && plot.data[column][i] === undefined) i -= 1; return plot.data[column][i]; }; // at times of the other run
+    values.forEach((element, i) => { const over = both.indexOf(names[i]); element.textContent = figure(known(i + 1)) + (over < 0 ? "" : ` · ${figure(known(names.length + 1 + over))}`); });
   }
 
-  make(topic, unit, names, series) {
+  // Times and values of what is shown; of two runs, both over the same time from each one's start.
+  data({ series, other, names, both, scale }) {
+    const own = thin(series, names, this.range(), scale);
+    return other && both.length ? uPlot.join([own, thin(other, both, this.range(), scale)]) : own;
+  }
+
+  make(topic, unit, names, series, both, other) {
     const css = getComputedStyle(document.documentElement);
     const palette = ["--s1", "--s2", "--s3", "--s4", "--s5", "--s6"].map((n) => css.getPropertyValue(n).trim());
     const text = css.getPropertyValue("--muted").trim(), grid = css.getPropertyValue("--floor").trim();
@@ -155,14 +164,14 @@ export class PlotsView {
     const thinned = h("small", { class: "thinned", hidden: true, title: "of many samples the least and the greatest are shown; nearer, in a shorter span, all of them are" }, "thinned");
     const box = h("div", { class: names.length > 2 ? "plot many" : "plot" }, h("h3", {}, `${topic}${shown ? ` [${shown}]` : ""} `, thinned), h("div", { class: "keys" }, keys), canvas);
     $("plots").append(box);
-    const chart = { box, names, thinned, series, values, scale, drawn: -1, of: null };
+    const chart = { box, names, both, other, thinned, series, values, scale, drawn: -1, of: null };
     chart.plot = new uPlot({
       width: box.clientWidth || 300, height: HEIGHT, padding: [8, 14, 0, 0], legend: { show: false }, cursor: { sync: { key: "run" }, drag: { x: false, y: false }, y: false },
       scales: { x: { time: false, range: () => this.range() }, y: { range: (_u, low, high) => padded(low, high, chart.series.thresholds, unit, scale) } },
       axes: [{ ...axis, size: 24, values: (_u, v) => v.map((x) => `${Number(x.toFixed(2))} s`), space: 60 }, { ...axis, size: 48, space: 28, values: (_u, v) => v.map((x) => (x && Math.abs(x) < 1e-3 ? Number(x.toPrecision(2)).toExponential() : String(Number(x.toPrecision(3))))) }],
-      series: [{}, ...names.map((_name, i) => ({ stroke: palette[i % palette.length], width: 1.75, dash: DASHES[i % 4], points: { show: false } }))],
+      series: [{}, ...names.map((_name, i) => ({ stroke: palette[i % palette.length], width: 1.75, dash: DASHES[i % 4], points: { show: false } })), ...both.map((name) => ({ stroke: palette[names.indexOf(name) % palette.length], width: 1.25, dash: [1.5, 3], alpha: 0.85, points: { show: false } }))],
       hooks: { draw: [(u) => annotate(u, chart.series.thresholds, unit, scale, this.marks, this.at, css)], setCursor: [() => this.tell(chart)] },
-    }, thin(series, names, this.range(), scale), canvas);
+    }, this.data(chart), canvas);
     return chart;
   }
 }

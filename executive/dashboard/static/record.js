@@ -1,5 +1,5 @@
 // A recorded run: first what a screen can show of the whole, then everything around the moment that is looked at.
-import { page, read } from "./page.js";
+import { newFeed, page, read } from "./page.js";
 import { apply, emptyState } from "./store.js";
 
 const AROUND = 20; // seconds of a long record that are read on each side of a moment
@@ -34,6 +34,19 @@ export async function openOverview(name) {
     });
   } catch (error) { problem = error.message; }
   return problem;
+}
+
+// A second record, to be seen over the first: { name, problem } and a feed of its own. What a screen shows of the whole is enough.
+export async function openOver(name) {
+  const over = { ...newFeed(), name, problem: "" };
+  try {
+    await readRecord(name, (message) => {
+      if (message.event === "Unreadable") over.problem = message.message;
+      over.messages.push(message);
+      apply(over.whole, message);
+    });
+  } catch (error) { over.problem = error.message; }
+  return over;
 }
 
 // Of a long record: everything around this moment, once it has been read.

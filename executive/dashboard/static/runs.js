@@ -3,6 +3,7 @@ import { $, h, seconds, show } from "./dom.js";
 import { holdsControl, page, post, read, say, withToken } from "./page.js";
 import { STATUS_WORD } from "./control.js";
 import { readRecord, recordAddress } from "./record.js";
+import { drawStatistics } from "./statistics.js";
 import { apply, emptyState, leavesOf } from "./store.js";
 
 let runs = [];
@@ -27,6 +28,8 @@ export function showRuns(on) {
 $("show-runs").addEventListener("click", () => showRuns($("runs-view").hidden));
 $("runs-filter").addEventListener("input", drawRuns);
 $("compare").addEventListener("click", compare);
+$("show-statistics").addEventListener("click", () => { $("statistics").hidden = !$("statistics").hidden; $("show-statistics").setAttribute("aria-pressed", !$("statistics").hidden); drawRuns(); });
+document.addEventListener("open-run", () => showRuns(false));
 
 function drawRuns() {
   const wanted = $("runs-filter").value.toLowerCase().split(/\s+/).filter(Boolean);
@@ -42,6 +45,7 @@ function drawRuns() {
     h("td", { class: "number" }, h("a", { href: withToken(recordAddress(r.run, "record")), title: "Download the record" }, `${(r.bytes / 1e6).toFixed(1)} MB`)));
   $("runs-count").textContent = `${rows.length} of ${runs.length}`;
   $("runs").replaceChildren(h("table", {}, h("thead", {}, h("tr", {}, ["⇄", "outcome", "run", "tree", "cell", "seed", "duration", "why", "record"].map((c) => h("th", { title: c === "⇄" ? "choose two to compare" : null }, c)))), h("tbody", {}, rows.slice(0, 300).map(row))));
+  if (!$("statistics").hidden) drawStatistics(rows, $("runs-filter"));
   mayCompare();
 }
 
@@ -75,7 +79,7 @@ async function compare() {
   const why = (reason) => { const leaves = reason ? leavesOf(reason) : []; const last = leaves.at(-1); return last ? `${last.code} ${last.message}${leaves.length > 1 ? ` (and ${leaves.length - 1} before it)` : ""}` : "–"; };
   const given = [...new Set([a, b].flatMap((x) => Object.keys(settings(x))))];
   const skill = (name) => (x) => { const k = x.skills.get(name); return k ? `${k.starts}×, ${seconds(k.time)}${k.failures ? `, ${k.failures} failed` : ""}` : "–"; };
-  $("comparison").replaceChildren(h("div", { class: "head" }, h("h2", {}, "Comparison"), h("label", { class: "check" }, h("input", { type: "checkbox", class: "only", checked: true }), " only what differs"), h("button", { onclick: () => { $("comparison").hidden = true; } }, "Close")), h("table", {}, h("thead", {}, h("tr", {}, ["of the run", a.s.run?.run ?? "?", b.s.run?.run ?? "?", "same?"].map((c) => h("th", {}, c)))), h("tbody", {},
+  $("comparison").replaceChildren(h("div", { class: "head" }, h("h2", {}, "Comparison"), h("label", { class: "check" }, h("input", { type: "checkbox", class: "only", checked: true }), " only what differs"), h("button", { class: "primary", onclick: () => { const [one, two] = [...chosen].sort(); location.hash = `run=${encodeURIComponent(one)}&over=${encodeURIComponent(two)}&t=0`; showRuns(false); } }, "Over each other"), h("button", { onclick: () => { $("comparison").hidden = true; } }, "Close")), h("table", {}, h("thead", {}, h("tr", {}, ["of the run", a.s.run?.run ?? "?", b.s.run?.run ?? "?", "same?"].map((c) => h("th", {}, c)))), h("tbody", {},
     both("outcome", (x) => x.s.ended?.outcome ?? "cut off"), both("why", (x) => why(x.s.ended?.reason)),
     both("tree", (x) => `${x.s.run?.tree} ${x.s.run?.tree_hash}`), both("cell", (x) => x.s.run?.cell ?? "–"), both("seed", (x) => String(x.s.run?.seed ?? "–")), ...given.map((name) => both(name, (x) => show(settings(x)[name]))),
     both("duration", (x) => seconds(x.s.ended?.time ?? x.s.t)), both("failures on the way", (x) => String(x.s.failures.length)), both("operator", (x) => x.s.acts.map((m) => `${m.who}: ${m.action}`).join(", ") || "–"),

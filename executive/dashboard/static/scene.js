@@ -26,27 +26,32 @@ export class SceneView {
     this.canvas.addEventListener("click", (e) => { if (down && Math.hypot(e.clientX - down[0], e.clientY - down[1]) < CLICK) this.pick(e); });
   }
 
-  update(state, selected = null) {
+  update(state, selected = null, over = null) {
     const ages = [...state.scenes.values(), ...state.poses.values()].map((v) => v.t);
     showAge($("scene-age"), ages.length ? Math.max(...ages) : null, state);
     const views = shownViews(state);
     const robots = [...state.poses].filter(([topic]) => state.bodies.has(topic));
-    const key = `${state.run?.run}|${views.map(([topic, v]) => `${topic}@${v.t}`).join("|")}|${robots.map(([topic, v]) => `${topic}@${v.t}`).join("|")}|${state.bodies.size}|${selected}|${Boolean(three)}`;
+    const ways = [...over?.poses ?? []].map(([, { trace }]) => trace).filter((trace) => trace.length > 1);
+    const key = `${state.run?.run}|${views.map(([topic, v]) => `${topic}@${v.t}`).join("|")}|${robots.map(([topic, v]) => `${topic}@${v.t}`).join("|")}|${state.bodies.size}|${ways.map((way) => way.length)}|${selected}|${Boolean(three)}`;
     if (key === this.key) return;
     this.key = key;
     const anything = views.length || robots.length;
     this.canvas.hidden = !anything || Boolean(this.problem);
     $("scene-home").hidden = !anything;
     if (!anything || this.problem) { $("scene-caption").textContent = ""; $("scene-legend").replaceChildren(h("p", { class: "empty" }, this.problem || "Nothing to show yet")); if (!anything) this.clear(); return; }
-    if (!three) { load().then(() => { this.key = null; this.update(state, selected); }, (error) => { this.problem = `The scene cannot be drawn: ${error.message}`; this.key = null; }); return; }
+    if (!three) { load().then(() => { this.key = null; this.update(state, selected, over); }, (error) => { this.problem = `The scene cannot be drawn: ${error.message}`; this.key = null; }); return; }
     if (!this.begin()) return;
     if (this.run !== state.run?.run) { this.clear(); this.run = state.run?.run; this.mine = true; }
     this.selected = selected;
     this.place(new Map(views), state);
     for (const [topic, { poses, trace, t }] of robots) this.placeRobot(topic, state.bodies.get(topic), poses, trace, t);
     for (const topic of [...this.robots.keys()]) if (!robots.some(([other]) => other === topic)) { this.drop(this.robots.get(topic).group); this.robots.delete(topic); }
+    if (this.ways) this.drop(this.ways);
+    this.ways = new three.Group();
+    for (const way of ways) this.ways.add(lineOf(way, "muted"));
+    this.scene.add(this.ways);
     for (const { group, node } of this.topics.values()) emphasize(group, selected && node === selected);
-    this.tell(views, robots);
+    this.tell(views, robots, ways);
     if (this.mine) this.home(); else this.draw();
   }
 
@@ -112,10 +117,11 @@ export class SceneView {
     if (trace.length > 1) { robot.line = lineOf(trace, "executed"); robot.group.add(robot.line); }
   }
 
-  tell(views, robots) {
+  tell(views, robots, ways) {
     const labels = new Map();
     for (const [, view] of views) for (const part of [...list(view.lines), ...list(view.points), ...list(view.meshes)]) if (part.label) labels.set(part.label, part.style);
     if (robots.some(([, { trace }]) => trace.length > 1)) labels.set("executed path", "executed");
+    if (ways.length) labels.set("path of the run over it", "muted");
     if (views.some(([, view]) => view.cloud)) labels.set("depth of the look", null);
     const words = JSON.stringify([...labels]);
     if ($("scene-legend").dataset.key !== words) {

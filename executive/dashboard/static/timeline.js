@@ -45,7 +45,7 @@ export class Timeline {
 
   // Asked, not kept from the last drawing: two keys may come before the next frame.
   get now() { return page.at ?? page.whole.t; }
-  get length() { return Math.max(0.1, page.whole.t); }
+  get length() { return Math.max(0.1, page.whole.t, page.over?.whole.t ?? 0); }
   get shown() { return this.part ?? [0, this.length]; }
 
   zoom(factor, around) {
@@ -83,7 +83,7 @@ export class Timeline {
     }
     this.point(now);
     this.tell(whole, now);
-    const key = `${whole.seq}|${whole.t.toFixed(2)}|${this.part}|${this.canvas.clientWidth}|${whole.run?.run}`;
+    const key = `${page.over?.name}|${whole.seq}|${whole.t.toFixed(2)}|${this.part}|${this.canvas.clientWidth}|${whole.run?.run}`;
     if (key === this.key) return; // the cursor moves over what is drawn
     this.key = key;
     $("whole").hidden = !this.part;
@@ -118,6 +118,12 @@ export class Timeline {
       const wide = Math.max(2.5, x(end) - x(span.start));
       g.fillRect(x(span.start), laneTop(i) + 2, wide, LANE - 4);
       if (span.status === "FAILURE" && wide > 8) { g.strokeStyle = colour("--panel"); g.lineWidth = 1.5; g.beginPath(); g.moveTo(x(end) - 7, laneTop(i) + 4.5); g.lineTo(x(end) - 2, laneTop(i) + LANE - 4.5); g.moveTo(x(end) - 2, laneTop(i) + 4.5); g.lineTo(x(end) - 7, laneTop(i) + LANE - 4.5); g.stroke(); }
+    }
+    for (const span of page.over?.whole.spans ?? []) { // the second run's, thin, below those of the same name
+      const i = lane.get(span.path), end = span.end ?? page.over.whole.t;
+      if (i === undefined || end < from || span.start > to) continue;
+      g.fillStyle = colour("--text");
+      g.fillRect(x(span.start), laneTop(i) + LANE - 4, Math.max(2, x(end) - x(span.start)), 2);
     }
     for (const mark of whole.marks) {
       if (mark.t < from || mark.t > to) continue;

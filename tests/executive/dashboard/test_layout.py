@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from typing import Any
 
@@ -86,3 +87,41 @@ def test_what_is_clicked_in_the_scene_is_chosen_in_the_tree_and_back(show: Show,
     expect(page.locator(".row.selected .name")).to_have_text("Look")
     expect(page.locator("#node .about")).to_contain_text("Look")
     page.wait_for_function(f"(before) => ({PAINTED})() !== before", arg=before)  # its things stand out
+
+
+def test_statistics_of_the_shown_runs_say_rate_force_time_and_why_they_failed(
+    show: Show, open_page: Callable[..., Any]
+) -> None:
+    fails = "pomona: 1\ntree: bad\nroot:\n  sequence:\n    - Jam: {}\n"
+    for day, tree in (("2026-11-20", fails), ("2026-11-21", fails), ("2026-11-21", LOOK)):
+        show.record(tree, f"{day}_{len(list(show.records.iterdir()))}")
+    page = open_page(viewport={"width": 1280, "height": 720})
+    page.get_by_role("button", name="Runs").click()
+    page.get_by_role("button", name="Statistics").click()
+    expect(page.locator("#statistics .figure").first).to_contain_text("33 %")
+    expect(page.locator("#statistics .codes tbody tr")).to_have_text(["JAMMED2 of 32026-11-21_12026-11-20_0"])
+    page.get_by_role("button", name="2026-11-21 · 2").click()
+    expect(page.locator("#statistics .figure").first).to_contain_text("1 of 2")
+    page.get_by_role("link", name="2026-11-21_1").first.click()
+    expect(page.locator("#connection")).to_have_text("recorded run")
+    expect(page.locator("#why")).to_contain_text("the wheel is stuck")
+
+
+def test_two_runs_are_seen_over_each_other_at_the_same_moment(show: Show, open_page: Callable[..., Any]) -> None:
+    show.record(LOOK, "old_1")
+    show.record(LOOK.replace("- Look: {seen: '{seen}'}", "- Rest: {}\n    - Look: {seen: '{seen}'}"), "old_2", seed=3)
+    page = open_page()
+    page.get_by_role("button", name="Runs").click()
+    for run in ("old_1", "old_2"):
+        page.get_by_label(f"compare {run}").check()
+    page.get_by_role("button", name="Compare two").click()
+    page.get_by_role("button", name="Over each other").click()
+    expect(page.locator("#over-words")).to_have_text("old_2: Rest, 0 ms")
+    page.locator("#timeline").press("End")
+    expect(page.locator("#over-words")).to_contain_text("old_2: ✓ success after")
+    expect(page.locator("#run")).to_have_text("old · seed 0")  # the first one still is what is looked at
+    expect(page.locator("#scene-legend")).to_contain_text("path of the run over it")
+    expect(page.locator(".plot .keys").first).to_have_text(re.compile(r"grasp force .* · "))
+    page.get_by_role("button", name="Leave it out").click()
+    expect(page.locator("#over")).to_be_hidden()
+    expect(page.locator(".plot .keys").first).not_to_contain_text("·")

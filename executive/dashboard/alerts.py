@@ -1,0 +1,96 @@
+"""Tells another program, by a webhook, when fewer runs succeed than should. A run never waits for it."""
+
+from __future__ import annotations
+
+import json
+import logging
+import threading
+import urllib.request
+from collections import Counter, deque
+from dataclasses import dataclass
+from urllib.parse import urlsplit
+
+from executive.errors import UsageError
+from executive.running.events import Event, RunEnded, RunStarted
+
+logger = logging.getLogger(__name__)
+
+PATIENCE = 5.0
+"""Seconds that the other program may take to answer."""
+
+TRIES = 3
+
+
+@dataclass(frozen=True, slots=True)
+class AlertRule:
+    """When somebody is told.
+
+    Attributes:
+        address: of the webhook, http or https; a JSON object is posted there.
+        below: share of runs that succeed, 0 to 1, below which it is told.
+        over: the last runs of which the share is taken; nothing is told before there were so many.
+    """
+
+    address: str
+    below: float = 0.8
+    over: int = 20
+
+    def __post_init__(self) -> None:
+        if urlsplit(self.address).scheme not in ("http", "https") or not urlsplit(self.address).netloc:
+            raise UsageError(f"--alert-to {self.address}: an address begins with http:// or https://")
+        if not 0.0 < self.below <= 1.0 or self.over < 1:
+            raise UsageError(
+                "--alert-below takes a share above 0 % and up to 100 %, --alert-over a number of runs from 1"
+            )
+
+
+class Alerts:
+    """Counts the outcomes of runs. Subscribe `on_event` to their streams; tells once when the share falls below."""
+
+    def __init__(self, rule: AlertRule) -> None:
+        self._rule = rule
+        self._outcomes: deque[tuple[bool, str]] = deque(maxlen=rule.over)
+        self._told = False
+        self._run = ""
+
+    def on_event(self, event: Event) -> None:
+        """Take one event; returns at once."""
+        self.take(event)
+
+    def take(self, event: Event) -> threading.Thread | None:
+        """The same; gives the thread that tells, if there is something to tell."""
+        if isinstance(event, RunStarted):
+            self._run = event.run
+        if not isinstance(event, RunEnded):
+            return None
+        leaf = event.reason
+        while leaf is not None and leaf.causes:
+            leaf = leaf.causes[-1]
+        self._outcomes.append((event.outcome == "success", "" if leaf is None else leaf.code))
+        share = sum(good for good, _code in self._outcomes) / len(self._outcomes)
+        low = len(self._outcomes) == self._rule.over and share < self._rule.below
+        tells, self._told = low and not self._told, low
+        if not tells:
+            return None
+        codes = Counter(code for good, code in self._outcomes if not good)
+        words = f"{share:.0%} of the last {self._rule.over} runs succeeded, less than {self._rule.below:.0%}"
+        most = ", ".join(f"{code or 'no code'} {count}×" for code, count in codes.most_common(3))
+        body = {
+            "text": f"Pomona: {words}; failures: {most}", "success_rate": share, "below": self._rule.below,
+            "runs": self._rule.over, "failures": dict(codes), "last_run": self._run,
+        }  # fmt: skip
+        teller = threading.Thread(
+            target=self._tell, args=(json.dumps(body).encode(),), name="pomona-alert", daemon=True
+        )
+        teller.start()
+        return teller
+
+    def _tell(self, body: bytes) -> None:
+        asked = urllib.request.Request(self._rule.address, body, {"content-type": "application/json"}, method="POST")
+        for _ in range(TRIES):
+            try:
+                with urllib.request.urlopen(asked, timeout=PATIENCE):  # http or https: the rule is judged
+                    return
+            except OSError as error:
+                problem = error
+        logger.warning("the alert was not taken by %s: %s", self._rule.address, problem)
