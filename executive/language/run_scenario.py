@@ -15,6 +15,7 @@ from executive.errors import SkillError
 from executive.language.build import build
 from executive.language.built import BuiltTree, NodeInfo
 from executive.language.scenario import Scenario, ScenarioCase
+from executive.nodes.approve import Approve
 from executive.nodes.ask import Ask
 from executive.nodes.node_type import NodeType
 from executive.reasons import Reason, reason_of
@@ -183,9 +184,9 @@ def _run_case(case: ScenarioCase, tree: BuiltTree, clock: Clock, coverage: Cover
     return CaseResult(case, status.name.lower(), reason, clock.now(), ticks, problems)
 
 
-def _attended(case: ScenarioCase, tree: BuiltTree) -> list[tuple[Ask, Iterator[str]]]:
+def _attended(case: ScenarioCase, tree: BuiltTree) -> list[tuple[Ask | Approve, Iterator[str]]]:
     """Questions that somebody answers, with the answers in their order; nodes of one name share them."""
-    found: list[tuple[Ask, Iterator[str]]] = []
+    found: list[tuple[Ask | Approve, Iterator[str]]] = []
     for name, answers in case.answers.items():
         words = chain(answers, repeat(answers[-1]))
         for path in tree.find(name):
