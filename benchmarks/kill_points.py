@@ -195,9 +195,9 @@ def _judge(point: Point, phase: str, status: int | None, folder: Path, witness: 
     problems, lost = [], 0.0
     if status not in ALLOWED[point.way]:
         problems.append(f"exit status {status}")
-    told = (folder / "stderr").read_text() if (folder / "stderr").is_file() else ""
-    if "Traceback" in told or "Exception ignored" in told:
-        problems.append(told[-3000:])
+    stderr = (folder / "stderr").read_text() if (folder / "stderr").is_file() else ""
+    if "Traceback" in stderr or "Exception ignored" in stderr:
+        problems.append(stderr[-3000:])
     records = sorted((folder / "runs").iterdir()) if (folder / "runs").is_dir() else []
     for record in records:
         try:

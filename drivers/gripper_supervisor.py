@@ -154,8 +154,9 @@ class GripperSupervisor:
             return self._astray(self._least, width)
         return self._astray(self._most, width) if self._most - width > stray + lag * self._closing else ""
 
-    def _astray(self, told: float, width: float) -> str:
-        return f"{'opens' if width > told else 'closes'} without being told to: {1e3 * told:.1f} → {1e3 * width:.1f} mm"
+    def _astray(self, commanded: float, width: float) -> str:
+        how = "opens" if width > commanded else "closes"
+        return f"{how} without being told to: {1e3 * commanded:.1f} → {1e3 * width:.1f} mm"
 
     def _reach(self, least: float, most: float) -> tuple[float, float]:
         """These openings, and what moving fingers go on by until they obey."""

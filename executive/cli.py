@@ -65,26 +65,26 @@ def _in_the_way() -> str:
 def _run_filtered(words: Sequence[str]) -> int:
     problem = _in_the_way()
     if problem:
-        _say(problem)
+        _print_error(problem)
         return 2
     command = next((index for index in range(0, len(words), 2) if words[index] != "--skill"), 0)
     options = make_parser(words[command : command + 1]).parse_args(words)
     try:
         status: int = options.main(options)
     except UsageError as error:
-        _say(str(error))
+        _print_error(str(error))
         return 2
     except BrokenPipeError:  # `pomona … | head`
         return 1
     except OSError as error:  # a folder that is not there, a disk that is full: which file, and what is wrong with it
         if error.filename is None:
             raise
-        _say(f"{error.filename}: {error.strerror}")
+        _print_error(f"{error.filename}: {error.strerror}")
         return 2
     return status
 
 
-def _say(text: str) -> None:
+def _print_error(text: str) -> None:
     from executive.terminal.screen import Screen
 
     Screen(stderr=True).print(text, style="red", soft_wrap=True)

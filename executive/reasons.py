@@ -56,9 +56,9 @@ def reason_of(node: Behaviour) -> Reason:
     """Why `node` failed. Ask in the tick in which it failed: its children start afresh with the next one."""
     explain = getattr(node, "explain", None)
     if explain is not None:
-        told = explain()
-        assert isinstance(told, Reason)
-        return told
+        reason = explain()
+        assert isinstance(reason, Reason)
+        return reason
     failure = getattr(node, "reason", None)
     if failure is not None:
         return Reason(path_of(node), failure.code, failure.message, failure.data)

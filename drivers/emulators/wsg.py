@@ -44,7 +44,7 @@ class WsgEmulator:
         busy: a move is taken on (PENDING), and never begins or ends.
         runaway: a speed with which the fingers move whatever they are told, until a fast stop [m/s].
         frozen: width and speed are told as they were when this was set.
-        width_told: a width that is told instead of the true one [m].
+        reported_width: a width that is told instead of the true one [m].
     """
 
     def __init__(
@@ -57,8 +57,8 @@ class WsgEmulator:
         self.busy = False
         self.runaway = 0.0
         self.frozen = False
-        self.width_told: float | None = None
-        self._told: dict[Command, tuple[float, ...]] = {}
+        self.reported_width: float | None = None
+        self._frozen_values: dict[Command, tuple[float, ...]] = {}
         self._fingers, self._offset = fingers, finger_offset
         self._peer: Peer | None = None
         self._decoder = Decoder()
@@ -100,7 +100,7 @@ class WsgEmulator:
             except Malformed:
                 known = frame.command in list(Command)
                 status = Status.CMD_FORMAT_ERROR if known else Status.CMD_UNKNOWN
-                self._say(encode_frame(type(frame)(frame.command, status.to_bytes(2, "little"))))
+                self._send(encode_frame(type(frame)(frame.command, status.to_bytes(2, "little"))))
                 continue
             self._answer(request)
 
@@ -141,7 +141,7 @@ class WsgEmulator:
             return
         match request:
             case Loop(payload):
-                self._say(encode_reply(Reply(Command.LOOP, Status.SUCCESS, payload=payload)))
+                self._send(encode_reply(Reply(Command.LOOP, Status.SUCCESS, payload=payload)))
             case Plain(Command.DISCONNECT):
                 self._said_goodbye = True
                 self._reply(Command.DISCONNECT)
@@ -265,13 +265,13 @@ class WsgEmulator:
     def _observe(self, command: Command) -> tuple[float, ...]:
         if command is Command.SYSTEM_STATE:
             return (int(self._system_state()),)
-        if not (self.frozen and command in self._told):
-            self._told[command] = self._measure(command)
-        return self._told[command]
+        if not (self.frozen and command in self._frozen_values):
+            self._frozen_values[command] = self._measure(command)
+        return self._frozen_values[command]
 
     def _measure(self, command: Command) -> tuple[float, ...]:
         if command is Command.WIDTH:
-            return (self._jaw() if self.width_told is None else self.width_told,)
+            return (self._jaw() if self.reported_width is None else self.reported_width,)
         if command is Command.SPEED:
             return (self._fingers.state().speed,)
         if command is Command.GRASP_STATE:
@@ -286,9 +286,9 @@ class WsgEmulator:
         return bits
 
     def _reply(self, command: Command, status: Status = Status.SUCCESS, values: tuple[float, ...] = ()) -> None:
-        self._say(encode_reply(Reply(command, status, values)))
+        self._send(encode_reply(Reply(command, status, values)))
 
-    def _say(self, chunk: bytes) -> None:
+    def _send(self, chunk: bytes) -> None:
         if self._peer is not None and not self.silent:
             self._peer.send(chunk)
 

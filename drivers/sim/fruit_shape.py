@@ -50,13 +50,17 @@ class FruitShape:
     stem: tuple[Float64, NDArray[np.int32]] | None
 
 
-def make_fruit(model: Path, dimensions: Float64, skin: str, rng: np.random.Generator, lumps: float = 1.0) -> FruitShape:
-    """A fruit after the model in a folder with fruit.yaml, of the given size (d_x, d_y, d_z) [m]; with 0 for `lumps` it
-    keeps the model's form, with 1 it is as uneven as an ordinary one."""
+def make_fruit(
+    model: Path, dimensions: Float64, skin: str, rng: np.random.Generator, shape_noise: float = 1.0
+) -> FruitShape:
+    """A fruit after the model in a folder with fruit.yaml, of the given size (d_x, d_y, d_z) [m].
+
+    With 0 for `shape_noise` it keeps the model's form, with 1 it is as uneven as an ordinary one.
+    """
     meshes = read_model(model)
     vertices, triangles = meshes.flesh
     scale = dimensions / np.ptp(vertices, axis=0)
-    deformed = _deform(vertices, rng, lumps)
+    deformed = _deform(vertices, rng, shape_noise)
     extents = np.ptp(deformed, axis=0)
     centre = (deformed.max(axis=0) + deformed.min(axis=0)) / 2.0
     fitted = (deformed - centre) * (dimensions / extents)
@@ -67,18 +71,20 @@ def make_fruit(model: Path, dimensions: Float64, skin: str, rng: np.random.Gener
     return FruitShape(vertices, faces, uv, dimensions.copy(), _paint(skin, rng), stem)
 
 
-def _deform(vertices: Float64, rng: np.random.Generator, lumps: float) -> Float64:
+def _deform(vertices: Float64, rng: np.random.Generator, shape_noise: float) -> Float64:
     """Low harmonics around the axis and a slight lean: no two apples are alike, and none is a body of revolution."""
     angle = np.arctan2(vertices[:, 2], vertices[:, 0])
     height = vertices[:, 1] / np.abs(vertices[:, 1]).max()
     radial = np.ones(len(vertices))
     for k in (2, 3, 5):
         phase = rng.uniform(0.0, 2.0 * np.pi)
-        radial += rng.normal(0.0, lumps * 0.012 / np.sqrt(k)) * np.cos(k * angle + phase) * (1.0 - 0.5 * height**2)
+        radial += (
+            rng.normal(0.0, shape_noise * 0.012 / np.sqrt(k)) * np.cos(k * angle + phase) * (1.0 - 0.5 * height**2)
+        )
     deformed = vertices.copy()
     deformed[:, 0] *= radial
     deformed[:, 2] *= radial
-    lean = rng.normal(0.0, lumps * 0.03, 2)
+    lean = rng.normal(0.0, shape_noise * 0.03, 2)
     deformed[:, 1] *= 1.0 + lean[0] * vertices[:, 0] / 0.05 + lean[1] * vertices[:, 2] / 0.05
     return deformed
 

@@ -38,7 +38,7 @@ class FruitOnTable:
     tilt: float
     tilt_azimuth: float
     skin: str
-    lumps: float
+    shape_noise: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -116,7 +116,7 @@ class WorldOptions:
         Span(Number(0.1, 10.0)), "0.95..1.10", "mass of a fruit beside its kind's, drawn from this range"
     )
     spread: float = value(Number(0.0, 0.3), "0", "width and height differ from the kind's by up to this share")
-    lumps: float = value(Number(0.0, 3.0), "1", "how uneven the shape is; 0 gives the CAD model's form")
+    shape_noise: float = value(Number(0.0, 3.0), "1", "how uneven the shape is; 0 gives the CAD model's form")
     tilt: float = value(Measure(ANGLE, "0 rad", "180 deg"), "0.1 rad", "largest tilt of a stem")
     jitter: float = value(Measure(LENGTH, "0 mm", "50 mm"), "0 mm", "of a place, in x and y")
 
@@ -181,7 +181,7 @@ def draw_layout(said: WorldOptions, seed: int, fixed: tuple[Box, ...] = ()) -> L
                 tilt=rng.uniform(0.0, said.tilt) + (np.pi / 2.0 if kind.lies else 0.0),
                 tilt_azimuth=rng.uniform(-np.pi, np.pi),
                 skin=said.skin if i == 0 and said.skin != "any" else kind.skin or skin,
-                lumps=said.lumps,
+                shape_noise=said.shape_noise,
             )
         )
     return Layout(

@@ -60,7 +60,7 @@ def build_scene(layout: Layout, seed: int) -> SimScene:
     shapes = []
     for i, fruit in enumerate(layout.fruits):
         drawn = np.random.default_rng([seed, 5, i])
-        shapes.append(make_fruit(fruit.model, fruit.dimensions, fruit.skin, drawn, fruit.lumps))
+        shapes.append(make_fruit(fruit.model, fruit.dimensions, fruit.skin, drawn, fruit.shape_noise))
         _add_fruit(mujoco, spec, f"fruit_{i}", fruit, shapes[-1], layout.table_z)
     for i, distractor in enumerate(layout.distractors):
         _add_distractor(mujoco, spec, f"distractor_{i}", distractor, layout.table_z)

@@ -54,7 +54,7 @@ def run_order(order: RunOrder) -> Result:
     return executed.summary.as_json(executed.record)
 
 
-def read_results(folder: Path, told: Callable[[str], None] = lambda _problem: None) -> dict[str, Result]:
+def read_results(folder: Path, on_problem: Callable[[str], None] = lambda _problem: None) -> dict[str, Result]:
     """Finished runs by name. A last line that was cut off by a kill is left out.
 
     Args:
@@ -72,7 +72,7 @@ def read_results(folder: Path, told: Callable[[str], None] = lambda _problem: No
         try:
             result = result_of(line)
         except ValueError as error:
-            told(f"{path}:{number}: {error}: it does not count, and its run is made again")
+            on_problem(f"{path}:{number}: {error}: it does not count, and its run is made again")
             continue
         results[result["name"]] = result
     return results
@@ -117,14 +117,14 @@ def _mapping(result: Result, key: str) -> Mapping[str, Any]:
 
 
 def finished_runs(
-    campaign: Campaign, folder: Path, told: Callable[[str], None] = lambda _problem: None
+    campaign: Campaign, folder: Path, on_problem: Callable[[str], None] = lambda _problem: None
 ) -> dict[str, Result]:
     """Results of this campaign's runs, in its order; `told` is told of lines that do not count.
 
     Raises:
         UsageError: the folder holds results of runs of the same name with another tree, cell or setting.
     """
-    results = read_results(folder, told)
+    results = read_results(folder, on_problem)
     found = {run.name: results[run.name] for run in campaign.runs if run.name in results}
     for run in campaign.runs:
         if run.name in found and found[run.name].get("fingerprint") != run.fingerprint:

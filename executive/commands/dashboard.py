@@ -100,7 +100,7 @@ class Launcher:
         self._starting: Starting | None = None
 
     def start(self, form: dict[str, Any]) -> str:
-        """Begin to prepare the run that the page's form describes; the desk tells how that goes.
+        """Begin to prepare the run that the page's form describes; the lock tells how that goes.
 
         Raises:
             RefusedError: one is running, or the safe state of the last one is latched.
@@ -112,18 +112,18 @@ class Launcher:
             latched = self._dashboard.control.runner is not None and self._dashboard.control.runner.latched
             raise RefusedError(f"reset the safe state first: {latched}" if latched else "a run is going on")
         order = self._order(form)
-        desk = self._dashboard.control
-        self._starting = starting = desk.prepare(order.tree.stem)
+        lock = self._dashboard.control
+        self._starting = starting = lock.prepare(order.tree.stem)
 
         def run() -> None:
             problem = "it broke off: the terminal says where"
             try:
-                execute(order, self._listeners, on_ready=desk.serve, on_latched=Runner.hold_latched, starting=starting)
+                execute(order, self._listeners, on_ready=lock.serve, on_latched=Runner.hold_latched, starting=starting)
                 problem = ""
             except PomonaError as error:
                 problem = str(error)
             finally:
-                desk.clear(problem)
+                lock.clear(problem)
 
         self._thread = threading.Thread(target=run, name="pomona-run")
         self._thread.start()

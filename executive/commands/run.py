@@ -161,20 +161,20 @@ def _serve(options: argparse.Namespace, console: Screen, stack: contextlib.ExitS
 def _execute(order: RunOrder, live: LiveTree, dashboard: Dashboard | None, console: Screen) -> Executed:
     if dashboard is None:
         return execute(order, [live.on_event])
-    desk, problem = dashboard.control, ""
+    lock, problem = dashboard.control, ""
     try:
         return execute(
             order,
             [live.on_event, dashboard.hub.on_event],
-            on_ready=desk.serve,
+            on_ready=lock.serve,
             on_latched=lambda runner: _hold(runner, dashboard, console),
-            starting=desk.prepare(order.tree.stem),
+            starting=lock.prepare(order.tree.stem),
         )
     except PomonaError as error:
         problem = str(error)
         raise
     finally:
-        desk.clear(problem)
+        lock.clear(problem)
 
 
 def _hold(runner: Runner, dashboard: Dashboard, console: Screen) -> None:

@@ -60,7 +60,7 @@ class Viewer:
         self.lagged = False
         self.armed = False
         """Whether the page has shown the token: what it presses is carried out."""
-        self.page, self.heard = "", 0.0
+        self.page, self.last_seen = "", 0.0
         """The page's own id, and when it asked last whether it is heard."""
 
     def tell(self, event: str, **fields: Any) -> None:
@@ -161,10 +161,10 @@ class Hub:
         """How many watch now."""
         return len(self._viewers)
 
-    def heard(self, page: str) -> float:
+    def last_seen(self, page: str) -> float:
         """When this page was heard last, by `time.monotonic`; 0 when it is not open."""
         with self._lock:
-            return max((viewer.heard for viewer in self._viewers if viewer.page == page), default=0.0)
+            return max((viewer.last_seen for viewer in self._viewers if viewer.page == page), default=0.0)
 
     @property
     def drained(self) -> bool:

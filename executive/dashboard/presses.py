@@ -30,8 +30,8 @@ class Presses:
     """What pages ask for. A press comes over the live stream, as a request, and again and again until it is answered:
     its `press`, an id, makes them one. Use it in the server's loop."""
 
-    def __init__(self, desk: ControlLock) -> None:
-        self._desk = desk
+    def __init__(self, lock: ControlLock) -> None:
+        self._lock = lock
         self._answers: OrderedDict[str, asyncio.Future[dict[str, Any]]] = OrderedDict()
         # A driver may let a safe stop wait; neither the server nor another safe stop waits with it.
         self._stopping = ThreadPoolExecutor(4, thread_name_prefix="pomona-stop")
@@ -60,22 +60,22 @@ class Presses:
         _refuse_late(body, SAFE_STOP_PATIENCE if action == "safe_stop" else PATIENCE)
         if action == "safe_stop":
             loop = asyncio.get_running_loop()
-            confirmed = await loop.run_in_executor(self._stopping, self._desk.safe_stop, who)
+            confirmed = await loop.run_in_executor(self._stopping, self._lock.safe_stop, who)
         else:
             self._decide(action, viewer)(who, text(body, "detail"))
-        held = self._desk.holder
+        held = self._lock.holder
         yours = bool(viewer) and held.viewer == viewer
         return {"held_by": held.who, "grant": held.grant, "yours": yours, "confirmed": confirmed}
 
     def _decide(self, action: str, viewer: str) -> Callable[[str, str], None]:
-        desk = self._desk
+        lock = self._lock
         if action == "take":
-            return lambda who, _detail: desk.take(viewer, who)
+            return lambda who, _detail: lock.take(viewer, who)
         if action == "release":
-            return lambda _who, _detail: desk.release(viewer)
+            return lambda _who, _detail: lock.release(viewer)
         if action == "acknowledge":
-            return lambda _who, _detail: desk.acknowledge(viewer)
-        return lambda _who, detail: desk.act(viewer, action, detail)
+            return lambda _who, _detail: lock.acknowledge(viewer)
+        return lambda _who, detail: lock.act(viewer, action, detail)
 
 
 def now() -> float:

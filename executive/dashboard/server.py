@@ -122,7 +122,7 @@ class Dashboard:
 
     def _is_here(self, page: str) -> bool:
         """Whether the page that holds control is heard."""
-        return not page or now() - self.hub.heard(page) < PAGE_SILENT
+        return not page or now() - self.hub.last_seen(page) < PAGE_SILENT
 
     # ------------------------------------------------------------------------------------- its own thread
 
@@ -282,12 +282,12 @@ class Dashboard:
             while True:
                 said = _object(await stream.receive_text())
                 if isinstance(said.get("ping"), (int, float)):
-                    viewer.heard = now()
-                    viewer.tell("Pong", ping=said["ping"], now=viewer.heard)  # it follows all that was told before
+                    viewer.last_seen = now()
+                    viewer.tell("Pong", ping=said["ping"], now=viewer.last_seen)  # it follows all that was told before
                 elif "token" in said:
                     viewer.armed = self.access.acts_with(text(said, "token"))
                     viewer.page = text(said, "viewer") if viewer.armed else ""
-                    viewer.heard = now()
+                    viewer.last_seen = now()
                     viewer.tell("Armed", armed=viewer.armed)
                 elif "press" in said and len(pressed) < MOST_PRESSES:
                     task = asyncio.create_task(self._pressed(viewer, said))

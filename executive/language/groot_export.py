@@ -144,7 +144,7 @@ class _Exporter:
                 elif direction == "output_port":
                     attributes["default"] = f"{{_{name}}}"  # BehaviorTree.CPP wants every port wired
                 SubElement(model, direction, attributes).text = port.help
-        told: dict[str, object] = {"description": definition.description} if definition.description else {}
+        metadata: dict[str, object] = {"description": definition.description} if definition.description else {}
         for key, declared in (
             ("parameters", parameters),
             ("constants", file.constants if definition.main else {}),
@@ -152,9 +152,9 @@ class _Exporter:
             ("out", definition.outputs),
         ):
             if declared:
-                told[key] = {name: _declaration(port) for name, port in declared.items()}
+                metadata[key] = {name: _declaration(port) for name, port in declared.items()}
         fields = SubElement(model, "MetadataFields")
-        SubElement(fields, "Metadata", {"pomona": json.dumps(told, ensure_ascii=False)})
+        SubElement(fields, "Metadata", {"pomona": json.dumps(metadata, ensure_ascii=False)})
 
 
 @dataclass(frozen=True, slots=True)

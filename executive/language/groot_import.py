@@ -96,21 +96,21 @@ class _Importer:
         if model is None:
             return {}
         metadata = _own(model)
-        return {} if metadata is None else self.told(metadata)
+        return {} if metadata is None else self.declared(metadata)
 
-    def told(self, metadata: XmlElement) -> Words:
+    def declared(self, metadata: XmlElement) -> Words:
         try:
-            told = json.loads(metadata.get("pomona"))
+            said = json.loads(metadata.get("pomona"))
         except (ValueError, RecursionError):
-            told = None
-        if not isinstance(told, dict):
+            said = None
+        if not isinstance(said, dict):
             self.findings.error(metadata, "xml", "the tree's metadata cannot be read")
             return {}
         found: Words = {}
-        if isinstance(told.get("description"), str):
-            found["description"] = told["description"]
+        if isinstance(said.get("description"), str):
+            found["description"] = said["description"]
         for key in ("parameters", "constants", "in", "out"):
-            ports = told.get(key)
+            ports = said.get(key)
             if isinstance(ports, dict):
                 found[key] = {str(name): _declared(port) for name, port in ports.items()}
         return found
@@ -415,8 +415,8 @@ def _ended(found: Words, after_success: list[Words], after_failure: list[Words])
 
 def _own(model: XmlElement) -> XmlElement | None:
     """What we have written into a model ourselves."""
-    told = (found for fields in model.all("MetadataFields") for found in fields.all("Metadata"))
-    return next((found for found in told if found.get("pomona")), None)
+    said = (found for fields in model.all("MetadataFields") for found in fields.all("Metadata"))
+    return next((found for found in said if found.get("pomona")), None)
 
 
 def _value(text: str) -> object:

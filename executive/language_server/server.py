@@ -59,8 +59,8 @@ class TreeServer(LanguageServer):
     def judge(self, uri: str, text: str) -> None:
         """Take a text, and tell what is wrong with it."""
         found = self.service(uri).update(text)
-        told = [_diagnostic(finding, text) for finding in found]
-        self.text_document_publish_diagnostics(lsp.PublishDiagnosticsParams(uri, told))
+        diagnostics = [_diagnostic(finding, text) for finding in found]
+        self.text_document_publish_diagnostics(lsp.PublishDiagnosticsParams(uri, diagnostics))
 
 
 def serve(cell: Path | None = None, *, load: bool = True) -> TreeServer:

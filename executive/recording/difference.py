@@ -76,8 +76,8 @@ def differences(
 
 
 def _difference(number: int, one: dict[str, Any] | None, other: dict[str, Any] | None) -> Difference:
-    told = (one or other or {}).get("t", 0.0)
-    t = float(told) if isinstance(told, (int, float)) else 0.0
+    written = (one or other or {}).get("t", 0.0)
+    t = float(written) if isinstance(written, (int, float)) else 0.0
     if one is None or other is None or _name(one) != _name(other):
         names = ["no event: it ends here" if event is None else _name(event) for event in (one, other)]
         return Difference(number, t, "another event", "", *names)

@@ -47,12 +47,12 @@ def why_cut(record: Path) -> str:
 
 def _stopped(record: Path) -> str:
     """What the supervisor process says that it did; empty when there was none, or nothing to do."""
-    told = _read(record / REPORT)
-    devices = told.get("devices")
+    report = _read(record / REPORT)
+    devices = report.get("devices")
     if not isinstance(devices, dict):
         return ""
     done = ", ".join(f"{device} {what}"[:200] for device, what in list(devices.items())[:10])
-    return f"its supervisor found that {str(told.get('reason', ''))[:200]}: {done}"
+    return f"its supervisor found that {str(report.get('reason', ''))[:200]}: {done}"
 
 
 def _read(path: Path) -> dict[str, Any]:

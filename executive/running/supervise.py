@@ -66,8 +66,8 @@ def main() -> int:
         return 0
     began = time.monotonic()
     _end(orders.pid)
-    told = _stop_all(stops)
-    _report(orders, reason, told, time.monotonic() - began)
+    outcomes = _stop_all(stops)
+    _report(orders, reason, outcomes, time.monotonic() - began)
     return 1
 
 
@@ -99,7 +99,7 @@ def _end(pid: int) -> None:
 
 
 def _stop_all(stops: dict[str, tuple[Callable[..., None], list[Any]]]) -> dict[str, str]:
-    told = dict.fromkeys(stops, "")
+    outcomes = dict.fromkeys(stops, "")
 
     def stop(device: str, function: Callable[..., None], arguments: list[Any]) -> None:
         end = time.monotonic() + STOPPING
@@ -107,9 +107,9 @@ def _stop_all(stops: dict[str, tuple[Callable[..., None], list[Any]]]) -> dict[s
             try:
                 function(*arguments)
             except Exception as error:
-                told[device] = f"could not be stopped: {error}"
+                outcomes[device] = f"could not be stopped: {error}"
             else:
-                told[device] = "stopped"
+                outcomes[device] = "stopped"
                 return
             if time.monotonic() > end:
                 return
@@ -120,15 +120,15 @@ def _stop_all(stops: dict[str, tuple[Callable[..., None], list[Any]]]) -> dict[s
         thread.start()
     for thread in threads:
         thread.join()
-    return told
+    return outcomes
 
 
-def _report(orders: Orders, reason: str, told: dict[str, str], took: float) -> None:
-    devices = "; ".join(f"{device} {what}" for device, what in told.items())
+def _report(orders: Orders, reason: str, outcomes: dict[str, str], took: float) -> None:
+    devices = "; ".join(f"{device} {what}" for device, what in outcomes.items())
     with contextlib.suppress(OSError):  # nobody reads any more
         print(f"supervisor: {reason}. {devices}.", file=sys.stderr, flush=True)
     if orders.record:
-        text = json.dumps({"reason": reason, "devices": told, "took_s": round(took, 3), "wall_time": time.time()})
+        text = json.dumps({"reason": reason, "devices": outcomes, "took_s": round(took, 3), "wall_time": time.time()})
         Path(orders.record, REPORT).write_text(text + "\n", encoding="utf-8")
 
 

@@ -32,9 +32,9 @@ def sentence_of(error: BaseException) -> str:
 
 def place_of(error: BaseException) -> str:
     """`skills/lift.py:42, in run`: the innermost place in somebody's own code, not in a library; empty when unknown."""
-    told = getattr(error, "place", None)  # of another process, as `keep_place` noted it there
-    if isinstance(told, str) and told:
-        return told
+    noted = getattr(error, "place", None)  # of another process, as `keep_place` noted it there
+    if isinstance(noted, str) and noted:
+        return noted
     chain = list(_chain(error))
     home = next((package for frames in chain for frame, _ in frames if (package := _package(_file(frame)))), "")
     for frames in chain:

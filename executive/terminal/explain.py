@@ -107,8 +107,8 @@ class _Story:
         yield self._interventions()
         yield from self._errors()
         yield " ".join(
-            f"{name.capitalize()}: {_sentence(re.sub(' {2,}', ', ', told))}"
-            for name, told in self.summary.notes.items()
+            f"{name.capitalize()}: {_sentence(re.sub(' {2,}', ', ', note))}"
+            for name, note in self.summary.notes.items()
         )
         yield self._time(ended)
         if ended is not None and ended.truth:
@@ -148,13 +148,13 @@ class _Story:
 
     def _attempts(self) -> str:
         failed = self._failed_attempts()
-        told: list[tuple[AttemptEnded, str] | None] = list(failed)
+        shown: list[tuple[AttemptEnded, str] | None] = list(failed)
         if len(failed) > MOST_ATTEMPTS:
-            told = [*failed[: MOST_ATTEMPTS - 1], None, failed[-1]]
+            shown = [*failed[: MOST_ATTEMPTS - 1], None, failed[-1]]
         ended = self.summary.ended
         known = {_kind(leaf) for leaf in (ended.reason.leaves() if ended and ended.reason else ())}
         sentences = []
-        for entry in told:
+        for entry in shown:
             if entry is None:
                 sentences.append(f"So it went on, {len(failed) - MOST_ATTEMPTS} attempts more.")
                 continue
@@ -192,12 +192,12 @@ class _Story:
 
     def _in_hand(self) -> str:
         """What the fingers felt: when something came between them, and when it went."""
-        told, felt = [], ""
+        shown, felt = [], ""
         for hand in self.hands:
             if hand.what != felt:
-                told.append(f"at {hand.t:.1f} s {hand.what or 'nothing any more'}")
+                shown.append(f"at {hand.t:.1f} s {hand.what or 'nothing any more'}")
                 felt = hand.what
-        return f"The fingers felt: {', '.join(told)}." if told else ""
+        return f"The fingers felt: {', '.join(shown)}." if shown else ""
 
     def _interventions(self) -> str:
         parts = [f"At {link.t:.1f} s, {link.device}: {_sentence(link.state)}" for link in self.links]

@@ -44,7 +44,7 @@ GROWTH_STD, SLIDE_STD = 0.15, 0.05
 """How far gamma is from the assumed one among fruit, and how far a slide's force is from the fit, both roughly: what
 noisy slides cannot tell about gamma the assumed one does."""
 
-ODD, MOST_ODD = 0.25, 0.34
+OUTLIER, MOST_OUTLIERS = 0.25, 0.34
 """A slide whose force is off by more than the first share does not agree with the others; no more than the second may
 be left out."""
 
@@ -200,10 +200,12 @@ def calibrate_grip(
     bounds = (np.array([np.log(0.02), np.log(1e-4), 0.0])[:free], np.array([np.log(5.0), largest, 1.0])[:free])
     agrees = np.ones(len(f_n), bool)
     rough = least_squares(residuals, np.clip(first, *bounds), bounds=bounds, loss="cauchy", f_scale=SLIDE_STD)
-    odd = np.abs(errors(rough.x)) > ODD
-    if 0 < odd.sum() <= MOST_ODD * len(odd):
-        notes.append(f"{odd.sum()} of {len(odd)} slides do not agree with the others and are left out: repeat them")
-        agrees = ~odd
+    outliers = np.abs(errors(rough.x)) > OUTLIER
+    if 0 < outliers.sum() <= MOST_OUTLIERS * len(outliers):
+        notes.append(
+            f"{outliers.sum()} of {len(outliers)} slides do not agree with the others and are left out: repeat them"
+        )
+        agrees = ~outliers
     fit = least_squares(residuals, rough.x, bounds=bounds, loss="soft_l1", f_scale=2.0 * SLIDE_STD)
     contact = contact_of(fit.x)
     error = errors(fit.x)[agrees]

@@ -74,8 +74,8 @@ class GripController:
     @property
     def warnings(self) -> tuple[str, ...]:
         """What is doubtful about the grip now, as sentences."""
-        told = (self.reference.frozen, self._pressed_alone)
-        return (*self._guard.findings(), *(sentence for sentence in told if sentence))
+        notes = (self.reference.frozen, self._pressed_alone)
+        return (*self._guard.findings(), *(sentence for sentence in notes if sentence))
 
     @property
     def slip_speed(self) -> float:

@@ -63,7 +63,7 @@ class Hold:
         self._lock = RLock()
         self._ended = False
         self._device_problem: GripProblem | None = None
-        self._told = self._stands = False
+        self._sensor_fault_reported = self._stands = False
         self._record_every = max(round(controller.settings.rate / RECORDED_RATE), 1)
         self._samples = np.zeros((KEPT, 7))
         self._written = self._drained = self._seen = 0
@@ -182,9 +182,9 @@ class Hold:
         lies = problem is not None and (
             problem.code == "SENSOR_FAULT" or (problem.code in LIES and self.controller.phase in IN_HAND)
         )
-        if lies and not self._told and problem is not None:
+        if lies and not self._sensor_fault_reported and problem is not None:
             self._sensor.distrust(problem.message)
-        self._told = lies
+        self._sensor_fault_reported = lies
 
     def _command(self, speed: float) -> None:
         """Command a rate of the opening; a gripper that refuses is remembered and asked again next time."""

@@ -169,8 +169,8 @@ class PhotoCloseLookBatches(Dataset[tuple[Tensor, ...]]):
             centre = labels.centres[k] + rng.normal(0.0, 0.06 * doubt, 2) * size
             roll = roll_of_look(self.turned, rng)
             look = look_at(K, centre, size * np.exp(rng.normal(0.0, 0.13 * doubt)), roll)
-            told, upright = np.isfinite(labels.sizes[k]), abs(roll) < MOST_ROLL
-            target, known = np.zeros(10, np.float32), np.array([told, told, 0, upright, 0, 0], np.float32)
+            size_known, upright = np.isfinite(labels.sizes[k]), abs(roll) < MOST_ROLL
+            target, known = np.zeros(10, np.float32), np.array([size_known, size_known, 0, upright, 0, 0], np.float32)
             target[:3], target[6:] = look.label_place(labels.centres[k], size), look.label_box(box)
             shown = most_visible(box)
             samples.append(look_sample(picture, look, target, 1.0, shown, known, rng, True))

@@ -76,8 +76,8 @@ def labels_of(boxes: F64, crowd: NDArray[np.bool_], width: int, height: int) -> 
         far = low[:, across] + extent[:, across] - 0.5 * extent[:, along]
         near = low[:, across] + 0.5 * extent[:, along]
         centres[completed, across] = np.where(before[:, across], far, near)[completed]
-    told = np.where(cut.any(axis=1), ~cut.all(axis=1), shorter >= WHOLE * longer)
-    sizes = np.where(told, SIZE_OF_BOX * longer, np.nan)
+    size_known = np.where(cut.any(axis=1), ~cut.all(axis=1), shorter >= WHOLE * longer)
+    sizes = np.where(size_known, SIZE_OF_BOX * longer, np.nan)
     # A box ends at the outer sides of pixels, whose middles are at integers.
     return Labels(boxes, centres - 0.5, sizes, counted)
 

@@ -13,7 +13,10 @@ def target(open_cell, seed=5, **options):
 
 
 def test_what_varies_leaves_everything_else_as_it_was_drawn(open_cell):
-    plain, varied = target(open_cell), target(open_cell, spread="0.05", weight="1.2..1.2", lumps="0", tilt="0 deg")
+    plain, varied = (
+        target(open_cell),
+        target(open_cell, spread="0.05", weight="1.2..1.2", shape_noise="0", tilt="0 deg"),
+    )
     assert not np.array_equal(plain.dimensions, varied.dimensions)
     assert np.all(np.abs(varied.dimensions / plain.dimensions - 1.0) <= 0.05)
     assert varied.dimensions[0] == varied.dimensions[2]
@@ -44,7 +47,7 @@ def test_friction_and_noise_are_set_from_outside(open_cell):
 def test_a_fruit_without_lumps_is_the_models_form(open_cell):
     fruit = target(open_cell)
     first, second = (
-        make_fruit(fruit.model, fruit.dimensions, "red", np.random.default_rng(seed), lumps=0.0).vertices
+        make_fruit(fruit.model, fruit.dimensions, "red", np.random.default_rng(seed), shape_noise=0.0).vertices
         for seed in (1, 2)
     )
     assert np.array_equal(first, second)

@@ -491,7 +491,7 @@ def test_an_update_that_ceases_to_come_is_told(wire: Wire, command: Command) -> 
 def test_a_width_that_cannot_be_is_told(wire: Wire, width: float, words: str) -> None:
     gripper = connected(wire)
     serve(gripper, wire, 0.1)
-    wire.device.width_told = width
+    wire.device.reported_width = width
     serve(gripper, wire, 0.03)
     with pytest.raises(DeviceFault, match=words):
         gripper.check()
