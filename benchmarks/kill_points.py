@@ -35,6 +35,9 @@ LOST = 0.25
 SPAN = 7.0
 """Seconds within which the signal comes: a run takes some 5 s, and 1 s to begin."""
 
+WENT_ON = 0.5
+"""Seconds for which a run may go on to its end after the signal, where its end was near [s of the run]."""
+
 GONE = 8.0
 """Seconds after which no process of the run may be left."""
 
@@ -79,6 +82,8 @@ class Left:
 def run_one(folder: str, witness: str, stdout: Any, cell: str) -> None:
     """The process that is ended: the command line as it is, with a witness and two skills more."""
     os.setsid()
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):  # whoever started this may ignore them
+        signal.signal(number, signal.default_int_handler if number == signal.SIGINT else signal.SIG_DFL)
     os.dup2(stdout.fileno(), 1)
     os.dup2(os.open(f"{folder}/stderr", os.O_WRONLY | os.O_CREAT), 2)
     sys.stdout, sys.stderr = os.fdopen(1, "w"), os.fdopen(2, "w")
@@ -131,12 +136,13 @@ def end_one(point: Point, cell: str, context: Any) -> Left:
             drain.start()
         time.sleep(point.after)
         phase = _phase(folder, witness, process)
+        seen = struct.unpack("dd", witness.read_bytes())[0]
         _end(point, process, reader)
         process.join(60.0)
         status = process.exitcode
         if status is None:
             _signal_session(process.pid, signal.SIGKILL)
-        problems, lost = _judge(point, phase, status, folder, witness)
+        problems, lost = _judge(point, phase, status, folder, witness, seen)
         if left := _left(process.pid):
             problems.append(f"left behind: {left}")
             _signal_session(process.pid, signal.SIGKILL)
@@ -188,13 +194,17 @@ ALLOWED = {
 """Exit statuses: 0 where the run had ended, 128 + n or -n before it began, 3 (130 for Ctrl-C) in its safe state."""
 
 
-def _judge(point: Point, phase: str, status: int | None, folder: Path, witness: Path) -> tuple[list[str], float]:
+def _judge(
+    point: Point, phase: str, status: int | None, folder: Path, witness: Path, seen: float
+) -> tuple[list[str], float]:
     from executive.recording.read import read_events
     from executive.running.events import RunEnded, SafeStopped
 
     problems, lost = [], 0.0
     if status not in ALLOWED[point.way]:
         problems.append(f"exit status {status}")
+    if status == 0 and phase == "starting" and point.way != "reader gone":
+        problems.append("the run began and went on to its end")
     stderr = (folder / "stderr").read_text() if (folder / "stderr").is_file() else ""
     if "Traceback" in stderr or "Exception ignored" in stderr:
         problems.append(stderr[-3000:])
@@ -205,9 +215,11 @@ def _judge(point: Point, phase: str, status: int | None, folder: Path, witness: 
         except Exception as error:
             problems.append(f"the record cannot be read: {type(error).__name__}: {error}")
             continue
-        seen, there = struct.unpack("dd", witness.read_bytes())
+        last, there = struct.unpack("dd", witness.read_bytes())
         if there:
-            lost = max(0.0, seen - (events[-1].t if events else 0.0))
+            lost = max(0.0, last - (events[-1].t if events else 0.0))
+        if status == 0 and phase == "running" and last - seen > WENT_ON:
+            problems.append(f"went on for {last - seen:.2f} s")
         if status is not None and status < 0:  # killed: nothing could be said any more
             if lost > LOST:
                 problems.append(f"{lost:.3f} s of the record are lost")

@@ -1,7 +1,8 @@
 """Signals that want a process to end: Ctrl-C, SIGTERM, and SIGHUP of a terminal or ssh session that was closed.
 
-While nothing moves they raise, SIGTERM and SIGHUP as KeyboardInterrupt does. During a run they ask it for the safe
-state, and while the record and the cell are closed they wait. A process that was started to ignore one (nohup, a
+While nothing moves they raise, SIGTERM and SIGHUP as KeyboardInterrupt does; where that is swallowed, as in what a
+compiled library calls back, it is raised again before a run begins. During a run they ask it for the safe state, and
+while the record and the cell are closed they wait. A process that was started to ignore one (nohup, a
 shell's background job, a campaign's worker for Ctrl-C) goes on ignoring it. Signals reach the main thread only.
 """
 
@@ -59,18 +60,31 @@ def signalled(error: BaseException) -> KeyboardInterrupt | None:
     return below
 
 
+_raised: int | None = None
+"""The signal that `raising` has raised; whoever still runs then has not seen it."""
+
+
 @contextmanager
 def raising() -> Iterator[None]:
-    """SIGTERM and SIGHUP raise `Terminated`."""
+    """SIGTERM and SIGHUP raise `Terminated`, Ctrl-C KeyboardInterrupt."""
+    global _raised
 
     def handle(number: int, _frame: FrameType | None) -> None:
-        raise Terminated(number)
+        global _raised
+        _raised = number
+        raise _error_of(number)
 
-    before = _install(handle, (signal.SIGTERM, signal.SIGHUP))
+    _raised = None
+    before = _install(handle, tuple(WORDS))
     try:
         yield
     finally:
         _restore(before)
+        _raised = None
+
+
+def _error_of(number: int) -> KeyboardInterrupt:
+    return KeyboardInterrupt() if number == signal.SIGINT else Terminated(number)
 
 
 class _Phase(Enum):
@@ -85,12 +99,15 @@ class RunSignals:
     def __init__(self) -> None:
         self.number: int | None = None
         self._phase = _Phase.RAISING
+        self._raised: int | None = None
         self._since = self._last = 0.0
         self._run: Requests | None = None
         self._asked: queue.SimpleQueue[int | None] = queue.SimpleQueue()  # put() may be called by a signal's handler
         self._before: dict[int, Any] = {}
 
     def __enter__(self) -> RunSignals:
+        if _raised is not None:
+            raise _error_of(_raised)
         self._before = _install(self._handle, tuple(WORDS))
         return self
 
@@ -99,13 +116,19 @@ class RunSignals:
 
     @contextmanager
     def ask(self, run: Requests) -> Iterator[None]:
-        """For the time of a run: the first signal asks for the safe state, a later one breaks what hangs."""
+        """For the time of a run: the first signal asks for the safe state, a later one breaks what hangs.
+
+        Raises:
+            KeyboardInterrupt: there was one already, and nobody has seen it.
+        """
         # The cell is stopped by a thread: the tick that the handler interrupts may hold the cell's lock, or hang.
         self._run = run
         thread = threading.Thread(target=self._stop_when_asked, name="pomona-signals", daemon=True)
         thread.start()
         self._enter(_Phase.RUNNING)
         try:
+            if self._raised is not None:
+                raise _error_of(self._raised)
             yield
         finally:
             self._enter(_Phase.CLOSING)
@@ -137,7 +160,8 @@ class RunSignals:
     def _handle(self, number: int, _frame: FrameType | None) -> None:
         before, self._last = self._last, time.monotonic()
         if self._phase is _Phase.RAISING:
-            raise KeyboardInterrupt if number == signal.SIGINT else Terminated(number)
+            self._raised = number
+            raise _error_of(number)
         first = self.number is None
         self.number = self.number or number
         if self._phase is _Phase.CLOSING:
@@ -156,10 +180,16 @@ def _install(handler: Callable[[int, FrameType | None], None], numbers: tuple[in
     before = {}
     for number in numbers:
         now = signal.getsignal(number)
-        if now is signal.SIG_IGN or now is None or (number == signal.SIGINT and now is not signal.default_int_handler):
+        if now is signal.SIG_IGN or now is None:
+            continue
+        if number == signal.SIGINT and now is not signal.default_int_handler and not _is_ours(now):
             continue
         before[number] = signal.signal(number, handler)
     return before
+
+
+def _is_ours(handler: object) -> bool:
+    return getattr(handler, "__module__", "") == __name__
 
 
 def _restore(before: dict[int, Any]) -> None:

@@ -55,6 +55,31 @@ def test_while_nothing_moves_a_signal_raises(number: int, status: int) -> None:
 
 
 @pytest.mark.parametrize("number", list(module.WORDS))
+@pytest.mark.parametrize("early", [True, False])
+def test_a_signal_that_a_library_swallowed_ends_what_was_to_begin(number: signal.Signals, early: bool) -> None:
+    """As ctypes does with what is raised in a callback: compiling with LLVM calls back."""
+    runner, cell, events = make(LONG, Registry({"Turn": Turn}), {})
+
+    def swallow() -> None:
+        with pytest.raises(KeyboardInterrupt):
+            send(number)
+
+    def begin() -> None:
+        if early:
+            swallow()
+        with RunSignals() as signals:
+            swallow()
+            with signals.ask(runner):
+                runner.run()
+
+    with pytest.raises(KeyboardInterrupt) as raised, raising():
+        begin()
+    assert status_of(raised.value) == 128 + number
+    assert events == []
+    assert cell.wheel.log == []
+
+
+@pytest.mark.parametrize("number", list(module.WORDS))
 def test_in_a_run_a_signal_is_a_safe_stop_with_its_name(number: signal.Signals) -> None:
     result, cell, events, signals = run({4: lambda *_: wait_for_latch(_[1], number)})
     assert result.outcome == "stopped"
