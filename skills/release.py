@@ -24,7 +24,7 @@ from skills.shared.following import MOTION_FAILURES, MovingSkill, Watching
 from skills.shared.grip_view import show_grip
 from skills.shared.moving import POSE_FAILURES, move_to_pose
 from skills.shared.named_pose import judge_pose, offered_poses
-from skills.shared.touch import Touch, load, something_between
+from skills.shared.touch import HELD_FORCE, Touch, load, pressing_forces, something_between
 from skills.shared.usable_map import usable_field
 from skills.shared.warm_motion import prepare_planning
 
@@ -38,6 +38,7 @@ SLOW_WITHIN = 0.02
 """Distance of the fruit from what is known to be below at which lowering slows down [m]."""
 RESTING = 0.1
 """So long after the arm has come to rest a fruit that is carried must still weigh less [s]: a jolt is over then."""
+LOST = "the fruit was lost on the way down: it presses on neither finger"
 RELEASED_WIDTH = 0.02
 """How much wider than the fruit the fingers open before they rise [m]."""
 
@@ -56,7 +57,7 @@ class Release(MovingSkill):
 
     devices = (Arm, Gripper, ForceSensor, Workspace)
     moves = (Arm, Gripper)
-    failures = (*MOTION_FAILURES, *POSE_FAILURES, "NOT_HELD", "NO_CONTACT", "LOWERING_BLOCKED")
+    failures = (*MOTION_FAILURES, *POSE_FAILURES, "NOT_HELD", "LOST", "NO_CONTACT", "LOWERING_BLOCKED")
 
     @classmethod
     def judge(cls, known: Mapping[str, Any], cell: CellFacts | None) -> Iterator[Problem]:
@@ -127,17 +128,19 @@ class Release(MovingSkill):
             def watch() -> None:
                 if hold is not None:
                     show_grip(self, hold)
-                if not self._held():
-                    raise self.failure("NOT_HELD", "the fruit was lost on the way down")
-                if touch.change > contact:
-                    take_over(self.device(Gripper))  # or the grip answers the floor's push by pressing harder
+                if touch.change > contact:  # asked first: a floor's push may take the pressing force from a finger
+                    take_over(self.device(Gripper))  # or the grip answers that push by pressing harder
                     raise _Grounded
+                if not self._held():
+                    raise self.failure("LOST", LOST)
 
             try:
                 yield from self._along(*quickly, watch)
                 yield from self._along(*gently, watch)
             except _Grounded:
                 yield from self.wait(RESTING)
+                if max(pressing_forces(self.device(ForceSensor))) <= HELD_FORCE:
+                    raise self.failure("LOST", LOST) from None
                 if touch.present > 0.5 * contact and not touch.stale_for(self.clock.now()):
                     return
                 words = "what was felt on the way down has gone again, as after a jolt: the fruit is still held"

@@ -74,8 +74,24 @@ def test_a_fruit_lost_on_the_way_down_is_told():
             scene.fingers.feel = lambda _now: np.zeros((2, 6))
 
     outcome = drive(Release(), {}, scene.devices, clock=scene.clock, each_tick=drop)
-    assert outcome.reason.code == "NOT_HELD"
+    assert outcome.reason.code == "LOST"
     assert scene.arm.settled()
+    assert scene.gripper.moves == []
+
+
+def test_a_fruit_whose_floor_takes_the_pressing_force_from_one_finger_is_put_down():
+    scene = over_ground(None)
+    calm = scene.fingers.feel
+
+    def touch(tick: int) -> None:
+        if tick == 20:
+            pushed = calm(0.0)
+            pushed[0, 2], pushed[:, 0] = -0.05, -0.7
+            scene.fingers.feel = lambda _now: pushed
+
+    outcome = drive(Release(), {}, scene.devices, clock=scene.clock, each_tick=touch)
+    assert outcome.status is Status.SUCCESS
+    assert len(scene.gripper.moves) == 1
 
 
 def test_a_jolt_on_the_way_down_opens_nothing():
