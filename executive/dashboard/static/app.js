@@ -1,5 +1,5 @@
 // The page: messages in, state, views. A live run streams over the WebSocket; a recorded one is read. Both can be scrubbed.
-import { $, seconds } from "./dom.js";
+import { $, put, seconds } from "./dom.js";
 import { apply, emptyState } from "./store.js";
 import { newFeed, page, readAddress, say, withToken } from "./page.js";
 import { connect, isStale, press } from "./link.js";
@@ -82,7 +82,7 @@ function render() {
   timeline.draw();
   $("live").classList.toggle("on", page.at === null);
   $("live").hidden = Boolean(page.recorded);
-  $("play").textContent = page.playing ? "❚❚" : "▶";
+  put($("play"), page.playing ? "❚❚" : "▶");
   $("play").setAttribute("aria-label", page.playing ? "pause the playback" : "play");
   document.body.classList.toggle("past", page.at !== null && !page.recorded);
 }
@@ -92,7 +92,7 @@ function drawOver(over, s) {
   $("over").hidden = !over;
   if (!over) return;
   const doing = s.nodes.filter((node) => s.byPath.get(node.path)?.leaf && s.node.get(node.path)?.status === "RUNNING").map((node) => node.name).join(", ");
-  $("over-words").textContent = over.problem || `${over.name}: ${s.ended ? `${STATUS_WORD[s.ended.outcome] ?? ""} ${s.ended.outcome} after ${seconds(s.ended.t)}` : `${doing || s.state}, ${seconds(s.t)}`}`;
+  put($("over-words"), over.problem || `${over.name}: ${s.ended ? `${STATUS_WORD[s.ended.outcome] ?? ""} ${s.ended.outcome} after ${seconds(s.ended.t)}` : `${doing || s.state}, ${seconds(s.t)}`}`);
 }
 
 let lastFrame = 0;

@@ -1,5 +1,5 @@
 // The control bar, the banner of the safe state, and the header: what is acknowledged, never what was clicked.
-import { $, h, seconds } from "./dom.js";
+import { $, h, put, seconds } from "./dom.js";
 import { holdsControl, page } from "./page.js";
 import { isStale, link, press } from "./link.js";
 import { drawQuestions } from "./questions.js";
@@ -25,19 +25,19 @@ export function drawControl(s) {
   }
   $("control").hidden = !live;
   const { held_by: holder, viewers, holder_here: here } = page.control;
-  $("holder").textContent = mine ? "You hold control." : holder ? `${holder} holds control${here === false ? ", but that page is not heard" : ""}.` : "Nobody holds control.";
+  put($("holder"), mine ? "You hold control." : holder ? `${holder} holds control${here === false ? ", but that page is not heard" : ""}.` : "Nobody holds control.");
   $("holder").dataset.mine = mine;
-  $("viewers").textContent = viewers > 1 ? `${viewers} watch.` : "";
+  put($("viewers"), viewers > 1 ? `${viewers} watch.` : "");
   const last = s.acts.findLast((a) => a.action !== "note");
   $("ack").hidden = !s.run;
-  $("ack").textContent = `${isStale() ? "Last known" : "Acknowledged"}: ${s.ended ? s.ended.outcome : s.state}${s.because && !s.ended ? ` (${wordsOf(s, s.because)})` : ""}${last ? ` · last: ${last.action.replaceAll("_", " ")} by ${last.who}` : ""}`;
+  put($("ack"), `${isStale() ? "Last known" : "Acknowledged"}: ${s.ended ? s.ended.outcome : s.state}${s.because && !s.ended ? ` (${wordsOf(s, s.because)})` : ""}${last ? ` · last: ${last.action.replaceAll("_", " ")} by ${last.who}` : ""}`);
   const name = (path) => s.byPath.get(path)?.name ?? path;
   const breaks = [...[...s.breaks.before].map((path) => `before ${name(path)}`), ...[...s.breaks.after].map((path) => `after ${name(path)}`)];
-  $("breaks").textContent = breaks.length ? `◉ Breakpoints: ${breaks.join(", ")}` : "";
+  put($("breaks"), breaks.length ? `◉ Breakpoints: ${breaks.join(", ")}` : "");
   $("latched").hidden = !s.safeStop;
-  $("latched-reason").textContent = s.safeStop ?? "";
-  $("latched-rest").textContent = s.safeStop ? restWords(s) : "";
-  $("reset-hint").textContent = !live ? "Go back to live to reset it." : mine ? "" : "Take control to reset it.";
+  put($("latched-reason"), s.safeStop ?? "");
+  put($("latched-rest"), s.safeStop ? restWords(s) : "");
+  put($("reset-hint"), !live ? "Go back to live to reset it." : mine ? "" : "Take control to reset it.");
 }
 
 // What is known of the devices after a safe stop: never more than they have said.
@@ -57,26 +57,26 @@ function wordsOf(s, because) {
 
 export function drawHeader(s) {
   const kind = s.run?.cell_kind ?? "";
-  $("kind").textContent = `${page.recorded ? "RECORD · " : ""}${KIND[kind] ?? "NO CELL"}`;
+  put($("kind"), `${page.recorded ? "RECORD · " : ""}${KIND[kind] ?? "NO CELL"}`);
   $("kind").dataset.kind = kind;
-  $("run").textContent = s.run ? `${s.run.tree} · seed ${s.run.seed}` : "no run yet";
-  $("run-facts").textContent = s.run ? `cell ${s.run.cell} · ${s.run.run}` : "";
+  put($("run"), s.run ? `${s.run.tree} · seed ${s.run.seed}` : "no run yet");
+  put($("run-facts"), s.run ? `cell ${s.run.cell} · ${s.run.run}` : "");
   $("run").parentElement.title = s.run ? `${s.run.run}\ntree ${s.run.tree_path} (${s.run.tree_hash})\ncell ${s.run.cell_path}` : "";
   const start = page.recorded ? null : page.control.start;
   const preparing = Boolean(start && !start.problem);
   const state = preparing ? "preparing" : s.ended ? s.ended.outcome : s.state;
   const old = !page.recorded && isStale() && (s.run || preparing);
   if (preparing) {
-    $("kind").textContent = KIND[start.cell_kind] ?? "CELL";
+    put($("kind"), KIND[start.cell_kind] ?? "CELL");
     $("kind").dataset.kind = start.cell_kind;
-    $("run").textContent = start.tree;
-    $("run-facts").textContent = start.what;
+    put($("run"), start.tree);
+    put($("run-facts"), start.what);
   }
-  $("state").textContent = old ? `? last known: ${state}` : `${STATUS_WORD[state] ?? ""} ${state}`.trim();
+  put($("state"), old ? `? last known: ${state}` : `${STATUS_WORD[state] ?? ""} ${state}`.trim());
   $("state").dataset.state = old ? "old" : state;
   $("state").title = s.because;
   const still = page.beat && !page.recorded && !old && s.state === "running" && !s.ended ? (performance.now() - page.beat.moved) / 1000 : 0;
-  $("clock").textContent = `${(page.at ?? s.t).toFixed(1)} s${still > 3 ? ` · no tick for ${still.toFixed(0)} s` : ""}`;
+  put($("clock"), `${(page.at ?? s.t).toFixed(1)} s${still > 3 ? ` · no tick for ${still.toFixed(0)} s` : ""}`);
   $("clock").classList.toggle("stale", still > 3);
   drawLinks(s);
   document.title = s.run ? `${STATUS_WORD[state] ?? ""} ${s.run.tree} – Pomona` : "Pomona";

@@ -17,6 +17,9 @@ export function h(tag, attributes = {}, ...children) {
 
 export const $ = (id) => document.getElementById(id);
 
+// A text that is there already stays: to write it again would make the browser lay the page out.
+export const put = (element, text) => { if (element.textContent !== text) element.textContent = text; };
+
 export function seconds(value) {
   if (value < 0.0995) return `${(value * 1000).toFixed(0)} ms`;
   if (value < 59.95) return `${value.toFixed(1)} s`;

@@ -1,8 +1,8 @@
 // The live link: what comes over it, how old that is, whether the page may act, and presses until they are answered.
 import { me, page, post, randomId, say, withToken } from "./page.js";
 
-const PING = 400; // ms between two questions whether the server is heard
-const STALE = 1500; // ms without an answer after which what is shown is no longer the present
+const PING = 300; // ms between two questions whether the server is heard
+const STALE = 1300; // ms without an answer after which what is shown is no longer the present
 const DEAD = 4000; // ms after which the connection is given up, and another one is tried
 const OPENING = 2000; // ms that a connection may take to open
 const CONFIRM = 500; // ms after which a press that is not confirmed is shown as that

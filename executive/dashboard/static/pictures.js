@@ -1,6 +1,6 @@
 // Camera images with what was found drawn over them, time series, and tables.
 import uPlot from "./vendor/uplot.js";
-import { $, h, seconds } from "./dom.js";
+import { $, h, put, seconds } from "./dom.js";
 import { withToken } from "./page.js";
 
 const LINE = new Set(["found", "refined", "muted", "chosen", "ruled_out"]);
@@ -58,7 +58,7 @@ function runs(points) {
 // How long ago something was seen, beside its title. A look, a plan, a grip come when they come: old is not wrong. Whether
 // a device or the page itself is heard is told elsewhere.
 export function showAge(element, t, state) {
-  element.textContent = t === null ? "" : state.t - t < 0.5 ? "now" : `${seconds(state.t - t)} ago`;
+  put(element, t === null ? "" : state.t - t < 0.5 ? "now" : `${seconds(state.t - t)} ago`);
 }
 
 const FINER = { m: ["mm", 1e3], "m/s": ["mm/s", 1e3], "m/s²": ["mm/s²", 1e3] }; // what a hand does is small
@@ -123,7 +123,7 @@ export class PlotsView {
           const [from, to] = this.range();
           chart.thinned.hidden = !series.thinned.some(([a, b]) => a < to && b > from);
         }
-        const width = chart.box.clientWidth;
+        const { width } = chart;
         if (width && Math.abs(chart.plot.width - width) > 4) chart.plot.setSize({ width, height: HEIGHT });
       }
     }
@@ -139,7 +139,7 @@ export class PlotsView {
     const last = plot.data[0].length - 1;
     const index = plot.cursor.idx ?? (this.at === null ? last : plot.data[0].findLastIndex((t) => t <= this.at + 1e-6));
     const known = (column) => { let i = index; while (i > 0 && plot.data[column][i] === undefined) i -= 1; return plot.data[column][i]; }; // at times of the other run
-    values.forEach((element, i) => { const over = both.indexOf(names[i]); element.textContent = figure(known(i + 1)) + (over < 0 ? "" : ` · ${figure(known(names.length + 1 + over))}`); });
+    values.forEach((element, i) => { const over = both.indexOf(names[i]); put(element, figure(known(i + 1)) + (over < 0 ? "" : ` · ${figure(known(names.length + 1 + over))}`)); });
   }
 
   // Times and values of what is shown; of two runs, both over the same time from each one's start.
@@ -164,7 +164,7 @@ export class PlotsView {
     const thinned = h("small", { class: "thinned", hidden: true, title: "of many samples the least and the greatest are shown; nearer, in a shorter span, all of them are" }, "thinned");
     const box = h("div", { class: names.length > 2 ? "plot many" : "plot" }, h("h3", {}, `${topic}${shown ? ` [${shown}]` : ""} `, thinned), h("div", { class: "keys" }, keys), canvas);
     $("plots").append(box);
-    const chart = { box, names, both, other, thinned, series, values, scale, drawn: -1, of: null };
+    const chart = { box, width: 0, names, both, other, thinned, series, values, scale, drawn: -1, of: null };
     chart.plot = new uPlot({
       width: box.clientWidth || 300, height: HEIGHT, padding: [8, 14, 0, 0], legend: { show: false }, cursor: { sync: { key: "run" }, drag: { x: false, y: false }, y: false },
       scales: { x: { time: false, range: () => this.range() }, y: { range: (_u, low, high) => padded(low, high, chart.series.thresholds, unit, scale) } },
@@ -172,6 +172,7 @@ export class PlotsView {
       series: [{}, ...names.map((_name, i) => ({ stroke: palette[i % palette.length], width: 1.75, dash: DASHES[i % 4], points: { show: false } })), ...both.map((name) => ({ stroke: palette[names.indexOf(name) % palette.length], width: 1.25, dash: [1.5, 3], alpha: 0.85, points: { show: false } }))],
       hooks: { draw: [(u) => annotate(u, chart.series.thresholds, unit, scale, this.marks, this.at, css)], setCursor: [() => this.tell(chart)] },
     }, this.data(chart), canvas);
+    new ResizeObserver(() => { chart.width = box.clientWidth; }).observe(box); // to ask for it makes the browser lay the page out
     return chart;
   }
 }

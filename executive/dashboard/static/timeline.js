@@ -1,5 +1,5 @@
 // A lane per skill, marks for what happened, and a cursor that scrubs; the wheel zooms.
-import { $, seconds } from "./dom.js";
+import { $, put, seconds } from "./dom.js";
 import { page } from "./page.js";
 
 const MOST_LANES = 60; // those that ran last
@@ -83,7 +83,7 @@ export class Timeline {
     }
     this.point(now);
     this.tell(whole, now);
-    const key = `${page.over?.name}|${whole.seq}|${whole.t.toFixed(2)}|${this.part}|${this.canvas.clientWidth}|${whole.run?.run}`;
+    const key = `${page.over?.name}|${whole.seq}|${whole.t.toFixed(2)}|${this.part}|${this.width}|${whole.run?.run}`;
     if (key === this.key) return; // the cursor moves over what is drawn
     this.key = key;
     $("whole").hidden = !this.part;
@@ -154,9 +154,9 @@ export class Timeline {
   }
 
   tell(whole, now) {
-    $("shown").textContent = `${seconds(now)} of ${seconds(this.length)}`;
+    put($("shown"), `${seconds(now)} of ${seconds(this.length)}`);
     const near = whole.marks.findLast((mark) => mark.t <= now + 1e-9);
-    $("mark").textContent = near ? `${seconds(near.t)}: ${near.text}` : "";
+    put($("mark"), near ? `${seconds(near.t)}: ${near.text}` : "");
     this.canvas.setAttribute("aria-valuenow", now.toFixed(1));
     this.canvas.setAttribute("aria-valuemax", this.length.toFixed(1));
     this.canvas.setAttribute("aria-valuetext", $("shown").textContent);
