@@ -8,7 +8,8 @@ from fake_runs import Turn, make
 from executive.dashboard.control_lock import ControlLock, RefusedError
 from executive.language.changes import ChangeRefusedError
 from executive.registry import Registry
-from executive.running.events import NodeChanged, OperatorActed
+from executive.running.events import NodeChanged, OperatorActed, RunStarted
+from executive.terminal.explain import explain
 
 TEXT = """
 pomona: 1
@@ -82,6 +83,22 @@ def test_an_input_is_changed_before_the_next_start_and_who_did_it_is_recorded():
     assert again[-1] - again[0] >= 10 > turned[-1] - turned[0]  # ticks of 20 ms: 200 ms instead of 40
     acted = [event for event in events if isinstance(event, OperatorActed) and event.action == "change"]
     assert [(event.who, event.detail) for event in acted] == [("Ada", f"duration = 200 ms ← {AGAIN}")]
+
+
+def test_the_explanation_says_who_changed_what():
+    def act(runner, _cell):
+        runner.change(AGAIN, "duration", "60 ms", "Ada")
+        runner.answer(PATH, "approve", "Ada")
+
+    runner, _, events = make(TEXT, SKILLS, {3: act}, attended=True, go_on=True)
+    runner.run()
+    nodes = tuple(node.facts() for node in runner.tree.nodes)
+    started = RunStarted(
+        0.0, 0, "r", "careful", "t.yaml", TEXT, "", "fake", "mock", "", "", 0, {}, nodes, {}, 0.0, 0.02
+    )
+    said = " ".join(explain([started, *events]))
+    assert f"Ada asked for change duration = 60 ms ← {AGAIN}." in said
+    assert f"Ada asked for answer approve ← {PATH}." in said
 
 
 @pytest.mark.parametrize(
