@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import math
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 from executive.errors import PomonaError
 from executive.recording.container import HEAD, MESSAGE_HEAD
 from executive.recording.folder import EVENTS
+from executive.recording.image_size import size_of_image
 from executive.recording.json_text import parse_object
 from executive.recording.overview import TOPIC
 from executive.recording.plain_file import open_plain
@@ -21,6 +23,9 @@ from executive.recording.well_known import DEPTH, IMAGES
 from executive.views import ImageView, Pinhole
 
 MOST_POINTS = 6_000
+MOST_PIXELS = 25_000_000
+"""Of an image that is unpacked."""
+
 FARTHEST = 3.0
 """Metres: what is farther away is no fruit, and would make everything else small."""
 
@@ -68,8 +73,12 @@ def _belongs_to_a_look(topic: str) -> bool:
 def _unpacked(image: bytes, depth: bytes, pinhole: Any) -> dict[str, str]:
     if not isinstance(pinhole, dict) or pinhole.get("T_base_camera") is None:
         return {}
-    colour = _pixels(image, cv2.IMREAD_COLOR)
-    millimetres = _pixels(depth, cv2.IMREAD_UNCHANGED)
+    jpeg, png = _coded(image), _coded(depth)
+    size = size_of_image(jpeg)
+    if size_of_image(png) != size or not 0 < math.prod(size) <= MOST_PIXELS:
+        return {}  # before anything is unpacked
+    colour = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR)
+    millimetres = cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_UNCHANGED)
     if colour is None or millimetres is None or millimetres.ndim != 2 or colour.shape[:2] != millimetres.shape:
         return {}
     fx, fy, cx, cy = (float(pinhole[name]) for name in ("fx", "fy", "cx", "cy"))
@@ -77,10 +86,8 @@ def _unpacked(image: bytes, depth: bytes, pinhole: Any) -> dict[str, str]:
     return _packed(colour[..., ::-1], millimetres.astype(np.float32) * np.float32(1e-3), lens) or {}
 
 
-def _pixels(message: bytes, how: int) -> NDArray[Any] | None:
-    coded = np.frombuffer(base64.b64decode(parse_object(message)["data"]), np.uint8)
-    found: NDArray[Any] | None = cv2.imdecode(coded, how) if coded.size else None
-    return found
+def _coded(message: bytes) -> bytes:
+    return base64.b64decode(parse_object(message)["data"])
 
 
 def _packed(image: NDArray[Any], depth: NDArray[np.float32], pinhole: Pinhole) -> dict[str, str] | None:

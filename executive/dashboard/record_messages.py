@@ -27,7 +27,7 @@ from executive.recording.decode import ForeignRecordError, event_from
 from executive.recording.folder import EVENTS, EVENTS_FILE
 from executive.recording.image_size import size_of_jpeg
 from executive.recording.json_text import is_strict, parse_object
-from executive.recording.overview import FREQUENT, OVERVIEW, TOPIC, WHOLE, WHOLE_BYTES, Overview
+from executive.recording.overview import FREQUENT, MOST_BYTES, OVERVIEW, TOPIC, WHOLE, WHOLE_BYTES, Overview
 from executive.recording.plain_file import open_plain
 from executive.recording.read import read_events
 from executive.recording.scan import Verdict, attachment, believed, walk, walk_topics
@@ -200,13 +200,15 @@ def _overview(folder: Path, images: str) -> Iterator[bytes]:
 def _prepared(path: Path) -> tuple[float, list[Line]] | None:
     """The overview that was made while the run was recorded; None where there is none, or it is not as expected."""
     written = attachment(path, OVERVIEW, _verdict(path))
-    if written is None:
+    if written is None or len(written) > 2 * MOST_BYTES:  # a recorder makes none that is larger
         return None
     try:
         head, *rest = written.splitlines()
-        interval = float(json.loads(head)["interval"])
+        interval = float(orjson.loads(head)["interval"])
         entries = [line[1:-1].split(b",", 2) for line in rest]
         lines = [(int(seq), int(number), content) for seq, number, content in entries]
+        if not 0.0 < interval < _LONGEST:
+            return None
     except (ValueError, KeyError, TypeError, IndexError):
         return None
     places = _image_places(path) if any(number for _seq, number, _content in lines) else {}

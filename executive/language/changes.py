@@ -35,13 +35,13 @@ def changed_input(tree: BuiltTree, path: str, port: str, text: str) -> Any:
     if text[:1] in ("[", "{"):
         node = read_yaml(source, Findings())
     if node is None:
-        raise ChangeRefusedError(f"{port}: this is not YAML: {text}")
+        raise ChangeRefusedError(f"{port}: this is not YAML: {text[:60]}")
     try:
         value = literal(node, found.type, found.choices)
     except LiteralError as error:
         raise ChangeRefusedError(f"{port}: {error.message}{error.hint and f' ({error.hint})'}") from None
     if not found.accepts(value):
-        raise ChangeRefusedError(f"{port} takes no {text}")
+        raise ChangeRefusedError(f"{port} takes no {text[:60]}")
     problem = out_of_range(value, found)
     if problem:
         raise ChangeRefusedError(f"{port} {problem}")

@@ -9,10 +9,12 @@ const WINDOW = 20; // runs over which a rate is taken
 const MOST_PICTURES = 4; // of one code
 const CHARTS = [
   { title: `success, of the last ${WINDOW} runs`, unit: "%", line: true, of: (_run, i, ended) => { const some = ended.slice(Math.max(0, i + 1 - WINDOW), i + 1); return (100 * some.filter((r) => r.outcome === "success").length) / some.length; } },
-  { title: "peak force", unit: "N", of: (run) => run.truth?.peak_force_n ?? null },
-  { title: "time of the run", unit: "s", of: (run) => run.time ?? null },
+  { title: "peak force", unit: "N", of: (run) => known(run.truth?.peak_force_n) },
+  { title: "time of the run", unit: "s", of: (run) => known(run.time) },
 ];
 let charts = [];
+
+function known(v) { return typeof v === "number" && Number.isFinite(v) ? v : null; }
 
 export function drawStatistics(runs, filter) {
   const panel = $("statistics");
@@ -67,8 +69,8 @@ function failures(ended) {
 const figure = (value, unit) => (value === null ? "–" : unit === "s" ? seconds(value) : `${Number(value.toPrecision(3))} ${unit}`);
 
 function median(values) {
-  const known = values.filter((v) => typeof v === "number" && Number.isFinite(v)).sort((a, b) => a - b);
-  return known.length ? (known[(known.length - 1) >> 1] + known[known.length >> 1]) / 2 : null;
+  const sorted = values.filter((v) => v !== null).sort((a, b) => a - b);
+  return sorted.length ? (sorted[(sorted.length - 1) >> 1] + sorted[sorted.length >> 1]) / 2 : null;
 }
 
 // Wilson's interval of a share, in percent.

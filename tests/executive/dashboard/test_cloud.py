@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from executive.dashboard import cloud as module
 from executive.dashboard.cloud import cloud_of
 from executive.dashboard.messages import encode
 from executive.dashboard.record_messages import cloud, overview
@@ -66,3 +67,14 @@ def test_a_record_gives_the_points_that_were_shown_live(tmp_path: Path) -> None:
         assert points(packed) == pytest.approx(points(live), abs=1e-3)
     assert cloud(tmp_path, 0) == {}
     assert cloud(tmp_path, 10**30) == {}
+
+
+def test_a_picture_that_claims_to_be_huge_is_not_unpacked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    recorder = Recorder(tmp_path)
+    recorder.on_event(Published(0.0, 0, "n", "camera", look()))
+    recorder.close()
+    (line,) = (json.loads(line) for line in b"".join(overview(tmp_path, "/images/")).splitlines())
+    at = int(line["value"]["cloud"].split("/")[2])
+    assert cloud(tmp_path, at)
+    monkeypatch.setattr(module, "MOST_PIXELS", 24 * 32 - 1)
+    assert cloud(tmp_path, at) == {}

@@ -182,3 +182,26 @@ def test_chunks_indexes_lead_to_the_same_messages_as_a_walk_through_all(
         assert {found.stamp for found in some if found.content} >= {
             found.stamp for found in events if 1e9 <= found.stamp <= 2e9
         }
+
+
+@pytest.mark.parametrize(
+    "forged",
+    [
+        b"",
+        b"[]\n",
+        b'{"interval": NaN}\n',
+        b'{"interval": 1.0}\n[1,2\n',
+        b'{"interval": -1}\n',
+        b"\xff\xfe\n",
+        b"[" * 9_000,
+    ],
+)
+def test_an_overview_that_is_none_is_made_anew(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, small: str, forged: bytes
+) -> None:
+    monkeypatch.setattr(thinning.Overview, "lines", lambda _self: iter([forged or b"\n"]))
+    folder = write(tmp_path / "r", long_run(400))
+    monkeypatch.undo()
+    monkeypatch.setattr(reading, "WHOLE_BYTES", 10)
+    lines = [json.loads(line) for line in b"".join(overview(folder, "/images/")).splitlines()]
+    assert [line["seq"] for line in lines] == list(range(1, 800)), small
