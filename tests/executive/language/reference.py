@@ -163,6 +163,8 @@ class InOrder(Branch):
             if status in (RUNNING, self.stops):
                 for later in self.nodes[self.at + 1 :]:
                     later.halt(world)
+                    if self.reactive:
+                        later.forget()
                 return status
             self.seen.append(status)
             self.at += 1
