@@ -49,7 +49,9 @@ def read_text(path: Path) -> str:
     try:
         return path.read_text(encoding="utf-8")
     except UnicodeDecodeError as error:
-        raise UsageError(f"{path}: not a text file (byte {error.start} is not UTF-8)") from error
+        before = error.object[: error.start]
+        place = f"{path}:{before.count(10) + 1}:{len(before) - before.rfind(10)}"
+        raise UsageError(f"{place}: not a text file (byte {error.start} is not UTF-8)") from error
     except OSError as error:
         raise UsageError(f"{path}: {error.strerror}") from error
 
@@ -71,10 +73,17 @@ def write_text(text: str, path: Path | None) -> None:
         raise UsageError(f"{path}: {error.strerror}") from error
 
 
+def _sort_of(path: Path) -> str:
+    kinds = {"a folder": path.is_dir, "a pipe": path.is_fifo, "a socket": path.is_socket}
+    return next((kind for kind, it_is in kinds.items() if it_is()), "a device")
+
+
 def _find(name: str, kind: str, folder: Path) -> Path:
     given = Path(name)
     if given.is_file():
         return given
+    if given.exists():
+        raise UsageError(f"{name}:1:1: a {kind} stands in a regular file, this is {_sort_of(given)}")
     installed = folder / f"{name.removesuffix('.yaml')}.yaml"
     if given.name == name and installed.is_file():
         return installed

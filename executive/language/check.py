@@ -205,9 +205,10 @@ class _Checker:
             if not definition.main:
                 continue
             own = [self.analysis.scopes[id(d)] for d in definitions if d.file is definition.file]
-            for name, declared in definition.file.parameters.items():
-                if not any(s.names[name].where is declared.key and s.names[name].read for s in own):
-                    self.findings.warning(declared.key, "unread", f"nothing reads the parameter '{name}'")
+            for what, table in (("parameter", definition.file.parameters), ("constant", definition.file.constants)):
+                for name, declared in table.items():
+                    if not any(s.names[name].where is declared.key and s.names[name].read for s in own):
+                        self.findings.warning(declared.key, "unread", f"nothing reads the {what} '{name}'")
         called = {id(definition) for definition in self.called.values()}
         for name, definition in self.document.main.subtrees.items():
             if id(definition) not in called and definition.file is self.document.main:

@@ -95,6 +95,9 @@ class InterfaceReader:
         """A declared constant's value and type."""
         if id(declared) not in self.constants:
             node = declared.default
+            if isinstance(node, YamlScalar) and "{" in node.text:
+                message = f"the constant '{declared.key.text}' is known before the run: no name can be read in it"
+                self.findings.error(node, "value", message, "compute it where it is read, or with 'set'")
             value = None if node is None else self._literal(node, object, ())
             value_type = scalar_type(node) if isinstance(node, YamlScalar) else (ANY if value is None else type(value))
             self.constants[id(declared)] = value, value_type

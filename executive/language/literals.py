@@ -21,7 +21,7 @@ from executive.language.value_types import (
     fields_of,
     is_array,
 )
-from executive.ports import RATIO, Quantity
+from executive.ports import ANGLE, LENGTH, RATIO, Quantity
 from executive.values.findings import did_you_mean
 from executive.values.rotations import from_quaternion, from_rpy
 from executive.values.yaml_nodes import YamlList, YamlMapping, YamlNode, YamlScalar
@@ -80,6 +80,8 @@ def scalar_of_any_type(node: YamlScalar) -> bool | int | float | str | None:
 def _scalar(node: YamlScalar, value_type: Any, choices: tuple[str, ...]) -> Any:
     text = node.text.strip()
     if value_type is str:
+        if node.is_null:
+            raise LiteralError(node, "nothing stands here", "write a text, in quotes if it is to be empty")
         if choices and text not in choices:
             hint = did_you_mean(text, choices) or "one of " + ", ".join(choices)
             raise LiteralError(node, f"'{text}' is not allowed here", hint)
@@ -209,7 +211,14 @@ def _vector(node: YamlMapping, name: str, length: int) -> NDArray[np.float64]:
     written = node.get(name)
     if not isinstance(written, YamlList) or len(written.items) != length:
         raise LiteralError(written or node, f"a pose's {name} has {length} numbers")
+    for item in written.items:
+        found = scalar_type(item) if isinstance(item, YamlScalar) else None
+        if isinstance(found, Quantity) and found != _UNITS_OF_POSES.get(name):
+            raise LiteralError(item, f"a pose's {name} takes no {found.name}")
     return _array(written)
+
+
+_UNITS_OF_POSES = {"position": LENGTH, "rpy": ANGLE}
 
 
 def _from_quaternion(q: NDArray[np.float64], node: YamlNode) -> NDArray[np.float64]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
+from functools import lru_cache
 from typing import Literal, Protocol
 
 from executive.errors import UsageError
@@ -126,7 +127,11 @@ class Findings:
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
     """`did you mean 'Refine'?`, or an empty text when nothing is close."""
-    candidates = sorted(set(known))
+    return _close_to(word, tuple(sorted(set(known)))) if len(word) <= MAX_WORD else ""
+
+
+@lru_cache(maxsize=256)
+def _close_to(word: str, candidates: tuple[str, ...]) -> str:
     close = get_close_matches(word, candidates, n=1, cutoff=0.6)
     if not close:
         lower = {candidate.lower(): candidate for candidate in candidates}
@@ -134,7 +139,11 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
     return f"did you mean '{close[0]}'?" if close else ""
 
 
+MAX_WORD = 100
+"""Characters of a word for which one that was meant is looked for."""
 MAX_EXCERPT = 160
+MAX_SHOWN = 200
+"""Findings that are written out; who has more mends the first ones first."""
 
 
 def place_of(finding: Finding) -> str:
@@ -160,4 +169,7 @@ def format_findings(findings: Sequence[Finding]) -> str:
     errors = sum(f.severity == "error" for f in findings)
     warnings = len(findings) - errors
     counts = [f"{n} {word}{'s' if n > 1 else ''}" for n, word in ((errors, "error"), (warnings, "warning")) if n]
-    return "\n".join([*map(format_finding, findings), " and ".join(counts) + "."] if findings else [])
+    shown = [*map(format_finding, findings[:MAX_SHOWN])]
+    if len(findings) > MAX_SHOWN:
+        shown.append(f"… and {len(findings) - MAX_SHOWN} more that are not shown")
+    return "\n".join([*shown, " and ".join(counts) + "."] if findings else [])
