@@ -258,7 +258,7 @@ def table(result: Evaluation, score: float = 0.6, brief: bool = False) -> str:
 
 def _by_visibility(matches: list[Match]) -> dict[str, list[PoseErrors]]:
     groups = {"all": matches, "≥ 60 % visible": [m for m in matches if m.visibility >= CLEARLY_VISIBLE]}
-    for low, high in ((0.85, 1.01), (0.6, 0.85), (0.0, 0.6)):
+    for low, high in ((0.85, 1.01), (0.6, 0.85), (0.4, 0.6), (0.0, 0.4)):
         groups[f"{100 * low:.0f}–{min(100, 100 * high):.0f} % visible"] = _only(matches, "visibility", low, high)
     return {name: [m.errors for m in some if m.errors is not None] for name, some in groups.items()}
 
