@@ -11,6 +11,7 @@ other bare word is a text (a failure code, an enum's member). Numbers may carry 
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import dataclass
 from functools import lru_cache
@@ -244,11 +245,13 @@ class _Parser:
         raise self.wrong("something is missing at the end" if at_end else f"'{token.text}' is not expected here")
 
     def number(self, token: _Token) -> Constant:
-        if token.unit is not None:
-            quantity, size = UNITS[token.unit]
-            return Constant(token.offset, token.end, float(token.text) * size, quantity)
-        whole = token.text.isdigit() and len(token.text) < 19
-        return Constant(token.offset, token.end, int(token.text) if whole else float(token.text))
+        if token.text.isdigit() and len(token.text) < 19 and token.unit is None:
+            return Constant(token.offset, token.end, int(token.text))
+        quantity, size = UNITS[token.unit] if token.unit is not None else (None, 1.0)
+        value = float(token.text) * size
+        if not math.isfinite(value):
+            raise ExpressionSyntaxError("this number is too large", token.offset, len(token.text))
+        return Constant(token.offset, token.end, value, quantity)
 
     def word(self, token: _Token) -> Expression:
         if token.text in ("true", "false"):

@@ -59,7 +59,11 @@ def literal(node: YamlNode, value_type: ValueType, choices: Iterable[str] = ()) 
 
 
 def scalar_of_any_type(node: YamlScalar) -> bool | int | float | str | None:
-    """What a scalar means when no type asks for one: a boolean, a number, a quantity in SI, or a text."""
+    """What a scalar means when no type asks for one: a boolean, a number, a quantity in SI, or a text.
+
+    Raises:
+        LiteralError: it is a number or a quantity that is too large.
+    """
     text = node.text
     if not node.plain:
         return text
@@ -70,11 +74,20 @@ def scalar_of_any_type(node: YamlScalar) -> bool | int | float | str | None:
     if _INT.fullmatch(text):
         return int(text)
     if _FLOAT.fullmatch(text):
-        return float(text)
+        return _number(node, text)
     match = _WITH_UNIT.fullmatch(text)
     if match is not None and match.group(3) in UNITS:
-        return UNITS[match.group(3)][0].parse(text)
+        return _quantity(node, text, UNITS[match.group(3)][0])
     return text
+
+
+def _number(node: YamlScalar, text: str) -> float:
+    """Text that is a number as one; what a float cannot hold is refused, and not taken for infinity."""
+    value = float(text)
+    if not math.isfinite(value):
+        short = text if len(text) <= 24 else f"{text[:12]}…{text[-8:]}"
+        raise LiteralError(node, f"'{short}' is too large for a number")
+    return value
 
 
 def _scalar(node: YamlScalar, value_type: Any, choices: tuple[str, ...]) -> Any:
@@ -100,7 +113,7 @@ def _scalar(node: YamlScalar, value_type: Any, choices: tuple[str, ...]) -> Any:
             raise LiteralError(node, f"'{text}' is not a whole number")
     elif value_type is float:
         if _FLOAT.fullmatch(text):
-            return float(text)
+            return _number(node, text)
     elif value_type is SI_NUMBER:
         found = scalar_of_any_type(node)
         if isinstance(found, (int, float)) and not isinstance(found, bool):
@@ -116,14 +129,11 @@ def _scalar(node: YamlScalar, value_type: Any, choices: tuple[str, ...]) -> Any:
 
 def _quantity(node: YamlScalar, text: str, quantity: Quantity) -> float:
     if quantity == RATIO and _FLOAT.fullmatch(text):
-        return float(text)
+        return _number(node, text)
     try:
-        value = quantity.parse(text)
+        return quantity.parse(text)
     except ValueError as error:
         raise LiteralError(node, str(error)) from None
-    if not math.isfinite(value):
-        raise LiteralError(node, f"'{text}' is too large")
-    return value
 
 
 def _member(node: YamlScalar, text: str, enum: type[Any]) -> Any:
@@ -233,5 +243,7 @@ def scalar_type(node: YamlScalar) -> ValueType:
     match = _WITH_UNIT.fullmatch(node.text) if node.plain else None
     if match is not None and match.group(3) in UNITS:
         return UNITS[match.group(3)][0]
+    if node.plain and _FLOAT.fullmatch(node.text) and not _INT.fullmatch(node.text):
+        return float  # also of one that is too large, which is told where its value is read
     value = scalar_of_any_type(node)
     return ANY if value is None else type(value)

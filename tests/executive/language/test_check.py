@@ -103,6 +103,9 @@ class TestTypesFit:
             ("Retreat: {distance: 3 deg}", "'deg' is no unit of length"),
             ("Beep: {times: 2.5}", "not a whole number"),
             ("Beep: {loud: yes}", "not a bool"),
+            (f"Aim: {{share: {'9' * 400}}}", "'999999999999…99999999' is too large for a number"),
+            ("Aim: {pose: {position: [1e400, 0, 0]}}", "'1e400' is too large for a number"),
+            ("Aim: {pose: {position: [1e400 m, 0, 0]}}", "'1e400 m' is too large for a length"),
             ("MoveTo: {pose: [1, 2]}", "a text is needed here, this is a list"),
             ("Aim: {hold: hard}", "not a hold"),
             ("Aim: {grasp: {idx: 1}}", "no field 'idx'"),
@@ -156,6 +159,7 @@ class TestTypesFit:
         assert message in findings[0].message
 
     def test_syntax_of_expressions(self, findings_of):
+        assert "too large" in only(findings_of("root: {check: '1e400 > 1'}"), "expression").message
         found = only(findings_of("root: {check: '1 > > 1'}"), "expression")
         assert (found.line, found.column) == (3, 20)
 
