@@ -129,7 +129,11 @@ def _report(orders: Orders, reason: str, outcomes: dict[str, str], took: float) 
         print(f"supervisor: {reason}. {devices}.", file=sys.stderr, flush=True)
     if orders.record:
         text = json.dumps({"reason": reason, "devices": outcomes, "took_s": round(took, 3), "wall_time": time.time()})
-        Path(orders.record, REPORT).write_text(text + "\n", encoding="utf-8")
+        try:
+            Path(orders.record, REPORT).write_text(text + "\n", encoding="utf-8")
+        except OSError as error:  # the folder is gone, the disk is full: the devices are stopped all the same
+            with contextlib.suppress(OSError):
+                print(f"supervisor: {orders.record}/{REPORT}: {error.strerror}", file=sys.stderr, flush=True)
 
 
 def _load(name: str) -> Callable[..., None]:

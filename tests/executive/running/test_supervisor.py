@@ -106,6 +106,14 @@ def test_a_device_that_cannot_be_stopped_is_named(tmp_path: Path, monkeypatch: p
     assert "wheel could not be stopped" in said
 
 
+def test_a_report_that_cannot_be_written_is_said_without_a_traceback(tmp_path: Path) -> None:
+    (tmp_path / REPORT).mkdir()
+    _status, said, _took = supervised(tmp_path, "wait", signal.SIGKILL)
+    assert (tmp_path / "stopped").is_dir()
+    assert f"{REPORT}: Is a directory" in said
+    assert "Traceback" not in said
+
+
 def test_a_function_that_is_not_there_refuses_the_run(capfd: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(NoSupervisorError):
         Supervisor({"wheel": ("os:no_such_function", [])}, 1.0)
