@@ -101,7 +101,7 @@ WITH_PHOTOGRAPHS = Recipe(
     ),
     held_out=FrameSet(60, 9001, WITHOUT_TREES),
     stages=(
-        Stage("finder", 2400, 2e-3, 24, fall="late", sets=3, photos=2 / 3),
+        Stage("finder", 2400, 2e-3, 24, fall="late", sets=3, photos=0.6),
         Stage("close_look", 2000, 2e-3, 96, turned=0.2, fall="late", sets=3, photos=0.5),
     ),
 )
