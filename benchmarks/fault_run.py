@@ -184,7 +184,7 @@ class Watcher:
         if self.case.shows not in SHOWING:
             return self.case.shows in self.began_at
         device = self.runner.context.device(SHOWING[self.case.shows])
-        return not device.settled()  # type: ignore[attr-defined]  # every device of a cell has it
+        return not device.settled()  # every device of a cell has it
 
 
 # --------------------------------------------------------------------------------------------------- judging

@@ -7,9 +7,8 @@ DriverError
 └── DeviceError         a device refused or failed; carries the device's name
     ├── MotionRefused   nothing has moved
     ├── DeviceLost      no answer, or the stream went stale
-    ├── DeviceFault     the device reports a fault of its own, or what it does cannot be right
-    │   └── StopFailed  it was told to stop, and refused or goes on
-    └── Latched         a safe stop is latched; nothing moves until it is acknowledged
+    └── DeviceFault     the device reports a fault of its own, or what it does cannot be right
+        └── StopFailed  it was told to stop, and refused or goes on
 """
 
 from __future__ import annotations
@@ -81,7 +80,3 @@ class StopFailed(DeviceFault):
     def __init__(self, device: str, message: str, earlier: DeviceError | None = None) -> None:
         self.earlier: DeviceError | None = earlier.earlier if isinstance(earlier, StopFailed) else earlier
         super().__init__(device, message + (f"; before that it {self.earlier.message}" if self.earlier else ""))
-
-
-class Latched(DeviceError):
-    """The cell stands in its safe state; nothing moves until somebody acknowledges it."""

@@ -48,11 +48,6 @@ def fact_of(expression: Expression, known: Mapping[str, Any], where: Located, te
     return Fact(cases, names, lasts, text, where)
 
 
-def denied(expression: Expression, known: Mapping[str, Any], where: Located, text: str) -> Fact | None:
-    """What is true when a condition is false."""
-    return fact_of(Unary(expression.offset, expression.end, "not", expression), known, where, f"not ({text})")
-
-
 def always_same(expression: Expression, known: Mapping[str, Any]) -> bool | None:
     """The condition's value when it is the same in every run."""
     value = _fold(expression, known)

@@ -12,7 +12,7 @@ from executive.language.expression_parser import ExpressionSyntaxError, parse_ex
 from executive.language.expression_types import check_condition, type_of
 from executive.language.literals import LiteralError, literal
 from executive.language.scope import ComputedValue, Given, Named, Read, Resolved, Scope, Value
-from executive.language.value_types import ANY, SI_NUMBER, ListOf, ValueType, can_flow, describe
+from executive.language.value_types import ANY, ValueType, can_flow, describe
 from executive.nodes.ends import UNKNOWN
 from executive.nodes.surroundings import COUNTERS, Around, LastFailure
 from executive.ports import RATIO, Port, Quantity
@@ -204,10 +204,3 @@ def _forgot_quotes(node: YamlMapping) -> bool:
     """`port: {name}` is a mapping with one key and no value in YAML."""
     values = [value for _, value in node.entries.values()]
     return len(values) == 1 and isinstance(values[0], YamlScalar) and values[0].is_null
-
-
-def widen(value_type: ValueType) -> Any:
-    """The port type with which a value of a static type is handed on."""
-    if value_type is SI_NUMBER:
-        return float
-    return object if isinstance(value_type, ListOf) or value_type is ANY else value_type

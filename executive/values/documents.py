@@ -2,25 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from executive.values.findings import Finding, Findings, Source, did_you_mean, format_findings
+from executive.values.findings import Finding, Findings, Source, did_you_mean
 from executive.values.reading import Reader, Refused
 from executive.values.shape import shape_of
 from executive.values.yaml_nodes import YamlMapping, YamlNode, YamlScalar, read_yaml
 
 MAX_INCLUDES = 8
 """A file may include one that includes another, so deep."""
-
-
-class UnreadableFile(Exception):
-    """A file that cannot be used, with everything that was found in it."""
-
-    def __init__(self, findings: Sequence[Finding]) -> None:
-        self.findings = tuple(findings)
-        super().__init__(format_findings(self.findings))
 
 
 @dataclass(frozen=True, slots=True)

@@ -115,10 +115,6 @@ class CollisionWorld:
         """The same world with other margins."""
         return self._changed(margins=margins)
 
-    def with_robot(self, shape: RobotShape) -> CollisionWorld:
-        """The same world for another shape of the robot: holding fruit, for instance."""
-        return self._changed(shape=shape)
-
     @property
     def names(self) -> tuple[str, ...]:
         """Names of all obstacles by their number in the kernels."""
