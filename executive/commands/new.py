@@ -45,7 +45,17 @@ def main(options: argparse.Namespace) -> int:
         written = put(point.load(), words, options.into)
     for path in written:
         sys.stdout.write(f"{path}\n")
+    sys.stderr.write(f"next: {_next(written)}\n")
     return 0
+
+
+def _next(written: list[Path]) -> str:
+    """What to do with it: an installed package's new names are found when it is installed once more."""
+    code = next((path for path in written if path.suffix == ".py"), None)
+    if code is not None:
+        project = next(folder for folder in code.parents if (folder / "pyproject.toml").is_file())
+        return f"pip install -e {project}, after which its new names are found; then pytest {project}"
+    return f"pomona check {next(path for path in written if path.suffix == '.yaml')}"
 
 
 def put(piece: Piece, words: Mapping[str, str], into: Path) -> list[Path]:

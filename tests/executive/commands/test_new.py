@@ -75,3 +75,12 @@ def test_another_package_in_the_way_is_named(tmp_path: Path) -> None:
     done = subprocess.run([sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True, check=False)
     assert done.returncode == 2
     assert "another package named 'skills' is in the way" in done.stderr
+
+
+def test_what_to_do_next_is_said(tmp_path, capsys):
+    for words, said in (
+        (["package", "orchard"], f"next: pip install -e {tmp_path / 'orchard'}, after which"),
+        (["cell", "bench"], f"next: pomona check {tmp_path / 'bench.yaml'}"),
+    ):
+        assert main(["new", *words, "--into", str(tmp_path)]) == 0
+        assert said in capsys.readouterr().err
