@@ -39,7 +39,8 @@ pythonpath = ["."]
     pytest
     mypy $module
 
-`pomona new skill|node|driver NAME --into .` adds a piece. Install the package once more after that: its new name is found then.
+`pomona new skill|node|driver NAME --into .` adds a piece.
+Install the package once more after that: its new name is found then.
 """,
     },
 )
