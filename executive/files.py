@@ -9,6 +9,7 @@ from pathlib import Path
 
 from executive.errors import UsageError
 from executive.values.findings import did_you_mean
+from executive.values.plain_text import read_plain_text
 
 
 def installed_trees() -> Path:
@@ -47,7 +48,7 @@ def read_text(path: Path) -> str:
         UsageError: it cannot be read, or is not UTF-8.
     """
     try:
-        return path.read_text(encoding="utf-8")
+        return read_plain_text(path)
     except UnicodeDecodeError as error:
         before = error.object[: error.start]
         place = f"{path}:{before.count(10) + 1}:{len(before) - before.rfind(10)}"

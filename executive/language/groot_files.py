@@ -8,6 +8,7 @@ from pathlib import Path
 
 from executive.language.xml_nodes import MAX_CHARACTERS, XmlElement, read_xml
 from executive.values.findings import Findings, Source
+from executive.values.plain_text import read_plain_text
 
 MAX_FILES = 100
 
@@ -94,8 +95,7 @@ class Forest:
             return
         found = path.parent / shown
         try:
-            usable = shown != "" and found.is_file()
-            text = found.read_text(encoding="utf-8") if usable and found.stat().st_size <= MAX_CHARACTERS else None
+            text = read_plain_text(found, MAX_CHARACTERS) if shown else None
         except (OSError, ValueError):
             text = None
         if text is None:

@@ -11,8 +11,9 @@ from executive.language.model import Declared, Definition, Document, TreeFile
 from executive.language.read_node import NodeReader, is_word
 from executive.nodes.catalogue import NodeTypes
 from executive.values.findings import Finding, Findings, Source
+from executive.values.plain_text import read_plain_text
 from executive.values.shape import ShapeCheck
-from executive.values.yaml_nodes import MAX_CHARACTERS, YamlList, YamlMapping, YamlNode, YamlScalar, read_yaml
+from executive.values.yaml_nodes import YamlList, YamlMapping, YamlNode, YamlScalar, read_yaml
 
 VERSION = "1"
 MAX_FILES = 100
@@ -53,14 +54,8 @@ def read_file(path: str | Path, *, tree_folders: Sequence[Path] = ()) -> Documen
 
 
 def _load(path: Path, shown: str, findings: Findings, where: YamlNode | None = None) -> str | None:
-    problem = ""
     try:
-        if path.stat().st_size > 4 * MAX_CHARACTERS:
-            problem = f"it is larger than {MAX_CHARACTERS // 1024} KiB"
-        elif not path.is_file():
-            problem = "it is not a file"
-        else:
-            return path.read_bytes().decode("utf-8")
+        return read_plain_text(path)
     except UnicodeDecodeError as error:
         problem = f"it is not UTF-8 text (byte {error.start})"
     except (OSError, ValueError) as error:

@@ -25,6 +25,7 @@ from executive.recording.interventions import interventions
 from executive.recording.json_text import parse_object
 from executive.recording.plain_file import open_plain
 from executive.recording.scan import scan
+from executive.values.plain_text import read_plain_text
 
 TAKES = ("largest", "sum", "rate")
 _KEYS = ("hazard", "node", "limit", "unit", "measure", "meaning")
@@ -106,7 +107,7 @@ def read_hazards(path: Path) -> tuple[Hazard, ...]:
         UsageError: it cannot be read, with what is wrong.
     """
     try:
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+        content = yaml.safe_load(read_plain_text(path))
         return tuple(_hazard(entry) for entry in content["hazards"])
     except OSError as error:
         raise UsageError(f"{path}: {error.strerror}") from error

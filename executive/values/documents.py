@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from executive.values.findings import Finding, Findings, Source, did_you_mean
+from executive.values.plain_text import read_plain_text
 from executive.values.reading import Reader, Refused
 from executive.values.shape import shape_of
 from executive.values.yaml_nodes import YamlMapping, YamlNode, YamlScalar, read_yaml
@@ -115,7 +116,7 @@ class _Opener:
 
     def _text(self, path: Path, included_at: YamlScalar | None) -> str | None:
         try:
-            text = self.texts[str(path)] if str(path) in self.texts else path.read_text(encoding="utf-8")
+            text = self.texts[str(path)] if str(path) in self.texts else read_plain_text(path)
         except UnicodeDecodeError as error:
             problem = f"is no text file (byte {error.start} is not UTF-8)"
         except (OSError, ValueError) as error:

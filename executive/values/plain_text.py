@@ -1,0 +1,26 @@
+"""Text files that a person names: read whole, of a bounded length; a device or a pipe is refused, not waited for."""
+
+from __future__ import annotations
+
+import errno
+from pathlib import Path
+
+MOST_BYTES = 16 * 1024 * 1024
+"""Of one file: four bytes for each character of the longest that is read, a Groot2 project of 4 Mi characters."""
+
+
+def read_plain_text(path: Path, most: int = MOST_BYTES) -> str:
+    """The text of a file, or of one that a link leads to; lines end with "\\n".
+
+    Raises:
+        UnicodeDecodeError: it is not UTF-8.
+        OSError: it is not a file, is longer than `most` bytes, or cannot be opened; `strerror` says which.
+        ValueError: the path holds a character that no path may.
+    """
+    if path.exists() and not path.is_file():
+        directory = path.is_dir()
+        raise OSError(errno.EISDIR if directory else errno.EINVAL, "Is a directory" if directory else "Not a file")
+    with path.open(encoding="utf-8") as stream:
+        if path.stat().st_size > most:
+            raise OSError(errno.EFBIG, f"Larger than {most // 1024} KiB")
+        return stream.read(most)

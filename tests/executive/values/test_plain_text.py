@@ -1,0 +1,48 @@
+"""Whoever names a device, a pipe or an endless file as a text is told so at once, by every command."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+from recorded_events import started, write
+
+from executive.cli import main
+from executive.errors import UsageError
+from executive.files import read_text
+from executive.values.plain_text import MOST_BYTES
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ["check"], ["run", "--dry", "--no-record"], ["campaign"], ["fmt"], ["test"], ["import"],
+        ["evidence", "odd", "--hazards"],
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("device", ["/dev/zero", "/dev/full", "pipe"])
+def test_no_command_waits_for_a_device_or_a_pipe(
+    command: list[str], device: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    os.mkfifo("pipe")
+    write(Path("runs/odd"), (started(),))
+    assert main([*command, device]) in (1, 2)
+    said = capsys.readouterr()
+    assert device in said.out + said.err
+    assert "Traceback" not in said.out + said.err
+
+
+def test_a_file_that_is_too_long_is_not_read(tmp_path: Path) -> None:
+    path = tmp_path / "long.yaml"
+    path.touch()
+    os.truncate(path, MOST_BYTES + 1)
+    with pytest.raises(UsageError, match="Larger than 16384 KiB"):
+        read_text(path)
+
+
+def test_a_link_to_a_file_is_read(tmp_path: Path) -> None:
+    (tmp_path / "there.yaml").write_text("a: 1\r\n")
+    (tmp_path / "here.yaml").symlink_to("there.yaml")
+    assert read_text(tmp_path / "here.yaml") == "a: 1\n"
