@@ -10,7 +10,7 @@ import torch
 from skills.commands.detector import add_data, add_export, add_train
 from skills.perception.detection.annotations import read_annotation
 from skills.perception.detection.compact_network import CloseLookNetwork, FinderNetwork
-from skills.perception.detection.weights import load_compact, save_compact
+from skills.perception.detection.weights import load_compact, load_scores, save_compact
 from skills.perception.training import recipe
 from skills.perception.training.photo_samples import PhotoCloseLookBatches
 from skills.perception.training.recipe import FrameSet, Recipe, Stage
@@ -140,6 +140,7 @@ def test_train_goes_on_from_photographs_and_an_interrupted_run_ends_the_same(
         for a, b in zip(network.state_dict().values(), again.state_dict().values(), strict=True):
             assert torch.equal(a, b)
     assert whole[2]["photographs"] == "2 with 4 boxes"
+    assert load_scores(tmp_path / "whole" / "apple.pt") == load_scores(tmp_path / "cut" / "apple.pt")
 
 
 def test_training_on_bad_input_says_one_line_and_touches_nothing(
