@@ -8,14 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
 
+from executive.language.layer_at import LayerAt
 from executive.language.model import TreeNode
-from executive.language.outcomes import LayerOutcome, Outcomes
+from executive.language.outcomes import Outcomes
 from executive.language.scope import ComputedValue, Read, Resolved
 from executive.nodes.ends import Ends, Names
-from executive.nodes.node_type import NodeType
-from executive.values.yaml_nodes import YamlNode
 
 
 @dataclass(slots=True, eq=False)
@@ -50,19 +48,8 @@ class Flow:
 
 
 @dataclass(frozen=True, slots=True)
-class LayerFlow:
+class LayerFlow(LayerAt[Flow]):
     """One layer of a node whose data flow is followed (a `Flowing`)."""
-
-    whole: Flow
-    node: TreeNode
-    index: int
-    layer: NodeType
-    found: Resolved
-
-    @property
-    def outcomes(self) -> LayerOutcome:
-        """How the layer, its children and what they hold can end."""
-        return LayerOutcome(self.whole.outcomes, self.node, self.index)
 
     @property
     def outputs(self) -> tuple[str, ...]:
@@ -71,13 +58,6 @@ class LayerFlow:
     @property
     def computes(self) -> bool:
         return any(isinstance(v, ComputedValue) for v in (*self.found.inputs.values(), *self.found.settings.values()))
-
-    def written(self, slot: str) -> YamlNode | None:
-        entry = self.node.entry(self.layer, slot)
-        return None if entry is None else entry[1]
-
-    def literal(self, slot: str) -> Any:
-        return self.found.setting(slot, None)
 
     def require(self, slot: str, names: Names) -> None:
         for read in self.found.reads:

@@ -12,15 +12,14 @@ from typing import Any
 
 from executive.language.cases import always_same, fact_of
 from executive.language.expression import references
+from executive.language.layer_at import LayerAt
 from executive.language.model import TreeNode
-from executive.language.outcomes import LayerOutcome, Outcomes
+from executive.language.outcomes import Outcomes
 from executive.language.scope import ComputedValue, Given, Named, Resolved, Scope
 from executive.language.value_types import SI_NUMBER, ValueType
 from executive.nodes.facts import Fact, Facts, Plain, Possible
-from executive.nodes.node_type import NodeType
 from executive.ports import Quantity
 from executive.values.findings import Findings
-from executive.values.yaml_nodes import YamlNode
 
 NOTHING = Facts()
 
@@ -78,26 +77,8 @@ class Truth:
 
 
 @dataclass(frozen=True, slots=True)
-class LayerTruth:
+class LayerTruth(LayerAt[Truth]):
     """One layer of a node (a `Knowing`)."""
-
-    whole: Truth
-    node: TreeNode
-    index: int
-    layer: NodeType
-    found: Resolved
-
-    @property
-    def outcomes(self) -> LayerOutcome:
-        """How the layer, its children and what they hold can end."""
-        return LayerOutcome(self.whole.outcomes, self.node, self.index)
-
-    def written(self, slot: str) -> YamlNode | None:
-        entry = self.node.entry(self.layer, slot)
-        return None if entry is None else entry[1]
-
-    def literal(self, slot: str) -> Any:
-        return self.found.setting(slot, None)
 
     def must(self, slot: str, known: Facts) -> Facts:
         condition = self.found.settings.get(slot)
