@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import time
 from typing import Any
 
@@ -16,15 +17,26 @@ from executive.terminal.screen import Screen
 from executive.terminal.summary import Summary
 
 
+SLOWEST, FASTEST = 1e-3, 1e3
+"""Of what can be asked for, in seconds of the run for one second of the clock."""
+
+
 def add(subparsers: Any) -> None:
     """Register the subcommand."""
     parser = subparsers.add_parser("replay", help="show a recorded run again")
     parser.add_argument("run", help="a record's folder, its name below --record, or 'last'")
     add_records_folder(parser)
     parser.add_argument(
-        "--speed", type=float, default=0.0, help="1 is real time; 0 (default) as fast as it can be shown"
+        "--speed", type=_speed, metavar="FACTOR", help="1 is real time; without it as fast as it can be shown"
     )
     parser.set_defaults(main=main)
+
+
+def _speed(text: str) -> float:
+    with contextlib.suppress(ValueError):
+        if SLOWEST <= (speed := float(text)) <= FASTEST:
+            return speed
+    raise argparse.ArgumentTypeError(f"'{text}' is no speed: write a number from {SLOWEST:g} to {FASTEST:g}")
 
 
 def main(options: argparse.Namespace) -> int:
@@ -40,7 +52,7 @@ def main(options: argparse.Namespace) -> int:
     shown = 0.0
     try:
         for event in read_events(folder):
-            if options.speed > 0.0 and event.t > shown:
+            if options.speed is not None and event.t > shown:
                 time.sleep((event.t - shown) / options.speed)
                 shown = event.t
             live.on_event(event)

@@ -15,6 +15,9 @@ EVENTS_FILE = "run.mcap"
 EVENTS = "/events"
 DEVICES = "/devices/"
 
+NAME_BYTES = 120
+"""Of a tree's name in its record's folder: a file's name has at most 255 bytes, and the record holds the whole name."""
+
 
 class RecordError(UsageError):
     """The record cannot be written."""
@@ -26,7 +29,7 @@ def new_record_folder(root: Path, tree: str, now: datetime | None = None) -> Pat
     Raises:
         RecordError: the folder cannot be made.
     """
-    stem = f"{now or datetime.now():%Y-%m-%d_%H-%M-%S}_{tree}"
+    stem = f"{now or datetime.now():%Y-%m-%d_%H-%M-%S}_{tree.encode()[:NAME_BYTES].decode(errors='ignore')}"
     for number in range(1000):
         folder = root / (stem if number == 0 else f"{stem}_{number + 1}")
         try:

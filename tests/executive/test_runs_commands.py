@@ -188,6 +188,14 @@ def test_an_unknown_run_is_refused_in_words(capsys: pytest.CaptureFixture[str], 
     assert "no record 'nonsense'" in say(capsys, *command, "nonsense", status=2)
 
 
+@pytest.mark.parametrize("speed", ["nan", "0", "-1", "inf", "1e-300", "fast"])
+def test_a_speed_that_is_none_is_refused_in_words(capsys: pytest.CaptureFixture[str], speed: str) -> None:
+    write(Path("runs/a"), SUCCEEDED)
+    with pytest.raises(SystemExit, match="2"):
+        main(["replay", "a", "--speed", speed])
+    assert f"'{speed}' is no speed: write a number from 0.001 to 1000" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("content", [b"", b"not an mcap file", b"\x89MCAP0\r\n" + b"\xff" * 100, b"\x89MCAP0\r\n"])
 @pytest.mark.parametrize(
     "command", [("runs", "show"), ("runs", "frames"), ("replay",), ("rerun",), ("explain",), ("runs", "export")]

@@ -80,6 +80,12 @@ def test_two_records_of_one_second_get_two_folders(tmp_path: Path) -> None:
     assert second.name == "2026-11-21_08-41-07_pick_2"
 
 
+def test_a_tree_with_a_very_long_name_has_a_record_too(tmp_path: Path) -> None:
+    folder = new_record_folder(tmp_path, "ä" * 300)
+    assert folder.is_dir()
+    assert folder.name.endswith("_" + "ä" * 60)
+
+
 def test_a_folder_that_cannot_be_made_is_named(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(RecordError, match="cannot make the record's folder"):
