@@ -16,7 +16,6 @@ from executive.terminal.run_list import UNCHECKED, ending
 from executive.terminal.screen import Screen
 from executive.terminal.summary import Summary
 
-
 SLOWEST, FASTEST = 1e-3, 1e3
 """Of what can be asked for, in seconds of the run for one second of the clock."""
 
