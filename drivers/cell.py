@@ -10,8 +10,9 @@ in the order of the file, so that one can build on those above it. `workspace:` 
 
 from __future__ import annotations
 
-import contextlib
+import logging
 import threading
+import time
 from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
@@ -29,9 +30,15 @@ from executive.clock import Clock, ManualClock, SystemClock
 from executive.values.documents import Outline
 from executive.values.findings import Findings
 from executive.values.kinds import Schema
+from executive.values.sentences import sentence_of
 from executive.values.yaml_nodes import YamlScalar
 
 T = TypeVar("T")
+
+logger = logging.getLogger(__name__)
+
+STOPPING = 1.0
+"""Seconds that a device has to take a safe stop; the supervisor process has as long to notice that all hangs."""
 
 
 class Cell:
@@ -110,20 +117,51 @@ class Cell:
             self._readings = Readings(self.devices)
         return self._readings.take()
 
-    def safe_stop(self, reason: str) -> None:
+    def safe_stop(self, reason: str) -> Mapping[str, str]:
         """Arm decelerates and holds, gripper keeps its grip; latched until `acknowledge`.
 
         May be called from any thread and never raises. The first reason is kept. This is no replacement of the hardware
         emergency stop.
+
+        Returns:
+            what kept devices from stopping, by their names.
         """
+        if self._latched is None:
+            self._latched = reason
         with self._lock:
-            if self._latched is None:
-                self._latched = reason
             self._paused = False
-            for device in self.devices.values():
-                # One device that fails to stop must not keep the others moving.
-                with contextlib.suppress(Exception):
-                    device.safe_stop(self._latched)
+            failed: dict[str, str] = {}
+            # A simulated world is no place for threads, and nothing in it hangs.
+            if self.clock.simulated:
+                for name in self.devices:
+                    self._stop(name, failed)
+            else:
+                failed = self._stop_side_by_side()
+            for name, what in failed.items():
+                self.devices[name].distrusted = what
+            return failed
+
+    def _stop_side_by_side(self) -> dict[str, str]:
+        """One device that does not answer must not keep the others moving."""
+        failed: dict[str, str] = {}
+        stops = {
+            name: threading.Thread(target=self._stop, args=(name, failed), name=f"pomona-stop-{name}", daemon=True)
+            for name in self.devices
+        }
+        for stop in stops.values():
+            stop.start()
+        end = time.monotonic() + STOPPING
+        for stop in stops.values():
+            stop.join(max(end - time.monotonic(), 0.0))
+        late = {name: f"has not taken the safe stop within {STOPPING:g} s" for name in stops if stops[name].is_alive()}
+        return {**failed, **late}
+
+    def _stop(self, name: str, failed: dict[str, str]) -> None:
+        """One that fails to stop must not either."""
+        try:
+            self.devices[name].safe_stop(self._latched or "")
+        except BaseException as error:
+            failed[name] = f"did not take the safe stop: {sentence_of(error)}"
 
     def acknowledge(self) -> None:
         """Release the latch; nothing resumes by itself."""
@@ -191,9 +229,7 @@ class Cell:
         """Bring everything to rest and let go of the devices, those connected last first."""
         if self._readings is not None:
             self._readings.close()
-        for device in reversed(self.devices.values()):
-            with contextlib.suppress(DriverError, OSError):
-                device.close()
+        _close(self.devices)
 
     def _find(self, interface: type) -> Any:
         if interface is Workspace:
@@ -259,9 +295,17 @@ def connect_cell(file: CellFile, *, seed: int = 0, missing: Callable[[str, Drive
             file.name, file.kind, context.clock, context.devices, file.workspace, world, required, said.heartbeat
         )
     except BaseException:
-        for opened in reversed(context.devices.values()):
-            opened.close()
+        _close(context.devices)
         raise
+
+
+def _close(devices: Mapping[str, Device]) -> None:
+    """Let go of devices, those connected last first: one that fails to close must not keep the others open."""
+    for name, device in reversed(list(devices.items())):
+        try:
+            device.close()
+        except BaseException as error:
+            logger.warning("%s could not be closed: %s", name, sentence_of(error))
 
 
 def _connect(settings: Settings[Any], context: ConnectContext) -> Device:

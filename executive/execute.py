@@ -35,11 +35,12 @@ from executive.running.runner import Runner
 from executive.running.signals import RunSignals
 from executive.running.starting import StartCancelledError, Starting
 from executive.running.supervisor import Supervision
-from executive.running.traces import place_of, sentence_of
+from executive.running.traces import place_of
 from executive.running.watching import installed_watchers
 from executive.source_commit import commit_here
 from executive.terminal.summary import Summary
 from executive.values.findings import did_you_mean
+from executive.values.sentences import sentence_of
 
 logger = logging.getLogger(__name__)
 

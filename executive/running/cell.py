@@ -86,8 +86,11 @@ class Cell(Protocol):
         """
         ...
 
-    def safe_stop(self, reason: str) -> None:
-        """Arm decelerates and holds, gripper keeps its grip; latched. Never raises, may be called from any thread."""
+    def safe_stop(self, reason: str) -> Mapping[str, str]:
+        """Arm decelerates and holds, gripper keeps its grip; latched. Never raises, may be called from any thread.
+
+        Returns what kept devices from stopping, by their names.
+        """
         ...
 
     def acknowledge(self) -> None:

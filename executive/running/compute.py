@@ -20,7 +20,8 @@ from multiprocessing.connection import Connection
 from typing import Any
 
 from executive.errors import PomonaError
-from executive.running.traces import keep_place, place_of, sentence_of, traceback_of
+from executive.running.traces import keep_place, place_of, traceback_of
+from executive.values.sentences import sentence_of
 
 NICENESS = 10
 """Of computations, beside 0 of the tick. On two busy processors the tick was up to 14 ms late without it."""

@@ -40,8 +40,9 @@ class DryCell:
     def check(self) -> None:
         """Nothing can be lost."""
 
-    def safe_stop(self, reason: str) -> None:
+    def safe_stop(self, reason: str) -> Mapping[str, str]:
         self.latched = self.latched or reason
+        return {}
 
     def acknowledge(self) -> None:
         self.latched = None

@@ -47,8 +47,9 @@ from executive.running.events import (
 from executive.running.observer import TreeObserver
 from executive.running.requests import LATE, SETS_IN_MOTION, Requests
 from executive.running.run_state import RunResult, RunState
-from executive.running.traces import place_of, sentence_of, traceback_of
+from executive.running.traces import place_of, traceback_of
 from executive.running.watching import Watch, Watcher
+from executive.values.sentences import sentence_of
 
 logger = logging.getLogger(__name__)
 
@@ -450,8 +451,10 @@ class Runner(Requests):
                 self._emit(OperatorActed(*self._stamp(), who, action, detail))
 
     def _safe_stop(self, reason: str) -> None:
-        self._cell.safe_stop(reason)
+        failed = self._cell.safe_stop(reason)
         self._emit(SafeStopped(*self._stamp(), reason))
+        for device, what in failed.items():
+            self._emit(ErrorRaised(*self._stamp(), "", "the safe stop", "NotStopped", f"{device} {what}", "", ""))
 
     def _result(self, wall: float) -> RunResult:
         outcome = {

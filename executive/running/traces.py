@@ -21,18 +21,11 @@ _PYTHON = tuple({sysconfig.get_path(name) + os.sep for name in ("stdlib", "plats
 _PACKAGES = tuple({sysconfig.get_path(name) + os.sep for name in ("purelib", "platlib")})
 
 
-def sentence_of(error: BaseException) -> str:
-    """What an exception says, or else its name; of Python's own, which say little by themselves, both."""
-    text = str(error)
-    name = type(error).__name__
-    if not text or isinstance(error, (LookupError, SystemExit)):  # 'mesh', list index out of range, 0
-        return f"{name}: {text}" if text else name
-    return text
-
-
 def place_of(error: BaseException) -> str:
     """`skills/lift.py:42, in run`: the innermost place in somebody's own code, not in a library; empty when unknown."""
-    noted = getattr(error, "place", None)  # of another process, as `keep_place` noted it there
+    noted = (
+        vars(error).get("place") if hasattr(error, "__dict__") else None
+    )  # of another process, as `keep_place` noted it there
     if isinstance(noted, str) and noted:
         return noted
     chain = list(_chain(error))

@@ -74,9 +74,10 @@ class FakeCell:
         if self.fault is not None:
             raise self.fault
 
-    def safe_stop(self, reason: str) -> None:
+    def safe_stop(self, reason: str) -> Mapping[str, str]:
         self.latched = self.latched or reason
         self.wheel.stop()
+        return {}
 
     def acknowledge(self) -> None:
         self.latched = None

@@ -10,6 +10,7 @@ from drivers.device import Device
 from drivers.errors import DeviceFault
 from drivers.interfaces import WrenchSample
 from drivers.mock import MockArm, MockClock, MockForceSensor, MockGripper
+from executive.clock import SystemClock
 
 
 class Stubborn(Device):
@@ -122,3 +123,46 @@ def test_a_sensor_that_somebody_distrusts_ends_the_run_until_it_is_acknowledged(
     cell.safe_stop("fingers: …")
     cell.acknowledge()
     cell.check()
+
+
+class Escaping(Device):
+    """A device that tries to end the process from its safe stop and from its closing."""
+
+    def safe_stop(self, reason):
+        raise SystemExit(0)
+
+    def close(self):
+        raise KeyboardInterrupt
+
+
+class Silent(Device):
+    """A device that takes a safe stop only when it is let go."""
+
+    def __init__(self, name):
+        super().__init__(name)
+        self.free = threading.Event()
+
+    def safe_stop(self, reason):
+        self.free.wait()
+
+
+def test_a_device_that_tries_to_leave_keeps_no_other_from_being_stopped_and_closed():
+    clock = MockClock()
+    gripper = MockGripper(clock)
+    cell = Cell("test", "mock", clock, {"gripper": gripper, "escaping": Escaping("escaping")})
+    motion = gripper.move(0.05, 0.01)
+    assert cell.safe_stop("fire") == {"escaping": "did not take the safe stop: SystemExit: 0"}
+    assert motion.settled
+    with pytest.raises(DeviceFault, match="did not take the safe stop"):
+        cell.check()
+    cell.close()
+
+
+def test_on_a_real_clock_a_device_that_does_not_answer_keeps_no_other_from_being_stopped(monkeypatch):
+    monkeypatch.setattr("drivers.cell.STOPPING", 0.05)
+    silent, gripper = Silent("silent"), MockGripper(MockClock())
+    motion = gripper.move(0.05, 0.01)
+    cell = Cell("test", "real", SystemClock(), {"silent": silent, "gripper": gripper})
+    assert cell.safe_stop("fire") == {"silent": "has not taken the safe stop within 0.05 s"}
+    assert motion.settled
+    silent.free.set()
