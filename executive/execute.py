@@ -161,6 +161,7 @@ def execute(
         stack.callback(supervision.close)  # last of all: until the cell is closed something could still move
         stack.callback(cell.close)
         stack.callback(signals.wait)  # whatever ends the run, the cell is closed without being disturbed
+        _refuse_full_hand(order, cell)
         work = _Work(
             order, registry, document, tree_settings, cell, None, signals, supervision, starting, judged.cell.files
         )
@@ -169,6 +170,24 @@ def execute(
 
 def _recovery() -> Path:
     return (installed_trees() / "recover.yaml").resolve()
+
+
+WHAT_TO_DO = (
+    "Nothing was run. `--recover` moves the arm home slowly first, with `--set release=true` it puts down what it "
+    "holds before; `--cleared` says that somebody has looked after the cell; on the page, choose either where the run "
+    "is started."
+)
+
+
+def _refuse_full_hand(order: RunOrder, cell: Cell) -> None:
+    """A tree that takes something begins with empty fingers, however the last run ended and whatever its record says.
+
+    Raises:
+        UsageError: something is felt between them, and nobody has said that this is as it should be.
+    """
+    hand = "" if order.cleared or order.tree.resolve() == _recovery() else cell.in_hand()
+    if hand:
+        raise UsageError(f"{cell.name}: {hand} before the run has begun.\n{WHAT_TO_DO}")
 
 
 def _after_cut(
@@ -181,24 +200,21 @@ def _after_cut(
     """
     assert order.record is not None
     cut = unfinished(order.record, order.cell)
-    if cut is None:
+    if cut is None and not order.recover:
         return
-    starting.reach(cut.sentence)
-    if order.recover:
-        logger.warning("%s: recovering first", cut.sentence)
+    words = cut.sentence if cut else "nothing says that the last run on this cell was cut"
+    starting.reach(words)
+    if cut is None or order.recover:
+        logger.warning("%s: recovering first", words)
         settings = {key: value for key, value in order.settings.items() if key in RECOVERY_SETTINGS}
         recovery = replace(order, tree=_recovery(), settings=settings, breaks=())
         recovered = execute(recovery, listeners, on_ready=on_ready, starting=starting)
         if recovered.result.outcome != "success":
             raise UsageError(f"{recovered.summary.sentence()}. Nothing else was run.")
     elif cut.kind in ("real", "emulated") and cut.hand != "":
-        raise UsageError(
-            f"{cut.sentence}.\nNothing was run. `--recover` moves the arm home slowly first, with `--set release=true` "
-            "it puts down what it holds before; `--cleared` says that somebody has looked after the cell; "
-            "on the page, choose either where the run is started."
-        )
+        raise UsageError(f"{words}.\n{WHAT_TO_DO}")
     else:
-        logger.warning("%s", cut.sentence)
+        logger.warning("%s", words)
 
 
 @dataclass(frozen=True, slots=True)

@@ -70,12 +70,14 @@ def add(subparsers: Any) -> None:
             help=f"pause {side} this node (its name, type or path); go on from the page, so it needs --dashboard",
         )
     parser.add_argument(
-        "--recover", action="store_true", help="when the last run on this cell was cut: bring the arm home slowly first"
+        "--recover",
+        action="store_true",
+        help="bring the arm home slowly first: after a run that was cut, or that has left something in the gripper",
     )
     parser.add_argument(
         "--cleared",
         action="store_true",
-        help="when it was cut: somebody has looked after the cell",
+        help="somebody has looked after the cell: start although the last run was cut, or something is in the gripper",
     )
     parser.add_argument("--watch", action="store_true", help="run again each time the tree file is saved")
     add_address(parser)

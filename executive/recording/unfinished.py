@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 from executive.recording.digest import digest
 from executive.recording.ending import why_cut
-from executive.recording.folder import EVENTS_FILE, events_file, is_being_written
+from executive.recording.folder import EVENTS_FILE, is_being_written
 from executive.recording.read import read_events
 from executive.running.events import HandChanged, NodeChanged, RunStarted
 
 RECOVERY = "recover"
 """Name of the tree that brings a cell in order after a run that was cut."""
-
-LOOKED_AT = 50
-"""Newest records of a folder among which the cell's last run is looked for."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,30 +48,40 @@ class Unfinished:
 def unfinished(root: Path, cell: Path) -> Unfinished | None:
     """The newest run on a cell, if it was cut; None when it came to an end, or there is none.
 
+    A record that is damaged, or cannot be read, says of no cell that all is well on it: it counts as a run that was cut
+    on this one, unless a newer one came to its end here. One that another process still writes is passed over.
+
     Args:
         root: folder of records.
         cell: its file.
     """
-    for record in sorted((path.parent for path in root.glob(f"*/{EVENTS_FILE}")), reverse=True)[:LOOKED_AT]:
-        if is_being_written(events_file(record)):
+    runs = [path for path in root.glob(f"*/{EVENTS_FILE}") if not is_being_written(path)]
+    doubtful: Unfinished | None = None
+    # By when they were last written, whatever they are called: time zones change.
+    for record in (path.parent for path in sorted(runs, key=lambda path: path.stat().st_mtime, reverse=True)):
+        started = _started(record)
+        if started is None:
+            doubtful = doubtful or Unfinished(record, "real", (), 0.0, None, "its record cannot be read")
             continue
-        try:
-            started = next(_started(record), None)
-            if started is None or Path(started.cell_path) != cell.resolve():
-                continue
-            found = digest(record)
-            if found.tree == RECOVERY and found.outcome != "success":
-                continue  # it was tried: the cell is as it was before
-            return _cut(record, started) if found.state == "cut off" else None
-        except Exception:  # a record that cannot be read says nothing of the cell; `pomona runs` says why
+        if Path(started.cell_path) != cell.resolve():
             continue
-    return None
+        found = digest(record)
+        if found.tree == RECOVERY and found.outcome != "success":
+            continue  # it was tried: the cell is as it was before
+        if found.state == "cut off":
+            return _cut(record, started)
+        if found.state == "ended":
+            return doubtful
+        return Unfinished(record, started.cell_kind, (), 0.0, None, found.message or found.state)
+    return doubtful
 
 
-def _started(record: Path) -> Iterator[RunStarted]:
-    for event in read_events(record):
-        if isinstance(event, RunStarted):
-            yield event
+def _started(record: Path) -> RunStarted | None:
+    """How a run began; None when its record does not say it."""
+    try:
+        return next((event for event in read_events(record) if isinstance(event, RunStarted)), None)
+    except Exception:  # whatever a damaged file makes its readers raise; `pomona runs` says what is wrong with it
+        return None
 
 
 def _cut(record: Path, started: RunStarted) -> Unfinished:

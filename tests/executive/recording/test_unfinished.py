@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import os
 from dataclasses import replace
+from datetime import datetime
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -17,6 +19,7 @@ from executive.dashboard.choices import Choices
 from executive.dashboard.control_lock import ControlLock
 from executive.errors import UsageError
 from executive.execute import RunOrder, execute
+from executive.recording.folder import EVENTS_FILE
 from executive.recording.recorder import Recorder
 from executive.recording.unfinished import unfinished
 from executive.running.events import HandChanged, NodeChanged, RunEnded
@@ -58,6 +61,8 @@ def leave(
     if ended:
         recorder.on_event(RunEnded(0.4, 20, outcome, None, 20, 0.4, 0.4, None))
     recorder.close()
+    written = datetime.fromisoformat(name.partition("_")[0]).timestamp()
+    os.utime(folder / EVENTS_FILE, (written, written))
 
 
 HELD = "something is between the fingers"
@@ -111,6 +116,29 @@ def test_only_the_newest_run_on_this_cell_counts(order: RunOrder, tmp_path: Path
     assert unfinished(order.record, other) is not None
 
 
+@pytest.mark.parametrize("damage", ["a flipped bit", "the tail is zero", "empty", "all zero"])
+def test_a_newest_record_that_cannot_be_believed_says_of_no_cell_that_its_gripper_is_empty(
+    order: RunOrder, damage: str
+) -> None:
+    leave(order, "real", "", ended=True)
+    leave(order, "real", HELD, name="2026-01-02_t")
+    assert order.record is not None
+    path = order.record / "2026-01-02_t" / EVENTS_FILE
+    said = bytearray(path.read_bytes())
+    if damage == "a flipped bit":
+        said[len(said) // 2] ^= 4
+    elif damage == "the tail is zero":
+        said[-len(said) // 3 :] = bytes(len(said[-len(said) // 3 :]))
+    path.write_bytes(b"" if damage == "empty" else bytes(len(said)) if damage == "all zero" else said)
+    cut = unfinished(order.record, order.cell)
+    assert cut is not None
+    assert cut.hand is None or cut.hand == HELD
+    with pytest.raises(UsageError, match="--cleared"):
+        execute(order)
+    assert execute(replace(order, cleared=True)).result.outcome == "success"
+    assert unfinished(order.record, order.cell) is None
+
+
 @pytest.mark.parametrize(("kind", "hand"), [("real", HELD), ("real", None), ("emulated", HELD)])
 def test_a_real_cell_that_may_hold_something_is_refused_with_what_to_do(
     order: RunOrder, kind: str, hand: str | None
@@ -132,6 +160,29 @@ def test_an_empty_gripper_and_a_simulated_cell_are_only_told(
     caplog.clear()
     assert execute(order).result.outcome == "success"
     assert caplog.text == ""  # told once: the newest run has come to an end
+
+
+def test_a_run_does_not_begin_with_something_between_the_fingers_however_the_last_one_ended(
+    order: RunOrder, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    leave(order, "real", "", ended=True)
+    monkeypatch.setattr("drivers.cell.Cell.in_hand", lambda _cell: HELD)
+    with pytest.raises(UsageError, match=rf"bench: {HELD} before the run has begun") as refused:
+        execute(order)
+    assert "--recover" in str(refused.value)
+    assert order.record is not None
+    assert len(list(order.record.iterdir())) == 1
+    assert execute(replace(order, cleared=True)).result.outcome == "success"
+
+
+def test_recovery_that_is_asked_for_runs_even_when_no_run_was_cut(
+    order: RunOrder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("executive.execute.installed_trees", lambda: tmp_path)
+    (tmp_path / "recover.yaml").write_text(TREE.replace("tree: t", "tree: recover"))
+    assert execute(replace(order, recover=True)).result.outcome == "success"
+    assert order.record is not None
+    assert sum("_recover" in path.name for path in order.record.iterdir()) == 1
 
 
 def test_a_cell_that_somebody_has_looked_after_goes_on(order: RunOrder) -> None:

@@ -249,3 +249,19 @@ def test_a_tree_that_ends_in_the_tick_of_a_safe_stop_was_stopped(ends: str) -> N
     assert result.reason is not None
     assert (result.reason.code, result.reason.message) == ("SAFE_STOP", "hand in the cell")
     assert is_safe(runner, cell, events)
+
+
+class Unspeakable(Exception):
+    """An exception whose own words fail."""
+
+    def __str__(self) -> str:
+        raise RuntimeError("no words")
+
+
+def test_an_exception_that_cannot_be_shown_ends_in_the_safe_state_as_any_other() -> None:
+    runner, cell, events = make(BESIDE, raising(Unspeakable()))
+    result = runner.run()
+    assert result.outcome == "error"
+    assert is_safe(runner, cell, events)
+    assert result.reason is not None
+    assert result.reason.message == "Unspeakable, which cannot be shown: RuntimeError"
