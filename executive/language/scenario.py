@@ -30,11 +30,11 @@ from executive.language.scenario_kinds import (
     ByNode,
     End,
     Expected,
-    Mocks,
+    MockedSkills,
     NodeName,
     OneOrSeveral,
+    ParameterValues,
     ScenarioReader,
-    Settings,
     Tested,
 )
 from executive.ports import TIME
@@ -54,8 +54,8 @@ class CaseSection:
     """One run of the tree and what is expected of it."""
 
     name: str = value(Text(), "", "what the case shows; its number unless it is said")
-    mocks: Results = value(Mocks(), {}, "how skills end, before what holds for every case")
-    set: Mapping[str, YamlScalar] = value(Settings(), {}, "parameters of the tree")
+    mocks: Results = value(MockedSkills(), {}, "how skills end, before what holds for every case")
+    set: Mapping[str, YamlScalar] = value(ParameterValues(), {}, "parameters of the tree")
     answers: Mapping[str, tuple[str, ...]] = value(Answers(), {}, "by question; what is not named nobody answers")
     expect: Expected = value(End(), Expected(status="success"), "how the tree ends: success unless it is said")
     visits: tuple[str, ...] = value(OneOrSeveral(NodeName()), (), "nodes that are reached")
@@ -84,8 +84,8 @@ class ScenarioSection:
     pomona: str = value(Text("1"), "1", "version of the language")
     tree: YamlScalar = value(AsWritten(), help="a tree file beside this one, or the name of an installed one")
     description: str = value(Text(), "", "for people")
-    mocks: Results = value(Mocks(), {}, "how skills end in every case; what is not named succeeds at once")
-    set: Mapping[str, YamlScalar] = value(Settings(), {}, "parameters of the tree in every case")
+    mocks: Results = value(MockedSkills(), {}, "how skills end in every case; what is not named succeeds at once")
+    set: Mapping[str, YamlScalar] = value(ParameterValues(), {}, "parameters of the tree in every case")
     cases: tuple[Placed[CaseSection], ...] = value(ListOf(PlacedCase()), help="write 'cases:' and '- name: …'")
 
 
@@ -94,10 +94,10 @@ SCENARIO = Section(ScenarioSection)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MocksSection:
-    """Mocks alone, for a dry run."""
+    """MockedSkills alone, for a dry run."""
 
     pomona: str = value(Text("1"), "1", "version of the language")
-    mocks: Results = value(Mocks(), {}, "how skills end; what is not named succeeds at once")
+    mocks: Results = value(MockedSkills(), {}, "how skills end; what is not named succeeds at once")
 
 
 @dataclass(frozen=True, slots=True)

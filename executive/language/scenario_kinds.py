@@ -128,7 +128,7 @@ class ByNode(MappingOf[T]):
         return found
 
 
-class Settings(MappingOf[YamlScalar]):
+class ParameterValues(MappingOf[YamlScalar]):
     """Values of the tree's parameters."""
 
     def __init__(self) -> None:
@@ -215,7 +215,7 @@ class MockSection:
 _SECTION = Section(MockSection)
 
 
-class Mocks(Kind[Mapping[str, tuple[MockResult, ...]]]):
+class MockedSkills(Kind[Mapping[str, tuple[MockResult, ...]]]):
     """Results by skill, node or path: one for all calls, or a list by call."""
 
     words = "a mapping from skills to results"
