@@ -22,6 +22,7 @@ from executive.language.built import Side
 from executive.language.documents import read_document, refuse_errors
 from executive.language.mocks import MockPlan
 from executive.language.scenario import read_mocks
+from executive.reasons import Reason
 from executive.recording.session import RecordingSession
 from executive.recording.unfinished import unfinished
 from executive.registry import Registry
@@ -29,7 +30,7 @@ from executive.running.cell import Cell
 from executive.running.cell_files import CellFile, cell_files
 from executive.running.context import RunContext
 from executive.running.dry_cell import DryCell
-from executive.running.events import EventStream, Listener, RunStarted
+from executive.running.events import EventStream, Listener, RunEnded, RunStarted
 from executive.running.run_state import RunResult
 from executive.running.runner import Runner
 from executive.running.signals import RunSignals
@@ -46,6 +47,9 @@ logger = logging.getLogger(__name__)
 
 RECOVERY_SETTINGS = ("release", "home")
 """Parameters of the tree `recover`, which `--set` gives to it."""
+
+NO_RECORD = "NO_RECORD"
+"""Why a run ends in an error whose tree has ended: its cell requires a record, and it is not whole."""
 
 PERIOD = 0.02
 """Seconds of a tick."""
@@ -281,6 +285,14 @@ def _run(
         signals.wait()
         runner.close()
         problem = session.close()
+    if session.broken and result.outcome in ("success", "failure"):
+        cell.safe_stop(problem)
+        result = replace(result, outcome="error", reason=Reason("", NO_RECORD, problem))
+        events.emit(
+            RunEnded(
+                *runner.progress, result.outcome, result.reason, result.ticks, result.time, result.wall, result.truth
+            )
+        )
     return Executed(result, summary, session.folder, problem, signals.number)
 
 

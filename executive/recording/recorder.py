@@ -8,11 +8,14 @@ While a record is written its file is locked, which is how others see that the r
 from __future__ import annotations
 
 import contextlib
+import errno
 import fcntl
 import json
+import os
 import queue
 import threading
 import time
+import traceback
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import replace
@@ -59,9 +62,8 @@ class Recorder:
         Raises:
             RecordError: the file cannot be opened.
         """
-        self.folder = folder
-        self.problem = ""
-        """Why the record ends early; empty while all is well. From any thread."""
+        self.folder = folder.absolute()  # wherever the process goes while it writes
+        self._problem, self._whole = "", False
         self._queue: queue.SimpleQueue[Any] = queue.SimpleQueue()
         self._closing = threading.Event()
         self._t, self._flushed = 0.0, 0.0
@@ -69,9 +71,10 @@ class Recorder:
         self._schemas: dict[str, int] = {}
         self._images = Images()
         try:
-            self._file = (folder / EVENTS_FILE).open("wb", buffering=_BUFFER)
+            self._path = self.folder / EVENTS_FILE
+            self._file = self._path.open("wb", buffering=_BUFFER)
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            self._ending = Ending(folder)
+            self._ending = Ending(self.folder)
         except OSError as error:
             raise RecordError(f"cannot write {folder / EVENTS_FILE}: {error.strerror}") from error
         self._writer = new_writer(self._file, CompressionType.NONE)
@@ -79,6 +82,13 @@ class Recorder:
         self._overview, self._events, self._pictures = Overview(), 0, Counter[str]()
         self._thread = threading.Thread(target=self._work, name="pomona-recorder", daemon=True)
         self._thread.start()
+
+    @property
+    def problem(self) -> str:
+        """Why the record ends early; empty while all is well. From any thread."""
+        if self._problem or self._whole or self._thread.is_alive():
+            return self._problem
+        return self._ends_with("what writes it has ended")
 
     def on_event(self, event: Event) -> None:
         """Take one event; returns at once."""
@@ -107,18 +117,36 @@ class Recorder:
                 self._writer.add_attachment(_stamp(self._t), 0, OVERVIEW, "application/x-ndjson", lines)
             self._writer.finish()
             self._file.flush()
+            self._refuse_removed()
             self._ending.write("closed", bytes=self._file.tell())
+            self._whole = True
         except OSError as error:
             self._give_up(error.strerror or str(error))
-        except Exception as error:  # what a skill publishes may be anything: the run goes on, and this is told
-            self._give_up(f"{type(error).__name__}: {error}")
+        except BaseException as error:  # what a skill publishes may be anything, and raise anything: this is told
+            self._give_up(traceback.format_exception_only(error)[-1].strip())
         finally:
             with contextlib.suppress(OSError):  # what could not be written cannot be written now either
                 self._file.close()
 
     def _give_up(self, why: str) -> None:
-        self.problem = f"the record ends at {self._t:.2f} s of the run: {why}"
+        self._problem = self._ends_with(why)
         self._ending.write("failed", why=why)
+
+    def _ends_with(self, why: str) -> str:
+        return f"the record ends at {self._t:.2f} s of the run: {why}"
+
+    def _refuse_removed(self) -> None:
+        """What is written into a file that no folder holds any more is lost, and no call of the system says so.
+
+        Raises:
+            OSError: the file is gone, or another one stands in its place.
+        """
+        try:
+            if os.path.samestat(self._path.stat(), os.fstat(self._file.fileno())):
+                return
+        except FileNotFoundError:
+            raise FileNotFoundError(errno.ENOENT, "its file was removed while it was written") from None
+        raise OSError(errno.ESTALE, "its file was replaced while it was written")
 
     def _take_all(self) -> None:
         """Write in batches: waking up for every event would cost the tick more than the writing does."""
@@ -134,6 +162,7 @@ class Recorder:
 
     def _flush(self) -> None:
         self._writer.flush()
+        self._refuse_removed()
         self._flushed = time.monotonic()
 
     def _take(self, taken: Any) -> None:

@@ -1,7 +1,8 @@
 """The record of one run, whatever goes wrong with it.
 
 When it cannot be written, the run goes on unrecorded, or ends in the safe state where the cell's file says
-`record: required`; both are said. A run that has not begun yet is refused instead.
+`record: required`; both are said. A run that has not begun yet is refused instead, and one that succeeded before its
+record was lost has not: where a record is required, its end is an error.
 """
 
 from __future__ import annotations
@@ -77,7 +78,14 @@ class RecordingSession:
         self.look()
         if self._recorder is not None:
             self._recorder.close()
+            if not self._recorder.folder.is_dir():
+                self.folder = None
         return self._problem()
+
+    @property
+    def broken(self) -> bool:
+        """Whether a record that the cell requires is not whole."""
+        return self._cell.record_required and self._recorder is not None and bool(self._recorder.problem)
 
     def _problem(self) -> str:
         return (self._recorder.problem if self._recorder is not None else "") or self._trouble

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -11,16 +13,19 @@ from pathlib import Path
 
 import pytest
 
+from executive.cli import main
 from executive.errors import UsageError
 from executive.recording import recorder as recorder_module
 from executive.recording.digest import digest
+from executive.recording.ending import why_cut
 from executive.recording.folder import EVENTS_FILE, is_being_written
 from executive.recording.index import RunIndex
 from executive.recording.read import read_events
 from executive.recording.recorder import Recorder
 from executive.recording.repair import repair
 from executive.recording.scan import is_whole
-from executive.running.events import StateChanged
+from executive.recording.session import RecordingSession
+from executive.running.events import Published, StateChanged
 
 RECORD_FOR_EVER = """
 import sys, time
@@ -130,12 +135,12 @@ def test_a_run_that_is_going_on_is_seen_and_not_repaired(tmp_path: Path) -> None
     assert RunIndex(tmp_path).read()[0].state == "cut off"
 
 
-def run_on_a_full_disk(folder: Path, record: str) -> subprocess.CompletedProcess[str]:
-    """A whole run, in real time, whose record may not become larger than 6 kB."""
+def run_on_a_full_disk(folder: Path, record: str, pace: str = "real") -> subprocess.CompletedProcess[str]:
+    """A whole run whose record may not become larger than 6 kB."""
     tree, cell, runs = folder / "slow.yaml", folder / "bench.yaml", folder / "runs"
     tree.write_text(TREE)
     cell.write_text(f"name: bench\nkind: mock\nclock: manual\nrecord: {record}\ndevices: {{}}\n")
-    arguments = ["run", str(tree), "--cell", str(cell), "--record", str(runs), "--pace", "real"]
+    arguments = ["run", str(tree), "--cell", str(cell), "--record", str(runs), "--pace", pace]
     return subprocess.run([sys.executable, "-c", LIMITED, *arguments], capture_output=True, text=True, timeout=120)
 
 
@@ -157,6 +162,67 @@ def test_on_a_full_disk_a_run_that_needs_its_record_ends_in_the_safe_state(tmp_p
     assert done.returncode == 3, said
     assert "safe stop: the record ends" in said
     assert "Traceback" not in said
+
+
+def test_a_record_that_is_needed_and_fails_at_its_end_makes_an_error_of_a_success(tmp_path: Path) -> None:
+    done = run_on_a_full_disk(tmp_path, "required", pace="fast")
+    said = " ".join((done.stdout + done.stderr).split())
+    assert done.returncode == 3, said
+    assert "the record ends at" in said
+    assert "File too large" in said
+    assert "■ slow" in said
+
+
+def test_a_record_that_is_removed_while_it_is_written_is_missed(tmp_path: Path) -> None:
+    folder = tmp_path / "gone"
+    folder.mkdir()
+    recorder = Recorder(folder)
+    shutil.rmtree(folder)
+    deadline = time.monotonic() + 5.0
+    while not recorder.problem and time.monotonic() < deadline:
+        os.sched_yield()
+    assert recorder.problem == "the record ends at 0.00 s of the run: its file was removed while it was written"
+    recorder.close()
+
+
+def test_a_record_with_another_in_its_place_is_missed(tmp_path: Path) -> None:
+    recorder = Recorder(tmp_path)
+    (tmp_path / EVENTS_FILE).rename(tmp_path / "moved")
+    (tmp_path / EVENTS_FILE).touch()
+    recorder.close()
+    assert "its file was replaced" in recorder.problem
+
+
+def test_a_run_whose_needed_record_was_removed_is_an_error_and_names_no_record(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    runs = tmp_path / "runs"
+    monkeypatch.setattr(RecordingSession, "draw", lambda _session, _title: shutil.rmtree(runs))
+    tree, cell = tmp_path / "short.yaml", tmp_path / "bench.yaml"
+    tree.write_text("pomona: 1\ntree: short\nroot: {wait: 100 ms}\n")
+    cell.write_text("name: bench\nkind: mock\nclock: manual\nrecord: required\ndevices: {}\n")
+    assert main(["run", str(tree), "--cell", str(cell), "--record", str(runs), "--json"]) == 3
+    said = capsys.readouterr()
+    told = json.loads(said.out.splitlines()[-1])
+    assert (told["outcome"], told["reason"]["code"], told["record"]) == ("error", "NO_RECORD", None)
+    assert "the record ends at 0.00 s" in " ".join(said.err.split())
+
+
+class Evil:
+    """Ends whoever looks at it."""
+
+    def __str__(self) -> str:
+        raise SystemExit("evil")
+
+    __repr__ = __iter__ = __float__ = __array__ = __str__
+
+
+def test_a_value_that_ends_the_recorder_is_told(tmp_path: Path) -> None:
+    recorder = Recorder(tmp_path)
+    recorder.on_event(Published(0.5, 7, "a/Look", "evil", Evil()))
+    recorder.close()
+    assert recorder.problem == "the record ends at 0.50 s of the run: SystemExit: evil"
+    assert "it could not be written: SystemExit: evil" in why_cut(tmp_path)
 
 
 def test_a_folder_that_cannot_be_made_refuses_a_run_that_needs_its_record(tmp_path: Path) -> None:
