@@ -27,6 +27,9 @@ FEW = 5
 """Fewer samples in a row than this accuse nobody: the computer itself may have been held up."""
 EARLY = 0.005
 """Stamps are read from the cell's clock; ahead of it by more than this they are wrong [s]."""
+WINDOW, FEW_GAPS, IN_BITS = 6, 4, 0.4
+"""Within so many times the silence allowed a stream must not have so many gaps of half of it or more that miss this
+share together: each by itself may be the computer's, but what comes and goes controls no grip."""
 FEW_FRAMES, EARLY_FRAME = 2, 0.020
 """The same of cameras: frames, and seconds; a camera's clock is followed to a few milliseconds."""
 
@@ -118,7 +121,17 @@ class WrenchStream:
             self.leave_out(same, certain=True)
             return
         self._left_out, self._believed_at = 0, self._clock.now()
+        if sample.stamp - self._delivered > 0.5 * self._silence:
+            self._note_gap(sample.stamp - self._delivered, sample.stamp)
+        self._delivered = sample.stamp
         self.hand_on(sample)
+
+    def _note_gap(self, gap: float, until: float) -> None:
+        window = WINDOW * self._silence
+        self._gaps = [(gap, until), *((gap, end) for gap, end in self._gaps if end > until - window)]
+        missing = sum(gap for gap, _ in self._gaps)
+        if len(self._gaps) >= FEW_GAPS and missing > IN_BITS * window:
+            self._accuse(f"comes and goes: no sample in {1e3 * missing:.0f} of the last {1e3 * window:.0f} ms")
 
     def hand_on(self, sample: WrenchSample) -> None:
         """Give a sample to every listener without judging it."""
@@ -171,6 +184,8 @@ class WrenchStream:
 
     def _forget_past(self) -> None:
         self._last = (-math.inf, -1)
+        self._delivered = math.nan  # stamp of the newest sample that was believed
+        self._gaps: list[tuple[float, float]] = []  # how long, and when they ended
         self._same: Float64 | None = None
         self._same_since, self._same_count = [0.0, 0.0], [0, 0]
         self._left_out = 0

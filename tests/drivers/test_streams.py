@@ -188,3 +188,24 @@ def test_a_closed_subscription_hears_nothing(sensor: Sensor) -> None:
     subscription.close()
     sensor.run(0.01)
     assert len(received) == 5
+
+
+def test_a_stream_that_comes_and_goes_is_a_fault_though_each_gap_is_short(sensor: Sensor) -> None:
+    for _ in range(3):
+        sensor.clock.advance(0.03)
+        sensor.run(0.02)
+    assert sensor.told() == ""
+    sensor.clock.advance(0.03)
+    sensor.run(0.02)
+    assert sensor.told() == "comes and goes: no sample in 128 of the last 240 ms"
+    assert sensor.lost == 1
+    sensor.run(0.1)
+    sensor.stream.acknowledge("fingers")
+    assert sensor.told() == ""
+
+
+def test_a_short_gap_now_and_then_is_the_computers(sensor: Sensor) -> None:
+    for _ in range(20):
+        sensor.clock.advance(0.03)
+        sensor.run(0.12)
+    assert sensor.told() == ""
