@@ -204,6 +204,15 @@ def test_a_stream_that_comes_and_goes_is_a_fault_though_each_gap_is_short(sensor
     assert sensor.told() == ""
 
 
+def test_who_asks_only_now_and_then_makes_no_gaps() -> None:
+    sensor = Sensor()
+    sensor.stream._listeners[0].close()
+    for _ in range(20):
+        sensor.clock.advance(0.03)
+        sensor.stream.deliver(sensor.sample())
+    assert sensor.told() == ""
+
+
 def test_a_short_gap_now_and_then_is_the_computers(sensor: Sensor) -> None:
     for _ in range(20):
         sensor.clock.advance(0.03)
