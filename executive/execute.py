@@ -22,6 +22,7 @@ from executive.language.built import Side
 from executive.language.documents import read_document, refuse_errors
 from executive.language.mocks import MockPlan
 from executive.language.scenario import read_mocks
+from executive.one_process import leave_if_forked, run_in_progress
 from executive.reasons import Reason
 from executive.recording.session import RecordingSession
 from executive.recording.unfinished import unfinished
@@ -145,7 +146,7 @@ def execute(
         if cell_settings:
             raise UsageError(f"the tree has no parameter {', '.join(sorted(cell_settings))}, and a dry run has no cell")
         mocks = _read_mocks(order.mocks, order.texts, document, registry)
-        with RunSignals() as signals:
+        with RunSignals() as signals, run_in_progress():
             nothing = DryCell()
             work = _Work(
                 order, registry, document, tree_settings, nothing, mocks, signals, Supervision(nothing), starting
@@ -157,13 +158,14 @@ def execute(
     starting.cell_kind = judged.cell.kind
     if order.record is not None and not order.cleared and order.tree.resolve() != _recovery():
         _after_cut(order, listeners, on_ready, starting)
-    with RunSignals() as signals, contextlib.ExitStack() as stack:
+    with RunSignals() as signals, run_in_progress(), contextlib.ExitStack() as stack:
         starting.refuse_cancelled()
         starting.reach("connecting the cell")
         cell = connect_cell(judged.cell, order.seed)
         supervision = Supervision(cell)
         stack.callback(supervision.close)  # last of all: until the cell is closed something could still move
         stack.callback(cell.close)
+        stack.callback(leave_if_forked)
         stack.callback(signals.wait)  # whatever ends the run, the cell is closed without being disturbed
         _refuse_full_hand(order, cell)
         work = _Work(
@@ -282,6 +284,7 @@ def _run(
             with signals.raise_again():
                 on_latched(runner)
     finally:
+        leave_if_forked()
         signals.wait()
         runner.close()
         problem = session.close()

@@ -32,6 +32,7 @@ from py_trees.common import Status
 
 from executive.clock import Clock
 from executive.errors import SkillError
+from executive.one_process import leave_if_forked
 from executive.ports import Outputs, Ports
 from executive.signature import ports_of
 from executive.values.sections import Problem
@@ -324,6 +325,7 @@ class Skill(py_trees.behaviour.Behaviour):
             self.broke = True
             raise
         finally:
+            leave_if_forked()
             self.blocked = time.perf_counter() - began
             if status is not Status.RUNNING:
                 self.context.release(self)

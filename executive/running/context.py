@@ -9,6 +9,7 @@ from typing import Any, TypeVar
 
 from executive.clock import Clock
 from executive.errors import SkillError
+from executive.one_process import leave_if_forked
 from executive.running.cell import Cell
 from executive.running.compute import Computations
 from executive.skill import Computation, Interrupted, Skill, Work
@@ -135,5 +136,7 @@ class RunContext:
             self._failures.append((skill.path, error))
         else:
             return False
+        finally:
+            leave_if_forked()
         self.release(skill)
         return True

@@ -23,6 +23,7 @@ from executive.board import Board, Entry
 from executive.errors import PomonaError
 from executive.language import BuiltTree
 from executive.language.changes import change_input
+from executive.one_process import leave_if_forked
 from executive.reasons import Reason
 from executive.running.breakpoints import BREAK_ACTIONS, Breakpoints
 from executive.running.cell import Cell
@@ -166,6 +167,7 @@ class Runner(Requests):
             self._loop(started)
             self.breakable = False
         except BaseException as error:  # SystemExit, too: whatever it is, nothing may go on moving
+            leave_if_forked()
             self._fault(error)
         with self._telling("", "closing"):
             self.close()
@@ -226,6 +228,7 @@ class Runner(Requests):
             self.board.tick = self._ticks
         began = time.perf_counter()
         held = self._breakpoints.tick(self.tree.root)
+        leave_if_forked()
         took = time.perf_counter() - began
         self._observer.after_tick()
         if took > (BLOCKED if self._cell.clock.simulated else self._period):
