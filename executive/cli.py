@@ -6,16 +6,22 @@ SIGHUP), 130 interrupted; 129 and 143 ended by SIGHUP and SIGTERM before anythin
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
 import sys
+import threading
 from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 from executive.commands.command_line import make_parser
 from executive.errors import UsageError
 from executive.running.signals import WORDS, raising, signalled, status_of
+
+PATIENCE = 2.0
+"""Seconds that threads and processes may go on when the work is done."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -37,6 +43,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         status = status_of(ended_by)
     if arguments is None:
         _leave_quietly()
+        _end_without(_left(), status)
     return status
 
 
@@ -99,6 +106,37 @@ def _leave_quietly() -> None:
             stream.flush()
         except (OSError, ValueError):  # what is left has no reader
             os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+
+
+def _left() -> list[str]:
+    """Names of the threads and processes for whose end Python would wait before this one ends."""
+    threads = [thread.name for thread in threading.enumerate() if not thread.daemon]
+    threads.remove(threading.main_thread().name)
+    return threads + [child.name for child in _children() if not child.daemon]
+
+
+def _children() -> list[Any]:
+    """Processes of `multiprocessing`, which is loaded where there are some."""
+    return sys.modules["multiprocessing"].active_children() if "multiprocessing" in sys.modules else []
+
+
+def _end_without(left: list[str], status: int) -> None:
+    """Record and cell are closed: what a skill or a library has left behind gets a moment, and then the process ends.
+
+    Threads of a pool that only wait for work end by themselves in this time.
+    """
+
+    def end() -> None:
+        threading.Event().wait(PATIENCE)
+        if still := _left():
+            for child in _children():
+                child.kill()
+            with contextlib.suppress(OSError):
+                _print_error(f"still running after the end, and ended with the process: {', '.join(still)}")
+            os._exit(status)
+
+    if left:
+        threading.Thread(target=end, name="pomona-end", daemon=True).start()
 
 
 if __name__ == "__main__":

@@ -188,3 +188,41 @@ def test_a_signal_that_a_compiled_module_turned_into_an_error_gives_no_traceback
     monkeypatch.setattr("executive.cli._run", interrupted)
     assert main(["skills"]) == 130
     assert "Traceback" not in capsys.readouterr().err
+
+
+LEAVES_BEHIND = """
+import multiprocessing, sys, threading, time
+from concurrent.futures import ThreadPoolExecutor
+from executive import cli
+from executive.running.compute import Computations
+
+def leave(_words):
+    if what == "thread":
+        threading.Thread(target=time.sleep, args=(1e6,), name="a skill's").start()
+    if what == "process":
+        multiprocessing.get_context("fork").Process(target=time.sleep, args=(1e6,), name="a skill's").start()
+    if what == "computation":
+        Computations().submit("a", time.sleep, (1e6,), False)
+    if what == "pool":
+        ThreadPoolExecutor().submit(int).result()
+    return 3
+
+what, cli._run = sys.argv.pop(), leave
+sys.exit(cli.main())
+"""
+
+
+@pytest.mark.parametrize(
+    ("what", "name"), [("thread", "a skill's"), ("process", "a skill's"), ("computation", "pomona-compute_0")]
+)
+def test_what_a_skill_has_left_running_is_named_and_does_not_keep_the_process(what: str, name: str) -> None:
+    command = [sys.executable, "-c", LEAVES_BEHIND, what]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 3
+    assert done.stderr == f"still running after the end, and ended with the process: {name}\n"
+
+
+def test_a_pool_that_waits_for_work_ends_by_itself_and_is_not_named() -> None:
+    command = [sys.executable, "-c", LEAVES_BEHIND, "pool"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    assert (done.returncode, done.stderr) == (3, "")
