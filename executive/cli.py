@@ -129,10 +129,10 @@ def _end_without(left: list[str], status: int) -> None:
     def end() -> None:
         threading.Event().wait(PATIENCE)
         if still := _left():
-            for child in _children():
-                child.kill()
             with contextlib.suppress(OSError):
                 _print_error(f"still running after the end, and ended with the process: {', '.join(still)}")
+            for child in _children():  # Python waits for them no longer then: it has been said before
+                child.kill()
             os._exit(status)
 
     if left:
