@@ -32,6 +32,17 @@ def leave_if_forked() -> None:
         _leave(CHILD)
 
 
+def continue_here() -> None:
+    """The run goes on in this copy of its process, on purpose: it is another run from here on."""
+    global _process
+    _process = os.getpid()
+
+
+def leave(status: int) -> NoReturn:
+    """End this process at once, also in the middle of a run."""
+    _leave(status)
+
+
 @contextlib.contextmanager
 def run_in_progress() -> Iterator[None]:
     """From the connecting of a cell to its closing, in the thread of the tick.
@@ -42,12 +53,12 @@ def run_in_progress() -> Iterator[None]:
     global _process
     before, process, thread = (_process, os._exit), os.getpid(), threading.get_ident()
 
-    def leave(status: int) -> NoReturn:
+    def guarded(status: int) -> NoReturn:
         if os.getpid() == process and threading.get_ident() == thread:
             raise SystemExit(f"os._exit({status}) was called during the run")
         _leave(status or (LEFT if os.getpid() == process else 0))
 
-    _process, os._exit = process, leave
+    _process, os._exit = process, guarded
     try:
         yield
     finally:
