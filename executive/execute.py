@@ -167,6 +167,8 @@ def execute(
         stack.callback(cell.close)
         stack.callback(leave_if_forked)
         stack.callback(signals.wait)  # whatever ends the run, the cell is closed without being disturbed
+        if cell.record_required and order.record is None:
+            raise UsageError(f"{cell.name}: its file says `record: required`, and this run would leave none")
         _refuse_full_hand(order, cell)
         work = _Work(
             order, registry, document, tree_settings, cell, None, signals, supervision, starting, judged.cell.files

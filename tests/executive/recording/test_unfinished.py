@@ -175,6 +175,13 @@ def test_a_run_does_not_begin_with_something_between_the_fingers_however_the_las
     assert execute(replace(order, cleared=True)).result.outcome == "success"
 
 
+def test_a_cell_that_requires_a_record_starts_no_run_without_one(order: RunOrder) -> None:
+    order.cell.write_text(CELL + "record: required\n")
+    with pytest.raises(UsageError, match=r"bench: its file says `record: required`, and this run would leave none"):
+        execute(replace(order, record=None))
+    assert execute(order).result.outcome == "success"
+
+
 def test_recovery_that_is_asked_for_runs_even_when_no_run_was_cut(
     order: RunOrder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
