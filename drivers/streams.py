@@ -86,6 +86,8 @@ class WrenchStream:
         self._clock, self._silence, self._belief = clock, silence, belief or Belief()
         self._lock = threading.Lock()
         self._listeners: tuple[_Listener, ...] = ()
+        self._delivered = math.nan  # stamp of the newest sample that a listener got
+        self._gaps: list[tuple[float, float]] = []  # between two of them: how long, and when they ended
         self._wrong = ""
         self._cause: Exception | None = None
         self._forget_past()
@@ -184,8 +186,7 @@ class WrenchStream:
 
     def _forget_past(self) -> None:
         self._last = (-math.inf, -1)
-        self._delivered = math.nan  # stamp of the newest sample that was believed
-        self._gaps: list[tuple[float, float]] = []  # how long, and when they ended
+        self._delivered, self._gaps = math.nan, []
         self._same: Float64 | None = None
         self._same_since, self._same_count = [0.0, 0.0], [0, 0]
         self._left_out = 0
