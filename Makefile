@@ -29,6 +29,9 @@ test: $(STAMP) ## run the tests
 test-realtime: $(STAMP) ## the whole pick through emulated devices and wires; needs a machine with nothing else to do
 	$(BIN)/python -m pytest -m realtime
 
+test-long: $(STAMP) ## trainings from their beginning to their end, which the tests leave out
+	$(BIN)/python -m pytest -m long
+
 docs: $(STAMP) ## the documentation's site, in site/; a broken link is an error
 	NO_MKDOCS_2_WARNING=1 DISABLE_MKDOCS_2_WARNING=true $(BIN)/python -m mkdocs build --strict
 

@@ -109,6 +109,7 @@ def photo_arguments(folder: Path, work: Path) -> tuple[str, ...]:
     return ("--photos", str(folder), "--work", str(work), "--out", str(work / "apple.pt"), "--workers", "0")
 
 
+@pytest.mark.long
 def test_train_goes_on_from_photographs_and_an_interrupted_run_ends_the_same(
     small: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
