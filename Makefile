@@ -29,7 +29,7 @@ test: $(STAMP) ## run the tests
 test-realtime: $(STAMP) ## the whole pick through emulated devices and wires; needs a machine with nothing else to do
 	$(BIN)/python -m pytest -m realtime
 
-test-long: $(STAMP) ## trainings from their beginning to their end, which the tests leave out
+test-long: $(STAMP) ## what takes half a minute or more each and is left out of the tests
 	$(BIN)/python -m pytest -m long
 
 docs: $(STAMP) ## the documentation's site, in site/; a broken link is an error

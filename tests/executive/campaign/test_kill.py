@@ -111,6 +111,7 @@ def test_a_killed_campaign_goes_on_without_repeating_or_losing_a_run(looks: Path
     assert {result["outcome"] for result in after} == {"success"}
 
 
+@pytest.mark.long
 def test_ray_gives_the_same_results_run_for_run_though_a_worker_is_killed(
     looks: Path, tmp_path: Path, start: Start
 ) -> None:

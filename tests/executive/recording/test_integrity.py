@@ -62,6 +62,7 @@ def test_a_change_of_one_byte_anywhere_is_found(
         list(read_events(folder))
 
 
+@pytest.mark.long
 def test_a_change_of_each_byte_of_a_small_record_is_found(tmp_path: Path) -> None:
     path = record(tmp_path, run_of(2))
     content = path.read_bytes()

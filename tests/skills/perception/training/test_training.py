@@ -65,6 +65,7 @@ def test_an_interrupted_run_ends_with_the_same_weights(
         assert torch.equal(a, b)
 
 
+@pytest.mark.long
 def test_processes_that_learn_together_repeat_and_resume_exactly(
     frames: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
