@@ -148,11 +148,15 @@ class Cell:
             name: threading.Thread(target=self._stop, args=(name, failed), name=f"pomona-stop-{name}", daemon=True)
             for name in self.devices
         }
-        for stop in stops.values():
-            stop.start()
+        for name, stop in stops.items():
+            try:
+                stop.start()
+            except RuntimeError:  # no more threads can be had: one after the other, then
+                self._stop(name, failed)
         end = time.monotonic() + STOPPING
         for stop in stops.values():
-            stop.join(max(end - time.monotonic(), 0.0))
+            if stop.ident is not None:
+                stop.join(max(end - time.monotonic(), 0.0))
         late = {name: f"has not taken the safe stop within {STOPPING:g} s" for name in stops if stops[name].is_alive()}
         return {**failed, **late}
 
@@ -290,9 +294,15 @@ def connect_cell(file: CellFile, *, seed: int = 0, missing: Callable[[str, Drive
                 if missing is None:
                     raise
                 missing(name, error)
-        required = said.record == "required"
         return Cell(
-            file.name, file.kind, context.clock, context.devices, file.workspace, world, required, said.heartbeat
+            file.name,
+            file.kind,
+            context.clock,
+            context.devices,
+            file.workspace,
+            world,
+            file.record_required,
+            said.heartbeat,
         )
     except BaseException:
         _close(context.devices)

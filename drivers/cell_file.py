@@ -84,6 +84,10 @@ class CellFile:
         return self.section.kind
 
     @property
+    def record_required(self) -> bool:
+        return self.section.record == "required"
+
+    @property
     def score(self) -> Score | None:
         return self.section.score
 

@@ -156,6 +156,8 @@ def execute(
     judged.refuse_errors()
     assert judged.cell is not None
     starting.cell_kind = judged.cell.kind
+    if judged.cell.record_required and order.record is None:
+        raise UsageError(f"{judged.cell.name}: its file says `record: required`, and this run would leave none")
     if order.record is not None and not order.cleared and order.tree.resolve() != _recovery():
         _after_cut(order, listeners, on_ready, starting)
     with RunSignals() as signals, run_in_progress(), contextlib.ExitStack() as stack:
@@ -167,8 +169,6 @@ def execute(
         stack.callback(cell.close)
         stack.callback(leave_if_forked)
         stack.callback(signals.wait)  # whatever ends the run, the cell is closed without being disturbed
-        if cell.record_required and order.record is None:
-            raise UsageError(f"{cell.name}: its file says `record: required`, and this run would leave none")
         _refuse_full_hand(order, cell)
         work = _Work(
             order, registry, document, tree_settings, cell, None, signals, supervision, starting, judged.cell.files
@@ -181,7 +181,7 @@ def _recovery() -> Path:
 
 
 WHAT_TO_DO = (
-    "Nothing was run. `--recover` moves the arm home slowly first, with `--set release=true` it puts down what it "
+    "`--recover` moves the arm home slowly first, with `--set release=true` it puts down what it "
     "holds before; `--cleared` says that somebody has looked after the cell; on the page, choose either where the run "
     "is started."
 )
@@ -195,7 +195,8 @@ def _refuse_full_hand(order: RunOrder, cell: Cell) -> None:
     """
     hand = "" if order.cleared or order.tree.resolve() == _recovery() else cell.in_hand()
     if hand:
-        raise UsageError(f"{cell.name}: {hand} before the run has begun.\n{WHAT_TO_DO}")
+        what = "The recovery has left it there; nothing else was run." if order.recover else "Nothing was run."
+        raise UsageError(f"{cell.name}: {hand} before the run has begun.\n{what} {WHAT_TO_DO}")
 
 
 def _after_cut(
@@ -219,8 +220,8 @@ def _after_cut(
         recovered = execute(recovery, listeners, on_ready=on_ready, starting=starting)
         if recovered.result.outcome != "success":
             raise UsageError(f"{recovered.summary.sentence()}. Nothing else was run.")
-    elif cut.kind in ("real", "emulated") and cut.hand != "":
-        raise UsageError(f"{words}.\n{WHAT_TO_DO}")
+    elif (cut.kind or starting.cell_kind) in ("real", "emulated") and cut.hand != "":
+        raise UsageError(f"{words}.\nNothing was run. {WHAT_TO_DO}")
     else:
         logger.warning("%s", words)
 

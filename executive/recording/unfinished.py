@@ -21,7 +21,7 @@ class Unfinished:
 
     Attributes:
         record: its folder.
-        kind: of its cell.
+        kind: of its cell; empty when its record does not say it.
         doing: names of the leaves that were running.
         time: seconds of the run that are recorded.
         hand: what the fingers felt last; empty for nothing, None when nobody knows.
@@ -61,7 +61,7 @@ def unfinished(root: Path, cell: Path) -> Unfinished | None:
     for record in (path.parent for path in sorted(runs, key=lambda path: path.stat().st_mtime, reverse=True)):
         started = _started(record)
         if started is None:
-            doubtful = doubtful or Unfinished(record, "real", (), 0.0, None, "its record cannot be read")
+            doubtful = doubtful or Unfinished(record, "", (), 0.0, None, "its record cannot be read")
             continue
         if Path(started.cell_path) != cell.resolve():
             continue

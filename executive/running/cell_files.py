@@ -27,6 +27,11 @@ class CellFile(Protocol):
     def kind(self) -> str: ...
 
     @property
+    def record_required(self) -> bool:
+        """Whether no run may begin without a record."""
+        ...
+
+    @property
     def score(self) -> Score | None:
         """What counts where the world scores runs."""
         ...

@@ -166,3 +166,15 @@ def test_on_a_real_clock_a_device_that_does_not_answer_keeps_no_other_from_being
     assert cell.safe_stop("fire") == {"silent": "has not taken the safe stop within 0.05 s"}
     assert motion.settled
     silent.free.set()
+
+
+def test_without_another_thread_devices_are_stopped_one_after_the_other(monkeypatch):
+    def none_left(_thread):
+        raise RuntimeError("can't start new thread")
+
+    monkeypatch.setattr("threading.Thread.start", none_left)
+    gripper = MockGripper(MockClock())
+    motion = gripper.move(0.05, 0.01)
+    cell = Cell("test", "real", SystemClock(), {"escaping": Escaping("escaping"), "gripper": gripper})
+    assert cell.safe_stop("fire") == {"escaping": "did not take the safe stop: SystemExit: 0"}
+    assert motion.settled

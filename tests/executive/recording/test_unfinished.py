@@ -120,6 +120,7 @@ def test_only_the_newest_run_on_this_cell_counts(order: RunOrder, tmp_path: Path
 def test_a_newest_record_that_cannot_be_believed_says_of_no_cell_that_its_gripper_is_empty(
     order: RunOrder, damage: str
 ) -> None:
+    order.cell.write_text(CELL.replace("kind: mock", "kind: real"))
     leave(order, "real", "", ended=True)
     leave(order, "real", HELD, name="2026-01-02_t")
     assert order.record is not None
@@ -137,6 +138,16 @@ def test_a_newest_record_that_cannot_be_believed_says_of_no_cell_that_its_grippe
         execute(order)
     assert execute(replace(order, cleared=True)).result.outcome == "success"
     assert unfinished(order.record, order.cell) is None
+
+
+def test_a_simulated_cell_is_only_told_of_a_record_that_cannot_be_read(
+    order: RunOrder, caplog: pytest.LogCaptureFixture
+) -> None:
+    leave(order, "mock", HELD)
+    assert order.record is not None
+    (order.record / "2026-01-01_t" / EVENTS_FILE).write_bytes(b"")
+    assert execute(order).result.outcome == "success"
+    assert "its record cannot be read" in caplog.text
 
 
 @pytest.mark.parametrize(("kind", "hand"), [("real", HELD), ("real", None), ("emulated", HELD)])
