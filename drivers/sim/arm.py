@@ -12,7 +12,7 @@ from drivers.motion_supervisor import MotionSupervisor, Supervision
 from drivers.path_motion import PathMotion
 from drivers.sim.faults import FaultyDevice
 from drivers.sim.scene import TIMESTEP
-from drivers.sim.world import SimWorld
+from drivers.sim.world import PhysicsWorld
 from drivers.trajectory import check_trajectory
 
 AT_REST = 5e-3
@@ -34,7 +34,7 @@ class SimArm(FaultyDevice):
     interfaces = (Arm,)
     known_faults = ("alarm", "lost", "nan", "wild", "jump", "frozen", "stuck", "stall")
 
-    def __init__(self, world: SimWorld, description: Path, supervision: Supervision | None = None) -> None:
+    def __init__(self, world: PhysicsWorld, description: Path, supervision: Supervision | None = None) -> None:
         super().__init__("arm")
         self.description = description
         self._world = world

@@ -13,7 +13,7 @@ from drivers.interfaces import Camera, Float64, Frame, Intrinsics
 from drivers.sim.faults import FaultyDevice
 from drivers.sim.gl import in_gl_thread, load_mujoco, open_renderer
 from drivers.sim.stereo_depth import Stereo, measure_depth
-from drivers.sim.world import SimWorld
+from drivers.sim.world import PhysicsWorld
 from drivers.streams import FrameGuard
 
 SILENCE = 0.5
@@ -32,7 +32,7 @@ class SimCamera(FaultyDevice):
     interfaces = (Camera,)
     known_faults = ("freeze", "lost", "old", "early", "repeated")
 
-    def __init__(self, world: SimWorld, intrinsics: Intrinsics, stereo: Stereo, rate: float) -> None:
+    def __init__(self, world: PhysicsWorld, intrinsics: Intrinsics, stereo: Stereo, rate: float) -> None:
         super().__init__("camera")
         self._world, self._intrinsics, self._stereo, self._rate = world, intrinsics, stereo, rate
         model = world.model

@@ -19,7 +19,7 @@ from drivers.sim.hands import SimHands
 from drivers.sim.layout import WorldOptions, draw_layout
 from drivers.sim.scene import OFFSCREEN, build_scene
 from drivers.sim.stereo_depth import Stereo
-from drivers.sim.world import SimWorld
+from drivers.sim.world import PhysicsWorld, SimWorld
 from drivers.streams import Belief
 from executive.values.kinds import Counts, Measure
 from executive.values.sections import Problem, Section, value
@@ -31,9 +31,18 @@ class InWorld:
     """A device that lives in the simulated world."""
 
     def fits(self, around: Surroundings) -> Iterator[Problem]:
-        if not around.has(SimWorld):
+        if not around.has(PhysicsWorld):
             words = "a simulated device needs the simulated world above it"
             yield Problem("driver", words, "world: {driver: mujoco, …}")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OnTable(InWorld):
+    """A device that deals with the table's fruit."""
+
+    def fits(self, around: Surroundings) -> Iterator[Problem]:
+        if not around.has(SimWorld):
+            yield Problem("driver", "it needs the simulated table above it", "world: {driver: mujoco, …}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -124,10 +133,12 @@ def connect_fingers(settings: Settings[FingersOptions], context: ConnectContext)
     return SimFingers(_world(context), noise=said.noise, bias=said.bias, force_range=said.range, belief=said.belief)
 
 
-@driver(SimHands, InWorld)
-def connect_hands(settings: Settings[InWorld], context: ConnectContext) -> SimHands:
+@driver(SimHands, OnTable)
+def connect_hands(settings: Settings[OnTable], context: ConnectContext) -> SimHands:
     """`driver: sim-hands`"""
-    return SimHands(_world(context))
+    world = context.find(SimWorld)
+    assert world is not None, "judged when the cell file was read"
+    return SimHands(world)
 
 
 @driver(SimCamera, CameraOptions)
@@ -139,7 +150,7 @@ def connect_camera(settings: Settings[CameraOptions], context: ConnectContext) -
     return SimCamera(_world(context), intrinsics, stereo, said.rate)
 
 
-def _world(context: ConnectContext) -> SimWorld:
-    world = context.find(SimWorld)
+def _world(context: ConnectContext) -> PhysicsWorld:
+    world = context.find(PhysicsWorld)
     assert world is not None, "judged when the cell file was read"
     return world

@@ -13,7 +13,7 @@ from drivers.sim.faults import FaultyDevice
 from drivers.sim.finger_faults import LIES
 from drivers.sim.robot import PADS
 from drivers.sim.scene import TIMESTEP
-from drivers.sim.world import SimWorld
+from drivers.sim.world import PhysicsWorld
 from drivers.streams import SILENCE, Belief, WrenchStream
 
 LEVER = 0.01
@@ -53,7 +53,7 @@ class SimFingers(FaultyDevice):
     rate = 1.0 / TIMESTEP
 
     def __init__(
-        self, world: SimWorld, noise: float, bias: float, force_range: float, belief: Belief | None = None
+        self, world: PhysicsWorld, noise: float, bias: float, force_range: float, belief: Belief | None = None
     ) -> None:
         super().__init__("fingers")
         self._world, self._range = world, force_range

@@ -10,7 +10,7 @@ from drivers.gripper_supervisor import GripperSupervision, GripperSupervisor
 from drivers.interfaces import Gripper, GripperLimits, GripperState, Motion, MotionState
 from drivers.sim.faults import FaultyDevice
 from drivers.sim.scene import TIMESTEP
-from drivers.sim.world import SimWorld
+from drivers.sim.world import PhysicsWorld
 
 ACCELERATION = 2.0
 """Of the opening, during moves [m/s²]."""
@@ -76,7 +76,7 @@ class SimGripper(FaultyDevice):
 
     def __init__(
         self,
-        world: SimWorld,
+        world: PhysicsWorld,
         speed_max: float,
         force_max: float,
         watchdog: float,
@@ -245,7 +245,7 @@ class SimGripper(FaultyDevice):
         return min(max(target, self._rate - change), self._rate + change)
 
 
-def _opening_when_closed(world: SimWorld) -> float:
+def _opening_when_closed(world: PhysicsWorld) -> float:
     """Distance of the pads' faces when the fingers' joints are at 0, from the robot's own geometry [m]."""
     left, right = (world.model.site(name).pos + world.model.body(name).pos for name in ("pad_left", "pad_right"))
     return float(abs(left[1] - right[1]))

@@ -51,7 +51,7 @@ def build_scene(layout: Layout, seed: int) -> SimScene:
     mujoco = load_mujoco()
     rng = np.random.default_rng([seed, 2])
     spec = read_robot(layout.robot)
-    _set_physics(mujoco, spec)
+    set_physics(mujoco, spec)
     _add_lights(spec, rng)
     _add_table(mujoco, spec, layout.table_z, rng)
     _add_fixed(mujoco, spec, layout.fixed)
@@ -69,7 +69,7 @@ def build_scene(layout: Layout, seed: int) -> SimScene:
     return SimScene(model, layout.fruits, tuple(shapes), layout.fixed, layout.friction, layout.torsion, layout.table_z)
 
 
-def _set_physics(mujoco: Any, spec: Any) -> None:
+def set_physics(mujoco: Any, spec: Any) -> None:
     """Settings with which a held fruit creeps by micrometres a second and contact forces stay true."""
     option = spec.option
     option.timestep = TIMESTEP
@@ -110,7 +110,7 @@ def _add_table(mujoco: Any, spec: Any, table_z: float, rng: np.random.Generator)
     grain = cv2.GaussianBlur(rng.normal(size=(512, 512)), (0, 0), sigmaX=stretch, sigmaY=1.2)
     fine = rng.normal(size=(512, 512))
     shade = 1.0 + 0.05 * grain / grain.std() + 0.02 * fine
-    _add_material(mujoco, spec, "table", np.clip(colour * shade[..., None], 0.0, 1.0), (1.0, 1.0))
+    add_material(mujoco, spec, "table", np.clip(colour * shade[..., None], 0.0, 1.0), (1.0, 1.0))
     world = spec.worldbody
     table = world.add_body(name="table", pos=[0.0, -0.35, table_z - 0.02])
     table.add_geom(
@@ -159,7 +159,7 @@ def _add_fruit(mujoco: Any, spec: Any, name: str, fruit: FruitOnTable, shape: Fr
     mesh = spec.add_mesh(name=name)
     mesh.uservert, mesh.userface = shape.vertices.ravel(), shape.faces.ravel()
     mesh.usertexcoord, mesh.userfacetexcoord = shape.uv.ravel(), shape.faces.ravel()
-    _add_material(mujoco, spec, name, shape.texture / 255.0, (1.0, 1.0))
+    add_material(mujoco, spec, name, shape.texture / 255.0, (1.0, 1.0))
     T_base_fruit = standing_pose(fruit, table_z + fruit.dimensions[1] / 2.0 + 0.004)
     body = spec.worldbody.add_body(name=name, pos=T_base_fruit[:3, 3], quat=_quaternion(mujoco, T_base_fruit))
     body.add_freejoint(name=name)
@@ -202,7 +202,7 @@ def _add_distractor(mujoco: Any, spec: Any, name: str, distractor: Distractor, t
     )
 
 
-def _add_material(mujoco: Any, spec: Any, name: str, picture: Float64, repeat: tuple[float, float]) -> None:
+def add_material(mujoco: Any, spec: Any, name: str, picture: Float64, repeat: tuple[float, float]) -> None:
     rows, columns = picture.shape[:2]
     texture = spec.add_texture(name=name, type=mujoco.mjtTexture.mjTEXTURE_2D, width=columns, height=rows, nchannel=3)
     texture.data = (picture * 255.0).astype(np.uint8).tobytes()

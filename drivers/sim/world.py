@@ -40,21 +40,22 @@ class SimClock:
             self._step()
 
 
-class SimWorld(Device):
-    """MuJoCo's model and state, the clock that steps them, and the score that only reports read.
+class PhysicsWorld(Device):
+    """MuJoCo's model and state, and the clock that steps them; a robot with its devices lives in it.
+
+    What a run is judged by is a subclass's: `truth`, `looked`, and `watch`, which every fifth step calls.
 
     Attributes:
         description: the robot's file.
         mujoco: the engine.
         before_step, after_step: hooks of the devices, called in order around every physics step.
-        looked: called by cameras at every exposure.
     """
 
-    def __init__(self, scene: SimScene, description: Path, q_start: Float64, seed: int) -> None:
+    def __init__(self, model: Any, description: Path, q_start: Float64, seed: int) -> None:
         super().__init__("world")
         self.mujoco = load_mujoco()
-        self.scene, self.description, self.seed = scene, description, seed
-        self.model: Any = scene.model
+        self.description, self.seed = description, seed
+        self.model: Any = model
         self.state: Any = self.mujoco.MjData(self.model)
         self.before_step: list[Callable[[], None]] = []
         self.after_step: list[Callable[[], None]] = []
@@ -63,15 +64,16 @@ class SimWorld(Device):
         self._place_robot(q_start)
         self._settle()
         self.clock = SimClock(self._advance_one_step)
-        self.score = Score(scene, self.state)
 
     def truth(self) -> Mapping[str, object]:
-        """The world's own score; see `score.Score.report`."""
-        return self.score.report()
+        """The world's own score."""
+        raise NotImplementedError
 
     def looked(self) -> None:
-        """A camera looks now: remember where the fruit truly is."""
-        self.score.note_look()
+        """A camera looks now."""
+
+    def watch(self) -> None:
+        """Look at what happens, 100 times a second."""
 
     def sensor(self, name: str) -> Float64:
         """A live view of a sensor's numbers."""
@@ -102,4 +104,24 @@ class SimWorld(Device):
         for hook in self.after_step:
             hook()
         if self.clock.steps % 5 == 0:
-            self.score.watch()
+            self.watch()
+
+
+class SimWorld(PhysicsWorld):
+    """The table with fruit on it, and the score that only reports read."""
+
+    def __init__(self, scene: SimScene, description: Path, q_start: Float64, seed: int) -> None:
+        super().__init__(scene.model, description, q_start, seed)
+        self.scene = scene
+        self.score = Score(scene, self.state)
+
+    def truth(self) -> Mapping[str, object]:
+        """The world's own score; see `score.Score.report`."""
+        return self.score.report()
+
+    def looked(self) -> None:
+        """A camera looks now: remember where the fruit truly is."""
+        self.score.note_look()
+
+    def watch(self) -> None:
+        self.score.watch()
