@@ -129,17 +129,22 @@ class Cell:
         if self._latched is None:
             self._latched = reason
         with self._lock:
-            self._paused = False
-            failed: dict[str, str] = {}
-            # A simulated world is no place for threads, and nothing in it hangs.
-            if self.clock.simulated:
-                for name in self.devices:
-                    self._stop(name, failed)
-            else:
-                failed = self._stop_side_by_side()
-            for name, what in failed.items():
-                self.devices[name].distrusted = what
-            return failed
+            return self._stop_all(reason)
+
+    def _stop_all(self, reason: str) -> dict[str, str]:
+        if self._latched is None:  # an acknowledgement has come between
+            self._latched = reason
+        self._paused = False
+        failed: dict[str, str] = {}
+        # A simulated world is no place for threads, and nothing in it hangs.
+        if self.clock.simulated:
+            for name in self.devices:
+                self._stop(name, failed)
+        else:
+            failed = self._stop_side_by_side()
+        for name, what in failed.items():
+            self.devices[name].distrusted = what
+        return failed
 
     def _stop_side_by_side(self) -> dict[str, str]:
         """One device that does not answer must not keep the others moving."""
@@ -168,10 +173,19 @@ class Cell:
             failed[name] = f"did not take the safe stop: {sentence_of(error)}"
 
     def acknowledge(self) -> None:
-        """Release the latch; nothing resumes by itself."""
+        """Release the latch; nothing resumes by itself. When a device refuses, all of them stay in the safe state.
+
+        Raises:
+            DeviceError: from the first device that is still lost, or still reports a fault.
+        """
         with self._lock:
+            try:
+                for device in self.devices.values():
+                    device.acknowledge()
+            except BaseException as error:
+                self._stop_all(sentence_of(error))
+                raise
             for device in self.devices.values():
-                device.acknowledge()
                 device.distrusted = ""
             self._latched = None
 

@@ -119,7 +119,7 @@ class MockGripper(Device):
         return "ok" if self._error is None else self._error.message
 
     def safe_stop(self, reason: str) -> None:
-        self._latched = reason
+        self._latched, self._paused = reason, False  # a pause ends with it
         self._end_move()
 
     def acknowledge(self) -> None:

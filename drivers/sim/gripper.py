@@ -166,7 +166,7 @@ class SimGripper(FaultyDevice):
     def safe_stop(self, reason: str) -> None:
         if self._latched is None:
             self._latched_width, self._latched_at = self._measure().width, self._world.clock.now()
-        self._latched = reason
+        self._latched, self._paused = reason, False  # a pause ends with it
         self._end_move()
 
     def acknowledge(self) -> None:

@@ -183,7 +183,8 @@ class ControlLock:
         who = self.require(viewer)
         if action not in (*ACTIONS, *BREAK_ACTIONS, "answer", "fail", "change"):
             raise RefusedError(f"'{action}' is no action")
-        if self._runner is None or self._runner.state.ended:
+        latched = action == "fail" and self._runner is not None and self._runner.latched is not None
+        if self._runner is None or (self._runner.state.ended and not latched):  # what was broken can be mended
             raise RefusedError("nothing is running")
         if action == "answer":
             choice, _, path = detail.rpartition(" ← ")

@@ -58,6 +58,10 @@ STOP_LIMIT = 10.0
 """Seconds of the cell's clock that a stop may take before it becomes a safe stop."""
 
 
+READINESS = 1.0
+"""Seconds for which a simulated cell goes on before an acknowledgement: wires that are whole again are open by then."""
+
+
 class ListenerError(PomonaError):
     """What follows the run (a terminal, a page, a record) failed: nobody may see what happens next."""
 
@@ -180,14 +184,29 @@ class Runner(Requests):
         return result
 
     def hold_latched(self) -> None:
-        """After the run: keep the cell connected in its safe state until somebody acknowledges the reason."""
+        """After the run: keep the cell connected in its safe state until somebody acknowledges the reason.
+
+        A device that is still lost refuses that: this is told, and the safe state stays.
+        """
         while (reason := self._cell.latched) is not None and not self._leaving:
-            action, who, _detail, _asked = self._commands.get()
+            action, who, detail, _asked = self._commands.get()
             if action == "leave":
                 return
-            self._emit(OperatorActed(*self._stamp(), who, action, reason))
-            if action == "acknowledge":
-                self._cell.acknowledge()
+            self._emit(OperatorActed(*self._stamp(), who, action, detail or reason))
+            if action == "fail":
+                self._switch(detail)
+            elif action == "acknowledge":
+                self._acknowledge()
+
+    def _acknowledge(self) -> None:
+        try:
+            if self._cell.clock.simulated:  # in which time passes only when somebody lets it
+                self._cell.clock.advance(READINESS)
+            self._cell.acknowledge()
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:
+            self._tell("", "the acknowledgement", error)
 
     def close(self) -> None:
         """Let go of threads and processes. Harmless when closed already."""
@@ -265,7 +284,8 @@ class Runner(Requests):
             if action == "interrupt":
                 raise InterruptRequestedError(detail) if who == "keyboard" else SafeStopRequestedError(detail)
             if action == "stop":
-                self._stop(f"stopped by {who}")
+                if self._state is not RunState.STOPPING:  # its time limit has begun
+                    self._stop(f"stopped by {who}")
             elif action == "pause" and self._state is RunState.RUNNING:
                 self._pause(who, detail)
             elif action in ("resume", "step") and self._state is RunState.PAUSED:
@@ -274,13 +294,16 @@ class Runner(Requests):
                 choice, _, path = detail.rpartition(" ← ")
                 self._questions[path].answer(choice)
             elif action == "fail":
-                switch, _, kind = detail.partition(" ")
-                device = self._cell.switches[switch]
-                device.inject_fault(kind) if kind else device.clear_fault()
+                self._switch(detail)
             elif action == "change":
                 change_input(self.tree, detail)
             elif action in BREAK_ACTIONS:
                 self._breakpoints.change(detail, *BREAK_ACTIONS[action])
+
+    def _switch(self, fault: str) -> None:
+        switch, _, kind = fault.partition(" ")
+        device = self._cell.switches[switch]
+        device.inject_fault(kind) if kind else device.clear_fault()
 
     def _pause(self, who: str, detail: str) -> None:
         self.context.freeze()

@@ -7,7 +7,7 @@ import pytest
 
 from drivers.cell import Cell
 from drivers.device import Device
-from drivers.errors import DeviceFault
+from drivers.errors import DeviceFault, MotionRefused
 from drivers.interfaces import WrenchSample
 from drivers.mock import MockArm, MockClock, MockForceSensor, MockGripper
 from executive.clock import SystemClock
@@ -178,3 +178,59 @@ def test_without_another_thread_devices_are_stopped_one_after_the_other(monkeypa
     cell = Cell("test", "real", SystemClock(), {"escaping": Escaping("escaping"), "gripper": gripper})
     assert cell.safe_stop("fire") == {"escaping": "did not take the safe stop: SystemExit: 0"}
     assert motion.settled
+
+
+class StillLost(Device):
+    """A device that cannot be acknowledged."""
+
+    lost = True
+
+    def acknowledge(self):
+        if self.lost:
+            raise DeviceFault("arm", "is still lost")
+
+
+def test_a_device_that_refuses_the_acknowledgement_keeps_all_in_the_safe_state():
+    clock = MockClock()
+    gripper, lost = MockGripper(clock), StillLost("arm")
+    cell = Cell("test", "mock", clock, {"gripper": gripper, "arm": lost})
+    cell.safe_stop("fire")
+    with pytest.raises(DeviceFault, match="still lost"):
+        cell.acknowledge()
+    assert cell.latched == "fire"
+    with pytest.raises(MotionRefused):
+        gripper.move(0.05, 0.01)
+    lost.lost = False
+    cell.acknowledge()
+    assert cell.latched is None
+
+
+def test_a_stop_during_an_acknowledgement_wins():
+    clock, stops = MockClock(), []
+    gripper = MockGripper(clock)
+    cell = Cell("test", "mock", clock, {"gripper": gripper})
+    acknowledge = gripper.acknowledge
+
+    def interrupted():
+        stops.append(threading.Thread(target=cell.safe_stop, args=("hand in the cell",)))
+        stops[0].start()  # it waits for the devices until they are acknowledged
+        acknowledge()
+
+    gripper.acknowledge = interrupted
+    cell.safe_stop("fire")
+    cell.acknowledge()
+    stops[0].join()
+    assert cell.latched
+    with pytest.raises(MotionRefused, match="latched"):
+        gripper.move(0.05, 0.01)
+
+
+def test_a_safe_stop_ends_a_pause_for_good(cell):
+    cell.pause()
+    cell.safe_stop("fire")
+    cell.acknowledge()
+    cell.devices["gripper"].move(0.05, 0.2)
+    assert not cell.settled()
+    cell.clock.advance(1.0)
+    assert cell.settled()
+    assert cell.devices["gripper"].width == pytest.approx(0.05)

@@ -12,11 +12,13 @@ from fake_cell import FakeCell
 from fake_runs import TURN, Turn
 from fake_runs import make as make_run
 
+from drivers.faults import FaultSwitch
 from executive.ports import Outputs
 from executive.registry import Registry
 from executive.running.breakpoints import UnknownNodeError
 from executive.running.compute import Computations
 from executive.running.events import (
+    ErrorRaised,
     Event,
     NodeChanged,
     OperatorActed,
@@ -355,6 +357,42 @@ def test_the_safe_state_is_held_until_somebody_acknowledges_its_reason() -> None
     last = events[-1]
     assert isinstance(last, OperatorActed)
     assert (last.who, last.action, last.detail) == ("ben", "acknowledge", "hand in the cell")
+
+
+def test_an_acknowledgement_that_a_device_refuses_is_told_and_the_safe_state_stays() -> None:
+    runner, cell, events = make(TURN, {4: lambda runner, _cell: runner.safe_stop("hand in the cell", "ada")})
+    runner.run()
+    acknowledge, tries = cell.acknowledge, iter((True, False))
+
+    def refused_first() -> None:
+        if next(tries):
+            raise ConnectionError("the wheel is still lost")
+        acknowledge()
+
+    cell.acknowledge = refused_first  # type: ignore[method-assign]
+    runner.acknowledge("ben")
+    runner.acknowledge("ben")
+    runner.hold_latched()
+    assert cell.latched is None
+    told = [event for event in events if isinstance(event, ErrorRaised)]
+    assert [(error.during, error.message) for error in told] == [("the acknowledgement", "the wheel is still lost")]
+
+
+def test_a_fault_of_a_simulated_cell_can_be_cleared_in_the_safe_state() -> None:
+    switch = FaultSwitch()
+    switch.fault = "lost"
+
+    def latched_with_fault(runner: Runner, cell: FakeCell) -> None:
+        cell.switches["wheel"] = switch
+        runner.safe_stop("the wheel is lost")
+
+    runner, cell, _events = make(TURN, {4: latched_with_fault})
+    runner.run()
+    runner.fail("wheel", "")
+    runner.acknowledge("ben")
+    runner.hold_latched()
+    assert switch.fault is None
+    assert cell.latched is None
 
 
 def test_the_process_may_end_without_an_acknowledgement() -> None:
