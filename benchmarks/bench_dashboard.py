@@ -204,7 +204,7 @@ def memory_mb() -> float:
     return int(next(line for line in status.splitlines() if line.startswith("VmRSS")).split()[1]) / 1e3
 
 
-class Report:
+class Figures:
     """The figures, and how many are missed."""
 
     def __init__(self) -> None:
@@ -226,7 +226,7 @@ class Report:
         self.table.add_row(f"  {what}", words, "")
 
 
-def bench_viewers(report: Report, dashboard: Dashboard, _browser: Any, duration: float) -> None:
+def bench_viewers(report: Figures, dashboard: Dashboard, _browser: Any, duration: float) -> None:
     """What viewers cost the tick. In turns, so that whatever else the machine does falls on all alike."""
     turns = [("alone", 0, False), ("with 50 viewers", 50, False), ("with a viewer that stops reading", 1, True)]
     periods: dict[str, list[Any]] = {what: [] for what, _viewers, _stuck in turns}
@@ -241,7 +241,7 @@ def bench_viewers(report: Report, dashboard: Dashboard, _browser: Any, duration:
     report.note("p99 alone, from turn to turn", f"{1e3 * min(spread):.2f} to {1e3 * max(spread):.2f} ms")
 
 
-def bench_page(report: Report, dashboard: Dashboard, browser: Any, duration: float) -> None:
+def bench_page(report: Figures, dashboard: Dashboard, browser: Any, duration: float) -> None:
     """How soon the page can be used, and how soon it shows what happens."""
     from playwright.sync_api import expect
 
@@ -259,7 +259,7 @@ def bench_page(report: Report, dashboard: Dashboard, browser: Any, duration: flo
     page.close()
 
 
-def bench_record(report: Report, dashboard: Dashboard, browser: Any, _duration: float) -> None:
+def bench_record(report: Figures, dashboard: Dashboard, browser: Any, _duration: float) -> None:
     """How soon a long record can be looked at, and a moment in its middle in full."""
     from playwright.sync_api import expect
 
@@ -291,7 +291,7 @@ PLAYED = """async () => { const times = [];
     return times.slice(30); }"""  # noqa: E501
 
 
-def bench_memory(report: Report, dashboard: Dashboard, browser: Any, duration: float) -> None:
+def bench_memory(report: Figures, dashboard: Dashboard, browser: Any, duration: float) -> None:
     """An hour of a busy run, as fast as the page can follow."""
     from playwright.sync_api import expect
 
@@ -348,7 +348,7 @@ def main() -> int:
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
-    report = Report()
+    report = Figures()
     with tempfile.TemporaryDirectory() as scratch, sync_playwright() as playwright:
         dashboard = Dashboard(Access("127.0.0.1", port), Path(scratch))
         dashboard.start()

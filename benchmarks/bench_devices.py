@@ -30,7 +30,7 @@ from drivers.suntouch.finger import Finger
 from drivers.suntouch.transport import SerialLink
 from drivers.wire import Link, TcpLink, raise_priority
 from drivers.wsg.codec import Command, Observe
-from drivers.wsg.session import Session
+from drivers.wsg.session import GripperSession
 from drivers.wsg.transport import CanLink
 from executive.clock import SystemClock
 
@@ -108,7 +108,7 @@ def fingers(seconds: float) -> None:
 
 
 def round_trips(name: str, link: Link, count: int = 2000) -> None:
-    session = Session("gripper", link, CLOCK)
+    session = GripperSession("gripper", link, CLOCK)
     took = []
     for _ in range(count):
         began = time.perf_counter()

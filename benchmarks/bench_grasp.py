@@ -24,7 +24,7 @@ import numpy as np
 from benchmarks.grasp_mujoco import TORSION, MujocoGrasp
 from benchmarks.grasp_patch import Fruit, PatchGrasp
 from benchmarks.grasp_picture import draw
-from benchmarks.grasp_trial import Lifting, Result, least_grasp_force, run_trial
+from benchmarks.grasp_trial import Lifting, TrialResult, least_grasp_force, run_trial
 from skills.grip.controller import GripController
 from skills.grip.force_loop import ForceLoopSettings
 from skills.grip.limit_surface import SoftContact
@@ -95,7 +95,7 @@ def lift_all(
     constant: float = 10.0,
     pull: float = 0.0,
     reserve: float = 0.0,
-) -> list[Result]:
+) -> list[TrialResult]:
     """Every task under one law."""
     return [
         run_trial(
@@ -116,7 +116,7 @@ HEADER = (
 )
 
 
-def row(name: str, results: Sequence[Result]) -> str:
+def row(name: str, results: Sequence[TrialResult]) -> str:
     """One line of the table."""
     held = [r for r in results if r.grasped]
     drops = len(results) - sum(r.held for r in results)
@@ -169,7 +169,7 @@ def allocation_growth(count: int) -> str:
     return f"allocated more after {count} further steps: {grown} bytes"
 
 
-def plot(result: Result, title: str, path: Path) -> None:
+def plot(result: TrialResult, title: str, path: Path) -> None:
     """Force, least force, slip and rotation of one trial over time."""
     import matplotlib
 
@@ -211,7 +211,7 @@ def main() -> None:
         print(f"\n{model}\n{HEADER}")
         rows: list[str] = []
 
-        def tell(name: str, results: Sequence[Result], rows: list[str] = rows) -> None:
+        def tell(name: str, results: Sequence[TrialResult], rows: list[str] = rows) -> None:
             rows.append(row(name, results))
             print(rows[-1], flush=True)
 

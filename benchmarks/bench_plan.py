@@ -42,7 +42,7 @@ PAPER_ATTEMPTS = 48
 
 
 @dataclass(frozen=True, slots=True)
-class Run:
+class PlannedScene:
     """One scene, one way."""
 
     solved: bool
@@ -55,13 +55,13 @@ class Run:
 
 
 @dataclass(slots=True)
-class Tally:
+class SceneTally:
     """What happened in all scenes so far; `ours` has those in which anything is possible."""
 
     scenes: int = 0
     obstructed: int = 0
-    ours: list[Run] = field(default_factory=list)
-    paper: list[tuple[Run, Run]] = field(default_factory=list)
+    ours: list[PlannedScene] = field(default_factory=list)
+    paper: list[tuple[PlannedScene, PlannedScene]] = field(default_factory=list)
     collisions: int = 0
     states: int = 0
 
@@ -83,7 +83,7 @@ def main() -> None:
     limits = ArmLimits(robot.lower, robot.upper, robot.velocity, robot.acceleration, robot.jerk)
     warm_scene = random_scene(10**6)
     set_based(robot, limits, warm_scene, OBSERVE, 0)
-    tally = Tally()
+    tally = SceneTally()
     with contextlib.suppress(KeyboardInterrupt):  # what was done so far is reported
         for seed in range(chosen.first, chosen.first + chosen.scenes):
             one_scene(robot, limits, seed, chosen.paper, tally)
@@ -92,7 +92,7 @@ def main() -> None:
     time_map()
 
 
-def one_scene(robot: RobotModel, limits: ArmLimits, seed: int, paper: int, tally: Tally) -> None:
+def one_scene(robot: RobotModel, limits: ArmLimits, seed: int, paper: int, tally: SceneTally) -> None:
     """Plan in one scene, ask the oracle, and run the paper's way in the first `paper` scenes."""
     obstructed = seed % 3 == 2
     scene = random_scene(seed, obstructed)
@@ -145,7 +145,7 @@ def exhaustive(robot: RobotModel, scene: PlanningScene) -> bool:
 
 def set_based(
     robot: RobotModel, limits: ArmLimits, scene: PlanningScene, q_start: Float64, seed: int
-) -> tuple[Run, PlanResult | None, Grasp | None]:
+) -> tuple[PlannedScene, PlanResult | None, Grasp | None]:
     """This project's way: all candidates as one goal set."""
     space = scene.space(robot)
     began = clock()
@@ -158,19 +158,19 @@ def set_based(
     goals = [(grasp, q) for grasp in grasps for q in grasp.q_pre_grasp]
     sampled = clock() - began
     if not goals:
-        return Run(False, sampled), None, None
+        return PlannedScene(False, sampled), None, None
     request = PlanRequest(space, q_start, np.array([q for _, q in goals]), limits, seed=seed)
     try:
         found = plan(request)
     except PlanningFailed:
-        return Run(False, clock() - began), None, None
+        return PlannedScene(False, clock() - began), None, None
     total = clock() - began
     first = sampled + (total - sampled) * found.first_path_s / found.total_s
-    run = Run(True, first, found.length, found.path.duration, total, found.found_by, len(goals))
+    run = PlannedScene(True, first, found.length, found.path.duration, total, found.found_by, len(goals))
     return run, found, goals[found.goal][0]
 
 
-def paper_way(robot: RobotModel, limits: ArmLimits, scene: PlanningScene, q_start: Float64, seed: int) -> Run:
+def paper_way(robot: RobotModel, limits: ArmLimits, scene: PlanningScene, q_start: Float64, seed: int) -> PlannedScene:
     """The paper's way: one candidate after the other, RRT* to its one goal for a second."""
     space = scene.space(robot)
     began = clock()
@@ -186,8 +186,8 @@ def paper_way(robot: RobotModel, limits: ArmLimits, scene: PlanningScene, q_star
         line = straight_line(robot, found.path.q[-1], grasp.T_base_grasp)
         at_width = space.at_width(grasp.width)
         if line.complete and all(at_width.free(q) for q in line.q):
-            return Run(True, clock() - began, found.length, found.path.duration)
-    return Run(False, clock() - began)
+            return PlannedScene(True, clock() - began, found.length, found.path.duration)
+    return PlannedScene(False, clock() - began)
 
 
 def oracle_contacts(robot: RobotModel, scene: PlanningScene, found: PlanResult, grasp: Grasp) -> tuple[int, int]:
@@ -199,7 +199,7 @@ def oracle_contacts(robot: RobotModel, scene: PlanningScene, found: PlanResult, 
     return touched, len(found.path.q) + len(line)
 
 
-def report(tally: Tally) -> None:
+def report(tally: SceneTally) -> None:
     """The figures of this project's way."""
     solvable, solved = len(tally.ours), [run for run in tally.ours if run.solved]
     planner = [run for run in solved if run.found_by != "straight"]
@@ -216,14 +216,14 @@ def report(tally: Tally) -> None:
     )
 
 
-def _times(runs: list[Run]) -> str:
+def _times(runs: list[PlannedScene]) -> str:
     if not runs:
         return "never"
     first = 1e3 * np.array([run.seconds for run in runs])
     return f"median {np.median(first):.1f} ms, p95 {np.percentile(first, 95):.1f} ms"
 
 
-def compare(pairs: list[tuple[Run, Run]]) -> None:
+def compare(pairs: list[tuple[PlannedScene, PlannedScene]]) -> None:
     """Against the paper's way, in the same run, scene by scene."""
     if not pairs:
         return

@@ -19,22 +19,22 @@ from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 
 from benchmarks.fault_run import branch_cases, plan_here, prepare_to_fork, run_case
-from benchmarks.fault_table import Case, Verdict, read_table, report
+from benchmarks.fault_table import Case, CaseVerdict, read_table, report
 
 
-def _run(job: tuple[Case, str, int]) -> Verdict:
+def _run(job: tuple[Case, str, int]) -> CaseVerdict:
     case, cell, seed = job
     try:
         return run_case(case, cell, seed)
     except Exception as error:  # a case that breaks the harness is a finding, too
-        return Verdict(case, wrong=[f"{type(error).__name__}: {error}"])
+        return CaseVerdict(case, wrong=[f"{type(error).__name__}: {error}"])
 
 
-def run(cases: list[Case], cell: str, seed: int, jobs: int, alone: bool = False) -> list[Verdict]:
+def run(cases: list[Case], cell: str, seed: int, jobs: int, alone: bool = False) -> list[CaseVerdict]:
     """All cases, each told on standard error when it has ended; in the order of the table."""
-    verdicts: list[Verdict] = []
+    verdicts: list[CaseVerdict] = []
 
-    def tell(verdict: Verdict) -> None:
+    def tell(verdict: CaseVerdict) -> None:
         verdicts.append(verdict)
         mark, case = "✗" if verdict.wrong else "✓", verdict.case
         words = f"{len(verdicts)}/{len(cases)} {mark} {case.name} {case.phase.name} {'; '.join(verdict.wrong)}"

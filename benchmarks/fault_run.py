@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.fault_table import Case, Verdict
+from benchmarks.fault_table import Case, CaseVerdict
 from benchmarks.strands import use_strands
 from drivers.faults import FaultPlan, PlannedFault
 from drivers.interfaces import Arm, Gripper
@@ -72,10 +72,10 @@ class Killed(BaseException):
     """The executive is gone in the middle of a run."""
 
 
-class Watcher:
+class CaseWatcher:
     """Lives in the world while a case runs: begins phases, turns the switch, and notes the truth of every step."""
 
-    def __init__(self, runner: Runner, branch: Callable[[Watcher], None]) -> None:
+    def __init__(self, runner: Runner, branch: Callable[[CaseWatcher], None]) -> None:
         """
         Args:
             runner: of the run.
@@ -191,7 +191,7 @@ class Watcher:
 # --------------------------------------------------------------------------------------------------- judging
 
 
-def judge(watcher: Watcher, executed: Executed, verdict: Verdict) -> None:
+def judge(watcher: CaseWatcher, executed: Executed, verdict: CaseVerdict) -> None:
     """Whether the run ended as its row says, and nothing happened that must not."""
     case, wrong, result = verdict.case, verdict.wrong, executed.result
     verdict.outcome = result.outcome
@@ -226,7 +226,7 @@ def judge(watcher: Watcher, executed: Executed, verdict: Verdict) -> None:
         wrong.append("dropped the fruit")
 
 
-def judge_afterwards(watcher: Watcher, verdict: Verdict) -> None:
+def judge_afterwards(watcher: CaseWatcher, verdict: CaseVerdict) -> None:
     """In the safe state: nothing moves, nothing resumes, and a cleared cell is clean."""
     cell, limits = watcher.cell, watcher.limits
     slowing = float(np.max(limits.velocity / limits.acceleration) + np.max(limits.acceleration / limits.jerk))
@@ -244,7 +244,7 @@ def judge_afterwards(watcher: Watcher, verdict: Verdict) -> None:
         verdict.wrong.append("moves after the acknowledgement")
 
 
-def recover(watcher: Watcher, verdict: Verdict, seed: int) -> None:
+def recover(watcher: CaseWatcher, verdict: CaseVerdict, seed: int) -> None:
     """The next run: `trees/recover.yaml` on the cell as it was left puts down what is held and brings the arm home."""
     cell, wrong = watcher.cell, verdict.wrong
     take_over(cell.device(Gripper))  # the control of the grip has died with its process
@@ -288,7 +288,7 @@ def _acknowledge(cell: Any) -> str:
     return trouble
 
 
-def judge_record(record: Path | None, outcome: str, verdict: Verdict) -> None:
+def judge_record(record: Path | None, outcome: str, verdict: CaseVerdict) -> None:
     """The record can be read, and says the same."""
     if record is None:
         verdict.wrong.append("left no record")
@@ -301,16 +301,16 @@ def judge_record(record: Path | None, outcome: str, verdict: Verdict) -> None:
 # ------------------------------------------------------------------------------------------- a case by itself
 
 
-def run_case(case: Case, cell: str, seed: int) -> Verdict:
+def run_case(case: Case, cell: str, seed: int) -> CaseVerdict:
     """Run one case on a fresh cell, recorded as it goes, and judge it."""
-    verdict, watchers = Verdict(case), []
+    verdict, watchers = CaseVerdict(case), []
 
-    def take(watcher: Watcher) -> None:
+    def take(watcher: CaseWatcher) -> None:
         if case.phase.node in watcher.began_at:
             watcher.take(case)
 
     def on_ready(runner: Runner) -> None:
-        watchers.append(Watcher(runner, take))
+        watchers.append(CaseWatcher(runner, take))
         take(watchers[0])
 
     def on_event(event: Event) -> None:
@@ -372,7 +372,7 @@ class _Computed:
 class Forks:
     """Child processes, each of which goes on with the run of its parent in its own way."""
 
-    def __init__(self, jobs: int, tell: Callable[[Verdict], None]) -> None:
+    def __init__(self, jobs: int, tell: Callable[[CaseVerdict], None]) -> None:
         self.jobs, self.tell = jobs, tell
         self.answer: int | None = None
         """Where a child writes; None in the parent."""
@@ -393,7 +393,7 @@ class Forks:
         self._children[reading] = child, case, time.monotonic() + HANGS
         return False
 
-    def send(self, verdict: Verdict) -> None:
+    def send(self, verdict: CaseVerdict) -> None:
         """The end of a child."""
         assert self.answer is not None
         with os.fdopen(self.answer, "wb") as stream:
@@ -417,18 +417,18 @@ class Forks:
                 said = stream.read()
             os.waitpid(child, 0)
             trouble = "" if said else "the process died" if ready else f"does not end within {HANGS:.0f} s"
-            self.tell(Verdict(case, wrong=[trouble]) if trouble else pickle.loads(said))
+            self.tell(CaseVerdict(case, wrong=[trouble]) if trouble else pickle.loads(said))
 
 
-def branch_cases(cases: Sequence[Case], cell: str, seed: int, jobs: int, tell: Callable[[Verdict], None]) -> None:
+def branch_cases(cases: Sequence[Case], cell: str, seed: int, jobs: int, tell: Callable[[CaseVerdict], None]) -> None:
     """Run the pick once, and each case from where its phase begins.
 
     The process must have no other threads: `prepare_to_fork`.
     """
     waiting, forks, watchers = list(cases), Forks(jobs, tell), []
-    verdict = Verdict(cases[0])
+    verdict = CaseVerdict(cases[0])
 
-    def branch(watcher: Watcher) -> None:
+    def branch(watcher: CaseWatcher) -> None:
         now = watcher.world.clock.now()
         for case in list(waiting):
             begun = watcher.began_at.get(case.phase.node)
@@ -441,7 +441,7 @@ def branch_cases(cases: Sequence[Case], cell: str, seed: int, jobs: int, tell: C
                     return
 
     def on_ready(runner: Runner) -> None:
-        watchers.append(Watcher(runner, branch))
+        watchers.append(CaseWatcher(runner, branch))
         branch(watchers[0])
 
     def on_event(event: Event) -> None:
@@ -474,7 +474,7 @@ def branch_cases(cases: Sequence[Case], cell: str, seed: int, jobs: int, tell: C
         forks.send(verdict)
     forks.finish()
     for case in waiting:
-        tell(Verdict(case, wrong=["its phase never began"]))
+        tell(CaseVerdict(case, wrong=["its phase never began"]))
     if executed.result.outcome != "success" or watchers[0].hung is not True:
         verdict.case, verdict.wrong = (
             Case("none", "none", cases[0].phase, "success", np.inf),

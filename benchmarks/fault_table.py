@@ -16,7 +16,7 @@ ENDS = ("safe", "failure", "success", "recovered")
 
 
 @dataclass(frozen=True, slots=True)
-class Phase:
+class FaultPhase:
     """Where in the run a fault begins: so long after a node's start; with what the operator did before it."""
 
     name: str
@@ -41,7 +41,7 @@ class Case:
 
     switch: str
     kind: str
-    phase: Phase
+    phase: FaultPhase
     ends: str
     within: float
     shows: str = ""
@@ -59,7 +59,7 @@ class Case:
 
 
 @dataclass(slots=True)
-class Verdict:
+class CaseVerdict:
     """What became of a case; `wrong` is empty when everything held.
 
     Attributes:
@@ -87,7 +87,7 @@ def read_table(cell: str, path: Path = TABLE) -> list[Case]:
     """
     table = yaml.safe_load(path.read_text())
     phases = {
-        name: Phase(name, said["node"], TIME(said["after"]), said.get("operator", ""))
+        name: FaultPhase(name, said["node"], TIME(said["after"]), said.get("operator", ""))
         for name, said in table["phases"].items()
     }
     cases = []
@@ -105,7 +105,7 @@ def read_table(cell: str, path: Path = TABLE) -> list[Case]:
     return cases
 
 
-def report(verdicts: Sequence[Verdict]) -> str:
+def report(verdicts: Sequence[CaseVerdict]) -> str:
     """Case by case, then each row of the table with its deadline, the median and the worst, then the sums."""
     lines = [f"{'fault':26}{'phase':13}{'ended':9}{'noticed':>9}{'rest':>9}{'peak N':>8}  "]
     for v in verdicts:
@@ -114,7 +114,7 @@ def report(verdicts: Sequence[Verdict]) -> str:
             f"{v.case.name:26}{v.case.phase.name:13}{v.outcome:9}{_ms(v.noticed):>9}{_ms(v.rested):>9}{v.peak:8.1f}  "
             f"{said}{v.reason}"[:240]
         )
-    rows: dict[tuple[str, str, float], list[Verdict]] = {}
+    rows: dict[tuple[str, str, float], list[CaseVerdict]] = {}
     for v in verdicts:
         rows.setdefault((v.case.name, v.case.ends, v.case.within), []).append(v)
     lines += ["", f"{'fault':26}{'ends':9}{'cases':>6}{'deadline':>10}{'median':>9}{'worst':>9}"]

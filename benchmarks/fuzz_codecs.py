@@ -25,7 +25,7 @@ from drivers.wsg import frame as wsg_frame
 
 
 @dataclass(slots=True)
-class Report:
+class FramesLost:
     """What happened to the frames of one codec."""
 
     codec: str
@@ -96,9 +96,9 @@ def _motoman_message(rng: random.Random) -> motoman.Message:
     return motoman.Message(body, motoman.Communication.REPLY, 1)
 
 
-def fuzz_wsg(frames: int, seed: int) -> Report:
+def fuzz_wsg(frames: int, seed: int) -> FramesLost:
     """The WSG's decoder, and the meaning of whatever it finds."""
-    rng, report = random.Random(seed), Report("wsg")
+    rng, report = random.Random(seed), FramesLost("wsg")
     while report.frames < frames:
         sent, stream = [], b""
         for _ in range(20):
@@ -108,7 +108,7 @@ def fuzz_wsg(frames: int, seed: int) -> Report:
             else:
                 frame = damage(frame, rng)
             stream += frame
-        decoder = wsg_frame.Decoder()
+        decoder = wsg_frame.FrameDecoder()
         found = [f for piece in pieces(stream, rng) for f in decoder.decode(piece)] + decoder.flush()
         for f in found:
             for decode in (wsg.decode_reply, wsg.decode_request):
@@ -119,9 +119,9 @@ def fuzz_wsg(frames: int, seed: int) -> Report:
     return report
 
 
-def fuzz_motoman(frames: int, seed: int) -> Report:
+def fuzz_motoman(frames: int, seed: int) -> FramesLost:
     """The simple message decoder in both byte orders."""
-    rng, report = random.Random(seed), Report("motoman")
+    rng, report = random.Random(seed), FramesLost("motoman")
     while report.frames < frames:
         order: motoman.Order = rng.choice(("<", ">"))
         sent, stream, lost_bytes = [], b"", False
@@ -134,7 +134,7 @@ def fuzz_motoman(frames: int, seed: int) -> Report:
                 packed = damage(packed, rng)
                 lost_bytes = True
             stream += packed
-        decoder = motoman.Decoder(order)
+        decoder = motoman.MessageDecoder(order)
         found = [m for piece in pieces(stream, rng) for m in decoder.decode(piece)] + decoder.flush()
         with contextlib.suppress(Malformed):
             decoder.complain()
@@ -143,9 +143,9 @@ def fuzz_motoman(frames: int, seed: int) -> Report:
     return report
 
 
-def fuzz_suntouch(frames: int, seed: int) -> Report:
+def fuzz_suntouch(frames: int, seed: int) -> FramesLost:
     """Answers of a finger, each after its own request."""
-    rng, report = random.Random(seed), Report("suntouch")
+    rng, report = random.Random(seed), FramesLost("suntouch")
     assembler = suntouch.Assembler()
     while report.frames < frames:
         answer = suntouch.encode(np.array([rng.uniform(0.1, 3.2) for _ in range(25)]))
@@ -162,7 +162,7 @@ def fuzz_suntouch(frames: int, seed: int) -> Report:
     return report
 
 
-def _count(report: Report, frames: int, intact: int, matched: int, forged: int, excuse: bool) -> None:
+def _count(report: FramesLost, frames: int, intact: int, matched: int, forged: int, excuse: bool) -> None:
     report.frames += frames
     report.intact += intact
     report.recovered += matched
@@ -170,7 +170,7 @@ def _count(report: Report, frames: int, intact: int, matched: int, forged: int, 
     report.excused += intact - matched if excuse else 0
 
 
-FUZZERS: tuple[Callable[[int, int], Report], ...] = (fuzz_wsg, fuzz_motoman, fuzz_suntouch)
+FUZZERS: tuple[Callable[[int, int], FramesLost], ...] = (fuzz_wsg, fuzz_motoman, fuzz_suntouch)
 
 
 def main() -> None:

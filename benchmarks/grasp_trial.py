@@ -82,7 +82,7 @@ class Trace:
 
 
 @dataclass(frozen=True, slots=True)
-class Result:
+class TrialResult:
     """What a trial came to.
 
     Attributes:
@@ -134,7 +134,7 @@ def run_trial(
     corrupt: Corrupt | None = None,
     world: type[PatchGrasp] | type[MujocoGrasp] = PatchGrasp,
     watch: Watch | None = None,
-) -> Result:
+) -> TrialResult:
     """Grasp, lift and hold a fruit.
 
     Args:
@@ -180,7 +180,7 @@ def run_trial(
             if controller.phase is GripPhase.HOLDING:
                 held_at, origin, turn_0 = t, grasp.place, grasp.turn
             elif controller.phase is GripPhase.FAILED or t > GRASPED_WITHIN:
-                return Result(False, False, 0, 0, 0, 0, least, 0, contact_peak, t, 0, math.nan, trace)
+                return TrialResult(False, False, 0, 0, 0, 0, least, 0, contact_peak, t, 0, math.nan, trace)
         else:
             since = t - held_at - 0.04
             grasp.acceleration = lifting.acceleration_at(since + 0.5 * period)
@@ -205,7 +205,7 @@ def run_trial(
             if since > lifting.duration + lifting.hold:
                 break
         n += 1
-    return Result(
+    return TrialResult(
         grasped=True,
         held=grasp.off_table and trace.f_n[-1] > 0.05 and trace.slip[-1] < 0.01,
         slip=max(trace.slip),

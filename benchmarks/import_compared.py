@@ -50,7 +50,7 @@ def hashed(text: str) -> int:
 
 
 @dataclass
-class Run:
+class LeafRun:
     """What leaves do in one run, and what has happened."""
 
     seed: str
@@ -81,7 +81,7 @@ class Run:
 
 def here(text: str, seed: str, stand: Registry) -> list[str]:
     """What happens in each tick of the executive."""
-    run, context = Run(seed), BenchContext()
+    run, context = LeafRun(seed), BenchContext()
     skills = Registry({name: run.leaf(name, skill) for name, skill in stand.items()})
     tree = build(read(text, "t.yaml"), skills, context=context)
     told: list[str] = []
@@ -110,7 +110,7 @@ def there(original: Path, xml: Path, leaves: str, seed: str) -> list[str] | None
 
 
 @dataclass
-class Table:
+class ComparedTrees:
     """How many trees do the same, and why others were not compared."""
 
     original: Path
@@ -241,7 +241,7 @@ def main() -> int:
     order = parser.parse_args()
     failed = 0
     for folder in order.folder:
-        table = Table(order.original, order.runs)
+        table = ComparedTrees(order.original, order.runs)
         trees = list(trees_in(folder))
         with tempfile.TemporaryDirectory() as scratch:
             for number, tree in enumerate(trees):
@@ -255,7 +255,7 @@ def main() -> int:
         table.print()
         failed += len(table.differ)
     if order.random:
-        table = Table(order.original, 1)
+        table = ComparedTrees(order.original, 1)
         with tempfile.TemporaryDirectory() as scratch:
             path = Path(scratch) / "random.xml"
             for number in range(order.random):

@@ -69,7 +69,7 @@ class Foreign:
 
 
 @dataclass
-class Table:
+class ForeignTrees:
     """What became of the trees of a folder: places by reason."""
 
     carried: list[str] = field(default_factory=list)
@@ -266,7 +266,7 @@ def main() -> int:
     parser.add_argument("--where", action="store_true", help="also print files and lines")
     order = parser.parse_args()
     for folder in order.folder:
-        table = Table()
+        table = ForeignTrees()
         trees = list(trees_in(folder))
         for tree in trees:
             place = f"{tree.path.relative_to(folder)}:{tree.line}"

@@ -18,7 +18,7 @@ from benchmarks.paper_cells import FRUITS, PLACES, REFINED, UNREFINED, Cells
 from benchmarks.paper_plots import time_plot
 from benchmarks.paper_pressure import NO_BRUISE, pressure
 from benchmarks.paper_tables import FORCE_GOAL, everywhere, force, refined, success, unrefined
-from executive.campaign.document import Bullets, Document, Heading, Picture, Text, Tile, Tiles
+from executive.campaign.document import Bullets, Heading, Paragraph, ReportPage, SvgPlot, Tile, Tiles
 from executive.campaign.report import commits, failures, numbers, percent
 from executive.campaign.run import finished_runs
 from executive.campaign.spec import read_campaign
@@ -40,23 +40,25 @@ def main(arguments: Sequence[str] | None = None) -> None:
     print(f"written to {page} and {markdown}")
 
 
-def paper_report(cells: Cells, source: Path) -> Document:
+def paper_report(cells: Cells, source: Path) -> ReportPage:
     """The whole report."""
     runs = [*cells.arm(REFINED), *cells.arm(UNREFINED)]
     large = "large" in source.stem
-    document = Document(
+    document = ReportPage(
         "Many more apples than the paper's" if large else "The paper's experiment, on the simulated cell",
         f"{len(runs)} of {len(cells.campaign.runs)} runs, made at {commits(runs)} with "
         f"`make {'paper-large' if large else 'paper'}` from `{source}`. Beside it: Costanzo, De Simone, Federico, "
         "Natale, Pirozzi: Enhanced 6D Pose Estimation for Robotic Fruit Picking (CODIT 2023).",
     )
-    document.add(Text(cells.campaign.description), _tiles(cells), Heading("What stands beside what"), _differences())
+    document.add(
+        Paragraph(cells.campaign.description), _tiles(cells), Heading("What stands beside what"), _differences()
+    )
     document.add(Heading("Grasping success"), *success(cells))
     document.add(Heading("With refinement, attempt 3"), *refined(cells))
     document.add(Heading("Without refinement, attempt 3"), *unrefined(cells))
     document.add(Heading("All five places"), *everywhere(cells))
     document.add(Heading("Force"), *force(cells))
-    document.add(Heading("Time"), Picture("time", time_plot(cells), "Median time of a pick, skill by skill."))
+    document.add(Heading("Time"), SvgPlot("time", time_plot(cells), "Median time of a pick, skill by skill."))
     document.add(Heading("Failures by code"), *failures(cells.campaign, runs))
     document.add(Heading("How the figures were made"), _method(cells))
     return document

@@ -10,7 +10,7 @@ from benchmarks import paper_numbers as printed
 from benchmarks.paper_cells import FRUITS, PLACES, REFINED, UNREFINED, Cells
 from benchmarks.paper_plots import APPLES, errors_plot, force_plot, sizes_plot, success_plot
 from benchmarks.paper_pressure import pressure
-from executive.campaign.document import Picture, Table, Text
+from executive.campaign.document import Paragraph, SvgPlot, Table
 from executive.campaign.report import numbers, rate
 from executive.campaign.statistics import Estimate, mean, median
 
@@ -18,9 +18,9 @@ ATTEMPT_3 = "3"
 FORCE_GOAL = 1.25
 
 
-def success(cells: Cells) -> list[Table | Picture | Text]:
-    blocks: list[Table | Picture | Text] = [
-        Picture(
+def success(cells: Cells) -> list[Table | SvgPlot | Paragraph]:
+    blocks: list[Table | SvgPlot | Paragraph] = [
+        SvgPlot(
             "success",
             success_plot(cells),
             "Success in per cent, apples down, attempts (places) across; the paper on the left, ours on the right.",
@@ -46,7 +46,7 @@ def success(cells: Cells) -> list[Table | Picture | Text]:
         header = ("", *(f"att. {j} [%]" for j in range(1, 6)), "paper, all", "ours, all (95 %)")
         blocks.append(Table(header, tuple(rows), f"{title}: paper / **ours**"))
     blocks.append(
-        Text(
+        Paragraph(
             f"The paper made {printed.REPETITIONS} repetitions a cell, we {_repetitions(cells)}. "
             "Intervals are Wilson's.",
             note=True,
@@ -68,7 +68,7 @@ def _repetitions(cells: Cells) -> str:
 # ------------------------------------------------------------------------------------------- tables of errors
 
 
-def refined(cells: Cells) -> list[Table | Text]:
+def refined(cells: Cells) -> list[Table | Paragraph]:
     position, size, scale = [], [], []
     centroid = printed.centroid_errors(printed.REFINED_POSITION)
     dimension = printed.dimension_errors(printed.REFINED_DIMENSIONS)
@@ -114,7 +114,7 @@ def refined(cells: Cells) -> list[Table | Text]:
     ]
 
 
-def unrefined(cells: Cells) -> list[Table | Text]:
+def unrefined(cells: Cells) -> list[Table | Paragraph]:
     recomputed = printed.centroid_errors(printed.UNREFINED_POSITION)
     rows = []
     for i, (name, fruit) in enumerate(zip(APPLES, FRUITS, strict=True)):
@@ -142,7 +142,7 @@ def unrefined(cells: Cells) -> list[Table | Text]:
     return [Table(header, tuple(rows), "Position as detected, with the CAD model's size, and centroid error [mm]")]
 
 
-def everywhere(cells: Cells) -> list[Table | Picture]:
+def everywhere(cells: Cells) -> list[Table | SvgPlot]:
     rows = []
     for arm, label in ((REFINED, "with"), (UNREFINED, "without")):
         for name, fruit in zip(APPLES, FRUITS, strict=True):
@@ -158,13 +158,13 @@ def everywhere(cells: Cells) -> list[Table | Picture]:
         "runs",
     )
     return [
-        Picture(
+        SvgPlot(
             "errors",
             errors_plot(cells),
             "Every run with refinement as a dot, its mean as a line; the paper's attempt 3 as printed (hollow) and as "
             "recomputed (full).",
         ),
-        Picture("sizes", sizes_plot(cells), "Estimated against true size, with refinement."),
+        SvgPlot("sizes", sizes_plot(cells), "Estimated against true size, with refinement."),
         Table(header, tuple(rows), "Means over all places with Student's 95 % interval"),
     ]
 
@@ -172,7 +172,7 @@ def everywhere(cells: Cells) -> list[Table | Picture]:
 # --------------------------------------------------------------------------------------------------- force
 
 
-def force(cells: Cells) -> list[Table | Picture | Text]:
+def force(cells: Cells) -> list[Table | SvgPlot | Paragraph]:
     good = cells.good(cells.arm(REFINED))
     rows = []
     for name, fruit in (*zip(APPLES, FRUITS, strict=True), ("All", None)):
@@ -183,14 +183,14 @@ def force(cells: Cells) -> list[Table | Picture | Text]:
         rows.append((name, *(_interval(median(values), 2) for values in figures), peak, str(len(runs))))
     header = ("", "force [N]", "force / least", "at the end", "slip [mm]", "highest pressure [kPa]", "picks")
     return [
-        Picture(
+        SvgPlot(
             "force",
             force_plot(cells),
             "Left: both fingers' force at the end of the lift over the least that would hold the load; the lines are 1 "
             f"and {FORCE_GOAL} times the least. Right: slip of the fruit on the pads.",
         ),
         Table(header, tuple(rows), "Medians of successful picks with refinement, with the bootstrap's 95 % interval"),
-        Text(
+        Paragraph(
             "Force: normal force of both fingers, its median while the fruit hangs free. Least: what the limit surface "
             "of the simulator's pads needs for the load of the same moment. Pressure: in the middle of a soft finger's "
             "contact of radius 4.353 mm · f^0.2569, as its authors measured it, at one finger's highest force; apples "
@@ -200,9 +200,9 @@ def force(cells: Cells) -> list[Table | Picture | Text]:
     ]
 
 
-def _interval_note(cells: Cells) -> Text:
+def _interval_note(cells: Cells) -> Paragraph:
     count = max(len(cells.at(REFINED, fruit, ATTEMPT_3)) for fruit in FRUITS)
-    return Text(f"Ours: means of {count} runs a row, with Student's 95 % interval.", note=True)
+    return Paragraph(f"Ours: means of {count} runs a row, with Student's 95 % interval.", note=True)
 
 
 def _vector(values: Any) -> str:

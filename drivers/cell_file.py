@@ -17,7 +17,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from drivers.driver import DriverSection, Fitting, Knowing, Settings, Surroundings
+from drivers.driver import DriverSection, Fitting, Settings, Surroundings, TellsOfCell
 from drivers.errors import CellFileError, DriverError
 from drivers.interfaces import ArmLimits, Workspace
 from drivers.workspace import WorkspaceSection
@@ -192,7 +192,7 @@ def _misfits(section: CellSection, workspace: Workspace | None) -> Iterator[tupl
 
 def _facts(section: CellSection) -> Iterator[object]:
     for device in (*((section.world,) if section.world else ()), *section.devices.values()):
-        if isinstance(device.values, Knowing):
+        if isinstance(device.values, TellsOfCell):
             yield from device.values.known()
 
 

@@ -36,7 +36,7 @@ SLOWEST_CAMERA, SLOWEST_ARM = 2.0, 20.0
 
 
 @dataclass(frozen=True, slots=True)
-class Check:
+class ReportLine:
     """One line of the report: what was looked at, whether it is well, what was found, and what to do if not."""
 
     name: str
@@ -49,7 +49,7 @@ class Check:
         return line if self.ok or not self.advice else f"{line}\n  → {self.advice}"
 
 
-def examine(path: Path, overrides: Mapping[str, str] | None = None) -> list[Check]:
+def examine(path: Path, overrides: Mapping[str, str] | None = None) -> list[ReportLine]:
     """Look over everything that a run on this cell needs. Nothing moves; servos and streams are switched on.
 
     Args:
@@ -62,7 +62,7 @@ def examine(path: Path, overrides: Mapping[str, str] | None = None) -> list[Chec
         cell = load_cell(path, overrides=overrides, missing=missing.__setitem__)
     except DriverError as error:
         return [*checks, *_refused("cell file", error)]
-    checks.append(Check("cell file", True, f"{path} ({cell.kind})"))
+    checks.append(ReportLine("cell file", True, f"{path} ({cell.kind})"))
     checks += [check for name, error in missing.items() for check in _refused(name, error)]
     try:
         rates = _watch(cell)
@@ -73,32 +73,32 @@ def examine(path: Path, overrides: Mapping[str, str] | None = None) -> list[Chec
     return checks
 
 
-def _libraries() -> Iterator[Check]:
+def _libraries() -> Iterator[ReportLine]:
     for module, package in LIBRARIES.items():
         try:
             version = getattr(importlib.import_module(module), "__version__", "installed")
         except Exception as error:  # a missing system library shows in many ways
-            yield Check(module, False, f"cannot be imported: {error}", f"pip install {package}")
+            yield ReportLine(module, False, f"cannot be imported: {error}", f"pip install {package}")
         else:
-            yield Check(module, True, str(version))
+            yield ReportLine(module, True, str(version))
 
 
-def _graphics() -> Check:
+def _graphics() -> ReportLine:
     name = ctypes.util.find_library("EGL")
     advice = "apt install libegl1 libegl-mesa0 libgl1-mesa-dri libopengl0"
     if name is None:
-        return Check("EGL", False, "the library is not installed", advice)
+        return ReportLine("EGL", False, "the library is not installed", advice)
     try:
         ctypes.CDLL(name)
     except OSError as error:
-        return Check("EGL", False, str(error), advice)
-    return Check("EGL", True, name)
+        return ReportLine("EGL", False, str(error), advice)
+    return ReportLine("EGL", True, name)
 
 
-def _refused(name: str, error: DriverError) -> list[Check]:
+def _refused(name: str, error: DriverError) -> list[ReportLine]:
     if isinstance(error, CellFileError):
-        return [Check(name, False, f"{place_of(found)}: {found.message}", found.hint) for found in error.findings]
-    return [Check(name, False, str(error))]
+        return [ReportLine(name, False, f"{place_of(found)}: {found.message}", found.hint) for found in error.findings]
+    return [ReportLine(name, False, str(error))]
 
 
 @dataclass(slots=True)
@@ -157,13 +157,15 @@ def _newest_stamp(device: Device) -> float | None:
     return None
 
 
-def _device(name: str, device: Device, watched: _Watched, cell: Cell) -> Iterator[Check]:
+def _device(name: str, device: Device, watched: _Watched, cell: Cell) -> Iterator[ReportLine]:
     link = device.link()
-    yield Check(name, link == "ok", f"link {link}" if link == "ok" else link, "look at its cable, power and settings")
+    yield ReportLine(
+        name, link == "ok", f"link {link}" if link == "ok" else link, "look at its cable, power and settings"
+    )
     identity = getattr(device, "identity", None)
     if is_dataclass(identity) and not isinstance(identity, type):
         words = ", ".join(f"{key} {_short(value)}" for key, value in asdict(identity).items())
-        yield Check(f"{name} says", True, words)
+        yield ReportLine(f"{name} says", True, words)
     try:
         if Camera in device.interfaces and isinstance(device, Camera):
             yield from _camera(name, device.latest(), watched, cell)
@@ -173,58 +175,66 @@ def _device(name: str, device: Device, watched: _Watched, cell: Cell) -> Iterato
             limits, state = device.limits, device.state()
             words = f"opens {1e3 * limits.width_min:.1f} … {1e3 * limits.width_max:.1f} mm"
             inside = limits.width_min - 1e-3 <= state.width <= limits.width_max + 1e-3
-            yield Check(f"{name} opening", inside, f"{1e3 * state.width:.1f} mm; {words}", "check finger_offset")
+            yield ReportLine(f"{name} opening", inside, f"{1e3 * state.width:.1f} mm; {words}", "check finger_offset")
         if ForceSensor in device.interfaces and isinstance(device, ForceSensor):
             yield from _fingers(name, device, watched)
     except DriverError as error:
-        yield Check(name, False, str(error))
+        yield ReportLine(name, False, str(error))
 
 
-def _camera(name: str, frame: Frame | None, watched: _Watched, cell: Cell) -> Iterator[Check]:
+def _camera(name: str, frame: Frame | None, watched: _Watched, cell: Cell) -> Iterator[ReportLine]:
     if frame is None:
-        yield Check(f"{name} image", False, "no image came", "look at the camera's cable (USB 3) and power")
+        yield ReportLine(f"{name} image", False, "no image came", "look at the camera's cable (USB 3) and power")
         return
     if cell.kind != "frames":
         rate = watched.stamps / WATCHED
         advice = "use a USB 3 port of its own, or a lower rate"
-        yield Check(f"{name} rate", rate >= SLOWEST_CAMERA, f"{rate:.1f} frames a second", advice)
+        yield ReportLine(f"{name} rate", rate >= SLOWEST_CAMERA, f"{rate:.1f} frames a second", advice)
         clock = "the camera's clock is off; its stamps cannot be trusted"
-        yield Check(f"{name} clock", watched.age < 0.5, f"images are {1e3 * watched.age:.0f} ms old at most", clock)
+        yield ReportLine(
+            f"{name} clock", watched.age < 0.5, f"images are {1e3 * watched.age:.0f} ms old at most", clock
+        )
     K = frame.intrinsics
     height, width = frame.colour.shape[:2]
     fits = (K.width, K.height) == (width, height) and 0.0 < K.cx < width and 0.0 < K.cy < height
     words = f"{width} × {height}, fx {K.fx:.1f} fy {K.fy:.1f} cx {K.cx:.1f} cy {K.cy:.1f}"
-    yield Check(f"{name} intrinsics", fits, words, "they do not belong to these images")
+    yield ReportLine(f"{name} intrinsics", fits, words, "they do not belong to these images")
     if frame.depth is None:
-        yield Check(f"{name} depth", False, "there is none", "switch the depth stream on")
+        yield ReportLine(f"{name} depth", False, "there is none", "switch the depth stream on")
     else:
         share = float((frame.depth > 0.0).mean())
-        yield Check(f"{name} depth", share > 0.05, f"{100.0 * share:.0f} % of the pixels", "is something in range?")
+        yield ReportLine(
+            f"{name} depth", share > 0.05, f"{100.0 * share:.0f} % of the pixels", "is something in range?"
+        )
     if frame.q is not None:
         given = not np.allclose(frame.T_mount_camera, np.eye(4))
         words = "given" if given else "is the identity"
-        yield Check(f"{name} hand-eye", given, f"transform {words}", "pomona calibrate hand-eye makes it")
+        yield ReportLine(f"{name} hand-eye", given, f"transform {words}", "pomona calibrate hand-eye makes it")
 
 
-def _arm(name: str, arm: Arm, watched: _Watched) -> Iterator[Check]:
+def _arm(name: str, arm: Arm, watched: _Watched) -> Iterator[ReportLine]:
     rate, limits, q = watched.stamps / WATCHED, arm.limits, arm.state().q
-    yield Check(f"{name} rate", rate >= SLOWEST_ARM, f"{rate:.0f} states a second", "look at the network")
-    yield Check(f"{name} description", arm.description.is_file(), str(arm.description), "the file is missing")
+    yield ReportLine(f"{name} rate", rate >= SLOWEST_ARM, f"{rate:.0f} states a second", "look at the network")
+    yield ReportLine(f"{name} description", arm.description.is_file(), str(arm.description), "the file is missing")
     inside = bool(np.all((q >= limits.lower) & (q <= limits.upper)))
     words = " ".join(f"{np.degrees(angle):.1f}°" for angle in q)
-    yield Check(f"{name} joints", inside, words, "outside the description's limits: is the order of 'joints' right?")
+    yield ReportLine(
+        f"{name} joints", inside, words, "outside the description's limits: is the order of 'joints' right?"
+    )
 
 
-def _fingers(name: str, fingers: ForceSensor, watched: _Watched) -> Iterator[Check]:
+def _fingers(name: str, fingers: ForceSensor, watched: _Watched) -> Iterator[ReportLine]:
     rate = watched.stamps / WATCHED
     words = f"{rate:.0f} samples a second of {fingers.rate:.0f}, {watched.gaps} gaps"
-    yield Check(f"{name} rate", rate >= ENOUGH * fingers.rate, words, "look at the baud rate and the computer's load")
+    yield ReportLine(
+        f"{name} rate", rate >= ENOUGH * fingers.rate, words, "look at the baud rate and the computer's load"
+    )
     sample = fingers.latest()
     if sample is not None:
         force = float(np.abs(sample.wrenches[:, :3]).max())
         words = f"{force:.2f} N without contact"
-        yield Check(f"{name} bias", force < 0.5, words, "take the bias with nothing touching the pads")
-        yield Check(f"{name} range", not any(sample.saturated), "no channel at its end", "a taxel is at its end")
+        yield ReportLine(f"{name} bias", force < 0.5, words, "take the bias with nothing touching the pads")
+        yield ReportLine(f"{name} range", not any(sample.saturated), "no channel at its end", "a taxel is at its end")
 
 
 def _short(value: object) -> str:

@@ -104,7 +104,7 @@ class Fitting(Protocol):
 
 
 @runtime_checkable
-class Knowing(Protocol):
+class TellsOfCell(Protocol):
     """Options that tell something about the cell before it is connected: limits of the arm, what lies on the table."""
 
     def known(self) -> Iterable[object]: ...

@@ -34,7 +34,7 @@ class UnusableLooks(DriverError):
 
 
 @dataclass(frozen=True, slots=True)
-class Board:
+class Chessboard:
     """A chessboard: inner corners along both sides, and the side of a square [m].
 
     One of the two numbers must be odd and the other even, or the board looks the same when it is turned by 180°.
@@ -91,7 +91,7 @@ class HandEye:
         path.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
 
 
-def find_board(image: NDArray[np.uint8], intrinsics: Intrinsics, board: Board) -> Float64 | None:
+def find_board(image: NDArray[np.uint8], intrinsics: Intrinsics, board: Chessboard) -> Float64 | None:
     """T_camera_board of the board in an RGB image, or None when it is not seen whole."""
     grey = cv2.cvtColor(image, cv2.COLOR_RGB2GRAY)
     found, corners = cv2.findChessboardCornersSB(grey, (board.columns, board.rows))
@@ -141,7 +141,7 @@ def calibrate_hand_eye(T_base_tool0: Float64, T_camera_board: Float64, names: tu
     )
 
 
-def calibrate_folder(folder: Path, board: Board) -> HandEye:
+def calibrate_folder(folder: Path, board: Chessboard) -> HandEye:
     """Calibrate from a folder: NAME.png or .jpg, poses.json (NAME → T_base_tool0, 4 × 4) and intrinsics.yaml.
 
     Raises:

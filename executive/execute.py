@@ -36,7 +36,7 @@ from executive.running.run_state import RunResult
 from executive.running.runner import Runner
 from executive.running.signals import RunSignals
 from executive.running.starting import StartCancelledError, Starting
-from executive.running.supervisor import Supervision
+from executive.running.supervisor import RunSupervision
 from executive.running.traces import place_of
 from executive.running.watching import installed_watchers
 from executive.source_commit import commit_here
@@ -149,7 +149,7 @@ def execute(
         with RunSignals() as signals, run_in_progress():
             nothing = DryCell()
             work = _Work(
-                order, registry, document, tree_settings, nothing, mocks, signals, Supervision(nothing), starting
+                order, registry, document, tree_settings, nothing, mocks, signals, RunSupervision(nothing), starting
             )
             return _run(work, listeners, on_ready, on_latched)
     judged = judge(document, registry, settings, order.cell, order.texts)
@@ -164,7 +164,7 @@ def execute(
         starting.refuse_cancelled()
         starting.reach("connecting the cell")
         cell = connect_cell(judged.cell, order.seed)
-        supervision = Supervision(cell)
+        supervision = RunSupervision(cell)
         stack.callback(supervision.close)  # last of all: until the cell is closed something could still move
         stack.callback(cell.close)
         stack.callback(leave_if_forked)
@@ -237,7 +237,7 @@ class _Work:
     cell: Cell
     mocks: Mocks | None
     signals: RunSignals
-    supervision: Supervision
+    supervision: RunSupervision
     starting: Starting
     cell_texts: Mapping[str, str] = field(default_factory=dict)
 

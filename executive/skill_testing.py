@@ -87,7 +87,7 @@ class BenchContext:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class SkillEnd:
     """How a driven skill ended: its status, outputs, reason of failure, what it published, seconds on the clock.
 
     `cancelled` counts the computations that it gave up.
@@ -114,7 +114,7 @@ def drive(
     each_tick: Callable[[int], None] | None = None,
     seed: int = 0,
     computing: int = 0,
-) -> Outcome:
+) -> SkillEnd:
     """Tick a skill until it ends.
 
     Args:
@@ -151,7 +151,7 @@ def drive(
                     raise TimeoutError(f"{skill.name} was interrupted and has not let go after {limit} s")
             ended = True
         if ended:
-            return Outcome(
+            return SkillEnd(
                 skill.status, outputs, skill.reason, tuple(context.published), context.clock.now() - start,
                 skill.feedback_message, sum(computation.cancelled for computation in context.computations),
             )  # fmt: skip

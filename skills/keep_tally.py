@@ -9,7 +9,7 @@ from executive.skill import Skill
 from executive.views import TableView
 from skills.perception.detection.detection import Detection
 from skills.perception.measured_fruit import MeasuredFruit
-from skills.shared.tally import DONE, Entry, Tally
+from skills.shared.tally import DONE, TalliedFruit, Tally
 
 COLUMNS = ("fruit", "seen at", "size", "tries", "outcome", "why")
 
@@ -37,7 +37,7 @@ class KeepTally(Skill):
             p_base, size = (detection.T_base_camera @ detection.T_camera_object)[:3, 3], None
         else:
             p_base, size = measured.T_base_fruit[:3, 3], measured.dimensions
-        tally = (so_far or Tally()).with_entry(Entry(p_base, size, outcome, why))
+        tally = (so_far or Tally()).with_entry(TalliedFruit(p_base, size, outcome, why))
         rows = tuple(
             (str(number + 1), entry.place, entry.dimensions, str(entry.tries), entry.outcome, entry.why)
             for number, entry in enumerate(tally.entries)

@@ -15,14 +15,14 @@ from skills.motion.grasp import Grasp, GraspCandidates
 from skills.motion.occupancy import OccupancyMap
 from skills.motion.planning.arm_space import arm_space
 from skills.motion.planning.plan import PlanRequest, PlanResult
-from skills.motion.planning.planners import PLANNERS, Kind
+from skills.motion.planning.planners import PLANNERS, BudgetUse
 from skills.motion.robot import RobotModel
 from skills.shared.grasp_view import grasp_picture
 from skills.shared.planning import PLANNING_FAILURES, patience, planned
 from skills.shared.usable_map import usable_field
 from skills.shared.warm_motion import prepare_planning
 
-OPTIMISING = tuple(name for name, planner in PLANNERS.items() if planner.kind is Kind.OPTIMISING)
+OPTIMISING = tuple(name for name, planner in PLANNERS.items() if planner.kind is BudgetUse.OPTIMISING)
 
 
 class Planned(Outputs):

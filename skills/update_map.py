@@ -13,7 +13,7 @@ from executive.skill import Skill, Work
 from executive.views import Points3, SceneView
 from skills.motion.collision import Convex, RobotShape
 from skills.motion.occupancy.camera_pose import check_camera_pose, pose_of_camera
-from skills.motion.occupancy.errors import CameraPoseMismatch, NoDepth
+from skills.motion.occupancy.errors import CameraPoseMismatch, NothingMeasured
 from skills.motion.occupancy.integrate import Sensing, integrate
 from skills.motion.occupancy.occupancy_map import HIDDEN, OCCUPIED, OccupancyMap
 from skills.motion.robot import BadJoints, RobotModel
@@ -80,7 +80,7 @@ class UpdateMap(Skill):
             target = None if measured is None else Convex.of_fruit(measured)
             sensing = Sensing(target_margin=target_margin)
             fused = yield from self.compute(_fuse, grid, frame, T_base_camera, workspace, robot, target, sensing)
-        except NoDepth as error:
+        except NothingMeasured as error:
             raise self.failure("NO_DEPTH", str(error), valid=error.valid, inside=error.inside) from error
         except (CameraPoseMismatch, BadJoints) as error:
             raise self.failure("POSE_MISMATCH", str(error)) from error

@@ -61,11 +61,11 @@ def _fingers(options: argparse.Namespace) -> str:
 
 
 def _hand_eye(options: argparse.Namespace) -> str:
-    from drivers.hand_eye import Board, UnusableLooks, calibrate_folder
+    from drivers.hand_eye import Chessboard, UnusableLooks, calibrate_folder
 
     columns, _, rows = options.board.partition("x")
     if not (columns.isdigit() and rows.isdigit()):
         raise UnusableLooks(f"'{options.board}' is not a board: write the inner corners as 9x6")
-    result = calibrate_folder(options.folder, Board(int(columns), int(rows), 1e-3 * options.square))
+    result = calibrate_folder(options.folder, Chessboard(int(columns), int(rows), 1e-3 * options.square))
     result.save(options.out)
     return f"{result}\nwritten to {options.out}"

@@ -16,7 +16,7 @@ import numpy as np
 
 from drivers.emulators.free_gripper import FreeGripper
 from drivers.emulators.motoman import FreeJoints, MotomanEmulator
-from drivers.emulators.server import CanPort, Port, PtyPort, Server, TcpPort
+from drivers.emulators.server import CanPort, Endpoint, PtyPort, Server, TcpPort
 from drivers.emulators.suntouch import Pad, SunTouchEmulator, random_wrenches
 from drivers.emulators.wsg import WsgEmulator
 from drivers.motoman.connect import ORDERS
@@ -60,7 +60,7 @@ def add(subparsers: Any) -> None:
     motoman.set_defaults(main=lambda options: _serve(_motoman, options))
 
 
-def _wsg(options: argparse.Namespace) -> tuple[list[Port], list[Any]]:
+def _wsg(options: argparse.Namespace) -> tuple[list[Endpoint], list[Any]]:
     fingers = FreeGripper(time.monotonic)
     fingers.obstacle = None if options.obstacle is None else 1e-3 * options.obstacle
     device = WsgEmulator(fingers, referenced=not options.not_referenced, has_script=not options.no_script)
@@ -74,7 +74,7 @@ def _wsg(options: argparse.Namespace) -> tuple[list[Port], list[Any]]:
     return [TcpPort(device, host or "127.0.0.1", int(port))], [device]
 
 
-def _suntouch(options: argparse.Namespace) -> tuple[list[Port], list[Any]]:
+def _suntouch(options: argparse.Namespace) -> tuple[list[Endpoint], list[Any]]:
     def wrench() -> np.ndarray[Any, np.dtype[np.float64]]:
         force = options.press * 0.5 * (1.0 - np.cos(time.monotonic()))
         return np.array([0.0, 0.0, -force, 0.0, 0.0, 0.0])
@@ -83,11 +83,11 @@ def _suntouch(options: argparse.Namespace) -> tuple[list[Port], list[Any]]:
     return [PtyPort(device, options.link)], [device]
 
 
-def _motoman(options: argparse.Namespace) -> tuple[list[Port], list[Any]]:
+def _motoman(options: argparse.Namespace) -> tuple[list[Endpoint], list[Any]]:
     joints = FreeJoints(np.zeros(7))
     controller = MotomanEmulator(joints, SIA5_VELOCITY, ORDERS[options.controller], options.queue)
     controller.teach, controller.e_stopped = options.teach, options.e_stop
-    ports: list[Port] = [
+    ports: list[Endpoint] = [
         TcpPort(controller.motion, options.host, options.port),
         TcpPort(controller.state, options.host, options.port + 1, clients=4),
         TcpPort(controller.io, options.host, options.port + 2),
@@ -95,7 +95,7 @@ def _motoman(options: argparse.Namespace) -> tuple[list[Port], list[Any]]:
     return ports, [controller]
 
 
-def _serve(build: Callable[[argparse.Namespace], tuple[list[Port], list[Any]]], options: argparse.Namespace) -> int:
+def _serve(build: Callable[[argparse.Namespace], tuple[list[Endpoint], list[Any]]], options: argparse.Namespace) -> int:
     try:
         ports, devices = build(options)
     except (OSError, ValueError) as error:

@@ -15,10 +15,10 @@ from drivers.motoman.codec import (
     Body,
     Communication,
     Control,
-    Decoder,
     InputValue,
     JointFeedback,
     Message,
+    MessageDecoder,
     MotionControl,
     MotionReply,
     Order,
@@ -337,10 +337,10 @@ class _Port:
     def __init__(self, controller: MotomanEmulator, order: Order) -> None:
         self._controller = controller
         self._order: Order = order
-        self._peers: dict[int, tuple[Peer, Decoder]] = {}
+        self._peers: dict[int, tuple[Peer, MessageDecoder]] = {}
 
     def connected(self, peer: Peer) -> None:
-        self._peers[id(peer)] = (peer, Decoder(self._order))
+        self._peers[id(peer)] = (peer, MessageDecoder(self._order))
 
     def disconnected(self, peer: Peer) -> None:
         self._peers.pop(id(peer), None)

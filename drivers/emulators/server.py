@@ -49,7 +49,7 @@ class Emulator(Protocol):
         ...
 
 
-class Port(Protocol):
+class Endpoint(Protocol):
     """A place where an emulated device can be reached."""
 
     @property
@@ -211,7 +211,7 @@ class CanPort:
 class Server:
     """Serves ports and lets emulators live, until `running` says no."""
 
-    def __init__(self, ports: Sequence[Port], emulators: Sequence[Emulator], now: Callable[[], float]) -> None:
+    def __init__(self, ports: Sequence[Endpoint], emulators: Sequence[Emulator], now: Callable[[], float]) -> None:
         self.ports, self.emulators = tuple(ports), tuple(emulators)
         self._now = now
 

@@ -72,7 +72,7 @@ class VirtualWorld(Device):
         }
 
     def truth(self) -> Mapping[str, object]:
-        """The world's own score; see `drivers.sim.score.Score.report`."""
+        """The world's own score; see `drivers.sim.score.Scorer.report`."""
         return self._world.truth()
 
     def close(self) -> None:

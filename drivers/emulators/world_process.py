@@ -20,7 +20,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 
 from drivers.cell import Cell, load_cell
-from drivers.emulators.server import Port, PtyPort, Server, TcpPort
+from drivers.emulators.server import Endpoint, PtyPort, Server, TcpPort
 from drivers.emulators.sim_bridge import EmulatedDevices, StatePort, serve_camera
 from drivers.errors import DriverError
 from drivers.motoman.connect import ORDERS
@@ -104,7 +104,7 @@ def _set_up(cell: Cell, pipe: Connection, options: argparse.Namespace) -> tuple[
     options.fingers.mkdir(parents=True, exist_ok=True)
     host, port = _address(options.arm)
     control = _Control(cell)
-    ports: list[Port] = [
+    ports: list[Endpoint] = [
         TcpPort(devices.controller.motion, host, port),
         TcpPort(devices.controller.state, host, port + 1, clients=4),
         TcpPort(devices.hand, *_address(options.gripper)),

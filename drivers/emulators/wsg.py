@@ -8,7 +8,7 @@ from drivers.interfaces import Gripper, Motion, MotionState
 from drivers.wire import Malformed
 from drivers.wsg.codec import (
     Command,
-    Grasp,
+    GraspCommand,
     GraspState,
     Homing,
     Loop,
@@ -25,7 +25,7 @@ from drivers.wsg.codec import (
     decode_request,
     encode_reply,
 )
-from drivers.wsg.frame import Decoder, encode_frame
+from drivers.wsg.frame import FrameDecoder, encode_frame
 
 SCRIPT_WATCHDOG = 0.1
 """The finger script stops the fingers when the speed is not renewed for so long [s]."""
@@ -61,7 +61,7 @@ class WsgEmulator:
         self._frozen_values: dict[Command, tuple[float, ...]] = {}
         self._fingers, self._offset = fingers, finger_offset
         self._peer: Peer | None = None
-        self._decoder = Decoder()
+        self._decoder = FrameDecoder()
         self._now = 0.0
         self._bits = SystemState(0)
         self._motion: tuple[Command, Motion] | None = None
@@ -82,7 +82,7 @@ class WsgEmulator:
     # -------------------------------------------------------------------------------------------- wire
 
     def connected(self, peer: Peer) -> None:
-        self._peer, self._decoder, self._said_goodbye = peer, Decoder(), False
+        self._peer, self._decoder, self._said_goodbye = peer, FrameDecoder(), False
         self._updates.clear()
 
     def disconnected(self, peer: Peer) -> None:
@@ -196,7 +196,7 @@ class WsgEmulator:
             case Move(width, speed, relative, _):
                 target = width + (self._jaw() if relative else 0.0)
                 self._begin(Command.MOVE, target, speed)
-            case Grasp(width, speed, command):
+            case GraspCommand(width, speed, command):
                 self._begin(command, width, speed)
             case Script(command, width, speed):
                 self._run_script(command, width, speed)

@@ -281,7 +281,7 @@ def encode(message: Message, order: Order) -> bytes:
     return struct.pack(f"{order}4i{body.LAYOUT}", size, body.TYPE, message.communication, message.reply, *numbers)
 
 
-class Decoder:
+class MessageDecoder:
     """Finds messages in a stream of bytes; after damage it goes on with the next intact one.
 
     There is no checksum: what is no message is known by its header, or by a value that is not finite.

@@ -20,7 +20,7 @@ from drivers.errors import BadTrajectory, DeviceError, DeviceFault, DeviceLost, 
 from drivers.interfaces import Arm, ArmLimits, ArmState, Float64, Motion, MotionState, Trajectory
 from drivers.motion_supervisor import MotionSupervisor, Supervision
 from drivers.motoman.codec import Control, Order, Result, Valid
-from drivers.motoman.session import Session
+from drivers.motoman.session import ControllerSession
 from drivers.motoman.stream import INTERPOLATION, PointStream
 from drivers.motoman.words import fault, refusal
 from drivers.owner import Owner
@@ -88,7 +88,7 @@ class MotomanArm(Device):
         self._lock = threading.Lock()  # of the four flags latched, enabling, problem and motion; nobody waits with it
         self._owner = Owner(name, self.step, self._lose, clock)
         self._supervisor = MotionSupervisor(name, limits, self.options.supervision)
-        self._session: Session | None = None
+        self._session: ControllerSession | None = None
         self._retry_at = 0.0
         self._state = ArmState(0.0, np.zeros(len(self._wire)), np.zeros(len(self._wire)), False)
         self._taken_at = -np.inf
@@ -124,12 +124,14 @@ class MotomanArm(Device):
         """Serve the connections in a thread of its own from now on."""
         self._owner.start()
 
-    def _open(self) -> Session:
+    def _open(self) -> ControllerSession:
         links: list[Link] = []
         try:
             links.append(self._open_state())
             links.append(self._open_motion())
-            session = Session(self.name, links[0], links[1], self._clock, self.options.order, self.options.group)
+            session = ControllerSession(
+                self.name, links[0], links[1], self._clock, self.options.order, self.options.group
+            )
             end = self._clock.now() + FIRST_STATE
             while session.feedback is None or session.status is None:
                 session.listen(0.02)
@@ -148,7 +150,7 @@ class MotomanArm(Device):
             raise
         return session
 
-    def _enable(self, session: Session, servo_on: bool) -> None:
+    def _enable(self, session: ControllerSession, servo_on: bool) -> None:
         """Make the controller ready to move: reset an alarm, servos on, trajectory mode. The arm stands still."""
         status = session.status
         if status is not None and status.e_stopped == 1:
@@ -200,7 +202,7 @@ class MotomanArm(Device):
 
     # ----------------------------------------------------------------------------------------- the wire
 
-    def _serve(self, session: Session) -> None:
+    def _serve(self, session: ControllerSession) -> None:
         try:
             session.listen(0.001 if self._stream is not None else 0.004)
         except Nonsense as error:
@@ -220,12 +222,12 @@ class MotomanArm(Device):
             self._pump(session, self._stream)
         self._watch_motion(session)
 
-    def _watch_silence(self, session: Session) -> None:
+    def _watch_silence(self, session: ControllerSession) -> None:
         silent = self._clock.now() - session.feedback_at
         if silent > self.options.silence and not session.listen(0.0):  # unless this thread itself was held up
             raise DeviceLost(self.name, f"no feedback for {1e3 * silent:.0f} ms")
 
-    def _enable_again(self, session: Session) -> None:
+    def _enable_again(self, session: ControllerSession) -> None:
         """After an acknowledgement; takes seconds, in which motions are refused."""
         try:
             self._supervisor.forget()
@@ -236,7 +238,7 @@ class MotomanArm(Device):
         finally:
             self._enabling = False
 
-    def _believe(self, session: Session) -> None:
+    def _believe(self, session: ControllerSession) -> None:
         """Take the newest feedback.
 
         Raises:
@@ -263,7 +265,7 @@ class MotomanArm(Device):
         if self._motion is not None:
             self._motion.fail(error.message)
 
-    def _watch_status(self, session: Session) -> None:
+    def _watch_status(self, session: ControllerSession) -> None:
         if session.status is not None:
             self._supervisor.on_status(session.status_at)
             words = fault(session.status)
@@ -272,7 +274,7 @@ class MotomanArm(Device):
                 self._abandon_motion(words)
         self._supervisor.check_status(self._clock.now())
 
-    def _pump(self, session: Session, stream: PointStream) -> None:
+    def _pump(self, session: ControllerSession, stream: PointStream) -> None:
         try:
             stream.pump(session)
         except DeviceFault as error:
@@ -282,7 +284,7 @@ class MotomanArm(Device):
             if ready.result == Result.NOT_READY:  # somebody holds it at the pendant: nothing may move when that is over
                 self._blame(DeviceFault(self.name, refusal(ready)))
 
-    def _watch_motion(self, session: Session) -> None:
+    def _watch_motion(self, session: ControllerSession) -> None:
         motion, stream, state = self._motion, self._stream, self._state
         if motion is None or motion.settled:
             self._stream = None

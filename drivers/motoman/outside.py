@@ -5,7 +5,16 @@ from __future__ import annotations
 import contextlib
 import time
 
-from drivers.motoman.codec import Communication, Control, Decoder, Message, MotionControl, MotionReply, Order, encode
+from drivers.motoman.codec import (
+    Communication,
+    Control,
+    Message,
+    MessageDecoder,
+    MotionControl,
+    MotionReply,
+    Order,
+    encode,
+)
 from drivers.wire import TcpLink
 
 ANSWER = 0.5
@@ -21,7 +30,7 @@ def stop(host: str, port: int, order: Order, group: int) -> None:
     link = TcpLink(host, port, ANSWER)
     try:
         link.send(encode(Message(MotionControl(group, -1, Control.STOP), Communication.REQUEST), order))
-        decoder, end = Decoder(order), time.monotonic() + ANSWER
+        decoder, end = MessageDecoder(order), time.monotonic() + ANSWER
         while time.monotonic() < end:
             if any(isinstance(message.body, MotionReply) for message in decoder.decode(link.receive(0.05))):
                 goodbye = MotionControl(group, -1, Control.DISCONNECT)

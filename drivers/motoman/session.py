@@ -9,9 +9,9 @@ from drivers.errors import DeviceFault, DeviceLost
 from drivers.motoman.codec import (
     Communication,
     Control,
-    Decoder,
     JointFeedback,
     Message,
+    MessageDecoder,
     MotionControl,
     MotionReply,
     Order,
@@ -28,7 +28,7 @@ ANSWER = 0.25
 """A command or a point that is not answered within this time means that the controller is lost [s]."""
 
 
-class Session:
+class ControllerSession:
     """Talks to the controller until something fails.
 
     Attributes:
@@ -44,7 +44,7 @@ class Session:
         self._state, self._motion, self._clock = state, motion, clock
         self._order: Order = order
         self._group = group
-        self._state_decoder, self._motion_decoder = Decoder(order), Decoder(order)
+        self._state_decoder, self._motion_decoder = MessageDecoder(order), MessageDecoder(order)
         self._asked_at: float | None = None
 
     def listen(self, patience: float) -> bool:
@@ -135,7 +135,7 @@ class Session:
         self._motion.close()
         self._state.close()
 
-    def _decode(self, decoder: Decoder, chunk: bytes) -> list[Message]:
+    def _decode(self, decoder: MessageDecoder, chunk: bytes) -> list[Message]:
         messages = decoder.decode(chunk)
         try:
             decoder.complain()

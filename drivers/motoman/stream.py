@@ -13,7 +13,7 @@ import numpy as np
 from drivers.errors import DeviceFault
 from drivers.interfaces import Float64
 from drivers.motoman.codec import Result, TrajectoryPoint, Valid
-from drivers.motoman.session import Session
+from drivers.motoman.session import ControllerSession
 from drivers.motoman.words import refusal
 from drivers.path_motion import PathMotion
 from executive.clock import Clock
@@ -74,12 +74,12 @@ class PointStream:
         """How much motion the controller must still have in its queue [s]; negative when it has run out."""
         return 0.0 if self._began is None else self._time - (self._clock.now() - self._began)
 
-    def pump(self, session: Session) -> None:
+    def pump(self, session: ControllerSession) -> None:
         """Take the answer to the last point, and send the next when it is due.
 
         Raises:
             DeviceFault: the controller refused a point.
-            OSError, DeviceLost, Nonsense: see `Session`.
+            OSError, DeviceLost, Nonsense: see `ControllerSession`.
         """
         now = self._clock.now()
         if session.awaiting:

@@ -25,7 +25,7 @@ PIXELS = 16
 """Every so many rows and columns a pixel is compared with the frame before."""
 
 
-class Source(Protocol):
+class ImageSource(Protocol):
     """What delivers images; see `drivers.realsense.source`."""
 
     def wait(self, timeout: float) -> Pair | None:
@@ -42,7 +42,7 @@ class StreamingCamera(Device):
 
     def __init__(
         self,
-        open_source: Callable[[], Source],
+        open_source: Callable[[], ImageSource],
         mount: CameraMount,
         clock: Clock,
         *,
@@ -55,7 +55,7 @@ class StreamingCamera(Device):
         self._open_source, self._mount, self._clock = open_source, mount, clock
         self._silence, self._label, self._depth_noise = silence, label, depth_noise
         self._stamps, self._guard = Stamps(clock), FrameGuard(clock, silence)
-        self._source: Source | None = None
+        self._source: ImageSource | None = None
         self._owner = Owner(name, self.step, self._lose, clock)
         self._newest: Frame | None = None
         self._sequence = 0

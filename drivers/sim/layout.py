@@ -75,7 +75,7 @@ class Layout:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class FruitSection:
+class CellFruitSection:
     """A fruit that may lie on the table."""
 
     model: Path = value(PathTo("folder"), help="folder with its fruit.yaml")
@@ -98,7 +98,9 @@ class WorldOptions:
     robot: Path = value(PathTo("file"), help="MJCF of the robot")
     table_z: float = value(Measure(LENGTH), help="height of the table's surface in the base frame")
     start: str = value(Text(), help="pose of the workspace in which the arm stands")
-    fruits: Mapping[str, FruitSection] = value(MappingOf(Section(FruitSection)), help="what may lie on the table")
+    fruits: Mapping[str, CellFruitSection] = value(
+        MappingOf(Section(CellFruitSection)), help="what may lie on the table"
+    )
     places: Mapping[str, tuple[float, ...]] = value(
         MappingOf(Row(Measure(LENGTH), 2)), help="where it may lie: x, y in the base frame"
     )

@@ -100,7 +100,7 @@ class _Sensors:
 
 
 @dataclass(slots=True)
-class Score:
+class Scorer:
     """Watches the state at 100 Hz. Reads the simulator's truth and changes nothing."""
 
     scene: SimScene

@@ -25,7 +25,7 @@ Float64 = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Reading:
+class FingerReading:
     """One answer of a finger.
 
     Attributes:
@@ -47,7 +47,7 @@ def encode(volts: Float64) -> bytes:
     return bytes(counts.tobytes())
 
 
-def decode(answer: bytes) -> Reading:
+def decode(answer: bytes) -> FingerReading:
     """The voltages of a whole answer.
 
     Raises:
@@ -58,7 +58,7 @@ def decode(answer: bytes) -> Reading:
     counts = np.array(struct.unpack(f"<{TAXELS}H", answer)) & (COUNTS - 1)
     low, high = int(counts.min()), int(counts.max())
     volts: Float64 = counts * np.float64(VOLTS / COUNTS)
-    return Reading(volts, low == 0 or high == COUNTS - 1, high == 0 or low == COUNTS - 1)
+    return FingerReading(volts, low == 0 or high == COUNTS - 1, high == 0 or low == COUNTS - 1)
 
 
 class Assembler:
@@ -80,7 +80,7 @@ class Assembler:
         self._buffer.clear()
         self._answered = False
 
-    def decode(self, chunk: bytes) -> Reading | None:
+    def decode(self, chunk: bytes) -> FingerReading | None:
         """The reading when it is complete with these bytes.
 
         Raises:

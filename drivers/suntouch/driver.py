@@ -16,7 +16,7 @@ from drivers.errors import DeviceError, DeviceLost
 from drivers.interfaces import ForceSensor, Subscription, WrenchSample
 from drivers.owner import Owner
 from drivers.streams import SIDES, SILENCE, Belief, WrenchStream
-from drivers.suntouch.codec import Reading
+from drivers.suntouch.codec import FingerReading
 from drivers.suntouch.finger import Finger
 from drivers.suntouch.spike_filter import JUMP
 from executive.clock import Clock
@@ -72,7 +72,7 @@ class SunTouchFingers(Device):
         self._unanswered = 0
         self._streaming = False
         self._retry_at = 0.0
-        self._biasing: list[tuple[Reading, Reading]] | None = None
+        self._biasing: list[tuple[FingerReading, FingerReading]] | None = None
         self._biases_asked = self._biases_begun = 0
         self._problem: DeviceError | None = DeviceLost(name, "was never connected")
 
@@ -173,7 +173,7 @@ class SunTouchFingers(Device):
             self._take_bias(left, right)
         self._deliver(asked, left, right)
 
-    def _flaw(self, readings: tuple[Reading, Reading]) -> str:
+    def _flaw(self, readings: tuple[FingerReading, FingerReading]) -> str:
         """Why the readings cannot be believed; empty when they can."""
         believed = [f.spikes.accept(reading.volts) for f, reading in zip(self.fingers, readings, strict=True)]
         for side, reading in zip(SIDES, readings, strict=True):
@@ -197,11 +197,11 @@ class SunTouchFingers(Device):
             self.lost_samples += missed
             self._due += missed * self._period
 
-    def _deliver(self, stamp: float, left: Reading, right: Reading) -> None:
+    def _deliver(self, stamp: float, left: FingerReading, right: FingerReading) -> None:
         wrenches = np.stack([f.wrench(reading) for f, reading in zip(self.fingers, (left, right), strict=True)])
         self._stream.deliver(WrenchSample(stamp, self._sequence, wrenches, (left.saturated, right.saturated)))
 
-    def _take_bias(self, left: Reading, right: Reading) -> None:
+    def _take_bias(self, left: FingerReading, right: FingerReading) -> None:
         taken = self._biasing
         assert taken is not None
         taken.append((left, right))

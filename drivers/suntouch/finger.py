@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.suntouch.calibration import FingerCalibration
-from drivers.suntouch.codec import REQUEST, TAXELS, Assembler, Reading
+from drivers.suntouch.codec import REQUEST, TAXELS, Assembler, FingerReading
 from drivers.suntouch.spike_filter import SpikeFilter
 from drivers.wire import Link, Malformed
 from executive.clock import Clock
@@ -53,7 +53,7 @@ class Finger:
         self._assembler.expect()
         self._line.send(REQUEST)
 
-    def answer(self, due: float) -> Reading | None:
+    def answer(self, due: float) -> FingerReading | None:
         """The reading asked for, waiting until `due`; None when it came short or long: the line is emptied then.
 
         Raises:
@@ -73,7 +73,7 @@ class Finger:
         self._empty()
         return None
 
-    def wrench(self, reading: Reading) -> Float64:
+    def wrench(self, reading: FingerReading) -> Float64:
         """Force [N] and torque [N·m] of a reading, shape (6,)."""
         return self.calibration.wrench(reading.volts - self.bias)
 

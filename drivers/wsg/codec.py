@@ -1,7 +1,7 @@
 """The WSG's binary command set: requests and replies as frozen dataclasses.
 
-Wire units are mm, mm/s, mm/s² and N; the dataclasses are in SI units. `drivers.wsg.frame.Decoder` finds the frames in a
-stream of bytes, `decode_reply` and `decode_request` say what a frame means.
+Wire units are mm, mm/s, mm/s² and N; the dataclasses are in SI units. `drivers.wsg.frame.FrameDecoder` finds frames in
+a stream of bytes, `decode_reply` and `decode_request` say what a frame means.
 """
 
 from __future__ import annotations
@@ -154,7 +154,7 @@ class Move:
 
 
 @dataclass(frozen=True, slots=True)
-class Grasp:
+class GraspCommand:
     """GRASP a part of a width [m] with a speed [m/s], or RELEASE it (`command` says which)."""
 
     width: float
@@ -196,7 +196,7 @@ class Script:
     speed: float = 0.0
 
 
-Request = Plain | Loop | Homing | Move | Grasp | SetValue | SetSoftLimits | Observe | Script
+Request = Plain | Loop | Homing | Move | GraspCommand | SetValue | SetSoftLimits | Observe | Script
 
 _MM = 1000.0
 _VALUE_SCALE = {Command.SET_ACCELERATION: _MM, Command.SET_FORCE_LIMIT: 1.0}
@@ -230,7 +230,7 @@ def encode(request: Request) -> bytes:
         case Move(width, speed, relative, stop_on_block):
             flags = int(relative) | int(stop_on_block) << 1
             return encode_frame(WireFrame(Command.MOVE, struct.pack("<Bff", flags, width * _MM, speed * _MM)))
-        case Grasp(width, speed, command):
+        case GraspCommand(width, speed, command):
             return encode_frame(WireFrame(command, struct.pack("<ff", width * _MM, speed * _MM)))
         case SetValue(command, value):
             return encode_frame(WireFrame(command, struct.pack("<f", value * _VALUE_SCALE[command])))
@@ -262,7 +262,7 @@ def decode_request(frame: WireFrame) -> Request:
         return Move(width, speed, bool(int(flags) & 1), bool(int(flags) & 2))
     if command in (Command.GRASP, Command.RELEASE) and len(payload) == 8:
         width, speed = _unpack(frame, "<ff", payload, (_MM, _MM))
-        return Grasp(width, speed, command)
+        return GraspCommand(width, speed, command)
     if command in _VALUE_SCALE and len(payload) == 4:
         return SetValue(command, *_unpack(frame, "<f", payload, (_VALUE_SCALE[command],)))
     if command is Command.SET_SOFT_LIMITS and len(payload) == 8:

@@ -50,7 +50,7 @@ def encode_frame(frame: WireFrame) -> bytes:
 
 
 @dataclass(slots=True)
-class Decoder:
+class FrameDecoder:
     """Finds frames in a stream of bytes.
 
     Attributes:

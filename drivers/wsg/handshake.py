@@ -21,7 +21,7 @@ from drivers.wsg.codec import (
     Status,
     SystemState,
 )
-from drivers.wsg.session import Session
+from drivers.wsg.session import GripperSession
 
 ANSWER = 0.5
 HOMING = 20.0
@@ -85,7 +85,9 @@ class WsgIdentity:
         return GripperLimits(low, low + self.stroke, self.speed_max, self.force_max)
 
 
-def shake_hands(session: Session, options: WsgOptions, take: Callable[[Reply], None], first: bool) -> WsgIdentity:
+def shake_hands(
+    session: GripperSession, options: WsgOptions, take: Callable[[Reply], None], first: bool
+) -> WsgIdentity:
     """Ask who is there, stop the fingers, set and read back the settings, switch on the automatic updates.
 
     The stop comes before everything else: a move from before may still be under way.
@@ -95,7 +97,7 @@ def shake_hands(session: Session, options: WsgOptions, take: Callable[[Reply], N
         first: whether homing and taring may be done, if the options want them.
 
     Raises:
-        OSError, DeviceError: see `Session.demand`.
+        OSError, DeviceError: see `GripperSession.demand`.
     """
 
     def demand(request: Request, command: Command, deadline: float = ANSWER) -> tuple[float, ...]:

@@ -18,7 +18,7 @@ from drivers.wire import Link
 from drivers.wsg.codec import Command, Move, Plain, Reply, Script, Status, SystemState
 from drivers.wsg.handshake import WsgIdentity, WsgOptions, shake_hands
 from drivers.wsg.motion import GripperMotion
-from drivers.wsg.session import Session
+from drivers.wsg.session import GripperSession
 from executive.clock import Clock
 
 RECONNECT = 0.5
@@ -66,7 +66,7 @@ class Jaws:
     def __init__(self, device: Device, open_link: Callable[[], Link], clock: Clock, options: WsgOptions) -> None:
         self.options = options
         self.identity: WsgIdentity | None = None
-        self.session: Session | None = None
+        self.session: GripperSession | None = None
         self.limits = GripperLimits(0.0, 0.0, 0.0, 0.0)
         self.state = GripperState(0.0, 0.0, 0.0, False)
         self.bits = SystemState(0)
@@ -109,14 +109,14 @@ class Jaws:
             return
         self.session = self.open()
 
-    def open(self) -> Session:
+    def open(self) -> GripperSession:
         """Open the wire and shake hands.
 
         Raises:
             DeviceError: no such gripper there, or it refuses the handshake.
         """
         try:
-            session = Session(self.name, self._open_link(), self._clock)
+            session = GripperSession(self.name, self._open_link(), self._clock)
         except OSError as error:
             raise DeviceLost(self.name, f"cannot be reached: {error}") from error
         try:
@@ -273,7 +273,7 @@ class Jaws:
         self.supervisor.stream(self._sent_at, speed, self.options.watchdog)
         self.send(Script(Command.SCRIPT_SPEED, 0.0, speed), Command.SCRIPT_SPEED)
 
-    def _serve(self, session: Session) -> None:
+    def _serve(self, session: GripperSession) -> None:
         replies = session.receive(self._patience())
         if not replies and self._clock.now() - session.last_heard > self.options.silence:
             replies = session.receive(0.0)  # this thread itself may have been held up
@@ -304,7 +304,7 @@ class Jaws:
         if changed or (self._wanted != 0.0 and now - self._sent_at >= 2.0 * STREAM_PERIOD):
             self._send_speed(self._wanted)
 
-    def _supervise(self, session: Session, now: float) -> None:
+    def _supervise(self, session: GripperSession, now: float) -> None:
         """Compare the fingers with their commands, and see to it that a stop is obeyed."""
         wrong = self.supervisor.look(now, self.state)
         if wrong and (self.problem is None or self._obey_by is None):

@@ -10,7 +10,7 @@ import time
 
 from drivers.wire import Link, TcpLink
 from drivers.wsg.codec import Command, Plain, decode_reply, encode
-from drivers.wsg.frame import Decoder
+from drivers.wsg.frame import FrameDecoder
 from drivers.wsg.transport import CanLink
 
 ANSWER = 0.5
@@ -38,7 +38,7 @@ def stop_on_can(interface: str, channel: str, bitrate: int, send_id: int, reply_
 def _stop(link: Link) -> None:
     try:
         link.send(encode(Plain(Command.STOP)))
-        decoder, end = Decoder(), time.monotonic() + ANSWER
+        decoder, end = FrameDecoder(), time.monotonic() + ANSWER
         while time.monotonic() < end:
             replies = [decode_reply(frame) for frame in decoder.decode(link.receive(0.05))]
             if any(reply.command is Command.STOP for reply in replies):

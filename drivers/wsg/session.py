@@ -7,7 +7,7 @@ from collections.abc import Callable
 from drivers.errors import DeviceFault, DeviceLost
 from drivers.wire import Link, Malformed, Nonsense
 from drivers.wsg.codec import Command, Reply, Request, Status, decode_reply, encode
-from drivers.wsg.frame import Decoder
+from drivers.wsg.frame import FrameDecoder
 from executive.clock import Clock
 
 ANSWER = 0.1
@@ -16,14 +16,14 @@ QUIET = 0.02
 """After so long without a byte, an unfinished frame is given up [s]."""
 
 
-class Session:
+class GripperSession:
     """Talks to the gripper over one link until something fails. It belongs to one thread."""
 
     def __init__(self, device: str, link: Link, clock: Clock) -> None:
         self.device = device
         self.last_heard = clock.now()
         self._link, self._clock = link, clock
-        self._decoder = Decoder()
+        self._decoder = FrameDecoder()
         self._awaited: dict[Command, float] = {}
 
     @property

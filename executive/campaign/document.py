@@ -20,7 +20,7 @@ class Heading:
 
 
 @dataclass(frozen=True, slots=True)
-class Text:
+class Paragraph:
     """A paragraph; `code` and **bold** are understood. A note is set smaller."""
 
     text: str
@@ -63,7 +63,7 @@ class Tiles:
 
 
 @dataclass(frozen=True, slots=True)
-class Picture:
+class SvgPlot:
     """A plot as SVG text; `name` becomes its file beside the Markdown."""
 
     name: str
@@ -71,11 +71,11 @@ class Picture:
     caption: str
 
 
-Block = Heading | Text | Bullets | Table | Tiles | Picture
+Block = Heading | Paragraph | Bullets | Table | Tiles | SvgPlot
 
 
 @dataclass(slots=True)
-class Document:
+class ReportPage:
     """A title, a line about how the report was made, and blocks."""
 
     title: str
@@ -94,7 +94,7 @@ class Document:
         """
         folder.mkdir(parents=True, exist_ok=True)
         for block in self.blocks:
-            if isinstance(block, Picture):
+            if isinstance(block, SvgPlot):
                 (folder / f"{name}_{block.name}.svg").write_text(block.svg, encoding="utf-8")
         markdown, page = folder / f"{name}.md", folder / f"{name}.html"
         markdown.write_text(to_markdown(self, name), encoding="utf-8")
@@ -102,14 +102,14 @@ class Document:
         return markdown, page
 
 
-def to_markdown(document: Document, name: str = "report") -> str:
+def to_markdown(document: ReportPage, name: str = "report") -> str:
     """The document as Markdown."""
     parts = [f"# {document.title}", document.about]
     for block in document.blocks:
         match block:
             case Heading(text, level):
                 parts.append(f"{'#' * level} {text}")
-            case Text(text):
+            case Paragraph(text):
                 parts.append(text)
             case Bullets(items):
                 parts.append("\n".join(f"- {item}" for item in items))
@@ -117,7 +117,7 @@ def to_markdown(document: Document, name: str = "report") -> str:
                 parts.append(_markdown_table(block))
             case Tiles(tiles):
                 parts.append(_markdown_tiles(tiles))
-            case Picture():
+            case SvgPlot():
                 parts.append(f"![{block.caption}]({name}_{block.name}.svg)\n\n{block.caption}")
     return "\n\n".join(part for part in parts if part) + "\n"
 
@@ -136,7 +136,7 @@ def _markdown_tiles(tiles: Sequence[Tile]) -> str:
     return "\n".join(f"- {mark[t.met]}**{t.value}** {t.label}" + (f" ({t.note})" if t.note else "") for t in tiles)
 
 
-def to_html(document: Document) -> str:
+def to_html(document: ReportPage) -> str:
     """The document as one HTML page."""
     body = "\n".join(_html(block) for block in document.blocks)
     return _PAGE.format(title=html.escape(document.title), style=_STYLE, about=_inline(document.about), body=body)
@@ -146,7 +146,7 @@ def _html(block: Block) -> str:
     match block:
         case Heading(text, level):
             return f"<h{level}>{_inline(text)}</h{level}>"
-        case Text(text, note):
+        case Paragraph(text, note):
             return f"<p{' class=note' if note else ''}>{_inline(text)}</p>"
         case Bullets(items):
             return "<ul>" + "".join(f"<li>{_inline(item)}</li>" for item in items) + "</ul>"
@@ -154,7 +154,7 @@ def _html(block: Block) -> str:
             return _html_table(block)
         case Tiles(tiles):
             return '<div class="tiles">' + "".join(map(_html_tile, tiles)) + "</div>"
-        case Picture():
+        case SvgPlot():
             drawn = block.svg[block.svg.index("<svg") :]
             return f"<figure>{drawn}<figcaption>{_inline(block.caption)}</figcaption></figure>"
 

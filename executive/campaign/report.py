@@ -7,7 +7,7 @@ from collections import Counter, defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from executive.campaign.document import Bullets, Document, Heading, Picture, Table, Text
+from executive.campaign.document import Bullets, Heading, Paragraph, ReportPage, SvgPlot, Table
 from executive.campaign.plots import Plot, rate_map, spread
 from executive.campaign.run import succeeded
 from executive.campaign.spec import Campaign
@@ -77,14 +77,14 @@ def commits(results: Sequence[Result]) -> str:
     return "commits " + ", ".join(f"`{commit}` ({count} runs)" for commit, count in found.most_common())
 
 
-def report(campaign: Campaign, results: Sequence[Result]) -> Document:
+def report(campaign: Campaign, results: Sequence[Result]) -> ReportPage:
     """The whole report."""
-    document = Document(
+    document = ReportPage(
         f"Campaign {campaign.name}",
         f"{len(results)} of {len(campaign.runs)} runs, made at {commits(results)}." if results else "No runs yet.",
     )
     if campaign.description:
-        document.add(Text(campaign.description))
+        document.add(Paragraph(campaign.description))
     by_arm: dict[str, list[Result]] = {name: [] for name in campaign.arms}
     for result in results:
         by_arm[result["arm"]].append(result)
@@ -99,7 +99,7 @@ def report(campaign: Campaign, results: Sequence[Result]) -> Document:
     document.add(Heading("Time, skill by skill"), *(by_skill(campaign, name, runs) for name, runs in by_arm.items()))
     document.add(Heading("Failures"), *failures(campaign, results))
     document.add(
-        Text(
+        Paragraph(
             "Rates stand with Wilson's 95 % interval, medians with that of the percentile bootstrap "
             "(2000 resamples), means with Student's.",
             note=True,
@@ -118,7 +118,7 @@ def overview(campaign: Campaign, by_arm: Mapping[str, Sequence[Result]]) -> Tabl
     return Table(("arm", "success", "robot time, median [s]", "wall time, median [s]"), tuple(rows))
 
 
-def comparison(campaign: Campaign, by_arm: Mapping[str, Sequence[Result]]) -> list[Text | Bullets]:
+def comparison(campaign: Campaign, by_arm: Mapping[str, Sequence[Result]]) -> list[Paragraph | Bullets]:
     """Each arm beside the first, on the same seeds of the same combinations."""
     first, *others = by_arm
     good = {name: {_place(run): succeeded(run, campaign.conditions) for run in runs} for name, runs in by_arm.items()}
@@ -139,12 +139,12 @@ def _place(run: Result) -> tuple[object, ...]:
     return (*sorted(run["varied"].items()), run.get("number"))
 
 
-def success_maps(campaign: Campaign, by_arm: Mapping[str, Sequence[Result]]) -> list[Picture | Table]:
+def success_maps(campaign: Campaign, by_arm: Mapping[str, Sequence[Result]]) -> list[SvgPlot | Table]:
     """Success over the first two things that vary, as a picture and as tables."""
     keys = list(campaign.vary)
     if not keys:
         return []
-    blocks: list[Picture | Table] = []
+    blocks: list[SvgPlot | Table] = []
     if len(keys) >= 2:
         rows, columns = campaign.vary[keys[0]], campaign.vary[keys[1]]
         across = min(2, len(by_arm))
@@ -155,7 +155,7 @@ def success_maps(campaign: Campaign, by_arm: Mapping[str, Sequence[Result]]) -> 
             for axes in plot.axes[len(by_arm) :]:
                 axes.set_visible(False)
         caption = f"Success in per cent: {keys[0]} down, {keys[1]} across."
-        blocks.append(Picture("success", plot.svg, caption))
+        blocks.append(SvgPlot("success", plot.svg, caption))
     for name, runs in by_arm.items():
         blocks.append(_rates(campaign, name, runs, keys))
     return blocks
@@ -186,7 +186,7 @@ def _rates(campaign: Campaign, name: str, runs: Sequence[Result], keys: Sequence
     return Table((corner, *columns, "all"), tuple(rows), name)
 
 
-def spreads(campaign: Campaign, by_arm: Mapping[str, Sequence[Result]]) -> list[Picture]:
+def spreads(campaign: Campaign, by_arm: Mapping[str, Sequence[Result]]) -> list[SvgPlot]:
     """The first figures, arm beside arm."""
     good = {name: _good(campaign, runs) for name, runs in by_arm.items()}
     shown = [
@@ -201,7 +201,7 @@ def spreads(campaign: Campaign, by_arm: Mapping[str, Sequence[Result]]) -> list[
             spread(axes, groups, name)
             axes.set_ylim(bottom=min(0.0, *(min(v) for v in groups.values() if v)))
     return [
-        Picture(
+        SvgPlot(
             "figures", plot.svg, "Each dot a successful run; the line is the median, the box holds the middle half."
         )
     ]
@@ -233,12 +233,12 @@ def by_skill(campaign: Campaign, arm: str, runs: Sequence[Result]) -> Table:
     return Table(("skill", "robot, median [s]", "computing, median [s]"), tuple(rows), arm)
 
 
-def failures(campaign: Campaign, results: Sequence[Result]) -> list[Table | Text]:
+def failures(campaign: Campaign, results: Sequence[Result]) -> list[Table | Paragraph]:
     """Failures by arm and code, each with an instance and the command that repeats it."""
     orders = {run.name: run.order for run in campaign.runs}
     bad = [run for run in results if not succeeded(run, campaign.conditions)]
     if not bad:
-        return [Text("None.")]
+        return [Paragraph("None.")]
 
     def code_of(run: Result) -> str:
         return failure_code(run, campaign.conditions)

@@ -34,7 +34,7 @@ def main(options: argparse.Namespace) -> int:
 
 
 @dataclass(frozen=True, slots=True)
-class Words:
+class CommandWords:
     """What can be typed after a command: `path` is "" for pomona itself, else "runs list".
 
     `values` are the words after an option, or (below "") as a positional; what has none takes files.
@@ -46,7 +46,7 @@ class Words:
     values: dict[str, tuple[str, ...]]
 
 
-def words_of(parser: argparse.ArgumentParser, path: str = "") -> Iterator[Words]:
+def words_of(parser: argparse.ArgumentParser, path: str = "") -> Iterator[CommandWords]:
     """Of a parser and of all below it."""
     below = list(children(parser))
     options: dict[str, str] = {}
@@ -61,7 +61,7 @@ def words_of(parser: argparse.ArgumentParser, path: str = "") -> Iterator[Words]
                 values[name] = found
         if not action.option_strings and found:
             values[""] = (*values.get("", ()), *found)
-    yield Words(path, {name: about for name, about, _child in below}, options, values)
+    yield CommandWords(path, {name: about for name, about, _child in below}, options, values)
     for name, _about, child in below:
         yield from words_of(child, f"{path} {name}".strip())
 

@@ -7,7 +7,7 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
-from executive.campaign.document import Bullets, Document, Heading, Table, Text
+from executive.campaign.document import Bullets, Heading, Paragraph, ReportPage, Table
 from executive.commands.command_line import add_records_folder
 from executive.errors import UsageError
 from executive.files import installed_trees
@@ -70,13 +70,13 @@ def _records(name: str, root: Path) -> list[Path]:
     return [find_record(name, root)]
 
 
-def document(evidence: Evidence) -> Document:
+def document(evidence: Evidence) -> ReportPage:
     """The evidence as a report."""
     runs = evidence.runs
     outcomes = Counter(str(run["outcome"]) for run in runs)
     cells = Counter(f"{run['cell']} ({run['cell_kind']})" for run in runs)
-    report = Document("Evidence", f"{len(runs)} runs: {_counted(outcomes)}; cells: {_counted(cells)}")
-    report.add(Text(f"Commits: {_counted(Counter(str(run['git'] or 'unknown') for run in runs))}."))
+    report = ReportPage("Evidence", f"{len(runs)} runs: {_counted(outcomes)}; cells: {_counted(cells)}")
+    report.add(Paragraph(f"Commits: {_counted(Counter(str(run['git'] or 'unknown') for run in runs))}."))
     rows = [
         (hazard.name, hazard.node, _limit(measured, hazard.unit), _largest(measured, hazard.unit), _where(measured),
          f"{measured.beyond} of {measured.runs}", hazard.meaning)
@@ -88,7 +88,7 @@ def document(evidence: Evidence) -> Document:
     acted = [run for run in runs if run["interventions"]]
     report.add(Heading("Interventions of operators"))
     log = [(str(run["run"]), str(run["interventions"]), str(run["interventions_digest"])) for run in acted]
-    report.add(Table(("run", "entries", "digest of the log"), tuple(log), words=True) if log else Text("None."))
+    report.add(Table(("run", "entries", "digest of the log"), tuple(log), words=True) if log else Paragraph("None."))
     report.add(Heading("Records"))
     listed = [(str(run["run"]), str(run["outcome"]), str(run["sha256"])) for run in runs]
     report.add(Table(("run", "outcome", "SHA-256 of its file"), tuple(listed), words=True))

@@ -139,7 +139,7 @@ def _same(given: str, expected: str) -> bool:
     return secrets.compare_digest(given.encode(errors="replace"), expected.encode())
 
 
-class Guard:
+class RequestGuard:
     """Middleware: refuses foreign hosts and origins, and adds the protective headers to every answer."""
 
     def __init__(self, app: ASGIApp, access: Access) -> None:

@@ -30,7 +30,7 @@ from executive.dashboard.control_lock import ControlLock, RefusedError
 from executive.dashboard.hub import Hub, Viewer
 from executive.dashboard.presses import Presses, now, text
 from executive.dashboard.record_messages import between, cloud, image, overview, record_messages
-from executive.dashboard.security import Access, Guard
+from executive.dashboard.security import Access, RequestGuard
 from executive.errors import PomonaError, UsageError
 from executive.recording.folder import EVENTS_FILE
 from executive.recording.index import RunIndex, records_in
@@ -96,7 +96,7 @@ class Dashboard:
                 WebSocketRoute("/live", self._live),
                 Mount("/static", StaticFiles(directory=STATIC)),
             ],
-            middleware=[Middleware(Guard, access=access)],
+            middleware=[Middleware(RequestGuard, access=access)],
             lifespan=self._lifespan,
         )
 

@@ -13,9 +13,9 @@ from executive.language.expression import (
     Call,
     Constant,
     Expression,
-    Field,
     Index,
     Items,
+    Member,
     Reference,
     Unary,
     references,
@@ -68,7 +68,7 @@ def _cases(expression: Expression, wanted: bool, known: Mapping[str, Any]) -> tu
             return tuple(_merged(one, other) for one in left for other in right)
         case Binary() if expression.operator in _NEGATED:
             return _comparison(expression, wanted, known)
-        case Reference() | Field() | Index():
+        case Reference() | Member() | Index():
             return ({said(expression): Possible(among=frozenset({wanted}))},)
         case _:
             value = _fold(expression, known)
@@ -161,7 +161,7 @@ def said(expression: Expression) -> str:
             return repr(expression.value)
         case Reference():
             return expression.name
-        case Field():
+        case Member():
             return f"{said(expression.of)}.{expression.name}"
         case Index():
             return f"{said(expression.of)}[{said(expression.index)}]"
@@ -180,7 +180,7 @@ def said(expression: Expression) -> str:
 def _looks_inside(expression: Expression) -> bool:
     """Whether it reads a part of a value, which may live on."""
     match expression:
-        case Field() | Index():
+        case Member() | Index():
             return True
         case Unary():
             return _looks_inside(expression.operand)

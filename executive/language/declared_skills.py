@@ -23,7 +23,7 @@ from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import Any
 
-from executive.language.value_types import DECLARED_FIELDS, ListOf, Loose, fields_of
+from executive.language.value_types import DECLARED_FIELDS, ListType, Loose, fields_of
 from executive.ports import REQUIRED, Port, Ports, Quantity
 from executive.registry import GROUP, Registry, replacements
 from executive.skill import Skill
@@ -155,7 +155,7 @@ class _Writer:
             return {"quantity": found.name, "units": dict(found.units)}
         if isinstance(found, Loose):
             return {"loose": found.name}
-        if isinstance(found, ListOf):
+        if isinstance(found, ListType):
             return {"list": self.type_said(found.element), "length": found.length, "array": found.array}
         if found.__module__ == "builtins" and found.__name__ in _PLAIN:
             return found.__name__
@@ -231,7 +231,7 @@ class _Reader:
         if "loose" in said:
             return Loose[said["loose"]]
         if "list" in said:
-            return ListOf(self.type_said(said["list"]), said["length"], said["array"])
+            return ListType(self.type_said(said["list"]), said["length"], said["array"])
         if "class" in said:
             return self.stand_in(said["class"])
         found: Any = import_module(said["module"])

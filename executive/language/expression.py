@@ -36,7 +36,7 @@ class Reference(Expression):
 
 
 @dataclass(frozen=True, slots=True)
-class Field(Expression):
+class Member(Expression):
     """`of.name`: a field of a value."""
 
     of: Expression
@@ -88,7 +88,7 @@ def references(expression: Expression) -> list[Reference]:
     match expression:
         case Reference():
             return [expression]
-        case Field():
+        case Member():
             return references(expression.of)
         case Index():
             return references(expression.of) + references(expression.index)

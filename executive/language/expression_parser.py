@@ -23,9 +23,9 @@ from executive.language.expression import (
     Call,
     Constant,
     Expression,
-    Field,
     Index,
     Items,
+    Member,
     Reference,
     Unary,
 )
@@ -216,7 +216,7 @@ class _Parser:
                 if self.token.kind != "word":
                     raise self.wrong("a field's name is missing after '.'")
                 name = self.take()
-                found = Field(found.offset, name.end, found, name.text)
+                found = Member(found.offset, name.end, found, name.text)
             else:
                 index = self.disjunction()
                 found = Index(found.offset, self.expect("]", "after the index").end, found, index)

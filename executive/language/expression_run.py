@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from enum import Enum
 from typing import Any, Protocol
 
-from executive.language.expression import Binary, Call, Constant, Expression, Field, Index, Items, Reference, Unary
+from executive.language.expression import Binary, Call, Constant, Expression, Index, Items, Member, Reference, Unary
 from executive.reasons import NoValue
 
 Getter = Callable[[], Any]
@@ -50,7 +50,7 @@ def compile_expression(expression: Expression, scope: RunScope) -> Getter:
             return lambda: value
         case Reference():
             return scope.getter(expression.name)
-        case Field():
+        case Member():
             return _field(compile_expression(expression.of, scope), expression.name)
         case Index():
             return _apply(operator.getitem, expression.of, expression.index, scope)

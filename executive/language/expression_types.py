@@ -6,12 +6,12 @@ from collections.abc import Iterable, Mapping
 from enum import Enum
 from typing import Protocol
 
-from executive.language.expression import Binary, Call, Constant, Expression, Field, Index, Items, Reference, Unary
+from executive.language.expression import Binary, Call, Constant, Expression, Index, Items, Member, Reference, Unary
 from executive.language.value_types import (
     ANY,
     NONE,
     SI_NUMBER,
-    ListOf,
+    ListType,
     ValueType,
     can_flow,
     comparable,
@@ -47,13 +47,13 @@ def type_of(expression: Expression, scope: TypeScope) -> ValueType:
             return _constant(expression)
         case Reference():
             return scope.type_of(expression)
-        case Field():
+        case Member():
             return _field(expression, scope)
         case Index():
             return _index(expression, scope)
         case Items():
             kinds = {type_of(item, scope) for item in expression.items}
-            return ListOf(kinds.pop() if len(kinds) == 1 else ANY)
+            return ListType(kinds.pop() if len(kinds) == 1 else ANY)
         case Unary(operator="not"):
             _require_bool(expression.operand, scope, "'not'")
             return bool
@@ -78,7 +78,7 @@ def _constant(constant: Constant) -> ValueType:
     return NONE if constant.value is None else type(constant.value)
 
 
-def _field(expression: Field, scope: TypeScope) -> ValueType:
+def _field(expression: Member, scope: TypeScope) -> ValueType:
     of = type_of(expression.of, scope)
     fields = fields_of(of)
     if fields is None or (isinstance(of, type) and issubclass(of, Mapping)):
@@ -100,7 +100,7 @@ def _index(expression: Index, scope: TypeScope) -> ValueType:
     if element is None:
         scope.report(expression.of, "expression-type", f"{describe(of)} has no elements")
         return ANY
-    length, at = (of.length if isinstance(of, ListOf) else None), _whole_number(expression.index)
+    length, at = (of.length if isinstance(of, ListType) else None), _whole_number(expression.index)
     if length is not None and at is not None and not -length <= at < length:
         message = f"there is no element {at}: this has {length}"
         scope.report(expression.index, "no-element", message, f"the first is 0, the last {length - 1}")
@@ -210,7 +210,7 @@ def _check_symbols(value: Expression, value_type: ValueType, other: Expression, 
     known: set[str] | None = None
     if isinstance(value_type, type) and issubclass(value_type, Enum):
         known = {word for member in value_type for word in (member.name, str(member.value))}
-    elif isinstance(value, Field) and value.name == "code" and isinstance(value.of, Reference):
+    elif isinstance(value, Member) and value.name == "code" and isinstance(value.of, Reference):
         codes = scope.failure_codes() if value.of.name == "failure" else None
         known = None if codes is None else set(codes)
     if known is None:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from executive.language.expression import SPECIAL
 from executive.language.groot_files import Forest
-from executive.language.groot_keys import NAME, Constant, Keys, ScriptError, small
+from executive.language.groot_keys import NAME, GivenText, KeyNames, ScriptError, small
 from executive.language.groot_names import BUILTIN, LITERAL, NEEDED, node_name, tree_names
 from executive.language.groot_scripts import assignments_of, condition_of, statements_of
 from executive.language.xml_nodes import XmlElement
@@ -19,7 +19,7 @@ from executive.nodes.calls import SKILL
 from executive.nodes.catalogue import NodeTypes
 from executive.ports import TIME
 from executive.values.findings import Finding, Findings
-from executive.values.yaml_text import Flow, block, flow
+from executive.values.yaml_text import YamlText, block, flow
 
 _ATTRIBUTES = ("name", "ID", "_description", "_autoremap", "_fullpath", "_uid")
 _LOOPS = ("LoopInt", "LoopDouble", "LoopBool", "LoopString")
@@ -65,7 +65,7 @@ class _Importer:
     def __init__(self, forest: Forest, types: NodeTypes) -> None:
         self.forest, self.findings, self.types = forest, forest.findings, types
         self.names = tree_names(forest.trees, self.types)
-        self.keys = Keys(set())
+        self.keys = KeyNames(set())
         self.labels: set[str] = set()
         """What nodes of the tree that is being read are called."""
         self.inside: list[str] = []
@@ -76,7 +76,7 @@ class _Importer:
 
     def file(self) -> str:
         forest, main = self.forest, self.forest.main
-        top: Words = {"pomona": Flow("1"), "tree": self.names[main]}
+        top: Words = {"pomona": YamlText("1"), "tree": self.names[main]}
         top.update(self.interface(forest.models.get(main)))
         top["root"] = self.tree(main)
         subtrees = {
@@ -121,7 +121,7 @@ class _Importer:
             self.findings.error(tree, "xml", f"a <BehaviorTree> has one child, this one {len(tree.children)}")
             return {"succeed": {}}
         words = {word for text in self.forest.texts for word in re.findall(r"\w+", text)}
-        self.keys, self.labels, self.inside = Keys({*words, *SPECIAL}), set(), [tree_id]
+        self.keys, self.labels, self.inside = KeyNames({*words, *SPECIAL}), set(), [tree_id]
         return self.node(tree.children[0])
 
     # ------------------------------------------------------------------------------------------- nodes
@@ -219,8 +219,8 @@ class _Importer:
             wires.setdefault(port.get("name"), port.get("default"))
         outer, known = self.keys, {n: n if t == "{=}" else t[1:-1] for n, t in wires.items() if _KEY.fullmatch(t)}
         known |= {name: name for name, text in wires.items() if text == "{=}"}
-        given: dict[str, str | Constant] = {n: known.get(n) or Constant(t) for n, t in wires.items()}
-        self.keys = Keys(outer.taken, outer, given, shares, f"{small(self.names[called])}_")
+        given: dict[str, str | GivenText] = {n: known.get(n) or GivenText(t) for n, t in wires.items()}
+        self.keys = KeyNames(outer.taken, outer, given, shares, f"{small(self.names[called])}_")
         self.inside.append(called)
         self.written_out.add(called)
         found = self.node(tree.children[0])
@@ -251,7 +251,7 @@ class _Importer:
         return steps[0] if len(steps) == 1 else {"sequence": steps}
 
     def assigned(self, script: str) -> list[Words]:
-        return [{"set": Flow(flow({name: value}))} for name, value in assignments_of(script, self.keys)]
+        return [{"set": YamlText(flow({name: value}))} for name, value in assignments_of(script, self.keys)]
 
     def assignment(self, element: ElementIn) -> Words:
         """`SetBlackboard` copies a text or a wire to a key."""
@@ -261,7 +261,7 @@ class _Importer:
             return element.refuse(str(error))
         if not element.get("output_key") or "value" not in element.attributes:
             return element.refuse("names no key, or no value")
-        return {"set": Flow(flow({key: element.value("value")}))}
+        return {"set": YamlText(flow({key: element.value("value")}))}
 
     def attempt(self, element: ElementIn) -> Words:
         """`TryCatch`: a sequence; when it fails the last child runs, and it has failed all the same."""
@@ -287,7 +287,7 @@ class _Importer:
             if items or at_the_end not in ("FAILURE", "SKIPPED"):
                 return element.refuse(f"ends as {at_the_end} when it is empty")
             return {"fail": {}} if at_the_end == "FAILURE" else {"succeed": {}, "disabled": True}
-        return element.wrap(children[0], "for_each", Flow(f"[{', '.join(items)}]"), {"as": key})
+        return element.wrap(children[0], "for_each", YamlText(f"[{', '.join(items)}]"), {"as": key})
 
     def precondition(self, element: ElementIn) -> Words:
         """`Precondition`: looks once at its start."""
@@ -420,7 +420,7 @@ def _own(model: XmlElement) -> XmlElement | None:
 
 
 def _value(text: str) -> object:
-    return Flow(text.removeprefix(LITERAL)) if text.startswith(LITERAL) else text
+    return YamlText(text.removeprefix(LITERAL)) if text.startswith(LITERAL) else text
 
 
 def _duration(milliseconds: str) -> str:
@@ -434,10 +434,10 @@ def _duration(milliseconds: str) -> str:
 
 def _declared(port: object) -> object:
     if isinstance(port, str):
-        return Flow(port or "null")
+        return YamlText(port or "null")
     if not isinstance(port, dict):
-        return Flow("null")
+        return YamlText("null")
     found: Words = {}
     for key, value in port.items():
-        found[str(key)] = Flow(value) if key in ("default", "min", "max") and isinstance(value, str) else value
+        found[str(key)] = YamlText(value) if key in ("default", "min", "max") and isinstance(value, str) else value
     return found["type"] if list(found) == ["type"] else found

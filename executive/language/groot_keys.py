@@ -19,7 +19,7 @@ class ScriptError(ValueError):
 
 
 @dataclass(frozen=True, slots=True)
-class Constant:
+class GivenText:
     """What stands for a key of a subtree that is called with a text instead of a key."""
 
     text: str
@@ -44,7 +44,7 @@ def small(name: str) -> str:
 
 
 @dataclass(slots=True)
-class Keys:
+class KeyNames:
     """What the keys of one tree are called here; of a subtree that is written out where it is called, its own as well.
 
     Attributes:
@@ -56,17 +56,17 @@ class Keys:
     """
 
     taken: set[str]
-    outer: Keys | None = None
-    wires: Mapping[str, str | Constant] = field(default_factory=dict)
+    outer: KeyNames | None = None
+    wires: Mapping[str, str | GivenText] = field(default_factory=dict)
     shares: bool = False
     prefix: str = ""
     given: dict[str, str] = field(default_factory=dict)
 
-    def meaning(self, key: str) -> str | Constant:
+    def meaning(self, key: str) -> str | GivenText:
         """A key's name here, or the constant that stands for it."""
         if self.outer is not None and key in self.wires:
             wired = self.wires[key]
-            return wired if isinstance(wired, Constant) else self.outer.meaning(wired)
+            return wired if isinstance(wired, GivenText) else self.outer.meaning(wired)
         if self.outer is not None and self.shares and not key.startswith("_"):
             return self.outer.meaning(key)
         if key not in self.given:
@@ -91,7 +91,7 @@ class Keys:
             ScriptError: the key is a constant of the caller's.
         """
         found = self.meaning(key)
-        if isinstance(found, Constant):
+        if isinstance(found, GivenText):
             raise ScriptError(f"writes '{key}', which the caller gives as a text")
         return found
 
@@ -102,7 +102,7 @@ class Keys:
             ScriptError: expressions have no words for it.
         """
         found = self.meaning(key)
-        return found.expression if isinstance(found, Constant) else f"{{{found}}}"
+        return found.expression if isinstance(found, GivenText) else f"{{{found}}}"
 
     def wired(self, text: str) -> str:
         """An attribute with the keys in it as they are called here."""
@@ -110,4 +110,4 @@ class Keys:
             return text
         whole = _WIRE.fullmatch(text)
         found = self.meaning(whole[1]) if whole is not None else ""
-        return found.text if isinstance(found, Constant) else _WIRE.sub(lambda wire: self.read(wire[1]), text)
+        return found.text if isinstance(found, GivenText) else _WIRE.sub(lambda wire: self.read(wire[1]), text)

@@ -8,7 +8,7 @@ from typing import Any
 
 from executive.language.expression_parser import ExpressionSyntaxError, parse_expression
 from executive.language.expression_run import compile_expression
-from executive.language.groot_keys import NAME, Keys, ScriptError
+from executive.language.groot_keys import NAME, KeyNames, ScriptError
 from executive.reasons import NoValue
 from executive.values.yaml_text import scalar
 
@@ -21,7 +21,7 @@ _ASSIGNMENT = re.compile(r"\s*([A-Za-z_]\w*)\s*(:=|=|\+=|-=|\*=|/=)(?!=)(.*)", r
 _STATEMENT = re.compile(r"(?:'[^']*'|[^';])+")
 
 
-def condition_of(script: str, keys: Keys) -> str:
+def condition_of(script: str, keys: KeyNames) -> str:
     """An expression.
 
     Raises:
@@ -43,7 +43,7 @@ def condition_of(script: str, keys: Keys) -> str:
     return found
 
 
-def _word(match: re.Match[str], keys: Keys) -> str:
+def _word(match: re.Match[str], keys: KeyNames) -> str:
     name = match["name"]
     if name is not None:
         return str(name) if name in ("true", "false") else keys.read(name)
@@ -56,7 +56,7 @@ def statements_of(script: str) -> list[str]:
     return [part for part in _STATEMENT.findall(script) if part.strip()]
 
 
-def assignments_of(script: str, keys: Keys) -> list[tuple[str, str]]:
+def assignments_of(script: str, keys: KeyNames) -> list[tuple[str, str]]:
     """Names with the values that a script gives them, in order.
 
     Raises:

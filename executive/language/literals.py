@@ -14,7 +14,7 @@ from executive.language.value_types import (
     ANY,
     DECLARED_FIELDS,
     SI_NUMBER,
-    ListOf,
+    ListType,
     NotLoadedError,
     ValueType,
     describe,
@@ -121,7 +121,7 @@ def _scalar(node: YamlScalar, value_type: Any, choices: tuple[str, ...]) -> Any:
     elif isinstance(value_type, type) and issubclass(value_type, Enum):
         return _member(node, text, value_type)
     wanted = describe(value_type)
-    if isinstance(value_type, (ListOf, type)) and value_type not in (bool, int, float):
+    if isinstance(value_type, (ListType, type)) and value_type not in (bool, int, float):
         raise LiteralError(node, f"{wanted} is needed here, '{text}' is a word", f'wire a port: "{{{text}}}"')
     hints: dict[object, str] = {bool: "write true or false", int: "write a whole number", float: "write a number"}
     raise LiteralError(node, f"'{text}' is not {wanted}", hints.get(value_type, ""))
@@ -148,7 +148,7 @@ def _member(node: YamlScalar, text: str, enum: type[Any]) -> Any:
 def _list(node: YamlList, value_type: ValueType) -> Any:
     if is_array(value_type):
         return _array(node)
-    if isinstance(value_type, ListOf):
+    if isinstance(value_type, ListType):
         return tuple(literal(item, value_type.element) for item in node.items)
     if value_type in (ANY, object, tuple):
         return tuple(literal(item, ANY) for item in node.items)

@@ -16,7 +16,7 @@ from executive.language.literals import LiteralError, literal
 from executive.language.mocks import MockResult, Placeholder
 from executive.language.model import Document
 from executive.language.names_of_nodes import skills_by_node
-from executive.language.value_types import ANY, ListOf, ValueType, describe, fields_of
+from executive.language.value_types import ANY, ListType, ValueType, describe, fields_of
 from executive.ports import TIME
 from executive.registry import Registry
 from executive.skill import Skill
@@ -313,7 +313,7 @@ def stand_in(node: YamlNode, value_type: ValueType, findings: Findings) -> Any:
     Raises:
         LiteralError: it is no value of the type.
     """
-    if isinstance(node, YamlList) and isinstance(value_type, ListOf):
+    if isinstance(node, YamlList) and isinstance(value_type, ListType):
         return tuple(stand_in(item, value_type.element, findings) for item in node.items)
     fields = fields_of(value_type)
     if isinstance(node, YamlMapping) and fields:

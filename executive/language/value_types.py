@@ -33,7 +33,7 @@ class Loose(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class ListOf:
+class ListType:
     """A list, tuple or array of values of one type.
 
     Attributes:
@@ -47,7 +47,7 @@ class ListOf:
     array: bool = False
 
 
-ValueType = type[Any] | Quantity | Loose | ListOf
+ValueType = type[Any] | Quantity | Loose | ListType
 ANY, SI_NUMBER, NONE = Loose.ANY, Loose.SI_NUMBER, Loose.NONE
 
 
@@ -55,7 +55,7 @@ def describe(value_type: ValueType) -> str:
     """The type for people: `a length`, `an int`, `a list of grasp`."""
     if isinstance(value_type, Loose):
         return value_type.value
-    if isinstance(value_type, ListOf):
+    if isinstance(value_type, ListType):
         if value_type.array:
             return "an array"
         return "a list" if value_type.element is ANY else f"a list of {_bare(value_type.element)}"
@@ -85,13 +85,13 @@ def can_flow(source: ValueType, target: ValueType) -> bool:
         return source is SI_NUMBER or (target == RATIO and source in (int, float))
     if target is float:
         return source in (int, SI_NUMBER) or source == RATIO
-    if isinstance(source, ListOf):
+    if isinstance(source, ListType):
         if source.array:
-            return is_array(target) or (isinstance(target, ListOf) and can_flow(source.element, target.element))
-        if isinstance(target, ListOf):
+            return is_array(target) or (isinstance(target, ListType) and can_flow(source.element, target.element))
+        if isinstance(target, ListType):
             return can_flow(source.element, target.element)
         return isinstance(target, type) and issubclass(target, (list, tuple, Sequence))
-    if isinstance(target, ListOf):
+    if isinstance(target, ListType):
         return is_array(source) if target.array else isinstance(source, type) and issubclass(source, (list, tuple))
     if isinstance(source, type) and isinstance(target, type):
         if source is bool or target is bool:
@@ -117,7 +117,7 @@ def element_type(container: ValueType) -> ValueType | None:
     """Type of an element; None when the type holds no elements."""
     if container is ANY:
         return ANY
-    if isinstance(container, ListOf):
+    if isinstance(container, ListType):
         return container.element
     if isinstance(container, type):
         if container.__module__.split(".")[0] == "numpy":
@@ -180,7 +180,7 @@ def from_annotation(annotation: Any) -> ValueType:
         kinds = [argument for argument in arguments if argument is not Ellipsis]
         length = len(kinds) if origin is tuple and kinds and Ellipsis not in arguments else None
         same = bool(kinds) and all(k == kinds[0] for k in kinds)
-        return ListOf(from_annotation(kinds[0]) if same else ANY, length)
+        return ListType(from_annotation(kinds[0]) if same else ANY, length)
     if isinstance(origin, type):
         return origin
     if annotation is None or annotation is type(None):
@@ -197,6 +197,6 @@ def _annotated_type(arguments: tuple[Any, ...]) -> ValueType:
         if isinstance(word, Array):
             found: ValueType = word.of or SI_NUMBER
             for length in reversed(word.shape):
-                found = ListOf(found, length, array=True)
+                found = ListType(found, length, array=True)
             return found
     return from_annotation(annotation)

@@ -63,7 +63,7 @@ class CutError(PomonaError):
 
 
 @dataclass(frozen=True, slots=True)
-class Piece:
+class TopLevelRecord:
     """One top-level record of the file.
 
     Attributes:
@@ -112,7 +112,7 @@ class Pieces:
             raise DamagedError(0, "it does not begin as an MCAP file")
         self.at = len(MAGIC)
 
-    def __iter__(self) -> Iterator[Piece]:
+    def __iter__(self) -> Iterator[TopLevelRecord]:
         """
         Raises:
             CutError, DamagedError: at the first piece that is not whole.
@@ -128,14 +128,14 @@ class Pieces:
         self._stream.seek(at)
         self.at, self.checked, self._jumped = at, False, True
 
-    def _next(self) -> Piece:
+    def _next(self) -> TopLevelRecord:
         before = self._crc
         opcode, length = HEAD.unpack(self._read(HEAD.size))
         begin = self.at + HEAD.size
         end = begin + length
         if opcode == ATTACHMENT:
             self._pass_attachment(begin, length)
-            return Piece(opcode, self.at, b"", end)
+            return TopLevelRecord(opcode, self.at, b"", end)
         if opcode not in (HEADER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX, METADATA, DATA_END):
             raise DamagedError(self.at, f"no piece of a record has the number {opcode}")
         if end > self.size:
@@ -151,21 +151,21 @@ class Pieces:
             return self._data_end(content, end, before)
         if opcode == MESSAGE_INDEX and (length < 6 or length != 6 + int.from_bytes(content[2:6], "little")):
             raise DamagedError(self.at, "an index of messages has a wrong length")
-        return Piece(opcode, self.at, content, end, checked=opcode != MESSAGE)
+        return TopLevelRecord(opcode, self.at, content, end, checked=opcode != MESSAGE)
 
-    def _chunk(self, content: bytes, end: int) -> Piece:
+    def _chunk(self, content: bytes, end: int) -> TopLevelRecord:
         records, crc, compression = _unpacked(content, self.at)
         if (crc or self._strict) and zlib.crc32(records) != crc:
             raise DamagedError(self.at, "a chunk does not match its checksum")
         newest = int.from_bytes(content[8:16], "little")
-        return Piece(CHUNK, self.at, records, end, crc != 0, bool(compression), newest)
+        return TopLevelRecord(CHUNK, self.at, records, end, crc != 0, bool(compression), newest)
 
-    def _data_end(self, content: bytes, end: int, before: int) -> Piece:
+    def _data_end(self, content: bytes, end: int, before: int) -> TopLevelRecord:
         crc = int.from_bytes(content, "little")
         if len(content) != 4 or ((crc or self._strict) and crc != before and not self._jumped):
             raise DamagedError(self.at, "the data as a whole do not match their checksum")
         self.finished = True
-        return Piece(DATA_END, self.at, content, end, checked=crc == before)
+        return TopLevelRecord(DATA_END, self.at, content, end, checked=crc == before)
 
     def _pass_attachment(self, begin: int, length: int) -> None:
         if begin + length > self.size:

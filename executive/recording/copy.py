@@ -27,8 +27,8 @@ from executive.recording.container import (
     SCHEMA,
     CutError,
     DamagedError,
-    Piece,
     Pieces,
+    TopLevelRecord,
     next_chunk,
     records_of,
 )
@@ -122,7 +122,7 @@ class _Copier:
         begin = pieces.at if lost_since is None else lost_since[0]
         return Copied(self._messages, self._newest / 1e9, pieces.size - begin, tuple(gaps))
 
-    def _copy(self, piece: Piece) -> int | None:
+    def _copy(self, piece: TopLevelRecord) -> int | None:
         """Copy one piece; the oldest time of its messages [ns], if it has any."""
         if piece.opcode == CHUNK:
             stamps = [
@@ -168,7 +168,7 @@ class _Copier:
         self._messages, self._newest = self._messages + 1, max(self._newest, stamp)
         return int(stamp)
 
-    def _attach(self, piece: Piece) -> None:
+    def _attach(self, piece: TopLevelRecord) -> None:
         size = piece.end - piece.at - HEAD.size
         if size > MOST_BYTES:
             raise DamagedError(piece.at, f"an attachment of {size} bytes: at most {MOST_BYTES} are read")

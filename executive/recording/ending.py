@@ -22,7 +22,7 @@ LENGTH = 1024
 _BOOT = Path("/proc/sys/kernel/random/boot_id")
 
 
-class Ending:
+class EndingFile:
     """Keeps the file of one record while it is written."""
 
     def __init__(self, folder: Path) -> None:

@@ -39,7 +39,7 @@ TOPIC = re.compile(rb'"topic":"((?:[^"\\]|\\.)*)","value":\{"type":"(\w+)"')
 
 
 @dataclass(slots=True)
-class Entry:
+class OverviewEntry:
     """One event of an overview: its number, its text, its image's number, and its samples where it stands for more."""
 
     seq: int
@@ -61,7 +61,7 @@ class Overview:
     count: int = 0
     size: int = 0
     """Bytes of what stays."""
-    _kept: dict[Hashable, Entry] = field(default_factory=dict)
+    _kept: dict[Hashable, OverviewEntry] = field(default_factory=dict)
     _state: dict[bytes, tuple[bytes, bytes]] = field(default_factory=dict)
 
     def add(self, seq: int, t: float, content: bytes, image: int = 0) -> None:
@@ -73,14 +73,14 @@ class Overview:
         while t >= self.interval * PARTS and self.interval < _LONGEST:
             self._coarsen()
         place = self._place(seq, t, content)
-        self._keep(place, Entry(seq, content, image))
+        self._keep(place, OverviewEntry(seq, content, image))
         if isinstance(place, tuple) and place[0] == b"SeriesView":
             entry = self._kept[place]
             entry.samples = entry.samples or Extremes()
             entry.samples.add(content)
 
     @property
-    def entries(self) -> list[Entry]:
+    def entries(self) -> list[OverviewEntry]:
         """What stays, in order."""
         return sorted(self._kept.values(), key=lambda entry: entry.seq)
 
@@ -92,7 +92,7 @@ class Overview:
         for entry in self.entries:
             yield b"[%d,%d,%b]\n" % (entry.seq, entry.image, entry.text)
 
-    def _keep(self, place: Hashable, entry: Entry) -> None:
+    def _keep(self, place: Hashable, entry: OverviewEntry) -> None:
         before = self._kept.pop(place, None)
         if before is not None:
             self.size -= len(before.content)

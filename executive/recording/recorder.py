@@ -28,7 +28,7 @@ from mcap.writer import CompressionType, Writer
 
 from executive.encode import encoded, field_names, plain
 from executive.recording.container import LIBRARY
-from executive.recording.ending import Ending
+from executive.recording.ending import EndingFile
 from executive.recording.folder import DEVICES, EVENTS, EVENTS_FILE, RecordError, hash_of
 from executive.recording.interventions import INTERVENTIONS, Chain
 from executive.recording.overview import OVERVIEW, WHOLE_BYTES, Overview
@@ -74,7 +74,7 @@ class Recorder:
             self._path = self.folder / EVENTS_FILE
             self._file = self._path.open("wb", buffering=_BUFFER)
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            self._ending = Ending(self.folder)
+            self._ending = EndingFile(self.folder)
         except OSError as error:
             raise RecordError(f"cannot write {folder / EVENTS_FILE}: {error.strerror}") from error
         self._writer = new_writer(self._file, CompressionType.NONE)

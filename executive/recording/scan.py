@@ -28,8 +28,8 @@ from executive.recording.container import (
     SCHEMA,
     CutError,
     DamagedError,
-    Piece,
     Pieces,
+    TopLevelRecord,
     next_chunk,
     records_of,
 )
@@ -173,7 +173,7 @@ def walk_topics(
     """
     good = (verdict or believed(path)).good
     topics: dict[int, str] = {}
-    chunk: Piece | None = None
+    chunk: TopLevelRecord | None = None
     indexes: list[bytes] = []
     try:
         with open_plain(path) as stream:
@@ -205,7 +205,12 @@ _INDEX_ENTRY = struct.Struct("<QQ")
 
 
 def _indexed(
-    chunk: Piece, indexes: list[bytes], topics: dict[int, str], wanted: Callable[[str], bool], begin: int, end: int
+    chunk: TopLevelRecord,
+    indexes: list[bytes],
+    topics: dict[int, str],
+    wanted: Callable[[str], bool],
+    begin: int,
+    end: int,
 ) -> Iterator[Found]:
     channels = [int.from_bytes(content[:2], "little") for content in indexes]
     if not indexes or not topics.keys() >= set(channels):
@@ -227,7 +232,7 @@ def _indexed(
         yield Found(topic, stamp, content, start + offset)
 
 
-def _message_at(chunk: Piece, offset: int) -> bytes:
+def _message_at(chunk: TopLevelRecord, offset: int) -> bytes:
     if offset + HEAD.size <= len(chunk.content):
         opcode, length = HEAD.unpack_from(chunk.content, offset)
         last = offset + HEAD.size + length
@@ -262,7 +267,7 @@ def attachment(path: Path, name: str, verdict: Verdict) -> bytes | None:
 _ATTACHMENT_HEAD = 20
 
 
-def messages_of(piece: Piece, topics: dict[int, str]) -> Iterator[Found]:
+def messages_of(piece: TopLevelRecord, topics: dict[int, str]) -> Iterator[Found]:
     """The messages of a piece; `topics` are the channels' by number, and grow.
 
     Raises:
@@ -283,7 +288,7 @@ def messages_of(piece: Piece, topics: dict[int, str]) -> Iterator[Found]:
         yield _message(piece, 0, len(piece.content), topics, piece.at)
 
 
-def _message(piece: Piece, begin: int, end: int, topics: dict[int, str], at: int) -> Found:
+def _message(piece: TopLevelRecord, begin: int, end: int, topics: dict[int, str], at: int) -> Found:
     if end - begin < MESSAGE_HEAD.size:
         raise DamagedError(piece.at, "a message has no head")
     channel, _sequence, stamp, _published = MESSAGE_HEAD.unpack_from(piece.content, begin)
@@ -292,7 +297,7 @@ def _message(piece: Piece, begin: int, end: int, topics: dict[int, str], at: int
     return Found(topics[channel], stamp, piece.content[begin + MESSAGE_HEAD.size : end], at)
 
 
-def _add_channel(piece: Piece, begin: int, end: int, topics: dict[int, str]) -> None:
+def _add_channel(piece: TopLevelRecord, begin: int, end: int, topics: dict[int, str]) -> None:
     if end - begin < _CHANNEL_HEAD.size:
         raise DamagedError(piece.at, "a channel has no head")
     channel, _schema, size = _CHANNEL_HEAD.unpack_from(piece.content, begin)
@@ -369,7 +374,7 @@ def _zeros_from(stream: BinaryIO, at: int) -> bool:
     return True
 
 
-def metadata_of(piece: Piece) -> dict[str, dict[str, str]]:
+def metadata_of(piece: TopLevelRecord) -> dict[str, dict[str, str]]:
     """The metadata of a piece, under their name; empty when they cannot be read."""
     words: list[str] = []
     place, content = 0, piece.content

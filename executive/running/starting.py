@@ -16,7 +16,7 @@ class StartCancelledError(PomonaError):
 
 
 @dataclass(frozen=True, slots=True)
-class Stage:
+class StartingStage:
     """What is being done now; `done` of `of` equal steps, where they can be counted."""
 
     what: str = "waiting"
@@ -34,7 +34,7 @@ class Starting:
         self._cancelled: tuple[str, str] | None = None
         self._leaving = False
         self._began = time.monotonic()
-        self.stage: Stage | None = Stage()
+        self.stage: StartingStage | None = StartingStage()
         """What is being prepared, or None: the run is on."""
         self.cell_kind = ""
 
@@ -50,7 +50,7 @@ class Starting:
 
     def reach(self, what: str, done: int = 0, of: int = 0) -> None:
         """Tell what is done next."""
-        self.stage = Stage(what, done, of)
+        self.stage = StartingStage(what, done, of)
         self._changed()
 
     def begin(self) -> None:

@@ -105,7 +105,7 @@ class Supervisor:
             self._lost = "the supervisor process is gone"
 
 
-class Supervision:
+class RunSupervision:
     """A supervisor for a cell that needs one, and nothing for any other."""
 
     def __init__(self, cell: Cell) -> None:

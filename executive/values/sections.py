@@ -38,7 +38,7 @@ class Problem(NamedTuple):
 
 
 @runtime_checkable
-class Judged(Protocol):
+class SelfJudging(Protocol):
     """A section that looks at its values together."""
 
     def problems(self) -> Iterable[Problem]:
@@ -67,7 +67,7 @@ def value(kind: Kind[Any], default: Any = _REQUIRED, help: str = "") -> Any:
 
 
 @dataclass(frozen=True, slots=True)
-class Declared:
+class DeclaredValue:
     """One value that a section may have."""
 
     name: str
@@ -77,13 +77,13 @@ class Declared:
     default: Any
 
 
-def declared(section: type) -> Iterator[Declared]:
+def declared(section: type) -> Iterator[DeclaredValue]:
     """What a section may have, in its order."""
     for field in dataclasses.fields(section):
         if _KIND in field.metadata:
             meta = field.metadata
             default = None if meta["default"] is _REQUIRED else meta["default"]
-            yield Declared(field.name, meta[_KIND], meta["help"], meta["default"] is _REQUIRED, default)
+            yield DeclaredValue(field.name, meta[_KIND], meta["help"], meta["default"] is _REQUIRED, default)
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,7 +154,7 @@ class Section(Kind[S]):
         if refused is not None:
             raise refused
         placed = Placed(self.of(**given), node, reader)
-        for problem in placed.values.problems() if isinstance(placed.values, Judged) else ():
+        for problem in placed.values.problems() if isinstance(placed.values, SelfJudging) else ():
             refused = placed.refuse(problem) or refused
         if refused is not None:
             raise refused

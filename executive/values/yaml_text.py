@@ -11,7 +11,7 @@ _PLAIN = re.compile(r"[A-Za-z0-9_.°%+/²·^-]+( [A-Za-z0-9_.°%+/²·^-]+)*")
 _WIDTH = 110
 
 
-class Flow(str):
+class YamlText(str):
     """Text that is YAML already."""
 
     __slots__ = ()
@@ -19,7 +19,7 @@ class Flow(str):
 
 def scalar(value: object) -> str:
     """One scalar, quoted if it must be."""
-    if isinstance(value, Flow):
+    if isinstance(value, YamlText):
         return str(value)
     if isinstance(value, bool):
         return "true" if value else "false"

@@ -14,7 +14,7 @@ import numpy as np
 
 from skills.motion.planning.arm_space import ArmSpace
 from skills.motion.planning.errors import BadProblem
-from skills.motion.planning.motion_bench_maker import Problem, problem_sets, read_problems
+from skills.motion.planning.motion_bench_maker import PlanningProblem, problem_sets, read_problems
 from skills.motion.planning.planners import PLANNERS, solve
 from skills.motion.planning.shortcut import path_length, shortcut
 from skills.motion.robot import RobotModel
@@ -70,12 +70,12 @@ def _run_and_print(options: argparse.Namespace) -> None:
     sys.stdout.write(f"{'all':32} {summary(everything)}\n")
 
 
-def run_set(problems: Iterable[Problem], planner: str, budget: float, seed: int) -> list[PlannedProblem]:
+def run_set(problems: Iterable[PlanningProblem], planner: str, budget: float, seed: int) -> list[PlannedProblem]:
     """Plan every problem once; times are processor time of planning alone, without shortcuts."""
     return [_attempt(problem, planner, budget, seed) for problem in problems]
 
 
-def _attempt(problem: Problem, planner: str, budget: float, seed: int) -> PlannedProblem:
+def _attempt(problem: PlanningProblem, planner: str, budget: float, seed: int) -> PlannedProblem:
     space = ArmSpace(problem.world, problem.world.shape.model.width_max)
     if not (space.free(problem.q_start) and space.free(problem.q_goal)):
         return PlannedProblem(False, np.nan, np.nan)

@@ -17,7 +17,7 @@ from scipy.ndimage import uniform_filter1d
 from scipy.optimize import least_squares
 
 from drivers.interfaces import WrenchSample
-from skills.grip.errors import TooFewPushes, UnusableRecording
+from skills.grip.errors import TooFewPushes, UnusablePushes
 from skills.grip.grip import Float64
 from skills.grip.limit_surface import SoftContact, least_force
 from skills.grip.pads import PAD_HALF, pad_loads
@@ -304,14 +304,14 @@ def read_recording(path: Path) -> tuple[list[Push], Push | None]:
     `squeeze_width`. Widths may be left out where they are not known.
 
     Raises:
-        UnusableRecording: it is no such file, or an array has another shape or holds values that are not finite.
+        UnusablePushes: it is no such file, or an array has another shape or holds values that are not finite.
         TooFewPushes: the file holds none.
     """
     try:
         with np.load(path, allow_pickle=False) as loaded:
             arrays = {name: np.asarray(loaded[name]) for name in loaded.files}
     except (OSError, ValueError, EOFError, AttributeError, TypeError, BadZipFile) as error:
-        raise UnusableRecording(f"{path}: not a readable .npz file of pushes ({error})") from error
+        raise UnusablePushes(f"{path}: not a readable .npz file of pushes ({error})") from error
     count = sum(name.startswith("wrenches_") for name in arrays)
     pushes = [_push_of(arrays, f"wrenches_{i}", f"width_{i}", path) for i in range(count)]
     if not pushes:
@@ -322,13 +322,13 @@ def read_recording(path: Path) -> tuple[list[Push], Push | None]:
 
 def _push_of(arrays: dict[str, np.ndarray[Any, Any]], wrenches: str, width: str, path: Path) -> Push:
     if wrenches not in arrays:
-        raise UnusableRecording(f"{path}: there is no '{wrenches}': number the pushes 0, 1, 2 …")
+        raise UnusablePushes(f"{path}: there is no '{wrenches}': number the pushes 0, 1, 2 …")
     both = arrays[wrenches]
     if both.dtype.kind not in "fiu" or both.ndim != 3 or both.shape[1:] != (2, 6) or not np.isfinite(both).all():
-        raise UnusableRecording(f"{path}: '{wrenches}' must hold finite numbers of shape (n, 2, 6), not {both.shape}")
+        raise UnusablePushes(f"{path}: '{wrenches}' must hold finite numbers of shape (n, 2, 6), not {both.shape}")
     opening = arrays.get(width, np.full(len(both), np.nan))
     if opening.dtype.kind not in "fiu" or opening.shape != (len(both),):
-        raise UnusableRecording(f"{path}: '{width}' must hold numbers of shape ({len(both)},), not {opening.shape}")
+        raise UnusablePushes(f"{path}: '{width}' must hold numbers of shape ({len(both)},), not {opening.shape}")
     return Push(np.asarray(both, np.float64), np.asarray(opening, np.float64))
 
 

@@ -2,7 +2,7 @@
 
 GripError
 ├── TooFewPushes        a calibration without enough slides
-├── UnusableRecording   a file that holds no pushes
+├── UnusablePushes      a file that holds no pushes
 ├── UnusableRate        a sensor that is too slow or too fast
 └── GuidanceEnded       pushes at a cell that cannot be made
 """
@@ -25,7 +25,7 @@ class TooFewPushes(GripError):
         )
 
 
-class UnusableRecording(GripError):
+class UnusablePushes(GripError):
     """A file of pushes cannot be read."""
 
 

@@ -18,7 +18,7 @@ DONE = "done"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Entry:
+class TalliedFruit:
     """One fruit.
 
     Attributes:
@@ -51,9 +51,9 @@ class Entry:
 class Tally:
     """All fruits so far, in the order in which they were first tried."""
 
-    entries: tuple[Entry, ...] = ()
+    entries: tuple[TalliedFruit, ...] = ()
 
-    def with_entry(self, entry: Entry) -> Tally:
+    def with_entry(self, entry: TalliedFruit) -> Tally:
         """The account with one more try; a fruit that failed before at the same place is the same fruit."""
         for k, known in enumerate(self.entries):
             apart = np.linalg.norm(known.p_base[:2] - entry.p_base[:2])
@@ -63,7 +63,7 @@ class Tally:
         return Tally((*self.entries, entry))
 
     @property
-    def left(self) -> tuple[Entry, ...]:
+    def left(self) -> tuple[TalliedFruit, ...]:
         """Those that came to nothing."""
         return tuple(entry for entry in self.entries if entry.outcome != DONE)
 

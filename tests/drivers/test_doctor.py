@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from drivers.commands.doctor import add, find_cell
-from drivers.doctor import Check, examine
+from drivers.doctor import ReportLine, examine
 
 
 @pytest.fixture
@@ -23,7 +23,7 @@ def frames_cell(tmp_path: Path) -> Path:
     return path
 
 
-def by_name(checks: list[Check]) -> dict[str, Check]:
+def by_name(checks: list[ReportLine]) -> dict[str, ReportLine]:
     return {check.name: check for check in checks}
 
 

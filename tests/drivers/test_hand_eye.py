@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from drivers.hand_eye import Board, UnusableLooks, calibrate_folder, calibrate_hand_eye, find_board
+from drivers.hand_eye import Chessboard, UnusableLooks, calibrate_folder, calibrate_hand_eye, find_board
 from drivers.interfaces import Intrinsics
 
 INTRINSICS = Intrinsics(600.0, 602.0, 319.0, 241.0, 640, 480)
-BOARD = Board(8, 5, 0.03)
+BOARD = Chessboard(8, 5, 0.03)
 
 
 def pose(turn: tuple[float, float, float], place: tuple[float, float, float]) -> np.ndarray:
@@ -106,6 +106,6 @@ def test_a_folder_of_looks_is_calibrated_and_its_file_holds_the_pose(tmp_path: P
     assert json.loads((tmp_path / "hand_eye.json").read_text())["T_mount_camera"] == result.T_tool0_camera.tolist()
     (tmp_path / "look_3.png").unlink()
     with pytest.raises(UnusableLooks, match="turned by 180°"):
-        calibrate_folder(tmp_path, Board(7, 5, 0.03))
+        calibrate_folder(tmp_path, Chessboard(7, 5, 0.03))
     with pytest.raises(UnusableLooks, match="no image of the look 'look_3'"):
         calibrate_folder(tmp_path, BOARD)

@@ -10,7 +10,7 @@ from py_trees.common import Status
 
 from drivers.interfaces import Camera, Frame, Intrinsics
 from executive.clock import ManualClock
-from executive.skill_testing import Outcome, drive
+from executive.skill_testing import SkillEnd, drive
 from skills.detect import Detect
 from skills.geometry import rotation_about, transform
 from skills.perception.detection.cuboid import cuboid_keypoints
@@ -58,7 +58,7 @@ def scripted(monkeypatch: pytest.MonkeyPatch, tmp_path: object) -> list[Instance
     return instances
 
 
-def look(skill: Detect | None = None, shown: Frame | None = None, **inputs: Any) -> Outcome:
+def look(skill: Detect | None = None, shown: Frame | None = None, **inputs: Any) -> SkillEnd:
     camera = OneFrame(shown or frame())
     return drive(skill or Detect(), {"fruit": "apple", **inputs}, devices={Camera: camera})
 
@@ -135,7 +135,7 @@ def test_the_same_fruit_is_known_again_from_another_place(scripted: list[Instanc
 
 
 def test_failures_have_their_codes(scripted: list[Instance]) -> None:
-    def code(outcome: Outcome) -> str:
+    def code(outcome: SkillEnd) -> str:
         assert outcome.status is Status.FAILURE
         assert outcome.reason is not None
         return outcome.reason.code

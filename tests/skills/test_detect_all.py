@@ -10,7 +10,7 @@ from py_trees.common import Status
 
 from drivers.interfaces import Camera, Frame, Intrinsics
 from executive.clock import ManualClock
-from executive.skill_testing import Outcome, drive
+from executive.skill_testing import SkillEnd, drive
 from skills.detect_all import DetectAll
 from skills.geometry import transform
 from skills.perception.detection.errors import BadFrame
@@ -50,7 +50,7 @@ def scripted(monkeypatch: pytest.MonkeyPatch) -> list[Instance]:
     return instances
 
 
-def look(frame: Frame | None = FRAME, now: float = 0.0, **inputs: Any) -> Outcome:
+def look(frame: Frame | None = FRAME, now: float = 0.0, **inputs: Any) -> SkillEnd:
     return drive(DetectAll(), {"fruit": "apple", **inputs}, {Camera: OneFrame(frame)}, clock=ManualClock(now))
 
 

@@ -6,7 +6,7 @@ import pytest
 from py_trees.common import Status
 
 from drivers.mock.fingers import spring_fruit
-from executive.skill_testing import Outcome, drive
+from executive.skill_testing import SkillEnd, drive
 from skills.grip.hold import Hold
 from skills.lift import Lift
 from skills.motion.straight_line import straight_line
@@ -164,7 +164,7 @@ class Standing:
         assert isinstance(hold, Hold)
         self.hold = hold
 
-    def lift(self, **settings: Any) -> Outcome:
+    def lift(self, **settings: Any) -> SkillEnd:
         return drive(
             Lift(), {"hold": self.hold, "acceleration": 0.5}, self.scene.devices, clock=self.scene.clock, **settings
         )

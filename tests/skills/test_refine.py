@@ -10,7 +10,7 @@ import pytest
 from py_trees.common import Status
 
 from drivers.interfaces import Frame, Workspace
-from executive.skill_testing import Outcome, drive
+from executive.skill_testing import SkillEnd, drive
 from executive.views import ImageView
 from skills.geometry import inverse, rot_x, rot_y, transform
 from skills.perception.detection.detection import Detection
@@ -24,7 +24,7 @@ T_BASE_CAMERA = transform(rot_x(2.8), (-0.04, -0.25, 0.60))
 SCALE = 0.85
 
 
-def measure(inputs: dict[str, object], table_z: float | None = None) -> Outcome:
+def measure(inputs: dict[str, object], table_z: float | None = None) -> SkillEnd:
     workspace = Workspace(table_z, np.full(3, -1.0), np.full(3, 1.0))
     return drive(Refine(), inputs, devices={Workspace: workspace})
 

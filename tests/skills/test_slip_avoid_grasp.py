@@ -16,7 +16,7 @@ from drivers.interfaces import ForceSensor, Gripper, WrenchSample
 from drivers.mock.clock import MockClock
 from drivers.mock.fingers import MockForceSensor, spring_fruit
 from drivers.mock.gripper import MockGripper
-from executive.skill_testing import Outcome, drive
+from executive.skill_testing import SkillEnd, drive
 from executive.views import SeriesView
 from skills.grip.errors import UnusableRate
 from skills.grip.grip import GripPhase
@@ -37,7 +37,7 @@ class Rig:
         self.fingers.feel = spring_fruit(self.gripper, width, stiffness)
         self.devices: dict[type, object] = {Gripper: self.gripper, ForceSensor: self.fingers}
 
-    def drive(self, skill: SlipAvoidGrasp | Pivot | None = None, **kwargs: Any) -> Outcome:
+    def drive(self, skill: SlipAvoidGrasp | Pivot | None = None, **kwargs: Any) -> SkillEnd:
         inputs = kwargs.pop("inputs", {})
         return drive(skill or SlipAvoidGrasp(), inputs, self.devices, clock=self.clock, **kwargs)  # type: ignore[arg-type]
 
@@ -59,7 +59,7 @@ class Rig:
         self.fingers.feel = feel
 
 
-def code(outcome: Outcome) -> str:
+def code(outcome: SkillEnd) -> str:
     assert outcome.status is Status.FAILURE
     assert outcome.reason is not None
     assert len(outcome.reason.message) > 20

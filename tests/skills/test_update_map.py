@@ -19,7 +19,7 @@ from drivers.interfaces import (
     Workspace,
 )
 from executive.clock import ManualClock
-from executive.skill_testing import Outcome, drive
+from executive.skill_testing import SkillEnd, drive
 from executive.views import SceneView
 from skills.geometry import transform
 from skills.motion.collision import fruit_points
@@ -91,7 +91,7 @@ def table_with_apple(stamp: float = 0.0) -> tuple[Frame, MeasuredFruit]:
     return frame, measured
 
 
-def run(frame: Frame | None, arm: StillArm | None = None, now: float = 0.1, **inputs: Any) -> Outcome:
+def run(frame: Frame | None, arm: StillArm | None = None, now: float = 0.1, **inputs: Any) -> SkillEnd:
     devices = {
         Camera: OneFrame(frame), Arm: arm or StillArm(OBSERVE), Gripper: OpenGripper(), Workspace: WORKSPACE,
     }  # fmt: skip

@@ -17,7 +17,7 @@ WIDEST_BAND = 1e-3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class FruitSection:
+class CrossSection:
     """The refined shape as the fingers meet it.
 
     Attributes:
@@ -40,7 +40,7 @@ class FruitSection:
     sigma_height: float
 
 
-def fruit_section(measured: MeasuredFruit, vertices_base: Float64, R_base_tcp: Float64) -> FruitSection:
+def fruit_section(measured: MeasuredFruit, vertices_base: Float64, R_base_tcp: Float64) -> CrossSection:
     """Measure the refined shape along a gripper's axes.
 
     Args:
@@ -60,7 +60,7 @@ def fruit_section(measured: MeasuredFruit, vertices_base: Float64, R_base_tcp: F
     touched = measured.dimensions * half  # points from the ellipsoid's centre to where a pad meets it
     oblique = np.arctan2(np.linalg.norm(np.cross(in_object, touched)), in_object @ touched)
     position, size = measured.covariance[:3, :3], measured.covariance[3:, 3:]
-    return FruitSection(
+    return CrossSection(
         width=high - low,
         p_base=measured.T_base_fruit[:3, 3] + R_base_tcp @ centre,
         oblique=float(oblique),

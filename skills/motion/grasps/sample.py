@@ -21,7 +21,7 @@ from skills.motion.grasps.follow_through import (
     START_BLOCKED,
     follow_through,
 )
-from skills.motion.grasps.fruit_section import FruitSection, extent, fruit_section
+from skills.motion.grasps.fruit_section import CrossSection, extent, fruit_section
 from skills.motion.grasps.gripper_shape import GripperShape, gripper_shape
 from skills.motion.grasps.sphere import Sphere, pre_grasp_orientations
 from skills.motion.planning.arm_space import ArmSpace
@@ -179,7 +179,7 @@ def _candidate(setting: _Setting, index: int, theta: float, alpha: float, R_base
     )  # fmt: skip
 
 
-def _opening(setting: _Setting, section: FruitSection) -> float:
+def _opening(setting: _Setting, section: CrossSection) -> float:
     """Opening to approach with: the fruit's width and air on both sides, as far as the gripper opens."""
     wanted, needed = setting.rules.side
     unsure = setting.rules.sigmas * np.hypot(section.sigma_across, section.sigma_width / 2.0)
@@ -192,13 +192,13 @@ def _opening(setting: _Setting, section: FruitSection) -> float:
     return float(min(section.width + 2.0 * (wanted + unsure), setting.robot.width_max))
 
 
-def _clear_palm(setting: _Setting, section: FruitSection) -> None:
+def _clear_palm(setting: _Setting, section: CrossSection) -> None:
     left = setting.shape.palm_depth - section.behind
     if left < setting.rules.palm:
         raise CandidateRejected("TOO_TALL", f"the fruit would be {1e3 * left:.0f} mm from the palm")
 
 
-def _above_table(setting: _Setting, section: FruitSection, T_base_grasp: Float64, width: float) -> Float64:
+def _above_table(setting: _Setting, section: CrossSection, T_base_grasp: Float64, width: float) -> Float64:
     """The grasp, drawn back along the approach until the finger tips clear the table."""
     if setting.table_z is None:
         return T_base_grasp

@@ -1,7 +1,7 @@
 """The occupancy map from depth frames: free, occupied and hidden cells, their ages, and the distance to what blocks."""
 
 from skills.motion.occupancy.camera_pose import check_camera_pose, pose_of_camera
-from skills.motion.occupancy.errors import CameraPoseMismatch, MapEmpty, MapStale, NoDepth, OccupancyError
+from skills.motion.occupancy.errors import CameraPoseMismatch, MapEmpty, MapStale, NothingMeasured, OccupancyError
 from skills.motion.occupancy.integrate import Sensing, integrate
 from skills.motion.occupancy.occupancy_map import FREE, HIDDEN, OCCUPIED, UNKNOWN, OccupancyMap
 
@@ -13,7 +13,7 @@ __all__ = [
     "CameraPoseMismatch",
     "MapEmpty",
     "MapStale",
-    "NoDepth",
+    "NothingMeasured",
     "OccupancyError",
     "OccupancyMap",
     "Sensing",

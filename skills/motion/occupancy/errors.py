@@ -1,7 +1,7 @@
 """What can go wrong with the occupancy map. None of these is ever read as "free".
 
 OccupancyError
-├── NoDepth              a look without depth, or without a valid pixel in the mapped volume
+├── NothingMeasured      a look without depth, or without a valid pixel in the mapped volume
 ├── CameraPoseMismatch   where the camera is said to be contradicts the arm or the table
 ├── MapEmpty             no look has been taken yet
 └── MapStale             the newest look is too old
@@ -14,7 +14,7 @@ class OccupancyError(Exception):
     """Root of this package's errors."""
 
 
-class NoDepth(OccupancyError):
+class NothingMeasured(OccupancyError):
     """A look that says nothing about the mapped volume."""
 
     def __init__(self, label: str, valid: int, inside: int) -> None:

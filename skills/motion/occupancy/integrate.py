@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from drivers.interfaces import Frame, Workspace
 from skills.geometry import inverse
 from skills.motion.collision.convex import Convex
-from skills.motion.occupancy.errors import CameraPoseMismatch, NoDepth
+from skills.motion.occupancy.errors import CameraPoseMismatch, NothingMeasured
 from skills.motion.occupancy.occupancy_map import FREE, HIDDEN, OCCUPIED, UNKNOWN, OccupancyMap
 
 Float32 = NDArray[np.float32]
@@ -72,12 +72,12 @@ def integrate(
         sensing: how the depth image is read.
 
     Raises:
-        NoDepth: the frame has no depth, or none of it lies inside the mapped volume.
+        NothingMeasured: the frame has no depth, or none of it lies inside the mapped volume.
         CameraPoseMismatch: much of what the camera sees would lie below the table.
     """
     how = sensing or Sensing()
     if frame.depth is None:
-        raise NoDepth(frame.label, 0, 0)
+        raise NothingMeasured(frame.label, 0, 0)
     depth = np.require(frame.depth, np.float32, ["C", "W"])  # a read-only image would be compiled for once more
     states, last_look = previous.states.copy(), previous.last_look.copy()
     look = len(previous.stamps)
@@ -98,7 +98,7 @@ def integrate(
     if below > _BELOW_TABLE_SHARE * max(below + inside, 1):
         raise CameraPoseMismatch(f"{below} of {below + inside} points would lie more than 30 mm below the table")
     if inside == 0:
-        raise NoDepth(frame.label, valid, inside)
+        raise NothingMeasured(frame.label, valid, inside)
     T_camera_base = np.ascontiguousarray(inverse(T_base_camera)[:3])
     _carve(
         depth, labels, camera, T_camera_base, previous.origin, previous.resolution,

@@ -32,7 +32,7 @@ _LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Problem:
+class PlanningProblem:
     """One planning problem.
 
     Attributes:
@@ -59,7 +59,7 @@ def problem_sets(folder: Path) -> tuple[Path, ...]:
     return sets
 
 
-def read_problems(folder: Path, robot: RobotModel, limit: int = 0) -> Iterator[Problem]:
+def read_problems(folder: Path, robot: RobotModel, limit: int = 0) -> Iterator[PlanningProblem]:
     """The problems of one set, in order.
 
     Args:
@@ -83,7 +83,7 @@ def _problem(
     request_file: Path,
     scene_file: Path,
     shapes: dict[frozenset[frozenset[str]], RobotShape],
-) -> Problem:
+) -> PlanningProblem:
     request, scene = _read(request_file), _read(scene_file)
     try:
         state = request["start_state"]["joint_state"]
@@ -103,7 +103,7 @@ def _problem(
     if allowed not in shapes:
         shapes[allowed] = RobotShape.of(replace(robot, excluded=robot.excluded | allowed))
     world = CollisionWorld.build(shapes[allowed], obstacles=obstacles, margins=Margins(0.0, 0.0, 0.0, 0.0, 0.0))
-    return Problem(name, world, q_start, q_goal)
+    return PlanningProblem(name, world, q_start, q_goal)
 
 
 def _joints(robot: RobotModel, values: Mapping[str, Any]) -> Float64:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from drivers.interfaces import ArmLimits, Trajectory
 from skills.motion.planning.errors import BadRequest, PlanningFailed
-from skills.motion.planning.planners import PLANNERS, Kind, solve
+from skills.motion.planning.planners import PLANNERS, BudgetUse, solve
 from skills.motion.planning.rounding import time_free_path
 from skills.motion.planning.shortcut import path_length, shortcut
 from skills.motion.planning.space import Space
@@ -178,7 +178,7 @@ def _first_path(request: PlanRequest, goals: Float64, progress: _Progress) -> tu
 
 def _improve(request: PlanRequest, goals: Float64, progress: _Progress) -> Float64 | None:
     """A path by the optimising planner in what is left of the budget."""
-    if PLANNERS[request.planner].kind is Kind.OPTIMISING:
+    if PLANNERS[request.planner].kind is BudgetUse.OPTIMISING:
         return None
     used = progress.iterations / (request.budget * PLANNERS[request.planner].iterations_per_second)
     return _solve(request, request.improve, goals, 1.0 - used, progress)

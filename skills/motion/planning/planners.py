@@ -21,7 +21,7 @@ from skills.motion.planning.space import Space
 Float64 = NDArray[np.float64]
 
 
-class Kind(Enum):
+class BudgetUse(Enum):
     """What a planner does with its budget."""
 
     FEASIBLE = "ends with the first path"
@@ -38,19 +38,19 @@ class PlannerKind:
         ompl: the name of OMPL's class, empty for this project's own.
     """
 
-    kind: Kind
+    kind: BudgetUse
     iterations_per_second: float
     ompl: str = ""
 
 
 PLANNERS: dict[str, PlannerKind] = {
-    "RRTConnect": PlannerKind(Kind.FEASIBLE, 20_000.0),
-    "OMPL_RRTConnect": PlannerKind(Kind.FEASIBLE, 10_000.0, "RRTConnect"),
-    "RRT": PlannerKind(Kind.FEASIBLE, 10_000.0, "RRT"),
-    "KPIECE1": PlannerKind(Kind.FEASIBLE, 10_000.0, "KPIECE1"),
-    "RRTstar": PlannerKind(Kind.OPTIMISING, 4_400.0, "RRTstar"),
-    "InformedRRTstar": PlannerKind(Kind.OPTIMISING, 2_600.0, "InformedRRTstar"),
-    "BITstar": PlannerKind(Kind.OPTIMISING, 50_000.0, "BITstar"),
+    "RRTConnect": PlannerKind(BudgetUse.FEASIBLE, 20_000.0),
+    "OMPL_RRTConnect": PlannerKind(BudgetUse.FEASIBLE, 10_000.0, "RRTConnect"),
+    "RRT": PlannerKind(BudgetUse.FEASIBLE, 10_000.0, "RRT"),
+    "KPIECE1": PlannerKind(BudgetUse.FEASIBLE, 10_000.0, "KPIECE1"),
+    "RRTstar": PlannerKind(BudgetUse.OPTIMISING, 4_400.0, "RRTstar"),
+    "InformedRRTstar": PlannerKind(BudgetUse.OPTIMISING, 2_600.0, "InformedRRTstar"),
+    "BITstar": PlannerKind(BudgetUse.OPTIMISING, 50_000.0, "BITstar"),
 }
 
 
@@ -78,7 +78,7 @@ def solve(
     """
     offered = PLANNERS[planner]
     if offered.ompl:
-        wanted = good_enough if offered.kind is Kind.OPTIMISING else None
+        wanted = good_enough if offered.kind is BudgetUse.OPTIMISING else None
         return solve_by_ompl(space, q_start, q_goals, offered.ompl, iterations, seed, deadline, wanted)
     used, round_ = 0, FIRST_ROUND
     while used < iterations:

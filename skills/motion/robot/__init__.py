@@ -1,16 +1,16 @@
 """The robot model: what a description file says about kinematics, limits and collision geometry."""
 
 from skills.motion.robot.description import Body, Geom
-from skills.motion.robot.errors import BadJoints, BadPose, BadRobotFile, RobotError
+from skills.motion.robot.errors import BadJoints, BadRobotFile, NotAPose, RobotError
 from skills.motion.robot.inverse_kinematics import inverse_kinematics, nearest_solution
 from skills.motion.robot.model import RobotModel
 
 __all__ = [
     "BadJoints",
-    "BadPose",
     "BadRobotFile",
     "Body",
     "Geom",
+    "NotAPose",
     "RobotError",
     "RobotModel",
     "inverse_kinematics",

@@ -3,7 +3,7 @@
 RobotError
 ├── BadRobotFile      an MJCF or URDF that cannot be compiled, or lacks a joint, site or limit that is needed
 ├── BadJoints         joints with a wrong number of values, or values that are not finite
-└── BadPose           a pose that is no finite rigid transform
+└── NotAPose          a pose that is no finite rigid transform
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ class BadJoints(RobotError):
         super().__init__(f"bad joints for an arm of {len(names)} ({', '.join(names)}): {problem}")
 
 
-class BadPose(RobotError):
+class NotAPose(RobotError):
     """A 4 x 4 matrix that is no pose."""
 
     def __init__(self, T: ArrayLike) -> None:

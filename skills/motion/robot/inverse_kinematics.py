@@ -30,7 +30,7 @@ def inverse_kinematics(
             that keeps the arm's posture is among them.
 
     Raises:
-        BadPose, BadJoints: the pose is no rigid transform, or `near` no joints of this arm.
+        NotAPose, BadJoints: the pose is no rigid transform, or `near` no joints of this arm.
     """
     pose = checked_pose(T_base_tcp)
     reference = None if near is None else model.checked(near)
@@ -56,7 +56,7 @@ def nearest_solution(model: RobotModel, T_base_tcp: ArrayLike, near: ArrayLike) 
     For poses close to where the arm stands, as along a straight line: continuous, and fast (some 10 µs).
 
     Raises:
-        BadPose, BadJoints: the pose is no rigid transform, or `near` no joints of this arm.
+        NotAPose, BadJoints: the pose is no rigid transform, or `near` no joints of this arm.
     """
     solutions = descend(model, checked_pose(T_base_tcp), model.checked(near)[None])
     return solutions[0] if len(solutions) else None

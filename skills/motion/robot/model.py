@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from skills.geometry import inverse, is_pose
 from skills.motion.robot import chain
 from skills.motion.robot.description import Body, Description, Geom, read_description
-from skills.motion.robot.errors import BadJoints, BadPose, BadRobotFile
+from skills.motion.robot.errors import BadJoints, BadRobotFile, NotAPose
 
 Float64 = NDArray[np.float64]
 
@@ -162,14 +162,14 @@ def checked_pose(T: ArrayLike) -> Float64:
     """A pose as a contiguous float64 array.
 
     Raises:
-        BadPose: it is no finite rigid transform.
+        NotAPose: it is no finite rigid transform.
     """
     try:
         pose = np.ascontiguousarray(T, dtype=np.float64)
     except (TypeError, ValueError) as error:
-        raise BadPose(T) from error
+        raise NotAPose(T) from error
     if not is_pose(pose):
-        raise BadPose(T)
+        raise NotAPose(T)
     return pose
 
 

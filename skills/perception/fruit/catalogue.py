@@ -74,7 +74,7 @@ def known_fruits(catalogue: Path = CATALOGUE) -> tuple[str, ...]:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class FruitSection:
+class FruitFileSection:
     """A kind of fruit: its CAD model in the object frame, and the weights of its detector."""
 
     name: str = value(Text(), help="its name in the catalogue, as its folder is called")
@@ -113,7 +113,7 @@ class FruitSection:
             yield Problem("mesh", f"the normals of {self.mesh.name} do not all point outwards", "turn its faces")
 
 
-FRUIT = Section(FruitSection)
+FRUIT = Section(FruitFileSection)
 
 
 class _BadMesh(ValueError):
@@ -152,7 +152,7 @@ def load_fruit(name_or_path: str | Path, catalogue: Path = CATALOGUE) -> FruitMo
     )
 
 
-def judge_fruit(file: Path, findings: Findings) -> FruitSection | None:
+def judge_fruit(file: Path, findings: Findings) -> FruitFileSection | None:
     """What a fruit.yaml says; everything that is wrong with it goes to `findings`."""
     written = read_value_file(file, findings, "a fruit file")
     try:

@@ -28,7 +28,7 @@ LEAST_SHARE = 8
 
 
 @dataclass(frozen=True, slots=True)
-class Stage:
+class TrainingStage:
     """One stretch of training; a later stage of a network starts from the averaged weights of the one before.
 
     Attributes:
@@ -74,7 +74,7 @@ class Recipe:
 
     sets: tuple[FrameSet, ...]
     held_out: FrameSet
-    stages: tuple[Stage, ...]
+    stages: tuple[TrainingStage, ...]
 
 
 SHIPPED = Recipe(
@@ -82,13 +82,13 @@ SHIPPED = Recipe(
     sets=(FrameSet(16_000, 1, WITHOUT_TREES), FrameSet(8_000, 2, (0.25, 0.25, 0.0, 0.5))),
     held_out=FrameSet(400, 9001, WITHOUT_TREES),
     stages=(
-        Stage("finder", 1600, 3e-3, 16),
+        TrainingStage("finder", 1600, 3e-3, 16),
         # Upright looks alone teach where stems mostly are, not what they look like; too many turned ones turn over
         # fruit that stands (docs/decisions/detect-network.md).
-        Stage("close_look", 6200, 3e-3, 192, turned=0.2, fall="late"),
+        TrainingStage("close_look", 6200, 3e-3, 192, turned=0.2, fall="late"),
         # The same once more, with trees among the frames and more heaps, where most was still wrong.
-        Stage("finder", 1500, 3e-3, 16, sets=2),
-        Stage("close_look", 5900, 3e-3, 192, turned=0.2, fall="late", sets=2),
+        TrainingStage("finder", 1500, 3e-3, 16, sets=2),
+        TrainingStage("close_look", 5900, 3e-3, 192, turned=0.2, fall="late", sets=2),
     ),
 )
 """What `make train-detect` carries out; how the weights in the repository came about is in docs/model_cards."""
@@ -101,8 +101,8 @@ WITH_PHOTOGRAPHS = Recipe(
     ),
     held_out=FrameSet(60, 9001, WITHOUT_TREES),
     stages=(
-        Stage("finder", 2400, 2e-3, 24, fall="late", sets=3, photos=0.6),
-        Stage("close_look", 2000, 2e-3, 96, turned=0.2, fall="late", sets=3, photos=0.5),
+        TrainingStage("finder", 2400, 2e-3, 24, fall="late", sets=3, photos=0.6),
+        TrainingStage("close_look", 2000, 2e-3, 96, turned=0.2, fall="late", sets=3, photos=0.5),
     ),
 )
 """What `pomona train detect --photos` carries out, from weights that rendered frames gave."""
@@ -223,7 +223,7 @@ def _every(count: int, most: int) -> int:
     return max(1, -(-count // most))
 
 
-def _schedule(stage: Stage) -> Schedule:
+def _schedule(stage: TrainingStage) -> Schedule:
     schedule = Schedule(stage.steps, stage.rate, stage.fall, average=stage.average)
     if not stage.photos:
         return schedule

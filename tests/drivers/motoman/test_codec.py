@@ -11,9 +11,9 @@ from drivers.motoman import codec
 from drivers.motoman.codec import (
     Communication,
     Control,
-    Decoder,
     JointFeedback,
     Message,
+    MessageDecoder,
     MotionControl,
     MotionReply,
     Order,
@@ -74,7 +74,7 @@ def test_a_point_is_laid_out_as_group_sequence_valid_time_and_three_times_ten_jo
 
 @given(st.lists(messages, min_size=1, max_size=4), orders, st.lists(st.integers(1, 100), max_size=10))
 def test_messages_are_found_however_the_stream_is_cut(sent: list[Message], order: Order, cuts: list[int]) -> None:
-    stream, decoder, found, at = b"".join(encode(message, order) for message in sent), Decoder(order), [], 0
+    stream, decoder, found, at = b"".join(encode(message, order) for message in sent), MessageDecoder(order), [], 0
     for size in (*cuts, len(stream)):
         found += decoder.decode(stream[at : at + size])
         at += size
@@ -84,14 +84,14 @@ def test_messages_are_found_however_the_stream_is_cut(sent: list[Message], order
 
 @given(st.binary(max_size=40), messages, orders)
 def test_an_intact_message_behind_garbage_is_found(garbage: bytes, sent: Message, order: Order) -> None:
-    decoder = Decoder(order)
+    decoder = MessageDecoder(order)
     found = decoder.decode(garbage + encode(sent, order)) + decoder.flush()
     assert found[-1] == sent
 
 
 def test_the_wrong_byte_order_is_nonsense_with_its_bytes() -> None:
     wire = encode(Message(RobotStatus(1, 0, 0, 0, 0, 2, 1), Communication.TOPIC), ">")
-    decoder = Decoder("<")
+    decoder = MessageDecoder("<")
     assert decoder.decode(wire) + decoder.flush() == []
     with pytest.raises(Malformed, match="byte order: 00 00 00 28 00 00 00 0d") as caught:
         decoder.complain()
@@ -101,7 +101,7 @@ def test_the_wrong_byte_order_is_nonsense_with_its_bytes() -> None:
 
 def test_a_value_that_is_no_number_is_nonsense() -> None:
     wire = encode(Message(JointFeedback(0, 3, 0.0, (math.nan,)), Communication.TOPIC), "<")
-    decoder = Decoder("<")
+    decoder = MessageDecoder("<")
     assert decoder.decode(wire) == []
     assert decoder.discarded > 0
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from drivers.sim.fingers import SimFingers
-from drivers.sim.score import SLID_OUT, FruitRecord, Grip, Score
+from drivers.sim.score import SLID_OUT, FruitRecord, Grip, Scorer
 
 
 @pytest.mark.parametrize("friction", ["0.5", "0.9"])
@@ -30,7 +30,7 @@ def test_slip_begins_at_the_least_force(open_cell, probe_of, pick_with, friction
     assert 0.94 < pressed[-2] / loads[-2] < 1.01
 
 
-class StandingScore(Score):
+class StandingScore(Scorer):
     """Of a world in which nothing moves, but the fruit where it is put."""
 
     fallen = 0.0

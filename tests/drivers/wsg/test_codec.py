@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from drivers.wire import Malformed
 from drivers.wsg.codec import (
     Command,
-    Grasp,
+    GraspCommand,
     Homing,
     Loop,
     Move,
@@ -26,7 +26,7 @@ from drivers.wsg.codec import (
     encode,
     encode_reply,
 )
-from drivers.wsg.frame import Decoder, WireFrame, checksum, encode_frame
+from drivers.wsg.frame import FrameDecoder, WireFrame, checksum, encode_frame
 
 
 @pytest.mark.parametrize(
@@ -41,7 +41,7 @@ from drivers.wsg.frame import Decoder, WireFrame, checksum, encode_frame
 )
 def test_requests_are_the_bytes_of_the_public_check_frames(request_: Request, wire: str) -> None:
     assert encode(request_) == bytes.fromhex(wire)
-    [frame] = Decoder().decode(bytes.fromhex(wire))
+    [frame] = FrameDecoder().decode(bytes.fromhex(wire))
     assert encode(decode_request(frame)) == bytes.fromhex(wire)
 
 
@@ -60,7 +60,7 @@ requests = st.one_of(
     st.builds(Loop, st.binary(max_size=40)),
     st.builds(Homing, st.integers(0, 2)),
     st.builds(Move, numbers, numbers, st.booleans(), st.booleans()),
-    st.builds(Grasp, numbers, numbers, st.sampled_from([Command.GRASP, Command.RELEASE])),
+    st.builds(GraspCommand, numbers, numbers, st.sampled_from([Command.GRASP, Command.RELEASE])),
     st.builds(SetValue, st.sampled_from([Command.SET_ACCELERATION, Command.SET_FORCE_LIMIT]), numbers),
     st.builds(SetSoftLimits, numbers, numbers),
     st.builds(Observe, st.sampled_from([Command.SYSTEM_STATE, Command.WIDTH]), st.booleans(), st.just(0.02)),
@@ -74,7 +74,7 @@ def close(a: object, b: object) -> bool:
 
 @given(requests)
 def test_a_request_survives_the_wire(request_: Request) -> None:
-    [frame] = Decoder().decode(encode(request_))
+    [frame] = FrameDecoder().decode(encode(request_))
     back = decode_request(frame)
     assert type(back) is type(request_)
     for name in type(request_).__dataclass_fields__:
@@ -94,7 +94,7 @@ def test_a_request_survives_the_wire(request_: Request) -> None:
     ],
 )
 def test_a_reply_survives_the_wire(reply: Reply) -> None:
-    [frame] = Decoder().decode(encode_reply(reply))
+    [frame] = FrameDecoder().decode(encode_reply(reply))
     back = decode_reply(frame)
     assert (back.command, back.status, back.payload) == (reply.command, reply.status, reply.payload)
     assert back.values == pytest.approx(reply.values)
@@ -102,7 +102,7 @@ def test_a_reply_survives_the_wire(reply: Reply) -> None:
 
 @given(st.lists(requests, min_size=1, max_size=5), st.lists(st.integers(1, 20), min_size=1, max_size=20))
 def test_frames_are_found_however_the_stream_is_cut(sent: list[Request], cuts: list[int]) -> None:
-    stream, decoder, frames, at = b"".join(map(encode, sent)), Decoder(), [], 0
+    stream, decoder, frames, at = b"".join(map(encode, sent)), FrameDecoder(), [], 0
     for size in (*cuts, len(stream)):
         frames += decoder.decode(stream[at : at + size])
         at += size
@@ -112,7 +112,7 @@ def test_frames_are_found_however_the_stream_is_cut(sent: list[Request], cuts: l
 
 @given(st.binary(max_size=60), requests, requests)
 def test_intact_frames_behind_garbage_are_found(garbage: bytes, first: Request, second: Request) -> None:
-    decoder = Decoder()
+    decoder = FrameDecoder()
     frames = decoder.decode(garbage + encode(first) + encode(second)) + decoder.flush()
     assert [encode_frame(frame) for frame in frames[-2:]] == [encode(first), encode(second)]
 
@@ -120,7 +120,7 @@ def test_intact_frames_behind_garbage_are_found(garbage: bytes, first: Request, 
 def test_a_damaged_length_does_not_swallow_the_frames_behind_it() -> None:
     damaged = bytearray(encode(Plain(Command.STOP)))
     damaged[4] = 60
-    decoder = Decoder()
+    decoder = FrameDecoder()
     frames = decoder.decode(bytes(damaged) + encode(Homing(1)))
     assert frames == []  # it may still be a long frame …
     assert [frame.command for frame in decoder.flush()] == [Command.HOMING]  # … but the line fell silent

@@ -9,7 +9,7 @@ import pytest
 from drivers.device import ConnectContext
 from drivers.driver import read_settings
 from drivers.emulators.free_gripper import FreeGripper
-from drivers.emulators.server import CanPort, Port, Server, TcpPort
+from drivers.emulators.server import CanPort, Endpoint, Server, TcpPort
 from drivers.emulators.wsg import WsgEmulator
 from drivers.errors import CellFileError
 from drivers.interfaces import MotionState
@@ -21,7 +21,7 @@ from drivers.wsg.transport import CanLink, can_channels
 from executive.clock import SystemClock
 
 
-def serving(port: Port, device: WsgEmulator) -> Iterator[str]:
+def serving(port: Endpoint, device: WsgEmulator) -> Iterator[str]:
     done = threading.Event()
     server = Server([port], [device], time.monotonic)
     thread = threading.Thread(target=server.serve, args=(lambda: not done.is_set(),), daemon=True)

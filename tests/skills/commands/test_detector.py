@@ -13,7 +13,7 @@ from skills.perception.detection.compact_network import CloseLookNetwork, Finder
 from skills.perception.detection.weights import load_compact, load_scores, save_compact
 from skills.perception.training import recipe
 from skills.perception.training.photo_samples import PhotoCloseLookBatches
-from skills.perception.training.recipe import FrameSet, Recipe, Stage
+from skills.perception.training.recipe import FrameSet, Recipe, TrainingStage
 from tests.skills.perception.training.photo_folders import tables
 
 
@@ -67,10 +67,10 @@ def test_train_makes_weights_and_a_report_with_pictures(
 ) -> None:
     torch.set_num_threads(1)
     stages = (
-        Stage("finder", 1, 1e-3, 2),
-        Stage("close_look", 2, 1e-3, 4),
-        Stage("finder", 1, 1e-3, 2, sets=2),
-        Stage("close_look", 1, 1e-3, 4, sets=2),
+        TrainingStage("finder", 1, 1e-3, 2),
+        TrainingStage("close_look", 2, 1e-3, 4),
+        TrainingStage("finder", 1, 1e-3, 2, sets=2),
+        TrainingStage("close_look", 1, 1e-3, 4, sets=2),
     )
     sets = (FrameSet(8, 5), FrameSet(4, 6, (0.0, 0.0, 0.0, 1.0)))
     monkeypatch.setattr(recipe, "SHIPPED", Recipe(sets, FrameSet(2, 7), stages))
@@ -98,8 +98,8 @@ def small(monkeypatch: pytest.MonkeyPatch) -> None:
     """The recipe with photographs, in a few steps."""
     torch.set_num_threads(1)
     stages = (
-        Stage("finder", 3, 1e-3, 4, photos=0.5, average=0.9),
-        Stage("close_look", 3, 1e-3, 8, photos=0.5, average=0.9),
+        TrainingStage("finder", 3, 1e-3, 4, photos=0.5, average=0.9),
+        TrainingStage("close_look", 3, 1e-3, 8, photos=0.5, average=0.9),
     )
     monkeypatch.setattr(recipe, "WITH_PHOTOGRAPHS", Recipe((FrameSet(2, 5),), FrameSet(1, 7), stages))
     monkeypatch.setattr(recipe, "SAVE_EVERY", 1)

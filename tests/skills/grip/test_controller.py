@@ -12,7 +12,7 @@ import pytest
 
 from benchmarks.grasp_mujoco import TORSION, MujocoGrasp
 from benchmarks.grasp_patch import Fruit, PatchGrasp
-from benchmarks.grasp_trial import Corrupt, Lifting, Result, run_trial
+from benchmarks.grasp_trial import Corrupt, Lifting, TrialResult, run_trial
 from skills.grip.controller import GripController
 from skills.grip.errors import UnusableRate
 from skills.grip.force_loop import ForceLoopSettings
@@ -28,7 +28,7 @@ def settings_of(fruit: Fruit, **changes: Any) -> GripSettings:
     return replace(GripSettings(contact=contact, loop=ForceLoopSettings(max_force=30.0)), **changes)
 
 
-def lift(fruit: Fruit = APPLE, **kwargs: Any) -> Result:
+def lift(fruit: Fruit = APPLE, **kwargs: Any) -> TrialResult:
     changes = kwargs.pop("settings", {})
     lifting = kwargs.pop("lifting", Lifting(hold=1.5))
     return run_trial(fruit, settings_of(fruit, **changes), lifting, **{"noise": 0.1, **kwargs})  # type: ignore[arg-type]
@@ -151,7 +151,7 @@ def now_and_then(change: Callable[[int, float, np.ndarray], list[tuple[int, floa
     return corrupt
 
 
-def run_held(corrupt: Corrupt, hold: float = 1.0) -> tuple[Result, float, float]:
+def run_held(corrupt: Corrupt, hold: float = 1.0) -> tuple[TrialResult, float, float]:
     """A held fruit whose stream goes bad 0.2 s after the lift: the result, most opened and most closed since [m]."""
     lifting = Lifting(height=0.05, acceleration=1.0, hold=hold)
     result = lift(lifting=lifting, corrupt=corrupt, settings={"relax_rate": 20.0})

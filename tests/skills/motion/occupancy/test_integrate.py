@@ -17,7 +17,7 @@ from skills.motion.occupancy import (
     CameraPoseMismatch,
     MapEmpty,
     MapStale,
-    NoDepth,
+    NothingMeasured,
     OccupancyMap,
     Sensing,
     integrate,
@@ -166,20 +166,20 @@ def test_a_look_without_depth_is_an_error_and_never_free() -> None:
     frame = look(FROM_ABOVE, LEFT)
     assert frame.depth is not None
     blind = Frame(0.0, 0, frame.colour, None, LENS, None, FROM_ABOVE)
-    with pytest.raises(NoDepth):
+    with pytest.raises(NothingMeasured):
         integrate(empty(), blind, FROM_ABOVE, CELL)
     frame.depth[:] = 0.0
-    with pytest.raises(NoDepth, match="0 pixels with depth"):
+    with pytest.raises(NothingMeasured, match="0 pixels with depth"):
         integrate(empty(), frame, FROM_ABOVE, CELL)
     frame.depth[:] = np.nan
-    with pytest.raises(NoDepth):
+    with pytest.raises(NothingMeasured):
         integrate(empty(), frame, FROM_ABOVE, CELL)
 
 
 def test_a_look_elsewhere_is_an_error() -> None:
     away = transform(np.eye(3), [0.0, 0.0, 5.0])  # looks up
     frame = look(FROM_ABOVE, LEFT)
-    with pytest.raises(NoDepth, match="0 of them inside"):
+    with pytest.raises(NothingMeasured, match="0 of them inside"):
         integrate(empty(), frame, away, CELL)
 
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from skills.geometry import rot_x, rot_y, rot_z, transform
-from skills.motion.robot import BadJoints, BadPose, BadRobotFile, RobotModel, inverse_kinematics
+from skills.motion.robot import BadJoints, BadRobotFile, NotAPose, RobotModel, inverse_kinematics
 
 SIA5F = Path(__file__).resolve().parents[4] / "trees" / "robots" / "sia5f_wsg32.xml"
 SIX_AXIS = Path(__file__).parent / "six_axis.urdf"
@@ -174,7 +174,7 @@ def test_bad_joints_are_named() -> None:
 
 @pytest.mark.parametrize("T", [np.zeros((4, 4)), np.full((4, 4), np.nan), np.eye(3), "pose", np.diag([1, 1, -1, 1])])
 def test_bad_poses_are_refused(T: object) -> None:
-    with pytest.raises(BadPose):
+    with pytest.raises(NotAPose):
         inverse_kinematics(RobotModel.load(SIA5F), T)  # type: ignore[arg-type]
 
 

@@ -1,0 +1,41 @@
+"""A public class's name means one thing in the whole repository; the exceptions are listed with their reason."""
+
+from __future__ import annotations
+
+import ast
+from collections import defaultdict
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+
+SEEN_FROM_BOTH_SIDES = {"Cell", "CellFile", "CellFiles", "FaultSwitch"}
+"""The executive's Protocols, and what of the drivers fulfils them: one thing on both sides of a wall."""
+
+WITH_THEIR_MODULE = {"Condition", "Ports", "Words"}
+"""What may stand behind a word of the tree language: always written with its module, `takes.Condition`."""
+
+
+def test_a_public_class_has_a_name_of_its_own() -> None:
+    places: dict[str, list[str]] = defaultdict(list)
+    for package in ("executive", "skills", "drivers", "benchmarks"):
+        for path in sorted((ROOT / package).rglob("*.py")):
+            text = path.read_text("utf-8")
+            for node in ast.parse(text).body if "class " in text else ():
+                if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+                    places[node.name].append(str(path.relative_to(ROOT)))
+    assert len(places) > 600, "the packages were not found"
+    shared = {name: where for name, where in places.items() if len(where) > 1}
+    assert shared.keys() == SEEN_FROM_BOTH_SIDES | WITH_THEIR_MODULE, shared
+    for name in SEEN_FROM_BOTH_SIDES:
+        assert [where.split("/")[0] for where in shared[name]] == ["executive", "drivers"], shared[name]
+    for name in WITH_THEIR_MODULE:
+        assert "executive/nodes/takes.py" in shared[name]
+
+
+def test_what_a_tree_file_takes_is_named_with_its_module() -> None:
+    for package in ("executive", "skills", "drivers", "benchmarks", "tests"):
+        for path in sorted((ROOT / package).rglob("*.py")):
+            text = path.read_text("utf-8")
+            for node in ast.walk(ast.parse(text)) if "executive.nodes.takes import" in text else ():
+                if isinstance(node, ast.ImportFrom) and node.module == "executive.nodes.takes":
+                    assert not WITH_THEIR_MODULE & {name.name for name in node.names}, path
