@@ -12,7 +12,7 @@ from drivers.device import Device
 from drivers.interfaces import Float64
 from drivers.sim.gl import load_mujoco
 from drivers.sim.scene import TIMESTEP, SimScene
-from drivers.sim.score import Score
+from drivers.sim.score import Scorer
 
 SETTLING = 1.0
 """Time for what was put on the table to come to rest before the run starts [s]."""
@@ -113,10 +113,10 @@ class SimWorld(PhysicsWorld):
     def __init__(self, scene: SimScene, description: Path, q_start: Float64, seed: int) -> None:
         super().__init__(scene.model, description, q_start, seed)
         self.scene = scene
-        self.score = Score(scene, self.state)
+        self.score = Scorer(scene, self.state)
 
     def truth(self) -> Mapping[str, object]:
-        """The world's own score; see `score.Score.report`."""
+        """The world's own score; see `score.Scorer.report`."""
         return self.score.report()
 
     def looked(self) -> None:
