@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 
@@ -13,11 +15,10 @@ from drivers.driver import Settings, driver
 from drivers.errors import DeviceFault
 from drivers.frames.folder import (
     INTRINSICS_FILE,
-    RecordedFrame,
+    Images,
     UnusableFrames,
     folder_intrinsics,
     list_frames,
-    read_images,
 )
 from drivers.interfaces import NOMINAL_DEPTH_NOISE, Camera, DepthNoise, Float64, Frame, FrameSequence, Intrinsics
 from executive.clock import Clock
@@ -28,6 +29,23 @@ LEVEL = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, -1.0, 0.0, 0
 """T_base_camera of a camera that looks level along the base's y: image x is base x, image down is base down."""
 
 
+class Recorded(Protocol):
+    """A frame that was recorded, wherever it lies."""
+
+    @property
+    def label(self) -> str:
+        """Where it comes from, for people."""
+        ...
+
+    def read(self, intrinsics: Intrinsics) -> Images:
+        """Its images.
+
+        Raises:
+            UnusableFrames: they cannot be read, or do not fit the intrinsics.
+        """
+        ...
+
+
 class FramesCamera(Device):
     """Shows one recorded frame until `advance` turns to the next."""
 
@@ -35,7 +53,7 @@ class FramesCamera(Device):
 
     def __init__(
         self,
-        frames: tuple[RecordedFrame, ...],
+        frames: Sequence[Recorded],
         intrinsics: Intrinsics,
         clock: Clock,
         T_base_camera: Float64 = LEVEL,
@@ -94,7 +112,7 @@ class FramesCamera(Device):
     def _load(self, position: int) -> Frame:
         recorded = self._frames[position]
         try:
-            colour, depth = read_images(recorded, self.intrinsics)
+            colour, depth = recorded.read(self.intrinsics)
         except UnusableFrames as error:
             raise DeviceFault(self.name, str(error)) from error
         colour.setflags(write=False)
@@ -126,7 +144,7 @@ def connect(settings: Settings[FramesFile], context: ConnectContext) -> FramesCa
         if intrinsics is None:
             hint = f"write 'intrinsics:' here, or put {INTRINSICS_FILE} into {folder}"
             raise settings.error("nothing says the camera's intrinsics", "", hint)
-        read_images(frames[0], intrinsics)
+        frames[0].read(intrinsics)
     except UnusableFrames as error:
         hint = f"put the right {INTRINSICS_FILE} into the folder" if "intrinsics" in str(error) else ""
         raise settings.error(str(error), "folder", hint) from error

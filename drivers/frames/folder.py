@@ -29,11 +29,15 @@ INTRINSICS_FILE = "intrinsics.yaml"
 
 
 class UnusableFrames(DriverError):
-    """A folder or an image that is no recorded frame; the text says which file and why."""
+    """A folder, a bag or an image that is no recorded frame; the text says which and why."""
 
     def __init__(self, path: Path, message: str) -> None:
         self.path = path
         super().__init__(f"{path}: {message}")
+
+
+Images = tuple[NDArray[np.uint8], NDArray[np.float32]]
+"""Colour RGB (h, w, 3) and depth (h, w) [m], 0 where nothing was measured."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,6 +47,10 @@ class RecordedFrame:
     label: str
     colour: Path
     depth: Path
+
+    def read(self, intrinsics: Intrinsics) -> Images:
+        """Both images; see `read_images`."""
+        return read_images(self, intrinsics)
 
 
 def list_frames(folder: Path) -> tuple[RecordedFrame, ...]:
@@ -68,8 +76,8 @@ def list_frames(folder: Path) -> tuple[RecordedFrame, ...]:
     return tuple(frames)
 
 
-def read_images(frame: RecordedFrame, intrinsics: Intrinsics) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
-    """Both images of a frame: colour RGB (h, w, 3) and depth (h, w) [m], 0 where nothing was measured.
+def read_images(frame: RecordedFrame, intrinsics: Intrinsics) -> Images:
+    """Both images of a frame.
 
     Raises:
         UnusableFrames: a file cannot be read, or its size or type is not what the intrinsics and the format say.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -46,13 +46,14 @@ def add(subparsers: Any) -> None:
     compare = _command(commands, "compare", _compare, "runs side by side, and where two of the same kind part")
     compare.add_argument("runs", nargs="+", metavar="RUN", help=RUN)
 
-    exporting = _command(commands, "export", _export, "a run as one portable file")
+    exporting = _command(commands, "export", _export, "a run as one portable file, or as what other tools read")
     exporting.add_argument("run", help=RUN)
     exporting.add_argument(
         "file", nargs="?", type=Path,
         help="default: RUN.zip here. The ending says what it becomes: "
         + ", ".join(f"{ending} {what}" for ending, (_write, what) in FORMATS.items()),
     )  # fmt: skip
+    exporting.add_argument("--to", choices=tuple(FOLDERS), help="instead of one file, the folder of another tool")
 
     frames = _command(commands, "frames", _frames, "images, wrenches, joints, paths as PNG, CSV and JSON")
     frames.add_argument("run", help=RUN)
@@ -162,10 +163,31 @@ def _summary(record: Path) -> Summary:
 
 def _export(options: argparse.Namespace) -> int:
     record = find_record(options.run, options.record)
+    if options.to is not None:
+        return FOLDERS[options.to](options, record)
     target = options.file or Path(f"{_name(record)}.zip")
     export(record, target)
     Screen().print(f"{target}  {size(target.stat().st_size)}")
     return 0
+
+
+def _export_rosbag2(options: argparse.Namespace, record: Path) -> int:
+    from executive.interop.rosbag2 import export_rosbag2
+
+    folder = options.file or Path(f"{_name(record)}_bag")
+    _say_folder(folder, export_rosbag2(record, folder))
+    return 0
+
+
+def _say_folder(folder: Path, written: Mapping[str, str]) -> None:
+    console = Screen()
+    console.print(f"{folder}", style="bold")
+    for name, what in written.items():
+        console.print(f"  {name:<40} {what}", soft_wrap=True)
+
+
+FOLDERS: Mapping[str, Callable[[argparse.Namespace, Path], int]] = {"rosbag2": _export_rosbag2}
+"""What `--to` makes, by other tools' names."""
 
 
 def _frames(options: argparse.Namespace) -> int:

@@ -1,0 +1,1 @@
+"""The images of a bag of ROS as a camera."""

@@ -1,0 +1,217 @@
+"""A record as a bag: read by rosbags' reader, and by a decoder of other people that knows only the file."""
+
+from __future__ import annotations
+
+import base64
+from dataclasses import fields, is_dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from recorded_events import contents, everything, record, write
+
+pytest.importorskip("rosbags", reason="the extra ros2 is not installed")
+pytest.importorskip("mcap_ros2", reason="mcap-ros2-support is not installed")
+
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+from rosbags.highlevel import AnyReader
+from scipy.spatial.transform import Rotation
+
+from executive.cli import main
+from executive.errors import UsageError
+from executive.interop.octomap import octomap
+from executive.interop.rosbag2 import export_rosbag2
+from executive.recording.folder import EVENTS_FILE
+from executive.recording.read import decode_image
+from executive.ros2.types import coder, typestore
+from skills.motion.occupancy.occupancy_map import OCCUPIED, UNKNOWN, OccupancyMap
+from skills.motion.occupancy.octomap import to_bt
+
+BEGAN = 10**18
+"""Nanoseconds since 1970 when the recorded run began."""
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    folder = tmp_path_factory.mktemp("record")
+    path = record(folder, everything())
+    export_rosbag2(folder, folder / "bag")
+    return path, folder / "bag"
+
+
+@pytest.fixture(scope="module")
+def messages(made: tuple[Path, Path]) -> dict[str, list[Any]]:
+    """Every message of the bag by its topic, as rosbags decodes it: the bag's times are the headers'."""
+    found: dict[str, list[Any]] = {}
+    with AnyReader([made[1]]) as reader:
+        for connection, stamp, raw in reader.messages():
+            message = reader.deserialize(raw, connection.msgtype)
+            if hasattr(message, "header"):
+                assert stamp == message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
+            found.setdefault(connection.topic, []).append(message)
+        assert sum(map(len, found.values())) == reader.message_count
+    return found
+
+
+def recorded(made: tuple[Path, Path], topic: str) -> list[dict[str, Any]]:
+    return [content for name, _schema, _json, content in contents(made[0]) if name == topic]
+
+
+def same(one: Any, other: Any) -> bool:
+    """Whether two decoders read the same, field by field."""
+    if is_dataclass(one):
+        told = [f.name for f in fields(one) if f.name.islower() and f.name != "__msgtype__"]
+        return all(same(getattr(one, name), getattr(other, name)) for name in told)
+    if isinstance(one, np.ndarray):
+        return np.array_equal(one, np.frombuffer(other, one.dtype) if isinstance(other, bytes) else other)
+    if isinstance(one, list):
+        return len(one) == len(other) and all(same(a, b) for a, b in zip(one, other, strict=True))
+    return bool(one == other)
+
+
+def test_another_decoder_reads_the_same_from_the_file_alone(made: tuple[Path, Path]) -> None:
+    count = 0
+    with AnyReader([made[1]]) as reader, (made[1] / "bag.mcap").open("rb") as stream:
+        theirs = make_reader(stream, decoder_factories=[DecoderFactory()])
+        assert theirs.get_header().profile == "ros2"
+        ours = sorted(reader.messages(), key=lambda found: (found[1], found[0].topic))
+        others = sorted(theirs.iter_decoded_messages(), key=lambda found: (found[2].log_time, found[1].topic))
+        for (connection, stamp, raw), (schema, channel, message, decoded) in zip(ours, others, strict=True):
+            assert (connection.topic, connection.msgtype, stamp) == (channel.topic, schema.name, message.log_time)
+            assert same(reader.deserialize(raw, connection.msgtype), decoded), connection.topic
+            count += 1
+    assert count > 30
+
+
+def test_joints_have_their_own_times_and_values(messages: dict[str, list[Any]]) -> None:
+    first, second = messages["/joint_states"]
+    assert (first.name, second.name) == (["arm_joint_1"], ["arm_joint_1"])
+    assert (first.position.tolist(), second.position.tolist()) == ([0.0], [0.5])
+    assert second.header.stamp.sec * 10**9 + second.header.stamp.nanosec == BEGAN + 800_000_000
+    assert second.header.stamp.nanosec - first.header.stamp.nanosec == 100_000_000
+
+
+def test_images_are_the_recorded_bytes_and_depth_the_recorded_millimetres(
+    made: tuple[Path, Path], messages: dict[str, list[Any]]
+) -> None:
+    (image,) = messages["/camera/detection/image/compressed"]
+    (was,) = recorded(made, "/images/detection")
+    assert image.data.tobytes() == base64.b64decode(was["data"])
+    assert (image.format, image.header.frame_id) == ("jpeg", "camera/detection")
+    (depth,) = messages["/camera/detection/depth/image_raw"]
+    (was,) = recorded(made, "/depth/detection")
+    assert (depth.encoding, depth.height, depth.width, depth.step) == ("16UC1", 48, 64, 128)
+    assert np.array_equal(depth.data.view(np.uint16).reshape(48, 64), decode_image(was["data"]))
+    (info,) = messages["/camera/detection/camera_info"]
+    (was,) = recorded(made, "/calibration/detection")
+    assert info.k.tolist() == was["K"]
+    assert info.p.tolist() == was["P"]
+    assert (info.width, info.height) == (64, 48)
+
+
+def test_transforms_poses_clouds_and_scenes_are_the_recorded_values(
+    made: tuple[Path, Path], messages: dict[str, list[Any]]
+) -> None:
+    for bag, was in zip(messages["/tf"], recorded(made, "/tf"), strict=True):
+        for got, expected in zip(bag.transforms, was["transforms"], strict=True):
+            assert (got.header.frame_id, got.child_frame_id) == (
+                expected["parent_frame_id"],
+                expected["child_frame_id"],
+            )
+            turn, place = got.transform.rotation, got.transform.translation
+            assert {name: getattr(turn, name) for name in "xyzw"} == expected["rotation"]
+            assert {name: getattr(place, name) for name in "xyz"} == expected["translation"]
+    (pose,) = messages["/pomona/poses/detection/camera"]
+    turn = pose.pose.orientation
+    assert Rotation.from_quat([turn.x, turn.y, turn.z, turn.w]).as_euler("xyz")[2] == pytest.approx(0.2)
+    (cloud,) = messages["/pomona/points/path/left_to_try"]
+    assert np.array_equal(cloud.data.view(np.float32).reshape(-1, cloud.point_step // 4)[:, :3], np.eye(3))
+    (scene,) = messages["/pomona/scene/path"]
+    assert [marker.type for marker in scene.markers] == [4, 11]
+    (path,) = messages["/pomona/path/path/planned_path"]
+    assert [(p.pose.position.x, p.pose.position.y, p.pose.position.z) for p in path.poses] == [
+        (1, 0, 0),
+        (0, 1, 0),
+        (0, 0, 1),
+    ]
+    assert [point.point.x for point in messages["/pomona/tcp"]] == [0.0]
+
+
+def test_the_tree_diagnostics_log_and_events_are_told(made: tuple[Path, Path], messages: dict[str, list[Any]]) -> None:
+    last = messages["/pomona/tree"][-1]
+    (node,) = last.nodes
+    assert (last.run, last.tree, last.state, last.tick) == ("one", "pick", "running", 12)
+    assert (node.path, node.status, node.code, node.reason) == (
+        "a/Plan",
+        "FAILURE",
+        "NO_PATH",
+        "there is no path",
+    )
+    assert [b.status for b in messages["/pomona/snapshots"][-1].behaviours] == [4]
+    assert [(d.status[0].name, d.status[0].level) for d in messages["/diagnostics"]] == [
+        ("pomona: arm", 2),
+        ("pomona: run", 2),
+    ]
+    assert [m.msg for m in messages["/rosout"]] == [m["message"] for m in recorded(made, "/log")]
+    assert len(messages["/pomona/events"]) == len(recorded(made, "/events"))
+    assert [(s.names, s.values.tolist()) for s in messages["/pomona/series/grip"]] == [
+        (["slip_speed_m_per_s"], [0.1]),
+        ([], []),
+    ]
+
+
+def test_every_topic_of_a_bag_is_documented(messages: dict[str, list[Any]]) -> None:
+    text = (Path(__file__).parents[3] / "docs" / "interop.md").read_text()
+    known = [line.split("`")[1] for line in text.splitlines() if line.startswith("| `/")]
+    patterns = [topic.split("NAME")[0].split("DEVICE")[0] for topic in known]
+    for topic in messages:
+        assert any(topic == p or (p != "/" and p.endswith("/") and topic.startswith(p)) for p in patterns), topic
+
+
+def test_an_octree_has_the_bytes_that_our_other_writer_writes() -> None:
+    map = OccupancyMap.empty(np.array([-0.2, -0.2, 0.0]), np.array([0.2, 0.2, 0.3]), 0.01)
+    rng = np.random.default_rng(3)
+    map.states[...] = np.where(rng.random(map.states.shape) < 0.1, OCCUPIED, UNKNOWN)
+    map.states[:16, :16, :16] = OCCUPIED  # a block that the tree holds as one leaf
+    expected = to_bt(map).split(b"data\n", 1)[1]
+    assert octomap(map.centres(OCCUPIED), 0.01)["data"].tobytes() == expected
+    assert octomap(np.empty((0, 3)), 0.01)["data"].tobytes() == b""
+
+
+def test_what_is_left_out_of_a_message_is_zero_and_what_it_does_not_have_is_refused() -> None:
+    message = coder("sensor_msgs/msg/CameraInfo").message({"width": 3})
+    assert (message.width, message.height, message.k.tolist(), message.header.frame_id) == (3, 0, [0.0] * 9, "")
+    with pytest.raises(KeyError, match="widht"):
+        coder("sensor_msgs/msg/CameraInfo").message({"widht": 3})
+    assert "pomona_msgs/msg/TreeStatus" in typestore().fielddefs
+
+
+def test_a_folder_that_is_there_is_left_alone_and_half_a_bag_is_left_nowhere(
+    made: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    there = tmp_path / "bag"
+    there.mkdir()
+    (there / "mine").write_text("mine")
+    assert main(["runs", "export", str(made[0].parent), str(there), "--to", "rosbag2"]) == 2
+    assert "is there already" in capsys.readouterr().err
+    assert [path.name for path in there.iterdir()] == ["mine"]
+
+    damaged = write(tmp_path / "damaged", tuple(everything()))
+    content = bytearray((damaged / EVENTS_FILE).read_bytes())
+    content[len(content) // 2] ^= 0xFF
+    (damaged / EVENTS_FILE).write_bytes(bytes(content))
+    with pytest.raises(UsageError, match="damaged"):
+        export_rosbag2(damaged, tmp_path / "other")
+    with pytest.raises(UsageError, match=r"Not a directory|File exists"):
+        export_rosbag2(made[0].parent, there / "mine" / "bag")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["bag", "damaged"]
+
+
+def test_without_the_extra_it_says_how_to_install_it(
+    made: tuple[Path, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(__import__("sys").modules, "rosbags.rosbag2", None)
+    with pytest.raises(UsageError, match=r"pip install 'pomona\[ros2\]'"):
+        export_rosbag2(made[0].parent, tmp_path / "bag")
