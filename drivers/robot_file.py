@@ -42,7 +42,8 @@ def read_limits(path: Path, dof: int | None = None) -> ArmLimits:
     Raises:
         UnusableRobotFile: the file cannot be read, has fewer joints, or lacks one of the numerics.
     """
-    return _limits(path, dof, path.stat().st_mtime_ns if path.is_file() else 0)
+    files = (path, *path.parent.glob("*.xml"))  # it may include others
+    return _limits(path, dof, max(file.stat().st_mtime_ns for file in files) if path.is_file() else 0)
 
 
 @lru_cache(maxsize=8)

@@ -38,7 +38,8 @@ class ValueFile:
     """A file as it is written, with the blocks that it includes.
 
     Attributes:
-        root: the mapping, includes filled in; keys that stand beside an `include` come before the included ones.
+        root: the mapping, includes filled in: of a whole file, or of a block inside one (`sim.yaml#world`). Keys that
+            stand beside an `include` come before the included ones.
         reader: for its values.
         options: what may be changed.
         files: text of every file that was read, by its path from the folder of the first.
@@ -144,13 +145,25 @@ class _Opener:
         if not isinstance(node, YamlScalar) or node.is_null:
             self.findings.error(node, "shape", "'include' names a file", "write include: shared/workspace.yaml")
             return {}
-        target = path.parent / node.text
+        file, _, block = node.text.partition("#")
+        target = path.parent / file
         if target in chain or len(chain) > MAX_INCLUDES:
             words = "includes itself" if target in chain else f"is included more than {MAX_INCLUDES} files deep"
             self.findings.error(node, "include", f"{target} {words}")
             return {}
         opened = self.open(target, node, chain)
-        return {} if opened is None else opened.entries
+        return {} if opened is None else self._block(opened, block, node)
+
+    def _block(self, root: YamlMapping, path: str, at: YamlScalar) -> dict[str, tuple[YamlScalar, YamlNode]]:
+        """The entries of a mapping inside a file, by its keys: `devices/camera`; of the whole file without any."""
+        for name in filter(None, path.split("/")):
+            inner = root.get(name)
+            if not isinstance(inner, YamlMapping):
+                words = f"{at.text.partition('#')[0]} has no block '{name}'"
+                self.findings.error(at, "include", words, did_you_mean(name, root.entries))
+                return {}
+            root = inner
+        return root.entries
 
 
 def _options(root: YamlMapping, reader: Reader, findings: Findings) -> tuple[tuple[Option, ...], dict[str, YamlScalar]]:

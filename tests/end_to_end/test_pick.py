@@ -22,9 +22,15 @@ pytestmark = pytest.mark.slow
 
 
 def pick(
-    seed: int = 0, record: Path | None = None, listeners: Any = (), on_ready: Any = None, **settings: str
+    seed: int = 0,
+    record: Path | None = None,
+    listeners: Any = (),
+    on_ready: Any = None,
+    *,
+    cell: str = "sim",
+    **settings: str,
 ) -> Executed:
-    order = RunOrder(find_tree("pick_apple"), find_cell("sim"), seed, settings, record=record)
+    order = RunOrder(find_tree("pick_apple"), find_cell(cell), seed, settings, record=record)
     return execute(order, listeners, on_ready=on_ready or (lambda _runner: None))
 
 
@@ -40,6 +46,14 @@ def test_an_apple_is_picked_and_the_record_tells_it_again(tmp_path: Path) -> Non
     assert [(type(e), e.t, e.tick) for e in replayed] == [(type(e), e.t, e.tick) for e in received]
     topics = {event.topic for event in replayed if isinstance(event, Published)}
     assert {"detection", "refine", "grip"} <= {topic.split("/")[0] for topic in topics}
+
+
+def test_another_arm_picks_by_the_same_tree() -> None:
+    executed = pick(4, None, cell="sim_ur5e", fruit="apple_4", place="2")
+    assert executed.result.outcome == "success", executed.result.reason
+    assert executed.result.truth is not None
+    assert executed.result.truth["lifted"] is True
+    assert executed.result.truth["collisions"] == 0
 
 
 def test_another_fruit_is_picked_by_the_same_tree_with_its_own_weights() -> None:

@@ -17,6 +17,11 @@ from skills.motion.robot.errors import BadJoints, BadRobotFile, NotAPose
 Float64 = NDArray[np.float64]
 
 
+def last_change(file: Path) -> int:
+    """When the file, or another description in its folder that it may include, was changed last [ns]."""
+    return max(path.stat().st_mtime_ns for path in (file, *file.parent.glob("*.xml")))
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class RobotModel:
     """A serial arm with a gripper. The base frame is the world of its file.
@@ -69,7 +74,7 @@ class RobotModel:
         file = Path(path).resolve()
         if not file.is_file():
             raise BadRobotFile(file, "there is no such file")
-        return _load(file, file.stat().st_mtime_ns, tool, tcp)
+        return _load(file, last_change(file), tool, tcp)
 
     @property
     def dof(self) -> int:

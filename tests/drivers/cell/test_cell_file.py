@@ -125,6 +125,27 @@ def test_what_stands_beside_an_include_comes_first(tmp_path):
     assert workspace.table_z == 0.0
 
 
+def test_a_block_of_another_file_is_included_by_its_keys(tmp_path):
+    (tmp_path / "all.yaml").write_text("workspace: {table_z: 0 m, lower: 0 0 0 m, upper: 1 1 1 m}\n")
+    path = tmp_path / "cell.yaml"
+    path.write_text("kind: mock\nworkspace: {include: all.yaml#workspace, upper: 2 2 2 m}\ndevices: {}\n")
+    workspace = read_cell_file(path).workspace
+    assert workspace is not None
+    assert (workspace.upper.tolist(), workspace.lower.tolist()) == ([2.0, 2.0, 2.0], [0.0, 0.0, 0.0])
+
+
+@pytest.mark.parametrize("block", ["#workspaec", "#workspace/lower", "#workspace/lower/x"])
+def test_a_block_that_is_not_there_is_found_where_it_is_named(tmp_path, block):
+    (tmp_path / "all.yaml").write_text("workspace: {lower: 0 0 0 m, upper: 1 1 1 m}\n")
+    path = tmp_path / "cell.yaml"
+    path.write_text(f"kind: mock\nworkspace: {{include: all.yaml{block}}}\ndevices: {{}}\n")
+    with pytest.raises(CellFileError) as error:
+        read_cell_file(path)
+    found = next(found for found in error.value.findings if found.code == "include")
+    assert (found.path, found.line, found.column) == (str(path), 2, 22)
+    assert "has no block" in found.message
+
+
 def test_a_bad_value_of_an_option_is_found_where_it_is_given(judge):
     assert judge(SIM, {"place": "77"})[0].path == "--set place=77"
     found = judge(SIM.replace("place: 3 ", "place: 77 "))

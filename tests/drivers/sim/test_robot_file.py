@@ -1,5 +1,6 @@
 """The robot's file: kinematics of the manufacturer, frames where the interfaces say, limits of every joint."""
 
+import os
 import shutil
 from pathlib import Path
 
@@ -7,10 +8,13 @@ import numpy as np
 import pytest
 
 from drivers.cell import load_cell
+from drivers.cell_file import read_cell_file
 from drivers.errors import CellFileError
 from drivers.sim.gl import load_mujoco
+from skills.motion.robot import RobotModel
 
 ROBOT = Path(__file__).resolve().parents[3] / "trees" / "robots" / "sia5f_wsg32.xml"
+CELLS = ROBOT.parents[1] / "cells"
 
 
 @pytest.fixture(scope="module")
@@ -122,10 +126,10 @@ DAMAGE = {
 @pytest.mark.parametrize("what", DAMAGE)
 def test_a_robot_file_that_lacks_something_is_refused_at_the_cell_files_line(tmp_path, what):
     shutil.copytree(ROBOT.parents[1], tmp_path / "trees", ignore=shutil.ignore_patterns("__pycache__"))
-    robot = tmp_path / "trees" / "robots" / ROBOT.name
     sound, damaged, words = DAMAGE[what]
+    files = [tmp_path / "trees" / "robots" / name for name in (ROBOT.name, "wsg32_body.xml")]
+    robot = next(file for file in files if sound in file.read_text())
     text = robot.read_text()
-    assert sound in text
     robot.write_text(text.replace(sound, damaged))
     with pytest.raises(CellFileError, match=rf"sim\.yaml:\d+:\d+.*{ROBOT.name}.*{words}"):
         load_cell(tmp_path / "trees" / "cells" / "sim.yaml", seed=0)
@@ -138,3 +142,43 @@ def test_a_pose_with_too_few_joints_is_refused_before_the_world_is_made(tmp_path
     workspace.write_text(workspace.read_text().replace("observe: -1.36 -0.316 ", "observe: -0.316 "))
     with pytest.raises(CellFileError, match="the pose 'observe' needs 7 joints"):
         load_cell(cell, seed=0)
+
+
+def denavit_hartenberg(q):
+    """T_base_flange of a UR5e by the manufacturer's table, in its base frame: half a turn from the robot file's."""
+    T = np.diag([-1.0, -1.0, 1.0, 1.0])
+    d, a = (0.1625, 0, 0, 0.1333, 0.0997, 0.0996), (0, -0.425, -0.3922, 0, 0, 0)
+    alpha = (np.pi / 2, 0, 0, np.pi / 2, -np.pi / 2, 0)
+    for angle, offset, length, twist in zip(q, d, a, alpha, strict=True):
+        c, s, ct, st = np.cos(angle), np.sin(angle), np.cos(twist), np.sin(twist)
+        T = T @ [
+            [c, -s * ct, s * st, length * c],
+            [s, c * ct, -c * st, length * s],
+            [0, st, ct, offset],
+            [0, 0, 0, 1],
+        ]
+    return T
+
+
+def test_a_changed_hand_is_read_anew(tmp_path):
+    shutil.copytree(ROBOT.parent, tmp_path / "robots")
+    robot, hand = tmp_path / "robots" / ROBOT.name, tmp_path / "robots" / "wsg32_body.xml"
+    before = RobotModel.load(robot).frame("tcp")
+    hand.write_text(hand.read_text().replace('name="tcp" pos="0 0 0.168"', 'name="tcp" pos="0 0 0.200"'))
+    os.utime(hand, ns=(hand.stat().st_atime_ns, hand.stat().st_mtime_ns + 1))
+    assert RobotModel.load(robot).frame("tcp")[2, 3] - before[2, 3] == pytest.approx(0.032)
+
+
+def test_the_ur5e_stands_where_the_manufacturers_table_puts_it():
+    robot = RobotModel.load(ROBOT.with_name("ur5e_wsg32.xml"))
+    for q in np.random.default_rng(0).uniform(-3, 3, (50, 6)):
+        assert np.abs(robot.fk(q) - denavit_hartenberg(q)).max() < 1e-9
+
+
+def test_both_arms_hold_the_hand_over_the_same_places():
+    sia5f, ur5e = (read_cell_file(CELLS / f"{name}.yaml").workspace for name in ("sim", "sim_ur5e"))
+    assert sia5f.poses.keys() == ur5e.poses.keys()
+    robots = [RobotModel.load(ROBOT.with_name(f"{name}_wsg32.xml")) for name in ("sia5f", "ur5e")]
+    for pose in sia5f.poses.keys() - {"home"}:
+        T_base_tcp, other = robots[0].tcp(sia5f.poses[pose]), robots[1].tcp(ur5e.poses[pose])
+        assert np.abs(T_base_tcp - other).max() < 1e-3, pose

@@ -1,5 +1,6 @@
 """Inverse kinematics undoes forward kinematics, in closed form and by descent, for two very different arms."""
 
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -31,7 +32,7 @@ def test_only_the_sia5f_has_the_closed_form() -> None:
 
 
 def test_an_arm_with_a_shifted_wrist_is_not_mistaken_for_the_family(tmp_path: Path) -> None:
-    file = tmp_path / "shifted.xml"
+    file = shutil.copytree(SIA5F.parent, tmp_path / "robots") / SIA5F.name
     file.write_text(
         SIA5F.read_text().replace('<body name="link_t" pos="0.134 0 0"', '<body name="link_t" pos="0.134 0.01 0"')
     )

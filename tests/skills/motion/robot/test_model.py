@@ -1,5 +1,6 @@
 """The robot model says what its file says, for any arm, and refuses what it cannot be."""
 
+import shutil
 from pathlib import Path
 
 import mujoco
@@ -124,11 +125,11 @@ def test_a_file_is_read_once_until_it_changes(tmp_path: Path) -> None:
     ],
 )  # fmt: skip
 def test_bad_robot_files_are_refused_in_words(tmp_path: Path, old: str, new: str, complaint: str) -> None:
-    file = tmp_path / "robot.xml"
-    assert old in SIA5F.read_text()
-    file.write_text(SIA5F.read_text().replace(old, new))
+    folder = shutil.copytree(SIA5F.parent, tmp_path / "robots")
+    for part in folder.glob("*.xml"):
+        part.write_text(part.read_text().replace(old, new))
     with pytest.raises(BadRobotFile, match=complaint):
-        RobotModel.load(file)
+        RobotModel.load(folder / SIA5F.name)
 
 
 def test_a_robot_without_joints_is_refused(tmp_path: Path) -> None:
@@ -141,7 +142,7 @@ def test_a_robot_without_joints_is_refused(tmp_path: Path) -> None:
 def test_a_missing_joint_is_noticed_by_the_limits_that_name_it(tmp_path: Path) -> None:
     text = SIA5F.read_text()
     start = text.index('<joint name="joint_e"')
-    file = tmp_path / "robot.xml"
+    file = shutil.copytree(SIA5F.parent, tmp_path / "robots") / SIA5F.name
     file.write_text(
         text.replace(text[start : text.index("/>", start) + 2], "").replace(
             '<position name="arm_e" class="arm" joint="joint_e" kp="5000" kv="104" forcerange="-300 300"/>', ""
