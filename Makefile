@@ -32,6 +32,10 @@ test-realtime: $(STAMP) ## the whole pick through emulated devices and wires; ne
 test-long: $(STAMP) ## what takes half a minute or more each and is left out of the tests
 	$(BIN)/python -m pytest -m long
 
+lerobot-env: ## LeRobot in an environment of its own (it pins another torch), for its long test; gigabytes
+	test -x .lerobot/bin/python || $(PYTHON) -m venv .lerobot
+	.lerobot/bin/python -m pip install --quiet --disable-pip-version-check lerobot==0.4.4 lerobot-doctor==0.2.0
+
 docs: $(STAMP) ## the documentation's site, in site/; a broken link is an error
 	NO_MKDOCS_2_WARNING=1 DISABLE_MKDOCS_2_WARNING=true $(BIN)/python -m mkdocs build --strict
 

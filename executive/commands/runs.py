@@ -54,6 +54,9 @@ def add(subparsers: Any) -> None:
         + ", ".join(f"{ending} {what}" for ending, (_write, what) in FORMATS.items()),
     )  # fmt: skip
     exporting.add_argument("--to", choices=tuple(FOLDERS), help="instead of one file, the folder of another tool")
+    exporting.add_argument("--with", nargs="+", default=[], metavar="RUN", dest="more", help="lerobot: more episodes")
+    exporting.add_argument("--rate", type=_positive, metavar="HZ", help="lerobot: steps a second (default: 10)")
+    exporting.add_argument("--task", default="", metavar="WORDS", help="lerobot: what was done (default: the tree)")
 
     frames = _command(commands, "frames", _frames, "images, wrenches, joints, paths as PNG, CSV and JSON")
     frames.add_argument("run", help=RUN)
@@ -163,6 +166,8 @@ def _summary(record: Path) -> Summary:
 
 def _export(options: argparse.Namespace) -> int:
     record = find_record(options.run, options.record)
+    if options.to != "lerobot" and (options.more or options.rate or options.task):
+        raise UsageError("--with, --rate and --task belong to --to lerobot")
     if options.to is not None:
         return FOLDERS[options.to](options, record)
     target = options.file or Path(f"{_name(record)}.zip")
@@ -179,6 +184,15 @@ def _export_rosbag2(options: argparse.Namespace, record: Path) -> int:
     return 0
 
 
+def _export_lerobot(options: argparse.Namespace, record: Path) -> int:
+    from executive.interop.lerobot import RATE, export_lerobot
+
+    folder = options.file or Path(f"{_name(record)}_lerobot")
+    records = [record, *(find_record(name, options.record) for name in options.more)]
+    _say_folder(folder, export_lerobot(records, folder, options.rate or RATE, options.task))
+    return 0
+
+
 def _say_folder(folder: Path, written: Mapping[str, str]) -> None:
     console = Screen()
     console.print(f"{folder}", style="bold")
@@ -186,7 +200,10 @@ def _say_folder(folder: Path, written: Mapping[str, str]) -> None:
         console.print(f"  {name:<40} {what}", soft_wrap=True)
 
 
-FOLDERS: Mapping[str, Callable[[argparse.Namespace, Path], int]] = {"rosbag2": _export_rosbag2}
+FOLDERS: Mapping[str, Callable[[argparse.Namespace, Path], int]] = {
+    "rosbag2": _export_rosbag2,
+    "lerobot": _export_lerobot,
+}
 """What `--to` makes, by other tools' names."""
 
 
