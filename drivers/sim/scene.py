@@ -52,9 +52,9 @@ def build_scene(layout: Layout, seed: int) -> SimScene:
     rng = np.random.default_rng([seed, 2])
     spec = read_robot(layout.robot)
     set_physics(mujoco, spec)
-    _add_lights(spec, rng)
+    add_lights(spec, rng)
     _add_table(mujoco, spec, layout.table_z, rng)
-    _add_fixed(mujoco, spec, layout.fixed)
+    add_fixed(mujoco, spec, layout.fixed)
     for pad in PADS:
         spec.geom(pad).friction = [layout.friction, layout.torsion, 0.0001]
     shapes = []
@@ -82,7 +82,7 @@ def set_physics(mujoco: Any, spec: Any) -> None:
     spec.memory = 16 << 20
 
 
-def _add_lights(spec: Any, rng: np.random.Generator) -> None:
+def add_lights(spec: Any, rng: np.random.Generator) -> None:
     """Dim lights without shadows: shadows cost four times the picture."""
     head = spec.visual.headlight
     strength = rng.uniform(0.85, 1.1)
@@ -135,7 +135,7 @@ def _add_table(mujoco: Any, spec: Any, table_z: float, rng: np.random.Generator)
     )
 
 
-def _add_fixed(mujoco: Any, spec: Any, fixed: tuple[Box, ...]) -> None:
+def add_fixed(mujoco: Any, spec: Any, fixed: tuple[Box, ...]) -> None:
     """One body for all boxes of a name."""
     bodies: dict[str, Any] = {}
     for box in fixed:
@@ -144,7 +144,7 @@ def _add_fixed(mujoco: Any, spec: Any, fixed: tuple[Box, ...]) -> None:
         bodies[box.name].add_geom(
             type=mujoco.mjtGeom.mjGEOM_BOX,
             pos=box.T_base_box[:3, 3],
-            quat=_quaternion(mujoco, box.T_base_box),
+            quat=quaternion(mujoco, box.T_base_box),
             size=box.half_extents,
             rgba=[0.3, 0.3, 0.32, 1.0],
             contype=1,
@@ -161,7 +161,7 @@ def _add_fruit(mujoco: Any, spec: Any, name: str, fruit: FruitOnTable, shape: Fr
     mesh.usertexcoord, mesh.userfacetexcoord = shape.uv.ravel(), shape.faces.ravel()
     add_material(mujoco, spec, name, shape.texture / 255.0, (1.0, 1.0))
     T_base_fruit = standing_pose(fruit, table_z + fruit.dimensions[1] / 2.0 + 0.004)
-    body = spec.worldbody.add_body(name=name, pos=T_base_fruit[:3, 3], quat=_quaternion(mujoco, T_base_fruit))
+    body = spec.worldbody.add_body(name=name, pos=T_base_fruit[:3, 3], quat=quaternion(mujoco, T_base_fruit))
     body.add_freejoint(name=name)
     touch = {"contype": 1, "conaffinity": 3, "condim": 6, "friction": TABLE_FRICTION}
     shown = {"contype": 0, "conaffinity": 0, "mass": 0.0, "group": 2}
@@ -217,6 +217,16 @@ def fixed_names(fixed: tuple[Box, ...]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(box.name for box in fixed))
 
 
+def container_of(fixed: tuple[Box, ...], p: Float64) -> str:
+    """Name of the crate that a point (3,) [m] is in, or nothing; a crate's first box is its floor."""
+    for name in fixed_names(fixed):
+        boxes = [box for box in fixed if box.name == name]
+        x, y, z = np.linalg.inv(boxes[0].T_base_box)[:3] @ np.append(p, 1.0)
+        if len(boxes) > 1 and abs(x) < boxes[0].half_extents[0] and abs(y) < boxes[0].half_extents[1] and z > 0.0:
+            return name
+    return ""
+
+
 def _add_contact_sensors(mujoco: Any, spec: Any, layout: Layout) -> None:
     """Net contact wrenches, summed by the engine: pads with all, fruit with what carries it, the robot with others."""
     geom, body, subtree = mujoco.mjtObj.mjOBJ_GEOM, mujoco.mjtObj.mjOBJ_BODY, mujoco.mjtObj.mjOBJ_XBODY
@@ -270,7 +280,7 @@ def standing_pose(fruit: FruitOnTable, height: float) -> Float64:
     return T
 
 
-def _quaternion(mujoco: Any, T: Float64) -> Float64:
+def quaternion(mujoco: Any, T: Float64) -> Float64:
     quat = np.zeros(4)
     mujoco.mju_mat2Quat(quat, T[:3, :3].ravel())
     return quat

@@ -10,7 +10,7 @@ import numpy as np
 from drivers.interfaces import Float64
 from drivers.sim.held_force import HeldForce
 from drivers.sim.robot import PADS
-from drivers.sim.scene import SimScene, fixed_names
+from drivers.sim.scene import SimScene, container_of, fixed_names
 
 LIFTED = 0.03
 """A fruit counts as lifted this far above where it stood [m]."""
@@ -284,14 +284,8 @@ class Scorer:
         return max(gripped, key=lambda i: self._fruits[i].lost_at, default=0)
 
     def _inside(self, i: int) -> str:
-        """Name of the crate that a fruit lies in; its first box is the floor."""
-        for name in fixed_names(self.scene.fixed):
-            boxes = [box for box in self.scene.fixed if box.name == name]
-            floor = boxes[0]
-            x, y, z = np.linalg.inv(floor.T_base_box)[:3] @ np.append(self._pose(i)[:3, 3], 1.0)
-            if len(boxes) > 1 and abs(x) < floor.half_extents[0] and abs(y) < floor.half_extents[1] and z > 0.0:
-                return name
-        return ""
+        """Name of the crate that a fruit lies in."""
+        return container_of(self.scene.fixed, self._pose(i)[:3, 3])
 
     def _pose(self, i: int) -> Float64:
         body = self.state.body(f"fruit_{i}")
