@@ -30,6 +30,9 @@ from executive.values.sections import Placed, Problem, Section, value
 from executive.values.units import TIME
 from executive.values.yaml_nodes import YamlMapping, YamlScalar
 
+SHIPPED = Path(__file__).resolve().parents[1] / "trees" / "cells"
+"""Cells that come with Pomona, for `include: sim.yaml` in a file that stands elsewhere."""
+
 KINDS = ("simulated", "emulated", "real", "frames", "mock")
 T = TypeVar("T")
 
@@ -136,7 +139,7 @@ def judge_cell_file(
     missing: Callable[[str, DriverError], None] | None = None,
 ) -> CellFile | None:
     """As `read_cell_file`; everything that is wrong goes to `findings`."""
-    written = read_value_file(path, findings, "a cell file", overrides=overrides or {}, texts=texts)
+    written = read_value_file(path, findings, "a cell file", overrides=overrides or {}, texts=texts, shipped=SHIPPED)
     if written is None:
         return None
     if missing is not None:
@@ -169,7 +172,7 @@ def _leave_out(written: ValueFile, missing: Callable[[str, DriverError], None]) 
 
 def outline_cell(path: Path, findings: Findings) -> Outline | None:
     """A cell's kind, and its options with their defaults: the keys that `overrides` may hold."""
-    written = read_value_file(path, findings, "a cell file", overrides={})
+    written = read_value_file(path, findings, "a cell file", overrides={}, shipped=SHIPPED)
     if written is None:
         return None
     kind = written.root.get("kind")

@@ -58,6 +58,7 @@ def read_value_file(
     *,
     overrides: Mapping[str, str | YamlScalar] | None = None,
     texts: Mapping[str, str] | None = None,
+    shipped: Path | None = None,
 ) -> ValueFile | None:
     """Read a file whose root is a mapping.
 
@@ -68,11 +69,12 @@ def read_value_file(
         overrides: of its options: texts, or scalars that know where they are written. None for a file in which
             `options` and braces mean nothing.
         texts: contents of files, by path, that are not to be read from the disk.
+        shipped: folder in which an included file is looked for that does not stand beside the one that includes it.
 
     Returns:
         the file, or None when it cannot be used at all.
     """
-    opener = _Opener(findings, what, path.parent, texts or {})
+    opener = _Opener(findings, what, path.parent, texts or {}, shipped)
     root = opener.open(path, None, ())
     if root is None:
         return None
@@ -100,6 +102,7 @@ class _Opener:
     what: str
     folder: Path
     texts: Mapping[str, str]
+    shipped: Path | None
     files: dict[str, str] = field(default_factory=dict)
 
     def open(self, path: Path, included_at: YamlScalar | None, chain: tuple[Path, ...]) -> YamlMapping | None:
@@ -146,13 +149,20 @@ class _Opener:
             self.findings.error(node, "shape", "'include' names a file", "write include: shared/workspace.yaml")
             return {}
         file, _, block = node.text.partition("#")
-        target = path.parent / file
+        target = self._target(path.parent, file)
         if target in chain or len(chain) > MAX_INCLUDES:
             words = "includes itself" if target in chain else f"is included more than {MAX_INCLUDES} files deep"
             self.findings.error(node, "include", f"{target} {words}")
             return {}
         opened = self.open(target, node, chain)
         return {} if opened is None else self._block(opened, block, node)
+
+    def _target(self, folder: Path, file: str) -> Path:
+        beside = folder / file
+        if self.shipped is None or str(beside) in self.texts or beside.is_file():
+            return beside
+        shipped = self.shipped / file
+        return shipped if str(shipped) in self.texts or shipped.is_file() else beside
 
     def _block(self, root: YamlMapping, path: str, at: YamlScalar) -> dict[str, tuple[YamlScalar, YamlNode]]:
         """The entries of a mapping inside a file, by its keys: `devices/camera`; of the whole file without any."""
