@@ -18,12 +18,12 @@ import time
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.planning_oracle import PlanningOracle
 from benchmarks.planning_scenes import OBSERVE, PEDESTAL, TABLE_Z, WORKSPACE, PlanningScene, random_scene, table_look
 from drivers.interfaces import ArmLimits
 from drivers.trajectory import check_trajectory
+from executive.values.arrays import Float64
 from skills.motion.grasp import Grasp
 from skills.motion.grasps.sample import GraspRules, sample_pre_grasps
 from skills.motion.grasps.sphere import Sphere
@@ -33,8 +33,6 @@ from skills.motion.planning.plan import PlanRequest, PlanResult, plan
 from skills.motion.robot import RobotModel
 from skills.motion.straight_line import straight_line
 from skills.sample_grasp import FINER
-
-Float64 = NDArray[np.float64]
 
 EXHAUSTIVE = GraspRules(solutions=1, tried_solutions=10_000, arm_angles=72)
 PAPER = GraspRules(solutions=1, check=False)

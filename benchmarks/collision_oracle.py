@@ -19,11 +19,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.interfaces import Box, Workspace
+from executive.values.arrays import Float64
 from skills.geometry import rotation_about, transform
 from skills.motion.collision import CollisionWorld, DistanceField, Margins
 from skills.motion.robot import RobotModel
-
-Float64 = NDArray[np.float64]
 
 TOUCHING = 1e-6
 """MuJoCo's distances are good to about this [m]."""

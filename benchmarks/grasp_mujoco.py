@@ -7,12 +7,10 @@ simulated cell. It has the interface of `grasp_patch.PatchGrasp`.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.grasp_patch import GRAVITY, Fruit
 from drivers.sim.gl import load_mujoco
-
-Float64 = NDArray[np.float64]
+from executive.values.arrays import Float64
 
 TORSION = 0.003
 """Torsional friction of the pads [m]."""

@@ -7,16 +7,14 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.grasp_mujoco import MujocoGrasp, least_grasp_force_of_cone
 from benchmarks.grasp_patch import GRAVITY, Fruit, PatchGrasp
+from executive.values.arrays import Float64
 from skills.grip.controller import GripController
 from skills.grip.grip import GripPhase
 from skills.grip.limit_surface import SoftContact, least_force, xi
 from skills.grip.settings import GripSettings
-
-Float64 = NDArray[np.float64]
 
 TORQUE_LEVER = 0.005
 """Noise of a torque is the noise of a force at this lever [m]."""

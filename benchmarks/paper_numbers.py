@@ -6,9 +6,8 @@ All lengths in metres. Positions stand on the table's surface, z up; apples in o
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Float64 = NDArray[np.float64]
+from executive.values.arrays import Float64
 
 CAD_PRINTED: Float64 = np.array([0.092, 0.081, 0.092])
 CAD_DEPLOYED: Float64 = np.array([0.09756, 0.08539, 0.09590])

@@ -6,14 +6,12 @@ from typing import Any
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from drivers.interfaces import Box
+from executive.values.arrays import Float64
 from skills.geometry import transform
 from skills.motion.robot import RobotModel
 from skills.perception.measured_fruit import MeasuredFruit
-
-Float64 = NDArray[np.float64]
 
 PENETRATION = 1e-6
 """MuJoCo's contacts are good to about this [m]."""

@@ -8,14 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.interfaces import Box, Frame, Intrinsics, Workspace
+from executive.values.arrays import Float64
 from skills.geometry import rot_z, rotation_about, transform
 from skills.motion.collision import CollisionWorld, Convex, DistanceField, Margins
 from skills.motion.planning.arm_space import TARGET, ArmSpace
 from skills.motion.robot import RobotModel
 from skills.perception.fruit import load_fruit
 from skills.perception.measured_fruit import MeasuredFruit
-
-Float64 = NDArray[np.float64]
 
 TABLE_Z = -0.12
 CELL = 0.01

@@ -18,12 +18,11 @@ from rich.console import Console
 from rich.table import Table
 
 from drivers.interfaces import Intrinsics
+from executive.values.arrays import Float64
 from skills.geometry import transform
 from skills.perception.fruit import FruitModel
 from skills.perception.refinement import Limits, refine
 from skills.perception.refinement.errors import RefineError
-
-Float64 = NDArray[np.float64]
 
 KINECT = Intrinsics(917.12, 916.97, 957.72, 550.79, 1920, 1080)
 LITERATURE_MM = 2.93

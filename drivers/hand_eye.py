@@ -20,7 +20,8 @@ from scipy.spatial.transform import Rotation
 
 from drivers.errors import CellFileError, DriverError
 from drivers.frames.folder import INTRINSICS_FILE, read_intrinsics
-from drivers.interfaces import Float64, Intrinsics
+from drivers.interfaces import Intrinsics
+from executive.values.arrays import Float64
 
 LEAST_LOOKS = 5
 LEAST_TURN = np.radians(15.0)

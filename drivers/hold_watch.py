@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from drivers.errors import DeviceFault
-from drivers.interfaces import Arm, Float64, ForceSensor
+from drivers.interfaces import Arm, ForceSensor
+from executive.values.arrays import Float64
 
 MOVED = 0.01
 """A joint that changed by more than this while paused was moved by somebody [rad]."""

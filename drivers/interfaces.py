@@ -15,8 +15,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-Float64 = NDArray[np.float64]
-
+from executive.values.arrays import Float64
 
 # ---------------------------------------------------------------------------------------------------- camera
 

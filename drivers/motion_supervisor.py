@@ -12,8 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from drivers.errors import DeviceFault, DeviceLost
-from drivers.interfaces import ArmLimits, Float64
+from drivers.interfaces import ArmLimits
 from drivers.path_motion import PathMotion, Phase
+from executive.values.arrays import Float64
 from executive.values.kinds import Measure
 from executive.values.sections import value
 from executive.values.units import ANGLE, TIME

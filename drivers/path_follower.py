@@ -10,7 +10,8 @@ import math
 
 import numpy as np
 
-from drivers.interfaces import ArmLimits, Float64, Trajectory
+from drivers.interfaces import ArmLimits, Trajectory
+from executive.values.arrays import Float64
 
 
 class PathFollower:

@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from enum import Enum
 
-from drivers.interfaces import ArmLimits, Float64, MotionState, Trajectory
+from drivers.interfaces import ArmLimits, MotionState, Trajectory
 from drivers.path_follower import PathFollower
+from executive.values.arrays import Float64
 
 ARRIVED = 2e-3
 """Joints so near to the path's end are there [rad]."""

@@ -15,8 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from drivers.errors import DeviceError, DeviceFault
-from drivers.interfaces import Float64, Subscription, WrenchSample
+from drivers.interfaces import Subscription, WrenchSample
 from executive.clock import Clock
+from executive.values.arrays import Float64
 from executive.values.kinds import Measure
 from executive.values.sections import value
 from executive.values.units import FORCE, TIME

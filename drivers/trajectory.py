@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from drivers.errors import BadTrajectory
-from drivers.interfaces import ArmLimits, Float64, Trajectory
+from drivers.interfaces import ArmLimits, Trajectory
+from executive.values.arrays import Float64
 
 ROUNDING = 1e-6
 """A position may be so far beyond its limit [rad]: a few times the last digit of an f32 on a controller's wire."""

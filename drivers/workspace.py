@@ -6,14 +6,12 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from drivers.interfaces import Box, Workspace
+from executive.values.arrays import Float64
 from executive.values.kinds import ListOf, MappingOf, Measure, Row, Text
 from executive.values.sections import Problem, Section, value
 from executive.values.units import ANGLE, LENGTH
-
-Float64 = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

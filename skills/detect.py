@@ -6,17 +6,15 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from drivers.interfaces import Frame
 from executive.ports import TIME, Outputs, Port, Ratio, Time
 from executive.skill import SkillFailure, Work
+from executive.values.arrays import Float64
 from skills.perception.detection.detection import Detection
 from skills.perception.detection.instances import POLICIES, Instance, rank
 from skills.perception.detection.options import DetectorOptions, DopeFiles
 from skills.shared.looking import LOOKING_FAILURES, LookingSkill, picture
-
-Float64 = NDArray[np.float64]
 
 SAME_FRUIT = 0.04
 """Two detections whose lines of sight pass this close at the fruit are the same fruit [m]."""

@@ -7,11 +7,11 @@ from dataclasses import replace
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 
 from drivers.interfaces import Arm, ForceSensor, Gripper, Workspace, WrenchSample
 from executive.ports import FORCE, LENGTH, SPEED, Force, Length, Outputs, Port, Ratio, Speed
 from executive.skill import Work
+from executive.values.arrays import Float64
 from skills.grip.hold import Hold
 from skills.grip.slide import NoSlideError, Slide, friction_of_slides
 from skills.motion.planning.arm_space import arm_space
@@ -21,8 +21,6 @@ from skills.motion.straight_line import straight_line
 from skills.shared.following import MOTION_FAILURES, MovingSkill, Watching
 from skills.shared.grip_view import show_grip
 from skills.shared.warm_motion import prepare_moving
-
-Float64 = NDArray[np.float64]
 
 JERK_TIME = 0.05
 """Seconds in which the acceleration is reached."""

@@ -6,10 +6,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
-Float64 = NDArray[np.float64]
+from executive.values.arrays import Float64
 
 _IDENTITY = np.eye(3)
 

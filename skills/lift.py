@@ -6,11 +6,11 @@ import math
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 
 from drivers.interfaces import Arm, ForceSensor, Gripper, Workspace
 from executive.ports import ACCELERATION, LENGTH, SPEED, TIME, Acceleration, Length, Port, Speed, Time
 from executive.skill import Work
+from executive.values.arrays import Float64
 from skills.grip.grip import GripProblem
 from skills.grip.hold import Hold
 from skills.motion.grasp import Grasp
@@ -25,8 +25,6 @@ from skills.shared.hanging import Hanging, require_truth
 from skills.shared.touch import pressing_forces, something_between
 from skills.shared.usable_map import usable_field
 from skills.shared.warm_motion import prepare_moving
-
-Float64 = NDArray[np.float64]
 
 JERK_TIME = 0.1
 """Seconds in which the acceleration is reached."""

@@ -6,11 +6,11 @@ from collections.abc import Callable, Iterator, Mapping
 from typing import Annotated, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from drivers.interfaces import Arm, ForceSensor, Gripper, Workspace
 from executive.ports import FORCE, LENGTH, SPEED, Force, Length, Port, Speed
 from executive.skill import CellFacts, Work
+from executive.values.arrays import Float64
 from executive.values.sections import Problem
 from skills.grip.hold import Hold, current_hold, take_over
 from skills.motion.collision import Margins
@@ -27,8 +27,6 @@ from skills.shared.named_pose import judge_pose, offered_poses
 from skills.shared.touch import HELD_FORCE, Touch, load, pressing_forces, something_between
 from skills.shared.usable_map import usable_field
 from skills.shared.warm_motion import prepare_planning
-
-Float64 = NDArray[np.float64]
 
 ACCELERATION, JERK = 0.5, 5.0
 """Of lowering and rising [m/s², m/s³]."""

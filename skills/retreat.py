@@ -7,11 +7,11 @@ from enum import Enum
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 
 from drivers.interfaces import Arm, ForceSensor, Gripper, Workspace
 from executive.ports import ACCELERATION, FORCE, SPEED, Acceleration, Force, Port, Speed
 from executive.skill import Work
+from executive.values.arrays import Float64
 from skills.geometry import angle_between, inverse
 from skills.grip.hold import current_hold, take_over
 from skills.motion.grasp import Grasp
@@ -22,8 +22,6 @@ from skills.motion.straight_line import straight_line
 from skills.shared.following import MOTION_FAILURES, MovingSkill, Watching
 from skills.shared.touch import Touch, load, something_between
 from skills.shared.warm_motion import prepare_moving
-
-Float64 = NDArray[np.float64]
 
 LATERAL_TOLERANCE = 0.015
 """How far from the approach line, or from the vertical above the grasp, the TCP still counts as on it [m]."""

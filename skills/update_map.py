@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 
 from drivers.interfaces import Arm, Camera, Frame, Gripper, Intrinsics, Workspace
 from executive.ports import LENGTH, TIME, Length, Outputs, Port, Time
 from executive.skill import Skill, Work
+from executive.values.arrays import Float64
 from executive.views import Points3, SceneView
 from skills.motion.collision import Convex, RobotShape
 from skills.motion.occupancy.camera_pose import check_camera_pose, pose_of_camera
@@ -19,8 +19,6 @@ from skills.motion.occupancy.occupancy_map import HIDDEN, OCCUPIED, OccupancyMap
 from skills.motion.robot import BadJoints, RobotModel
 from skills.perception.detection.detection import Detection
 from skills.perception.measured_fruit import MeasuredFruit
-
-Float64 = NDArray[np.float64]
 
 
 class Mapped(Outputs):

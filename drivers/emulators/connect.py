@@ -38,13 +38,14 @@ from drivers.driver import Settings, driver
 from drivers.emulators.sim_bridge import FRAME_HEADER, FRAME_MAGIC
 from drivers.emulators.virtual_world import VirtualWorld
 from drivers.errors import CellFileError, DeviceLost, DriverError
-from drivers.interfaces import NOMINAL_DEPTH_NOISE, Arm, Float64, Intrinsics
+from drivers.interfaces import NOMINAL_DEPTH_NOISE, Arm, Intrinsics
 from drivers.motoman.connect import ORDERS
 from drivers.realsense.camera_mount import CameraMount
 from drivers.realsense.driver import StreamingCamera
 from drivers.realsense.source import Pair
 from drivers.wire import Address, Link, tcp_opener
 from executive.clock import Clock, SystemClock
+from executive.values.arrays import Float64
 from executive.values.kinds import MappingOf, Measure, Number, PathTo, Text
 from executive.values.sections import Problem, Section, value
 from executive.values.units import RATE, TIME

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from drivers.emulators.server import Peer
 from drivers.faults import FaultSwitch
@@ -32,8 +31,7 @@ from drivers.motoman.codec import (
     WriteOutput,
     encode,
 )
-
-Float64 = NDArray[np.float64]
+from executive.values.arrays import Float64
 
 START_TOLERANCE = 5e-4
 """The first point must be this near to the arm [rad]."""

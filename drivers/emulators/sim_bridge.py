@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from drivers.cell import Cell, load_cell
 from drivers.emulators.motoman import MotomanEmulator
@@ -25,8 +24,7 @@ from drivers.sim.camera import SimCamera
 from drivers.sim.gl import load_mujoco
 from drivers.sim.world import SimWorld
 from drivers.wire import raise_priority
-
-Float64 = NDArray[np.float64]
+from executive.values.arrays import Float64
 
 FRAME_HEADER = struct.Struct("<4sIIddddddI")
 """Of a frame on the wire: magic, width, height, fx, fy, cx, cy, the camera's time [s], age [s], sequence; colour and

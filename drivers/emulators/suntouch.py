@@ -5,12 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from drivers.emulators.server import Peer
 from drivers.suntouch.codec import REQUEST, TAXELS, encode
-
-Float64 = NDArray[np.float64]
+from executive.values.arrays import Float64
 
 PITCH = 0.004
 """Distance of neighbouring taxels [m]."""

@@ -20,8 +20,9 @@ from drivers.frames.folder import (
     folder_intrinsics,
     list_frames,
 )
-from drivers.interfaces import NOMINAL_DEPTH_NOISE, Camera, DepthNoise, Float64, Frame, FrameSequence, Intrinsics
+from drivers.interfaces import NOMINAL_DEPTH_NOISE, Camera, DepthNoise, Frame, FrameSequence, Intrinsics
 from executive.clock import Clock
+from executive.values.arrays import Float64
 from executive.values.kinds import Text
 from executive.values.sections import Section, value
 

@@ -9,11 +9,12 @@ import numpy as np
 
 from drivers.device import Device
 from drivers.errors import BadTrajectory, DeviceError, MotionRefused
-from drivers.interfaces import Arm, ArmLimits, ArmState, Float64, Motion, Trajectory
+from drivers.interfaces import Arm, ArmLimits, ArmState, Motion, Trajectory
 from drivers.mock.clock import PERIOD, MockClock
 from drivers.motion_supervisor import MotionSupervisor, Supervision
 from drivers.path_motion import PathMotion
 from drivers.trajectory import check_trajectory
+from executive.values.arrays import Float64
 
 ROBOT = Path(__file__).resolve().parents[2] / "trees" / "robots" / "sia5f_wsg32.xml"
 

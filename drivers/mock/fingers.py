@@ -8,10 +8,11 @@ import numpy as np
 
 from drivers.device import Device
 from drivers.errors import DeviceError
-from drivers.interfaces import Float64, ForceSensor, Subscription, WrenchSample
+from drivers.interfaces import ForceSensor, Subscription, WrenchSample
 from drivers.mock.clock import PERIOD, MockClock
 from drivers.mock.gripper import MockGripper
 from drivers.streams import WrenchStream
+from executive.values.arrays import Float64
 
 Script = Callable[[float], Float64]
 """Wrenches of both fingers, shape (2, 6), at a time [s]."""

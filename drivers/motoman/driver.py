@@ -17,7 +17,7 @@ import numpy as np
 
 from drivers.device import Device
 from drivers.errors import BadTrajectory, DeviceError, DeviceFault, DeviceLost, MotionRefused
-from drivers.interfaces import Arm, ArmLimits, ArmState, Float64, Motion, MotionState, Trajectory
+from drivers.interfaces import Arm, ArmLimits, ArmState, Motion, MotionState, Trajectory
 from drivers.motion_supervisor import MotionSupervisor, Supervision
 from drivers.motoman.codec import Control, Order, Result, Valid
 from drivers.motoman.session import ControllerSession
@@ -29,6 +29,7 @@ from drivers.posted_motion import PostedMotion
 from drivers.trajectory import check_trajectory
 from drivers.wire import Link, Nonsense
 from executive.clock import Clock
+from executive.values.arrays import Float64
 
 RECONNECT = 0.5
 """Pause between attempts to open lost connections again [s]."""

@@ -11,12 +11,12 @@ from collections.abc import Callable
 import numpy as np
 
 from drivers.errors import DeviceFault
-from drivers.interfaces import Float64
 from drivers.motoman.codec import Result, TrajectoryPoint, Valid
 from drivers.motoman.session import ControllerSession
 from drivers.motoman.words import refusal
 from drivers.path_motion import PathMotion
 from executive.clock import Clock
+from executive.values.arrays import Float64
 
 INTERPOLATION = 0.004
 """Period of the controller's own interpolation, and of stepping the path here [s]."""

@@ -7,7 +7,8 @@ from collections import deque
 import numpy as np
 
 from drivers.errors import DeviceError
-from drivers.interfaces import Arm, Float64
+from drivers.interfaces import Arm
+from executive.values.arrays import Float64
 
 KEPT = 64
 

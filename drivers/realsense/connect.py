@@ -13,10 +13,11 @@ from drivers.camera_options import DepthNoiseSection
 from drivers.device import ConnectContext
 from drivers.driver import Settings, driver
 from drivers.errors import DeviceError, DeviceLost
-from drivers.interfaces import NOMINAL_DEPTH_NOISE, Arm, Float64
+from drivers.interfaces import NOMINAL_DEPTH_NOISE, Arm
 from drivers.realsense.camera_mount import CameraMount
 from drivers.realsense.driver import StreamingCamera
 from drivers.realsense.source import FILTERS, CameraSettings, PipelineSource, cameras_found
+from executive.values.arrays import Float64
 from executive.values.kinds import Counts, MappingOf, Measure, Number, PathTo, Text, Words
 from executive.values.sections import Problem, Section, value
 from executive.values.units import RATE, TIME

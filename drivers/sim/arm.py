@@ -7,13 +7,14 @@ from pathlib import Path
 import numpy as np
 
 from drivers.errors import BadTrajectory, DeviceError, DeviceFault, DeviceLost, MotionRefused
-from drivers.interfaces import Arm, ArmLimits, ArmState, Float64, Motion, Trajectory
+from drivers.interfaces import Arm, ArmLimits, ArmState, Motion, Trajectory
 from drivers.motion_supervisor import MotionSupervisor, Supervision
 from drivers.path_motion import PathMotion
 from drivers.sim.faults import FaultyDevice
 from drivers.sim.scene import TIMESTEP
 from drivers.sim.world import PhysicsWorld
 from drivers.trajectory import check_trajectory
+from executive.values.arrays import Float64
 
 AT_REST = 5e-3
 """No joint moves faster than this when the arm rests [rad/s]."""

@@ -9,12 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.errors import DeviceLost
-from drivers.interfaces import Camera, Float64, Frame, Intrinsics
+from drivers.interfaces import Camera, Frame, Intrinsics
 from drivers.sim.faults import FaultyDevice
 from drivers.sim.gl import in_gl_thread, load_mujoco, open_renderer
 from drivers.sim.stereo_depth import Stereo, measure_depth
 from drivers.sim.world import PhysicsWorld
 from drivers.streams import FrameGuard
+from executive.values.arrays import Float64
 
 SILENCE = 0.5
 """A camera of which no frame can be believed for so long, or that shows the same one, is lost [s]; as a real one."""

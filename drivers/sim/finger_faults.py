@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from drivers.interfaces import Float64, WrenchSample
+from drivers.interfaces import WrenchSample
+from executive.values.arrays import Float64
 
 OFFSET = 1.0
 """Of a channel that jumps [N]."""

@@ -8,13 +8,14 @@ import numba
 import numpy as np
 
 from drivers.errors import DeviceLost
-from drivers.interfaces import Float64, ForceSensor, Subscription, WrenchSample
+from drivers.interfaces import ForceSensor, Subscription, WrenchSample
 from drivers.sim.faults import FaultyDevice
 from drivers.sim.finger_faults import LIES
 from drivers.sim.robot import PADS
 from drivers.sim.scene import TIMESTEP
 from drivers.sim.world import PhysicsWorld
 from drivers.streams import SILENCE, Belief, WrenchStream
+from executive.values.arrays import Float64
 
 LEVER = 0.01
 """Torque errors are the force errors at this lever [m]."""

@@ -12,13 +12,13 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
+from executive.values.arrays import Float64
 from executive.values.documents import read_value_file
 from executive.values.findings import Findings, place_of
 from executive.values.kinds import PathTo
 from executive.values.reading import Refused
 from executive.values.sections import Problem, Section, value
 
-Float64 = NDArray[np.float64]
 Faces = NDArray[np.int32]
 
 _OF_PERCEPTION = ("name", "dimensions", "symmetry_axis", "colour", "weights")

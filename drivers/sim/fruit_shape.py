@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.sim.fruit_model import read_model
-
-Float64 = NDArray[np.float64]
+from executive.values.arrays import Float64
 
 APPLES = ("red", "striped", "yellow", "green")
 """Skins that are drawn where none is asked for."""

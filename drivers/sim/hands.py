@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from drivers.device import Device
-from drivers.interfaces import Float64, Hands, HandTask
+from drivers.interfaces import Hands, HandTask
 from drivers.sim.robot import PADS
 from drivers.sim.scene import TIMESTEP
 from drivers.sim.world import SimWorld
+from executive.values.arrays import Float64
 
 STIFFNESS, TURNING_STIFFNESS = 1500.0, 0.5
 """Of a hand that holds on [N/m] and against turning [N·m/rad]."""

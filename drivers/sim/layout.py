@@ -10,11 +10,12 @@ import numpy as np
 
 from drivers.driver import Surroundings
 from drivers.errors import UnusableRobotFile
-from drivers.interfaces import Box, Float64, FruitKinds
+from drivers.interfaces import Box, FruitKinds
 from drivers.robot_file import read_limits
 from drivers.sim.fruit_model import UnusableModel, read_model
 from drivers.sim.fruit_shape import APPLES, SKINS
 from drivers.sim.robot import read_robot
+from executive.values.arrays import Float64
 from executive.values.kinds import Flag, MappingOf, Measure, Number, OrWord, PathTo, Row, Span, Text, Whole, choose
 from executive.values.sections import Problem, Section, value
 from executive.values.units import ANGLE, LENGTH, MASS

@@ -8,11 +8,12 @@ from typing import Any
 import cv2
 import numpy as np
 
-from drivers.interfaces import Box, Float64
+from drivers.interfaces import Box
 from drivers.sim.fruit_shape import FruitShape, make_fruit
 from drivers.sim.gl import load_mujoco
 from drivers.sim.layout import Distractor, FruitOnTable, Layout
 from drivers.sim.robot import PADS, read_robot
+from executive.values.arrays import Float64
 
 TIMESTEP = 0.002
 """Step of the physics [s]; contact, sensing and force control share it."""

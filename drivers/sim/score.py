@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from drivers.interfaces import Float64
 from drivers.sim.held_force import HeldForce
 from drivers.sim.robot import PADS
 from drivers.sim.scene import SimScene, container_of, fixed_names
+from executive.values.arrays import Float64
 
 LIFTED = 0.03
 """A fruit counts as lifted this far above where it stood [m]."""

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.interfaces import DepthNoise
-
-F32 = NDArray[np.float32]
+from executive.values.arrays import Float32
 
 SUBPIXEL = 1.0 / 32.0
 """Disparity is measured in steps of this [px] …"""
@@ -36,7 +35,7 @@ class Stereo:
         return DepthNoise(max(self.disparity_noise, SUBPIXEL / np.sqrt(12.0)), self.baseline)
 
 
-def measure_depth(true_depth: F32, stereo: Stereo, rng: np.random.Generator) -> F32:
+def measure_depth(true_depth: Float32, stereo: Stereo, rng: np.random.Generator) -> Float32:
     """Depth as measured.
 
     The deviation is z² · disparity_noise / (f · b). Pixels that the second imager does not see, surfaces seen at a
@@ -57,11 +56,11 @@ def measure_depth(true_depth: F32, stereo: Stereo, rng: np.random.Generator) -> 
     measured = np.round((disparity + noise) / SUBPIXEL) * SUBPIXEL
     missing |= measured <= 0.0
     depth = np.divide(strength, measured, out=np.zeros_like(true_depth), where=~missing)
-    stepped: F32 = (np.round(depth / DEPTH_UNIT) * DEPTH_UNIT).astype(np.float32)
+    stepped: Float32 = (np.round(depth / DEPTH_UNIT) * DEPTH_UNIT).astype(np.float32)
     return stepped
 
 
-def _hidden_from_second_imager(disparity: F32) -> NDArray[np.bool_]:
+def _hidden_from_second_imager(disparity: Float32) -> NDArray[np.bool_]:
     """Points behind something nearer on the line of sight of the imager to the right."""
     column = np.arange(disparity.shape[1], dtype=np.float32) - disparity
     nearest_right = np.minimum.accumulate(column[:, ::-1], axis=1)[:, ::-1]
@@ -70,7 +69,7 @@ def _hidden_from_second_imager(disparity: F32) -> NDArray[np.bool_]:
     return hidden
 
 
-def _lost_at_edges(depth: F32, focal: float, rng: np.random.Generator) -> NDArray[np.bool_]:
+def _lost_at_edges(depth: Float32, focal: float, rng: np.random.Generator) -> NDArray[np.bool_]:
     """Holes where the surface turns away or breaks off: the likelier, the more grazing."""
     step = depth / np.float32(focal)
     slope_u = cv2.Sobel(depth, cv2.CV_32F, 1, 0, ksize=3, scale=0.125)

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from drivers.device import Device
-from drivers.interfaces import Float64
 from drivers.sim.gl import load_mujoco
 from drivers.sim.scene import TIMESTEP, SimScene
 from drivers.sim.score import Scorer
+from executive.values.arrays import Float64
 
 SETTLING = 1.0
 """Time for what was put on the table to come to rest before the run starts [s]."""

@@ -12,14 +12,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from drivers.errors import DriverError
 from drivers.suntouch.codec import TAXELS
+from executive.values.arrays import Float64
 
 FORMAT = "pomona finger calibration 1"
-
-Float64 = NDArray[np.float64]
 
 
 class UnusableCalibration(DriverError):

@@ -10,9 +10,9 @@ import struct
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from drivers.wire import Malformed
+from executive.values.arrays import Float64
 
 REQUEST = b"a"
 TAXELS = 25
@@ -20,8 +20,6 @@ SIZE = 2 * TAXELS
 COUNTS = 4096
 VOLTS = 3.3
 """A reading is 12 bits over this range [V]; the upper four bits mean nothing."""
-
-Float64 = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

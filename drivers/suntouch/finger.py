@@ -5,15 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from drivers.suntouch.calibration import FingerCalibration
 from drivers.suntouch.codec import REQUEST, TAXELS, Assembler, FingerReading
 from drivers.suntouch.spike_filter import SpikeFilter
 from drivers.wire import Link, Malformed
 from executive.clock import Clock
-
-Float64 = NDArray[np.float64]
+from executive.values.arrays import Float64
 
 FLUSHING = 0.004
 """Longest time for which a line that is out of step is emptied [s]; an answer takes 0.5 ms at 1 Mbaud."""

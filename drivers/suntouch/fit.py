@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from drivers.errors import DriverError
 from drivers.suntouch.calibration import FingerCalibration
 from drivers.suntouch.codec import TAXELS
-
-Float64 = NDArray[np.float64]
+from executive.values.arrays import Float64
 
 KEPT_ASIDE = 0.2
 """Share of the recording, in blocks, on which the error is measured."""

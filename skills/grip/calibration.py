@@ -17,8 +17,8 @@ from scipy.ndimage import uniform_filter1d
 from scipy.optimize import least_squares
 
 from drivers.interfaces import WrenchSample
+from executive.values.arrays import Float64
 from skills.grip.errors import TooFewPushes, UnusablePushes
-from skills.grip.grip import Float64
 from skills.grip.limit_surface import SoftContact, least_force
 from skills.grip.pads import PAD_HALF, pad_loads
 

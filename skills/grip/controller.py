@@ -11,8 +11,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from executive.values.arrays import Float64
 from skills.grip.command_timing import CommandTiming
-from skills.grip.grip import IN_HAND, Float64, GripPhase, GripProblem, GripReading
+from skills.grip.grip import IN_HAND, GripPhase, GripProblem, GripReading
 from skills.grip.limit_surface import SoftContact
 from skills.grip.reference import ForceReference
 from skills.grip.sensor_watch import SensorWatch

@@ -10,11 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from executive.values.arrays import Float64
 from skills.grip.observer import steps_in_a_sample
-
-Float64 = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,12 +7,9 @@ from dataclasses import dataclass, field
 from enum import Enum
 from typing import Annotated
 
-import numpy as np
-from numpy.typing import NDArray
-
+from executive.values.arrays import Float64
 from executive.values.units import FORCE, LENGTH, SPEED, TIME, TORQUE
 
-Float64 = NDArray[np.float64]
 Newton = Annotated[float, FORCE]
 
 

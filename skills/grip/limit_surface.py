@@ -18,10 +18,10 @@ from functools import lru_cache
 
 import numpy as np
 from numba import njit
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.special import beta, ellipe, ellipkm1, gamma
 
-Float64 = NDArray[np.float64]
+from executive.values.arrays import Float64
 
 NODES = 1025
 """Nodes of the table, uniform in c_tilde / (1 + c_tilde): linear between them, within 1e-5 of the exact surface."""

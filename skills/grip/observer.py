@@ -13,9 +13,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Float64 = NDArray[np.float64]
+from executive.values.arrays import Float64
 
 STEP = 5e-4
 """The integration's step [s], or what a whole number of steps in a sample makes of it."""

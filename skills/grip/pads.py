@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import numpy as np
 from numba import njit
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Float64 = NDArray[np.float64]
+from executive.values.arrays import Float64
 
 PAD_HALF = 0.010
 """A contact lies within this of the pad's centre [m]."""

@@ -10,12 +10,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from executive.values.arrays import Float64
 from skills.grip.limit_surface import SoftContact
 from skills.grip.pads import MIRROR, loads_of_finger
-
-Float64 = NDArray[np.float64]
 
 SHORTEST, FEW = 0.02, 4
 """Each half of a slide must last so long [s] and have so many samples."""

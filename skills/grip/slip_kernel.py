@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 from numba import njit
 
+from executive.values.arrays import Float64
 from skills.grip.dynamic_term import answer_slip
-from skills.grip.grip import Float64
 from skills.grip.limit_surface import least_force_of_finger
 from skills.grip.observer import observe
 from skills.grip.pads import MIRROR, PRESSING, loads_of_finger, smooth

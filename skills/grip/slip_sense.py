@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
+from executive.values.arrays import Float64
 from skills.grip.dynamic_term import DynamicSettings
-from skills.grip.grip import Float64
 from skills.grip.limit_surface import SoftContact, surface_table
 from skills.grip.observer import ObserverSettings, steps_in_a_sample
 from skills.grip.pads import MIRROR

@@ -13,7 +13,7 @@ import math
 import numpy as np
 from numba import njit
 
-from skills.grip.grip import Float64
+from executive.values.arrays import Float64
 from skills.grip.pads import MIRROR
 from skills.grip.slip_sense import SlipSense
 from skills.grip.tuning import SlipWatchSettings

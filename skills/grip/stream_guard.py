@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from skills.grip.grip import Float64
+from executive.values.arrays import Float64
 
 LONGEST_CATCH_UP = 0.02
 """After a gap the filters run on with the new sample for at most so long [s]."""

@@ -6,12 +6,11 @@ from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 
+from executive.values.arrays import Float64
 from executive.values.units import ANGLE, LENGTH, Array
 from skills.perception.measured_fruit import MeasuredFruit
 
-Float64 = NDArray[np.float64]
 Pose = Annotated[Float64, Array(4, 4)]
 
 

@@ -6,10 +6,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from executive.values.arrays import Float64
 from skills.motion.robot.chain import compose, forward, jacobian
 from skills.motion.robot.numeric_ik import newton_step
-
-Float64 = NDArray[np.float64]
 
 REACHED, OUT_OF_REACH, JOINT_LIMIT, JUMP = 0, 1, 2, 3
 """How tracking ended."""

@@ -5,13 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation, Slerp
 
+from executive.values.arrays import Float64
 from skills.motion.line_tracking import JOINT_LIMIT, JUMP, OUT_OF_REACH, REACHED, track_poses
 from skills.motion.robot import RobotModel
-
-Float64 = NDArray[np.float64]
 
 STEP = 4e-3
 """Distance between two poses on a line [m]."""

@@ -7,13 +7,12 @@ from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 
 from drivers.interfaces import Frame
+from executive.values.arrays import Float64
 from executive.values.units import LENGTH, RATIO, Array
 from skills.perception.fruit import FruitModel
 
-Float64 = NDArray[np.float64]
 Pose = Annotated[Float64, Array(4, 4)]
 
 

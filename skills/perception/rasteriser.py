@@ -11,7 +11,8 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-Float64 = NDArray[np.float64]
+from executive.values.arrays import Float64
+
 Indices = NDArray[np.int32]
 
 EDGE = 1e-9

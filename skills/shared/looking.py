@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from drivers.interfaces import Arm, Camera, Frame, FruitKinds
 from executive.skill import CellFacts, Skill
+from executive.values.arrays import Float64
 from executive.values.sections import Problem
 from executive.views import ImageView, Line2, Pinhole
 from skills.motion.robot.model import RobotModel
@@ -22,8 +22,6 @@ from skills.perception.detection.options import DetectorOptions, DopeFiles
 from skills.perception.fruit import FruitModel, load_fruit
 from skills.perception.fruit.catalogue import SHIPPED_WEIGHTS, damage, known_fruits
 from skills.perception.fruit.errors import FruitError
-
-Float64 = NDArray[np.float64]
 
 if TYPE_CHECKING:  # the networks are loaded where they are used: importing torch takes seconds
     from skills.perception.detection.compact_detector import CompactDetector

@@ -5,15 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from drivers.interfaces import Workspace
 from executive.skill import CellFacts
+from executive.values.arrays import Float64
 from executive.values.kinds import choose
 from executive.values.sections import Problem
-
-Float64 = NDArray[np.float64]
 
 
 def judge_pose(port: str, known: Mapping[str, Any], cell: CellFacts | None) -> Iterator[Problem]:

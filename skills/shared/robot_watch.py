@@ -6,15 +6,13 @@ from collections.abc import Callable, Iterator
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from drivers.interfaces import Arm, Gripper
+from executive.values.arrays import Float64
 from executive.views import BodiesView, Mesh3, PosesView
 from skills.motion.robot.model import RobotModel
 from skills.motion.robot.solids import solid
-
-Float64 = NDArray[np.float64]
 
 TOPIC = "robot"
 STILL = 1e-4

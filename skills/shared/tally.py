@@ -6,9 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-Float64 = NDArray[np.float64]
+from executive.values.arrays import Float64
 
 SAME_PLACE = 0.04
 """A fruit seen this near to an earlier one is the same, tried again [m]: less than half a fruit."""

@@ -6,11 +6,9 @@ from collections import deque
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from drivers.interfaces import ForceSensor, Gripper, WrenchSample
-
-Float64 = NDArray[np.float64]
+from executive.values.arrays import Float64
 
 STALE_AFTER = 0.1
 """A newest sample older than this means that the fingers feel nothing any more [s]."""

@@ -5,13 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from drivers.interfaces import Box
+from executive.values.arrays import Float64
 from skills.motion.collision.cover import fibonacci_sphere
 from skills.perception.measured_fruit import MeasuredFruit
-
-Float64 = NDArray[np.float64]
 
 _CUBE = np.array([[x, y, z] for x in (-1.0, 0.0, 1.0) for y in (-1.0, 0.0, 1.0) for z in (-1.0, 0.0, 1.0)])
 _CUBE_DIRECTIONS = np.delete(_CUBE, 13, axis=0) / np.linalg.norm(np.delete(_CUBE, 13, axis=0), axis=1, keepdims=True)

@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
+from executive.values.arrays import Float64
 from skills.motion.robot import Geom
 
-Float64 = NDArray[np.float64]
 Depth = Callable[[Float64], Float64]
 
 _BOX_CORNER = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])

@@ -8,8 +8,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-Float32 = NDArray[np.float32]
-Float64 = NDArray[np.float64]
+from executive.values.arrays import Float32, Float64
 
 INTERPOLATION_ERROR = 0.27
 """Interpolating between corners overestimates a distance by at most this share of a cell (0.256 beside a corner)."""

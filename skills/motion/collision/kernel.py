@@ -14,13 +14,10 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from executive.values.arrays import Float32, Float64, Int64
 from skills.motion.collision.distance_field import lookup
 from skills.motion.collision.robot_shape import RobotArrays
 from skills.motion.robot.chain import forward
-
-Float32 = NDArray[np.float32]
-Float64 = NDArray[np.float64]
-Int64 = NDArray[np.int64]
 
 MAP = 0
 """Number of the map among the obstacles; convex obstacles follow from 1, then half spaces."""

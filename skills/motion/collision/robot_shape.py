@@ -10,11 +10,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from executive.values.arrays import Float64, Int64
 from skills.motion.collision.cover import Cover, cover, cover_points
 from skills.motion.robot import Body, RobotModel
-
-Float64 = NDArray[np.float64]
-Int64 = NDArray[np.int64]
 
 FEW_SPHERES = 3
 """Spheres of one body that are kept apart; more of them become one shape."""

@@ -25,10 +25,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from executive.values.arrays import Float64
 from skills.motion.collision.kernel import WorldArrays, evaluate_clearances, make_scratch, place
 from skills.motion.collision.robot_shape import RobotArrays
-
-Float64 = NDArray[np.float64]
 
 SLACK = 5e-4
 """By how much a margin may be undershot between two looks [m]."""

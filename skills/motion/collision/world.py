@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from drivers.interfaces import ArmLimits, Trajectory, Workspace
 from drivers.trajectory import check_trajectory
+from executive.values.arrays import Float64
 from skills.motion.collision import kernel
 from skills.motion.collision.convex import Convex
 from skills.motion.collision.distance_field import DistanceField
@@ -19,8 +20,6 @@ from skills.motion.collision.robot_shape import RobotShape
 from skills.motion.collision.segment import SLACK, check_path, check_segment
 from skills.motion.collision.verdict import Collision, Margins
 from skills.motion.robot import RobotModel
-
-Float64 = NDArray[np.float64]
 
 MAP = "map"
 TABLE = "table"

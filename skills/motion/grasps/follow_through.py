@@ -4,15 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from executive.values.arrays import Float64, Int64
 from skills.motion.collision.kernel import WorldArrays, check_states
 from skills.motion.collision.robot_shape import RobotArrays
 from skills.motion.collision.segment import check_segment
 from skills.motion.line_tracking import REACHED, track_poses
-
-Float64 = NDArray[np.float64]
-Int64 = NDArray[np.int64]
 
 GOOD, START_BLOCKED, LINE_BROKEN, LINE_BLOCKED = 3, 0, 1, 2
 """How far a solution came; GOOD ones came all the way."""

@@ -6,11 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from executive.values.arrays import Float64
 from skills.perception.measured_fruit import MeasuredFruit
-
-Float64 = NDArray[np.float64]
 
 WIDEST_BAND = 1e-3
 """Points within this distance of the outermost one belong to the widest section [m]."""

@@ -10,8 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from executive.values.arrays import Float64, Int64
 from skills.geometry import transform
 from skills.motion.collision import CollisionWorld, fruit_points
 from skills.motion.grasp import Grasp, RuledOut
@@ -29,9 +29,6 @@ from skills.motion.robot import RobotModel
 from skills.motion.robot.inverse_kinematics import inverse_kinematics
 from skills.motion.straight_line import LARGEST_RATE
 from skills.perception.measured_fruit import MeasuredFruit
-
-Float64 = NDArray[np.float64]
-Int64 = NDArray[np.int64]
 
 OBLIQUE = 0.35
 """Pads that meet the skin at this angle turn a fruit between them, even with good friction [rad]."""

@@ -19,11 +19,9 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
+from executive.values.arrays import Float64
 from skills.geometry import rot_x, rot_y, rot_z, transform
-
-Float64 = NDArray[np.float64]
 
 Q_TILDE: Float64 = rot_z(-np.pi / 2.0) @ rot_x(np.pi)
 """Rotation that aligns the approach vector with the world's z, downwards, shape (3, 3)."""

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from drivers.interfaces import ArmState, Frame
+from executive.values.arrays import Float64
 from skills.geometry import angle_between
 from skills.motion.occupancy.errors import CameraPoseMismatch
 from skills.motion.robot import RobotModel
-
-Float64 = NDArray[np.float64]
 
 _DISTANCE, _ANGLE = 2e-3, 5e-3  # between two statements about one pose [m, rad]
 _JOINTS = 0.02  # between the joints at the exposure and those of an arm that stands still [rad]

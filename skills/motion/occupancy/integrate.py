@@ -14,14 +14,11 @@ from numba import njit
 from numpy.typing import NDArray
 
 from drivers.interfaces import Frame, Workspace
+from executive.values.arrays import Float32, Float64, UInt8
 from skills.geometry import inverse
 from skills.motion.collision.convex import Convex
 from skills.motion.occupancy.errors import CameraPoseMismatch, NothingMeasured
 from skills.motion.occupancy.occupancy_map import FREE, HIDDEN, OCCUPIED, UNKNOWN, OccupancyMap
-
-Float32 = NDArray[np.float32]
-Float64 = NDArray[np.float64]
-UInt8 = NDArray[np.uint8]
 
 _INVALID, _SURFACE, _TABLE, _TARGET, _ROBOT = 0, 1, 2, 3, 4
 _BELOW_TABLE = 0.03  # points this far under the table cannot be [m] …

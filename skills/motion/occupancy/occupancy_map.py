@@ -8,10 +8,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from executive.values.arrays import Float64
 from skills.motion.collision.distance_field import DistanceField
 from skills.motion.occupancy.errors import MapEmpty, MapStale
-
-Float64 = NDArray[np.float64]
 
 UNKNOWN, FREE, OCCUPIED, HIDDEN = 0, 1, 2, 3
 """States of a cell. HIDDEN: close behind a seen surface, where the rest of the object is."""

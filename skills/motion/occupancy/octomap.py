@@ -11,12 +11,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from executive.values.arrays import Int64, UInt8
 from skills.motion.occupancy.occupancy_map import OCCUPIED, UNKNOWN, OccupancyMap
-
-Int64 = NDArray[np.int64]
-UInt8 = NDArray[np.uint8]
 
 _LEVELS = 16
 _FREE, _OCCUPIED, _INNER = 1, 2, 3

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from drivers.interfaces import Arm, Workspace
+from executive.values.arrays import Float64
 from skills.geometry import apply, inverse
 from skills.motion.collision import CollisionWorld, Convex, Margins, RobotShape, fruit_points
 from skills.motion.collision.distance_field import DistanceField
@@ -16,8 +16,6 @@ from skills.motion.grasp import Grasp
 from skills.motion.planning import rrt_connect
 from skills.motion.robot import RobotModel
 from skills.perception.measured_fruit import MeasuredFruit
-
-Float64 = NDArray[np.float64]
 
 TARGET = "target"
 """Name of the fruit to be picked among the obstacles."""

@@ -13,16 +13,14 @@ from typing import Any
 
 import numpy as np
 import yaml
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from drivers.interfaces import Box
+from executive.values.arrays import Float64
 from skills.geometry import transform
 from skills.motion.collision import CollisionWorld, Convex, Margins, RobotShape
 from skills.motion.planning.errors import BadProblem
 from skills.motion.robot import RobotModel
-
-Float64 = NDArray[np.float64]
 
 ROUNDING = 1e-3
 """How far a file's joint may lie beyond its limit [rad or m]: files round, and limits too."""

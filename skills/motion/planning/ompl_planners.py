@@ -9,13 +9,11 @@ import time
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from ompl import base, geometric, util
 
+from executive.values.arrays import Float64
 from skills.motion.planning.solution import Solution
 from skills.motion.planning.space import Space
-
-Float64 = NDArray[np.float64]
 
 util.setLogLevel(util.LOG_NONE)
 

@@ -14,16 +14,14 @@ import time
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from drivers.interfaces import ArmLimits, Trajectory
+from executive.values.arrays import Float64
 from skills.motion.planning.errors import BadRequest, PlanningFailed
 from skills.motion.planning.planners import PLANNERS, BudgetUse, solve
 from skills.motion.planning.rounding import time_free_path
 from skills.motion.planning.shortcut import path_length, shortcut
 from skills.motion.planning.space import Space
-
-Float64 = NDArray[np.float64]
 
 GOOD_ENOUGH = 1.02
 """A path this close to the straight distance to the nearest goal is not worth improving."""

@@ -10,15 +10,11 @@ import time
 from dataclasses import dataclass
 from enum import Enum
 
-import numpy as np
-from numpy.typing import NDArray
-
+from executive.values.arrays import Float64
 from skills.motion.planning.ompl_planners import solve_by_ompl
 from skills.motion.planning.rrt_connect import FIRST_ROUND
 from skills.motion.planning.solution import Solution
 from skills.motion.planning.space import Space
-
-Float64 = NDArray[np.float64]
 
 
 class BudgetUse(Enum):

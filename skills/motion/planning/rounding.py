@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from drivers.interfaces import ArmLimits, Trajectory
+from executive.values.arrays import Float64
 from skills.motion.planning.errors import PlanningFailed
 from skills.motion.planning.space import Space
 from skills.motion.planning.timing import time_polyline
-
-Float64 = NDArray[np.float64]
 
 _SHARPER = {0.0: 0.35, 0.35: 0.7, 0.7: 1.0}
 

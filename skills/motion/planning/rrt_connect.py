@@ -13,14 +13,11 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from executive.values.arrays import Float64, Int64
 from skills.motion.collision.kernel import WorldArrays, evaluate_clearances, make_scratch, place
 from skills.motion.collision.robot_shape import RobotArrays
 from skills.motion.collision.segment import check_segment
-
-Float64 = NDArray[np.float64]
-Int64 = NDArray[np.int64]
 
 PROBED = 0.2
 """Segments with a larger step of any joint are first looked at in a few places [rad]: most that collide do so there,

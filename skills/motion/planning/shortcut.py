@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from executive.values.arrays import Float64
 from skills.motion.planning.space import Space
-
-Float64 = NDArray[np.float64]
 
 
 def path_length(waypoints: Float64) -> float:

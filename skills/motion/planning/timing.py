@@ -12,12 +12,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline
 
 from drivers.interfaces import ArmLimits, Trajectory
-
-Float64 = NDArray[np.float64]
+from executive.values.arrays import Float64
 
 PERIOD = 0.008
 """Spacing of a trajectory's samples [s]."""

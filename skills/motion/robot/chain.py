@@ -13,7 +13,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-Float64 = NDArray[np.float64]
+from executive.values.arrays import Float64
 
 
 @njit(cache=True, nogil=True)

@@ -16,10 +16,9 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from executive.values.arrays import Float64
 from skills.geometry import inverse
 from skills.motion.robot.errors import BadRobotFile
-
-Float64 = NDArray[np.float64]
 
 KINDS = ("sphere", "capsule", "ellipsoid", "cylinder", "box", "mesh")
 

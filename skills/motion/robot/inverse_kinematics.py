@@ -6,11 +6,10 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
+from executive.values.arrays import Float64
 from skills.motion.robot.model import RobotModel, checked_pose
 from skills.motion.robot.numeric_ik import descend, spread_starts
 from skills.motion.robot.spherical_arm import as_spherical_arm
-
-Float64 = NDArray[np.float64]
 
 _SAME = 1e-4  # solutions closer than this in every joint are one [rad]
 _STARTS_PER_ARM_ANGLE = 2

@@ -9,12 +9,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from executive.values.arrays import Float64
 from skills.geometry import inverse, is_pose
 from skills.motion.robot import chain
 from skills.motion.robot.description import Body, Description, Geom, read_description
 from skills.motion.robot.errors import BadJoints, BadRobotFile, NotAPose
-
-Float64 = NDArray[np.float64]
 
 
 def last_change(file: Path) -> int:

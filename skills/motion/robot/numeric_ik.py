@@ -12,10 +12,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from executive.values.arrays import Float64
 from skills.motion.robot.chain import compose, forward, jacobian
 from skills.motion.robot.model import RobotModel
-
-Float64 = NDArray[np.float64]
 
 _CONVERGED = 1e-11  # norm of the pose error [m, rad]
 _ACCEPTED = 1e-9  # what is returned when rounding stops the descent earlier

@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
+from executive.values.arrays import Float64, Int32
 from skills.motion.robot.description import Geom
-
-Float64 = NDArray[np.float64]
-Int32 = NDArray[np.int32]
 
 AROUND = 16
 """Corners of a circle."""

@@ -16,12 +16,11 @@ from math import acos, atan2, cos, floor, hypot, pi, sin, sqrt
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from executive.values.arrays import Float64
 from skills.geometry import inverse
 from skills.motion.robot.model import RobotModel
 
-Float64 = NDArray[np.float64]
 Vector = tuple[float, float, float]
 Rows = tuple[Vector, Vector, Vector]
 

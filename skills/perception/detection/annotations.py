@@ -8,12 +8,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from executive.values.arrays import Float64
 from executive.values.rotations import from_quaternion, to_quaternion
 from skills.perception.detection.errors import BadAnnotation
-
-F64 = NDArray[np.float64]
 
 LARGEST_OBJECT = 2.0
 """An object larger than this [m] is one whose file is in centimetres."""
@@ -38,10 +36,10 @@ class AnnotatedObject:
 
     name: str
     visibility: float
-    T_camera_object: F64
-    keypoints: F64
+    T_camera_object: Float64
+    keypoints: Float64
     scale: float = 1.0
-    dimensions: F64 | None = None
+    dimensions: Float64 | None = None
     box: tuple[int, int, int, int] | None = None
 
 

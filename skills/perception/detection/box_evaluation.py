@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-F64 = NDArray[np.float64]
+from executive.values.arrays import Float64
 
 
-def iou(a: F64, b: F64) -> F64:
+def iou(a: Float64, b: Float64) -> Float64:
     """Intersection over union of each box of `a` (n, 4) with each of `b` (m, 4), x, y, w, h; (n, m)."""
     low = np.maximum(a[:, None, :2], b[None, :, :2])
     high = np.minimum(a[:, None, :2] + a[:, None, 2:], b[None, :, :2] + b[None, :, 2:])
@@ -20,7 +20,7 @@ def iou(a: F64, b: F64) -> F64:
     return np.asarray(shared / np.maximum(union, 1e-12), np.float64)
 
 
-def match_boxes(found: F64, scores: F64, labelled: F64, least: float) -> NDArray[np.bool_]:
+def match_boxes(found: Float64, scores: Float64, labelled: Float64, least: float) -> NDArray[np.bool_]:
     """Which found boxes are right: surest first, each takes the free label that it overlaps most, if by `least`.
 
     Args:
@@ -51,9 +51,9 @@ class BoxCurve:
         labelled: boxes that were to be found.
     """
 
-    scores: F64
-    precision: F64
-    recall: F64
+    scores: Float64
+    precision: Float64
+    recall: Float64
     labelled: int
 
     @property
@@ -77,7 +77,7 @@ class BoxCurve:
         return (float(self.recall[count - 1]), float(self.precision[count - 1])) if count else (0.0, 1.0)
 
 
-def curve(pictures: Iterable[tuple[F64, F64, F64]], least: float = 0.5) -> BoxCurve:
+def curve(pictures: Iterable[tuple[Float64, Float64, Float64]], least: float = 0.5) -> BoxCurve:
     """Precision over recall of the finds in many pictures.
 
     Args:

@@ -10,12 +10,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from executive.values.arrays import Float64
 from skills.perception.detection.outputs import AXIS, CENTRE, CLOSE_LOOK_SIZE, SIZE
 from skills.perception.detection.symmetry import STEM_AXIS, minimal_rotation
-
-F64 = NDArray[np.float64]
 
 MARGIN = 1.15
 """Half side of the look over the mean distance of the corners from the centroid: the fruit fills two thirds."""
@@ -33,7 +31,7 @@ and 0.644 (0.030) as `keypoint_size` of 2 991 rendered fruit."""
 MIDDLE = 0.5 * (CLOSE_LOOK_SIZE - 1)
 
 
-def keypoint_size(keypoints: F64) -> float:
+def keypoint_size(keypoints: Float64) -> float:
     """Mean distance of the corners 0..7 from the centroid, in the unit of `keypoints` (9, 2)."""
     return float(np.linalg.norm(keypoints[:8] - keypoints[8], axis=1).mean())
 
@@ -48,18 +46,18 @@ class VirtualCamera:
         focal: focal length of the look [px of the look].
     """
 
-    K: F64
-    R_camera_look: F64
+    K: Float64
+    R_camera_look: Float64
     focal: float
 
     @property
-    def picture_from_look(self) -> F64:
+    def picture_from_look(self) -> Float64:
         """Homography (3, 3) from the look's pixels to the picture's."""
         inverse = np.array([[1.0, 0.0, -MIDDLE], [0.0, 1.0, -MIDDLE], [0.0, 0.0, self.focal]])
-        homography: F64 = self.K @ self.R_camera_look @ inverse
+        homography: Float64 = self.K @ self.R_camera_look @ inverse
         return homography
 
-    def label(self, T_camera_object: F64, scale: float) -> F64:
+    def label(self, T_camera_object: Float64, scale: float) -> Float64:
         """What a perfect network would say of a fruit: centre and log size in half sides and stem axis, (6,)."""
         p_look = self.R_camera_look.T @ T_camera_object[:3, 3]
         stem_look = self.R_camera_look.T @ T_camera_object[:3, :3] @ STEM_AXIS
@@ -72,7 +70,7 @@ class VirtualCamera:
         label[AXIS] = minimal_rotation((0.0, 0.0, 1.0), p_look / distance).T @ stem_look
         return label
 
-    def label_place(self, centre: F64, size: float) -> F64:
+    def label_place(self, centre: Float64, size: float) -> Float64:
         """What it would say of a fruit's centre [px] and size [px], as in `look_at`: in half sides, log, (3,)."""
         u, v = self.from_picture(centre)
         ray = np.array([(centre[0] - self.K[0, 2]) / self.K[0, 0], (centre[1] - self.K[1, 2]) / self.K[1, 1], 1.0])
@@ -80,20 +78,20 @@ class VirtualCamera:
         touching = np.sqrt(max(distance**2 - OUTLINE_RADIUS**2, 1e-6))
         return np.array([u, v, np.log(self.focal * REFERENCE_LENGTH / touching / (0.5 * CLOSE_LOOK_SIZE))])
 
-    def from_picture(self, point: F64) -> F64:
+    def from_picture(self, point: Float64) -> Float64:
         """A pixel of the picture in half sides from the look's middle, (2,)."""
         ray = self.R_camera_look.T @ np.linalg.solve(self.K, np.array([point[0], point[1], 1.0]))
-        half_sides: F64 = self.focal * ray[:2] / ray[2] / (0.5 * CLOSE_LOOK_SIZE)
+        half_sides: Float64 = self.focal * ray[:2] / ray[2] / (0.5 * CLOSE_LOOK_SIZE)
         return half_sides
 
-    def to_picture(self, half_sides: F64) -> F64:
+    def to_picture(self, half_sides: Float64) -> Float64:
         """The pixel of the picture, (2,); the inverse of `from_picture`."""
         ray = np.array([*(0.5 * CLOSE_LOOK_SIZE * half_sides / self.focal), 1.0])
         seen = self.K @ self.R_camera_look @ ray
-        pixel: F64 = seen[:2] / max(float(seen[2]), 1e-9)
+        pixel: Float64 = seen[:2] / max(float(seen[2]), 1e-9)
         return pixel
 
-    def label_box(self, box: F64) -> F64:
+    def label_box(self, box: Float64) -> Float64:
         """What it would say of the box around what is seen: middle and log width and height in half sides, (4,).
 
         Args:
@@ -105,7 +103,7 @@ class VirtualCamera:
         high = np.linalg.norm(self.from_picture(middle + down) - self.from_picture(middle - down))
         return np.array([*self.from_picture(middle), *np.log(np.maximum([wide, high], 1e-3))])
 
-    def place_box(self, label: F64) -> F64:
+    def place_box(self, label: Float64) -> Float64:
         """The box x, y, w, h in the picture [px], (4,), from what the network says; the look must be upright."""
         wide, high = np.exp(np.clip(label[2:], -4.0, 2.0))
         across, down = np.array([0.5 * wide, 0.0]), np.array([0.0, 0.5 * high])
@@ -114,7 +112,7 @@ class VirtualCamera:
         height = np.linalg.norm(self.to_picture(label[:2] + down) - self.to_picture(label[:2] - down))
         return np.array([middle[0] + 0.5 - 0.5 * width, middle[1] + 0.5 - 0.5 * height, width, height])
 
-    def place(self, label: F64) -> tuple[F64, F64]:
+    def place(self, label: Float64) -> tuple[Float64, Float64]:
         """Centre of a CAD-sized fruit and stem axis in the real camera's frame, from what the network says.
 
         Args:
@@ -133,7 +131,7 @@ class VirtualCamera:
         return self.R_camera_look @ (distance * ray), self.R_camera_look @ stem
 
 
-def look_at(K: F64, centre: F64, size: float, roll: float = 0.0) -> VirtualCamera:
+def look_at(K: Float64, centre: Float64, size: float, roll: float = 0.0) -> VirtualCamera:
     """The camera turned to a fruit.
 
     Args:

@@ -16,6 +16,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
+from executive.values.arrays import Float64, UInt8
 from skills.perception.detection.close_look import REFERENCE_LENGTH, look_at
 from skills.perception.detection.compact_network import CloseLookNetwork, FinderNetwork, to_input
 from skills.perception.detection.found_fruit import FoundFruit, inside
@@ -26,9 +27,6 @@ from skills.perception.detection.peaks import Peak, decode_offsets
 from skills.perception.detection.processor import has_bfloat16
 from skills.perception.detection.scores import ScoreMap
 from skills.perception.detection.weights import load_compact, load_scores
-
-U8 = NDArray[np.uint8]
-F64 = NDArray[np.float64]
 
 MIRROR = np.ones(ALL_OUTPUTS)
 MIRROR[[CENTRE.start, AXIS.start, BOX.start]] = -1.0
@@ -102,7 +100,7 @@ class CompactDetector:
             for mirrored in {False, self.options.mirrored}:
                 self._look(blank, K, [(K[:2, 2], 40.0)] * count, [0.0] * count, mirrored)
 
-    def find(self, colour: U8, K: F64) -> list[FoundFruit]:
+    def find(self, colour: UInt8, K: Float64) -> list[FoundFruit]:
         """All fruit in a picture, by falling score.
 
         Args:
@@ -115,7 +113,7 @@ class CompactDetector:
         with _one_thread():
             return self._find(colour, K)
 
-    def _find(self, colour: U8, K: F64) -> list[FoundFruit]:
+    def _find(self, colour: UInt8, K: Float64) -> list[FoundFruit]:
         options = self.options
         places = self.places(colour, options.finder_threshold)[: options.most_fruit]
         if not places:
@@ -145,7 +143,7 @@ class CompactDetector:
                 kept.append(replace(fruit, score=self.scores(fruit.score)))
         return kept
 
-    def places(self, colour: U8, threshold: float) -> list[Peak]:
+    def places(self, colour: UInt8, threshold: float) -> list[Peak]:
         """Where the finder sees fruit, strongest first, in pixels of the picture.
 
         Raises:
@@ -162,7 +160,7 @@ class CompactDetector:
             for place in decode_offsets(belief, offsets, threshold, reaches=reaches[0] if reaches else None)
         ]
 
-    def belief_maps(self, colour: U8) -> tuple[NDArray[np.float32], NDArray[np.float32], float]:
+    def belief_maps(self, colour: UInt8) -> tuple[NDArray[np.float32], NDArray[np.float32], float]:
         """The finder's belief (9, h, w) and offsets (17, h, w), and the factor by which the picture was shrunk.
 
         Raises:
@@ -171,7 +169,7 @@ class CompactDetector:
         (belief, offsets, *_), factor = self._maps(colour)
         return belief, offsets, factor
 
-    def _maps(self, colour: U8) -> tuple[list[NDArray[np.float32]], float]:
+    def _maps(self, colour: UInt8) -> tuple[list[NDArray[np.float32]], float]:
         check_picture(colour)
         height, width = colour.shape[:2]
         factor = self.options.working_width / width
@@ -186,7 +184,7 @@ class CompactDetector:
         return [part[0].float().numpy() for part in maps], factor
 
     def _look(
-        self, colour: U8, K: F64, places: list[tuple[F64, float]], beliefs: list[float], mirrored: bool
+        self, colour: UInt8, K: Float64, places: list[tuple[Float64, float]], beliefs: list[float], mirrored: bool
     ) -> list[FoundFruit]:
         side = (CLOSE_LOOK_SIZE, CLOSE_LOOK_SIZE)
         looks = [look_at(K, centre, size) for centre, size in places]

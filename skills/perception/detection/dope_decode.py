@@ -5,12 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.ndimage import gaussian_filter
 
+from executive.values.arrays import Float64
 from skills.perception.detection.errors import BadMaps
-
-F64 = NDArray[np.float64]
 
 OFFSET_DUE_TO_UPSAMPLING = 0.4395
 """Where a peak lies within its cell, in DOPE's convention [cells]."""
@@ -43,7 +42,7 @@ class DecodeThresholds:
 class DecodedObject:
     """One object: keypoints (9, 2) [px of the network's input], NaN where not found; belief of the centroid."""
 
-    keypoints: F64
+    keypoints: Float64
     score: float
 
 
@@ -79,7 +78,7 @@ def decode_maps(
     return [DecodedObject(points, float(c[2])) for points, c in zip(objects, centroids, strict=True)]
 
 
-def _checked(belief: ArrayLike, affinity: ArrayLike) -> tuple[F64, F64]:
+def _checked(belief: ArrayLike, affinity: ArrayLike) -> tuple[Float64, Float64]:
     beliefs, affinities = np.asarray(belief, np.float64), np.asarray(affinity, np.float64)
     shapes_fit = beliefs.ndim == 3 and affinities.ndim == 3 and beliefs.shape[1:] == affinities.shape[1:]
     if not shapes_fit or len(beliefs) != 9 or len(affinities) != 16 or min(beliefs.shape) < 2:
@@ -87,7 +86,7 @@ def _checked(belief: ArrayLike, affinity: ArrayLike) -> tuple[F64, F64]:
     return (np.nan_to_num(m, nan=0.0, posinf=0.0, neginf=0.0) for m in (beliefs, affinities))  # type: ignore[return-value]
 
 
-def _peaks(belief: F64, thresholds: DecodeThresholds) -> F64:
+def _peaks(belief: Float64, thresholds: DecodeThresholds) -> Float64:
     """Peaks (n, 3) as u, v [cells] and belief, in row order."""
     # DOPE's maps are float32, and ties between neighbours must fall as they fall there.
     smooth = gaussian_filter(belief.astype(np.float32), sigma=thresholds.sigma)
@@ -103,7 +102,7 @@ def _peaks(belief: F64, thresholds: DecodeThresholds) -> F64:
     return np.array([(a, b, belief[y, x]) for (a, b), x, y in zip(located, u, v, strict=True)]).reshape(-1, 3)
 
 
-def _weighted_mean(belief: F64, u: int, v: int) -> tuple[float, float]:
+def _weighted_mean(belief: Float64, u: int, v: int) -> tuple[float, float]:
     left, top = max(0, u - WINDOW), max(0, v - WINDOW)
     weights = belief[top : v + WINDOW + 1, left : u + WINDOW + 1]
     total = weights.sum()
@@ -115,7 +114,13 @@ def _weighted_mean(belief: F64, u: int, v: int) -> tuple[float, float]:
 
 
 def _join(
-    corners: F64, centroids: F64, affinity: F64, thresh_angle: float, objects: list[F64], k: int, stride: int
+    corners: Float64,
+    centroids: Float64,
+    affinity: Float64,
+    thresh_angle: float,
+    objects: list[Float64],
+    k: int,
+    stride: int,
 ) -> None:
     """Give each corner to the nearest centroid that its affinity points to; of several corners the nearest stays."""
     if len(corners) == 0:
@@ -136,8 +141,8 @@ def _join(
             objects[owner][k] = corners[corner, :2] * stride
 
 
-def _units(vectors: F64) -> F64:
+def _units(vectors: Float64) -> Float64:
     """Unit vectors; NaN, which agrees with nothing, where a vector has no direction."""
     length = np.linalg.norm(vectors, axis=-1, keepdims=True)
-    units: F64 = np.divide(vectors, length, out=np.full_like(vectors, np.nan), where=length > 0.0)
+    units: Float64 = np.divide(vectors, length, out=np.full_like(vectors, np.nan), where=length > 0.0)
     return units

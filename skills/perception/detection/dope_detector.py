@@ -8,6 +8,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from executive.values.arrays import Float64
 from skills.perception.detection.dope_decode import decode_maps
 from skills.perception.detection.dope_network import DopeNetwork, dope_input
 from skills.perception.detection.errors import BadPoseConfig, PoseUnsolved
@@ -17,8 +18,6 @@ from skills.perception.detection.pose import solve_pose
 from skills.perception.detection.pose_config import ObjectEntry, PoseConfig, load_pose_config
 from skills.perception.detection.rigid_pose import cuboid_in_picture
 from skills.perception.detection.weights import load_weights
-
-F64 = NDArray[np.float64]
 
 SAME_SIZE = 0.05
 """A configured cuboid whose sides differ more than this part from the fruit's mesh belongs to something else."""
@@ -33,7 +32,7 @@ class DopeDetector:
         dimensions: of the cuboid [m].
     """
 
-    def __init__(self, network: DopeNetwork, config: PoseConfig, dimensions: F64) -> None:
+    def __init__(self, network: DopeNetwork, config: PoseConfig, dimensions: Float64) -> None:
         self._network, self._config, self._dimensions = network, config, dimensions
 
     @classmethod
@@ -53,7 +52,7 @@ class DopeDetector:
         entry = _entry(files.config, config, fruit, np.array(dimensions))
         return cls(load_weights(files.weights), config, entry.dimensions)
 
-    def find_instances(self, colour: NDArray[np.uint8], K: F64) -> list[Instance]:
+    def find_instances(self, colour: NDArray[np.uint8], K: Float64) -> list[Instance]:
         """All objects of a picture with their poses, by falling belief.
 
         Args:
@@ -83,7 +82,7 @@ class DopeDetector:
         return instances
 
 
-def _entry(path: Path, config: PoseConfig, fruit: str, dimensions: F64) -> ObjectEntry:
+def _entry(path: Path, config: PoseConfig, fruit: str, dimensions: Float64) -> ObjectEntry:
     """The fruit's entry: of its name, or the only one."""
     entry = config.objects.get(fruit)
     if entry is None and len(config.objects) == 1:
@@ -102,6 +101,6 @@ def _belief(score: float) -> float:
     return float(np.clip(score, 0.0, 1.0))
 
 
-def _seen(keypoints: F64) -> float:
+def _seen(keypoints: Float64) -> float:
     """The part of the corners that were found stands for how much is seen, which DOPE does not say."""
     return float(np.isfinite(keypoints[:8]).all(axis=1).mean())

@@ -11,6 +11,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from executive.values.arrays import Float64, UInt8
 from skills.perception.detection.annotations import AnnotatedObject, Annotation
 from skills.perception.detection.box_evaluation import BoxCurve
 from skills.perception.detection.close_look import keypoint_size
@@ -18,9 +19,6 @@ from skills.perception.detection.compact_detector import CompactDetector
 from skills.perception.detection.instances import Instance, find_instances
 from skills.perception.detection.pose_calibration import PoseErrors, pose_calibration_table, pose_errors
 from skills.perception.fruit import FruitModel
-
-F64 = NDArray[np.float64]
-U8 = NDArray[np.uint8]
 
 SAME = 0.5
 """A detection is of a fruit when its centroid is within this part of the fruit's keypoint size."""
@@ -39,7 +37,7 @@ class Frames(Protocol):
         """The annotation of a frame."""
         ...
 
-    def picture(self, index: int, halved: bool) -> U8:
+    def picture(self, index: int, halved: bool) -> UInt8:
         """The picture of a frame, (h, w, 3) uint8 RGB, at half its size if asked for."""
         ...
 
@@ -108,7 +106,7 @@ class Evaluation:
         needed = max(1, math.ceil(recall * wanted - 1e-9))
         return scores[needed - 1] if needed <= len(scores) else None
 
-    def judged(self) -> tuple[F64, NDArray[np.bool_]]:
+    def judged(self) -> tuple[Float64, NDArray[np.bool_]]:
         """Scores of all detections, and whether each is of a fruit, however visible; (n,) each."""
         scores = np.array([*(match.score for match in self.matches), *self.wrong], np.float64)
         return scores, np.arange(len(scores)) < len(self.matches)
@@ -291,7 +289,7 @@ def _pair(values: list[float], digits: int) -> str:
     return f"{np.median(finite):.{digits}f} / {np.quantile(finite, 0.9):.{digits}f}"
 
 
-def _angle(a: F64, b: F64) -> float:
+def _angle(a: Float64, b: Float64) -> float:
     return float(np.degrees(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b)))
 
 

@@ -6,12 +6,9 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from executive.values.arrays import Float64, UInt8
 from skills.perception.detection.close_look import SIZE_OF_BOX
-
-U8 = NDArray[np.uint8]
-F64 = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -31,16 +28,16 @@ class FoundFruit:
         box: around what is seen of it, x, y, w, h (4,) [px], inside the picture; None with weights that know no boxes.
     """
 
-    p_camera: F64
-    stem: F64
-    centre: F64
+    p_camera: Float64
+    stem: Float64
+    centre: Float64
     size: float
-    spreads: F64
+    spreads: Float64
     score: float
     visibility: float
-    box: F64 | None = None
+    box: Float64 | None = None
 
-    def outline(self, width: int, height: int) -> F64:
+    def outline(self, width: int, height: int) -> Float64:
         """The box, or that of a whole fruit of its size where there is none: x, y, w, h (4,) [px], in the picture."""
         if self.box is not None:
             return self.box
@@ -51,7 +48,7 @@ class FoundFruit:
 class Finder(Protocol):
     """Finds fruit in pictures, such as `CompactDetector`."""
 
-    def find(self, colour: U8, K: F64) -> list[FoundFruit]:
+    def find(self, colour: UInt8, K: Float64) -> list[FoundFruit]:
         """All fruit in a picture (h, w, 3) uint8 RGB, with camera matrix K (3, 3) [px], by falling score.
 
         Raises:
@@ -60,7 +57,7 @@ class Finder(Protocol):
         ...
 
 
-def inside(box: F64, width: int, height: int) -> F64:
+def inside(box: Float64, width: int, height: int) -> Float64:
     """The part of a box that lies in the picture."""
     limits = np.array([width, height], np.float64)
     low, high = np.clip(box[:2], 0.0, limits), np.clip(box[:2] + box[2:], 0.0, limits)

@@ -7,12 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from executive.values.arrays import Float64
 from skills.perception.detection.close_look import keypoint_size
 from skills.perception.detection.found_fruit import Finder
 from skills.perception.detection.rigid_pose import cuboid_in_picture, pose_covariance, pose_of
 from skills.perception.fruit import FruitModel
-
-F64 = NDArray[np.float64]
 
 POLICIES = ("nearest", "largest", "most_visible", "surest", "index")
 """How a target is chosen among the instances of a frame."""
@@ -32,13 +31,13 @@ class Instance:
         box: around what is seen, x, y, w, h (4,) [px]; None with weights that know no boxes.
     """
 
-    keypoints: F64
+    keypoints: Float64
     score: float
     visibility: float
-    T_camera_object: F64 | None
-    covariance: F64 | None
+    T_camera_object: Float64 | None
+    covariance: Float64 | None
     problem: str = ""
-    box: F64 | None = None
+    box: Float64 | None = None
 
     @property
     def size(self) -> float:
@@ -46,7 +45,7 @@ class Instance:
         return keypoint_size(self.keypoints)
 
 
-def find_instances(detector: Finder, colour: NDArray[np.uint8], K: F64, fruit: FruitModel) -> list[Instance]:
+def find_instances(detector: Finder, colour: NDArray[np.uint8], K: Float64, fruit: FruitModel) -> list[Instance]:
     """Detect all fruit in a picture with their poses, by falling score.
 
     Args:

@@ -6,14 +6,11 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from executive.values.arrays import Float32, Float64
 from skills.perception.detection.close_look import SIZE_OF_BOX
 from skills.perception.detection.errors import BadMaps
 from skills.perception.detection.outputs import FINDER_STRIDE, OFFSET_UNIT
-
-F32 = NDArray[np.float32]
-F64 = NDArray[np.float64]
 
 MOST_PEAKS = 60
 """Peaks kept, strongest first: adversarial maps must not cost unbounded time."""
@@ -30,13 +27,13 @@ class Peak:
         box: around what is seen, x, y, w, h (4,) [px], from a finder that knows boxes.
     """
 
-    keypoints: F64
+    keypoints: Float64
     size: float
     belief: float
-    box: F64 | None = None
+    box: Float64 | None = None
 
     @property
-    def outline(self) -> F64:
+    def outline(self) -> Float64:
         """The box, or that of a whole fruit of its size where there is none: x, y, w, h (4,) [px]."""
         if self.box is not None:
             return self.box
@@ -45,7 +42,7 @@ class Peak:
 
 
 def decode_offsets(
-    belief: F32, offsets: F32, threshold: float, apart: float = 0.45, reaches: F32 | None = None
+    belief: Float32, offsets: Float32, threshold: float, apart: float = 0.45, reaches: Float32 | None = None
 ) -> list[Peak]:
     """Fruit in the finder's maps, strongest first.
 
@@ -82,13 +79,13 @@ def decode_offsets(
     return found
 
 
-def _box(reach: F32, y: int, x: int) -> F64:
+def _box(reach: Float32, y: int, x: int) -> Float64:
     left, up, right, down = np.nan_to_num(reach.astype(np.float64), posinf=0.0).tolist()
     # A cell's middle is at integers; a box ends at the outer sides of pixels.
     return FINDER_STRIDE * np.array([x + 0.5 - left, y + 0.5 - up, left + right, up + down])
 
 
-def _sub_cell(belief: F32, y: int, x: int, dy: int, dx: int) -> float:
+def _sub_cell(belief: Float32, y: int, x: int, dy: int, dx: int) -> float:
     """Offset of the peak along one direction, from a parabola through the logarithms of three cells (a Gaussian)."""
     h, w = belief.shape
     if not (dy <= y < h - dy and dx <= x < w - dx):

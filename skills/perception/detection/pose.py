@@ -6,13 +6,12 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from executive.values.arrays import Float64
 from skills.perception.detection.cuboid import CuboidConvention, cuboid_keypoints
 from skills.perception.detection.errors import PoseUnsolved
 from skills.perception.detection.reprojection import linearise, refine_pose
-
-F64 = NDArray[np.float64]
 
 LEAST_KEYPOINTS = 4
 LEAST_SPREAD = 0.3
@@ -29,8 +28,8 @@ class SolvedPose:
         residual: root mean square reprojection error over the keypoints used [px].
     """
 
-    T_camera_object: F64
-    covariance: F64
+    T_camera_object: Float64
+    covariance: Float64
     residual: float
 
 
@@ -83,7 +82,7 @@ def solve_pose(
     return SolvedPose(T, 0.5 * (covariance + covariance.T), float(np.sqrt((residual**2).mean() * 2.0)))
 
 
-def _start(model: F64, seen: F64, K: F64) -> tuple[F64, F64]:
+def _start(model: Float64, seen: Float64, K: Float64) -> tuple[Float64, Float64]:
     """EPnP's pose; one behind the camera is mirrored to the front."""
     if np.linalg.matrix_rank(seen - seen.mean(axis=0), tol=1e-3) < 2:
         raise PoseUnsolved("the keypoints lie on a line")

@@ -6,15 +6,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import chi2
 
+from executive.values.arrays import Float64
 from skills.perception.detection.annotations import AnnotatedObject
 from skills.perception.detection.close_look import OUTLINE_RADIUS
 from skills.perception.detection.instances import Instance
 from skills.perception.detection.symmetry import STEM_AXIS
-
-F64 = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,9 +60,9 @@ def pose_errors(found: Instance, truth: AnnotatedObject) -> PoseErrors | None:
     )
 
 
-def seen_as_cad_sized(truth: AnnotatedObject) -> F64:
+def seen_as_cad_sized(truth: AnnotatedObject) -> Float64:
     """Where a CAD-sized fruit has the outline of this one, (3,) [m]: on the same line of sight."""
-    p: F64 = truth.T_camera_object[:3, 3]
+    p: Float64 = truth.T_camera_object[:3, 3]
     distance = float(np.linalg.norm(p))
     touching = np.sqrt(max(distance**2 - (truth.scale * OUTLINE_RADIUS) ** 2, 1e-6)) / truth.scale
     return p * (float(np.hypot(touching, OUTLINE_RADIUS)) / distance)
@@ -92,7 +90,7 @@ def pose_calibration_table(groups: Mapping[str, Sequence[PoseErrors]]) -> str:
     return "\n".join(lines)
 
 
-def _squared(basis: F64, error: F64, covariance: F64) -> float:
+def _squared(basis: Float64, error: Float64, covariance: Float64) -> float:
     """Squared Mahalanobis distance of an error in the subspace of `basis` (3, k)."""
     part = basis.T @ error
     return float(part @ np.linalg.solve(basis.T @ covariance @ basis, part))

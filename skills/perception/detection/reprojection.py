@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-F64 = NDArray[np.float64]
+from executive.values.arrays import Float64
 
 MOST_STEPS = 20
 
 
 @njit(cache=True, nogil=True)
-def linearise(R: F64, t: F64, model: F64, seen: F64, K: F64) -> tuple[F64, F64]:
+def linearise(R: Float64, t: Float64, model: Float64, seen: Float64, K: Float64) -> tuple[Float64, Float64]:
     """Residuals (2n,) [px] and their derivative (2n, 6) by a rotation vector and translation in the camera frame.
 
     Args:
@@ -44,7 +43,9 @@ def linearise(R: F64, t: F64, model: F64, seen: F64, K: F64) -> tuple[F64, F64]:
 
 
 @njit(cache=True, nogil=True)
-def refine_pose(R: F64, t: F64, model: F64, seen: F64, K: F64, scale: F64) -> tuple[F64, F64]:
+def refine_pose(
+    R: Float64, t: Float64, model: Float64, seen: Float64, K: Float64, scale: Float64
+) -> tuple[Float64, Float64]:
     """Levenberg-Marquardt from a first pose on the reprojection error, each residual times its `scale` (2n,)."""
     damping = 1e-3
     residual, jacobian = linearise(R, t, model, seen, K)
@@ -75,7 +76,7 @@ def refine_pose(R: F64, t: F64, model: F64, seen: F64, K: F64, scale: F64) -> tu
 
 
 @njit(cache=True, nogil=True)
-def _solve(normal: F64, right: F64, step: F64) -> bool:
+def _solve(normal: Float64, right: Float64, step: Float64) -> bool:
     """Solve by Cholesky on the lower triangle, in place; False where the matrix is not positive definite."""
     for i in range(6):
         for j in range(i + 1):
@@ -101,13 +102,13 @@ def _solve(normal: F64, right: F64, step: F64) -> bool:
 
 
 @njit(cache=True, nogil=True)
-def _exp(w: F64) -> F64:
+def _exp(w: Float64) -> Float64:
     """The rotation matrix of a rotation vector [rad]."""
     angle = np.sqrt(w[0] * w[0] + w[1] * w[1] + w[2] * w[2])
     s = 1.0 - angle * angle / 6.0 if angle < 1e-6 else np.sin(angle) / angle
     c = 0.5 if angle < 1e-6 else (1.0 - np.cos(angle)) / (angle * angle)
     W = np.array([[0.0, -w[2], w[1]], [w[2], 0.0, -w[0]], [-w[1], w[0], 0.0]])
-    rotation: F64 = np.eye(3) + s * W + c * (W @ W)
+    rotation: Float64 = np.eye(3) + s * W + c * (W @ W)
     return rotation
 
 

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from executive.values.arrays import Float64
 from skills.perception.detection.cuboid import cuboid_keypoints
 from skills.perception.detection.found_fruit import FoundFruit
 from skills.perception.detection.symmetry import label_rotation
-
-F64 = NDArray[np.float64]
 
 SCALES = np.array([0.97, 1.25, 1.99])
 """Deviations of centre [px], log size and axis [rad] (a direction each) where the network expects an error of 1, for a
@@ -22,22 +20,22 @@ the other way round, so it is worse than it says, and a sure one better."""
 HIDDEN = np.array([2.8, 2.8, 0.0])
 """A fruit of which the part h is hidden has deviations exp(h · this) as large: the network doubts where hidden fruit is
 too little, and takes what is nearly hidden for half seen. Scales and powers are quantile regressions to 90 % ellipsoids
-over 958 apples and 634 lemons in rendered frames of seed 778001; these are the least with which the ellipsoid holds 90 %
-of those less than two fifths visible as well. docs/decisions/detect-pose-covariance.md has what all of them give on
-other frames (`python -m benchmarks.bench_detect`)."""
+over 958 apples and 634 lemons in rendered frames of seed 778001, these the least with which the ellipsoids also hold
+90 % of those less than two fifths visible. docs/decisions/detect-pose-covariance.md has what all of them give on other
+frames (`python -m benchmarks.bench_detect`)."""
 
 LEAST_ROTATION = 1e-3
 """No axis is told better than this [rad]."""
 
 
-def pose_of(found: FoundFruit) -> F64:
+def pose_of(found: FoundFruit) -> Float64:
     """T_camera_object (4, 4) of a CAD-sized fruit: its place as it was seen, its rotation by the swing rule."""
     T = np.eye(4)
     T[:3, :3], T[:3, 3] = label_rotation(found.stem, found.p_camera), found.p_camera
     return T
 
 
-def cuboid_in_picture(T_camera_object: F64, dimensions: F64, K: F64) -> F64:
+def cuboid_in_picture(T_camera_object: Float64, dimensions: Float64, K: Float64) -> Float64:
     """Keypoints of a cuboid, (9, 2) [px].
 
     Args:
@@ -48,11 +46,11 @@ def cuboid_in_picture(T_camera_object: F64, dimensions: F64, K: F64) -> F64:
     points = cuboid_keypoints(dimensions) @ T_camera_object[:3, :3].T + T_camera_object[:3, 3]
     # A fruit nearer than its own cuboid is deep has no picture; keep the corners before the camera.
     depth = np.maximum(points[:, 2:], 0.1 * T_camera_object[2, 3])
-    keypoints: F64 = points[:, :2] / depth * (K[0, 0], K[1, 1]) + (K[0, 2], K[1, 2])
+    keypoints: Float64 = points[:, :2] / depth * (K[0, 0], K[1, 1]) + (K[0, 2], K[1, 2])
     return keypoints
 
 
-def pose_covariance(found: FoundFruit, K: F64) -> F64:
+def pose_covariance(found: FoundFruit, K: Float64) -> Float64:
     """Covariance of (rotation vector, translation) in the camera frame, (6, 6) [rad, m].
 
     The errors that the network expects of centre, size and axis are carried over to the pose: the centre's across the

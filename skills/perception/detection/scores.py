@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-F64 = NDArray[np.float64]
+from executive.values.arrays import Float64
 
 EDGE = 1e-6
 """Scores are kept so far from 0 and 1 before their logits are taken."""
@@ -31,7 +31,7 @@ class ScoreMap:
         """The share of fruit among finds with this score, 0..1."""
         return float(self.of(np.array([score]))[0])
 
-    def of(self, scores: F64) -> F64:
+    def of(self, scores: Float64) -> Float64:
         """The same of many, (n,)."""
         if self == ScoreMap():
             return scores
@@ -42,7 +42,7 @@ LEAST_SLOPE = 0.05
 """Scores that say nothing, or the contrary, still keep their order."""
 
 
-def fit_scores(scores: F64, right: NDArray[np.bool_], weights: F64 | None = None) -> ScoreMap:
+def fit_scores(scores: Float64, right: NDArray[np.bool_], weights: Float64 | None = None) -> ScoreMap:
     """The map under which these finds are likeliest.
 
     Args:
@@ -70,6 +70,6 @@ def fit_scores(scores: F64, right: NDArray[np.bool_], weights: F64 | None = None
     return ScoreMap(max(LEAST_SLOPE, float(line[0])), float(line[1]))
 
 
-def _logit(scores: F64) -> F64:
+def _logit(scores: Float64) -> Float64:
     inner = np.clip(scores, EDGE, 1.0 - EDGE)
     return np.asarray(np.log(inner) - np.log1p(-inner), np.float64)

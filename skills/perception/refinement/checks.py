@@ -5,14 +5,12 @@ from __future__ import annotations
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from drivers.interfaces import Intrinsics
+from executive.values.arrays import Float64
 from skills.geometry import is_pose
 from skills.perception.refinement.depth_image import Triangles
 from skills.perception.refinement.errors import BadDepth, BadMesh, BadPose
-
-Float64 = NDArray[np.float64]
 
 
 def check_depth(depth: object, intrinsics: Intrinsics) -> None:

@@ -8,10 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.interfaces import NOMINAL_DEPTH_NOISE, DepthNoise, Intrinsics
+from executive.values.arrays import Float64
 from skills.geometry import apply
 from skills.perception.refinement.depth_image import DepthImage, ImageBox
-
-Float64 = NDArray[np.float64]
 
 _CORRELATED = 12.0
 """So many neighbouring pixels err alike, since their matching windows overlap."""

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.interfaces import Intrinsics
+from executive.values.arrays import Float64
 
-Float64 = NDArray[np.float64]
 DepthImage = NDArray[np.float32]
 RendererName = Literal["pyrender", "zbuffer"]
 

@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from executive.values.arrays import Float64
 from skills.perception.refinement.depth_image import Triangles
-
-Float64 = NDArray[np.float64]
 
 _NEARLY_ROUND = 0.05
 

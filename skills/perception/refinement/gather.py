@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.interfaces import NOMINAL_DEPTH_NOISE, DepthNoise, Intrinsics
+from executive.values.arrays import Float64
 from skills.geometry import inverse
 from skills.perception.refinement.cloud import Cloud, cloud, together
 from skills.perception.refinement.depth_image import DepthImage, ImageBox, RendererName, Triangles
@@ -16,8 +17,6 @@ from skills.perception.refinement.errors import RenderFailed, TooFewInliers
 from skills.perception.refinement.render import render_depth
 from skills.perception.refinement.segment import connected_to
 from skills.perception.refinement.support_plane import Plane, seen_near
-
-Float64 = NDArray[np.float64]
 
 _MARGIN = 0.15
 _AROUND = 16

@@ -18,14 +18,12 @@ from types import ModuleType
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from drivers.interfaces import Intrinsics
+from executive.values.arrays import Float64
 from skills.perception.refinement.checks import winding
 from skills.perception.refinement.depth_image import NEAR, DepthImage, ImageBox, Triangles
 from skills.perception.refinement.errors import RenderFailed
-
-Float64 = NDArray[np.float64]
 
 _TILE = 32
 """Frame buffers are rounded up to multiples of this [px]: a new size costs a new one."""

@@ -6,8 +6,8 @@ from typing import Literal
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from executive.values.arrays import Float64
 from skills.geometry import inverse
 from skills.perception.detection.detection import Detection
 from skills.perception.measured_fruit import MeasuredFruit
@@ -18,8 +18,6 @@ from skills.perception.refinement.refinement import refine
 from skills.perception.refinement.render import render_depth
 from skills.perception.refinement.result import Limits, Method
 from skills.perception.refinement.support_plane import horizontal_plane
-
-Float64 = NDArray[np.float64]
 
 
 def measure(

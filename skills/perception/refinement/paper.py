@@ -10,12 +10,11 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from drivers.interfaces import Intrinsics
+from executive.values.arrays import Float64
 from skills.perception.refinement.depth_image import DepthImage, ImageBox, RendererName, Triangles
 from skills.perception.refinement.errors import DepthNotInMetres, NoDepth
 from skills.perception.refinement.render import render_depth
 from skills.perception.refinement.scale_fit import MIN_PIXELS, MIN_VALID, TOO_DEEP, ScaleFit
-
-Float64 = NDArray[np.float64]
 
 _TRIALS = 200
 _SEED = 5

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from drivers.interfaces import NOMINAL_DEPTH_NOISE, DepthNoise, Intrinsics
+from executive.values.arrays import Float64
 from skills.perception.refinement.checks import check_depth, check_pose, extents
 from skills.perception.refinement.depth_image import DepthImage, ImageBox, RendererName, Triangles
 from skills.perception.refinement.errors import AtBound, SizeOutOfRange, TooFewInliers
@@ -20,8 +20,6 @@ from skills.perception.refinement.scale_fit import ScaleFit, fit_scale
 from skills.perception.refinement.shape_fit import RIGID, Priors, ShapeFit, fit_shape
 from skills.perception.refinement.starts import Judge, best_of_starts, other_starts
 from skills.perception.refinement.support_plane import Plane
-
-Float64 = NDArray[np.float64]
 
 _LEAST_POINTS = 150
 _LEAST_AGREEMENT = 0.8

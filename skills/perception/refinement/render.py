@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from drivers.interfaces import Intrinsics
+from executive.values.arrays import Float64
 from skills.perception.refinement.depth_image import NEAR, DepthImage, DepthRenderer, ImageBox, RendererName, Triangles
 from skills.perception.refinement.errors import RenderFailed
-
-Float64 = NDArray[np.float64]
 
 
 def renderer(name: RendererName) -> DepthRenderer:

@@ -8,9 +8,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from executive.values.arrays import Float64
 from skills.perception.refinement.depth_image import DepthImage, ImageBox
 
-Float64 = NDArray[np.float64]
 Method = Literal["shape", "uniform", "paper"]
 
 

@@ -12,16 +12,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from executive.values.arrays import Float64
 from skills.geometry import rotation_about
 from skills.perception.refinement.cloud import Cloud
 from skills.perception.refinement.depth_image import Triangles
 from skills.perception.refinement.form import Form
 from skills.perception.refinement.support_plane import Plane
 from skills.perception.refinement.surface import surface_of
-
-Float64 = NDArray[np.float64]
 
 _NARROWING = (3.0, 3.0, 2.0, 2.0, 1.5, 1.5)
 """The band of the first steps, in final bands."""

@@ -6,15 +6,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from executive.values.arrays import Float64
 from skills.geometry import rotation_about
 from skills.perception.refinement.depth_image import DepthImage
 from skills.perception.refinement.errors import RefineError, TooFewInliers
 from skills.perception.refinement.result import RefineResult
 from skills.perception.refinement.support_plane import Plane
-
-Float64 = NDArray[np.float64]
 
 _SETTLED = 0.95
 """With this share of the depth agreeing, the stem's axis as detected is not doubted."""

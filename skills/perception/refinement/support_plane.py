@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-Float64 = NDArray[np.float64]
+from executive.values.arrays import Float64
 
 _BAND = 4e-3
 _LEAST_SHARE = 0.3

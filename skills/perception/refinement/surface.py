@@ -6,12 +6,10 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from executive.values.arrays import Float64
 from skills.perception.refinement.depth_image import Triangles
-
-Float64 = NDArray[np.float64]
 
 _SAMPLES = 4000
 

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from drivers.interfaces import Intrinsics
+from executive.values.arrays import Float64
 from skills.perception.rasteriser import draw, project
 from skills.perception.refinement.depth_image import NEAR, DepthImage, ImageBox, Triangles
 from skills.perception.refinement.errors import RenderFailed
-
-Float64 = NDArray[np.float64]
 
 
 def render_with_zbuffer(mesh: Triangles, T_camera_mesh: Float64, intrinsics: Intrinsics, box: ImageBox) -> DepthImage:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from executive.values.arrays import Float64
 from skills.perception.detection.symmetry import STEM_AXIS, minimal_rotation
 from skills.perception.fruit import FruitModel
 from skills.perception.synthetic import shapes
@@ -13,8 +13,6 @@ from skills.perception.synthetic.foliage import grow_tree
 from skills.perception.synthetic.lookalikes import draw_lookalike
 from skills.perception.synthetic.options import SceneKind, SceneOptions
 from skills.perception.synthetic.paint import plain_paint, skin_paint, skins
-
-F64 = NDArray[np.float64]
 
 OUTDOORS = (SceneKind.ORCHARD, SceneKind.TREE)
 
@@ -47,7 +45,7 @@ def compose(fruit: FruitModel, options: SceneOptions, kind: SceneKind, rng: np.r
     return scene
 
 
-def _camera_pose(kind: SceneKind, rng: np.random.Generator) -> F64:
+def _camera_pose(kind: SceneKind, rng: np.random.Generator) -> Float64:
     """T_world_camera, looking at the neighbourhood of the world's origin (the table's surface is z = 0)."""
     if kind in OUTDOORS:
         elevation, distance = np.deg2rad(rng.uniform(-25.0, 40.0)), rng.uniform(0.55, 1.2)
@@ -66,7 +64,7 @@ def _camera_pose(kind: SceneKind, rng: np.random.Generator) -> F64:
     return T
 
 
-def _random_rotation(rng: np.random.Generator) -> F64:
+def _random_rotation(rng: np.random.Generator) -> Float64:
     q = rng.normal(size=4)
     x, y, z, w = q / np.linalg.norm(q)
     return np.array(
@@ -78,7 +76,7 @@ def _random_rotation(rng: np.random.Generator) -> F64:
     )
 
 
-def _fruit_rotation(kind: SceneKind, rng: np.random.Generator) -> F64:
+def _fruit_rotation(kind: SceneKind, rng: np.random.Generator) -> Float64:
     """R_world_object: on a table mostly upright or lying, on a tree hanging, else anyhow."""
     draw = rng.random()
     if kind is SceneKind.RANDOM or draw < 0.12:
@@ -93,13 +91,13 @@ def _fruit_rotation(kind: SceneKind, rng: np.random.Generator) -> F64:
     stem = np.array([np.sin(tilt) * np.cos(azimuth), np.sin(tilt) * np.sin(azimuth), np.cos(tilt)])
     spin = rng.uniform(0.0, 2.0 * np.pi)
     about_stem = np.array([[np.cos(spin), 0.0, np.sin(spin)], [0.0, 1.0, 0.0], [-np.sin(spin), 0.0, np.cos(spin)]])
-    rotation: F64 = minimal_rotation(STEM_AXIS, stem) @ about_stem
+    rotation: Float64 = minimal_rotation(STEM_AXIS, stem) @ about_stem
     return rotation
 
 
 def _place(
     scene: SyntheticScene, options: SceneOptions, radius: float, lowest: float, gap: float, rng: np.random.Generator
-) -> F64 | None:
+) -> Float64 | None:
     """A free place in view for a body of `radius` whose centre is `lowest` above its lowest point; None when full."""
     fx, fy, cx, cy = options.camera
     T = scene.T_world_camera
@@ -107,7 +105,7 @@ def _place(
         if scene.kind is SceneKind.TREE and scene.spheres and rng.random() < 0.4:  # fruit hang in bunches
             other, size = scene.spheres[int(rng.integers(len(scene.spheres)))]
             aside = rng.normal(size=3)
-            beside: F64 = other + (radius + size) * rng.uniform(0.95, 1.25) * aside / np.linalg.norm(aside)
+            beside: Float64 = other + (radius + size) * rng.uniform(0.95, 1.25) * aside / np.linalg.norm(aside)
             if all(np.linalg.norm(beside - c) > 0.92 * (radius + r) for c, r in scene.spheres):
                 scene.spheres.append((beside, radius))
                 return beside
@@ -124,7 +122,7 @@ def _place(
         else:
             near, far = _DEPTHS[scene.kind]
             depth = 1.0 / rng.uniform(1.0 / far, 1.0 / near)
-        centre: F64 = T[:3, 3] + depth * ray
+        centre: Float64 = T[:3, 3] + depth * ray
         if all(np.linalg.norm(centre - other) > gap * (radius + size) for other, size in scene.spheres):
             scene.spheres.append((centre, radius))
             return centre
@@ -132,7 +130,12 @@ def _place(
 
 
 def _add_fruit(
-    fruit: FruitModel, options: SceneOptions, scene: SyntheticScene, style: F64, plain: bool, rng: np.random.Generator
+    fruit: FruitModel,
+    options: SceneOptions,
+    scene: SyntheticScene,
+    style: Float64,
+    plain: bool,
+    rng: np.random.Generator,
 ) -> None:
     exact = rng.random() < options.exact
     index = 0 if exact or rng.random() < 0.2 else int(rng.integers(1, 64))
@@ -167,7 +170,7 @@ def _add_fruit(
         scene.items.append(Item(part, rotation, thick, centre, paint, 900.0, (0.02, 10.0, 0.1), order))
 
 
-def _add_decoy(options: SceneOptions, scene: SyntheticScene, style: F64, rng: np.random.Generator) -> None:
+def _add_decoy(options: SceneOptions, scene: SyntheticScene, style: Float64, rng: np.random.Generator) -> None:
     """Balls, capsules, boxes, cylinders, turned bodies; many in the fruit's own colours."""
     choice = rng.choice(["ball", "capsule", "box", "cylinder", "turned"], p=[0.28, 0.2, 0.2, 0.12, 0.2])
     size = rng.uniform(0.012, 0.055)

@@ -4,14 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-import numpy as np
-from numpy.typing import NDArray
-
+from executive.values.arrays import Float32, Float64
 from skills.perception.synthetic.options import SceneKind
 from skills.perception.synthetic.shapes import ShadedMesh
-
-F32 = NDArray[np.float32]
-F64 = NDArray[np.float64]
 
 
 @dataclass(slots=True)
@@ -19,10 +14,10 @@ class Item:
     """One thing of a scene: shape, pose [m] and paint."""
 
     shape: ShadedMesh
-    rotation: F64
-    scale: F64
-    centre: F64
-    albedo: F32
+    rotation: Float64
+    scale: Float64
+    centre: Float64
+    albedo: Float32
     grain_frequency: float
     material: tuple[float, float, float]
     fruit: int = -1
@@ -34,9 +29,9 @@ class SyntheticScene:
     """What is rendered: camera, things, and the truth about the fruit among them."""
 
     kind: SceneKind
-    T_world_camera: F64
+    T_world_camera: Float64
     table: bool
     items: list[Item] = field(default_factory=list)
-    spheres: list[tuple[F64, float]] = field(default_factory=list)
-    truths: list[tuple[F64, F64, F64, bool]] = field(default_factory=list)
-    decoys: list[tuple[F64, float]] = field(default_factory=list)
+    spheres: list[tuple[Float64, float]] = field(default_factory=list)
+    truths: list[tuple[Float64, Float64, Float64, bool]] = field(default_factory=list)
+    decoys: list[tuple[Float64, float]] = field(default_factory=list)

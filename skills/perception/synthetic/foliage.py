@@ -6,15 +6,12 @@ from functools import lru_cache
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from executive.values.arrays import Float32, Float64
 from skills.perception.synthetic import shapes
 from skills.perception.synthetic.contents import Item, SyntheticScene
 from skills.perception.synthetic.options import SceneOptions
 from skills.perception.synthetic.shapes import ShadedMesh
-
-F32 = NDArray[np.float32]
-F64 = NDArray[np.float64]
 
 SPRAYS = 64
 """Different sprays of leaves; each is turned, stretched and coloured anew wherever it grows."""
@@ -44,11 +41,11 @@ def grow_tree(options: SceneOptions, scene: SyntheticScene, rng: np.random.Gener
         _add_branch(scene, place, rng)
 
 
-def _in_view(options: SceneOptions, scene: SyntheticScene, depth: float, rng: np.random.Generator) -> F64:
+def _in_view(options: SceneOptions, scene: SyntheticScene, depth: float, rng: np.random.Generator) -> Float64:
     fx, fy, cx, cy = options.camera
     u, v = rng.uniform(0.0, options.width), rng.uniform(0.0, options.height)
     ray = np.array([(u - cx) / fx, (v - cy) / fy, 1.0])
-    place: F64 = scene.T_world_camera[:3, 3] + scene.T_world_camera[:3, :3] @ (depth * ray)
+    place: Float64 = scene.T_world_camera[:3, 3] + scene.T_world_camera[:3, :3] @ (depth * ray)
     return place
 
 
@@ -66,7 +63,7 @@ def spray(index: int) -> ShadedMesh:
     return shapes.make_shape(np.concatenate(vertices), np.concatenate(faces), two_sided=True)
 
 
-def _frame(along: F64, rng: np.random.Generator) -> F64:
+def _frame(along: Float64, rng: np.random.Generator) -> Float64:
     """A rotation that takes +z to `along` (any length), turned anyhow about it."""
     z = along / np.linalg.norm(along)
     x = np.cross(z, rng.normal(size=3))
@@ -75,7 +72,7 @@ def _frame(along: F64, rng: np.random.Generator) -> F64:
 
 
 def _add_spray(
-    scene: SyntheticScene, root: F64, along: F64, length: float, hue: float, rng: np.random.Generator
+    scene: SyntheticScene, root: Float64, along: Float64, length: float, hue: float, rng: np.random.Generator
 ) -> None:
     shape = spray(int(rng.integers(SPRAYS)))
     each = len(shapes.leaf(0).vertices)
@@ -94,7 +91,7 @@ def _add_spray(
     scene.items.append(Item(shape, _frame(along, rng), scale, root, albedo, rng.uniform(300.0, 1500.0), look))
 
 
-def _add_branch(scene: SyntheticScene, centre: F64, rng: np.random.Generator) -> None:
+def _add_branch(scene: SyntheticScene, centre: Float64, rng: np.random.Generator) -> None:
     shape = shapes.capsule(1.0, rng.uniform(0.006, 0.05))
     bark = np.array([0.14, 0.11, 0.09]) * rng.uniform(0.3, 2.2)
     paint = np.broadcast_to(bark.astype(np.float32), shape.vertices.shape)
@@ -103,7 +100,7 @@ def _add_branch(scene: SyntheticScene, centre: F64, rng: np.random.Generator) ->
     scene.items.append(Item(shape, rotation, size, centre, paint, 600.0, (0.02, 8.0, rng.uniform(0.1, 0.5))))
 
 
-def add_far_fruit(picture: F32, colours: F64, rng: np.random.Generator) -> None:
+def add_far_fruit(picture: Float32, colours: Float64, rng: np.random.Generator) -> None:
     """Paint fruit of the next rows into a backdrop: too small and too far to be asked for."""
     height, width = picture.shape[:2]
     for _ in range(int(rng.integers(0, 70))):

@@ -5,13 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from executive.values.arrays import Float32, Float64
 from skills.perception.synthetic import shapes
 from skills.perception.synthetic.shapes import ShadedMesh
-
-F32 = NDArray[np.float32]
-F64 = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -28,8 +25,8 @@ class Lookalike:
     """
 
     shape: ShadedMesh
-    scale: F64
-    paint: F32
+    scale: Float64
+    paint: Float32
     grain_frequency: float
     material: tuple[float, float, float]
     upright: bool = False
@@ -41,17 +38,17 @@ def draw_lookalike(rng: np.random.Generator) -> Lookalike:
     return kinds[rng.choice(len(kinds), p=(0.2, 0.16, 0.16, 0.2, 0.1, 0.08, 0.1))](rng)
 
 
-def _spread(colour: tuple[float, float, float], rng: np.random.Generator) -> F64:
+def _spread(colour: tuple[float, float, float], rng: np.random.Generator) -> Float64:
     """A colour's relatives."""
-    spread: F64 = np.array(colour) * np.exp(rng.normal(0.0, 0.15, 3)) * np.exp(rng.normal(0.0, 0.2))
+    spread: Float64 = np.array(colour) * np.exp(rng.normal(0.0, 0.15, 3)) * np.exp(rng.normal(0.0, 0.2))
     return spread
 
 
-def _mixed(one: F64, other: F64, share: F64) -> F32:
+def _mixed(one: Float64, other: Float64, share: Float64) -> Float32:
     return np.asarray(one * share[:, None] + other * (1.0 - share[:, None]), np.float32)
 
 
-def _angles(shape: ShadedMesh) -> tuple[F64, F64]:
+def _angles(shape: ShadedMesh) -> tuple[Float64, Float64]:
     """About the y axis [rad], and away from its upper end (-y) [rad], of each vertex."""
     x, y, z = shape.vertices.astype(np.float64).T
     return np.arctan2(z, x), np.arctan2(np.hypot(x, z), -y)

@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from executive.values.arrays import Float32, Float64
 from skills.perception.fruit import FruitModel
 from skills.perception.synthetic.shapes import ShadedMesh
-
-F32 = NDArray[np.float32]
-F64 = NDArray[np.float64]
 
 _SKINS = np.array(
     [
@@ -24,7 +21,7 @@ _SKINS = np.array(
 )
 
 
-def skins(fruit: FruitModel) -> F64:
+def skins(fruit: FruitModel) -> Float64:
     """Pairs of blush and ground colour, linear RGB: an apple's many, or shades of another fruit's own colour."""
     if fruit.name == "apple":
         return _SKINS
@@ -32,7 +29,7 @@ def skins(fruit: FruitModel) -> F64:
     return np.array([[own, own * 1.2], [own * (0.8, 1.0, 0.7), own * (1.1, 1.0, 1.0)], [own * (0.5, 0.9, 0.6), own]])
 
 
-def skin_paint(shape: ShadedMesh, skins: F64, style: F64, rng: np.random.Generator) -> F32:
+def skin_paint(shape: ShadedMesh, skins: Float64, style: Float64, rng: np.random.Generator) -> Float32:
     """Skin colour per vertex: ground colour, blush on the sunny side, streaks along meridians, russet hollows."""
     skin = skins[int(style[0] * len(skins)) if rng.random() < 0.7 else int(rng.integers(len(skins)))]
     skin = skin * np.exp(rng.normal(0.0, 0.18, (2, 3))) * np.exp(rng.normal(0.0, 0.15))
@@ -57,7 +54,7 @@ def skin_paint(shape: ShadedMesh, skins: F64, style: F64, rng: np.random.Generat
     return colour.astype(np.float32)
 
 
-def plain_paint(shape: ShadedMesh, style: F64, rng: np.random.Generator) -> F32:
+def plain_paint(shape: ShadedMesh, style: Float64, rng: np.random.Generator) -> Float32:
     """One colour all over, as simulators paint fruit."""
     skin = _SKINS[int(style[1] * len(_SKINS))][0] if rng.random() < 0.8 else rng.uniform(0.02, 0.8, 3)
     skin = skin * np.exp(rng.normal(0.0, 0.3, 3))

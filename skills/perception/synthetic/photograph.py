@@ -6,12 +6,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from executive.values.arrays import Float32
 from skills.perception.synthetic import textures
 
-F32 = NDArray[np.float32]
 
-
-def photograph(picture: F32, rng: np.random.Generator) -> NDArray[np.uint8]:
+def photograph(picture: Float32, rng: np.random.Generator) -> NDArray[np.uint8]:
     """Exposure, lens blur, gamma, shot and read noise, quantisation."""
     h, w = picture.shape[:2]
     bright = float(np.percentile(picture[::8, ::8], 90.0)) + 1e-3

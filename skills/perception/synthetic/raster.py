@@ -6,18 +6,21 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from executive.values.arrays import Float32, Int32
 from skills.perception.rasteriser import draw, project, signed_areas
-
-F32 = NDArray[np.float32]
-I32 = NDArray[np.int32]
 
 NEAR = 0.03
 """Faces closer to the camera than this are dropped [m]."""
 
 
 def rasterise(
-    points: F32, faces: I32, face_object: I32, two_sided: NDArray[np.bool_], camera: F32, shape: tuple[int, int]
-) -> tuple[F32, I32, F32]:
+    points: Float32,
+    faces: Int32,
+    face_object: Int32,
+    two_sided: NDArray[np.bool_],
+    camera: Float32,
+    shape: tuple[int, int],
+) -> tuple[Float32, Int32, Float32]:
     """What each pixel shows: z-depth (h, w) [m], 0 where empty, face (h, w), -1 where empty, shares (h, w, 2).
 
     `points` are (n, 3) in the camera frame [m]; `camera` is (fx, fy, cx, cy); one-sided objects show their outside.
@@ -33,7 +36,7 @@ def rasterise(
     return depth, face_index, shares
 
 
-def shadow_map(points: F32, faces: I32, size: int, far: float) -> F32:
+def shadow_map(points: Float32, faces: Int32, size: int, far: float) -> Float32:
     """An orthographic map (size, size) of the nearest depth towards the light, `far` where nothing is.
 
     `points` are (n, 3): columns 0 and 1 in map cells, column 2 the distance along the light [m].
@@ -41,12 +44,12 @@ def shadow_map(points: F32, faces: I32, size: int, far: float) -> F32:
     u, v, distance = points.astype(np.float64).T.copy()
     nearest = np.full((size, size), -far)
     draw(u, v, -distance, faces, np.ones(len(faces), np.bool_), nearest)
-    shadow: F32 = (-nearest).astype(np.float32)
+    shadow: Float32 = (-nearest).astype(np.float32)
     return shadow
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def _lit(x: float, y: float, z: float, light: F32, shadow: F32, bias: float) -> float:
+def _lit(x: float, y: float, z: float, light: Float32, shadow: Float32, bias: float) -> float:
     """How much of the key light reaches a point: four neighbouring cells of the shadow map, averaged."""
     size = shadow.shape[0]
     u = light[0, 0] * x + light[0, 1] * y + light[0, 2] * z + light[0, 3]
@@ -65,32 +68,32 @@ def _lit(x: float, y: float, z: float, light: F32, shadow: F32, bias: float) -> 
 
 @njit(cache=True, nogil=True, fastmath=True)
 def shade(
-    points: F32,
-    normals: F32,
-    albedo: F32,
-    grain: F32,
-    openness: F32,
-    faces: I32,
-    face_object: I32,
-    material: F32,
-    camera: F32,
-    depth: F32,
-    face_index: I32,
-    weights: F32,
-    plane: F32,
-    plane_axes: F32,
-    plane_look: F32,
-    spheres: F32,
-    lights: F32,
-    up: F32,
-    ambient: F32,
-    light_map: F32,
-    shadow: F32,
+    points: Float32,
+    normals: Float32,
+    albedo: Float32,
+    grain: Float32,
+    openness: Float32,
+    faces: Int32,
+    face_object: Int32,
+    material: Float32,
+    camera: Float32,
+    depth: Float32,
+    face_index: Int32,
+    weights: Float32,
+    plane: Float32,
+    plane_axes: Float32,
+    plane_look: Float32,
+    spheres: Float32,
+    lights: Float32,
+    up: Float32,
+    ambient: Float32,
+    light_map: Float32,
+    shadow: Float32,
     shadow_strength: float,
-    texture: F32,
-    noise: F32,
-    picture: F32,
-    owner: I32,
+    texture: Float32,
+    noise: Float32,
+    picture: Float32,
+    owner: Int32,
 ) -> None:
     """Colour every pixel that a face or the table covers; other pixels keep what `picture` holds.
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from executive.values.arrays import Float32
 from skills.perception.fruit import FruitModel
 from skills.perception.synthetic import textures
 from skills.perception.synthetic.composition import compose
@@ -17,15 +18,13 @@ from skills.perception.synthetic.raster import rasterise, shade
 from skills.perception.synthetic.surroundings import cast_shadow, draw_backdrop, lay_table, set_lights
 from skills.perception.synthetic.truth import FruitTruth, decoy_circle, true_fruit
 
-F32 = NDArray[np.float32]
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RenderedFrame:
     """A picture (h, w, 3) uint8 RGB, z-depth (h, w) float32 [m], and the truth about its fruit and its decoys."""
 
     colour: NDArray[np.uint8]
-    depth: F32
+    depth: Float32
     fruit: tuple[FruitTruth, ...]
     decoys: tuple[tuple[float, float, float], ...]
     kind: SceneKind

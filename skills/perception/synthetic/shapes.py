@@ -8,20 +8,19 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from executive.values.arrays import Float32
 from skills.perception.fruit import FruitModel
 from skills.perception.fruit.apple_mesh import AppleShape, apple_mesh, stem_mesh
-
-F32 = NDArray[np.float32]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ShadedMesh:
     """Triangles with what the shading needs: positions (n, 3) [m], normals, faces (m, 3), ambient openness (n,)."""
 
-    vertices: F32
-    normals: F32
+    vertices: Float32
+    normals: Float32
     faces: NDArray[np.int32]
-    openness: F32
+    openness: Float32
     two_sided: bool = False
 
 

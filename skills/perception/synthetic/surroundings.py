@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from executive.values.arrays import Float32, Float64
 from skills.perception.fruit import FruitModel
 from skills.perception.synthetic import textures
 from skills.perception.synthetic.contents import SyntheticScene
@@ -14,13 +15,10 @@ from skills.perception.synthetic.options import SceneKind, SceneOptions
 from skills.perception.synthetic.paint import skins
 from skills.perception.synthetic.raster import shadow_map
 
-F32 = NDArray[np.float32]
-F64 = NDArray[np.float64]
-
 SHADOW_CELLS = 320
 
 
-def draw_backdrop(fruit: FruitModel, options: SceneOptions, scene: SyntheticScene, rng: np.random.Generator) -> F32:
+def draw_backdrop(fruit: FruitModel, options: SceneOptions, scene: SyntheticScene, rng: np.random.Generator) -> Float32:
     """The picture behind everything, (h, w, 3) float32."""
     index = int(rng.integers(0, 160))
     tree = scene.kind is SceneKind.TREE
@@ -42,7 +40,7 @@ def draw_backdrop(fruit: FruitModel, options: SceneOptions, scene: SyntheticScen
     return np.asarray(picture * cast, np.float32)
 
 
-def set_lights(scene: SyntheticScene, R_cw: F64, rng: np.random.Generator) -> tuple[F32, F32, F32]:
+def set_lights(scene: SyntheticScene, R_cw: Float64, rng: np.random.Generator) -> tuple[Float32, Float32, Float32]:
     """Directions, colours and softness of one to three lamps, in the camera's frame."""
     count = int(rng.integers(1, 4))
     lights = np.zeros((count, 6), np.float32)
@@ -61,7 +59,7 @@ def set_lights(scene: SyntheticScene, R_cw: F64, rng: np.random.Generator) -> tu
     return lights, R_cw[:, 2].astype(np.float32), ambient.astype(np.float32)
 
 
-def cast_shadow(P: F32, F: NDArray[np.int32], light: F32, rng: np.random.Generator) -> tuple[F32, F32]:
+def cast_shadow(P: Float32, F: NDArray[np.int32], light: Float32, rng: np.random.Generator) -> tuple[Float32, Float32]:
     """Shadow map of the key light and the map (3, 4) from camera coordinates to its cells and distance."""
     d = light.astype(np.float64)
     a = np.cross(d, [1.0, 0.0, 0.0] if abs(d[0]) < 0.8 else [0.0, 1.0, 0.0])
@@ -79,7 +77,7 @@ def cast_shadow(P: F32, F: NDArray[np.int32], light: F32, rng: np.random.Generat
     return shadow, light_map
 
 
-def lay_table(scene: SyntheticScene, T_wc: F64, rng: np.random.Generator) -> tuple[F32, F32, F32]:
+def lay_table(scene: SyntheticScene, T_wc: Float64, rng: np.random.Generator) -> tuple[Float32, Float32, Float32]:
     """The table's plane, its texture axes and its paint, in the camera's frame."""
     R_cw, eye = T_wc[:3, :3].T, T_wc[:3, 3]
     normal = R_cw[:, 2]

@@ -6,13 +6,12 @@ from functools import lru_cache
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-F32 = NDArray[np.float32]
+from executive.values.arrays import Float32
 
 
 @lru_cache(maxsize=1)
-def grain() -> F32:
+def grain() -> Float32:
     """Smooth noise with zero mean and unit deviation, tileable in period 256, shape (256, 256)."""
     noise = np.random.default_rng(3).normal(size=(256, 256)).astype(np.float32)
     tiled = cv2.GaussianBlur(np.tile(noise, (3, 3)), (0, 0), 1.2)[256:512, 256:512]
@@ -20,12 +19,12 @@ def grain() -> F32:
 
 
 @lru_cache(maxsize=1)
-def sensor_noise() -> F32:
+def sensor_noise() -> Float32:
     """White noise of unit deviation to cut pieces from, shape (1024, 1400)."""
     return np.random.default_rng(5).normal(size=(1024, 1400)).astype(np.float32)
 
 
-def clouds(rng: np.random.Generator, height: int, width: int, octaves: tuple[int, ...]) -> F32:
+def clouds(rng: np.random.Generator, height: int, width: int, octaves: tuple[int, ...]) -> Float32:
     """Noise summed over octaves (cells across the picture), about unit deviation, (h, w)."""
     total = np.zeros((height, width), np.float32)
     for cells in octaves:
@@ -35,7 +34,7 @@ def clouds(rng: np.random.Generator, height: int, width: int, octaves: tuple[int
 
 
 @lru_cache(maxsize=160)
-def background(index: int, height: int, width: int) -> F32:
+def background(index: int, height: int, width: int) -> Float32:
     """Background `index`, linear RGB about 0..1, (h, w, 3): walls, gradients, noise, or foliage."""
     rng = np.random.default_rng((17, index))
     kind = index % 4
@@ -59,7 +58,7 @@ def background(index: int, height: int, width: int) -> F32:
     return np.clip(picture, 0.0, 1.5)
 
 
-def foliage(rng: np.random.Generator, height: int, width: int) -> F32:
+def foliage(rng: np.random.Generator, height: int, width: int) -> Float32:
     """Leaves, twigs, gaps of bright sky and dark depth: what stands behind fruit in an orchard."""
     picture = np.empty((height, width, 3), np.float32)
     sky = rng.random() < 0.4
@@ -100,7 +99,7 @@ def foliage(rng: np.random.Generator, height: int, width: int) -> F32:
 
 
 @lru_cache(maxsize=96)
-def table_top(index: int) -> F32:
+def table_top(index: int) -> Float32:
     """Table texture `index`, linear RGB, (256, 256, 3)."""
     rng = np.random.default_rng((19, index))
     size, kind = 256, index % 6

@@ -8,14 +8,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from executive.values.arrays import Float32, Float64
 from skills.perception.detection.cuboid import cuboid_keypoints
 from skills.perception.detection.symmetry import STEM_AXIS, label_rotation
 from skills.perception.fruit import FruitModel
 from skills.perception.synthetic.contents import SyntheticScene
 from skills.perception.synthetic.options import SceneOptions
-
-F32 = NDArray[np.float32]
-F64 = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -31,10 +29,10 @@ class FruitTruth:
         box: x, y, w, h of the visible pixels [px]; zeros when none.
     """
 
-    T_camera_object: F64
-    dimensions: F64
+    T_camera_object: Float64
+    dimensions: Float64
     scale: float
-    keypoints: F64
+    keypoints: Float64
     visibility: float
     box: tuple[int, int, int, int]
 
@@ -44,7 +42,7 @@ def true_fruit(
     options: SceneOptions,
     scene: SyntheticScene,
     owner: NDArray[np.int32],
-    P: F32,
+    P: Float32,
     F: NDArray[np.int32],
     owner_of_face: NDArray[np.int32],
 ) -> tuple[FruitTruth, ...]:
@@ -74,7 +72,7 @@ def true_fruit(
     return tuple(truths)
 
 
-def decoy_circle(options: SceneOptions, centre: F64, radius: float) -> tuple[float, float, float]:
+def decoy_circle(options: SceneOptions, centre: Float64, radius: float) -> tuple[float, float, float]:
     """Where a round thing that is no fruit shows in the picture: centre and radius [px]."""
     fx, fy, cx, cy = options.camera
     return (

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-U8 = NDArray[np.uint8]
+from executive.values.arrays import UInt8
 
 
-def change_look(picture: U8, rng: np.random.Generator) -> U8:
+def change_look(picture: UInt8, rng: np.random.Generator) -> UInt8:
     """Light, curves, colours, blur, noise, and what cameras do to a picture before they hand it on, (h, w, 3) uint8."""
     if rng.random() < 0.12:
         picture = _dapple(picture, rng)
@@ -46,7 +45,7 @@ def change_look(picture: U8, rng: np.random.Generator) -> U8:
     return picture
 
 
-def _dapple(picture: U8, rng: np.random.Generator) -> U8:
+def _dapple(picture: UInt8, rng: np.random.Generator) -> UInt8:
     """Blotches of shade, as leaves throw them."""
     h, w = picture.shape[:2]
     cells = int(rng.integers(4, 14))
@@ -56,7 +55,7 @@ def _dapple(picture: U8, rng: np.random.Generator) -> U8:
     return np.asarray(picture * (darkest + (1.0 - darkest) * lit)[..., None], np.uint8)
 
 
-def cover(picture: U8, rng: np.random.Generator, chance: float, size: tuple[float, float]) -> U8:
+def cover(picture: UInt8, rng: np.random.Generator, chance: float, size: tuple[float, float]) -> UInt8:
     """Put rectangles of one colour over the picture, sized as parts of its height."""
     picture = np.ascontiguousarray(picture)
     h, w = picture.shape[:2]

@@ -10,15 +10,14 @@ import torch
 from numpy.typing import NDArray
 from torch import nn
 
+from executive.values.arrays import Float64
 from skills.perception.detection.box_evaluation import BoxCurve, curve, match_boxes
 from skills.perception.detection.compact_detector import CompactDetector
 from skills.perception.detection.compact_network import CloseLookNetwork, FinderNetwork
 from skills.perception.detection.found_fruit import inside
 from skills.perception.training.photographs import Photograph
 
-F64 = NDArray[np.float64]
-
-Finds = tuple[F64, F64, F64]
+Finds = tuple[Float64, Float64, Float64]
 """Of one photograph: boxes that were found (n, 4), their scores (n,), boxes that people drew (m, 4)."""
 
 PRECISION = 0.9
@@ -114,7 +113,9 @@ def photo_table(found: Sequence[Finds], score: float) -> str:
     return "\n".join(lines)
 
 
-def calibration(scores: F64, right: NDArray[np.bool_], bins: int = 10) -> tuple[float, list[tuple[float, float, int]]]:
+def calibration(
+    scores: Float64, right: NDArray[np.bool_], bins: int = 10
+) -> tuple[float, list[tuple[float, float, int]]]:
     """How far scores are from the share of finds that are right: the expected calibration error, and the plot's points.
 
     Args:
@@ -136,14 +137,14 @@ def calibration(scores: F64, right: NDArray[np.bool_], bins: int = 10) -> tuple[
     return error, points
 
 
-def judged(found: Sequence[Finds]) -> tuple[F64, NDArray[np.bool_]]:
+def judged(found: Sequence[Finds]) -> tuple[Float64, NDArray[np.bool_]]:
     """Scores of all finds in photographs, and whether each overlaps a box that people drew by half; (n,) each."""
     scores = np.concatenate([np.empty(0), *(sure for _, sure, _ in found)])
     right = [match_boxes(boxes, sure, wanted, 0.5) for boxes, sure, wanted in found]
     return scores, np.concatenate([np.empty(0, np.bool_), *right])
 
 
-def calibration_table(scores: F64, right: NDArray[np.bool_], least: float = 0.05) -> str:
+def calibration_table(scores: Float64, right: NDArray[np.bool_], least: float = 0.05) -> str:
     """Scores against the share of such finds that are right, as Markdown."""
     error, points = calibration(scores[scores >= least], right[scores >= least])
     lines = [f"Expected calibration error of finds with score ≥ {least}: {error:.3f}.", ""]

@@ -7,10 +7,10 @@ from collections.abc import Mapping, Sequence
 import cv2
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor
 from torch.utils.data import Dataset
 
+from executive.values.arrays import Float64, UInt8
 from skills.perception.detection.close_look import SIZE_OF_BOX, look_at
 from skills.perception.detection.outputs import FINDER_STRIDE
 from skills.perception.training.augmentation import change_look, cover
@@ -27,9 +27,6 @@ from skills.perception.training.samples import (
     roll_of_look,
 )
 from skills.perception.training.targets import box_targets
-
-U8 = NDArray[np.uint8]
-F64 = NDArray[np.float64]
 
 JITTER = (0.71, 1.36)
 """How much larger or smaller than that: in orchards size tells near fruit from fruit of the next row."""
@@ -109,7 +106,7 @@ class PhotoFinderBatches(Dataset[tuple[Tensor, ...]]):
         return (picture, *maps.parts)
 
 
-def window(picture: U8, size: float, shift: F64, extent: tuple[int, int], rng: np.random.Generator) -> U8:
+def window(picture: UInt8, size: float, shift: Float64, extent: tuple[int, int], rng: np.random.Generator) -> UInt8:
     """A part of a picture, scaled and then moved; what lies beyond the picture has one colour."""
     matrix = np.array([[size, 0.0, shift[0]], [0.0, size, shift[1]]])
     colour = [int(c) for c in rng.integers(0, 256, 3)]
@@ -139,7 +136,7 @@ class PhotoCloseLookBatches(Dataset[tuple[Tensor, ...]]):
         batch: int,
         seed: int,
         steps: int,
-        places: Mapping[str, F64] | None = None,
+        places: Mapping[str, Float64] | None = None,
         turned: float = 0.0,
         empty: Sequence[Photograph] = (),
     ) -> None:
@@ -180,7 +177,7 @@ class PhotoCloseLookBatches(Dataset[tuple[Tensor, ...]]):
             samples.append(no_fruit(picture, look, unlabelled, rng, True))
         return samples
 
-    def _elsewhere(self, photo: Photograph, labels: Labels, rng: np.random.Generator) -> list[tuple[F64, float]]:
+    def _elsewhere(self, photo: Photograph, labels: Labels, rng: np.random.Generator) -> list[tuple[Float64, float]]:
         """Places that nobody labelled: what deceives the finder, beside fruit, anywhere."""
         places = self.places.get(photo.name, np.empty((0, 4)))
         wrong = [(row[:2], float(row[2])) for row in rng.permutation(places)]
@@ -207,7 +204,7 @@ def _one_of(labelled: Sequence[Photograph], empty: Sequence[Photograph], rng: np
     return some[int(rng.integers(len(some)))]
 
 
-def _clear(place: F64, size: float, boxes: F64) -> bool:
+def _clear(place: Float64, size: float, boxes: Float64) -> bool:
     """Whether a look aimed here is at none of the boxes."""
     if not len(boxes):
         return True

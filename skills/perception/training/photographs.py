@@ -15,12 +15,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from executive.values.arrays import Float64, UInt8
 from skills.perception.detection.close_look import SIZE_OF_BOX
 from skills.perception.detection.errors import BadPhotographs
 from skills.perception.training.losses import FRUIT_IN_INPUT
-
-F64 = NDArray[np.float64]
-U8 = NDArray[np.uint8]
 
 BORDER = 2.0
 """A box that ends this close to the picture's border is cut by it [px]."""
@@ -49,13 +47,13 @@ class Labels:
         counted: whether the box is taught as fruit; where not, nothing is said there.
     """
 
-    boxes: F64
-    centres: F64
-    sizes: F64
+    boxes: Float64
+    centres: Float64
+    sizes: Float64
     counted: NDArray[np.bool_]
 
 
-def labels_of(boxes: F64, crowd: NDArray[np.bool_], width: int, height: int) -> Labels:
+def labels_of(boxes: Float64, crowd: NDArray[np.bool_], width: int, height: int) -> Labels:
     """What boxes teach in a picture of this size.
 
     Args:
@@ -82,7 +80,7 @@ def labels_of(boxes: F64, crowd: NDArray[np.bool_], width: int, height: int) -> 
     return Labels(boxes, centres - 0.5, sizes, counted)
 
 
-def most_visible(box: F64) -> float:
+def most_visible(box: Float64) -> float:
     """The largest part of a round fruit's silhouette that a box can show, 0..1.
 
     Of a disc as wide as the box is long, a box that is narrower shows at most the part between a chord and the rim.
@@ -110,7 +108,7 @@ class Photograph:
     path: Path
     width: int
     height: int
-    boxes: F64
+    boxes: Float64
     crowd: NDArray[np.bool_]
     group: str = ""
     empty: bool = False
@@ -126,11 +124,11 @@ class Photograph:
         return self.path.name
 
     @property
-    def K(self) -> F64:
+    def K(self) -> Float64:
         """Camera matrix (3, 3) [px], as `camera_of` supposes it."""
         return camera_of(self.width, self.height)
 
-    def picture(self) -> U8:
+    def picture(self) -> UInt8:
         """RGB, (h, w, 3).
 
         Raises:
@@ -142,7 +140,7 @@ class Photograph:
         return np.ascontiguousarray(picture[..., ::-1], np.uint8)
 
 
-def camera_of(width: int, height: int) -> F64:
+def camera_of(width: int, height: int) -> Float64:
     """Matrix of a camera for a photograph that names none: long, so that a look is nearly a piece of the picture."""
     focal = 4.0 * max(width, height)
     return np.array([[focal, 0.0, 0.5 * (width - 1)], [0.0, focal, 0.5 * (height - 1)], [0.0, 0.0, 1.0]])

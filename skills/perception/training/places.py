@@ -7,14 +7,12 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from executive.values.arrays import Float64
 from skills.perception.detection.compact_detector import CompactDetector
 from skills.perception.detection.options import WORKING_WIDTH
 from skills.perception.training.photographs import PhotoSet, fruit_scale
 from skills.perception.training.samples import FrameFolder
-
-F64 = NDArray[np.float64]
 
 THRESHOLD = 0.12
 """Least belief of a place: half of the detector's, since a place that is nearly proposed here is proposed elsewhere."""
@@ -25,7 +23,7 @@ def find_places(
     frames: FrameFolder,
     progress: Callable[[int, int], None] | None = None,
     most: int | None = None,
-) -> dict[str, F64]:
+) -> dict[str, Float64]:
     """Places by frame name: rows (u, v, size [px], belief), (n, 4).
 
     Args:
@@ -49,7 +47,7 @@ def find_photo_places(
     photographs: PhotoSet,
     progress: Callable[[int, int], None] | None = None,
     most: int | None = None,
-) -> dict[str, F64]:
+) -> dict[str, Float64]:
     """The same in photographs, each shrunk as it is when the finder learns from it, by the photograph's name."""
     places, scale = {}, fruit_scale(photographs.train)
     searched = [*photographs.train[:: _stride(len(photographs.train), most)], *photographs.empty]
@@ -68,7 +66,7 @@ def _stride(count: int, most: int | None) -> int:
     return 1 if most is None else max(1, -(-count // most))
 
 
-def save_places(path: Path, places: dict[str, F64]) -> None:
+def save_places(path: Path, places: dict[str, Float64]) -> None:
     """Write places atomically; read them with `load_places`."""
     part = path.with_suffix(".part.npz")
     np.savez(
@@ -80,7 +78,7 @@ def save_places(path: Path, places: dict[str, F64]) -> None:
     part.replace(path)
 
 
-def load_places(path: Path) -> dict[str, F64]:
+def load_places(path: Path) -> dict[str, Float64]:
     """What `save_places` wrote."""
     with np.load(path) as content:
         ends = np.cumsum(content["counts"])

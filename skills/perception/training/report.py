@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from executive.values.arrays import UInt8
 from skills.perception.detection.box_evaluation import curve, match_boxes
 from skills.perception.detection.compact_detector import CompactDetector
 from skills.perception.detection.evaluation import Evaluation, evaluate, table
@@ -26,8 +27,6 @@ from skills.perception.training.photo_figures import (
 )
 from skills.perception.training.photographs import PhotoSet, fruit_scale
 from skills.perception.training.samples import FrameFolder
-
-U8 = NDArray[np.uint8]
 
 _EDGES = ((0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7))
 _PICTURES = 6
@@ -128,7 +127,9 @@ def _on_photographs(found: Sequence[Finds], photographs: PhotoSet, out: Path) ->
     return lines
 
 
-def draw(detector: CompactDetector, colour: U8, K: NDArray[np.float64], fruit: FruitModel, score: float = 0.5) -> U8:
+def draw(
+    detector: CompactDetector, colour: UInt8, K: NDArray[np.float64], fruit: FruitModel, score: float = 0.5
+) -> UInt8:
     """A frame with its cuboids beside the same frame under its belief maps, (h, 2 w, 3) uint8 RGB."""
     instances = find_instances(detector, colour, K, fruit)
     belief, _, _ = detector.belief_maps(colour)

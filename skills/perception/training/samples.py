@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.utils.data import Dataset
 
+from executive.values.arrays import Float64, UInt8
 from skills.perception.detection.annotations import AnnotatedObject, Annotation, read_annotation
 from skills.perception.detection.close_look import REFERENCE_LENGTH, VirtualCamera, keypoint_size, look_at
 from skills.perception.detection.cuboid import MIRRORED
@@ -21,9 +22,6 @@ from skills.perception.detection.errors import BadAnnotation, BadTraining
 from skills.perception.detection.outputs import CLOSE_LOOK_SIZE, FINDER_STRIDE
 from skills.perception.training.augmentation import change_look, cover
 from skills.perception.training.targets import dope_targets, finder_targets
-
-U8 = NDArray[np.uint8]
-F64 = NDArray[np.float64]
 
 Sample = tuple[NDArray[np.generic], ...]
 
@@ -71,7 +69,7 @@ class FrameFolder:
         height, width = self.picture(index, halved=False).shape[:2]
         return replace(annotation, width=width, height=height)
 
-    def picture(self, index: int, halved: bool) -> U8:
+    def picture(self, index: int, halved: bool) -> UInt8:
         """RGB picture, at half size where `halved`."""
         flag = cv2.IMREAD_REDUCED_COLOR_2 if halved else cv2.IMREAD_COLOR
         return _read(self.pictures[index], flag)
@@ -119,8 +117,8 @@ class FinderBatches(_FrameBatches):
 
 
 def _move(
-    picture: U8, keypoints: F64, visibility: F64, boxes: F64, rng: np.random.Generator
-) -> tuple[U8, F64, F64, F64]:
+    picture: UInt8, keypoints: Float64, visibility: Float64, boxes: Float64, rng: np.random.Generator
+) -> tuple[UInt8, Float64, Float64, Float64]:
     """Mirror, scale, shift; borders are filled with one colour, since reflected ones would show unlabelled fruit."""
     h, w = picture.shape[:2]
     if rng.random() < 0.5:
@@ -141,12 +139,12 @@ def _move(
     return picture, keypoints, visibility, cut_boxes(boxes, w, h)
 
 
-def move_boxes(boxes: F64, size: float, shift: F64) -> F64:
+def move_boxes(boxes: Float64, size: float, shift: Float64) -> Float64:
     """Boxes x, y, w, h (n, 4) after the picture was scaled and then moved; they end at the outer sides of pixels."""
     return np.hstack([(boxes[:, :2] - 0.5) * size + shift + 0.5, boxes[:, 2:] * size])
 
 
-def cut_boxes(boxes: F64, width: int, height: int) -> F64:
+def cut_boxes(boxes: Float64, width: int, height: int) -> Float64:
     """The parts of boxes x, y, w, h (n, 4) that lie in a picture."""
     limits = np.array([width, height], np.float64)
     low, high = np.clip(boxes[:, :2], 0.0, limits), np.clip(boxes[:, :2] + boxes[:, 2:], 0.0, limits)
@@ -206,7 +204,7 @@ class CloseLookBatches(Dataset[tuple[Tensor, ...]]):
         seed: int,
         steps: int,
         augment: bool = True,
-        places: Mapping[str, F64] | None = None,
+        places: Mapping[str, Float64] | None = None,
         turned: float = 0.0,
     ) -> None:
         self.frames, self.batch, self.seed, self.steps, self.augment = frames, batch, seed, steps, augment
@@ -262,7 +260,7 @@ class CloseLookBatches(Dataset[tuple[Tensor, ...]]):
 
     def _elsewhere(
         self, annotation: Annotation, seen: list[AnnotatedObject], name: str, rng: np.random.Generator
-    ) -> list[tuple[F64, float]]:
+    ) -> list[tuple[Float64, float]]:
         """Where a look could be aimed at that is no fruit: what deceives the finder, decoys, beside fruit, anywhere."""
         wrong = [(row[:2], float(row[2])) for row in self.places.get(name, np.empty((0, 4)))]
         decoys = [annotation.decoys[k] for k in rng.permutation(len(annotation.decoys))[: 2 if wrong else 4]]
@@ -290,7 +288,7 @@ def roll_of_look(turned: float, rng: np.random.Generator) -> float:
 
 
 def look_sample(
-    picture: U8,
+    picture: UInt8,
     look: VirtualCamera,
     target: NDArray[np.float32],
     kind: float,
@@ -313,14 +311,14 @@ def look_sample(
     return view, target, np.asarray(np.float32(kind)), np.asarray(np.float32(visibility)), known
 
 
-def no_fruit(picture: U8, look: VirtualCamera, unlabelled: float, rng: np.random.Generator, augment: bool) -> Sample:
+def no_fruit(picture: UInt8, look: VirtualCamera, unlabelled: float, rng: np.random.Generator, augment: bool) -> Sample:
     """A look at what is no fruit, as far as is known; `unlabelled` is 1 where it may be fruit that nobody labelled."""
     known = np.zeros(6, np.float32)
     known[UNLABELLED] = unlabelled
     return look_sample(picture, look, np.zeros(10, np.float32), 0.0, 0.0, known, rng, augment)
 
 
-def _on_fruit(place: F64, size: float, keypoints: F64) -> bool:
+def _on_fruit(place: Float64, size: float, keypoints: Float64) -> bool:
     """Whether a place and size are so near a fruit that calling it wrong would be unfair."""
     own = keypoint_size(keypoints)
     return bool(np.linalg.norm(place - keypoints[8]) < 0.5 * max(own, 0.6 * size)) and own < 2.5 * size
@@ -336,7 +334,7 @@ def _picture_of(annotation: Path) -> Path | None:
     return next((p for s in (".jpg", ".png") if (p := annotation.with_suffix(s)).is_file()), None)
 
 
-def _read(path: Path, flag: int) -> U8:
+def _read(path: Path, flag: int) -> UInt8:
     picture = cv2.imread(str(path), flag)
     if picture is None:
         raise BadTraining(f"{path} cannot be read as a picture")

@@ -8,11 +8,9 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
+from executive.values.arrays import Float32, Float64
 from skills.perception.detection.close_look import keypoint_size
 from skills.perception.detection.outputs import OFFSET_UNIT
-
-F32 = NDArray[np.float32]
-F64 = NDArray[np.float64]
 
 SIGMA = 1.5
 """Standard deviation of a belief's Gaussian [cells]."""
@@ -40,24 +38,24 @@ class FinderTargets:
         reach_weight: (1, h, w), 1 in all for each fruit whose box is known.
     """
 
-    belief: F32
-    weight: F32
-    offsets: F32
-    offset_weight: F32
-    cornered: F32
-    unlabelled: F32
-    peak: F32
-    reaches: F32
-    reach_weight: F32
+    belief: Float32
+    weight: Float32
+    offsets: Float32
+    offset_weight: Float32
+    cornered: Float32
+    unlabelled: Float32
+    peak: Float32
+    reaches: Float32
+    reach_weight: Float32
 
     @property
-    def parts(self) -> tuple[F32, ...]:
+    def parts(self) -> tuple[Float32, ...]:
         """All of them in this order, as batches hold them."""
         return tuple(getattr(self, field.name) for field in fields(self))
 
 
 def _blank(height: int, width: int) -> FinderTargets:
-    def maps(count: int) -> F32:
+    def maps(count: int) -> Float32:
         return np.zeros((count, height, width), np.float32)
 
     return FinderTargets(
@@ -74,11 +72,11 @@ def _blank(height: int, width: int) -> FinderTargets:
 
 
 def finder_targets(
-    keypoints: F64,
-    visibility: F64,
+    keypoints: Float64,
+    visibility: Float64,
     height: int,
     width: int,
-    boxes: F64 | None = None,
+    boxes: Float64 | None = None,
     sigma: float = SIGMA,
     offset_radius: float = OFFSET_RADIUS,
     least_visibility: float = 0.3,
@@ -121,9 +119,9 @@ def finder_targets(
 
 
 def box_targets(
-    centres: F64,
-    sizes: F64,
-    boxes: F64,
+    centres: Float64,
+    sizes: Float64,
+    boxes: Float64,
     counted: NDArray[np.bool_],
     height: int,
     width: int,
@@ -160,7 +158,7 @@ def box_targets(
     return maps
 
 
-def _draw_spot(belief: F32, point: F64, sigma: float) -> None:
+def _draw_spot(belief: Float32, point: Float64, sigma: float) -> None:
     rows, columns = _window(point, 3.5 * sigma, *belief.shape)
     du, dv = np.arange(columns.start, columns.stop) - point[0], np.arange(rows.start, rows.stop) - point[1]
     spot = np.exp(-(dv[:, None] ** 2 + du[None, :] ** 2) / (2.0 * sigma**2))
@@ -168,7 +166,7 @@ def _draw_spot(belief: F32, point: F64, sigma: float) -> None:
 
 
 def _draw_centre(
-    maps: FinderTargets, centre: F64, nearest: F64, sigma: float, radius: float
+    maps: FinderTargets, centre: Float64, nearest: Float64, sigma: float, radius: float
 ) -> tuple[slice, slice, NDArray[np.bool_]]:
     """The centroid's belief and peak; returns the window about it and which of its cells are nearest to this fruit."""
     height, width = nearest.shape
@@ -183,7 +181,7 @@ def _draw_centre(
     return rows, columns, here
 
 
-def _draw_box(maps: FinderTargets, centre: F64, box: F64) -> None:
+def _draw_box(maps: FinderTargets, centre: Float64, box: Float64) -> None:
     """The box's reaches about its fruit's centre, weighted by a Gaussian as wide as the box, one in all."""
     if not (box[2:] > 0.0).all():
         return
@@ -222,7 +220,7 @@ def dope_targets(
     sigma: float = 0.5,
     radius: float = 1.0,
     least_visibility: float = 0.1,
-) -> tuple[F32, F32]:
+) -> tuple[Float32, Float32]:
     """DOPE's own maps for one picture: belief (9, h, w), and affinity (16, h, w) as unit vectors to the centroid.
 
     Args:
