@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.interfaces import Box, Float64
+from drivers.interfaces import Box
 from drivers.orchard.scenery import Scenery, leaf_mesh
 from drivers.orchard.wall import GROUND, SEGMENTS, STEM_SEAT, TRUNK_TOP, HangingFruit, Leaf, Wall
 from drivers.orchard.wood import Chain, hinge_chain, spur_stiffness
@@ -21,6 +21,7 @@ from drivers.sim.fruit_shape import FruitShape
 from drivers.sim.gl import load_mujoco
 from drivers.sim.robot import PADS
 from drivers.sim.scene import add_fixed, add_lights, add_material, quaternion, set_physics
+from executive.values.arrays import Float64
 
 Index = NDArray[np.int64]
 Flags = NDArray[np.bool_]

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from drivers.interfaces import Float64
 from drivers.orchard.model import WallModel
 from drivers.sim.gl import load_mujoco
 from drivers.sim.robot import FINGERS, read_robot
+from executive.values.arrays import Float64
 
 AZIMUTHS, ELEVATIONS = (0.0, 30.0, -30.0, 60.0, -60.0), (0.0, 30.0, -30.0, 60.0)
 """Of the approach, from straight towards the wall; positive elevations come from below [deg]."""

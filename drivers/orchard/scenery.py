@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.orchard.wall import GROUND, Wall
-from drivers.orchard.wood import Float64
+from executive.values.arrays import Float64
 
 BEHIND = (0.30, 1.2)
 """How far behind the wall the neighbours' foliage hangs [m]."""

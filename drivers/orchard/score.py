@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from drivers.interfaces import Float64
 from drivers.orchard.bruises import impact_force, peak_pressure
 from drivers.orchard.model import WallModel
 from drivers.orchard.stems import AT_SPUR, HANGS, TORN, Stems
 from drivers.orchard.touches import BY_HARD, BY_LINING, BY_PAD, Touches
 from drivers.orchard.wood import GRAVITY, bending_stress
 from drivers.sim.scene import TIMESTEP, container_of
+from executive.values.arrays import Float64
 
 TOUCH = 0.05
 """A pad holds a fruit when it is pressed by more than this [N]."""

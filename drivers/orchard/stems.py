@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from drivers.orchard.model import WallModel
 from drivers.orchard.strength import used
+from executive.values.arrays import Float64
 
-Float64 = NDArray[np.float64]
 HANGS, AT_SPUR, TORN = 0, 1, 2
 """How a stem stands: it holds, it came off the spur, it was torn out of the fruit."""
 

@@ -6,11 +6,9 @@ from dataclasses import dataclass
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
 from drivers.orchard.numbers import WallNumbers
-
-Float64 = NDArray[np.float64]
+from executive.values.arrays import Float64
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from drivers.orchard.model import WallModel
 from drivers.sim.robot import PADS
+from executive.values.arrays import Float64
 
-Float64 = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 BY_PAD, BY_LINING, BY_HARD = 0, 1, 2

@@ -11,7 +11,7 @@ import numpy as np
 
 from drivers.orchard.numbers import WallNumbers
 from drivers.orchard.strength import Strength, draw_strength
-from drivers.orchard.wood import Float64
+from executive.values.arrays import Float64
 
 SEGMENTS = 6
 """Hinge pairs of a lateral: with them its deflection is within 1 % of the beam's."""

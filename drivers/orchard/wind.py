@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.orchard.model import WallModel
-from drivers.orchard.wood import GRAVITY, Float64
+from drivers.orchard.wood import GRAVITY
+from executive.values.arrays import Float64
 
 GUSTS = 5
 """Cosines between the slowest and the fastest frequency."""

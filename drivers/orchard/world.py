@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-from drivers.interfaces import Float64
 from drivers.orchard.model import WallModel
 from drivers.orchard.reachable import find_reachable
 from drivers.orchard.score import WallScore
 from drivers.orchard.stems import Stems
 from drivers.orchard.wind import Wind
 from drivers.sim.world import PhysicsWorld
+from executive.values.arrays import Float64
 
 SETTLING = 50
 """Steps for the arm's drives to take up their load; the wall is drawn at rest."""

@@ -21,8 +21,7 @@ from executive.recording.image_size import size_of_image
 from executive.recording.json_text import parse_object
 from executive.recording.scan import walk
 from executive.recording.well_known import DEPTH, IMAGES
-
-Float64 = NDArray[np.float64]
+from executive.values.arrays import Float64
 
 SAME = 1e-6
 """Seconds within which two times are one: a stamp in a record has six decimals."""
