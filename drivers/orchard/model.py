@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from drivers.interfaces import Box
 from drivers.orchard.scenery import Scenery, leaf_mesh
-from drivers.orchard.wall import GROUND, SEGMENTS, STEM_SEAT, TRUNK_TOP, HangingFruit, Leaf, Wall
+from drivers.orchard.wall import GROUND, SEGMENTS, STEM_SEAT, TRUNK_TOP, HangingFruit, TreeLeaf, Wall
 from drivers.orchard.wood import Chain, hinge_chain, spur_stiffness
 from drivers.sim.fruit_shape import FruitShape
 from drivers.sim.gl import load_mujoco
@@ -268,7 +268,7 @@ def _add_leaves(building: _Building) -> None:
         _add_leaf(building, i, leaf, int(np.argmin(np.abs(sizes - leaf.length))), greens)
 
 
-def _add_leaf(building: _Building, i: int, leaf: Leaf, size: int, greens: np.random.Generator) -> None:
+def _add_leaf(building: _Building, i: int, leaf: TreeLeaf, size: int, greens: np.random.Generator) -> None:
     mujoco, wall = building.mujoco, building.wall
     numbers = wall.numbers
     if leaf.spur is None:

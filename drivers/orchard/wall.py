@@ -87,7 +87,7 @@ class HangingFruit:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Leaf:
+class TreeLeaf:
     """A plate on a petiole, at `s` of a lateral or of a spur: x along petiole and blade, z its upper face."""
 
     lateral: int
@@ -100,7 +100,7 @@ class Leaf:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Wire:
+class TrellisWire:
     """A trellis wire along x at y and z [m]."""
 
     y: float
@@ -114,11 +114,11 @@ class Wall:
     numbers: WallNumbers
     seed: int
     trunk: tuple[float, float, float]
-    wires: tuple[Wire, ...]
+    wires: tuple[TrellisWire, ...]
     laterals: tuple[Lateral, ...]
     spurs: tuple[Spur, ...]
     fruits: tuple[HangingFruit, ...]
-    leaves: tuple[Leaf, ...]
+    leaves: tuple[TreeLeaf, ...]
 
 
 def draw_wall(
@@ -137,7 +137,8 @@ def draw_wall(
     trunk = (float(rng.uniform(-0.12, 0.12)), -distance, float(rng.uniform(*numbers.trunk_diameter)) / 2.0)
     tiers = [0.40 + k * numbers.wire_spacing for k in (-1, 0, 1)]
     wires = tuple(
-        Wire(trunk[1] + float(rng.choice([-1.0, 1.0])) * (trunk[2] + numbers.wire_diameter / 2.0), z) for z in tiers
+        TrellisWire(trunk[1] + float(rng.choice([-1.0, 1.0])) * (trunk[2] + numbers.wire_diameter / 2.0), z)
+        for z in tiers
     )
     laterals = _draw_laterals(numbers, trunk, tiers, rng)
     count = (
@@ -173,7 +174,7 @@ def _draw_laterals(
 def _hang_fruit(
     numbers: WallNumbers,
     trunk: tuple[float, float, float],
-    wires: tuple[Wire, ...],
+    wires: tuple[TrellisWire, ...],
     laterals: tuple[Lateral, ...],
     count: int,
     rng: np.random.Generator,
@@ -284,7 +285,7 @@ def _draw_leaves(
     spurs: tuple[Spur, ...],
     fruits: tuple[HangingFruit, ...],
     rng: np.random.Generator,
-) -> list[Leaf]:
+) -> list[TreeLeaf]:
     """Along the laterals and around the spurs; none whose blade's middle lies in a fruit."""
     places: list[tuple[int, int | None, float, Float64]] = []
     for i, lateral in enumerate(laterals):
@@ -306,7 +307,7 @@ def _draw_leaves(
             middle = start + (petiole + 0.5 * length) * x
             if np.all(np.linalg.norm(centres - middle, axis=1) > radii):
                 leaves.append(
-                    Leaf(lateral_of, spur_of, s, start, np.stack([x, y, np.cross(x, y)], axis=1), petiole, length)
+                    TreeLeaf(lateral_of, spur_of, s, start, np.stack([x, y, np.cross(x, y)], axis=1), petiole, length)
                 )
                 break
     return leaves

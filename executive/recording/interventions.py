@@ -24,7 +24,7 @@ FIRST = "0" * 64
 _ACT = ("t", "tick", "who", "action", "detail")
 
 
-class Chain:
+class EntryChain:
     """Makes the entries of a log."""
 
     def __init__(self) -> None:

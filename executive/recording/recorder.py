@@ -30,7 +30,7 @@ from executive.encode import encoded, field_names, plain
 from executive.recording.container import LIBRARY
 from executive.recording.ending import EndingFile
 from executive.recording.folder import DEVICES, EVENTS, EVENTS_FILE, RecordError, hash_of
-from executive.recording.interventions import INTERVENTIONS, Chain
+from executive.recording.interventions import INTERVENTIONS, EntryChain
 from executive.recording.overview import OVERVIEW, WHOLE_BYTES, Overview
 from executive.recording.schemas import EVENT, INTERVENTION, READING, Schema
 from executive.recording.well_known import IMAGES, Images, samples, well_known
@@ -78,7 +78,7 @@ class Recorder:
         except OSError as error:
             raise RecordError(f"cannot write {folder / EVENTS_FILE}: {error.strerror}") from error
         self._writer = new_writer(self._file, CompressionType.NONE)
-        self._interventions = Chain()
+        self._interventions = EntryChain()
         self._overview, self._events, self._pictures = Overview(), 0, Counter[str]()
         self._thread = threading.Thread(target=self._work, name="pomona-recorder", daemon=True)
         self._thread.start()

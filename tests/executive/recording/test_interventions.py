@@ -14,7 +14,7 @@ from executive.cli import main
 from executive.encode import encoded
 from executive.recording.digest import digest
 from executive.recording.folder import EVENTS_FILE
-from executive.recording.interventions import INTERVENTIONS, Chain, interventions, read_log
+from executive.recording.interventions import INTERVENTIONS, EntryChain, interventions, read_log
 from executive.recording.recorder import new_writer
 from executive.running.events import OperatorActed
 
@@ -22,7 +22,7 @@ ACTS = tuple(OperatorActed(0.5 * n, 25 * n, "anna", action) for n, action in enu
 
 
 def entries() -> list[bytes]:
-    chain = Chain()
+    chain = EntryChain()
     return [*(encoded(chain.add(act)) for act in ACTS), encoded(chain.close())]
 
 
