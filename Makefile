@@ -127,6 +127,12 @@ sbom: $(STAMP) ## a bill of materials (CycloneDX) of what is installed in .venv,
 lock: $(STAMP) ## the exact packages of the default installation with their SHA-256, in requirements.lock
 	$(BIN)/python scripts/lock.py requirements.lock
 
+release: $(STAMP) ## judge the repository, build wheel and sdist, try both in clean environments (RELEASE=--tag: tag them)
+	$(BIN)/python scripts/release.py $(RELEASE)
+
+container: ## the operator's page in a container, as a user without rights (docker or podman)
+	$$(command -v podman || command -v docker) build -f Containerfile -t pomona .
+
 clean: ## remove the virtual environment and caches (records in runs/ stay)
 	find executive skills drivers -name __pycache__ -prune -exec rm -rf {} +
 	rm -rf $(VENV) .pytest_cache .mypy_cache .ruff_cache *.egg-info

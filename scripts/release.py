@@ -1,0 +1,105 @@
+"""Make a release: judge the repository, build wheel and sdist, try both in clean environments, tag.
+
+    python scripts/release.py            # everything but the tag
+    python scripts/release.py --tag      # the tag, too: v and the version of pyproject.toml; nothing is pushed
+    python scripts/release.py --shared   # the environments share the packages installed here (a minute, not ten)
+
+What is tried in each environment: the version, the check of a shipped tree, and the simulated pick.
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+import subprocess
+import sys
+import tempfile
+import tomllib
+import venv
+from collections.abc import Iterator
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+
+TRIED = (("--version",), ("check", "pick_apple"), ("run", "pick_apple", "--seed", "3"))
+"""Commands of an installed Pomona that must end with 0."""
+
+
+def problems(root: Path, version: str) -> Iterator[str]:
+    """Why this cannot be released, in words; nothing when it can."""
+    changelog = (root / "CHANGELOG.md").read_text("utf-8")
+    heading = re.search(rf"^## {re.escape(version)} \((.*)\)$", changelog, re.MULTILINE)
+    if heading is None:
+        yield f"CHANGELOG.md has no heading '## {version} (2026-01-31)'"
+    elif not re.fullmatch(r"\d{4}-\d\d-\d\d", heading[1]):
+        yield f"CHANGELOG.md calls {version} '{heading[1]}': write its date, as 2026-01-31"
+    cited = re.search(r"^version: (.*)$", (root / "CITATION.cff").read_text("utf-8"), re.MULTILINE)
+    if cited is None or cited[1] != version:
+        yield f"CITATION.cff is not about version {version}"
+    if git(root, "status", "--porcelain"):
+        yield "there are changes that are not committed"
+    if f"v{version}" in git(root, "tag").split():
+        yield f"v{version} is a tag already"
+
+
+def git(root: Path, *words: str) -> str:
+    """What git prints."""
+    return subprocess.run(["git", *words], cwd=root, check=True, capture_output=True, text=True).stdout.strip()
+
+
+def build(folder: Path) -> list[Path]:
+    """The wheel and the sdist, made in a folder."""
+    subprocess.run([sys.executable, "-m", "hatchling", "build", "-d", str(folder)], cwd=ROOT, check=True)
+    return sorted(folder.iterdir())
+
+
+def try_out(package: Path, folder: Path, shared: bool) -> bool:
+    """Install a package in an environment of its own and use it there."""
+    environment = folder / f"env_{package.suffix.removeprefix('.')}"
+    venv.create(environment, symlinks=True, with_pip=True)
+    words = ["-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
+    if shared:
+        (site,) = environment.glob("lib/*/site-packages")
+        places = [place for place in sys.path if place.endswith("site-packages")]
+        (site / "shared.pth").write_text("\n".join(places))
+        words += ["--no-deps", "--no-build-isolation"]
+    commands = [("python", *words, str(package)), *(("pomona", *tried) for tried in TRIED)]
+    for command, *rest in commands:
+        sys.stdout.write(f"  {package.name}: {command} {' '.join(rest)}\n")
+        sys.stdout.flush()
+        done = subprocess.run(
+            [str(environment / "bin" / command), *rest], cwd=folder, check=False, capture_output=True, text=True
+        )
+        if done.returncode:
+            sys.stdout.write(f"{done.stdout}{done.stderr}\n")
+            return False
+    return True
+
+
+def main() -> int:
+    """Judge, build, try, tag; 0 when all went well."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--tag", action="store_true", help="tag this commit when everything went well")
+    parser.add_argument("--shared", action="store_true", help="share the installed packages")
+    parser.add_argument("--out", type=Path, default=ROOT / "dist", help="where wheel and sdist go; must not exist")
+    options = parser.parse_args()
+    version = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["version"]
+    found = list(problems(ROOT, version))
+    if options.out.exists():
+        found.append(f"{options.out} is there already")
+    for problem in found:
+        sys.stdout.write(f"{problem}\n")
+    if found:
+        return 2
+    packages = build(options.out)
+    with tempfile.TemporaryDirectory() as folder:
+        if not all(try_out(package, Path(folder), options.shared) for package in packages):
+            return 1
+    if options.tag:
+        git(ROOT, "tag", "--annotate", f"v{version}", "--message", f"Pomona {version}")
+        sys.stdout.write(f"tagged v{version}; push it: git push origin v{version}\n")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
