@@ -24,7 +24,7 @@ from executive.language.mocks import MockPlan
 from executive.language.scenario import read_mocks
 from executive.one_process import leave_if_forked, run_in_progress
 from executive.reasons import Reason
-from executive.recording.session import RecordingSession
+from executive.recording.session import Reader, RecordingSession
 from executive.recording.unfinished import unfinished
 from executive.registry import Registry
 from executive.running.cell import Cell
@@ -116,6 +116,7 @@ def execute(
     on_ready: Callable[[Runner], None] = lambda _runner: None,
     on_latched: Callable[[Runner], None] = lambda _runner: None,
     starting: Starting | None = None,
+    readers: Sequence[Reader] = (),
 ) -> Executed:
     """Run an order to its end, in this thread.
 
@@ -126,6 +127,7 @@ def execute(
         on_latched: gets the runner after a run that ended in the safe state, while the cell is still connected.
         starting: is told how the preparation goes, and can cancel it: once there is a cell, as a run that is stopped
             before its first tick.
+        readers: get what the cell's devices measure, ten times a second.
 
     Raises:
         UsageError: the tree, a setting or the cell cannot be used; nothing has moved.
@@ -151,7 +153,7 @@ def execute(
             work = _Work(
                 order, registry, document, tree_settings, nothing, mocks, signals, RunSupervision(nothing), starting
             )
-            return _run(work, listeners, on_ready, on_latched)
+            return _run(work, listeners, readers, on_ready, on_latched)
     judged = judge(document, registry, settings, order.cell, order.texts)
     judged.refuse_errors()
     assert judged.cell is not None
@@ -159,7 +161,7 @@ def execute(
     if judged.cell.record_required and order.record is None:
         raise UsageError(f"{judged.cell.name}: its file says `record: required`, and this run would leave none")
     if order.record is not None and not order.cleared and order.tree.resolve() != _recovery():
-        _after_cut(order, listeners, on_ready, starting)
+        _after_cut(order, listeners, readers, on_ready, starting)
     with RunSignals() as signals, run_in_progress(), contextlib.ExitStack() as stack:
         starting.refuse_cancelled()
         starting.reach("connecting the cell")
@@ -173,7 +175,7 @@ def execute(
         work = _Work(
             order, registry, document, tree_settings, cell, None, signals, supervision, starting, judged.cell.files
         )
-        return _run(work, listeners, on_ready, on_latched)
+        return _run(work, listeners, readers, on_ready, on_latched)
 
 
 def _recovery() -> Path:
@@ -200,7 +202,11 @@ def _refuse_full_hand(order: RunOrder, cell: Cell) -> None:
 
 
 def _after_cut(
-    order: RunOrder, listeners: Sequence[Listener], on_ready: Callable[[Runner], None], starting: Starting
+    order: RunOrder,
+    listeners: Sequence[Listener],
+    readers: Sequence[Reader],
+    on_ready: Callable[[Runner], None],
+    starting: Starting,
 ) -> None:
     """When the last run on this cell was cut: recover if that is wanted, else refuse a cell that may hold something.
 
@@ -217,7 +223,7 @@ def _after_cut(
         logger.warning("%s: recovering first", words)
         settings = {key: value for key, value in order.settings.items() if key in RECOVERY_SETTINGS}
         recovery = replace(order, tree=_recovery(), settings=settings, breaks=())
-        recovered = execute(recovery, listeners, on_ready=on_ready, starting=starting)
+        recovered = execute(recovery, listeners, on_ready=on_ready, starting=starting, readers=readers)
         if recovered.result.outcome != "success":
             raise UsageError(f"{recovered.summary.sentence()}. Nothing else was run.")
     elif (cut.kind or starting.cell_kind) in ("real", "emulated") and cut.hand != "":
@@ -250,11 +256,12 @@ class _Work:
 def _run(
     work: _Work,
     listeners: Sequence[Listener],
+    readers: Sequence[Reader],
     on_ready: Callable[[Runner], None],
     on_latched: Callable[[Runner], None],
 ) -> Executed:
     order, cell, signals = work.order, work.cell, work.signals
-    events, summary, session = EventStream(), Summary(), RecordingSession(order.record, cell)
+    events, summary, session = EventStream(), Summary(), RecordingSession(order.record, cell, readers)
     supervision = work.supervision
     runner = Runner(
         work.build,

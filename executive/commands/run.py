@@ -8,8 +8,9 @@ import logging
 import signal
 import sys
 import threading
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from executive.commands.command_line import add_records_folder
 from executive.commands.dashboard import add_address, make_access
@@ -18,6 +19,8 @@ from executive.dashboard.server import Dashboard
 from executive.errors import PomonaError, UsageError
 from executive.execute import Executed, RunOrder, execute
 from executive.files import default_name, find_cell, find_tree
+from executive.recording.session import Reader
+from executive.running.events import Listener
 from executive.running.runner import Runner
 from executive.running.signals import Terminated
 from executive.settings import parse_settings
@@ -25,6 +28,9 @@ from executive.terminal.filtered import write_json
 from executive.terminal.keys import Keys
 from executive.terminal.live import LiveTree
 from executive.terminal.screen import Screen
+
+if TYPE_CHECKING:
+    from executive.interop.live import Live
 
 EXIT = {"success": 0, "failure": 1, "stopped": 3, "error": 3}
 
@@ -79,6 +85,16 @@ def add(subparsers: Any) -> None:
         action="store_true",
         help="somebody has looked after the cell: start although the last run was cut, or something is in the gripper",
     )
+    parser.add_argument(
+        "--foxglove", nargs="?", const=0, type=int, metavar="PORT", help="show the run in Foxglove (default port: 8765)"
+    )
+    parser.add_argument(
+        "--rerun",
+        nargs="?",
+        const="",
+        metavar="FILE.rrd",
+        help="show the run in Rerun, or write its file",
+    )
     parser.add_argument("--watch", action="store_true", help="run again each time the tree file is saved")
     add_address(parser)
     parser.set_defaults(main=main)
@@ -113,9 +129,10 @@ def main(options: argparse.Namespace) -> int:
         raise UsageError("nobody could go on after a breakpoint: add --dashboard")
     with contextlib.ExitStack() as stack:
         dashboard = _serve(options, console, stack) if options.dashboard else None
+        live_views = _live_views(options, console, stack)
 
         def run() -> int:
-            executed = _run_once(options, order, dashboard, console)
+            executed = _run_once(options, order, dashboard, live_views, console)
             if executed.signal not in (None, signal.SIGINT) and (options.watch or dashboard is not None):
                 raise Terminated(executed.signal)  # it was meant for the whole process, not for this run
             return 130 if executed.result.interrupted else EXIT[executed.result.outcome]
@@ -133,13 +150,17 @@ def _answers_here(options: argparse.Namespace, console: Screen) -> bool:
     return not (options.dashboard or options.quiet or options.json) and console.is_terminal and sys.stdin.isatty()
 
 
-def _run_once(options: argparse.Namespace, order: RunOrder, dashboard: Dashboard | None, console: Screen) -> Executed:
+def _run_once(
+    options: argparse.Namespace, order: RunOrder, dashboard: Dashboard | None, views: Live | None, console: Screen
+) -> Executed:
     with contextlib.closing(LiveTree(console)) as live:
+        listeners = [live.on_event] if views is None else [live.on_event, views.on_event]
+        readers = [] if views is None else [views.read]
         if _answers_here(options, console):
             with contextlib.closing(Keys(console, sys.stdin)) as keys:
-                executed = execute(order, [live.on_event, keys.on_event], on_ready=keys.serve)
+                executed = execute(order, [*listeners, keys.on_event], on_ready=keys.serve, readers=readers)
         else:
-            executed = _execute(order, live, dashboard, console)
+            executed = _execute(order, listeners, readers, dashboard, console)
     with contextlib.suppress(OSError):  # nobody reads any more: the exit status says it all the same
         executed.summary.print(console, executed.record)
         if executed.problem:
@@ -160,14 +181,43 @@ def _serve(options: argparse.Namespace, console: Screen, stack: contextlib.ExitS
     return dashboard
 
 
-def _execute(order: RunOrder, live: LiveTree, dashboard: Dashboard | None, console: Screen) -> Executed:
+def _live_views(options: argparse.Namespace, console: Screen, stack: contextlib.ExitStack) -> Live | None:
+    """The run's viewers that were asked for; nothing of them is imported otherwise."""
+    if options.foxglove is None and options.rerun is None:
+        return None
+    from executive.interop.live import Live, Sink
+
+    sinks: list[Sink] = []
+    if options.foxglove is not None:
+        from executive.interop.foxglove_view import PORT, FoxgloveView
+
+        view = FoxgloveView(options.foxglove or PORT)
+        console.print(f"Foxglove: open a connection to {view.link}", soft_wrap=True)
+        sinks.append(view)
+    if options.rerun is not None:
+        from executive.interop.rerun_view import VIEWER, RerunView
+
+        sinks.append(RerunView(options.rerun or VIEWER))
+    views = Live(sinks)
+    stack.callback(views.close)
+    return views
+
+
+def _execute(
+    order: RunOrder,
+    listeners: Sequence[Listener],
+    readers: Sequence[Reader],
+    dashboard: Dashboard | None,
+    console: Screen,
+) -> Executed:
     if dashboard is None:
-        return execute(order, [live.on_event])
+        return execute(order, listeners, readers=readers)
     lock, problem = dashboard.control, ""
     try:
         return execute(
             order,
-            [live.on_event, dashboard.hub.on_event],
+            [*listeners, dashboard.hub.on_event],
+            readers=readers,
             on_ready=lock.serve,
             on_latched=lambda runner: _hold(runner, dashboard, console),
             starting=lock.prepare(order.tree.stem),

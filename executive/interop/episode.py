@@ -182,7 +182,8 @@ def _joint(device: str, name: str) -> str:
 def _times(at: float, content: Mapping[str, Any]) -> Float64:
     """Of a message's samples on the run's clock: the newest was taken when it was written."""
     stamps: Float64 = np.atleast_1d(np.asarray(content["stamp_s"], float))
-    return at - (stamps[-1] - stamps)
+    times: Float64 = at - (stamps[-1] - stamps)
+    return times
 
 
 def _together(channels: list[Channel], times: Float64) -> Float64:

@@ -7,8 +7,9 @@ record was lost has not: where a record is required, its end is an error.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from executive.recording.folder import RecordError, new_record_folder
 from executive.recording.picture import Picture
@@ -16,6 +17,9 @@ from executive.recording.recorder import Recorder
 from executive.running.cell import Cell
 from executive.running.events import EventStream
 from executive.running.runner import Runner
+
+Reader = Callable[[float, int, Mapping[str, Mapping[str, Any]]], None]
+"""Takes the run's time, the tick, and what the cell's devices measured since: by device and quantity."""
 
 
 class RecordingSession:
@@ -25,8 +29,14 @@ class RecordingSession:
         folder: of the record, or None while there is none.
     """
 
-    def __init__(self, root: Path | None, cell: Cell) -> None:
-        self._root, self._cell = root, cell
+    def __init__(self, root: Path | None, cell: Cell, readers: Sequence[Reader] = ()) -> None:
+        """
+        Args:
+            root: folder of records.
+            cell: whose devices are read.
+            readers: get what the devices measured, too, in the tick's thread: they must return at once.
+        """
+        self._root, self._cell, self._readers = root, cell, tuple(readers)
         self._recorder: Recorder | None = None
         self._runner: Runner | None = None
         self._picture = Picture()
@@ -39,6 +49,7 @@ class RecordingSession:
         Raises:
             RecordError: it cannot be opened, and the cell's file says that it is required.
         """
+        self._runner = runner
         if self._root is None:
             return
         runner.look_after("record", self._state, required=self._cell.record_required)
@@ -50,14 +61,16 @@ class RecordingSession:
                 raise
             self._trouble = str(error)
             return
-        self._runner = runner
         events.subscribe(self._recorder.on_event)
         events.subscribe(self._picture.on_event)
 
     def look(self) -> Iterable[tuple[str, object]]:
         """Hand what the devices measured to the recorder: called by the run as a watcher, and shows nothing itself."""
-        if self._recorder is not None and self._runner is not None:
-            self._recorder.read(*self._runner.progress, self._cell.readings())
+        readers = (*self._readers, *(() if self._recorder is None else (self._recorder.read,)))
+        if readers and self._runner is not None:
+            (t, tick), readings = self._runner.progress, self._cell.readings()
+            for read in readers:
+                read(t, tick, readings)
         return ()
 
     def draw(self, title: str) -> None:
