@@ -27,7 +27,6 @@ class Touches:
         pads: of each pad on each fruit, shape (n, 2) [N].
         by_robot: whether the robot touches a fruit; grounded: whether it lies on the ground, shape (n,).
         laterals: whether the robot touches a lateral's wood, shape (m,).
-        wood, wire, fixed: largest normal force of the robot on wood, on a wire, on what is fixed [N].
     """
 
     def __init__(self, built: WallModel, data: Any) -> None:
@@ -56,14 +55,17 @@ class Touches:
 
     @property
     def wood(self) -> float:
+        """Largest normal force of the robot on wood [N]."""
         return float(self._others[0])
 
     @property
     def wire(self) -> float:
+        """Largest normal force of the robot on a wire [N]."""
         return float(self._others[1])
 
     @property
     def fixed(self) -> float:
+        """Largest normal force of the robot on what is fixed [N]."""
         return float(self._others[2])
 
     def look(self) -> None:

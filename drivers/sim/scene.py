@@ -204,6 +204,7 @@ def _add_distractor(mujoco: Any, spec: Any, name: str, distractor: Distractor, t
 
 
 def add_material(mujoco: Any, spec: Any, name: str, picture: Float64, repeat: tuple[float, float]) -> None:
+    """A dull material with a texture of its own; `picture` is (h, w, 3), 0..1, `repeat` how often it lies along x and y."""
     rows, columns = picture.shape[:2]
     texture = spec.add_texture(name=name, type=mujoco.mjtTexture.mjTEXTURE_2D, width=columns, height=rows, nchannel=3)
     texture.data = (picture * 255.0).astype(np.uint8).tobytes()
@@ -282,6 +283,7 @@ def standing_pose(fruit: FruitOnTable, height: float) -> Float64:
 
 
 def quaternion(mujoco: Any, T: Float64) -> Float64:
+    """Of a transform (4, 4), as MuJoCo writes it: w, x, y, z (4,)."""
     quat = np.zeros(4)
     mujoco.mju_mat2Quat(quat, T[:3, :3].ravel())
     return quat
