@@ -204,7 +204,7 @@ def _add_distractor(mujoco: Any, spec: Any, name: str, distractor: Distractor, t
 
 
 def add_material(mujoco: Any, spec: Any, name: str, picture: Float64, repeat: tuple[float, float]) -> None:
-    """A dull material with a texture of its own; `picture` is (h, w, 3), 0..1, `repeat` how often it lies along x and y."""
+    """A dull material with a texture of its own: `picture` (h, w, 3), 0..1, `repeat` times along x and y."""
     rows, columns = picture.shape[:2]
     texture = spec.add_texture(name=name, type=mujoco.mjtTexture.mjTEXTURE_2D, width=columns, height=rows, nchannel=3)
     texture.data = (picture * 255.0).astype(np.uint8).tobytes()
