@@ -50,7 +50,7 @@ def add(subparsers: Any) -> None:
     suntouch.set_defaults(main=lambda options: _record(options) if options.record else _serve(_suntouch, options))
     motoman = kinds.add_parser("motoman", help="Yaskawa controller with MotoROS on three TCP ports")
     motoman.add_argument("--host", default="127.0.0.1")
-    motoman.add_argument("--port", type=int, default=50240, help="of motion; state and I/O follow (default: 50240)")
+    motoman.add_argument("--port", type=int, default=50240, help="of motion; the state follows (default: 50240)")
     motoman.add_argument("--controller", choices=tuple(ORDERS), default="fs100", help="the byte order")
     motoman.add_argument("--teach", action="store_true", help="start in teach mode")
     motoman.add_argument("--e-stop", action="store_true", help="start with the emergency stop pressed")
@@ -90,7 +90,6 @@ def _motoman(options: argparse.Namespace) -> tuple[list[Endpoint], list[Any]]:
     ports: list[Endpoint] = [
         TcpPort(controller.motion, options.host, options.port),
         TcpPort(controller.state, options.host, options.port + 1, clients=4),
-        TcpPort(controller.io, options.host, options.port + 2),
     ]
     return ports, [controller]
 

@@ -14,21 +14,17 @@ from drivers.motoman.codec import (
     Body,
     Communication,
     Control,
-    InputValue,
     JointFeedback,
     Message,
     MessageDecoder,
     MotionControl,
     MotionReply,
     Order,
-    OutputWritten,
     Ping,
-    ReadInput,
     Result,
     RobotStatus,
     TrajectoryPoint,
     Valid,
-    WriteOutput,
     encode,
 )
 from executive.values.arrays import Float64
@@ -102,8 +98,7 @@ class MotomanEmulator(FaultSwitch):
         self.remote = True
         self.alarm = 0
         self.buffer, self.gaps = buffer, 0
-        self.outputs: dict[int, int] = {}
-        self.motion, self.state, self.io = _MotionPort(self, order), _StatePort(self, order), _IoPort(self, order)
+        self.motion, self.state = _MotionPort(self, order), _StatePort(self, order)
         self._joints, self._velocity = joints, velocity
         self._dof = len(velocity)
         self._knots: deque[_Knot] = deque()
@@ -380,13 +375,3 @@ class _StatePort(_Port):
     def push(self, body: Body) -> None:
         for peer, _ in tuple(self._peers.values()):
             self.say(peer, Message(body, Communication.TOPIC))
-
-
-class _IoPort(_Port):
-    def on_message(self, peer: Peer, body: Body) -> None:
-        outputs = self._controller.outputs
-        if isinstance(body, ReadInput):
-            self.say(peer, Message(InputValue(outputs.get(body.address, 0), 0), Communication.REPLY, 1))
-        elif isinstance(body, WriteOutput):
-            outputs[body.address] = body.value
-            self.say(peer, Message(OutputWritten(0), Communication.REPLY, 1))

@@ -12,7 +12,7 @@ import math
 import struct
 from dataclasses import astuple, dataclass
 from enum import IntEnum, IntFlag
-from typing import ClassVar, Literal
+from typing import ClassVar, Literal, get_args
 
 from drivers.wire import Malformed
 
@@ -144,117 +144,8 @@ class MotionReply:
     values: Ten = ZEROS
 
 
-@dataclass(frozen=True, slots=True)
-class ReadInput:
-    """Read one input or output (2003), or a group of eight (2007)."""
-
-    TYPE: ClassVar[int] = 2003
-    LAYOUT: ClassVar[str] = "i"
-    address: int
-
-
-@dataclass(frozen=True, slots=True)
-class InputValue:
-    """The answer to ReadInput; result 0 is success."""
-
-    TYPE: ClassVar[int] = 2004
-    LAYOUT: ClassVar[str] = "2i"
-    value: int
-    result: int
-
-
-@dataclass(frozen=True, slots=True)
-class WriteOutput:
-    """Write one output."""
-
-    TYPE: ClassVar[int] = 2005
-    LAYOUT: ClassVar[str] = "2i"
-    address: int
-    value: int
-
-
-@dataclass(frozen=True, slots=True)
-class OutputWritten:
-    """The answer to WriteOutput; 0 is success."""
-
-    TYPE: ClassVar[int] = 2006
-    LAYOUT: ClassVar[str] = "i"
-    result: int
-
-
-@dataclass(frozen=True, slots=True)
-class ReadInputGroup:
-    """Read eight inputs or outputs at once."""
-
-    TYPE: ClassVar[int] = 2007
-    LAYOUT: ClassVar[str] = "i"
-    address: int
-
-
-@dataclass(frozen=True, slots=True)
-class InputGroupValue:
-    """The answer to ReadInputGroup."""
-
-    TYPE: ClassVar[int] = 2008
-    LAYOUT: ClassVar[str] = "2i"
-    value: int
-    result: int
-
-
-@dataclass(frozen=True, slots=True)
-class WriteOutputGroup:
-    """Write eight outputs at once."""
-
-    TYPE: ClassVar[int] = 2009
-    LAYOUT: ClassVar[str] = "2i"
-    address: int
-    value: int
-
-
-@dataclass(frozen=True, slots=True)
-class OutputGroupWritten:
-    """The answer to WriteOutputGroup."""
-
-    TYPE: ClassVar[int] = 2010
-    LAYOUT: ClassVar[str] = "i"
-    result: int
-
-
-Body = (
-    Ping
-    | RobotStatus
-    | TrajectoryPoint
-    | JointFeedback
-    | MotionControl
-    | MotionReply
-    | ReadInput
-    | InputValue
-    | WriteOutput
-    | OutputWritten
-    | ReadInputGroup
-    | InputGroupValue
-    | WriteOutputGroup
-    | OutputGroupWritten
-)
-_BODIES: dict[int, type[Body]] = {
-    body.TYPE: body
-    for body in (
-        Ping,
-        RobotStatus,
-        TrajectoryPoint,
-        JointFeedback,
-        MotionControl,
-        MotionReply,
-        ReadInput,
-        InputValue,
-        WriteOutput,
-        OutputWritten,
-        ReadInputGroup,
-        InputGroupValue,
-        WriteOutputGroup,
-        OutputGroupWritten,
-    )
-}
+Body = Ping | RobotStatus | TrajectoryPoint | JointFeedback | MotionControl | MotionReply
+_BODIES: dict[int, type[Body]] = {body.TYPE: body for body in get_args(Body)}
 _SIZES = {kind: 16 + struct.calcsize("<" + body.LAYOUT) for kind, body in _BODIES.items()}
 """Bytes of a whole message by type."""
 

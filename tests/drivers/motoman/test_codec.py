@@ -52,10 +52,6 @@ orders: st.SearchStrategy[Order] = st.sampled_from(["<", ">"])
         (JointFeedback(0, 3, 0.0, codec.ZEROS), 148),
         (MotionControl(0, -1, Control.STOP), 68),
         (MotionReply(0, -1, Control.STOP, 0, 0), 76),
-        (codec.ReadInput(10), 20),
-        (codec.InputValue(1, 0), 24),
-        (codec.WriteOutput(10, 1), 24),
-        (codec.OutputWritten(0), 20),
     ],
 )
 def test_every_message_has_the_public_size_and_its_length_excludes_itself(body: codec.Body, size: int) -> None:
