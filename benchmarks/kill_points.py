@@ -84,6 +84,7 @@ def run_one(folder: str, witness: str, stdout: Any, cell: str) -> None:
     os.setsid()
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):  # whoever started this may ignore them
         signal.signal(number, signal.default_int_handler if number == signal.SIGINT else signal.SIG_DFL)
+    Path(folder, "listening").touch()
     os.dup2(stdout.fileno(), 1)
     os.dup2(os.open(f"{folder}/stderr", os.O_WRONLY | os.O_CREAT), 2)
     sys.stdout, sys.stderr = os.fdopen(1, "w"), os.fdopen(2, "w")
@@ -134,6 +135,10 @@ def end_one(point: Point, cell: str, context: Any) -> Left:
         drain = threading.Thread(target=_drain, args=(reader,), daemon=True)
         if point.way != "reader gone":
             drain.start()
+        while not (
+            folder / "listening"
+        ).exists():  # a session of its own, and no signal ignored: so does a shell start it
+            time.sleep(0.001)
         time.sleep(point.after)
         phase = _phase(folder, witness, process)
         seen = struct.unpack("dd", witness.read_bytes())[0]

@@ -1,5 +1,7 @@
-"""Pictures of the dashboard to look at: `python scripts/screenshots.py [FOLDER]` an apple is picked and the page
-photographed.
+"""Pictures of the dashboard to look at: an apple is picked and the page photographed.
+
+    python scripts/screenshots.py [FOLDER]                              # every screen, in runs/screenshots
+    python scripts/screenshots.py --animation docs/images/pick.webp     # the README's: a recorded pick, played
 
 Needs Chromium. A live run (running, paused, stopped safely), replays of a pick, of a pick that failed and of a tree
 with long names, the list of runs and a comparison: on a desk's screen in light and dark, and on a tablet.
@@ -7,6 +9,8 @@ with long names, the list of runs and a comparison: on a desk's screen in light 
 
 from __future__ import annotations
 
+import argparse
+import io
 import shutil
 import socket
 import sys
@@ -15,6 +19,7 @@ import threading
 from collections.abc import Callable
 from pathlib import Path
 
+from PIL import Image
 from playwright.sync_api import Browser, Page, expect, sync_playwright
 
 from executive.commands.dashboard import Launcher
@@ -126,7 +131,34 @@ def photograph_runs(page: Page) -> None:
     expect(page.locator("#comparison table")).to_be_visible()
 
 
-def main(into: Path) -> None:
+FRAMES = 60
+"""Pictures of the animation; the README's stays below 3 MB with as many."""
+PACE = 0.12
+"""For how long each is shown [s]."""
+LANES_BEGIN, LANES_END = 150, 10
+"""The lanes' margins, as in timeline.js [px]."""
+
+
+def animate(page: Page, address: str, out: Path) -> None:
+    """A recorded run as the page plays it, from its beginning to its end, as an animated WebP."""
+    page.goto(address)
+    recorded(page)
+    page.locator(".row", has_text="SlipAvoidGrasp").last.click()
+    lanes = page.locator("#timeline").bounding_box()
+    assert lanes is not None
+    pictures = []
+    for number in range(FRAMES):
+        along = LANES_BEGIN + (lanes["width"] - LANES_BEGIN - LANES_END) * number / (FRAMES - 1)
+        page.mouse.click(lanes["x"] + along, lanes["y"] + 4)
+        page.wait_for_load_state("networkidle")
+        page.evaluate("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+        pictures.append(Image.open(io.BytesIO(page.screenshot())))
+    times = [int(1e3 * PACE)] * (FRAMES - 1) + [2000]
+    pictures[0].save(out, save_all=True, append_images=pictures[1:], duration=times, loop=0, quality=60, method=4)
+    print(f"{out}: {out.stat().st_size / 1e6:.1f} MB")
+
+
+def main(into: Path, animation: Path | None) -> None:
     """Run, and photograph."""
     into.mkdir(parents=True, exist_ok=True)
     browser_path = next((path for name in ("chromium", "chromium-browser") if (path := shutil.which(name))), None)
@@ -153,6 +185,13 @@ def main(into: Path) -> None:
         dashboard.allow_starts(launcher.start, choices)
         dashboard.start()
         browser = playwright.chromium.launch(executable_path=browser_path, args=FLAGS)
+        if animation is not None:
+            page = browser.new_page(viewport={"width": 1440, "height": 900})
+            animate(page, f"{dashboard.link}&run={names['pick']}", animation)
+            browser.close()
+            launcher.close()
+            dashboard.close()
+            return
         photographer = Photographer(browser, into)
         for what, name in names.items():
             photographer.open(f"{dashboard.link}&run={name}", recorded)
@@ -170,4 +209,8 @@ def main(into: Path) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1] if len(sys.argv) > 1 else "runs/screenshots"))
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("into", nargs="?", type=Path, default=Path("runs/screenshots"), help="folder of the pictures")
+    parser.add_argument("--animation", type=Path, help="make this file, and nothing else")
+    options = parser.parse_args()
+    main(options.into, options.animation)

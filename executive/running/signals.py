@@ -1,15 +1,17 @@
 """Signals that want a process to end: Ctrl-C, SIGTERM, and SIGHUP of a terminal or ssh session that was closed.
 
 While nothing moves they raise, SIGTERM and SIGHUP as KeyboardInterrupt does; where that is swallowed, as in what a
-compiled library calls back, it is raised again before a run begins. During a run they ask it for the safe state, and
-while the record and the cell are closed they wait. A process that was started to ignore one (nohup, a
-shell's background job, a campaign's worker for Ctrl-C) goes on ignoring it. Signals reach the main thread only.
+compiled library calls back, it is raised again before a run begins, and Python prints nothing of it. During a run they
+ask it for the safe state, and while the record and the cell are closed they wait. A process that was started to ignore
+one (nohup, a shell's background job, a campaign's worker for Ctrl-C) goes on ignoring it. Signals reach the main
+thread only.
 """
 
 from __future__ import annotations
 
 import queue
 import signal
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -63,24 +65,40 @@ def signalled(error: BaseException) -> KeyboardInterrupt | None:
 _raised: int | None = None
 """The signal that `raising` has raised; whoever still runs then has not seen it."""
 
+_came = False
+"""Whether any signal was raised since `raising` began."""
+
 
 @contextmanager
 def raising() -> Iterator[None]:
     """SIGTERM and SIGHUP raise `Terminated`, Ctrl-C KeyboardInterrupt."""
-    global _raised
+    global _raised, _came
 
     def handle(number: int, _frame: FrameType | None) -> None:
-        global _raised
-        _raised = number
+        global _raised, _came
+        _raised, _came = number, True
         raise _error_of(number)
 
-    _raised = None
+    _raised, _came = None, False
     before = _install(handle, tuple(WORDS))
+    tell, sys.unraisablehook = sys.unraisablehook, _tell_unless_signalled(sys.unraisablehook)
     try:
         yield
     finally:
         _restore(before)
+        if not _came:  # else what the signal cut in two is still being deleted
+            sys.unraisablehook = tell
         _raised = None
+
+
+def _tell_unless_signalled(tell: Callable[[sys.UnraisableHookArgs], Any]) -> Callable[[sys.UnraisableHookArgs], Any]:
+    """What cannot be raised where it happens is told, but for what follows from a signal: that one is raised again."""
+
+    def told(what: sys.UnraisableHookArgs) -> None:
+        if not _came:
+            tell(what)
+
+    return told
 
 
 def _error_of(number: int) -> KeyboardInterrupt:
@@ -158,9 +176,10 @@ class RunSignals:
             self._run.interrupt("keyboard" if keyboard else "system", WORDS[signal.Signals(number)])
 
     def _handle(self, number: int, _frame: FrameType | None) -> None:
+        global _came
         before, self._last = self._last, time.monotonic()
         if self._phase is _Phase.RAISING:
-            self._raised = number
+            self._raised, _came = number, True
             raise _error_of(number)
         first = self.number is None
         self.number = self.number or number

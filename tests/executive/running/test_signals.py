@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
 import threading
@@ -77,6 +78,33 @@ def test_a_signal_that_a_library_swallowed_ends_what_was_to_begin(number: signal
     assert status_of(raised.value) == 128 + number
     assert events == []
     assert cell.wheel.log == []
+
+
+@pytest.mark.parametrize("when", ["before a cell", "beside a cell"])
+def test_what_a_signal_cut_in_two_prints_nothing_and_what_else_cannot_be_raised_does(
+    when: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As a library's destructor does, whose object was never finished."""
+    told: list[str] = []
+    monkeypatch.setattr("sys.unraisablehook", lambda what: told.append(str(what.exc_value)))
+
+    class Unfinished:
+        def __init__(self, words: str) -> None:
+            self.words = words
+
+        def __del__(self) -> None:
+            raise AttributeError(self.words)
+
+    def begin() -> None:
+        Unfinished("before")
+        with RunSignals() if when == "beside a cell" else contextlib.nullcontext():
+            cut = Unfinished("cut")
+            send(signal.SIGTERM)
+            del cut
+
+    with pytest.raises(KeyboardInterrupt), raising():
+        begin()
+    assert told == ["before"]
 
 
 @pytest.mark.parametrize("number", list(module.WORDS))
