@@ -22,6 +22,8 @@ from drivers.errors import CellFileError, DriverError
 from drivers.frames.folder import INTRINSICS_FILE, read_intrinsics
 from drivers.interfaces import Intrinsics
 from executive.values.arrays import Float64
+from executive.values.plain_text import read_plain_text
+from executive.values.rotations import is_rigid
 
 LEAST_LOOKS = 5
 LEAST_TURN = np.radians(15.0)
@@ -155,14 +157,14 @@ def calibrate_folder(folder: Path, board: Chessboard) -> HandEye:
     try:
         intrinsics = read_intrinsics(folder / INTRINSICS_FILE)
         poses = {
-            name: np.array(T, np.float64) for name, T in json.loads((folder / "poses.json").read_text("utf-8")).items()
+            name: np.array(T, np.float64) for name, T in json.loads(read_plain_text(folder / "poses.json")).items()
         }
-    except (OSError, ValueError, AttributeError, CellFileError) as error:
+    except (OSError, ValueError, TypeError, AttributeError, RecursionError, CellFileError) as error:
         raise UnusableLooks(f"{folder}: {error}") from error
     seen: dict[str, Float64] = {}
     for name, T in poses.items():
-        if T.shape != (4, 4):
-            raise UnusableLooks(f"{folder / 'poses.json'}: the pose of '{name}' is no 4 × 4 matrix")
+        if T.shape != (4, 4) or not is_rigid(T):
+            raise UnusableLooks(f"{folder / 'poses.json'}: the pose of '{name}' is no rigid 4 × 4 transform")
         path = next((p for suffix in (".png", ".jpg", ".jpeg") if (p := folder / f"{name}{suffix}").is_file()), None)
         image = cv2.imread(str(path), cv2.IMREAD_COLOR) if path is not None else None
         if image is None:

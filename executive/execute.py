@@ -32,6 +32,7 @@ from executive.running.cell_files import CellFile, cell_files
 from executive.running.context import RunContext
 from executive.running.dry_cell import DryCell
 from executive.running.events import EventStream, Listener, RunEnded, RunStarted
+from executive.running.one_run import alone_on
 from executive.running.run_state import RunResult
 from executive.running.runner import Runner
 from executive.running.signals import RunSignals
@@ -165,6 +166,7 @@ def execute(
     with RunSignals() as signals, run_in_progress(), contextlib.ExitStack() as stack:
         starting.refuse_cancelled()
         starting.reach("connecting the cell")
+        stack.enter_context(alone_on(order.cell, judged.cell.kind))
         cell = connect_cell(judged.cell, order.seed)
         supervision = RunSupervision(cell)
         stack.callback(supervision.close)  # last of all: until the cell is closed something could still move

@@ -36,6 +36,9 @@ SLOW_WITHIN = 0.02
 """Distance of the fruit from what is known to be below at which lowering slows down [m]."""
 RESTING = 0.1
 """So long after the arm has come to rest a fruit that is carried must still weigh less [s]: a jolt is over then."""
+WATCHED = 0.2, 0.5
+"""Then what carries it is looked at twice, so long after each other's beginning [s]: a floor stands still, sensors that
+drift by 0.5 N/s have changed by 0.15 N."""
 LOST = "the fruit was lost on the way down: it presses on neither finger"
 RELEASED_WIDTH = 0.02
 """How much wider than the fruit the fingers open before they rise [m]."""
@@ -139,14 +142,28 @@ class Release(MovingSkill):
                 yield from self.wait(RESTING)
                 if max(pressing_forces(self.device(ForceSensor))) <= HELD_FORCE:
                     raise self.failure("LOST", LOST) from None
-                if touch.present > 0.5 * contact and not touch.stale_for(self.clock.now()):
+                words = ""
+                if touch.present <= 0.5 * contact or touch.stale_for(self.clock.now()):
+                    words = "what was felt on the way down has gone again, as after a jolt"
+                elif touch.grows:
+                    words = "what is felt has only become heavier on the way down, as of nothing that is put down"
+                elif drift := (yield from self._drift(touch)):
+                    words = f"what is felt changes by {drift:.2f} N while nothing moves: the fingers drift"
+                if not words:
                     return
-                words = "what was felt on the way down has gone again, as after a jolt: the fruit is still held"
-                raise self.failure("NO_CONTACT", words, lowered_m=before - float(self._tcp()[2, 3])) from None
+                lowered = before - float(self._tcp()[2, 3])
+                raise self.failure("NO_CONTACT", f"{words}: the fruit is still held", lowered_m=lowered) from None
         lowered = before - float(self._tcp()[2, 3])
         raise self.failure(
             "NO_CONTACT", f"the fruit met nothing within {1e3 * lowered:.0f} mm and is still held", lowered_m=lowered
         )
+
+    def _drift(self, touch: Touch) -> Work[float]:
+        """By how much what is felt changes while the fruit rests on something [N]; 0 when it does not."""
+        yield from self.wait(WATCHED[0])
+        first = touch.average()
+        yield from self.wait(WATCHED[1] - WATCHED[0])
+        return touch.average().differs_from(first)
 
     def _near(self, way: Float64, grasp: Grasp | None, map: OccupancyMap | None, clearance: float) -> int:
         """From which posture of the way on the fruit is near to something known; 0 when nothing is known of it."""

@@ -19,6 +19,8 @@ from drivers.realsense.driver import StreamingCamera
 from drivers.realsense.source import FILTERS, CameraSettings, PipelineSource, cameras_found
 from executive.values.arrays import Float64
 from executive.values.kinds import Counts, MappingOf, Measure, Number, PathTo, Text, Words
+from executive.values.plain_text import read_plain_text
+from executive.values.rotations import is_rigid
 from executive.values.sections import Problem, Section, value
 from executive.values.units import RATE, TIME
 
@@ -81,6 +83,10 @@ def connect(settings: Settings[RealSenseFile], context: ConnectContext) -> Strea
     return camera
 
 
+FARTHEST = 5.0
+"""A camera is within this distance of the flange or base that carries it [m]; in millimetres it would be far beyond."""
+
+
 def read_hand_eye(path: Path) -> Float64:
     """Pose of the camera in its mount, from the file that `pomona calibrate hand-eye` writes.
 
@@ -88,11 +94,13 @@ def read_hand_eye(path: Path) -> Float64:
         UnusableHandEye: it holds no pose.
     """
     try:
-        T = np.array(json.loads(path.read_text(encoding="utf-8"))["T_mount_camera"], dtype=np.float64)
-    except (OSError, ValueError, KeyError, TypeError) as error:
+        T = np.array(json.loads(read_plain_text(path))["T_mount_camera"], dtype=np.float64)
+    except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
         raise UnusableHandEye(f"{path} holds no 'T_mount_camera': {error}") from error
-    if T.shape != (4, 4) or not np.abs(T[:3, :3] @ T[:3, :3].T - np.eye(3)).max() <= 1e-4:
+    if T.shape != (4, 4) or not is_rigid(T):
         raise UnusableHandEye(f"'T_mount_camera' in {path} is no rigid 4 x 4 transform")
+    if np.linalg.norm(T[:3, 3]) > FARTHEST:
+        raise UnusableHandEye(f"'T_mount_camera' in {path} is {np.linalg.norm(T[:3, 3]):.3g} m long: it is in metres")
     return T
 
 

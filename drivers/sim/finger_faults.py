@@ -14,6 +14,10 @@ OFFSET = 1.0
 """Of a channel that jumps [N]."""
 CLIPPED = 0.5
 """Where a channel that clips has its end, unknown to its `saturated` flag [N]."""
+DRIFT = 0.5
+"""How fast a channel drifts [N/s]."""
+GROWTH = 0.2
+"""How fast what a channel says becomes more [1/s]."""
 LATE, EARLY = 0.5, 10.0
 """How old, and how far in the future, wrong stamps are [s]."""
 
@@ -64,6 +68,28 @@ def _swap(wrenches: Float64, _before: Float64) -> None:
     wrenches[:] = wrenches[::-1].copy()
 
 
+def _drift(index: Any, sign: float = 1.0) -> Lie:
+    """An offset that grows from when the fault begins."""
+
+    def lie(sample: WrenchSample, before: WrenchSample) -> WrenchSample:
+        wrenches = sample.wrenches.copy()
+        wrenches[index] += sign * DRIFT * (sample.stamp - before.stamp)
+        return WrenchSample(sample.stamp, sample.sequence, wrenches, sample.saturated)
+
+    return lie
+
+
+def _growth(index: Any) -> Lie:
+    """A factor that grows from when the fault begins."""
+
+    def lie(sample: WrenchSample, before: WrenchSample) -> WrenchSample:
+        wrenches = sample.wrenches.copy()
+        wrenches[index] *= 1.0 + GROWTH * (sample.stamp - before.stamp)
+        return WrenchSample(sample.stamp, sample.sequence, wrenches, sample.saturated)
+
+    return lie
+
+
 def _stamped(offset: float) -> Lie:
     return lambda sample, _before: WrenchSample(
         sample.stamp + offset, sample.sequence, sample.wrenches, sample.saturated
@@ -82,6 +108,9 @@ LIES: dict[str, Lie] = {
     "both_press_more": _changed(_add((slice(None), 2), -OFFSET)),
     "pulls_more": _changed(_add((0, 0), OFFSET)),
     "clipped_left": _changed(_clip),
+    "drifts_along": _drift((slice(None), 0)),
+    "drifts_pressing": _drift((0, 2), -1.0),
+    "seems_heavier": _growth((slice(None), slice(0, 2))),
     "swapped": _changed(_swap),
     "not_a_number": _changed(_set((0, 1), np.nan)),
     "infinite": _changed(_set((slice(None), 2), -np.inf)),

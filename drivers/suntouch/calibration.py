@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 from drivers.errors import DriverError
 from drivers.suntouch.codec import TAXELS
 from executive.values.arrays import Float64
+from executive.values.plain_text import read_plain_text
 
 FORMAT = "pomona finger calibration 1"
 
@@ -88,8 +89,8 @@ class FingerCalibration:
             UnusableCalibration: it is none, or its shapes do not fit each other.
         """
         try:
-            content = json.loads(path.read_text(encoding="utf-8"))
-        except (OSError, ValueError) as error:
+            content = json.loads(read_plain_text(path))
+        except (OSError, ValueError, RecursionError) as error:
             raise UnusableCalibration(path, f"cannot be read: {error}") from error
         if not isinstance(content, dict) or content.get("format") != FORMAT:
             raise UnusableCalibration(path, f"is no calibration of a finger (its 'format' must be '{FORMAT}')")

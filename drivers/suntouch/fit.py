@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import io
 import itertools
 from dataclasses import dataclass
 from pathlib import Path
+from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,10 +15,13 @@ from drivers.errors import DriverError
 from drivers.suntouch.calibration import FingerCalibration
 from drivers.suntouch.codec import TAXELS
 from executive.values.arrays import Float64
+from executive.values.plain_text import read_plain_text
 
 KEPT_ASIDE = 0.2
 """Share of the recording, in blocks, on which the error is measured."""
 BLOCKS = 50
+MOST_BYTES = 1 << 28
+"""Of a recording as text; twenty thousand samples have 10 MB."""
 
 
 class UnusableRecording(DriverError):
@@ -59,17 +64,22 @@ def read_recording(path: Path) -> tuple[Float64, Float64]:
     """
     try:
         if path.suffix == ".npz":
-            with np.load(path) as archive:
+            with path.open("rb") as stream, np.load(stream, allow_pickle=False) as archive:
                 volts, wrenches = np.asarray(archive["volts"], float), np.asarray(archive["wrenches"], float)
         else:
-            table = np.loadtxt(path, delimiter=",", comments="#", ndmin=2)
+            text = read_plain_text(path, MOST_BYTES)
+            if not text.strip():
+                raise ValueError("it is empty")
+            table = np.loadtxt(io.StringIO(text), delimiter=",", comments="#", ndmin=2)
             volts, wrenches = table[:, :TAXELS], table[:, TAXELS:]
-    except (OSError, ValueError, KeyError, IndexError) as error:
+    except (OSError, ValueError, KeyError, IndexError, EOFError, TypeError, AttributeError, BadZipFile) as error:
         raise UnusableRecording(f"{path}: cannot be read: {error}") from error
     if volts.ndim != 2 or volts.shape[1] != TAXELS or wrenches.shape != (len(volts), 6):
         raise UnusableRecording(
             f"{path}: needs (n, 25) voltages and (n, 6) wrenches, not {volts.shape}, {wrenches.shape}"
         )
+    if not (len(volts) and np.isfinite(volts).all() and np.isfinite(wrenches).all()):
+        raise UnusableRecording(f"{path}: holds no samples, or some that are no finite numbers")
     return volts, wrenches
 
 

@@ -44,3 +44,16 @@ def to_quaternion(R: ArrayLike) -> Float64:
 
     q_xyzw: Float64 = Rotation.from_matrix(R).as_quat(canonical=True)
     return q_xyzw
+
+
+def is_rigid(T: Float64) -> bool:
+    """Whether a matrix, shape (4, 4), is a rotation and a translation: finite, and no mirror."""
+    import numpy as np
+
+    R = T[:3, :3]
+    return bool(
+        np.isfinite(T).all()
+        and np.abs(R @ R.T - np.eye(3)).max() <= 1e-4
+        and np.linalg.det(R) > 0.0
+        and np.array_equal(T[3], (0.0, 0.0, 0.0, 1.0))
+    )

@@ -308,7 +308,7 @@ def read_recording(path: Path) -> tuple[list[Push], Push | None]:
         TooFewPushes: the file holds none.
     """
     try:
-        with np.load(path, allow_pickle=False) as loaded:
+        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as loaded:
             arrays = {name: np.asarray(loaded[name]) for name in loaded.files}
     except (OSError, ValueError, EOFError, AttributeError, TypeError, BadZipFile) as error:
         raise UnusablePushes(f"{path}: not a readable .npz file of pushes ({error})") from error

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -15,6 +16,17 @@ STALE_AFTER = 0.1
 
 SPIKE = 3
 """A change of force counts when so many samples in a row show it: one sample may be a spike."""
+
+AVERAGED = 50
+"""Samples of an average [0.1 s of fingers with 500 Hz]."""
+
+STILL, SIGMAS = 0.08, 4.0
+"""Two averages at rest are the same when they differ by less than the first [N], or by less than so many standard
+deviations of what noise alone does to them."""
+
+GROWS, FAINT = 0.7, 0.3
+"""A change makes what was felt first larger when the cosine of the angle between them is beyond the first; what is
+fainter than the second [N] has no direction."""
 
 HELD_FORCE = 0.25
 """Pressing force of each finger above which something is between them [N]; the noise is 0.2 N at worst."""
@@ -35,6 +47,30 @@ def load(forces: Float64) -> Float64:
     pressing force is left out: the grip's controller changes it.
     """
     return np.array([[forces[0, 0] + forces[1, 0], forces[0, 1] - forces[1, 1]]])
+
+
+@dataclass(frozen=True, slots=True)
+class Average:
+    """What was felt on an average, and how sure that is.
+
+    Attributes:
+        felt: vectors, shape (n, k) [N].
+        variance: of them [N²], from white noise alone.
+    """
+
+    felt: Float64
+    variance: Float64
+
+    @staticmethod
+    def of(felt: Float64) -> Average:
+        """Of samples, shape (samples, n, k)."""
+        return Average(felt.mean(axis=0), felt.var(axis=0) / len(felt))
+
+    def differs_from(self, earlier: Average) -> float:
+        """By how much [N] more than noise would; 0 when they may be the same."""
+        change = float(np.linalg.norm(self.felt - earlier.felt, axis=1).max())
+        noise = SIGMAS * float(np.sqrt((self.variance + earlier.variance).sum(axis=1).max()))
+        return change if change > max(STILL, noise) else 0.0
 
 
 class Touch:
@@ -59,6 +95,7 @@ class Touch:
         first = sensor.latest()
         self._reference = None if first is None else of(first.wrenches[:, :3])
         self._recent: deque[Float64] = deque(maxlen=SPIKE)
+        self._felt: deque[Float64] = deque(maxlen=AVERAGED)
         self.change = 0.0
         self.finger = ""
         self._subscription = sensor.subscribe(self._on_sample)
@@ -74,6 +111,19 @@ class Touch:
         """How much the force differs from the beginning now, lastingly [N]."""
         return float(np.min(self._recent, axis=0).max()) if len(self._recent) == SPIKE else 0.0
 
+    @property
+    def grows(self) -> bool:
+        """Whether there is now more of what was felt first, and nothing else."""
+        if self._reference is None or len(self._felt) < SPIKE or np.linalg.norm(self._reference) < FAINT:
+            return False
+        change = np.mean(list(self._felt)[-SPIKE:], axis=0) - self._reference
+        lengths = float(np.linalg.norm(change) * np.linalg.norm(self._reference))
+        return float((change * self._reference).sum()) > GROWS * lengths
+
+    def average(self) -> Average:
+        """Of what was felt lately."""
+        return Average.of(np.array(self._felt))
+
     def stale_for(self, now: float) -> float:
         """Age of the newest sample [s] when that is more than `STALE_AFTER`; 0 while the stream flows."""
         newest = self._sensor.latest()
@@ -86,6 +136,7 @@ class Touch:
             return
         if self._reference is None:
             self._reference = felt
+        self._felt.append(felt)
         self._recent.append(np.linalg.norm(felt - self._reference, axis=1))
         if len(self._recent) == SPIKE:
             lasting = np.min(self._recent, axis=0)

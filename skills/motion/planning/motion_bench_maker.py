@@ -17,6 +17,7 @@ from scipy.spatial.transform import Rotation
 
 from drivers.interfaces import Box
 from executive.values.arrays import Float64
+from executive.values.plain_text import read_plain_text
 from skills.geometry import transform
 from skills.motion.collision import CollisionWorld, Convex, Margins, RobotShape
 from skills.motion.planning.errors import BadProblem
@@ -113,8 +114,8 @@ def _joints(robot: RobotModel, values: Mapping[str, Any]) -> Float64:
 
 def _read(path: Path) -> Mapping[str, Any]:
     try:
-        content = yaml.load(path.read_text(encoding="utf-8"), _LOADER)
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        content = yaml.load(read_plain_text(path), _LOADER)
+    except (OSError, ValueError, RecursionError, yaml.YAMLError) as error:
         raise BadProblem(path, f"cannot be read: {error}") from error
     if not isinstance(content, dict):
         raise BadProblem(path, "is no mapping")

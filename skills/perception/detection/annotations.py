@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from executive.values.arrays import Float64
+from executive.values.plain_text import read_plain_text
 from executive.values.rotations import from_quaternion, to_quaternion
 from skills.perception.detection.errors import BadAnnotation
 
@@ -91,7 +92,7 @@ def read_annotation(path: Path) -> Annotation:
         BadAnnotation: no such file, no JSON, or keys of another shape.
     """
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = json.loads(read_plain_text(path))
         camera = content.get("camera_data") or _camera_beside(path)
         k = camera.get("intrinsics") or {}
         return Annotation(
@@ -102,7 +103,7 @@ def read_annotation(path: Path) -> Annotation:
             decoys=tuple((float(u), float(v), float(r)) for u, v, r in content.get("decoys", ())),
             scene=str(content.get("scene", "")),
         )
-    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+    except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError) as error:
         raise BadAnnotation(path, f"is no DOPE annotation: {error!r}") from error
 
 
@@ -161,5 +162,5 @@ def _camera_beside(path: Path) -> dict[str, Any]:
     beside = path.with_name("_camera_settings.json")
     if not beside.is_file():
         return {}
-    settings = json.loads(beside.read_text(encoding="utf-8"))["camera_settings"][0]
+    settings = json.loads(read_plain_text(beside))["camera_settings"][0]
     return {**settings["captured_image_size"], "intrinsics": settings["intrinsic_settings"]}

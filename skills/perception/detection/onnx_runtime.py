@@ -11,6 +11,7 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
+from executive.values.plain_text import read_plain_text
 from skills.perception.detection.compact_detector import (
     CLOSE_LOOK_EXAMPLE,
     FINDER_EXAMPLE,
@@ -89,9 +90,9 @@ def load_onnx(folder: Path, options: DetectorOptions | None = None) -> CompactDe
     """
     finder, close_look = _session(folder / FINDER), _session(folder / CLOSE_LOOK)
     try:
-        said = json.loads((folder / ABOUT).read_text(encoding="utf-8"))["scores"]
+        said = json.loads(read_plain_text(folder / ABOUT))["scores"]
         scores = ScoreMap(float(said["slope"]), float(said["offset"]))
-    except (OSError, ValueError, KeyError, TypeError) as error:
+    except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
         raise BadWeights(folder / ABOUT, f"does not say what the scores mean: {error!r}") from error
     return CompactDetector.running(finder, close_look, options, scores)
 

@@ -10,6 +10,7 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
+from executive.values.plain_text import read_plain_text
 from skills.perception.detection.dope_decode import DecodeThresholds
 from skills.perception.detection.errors import BadPoseConfig
 
@@ -92,8 +93,8 @@ def load_pose_config(path: Path | str) -> PoseConfig:
 
 def _read(path: Path) -> dict[str, Any]:
     try:
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        content = yaml.safe_load(read_plain_text(path))
+    except (OSError, ValueError, RecursionError, yaml.YAMLError) as error:
         raise BadPoseConfig(path, f"cannot be read: {error}") from error
     while isinstance(content, dict) and len(content) == 1 and "weights" not in content:
         content = next(iter(content.values()))

@@ -17,11 +17,14 @@ import cv2
 import numpy as np
 import yaml
 
+from executive.values.plain_text import read_plain_text
 from skills.perception.detection.errors import BadPhotographs
 from skills.perception.training.photographs import Photograph, PhotoSet
 
 PICTURES = (".jpg", ".jpeg", ".png")
 
+MOST_COCO = 1 << 30
+"""Bytes of a COCO file; a hundred thousand pictures with their outlines have less."""
 MOST_FILES = 200_000
 """A folder with more is refused: every file is looked at."""
 
@@ -235,9 +238,9 @@ def _both(images: Path, labels: Path, pictures: set[Path], texts: set[Path]) -> 
 def _yolo_lines(path: Path) -> Iterator[tuple[int, tuple[float, float, float, float]]]:
     """Class and box (in parts of the picture) of each line; outlines become their boxes."""
     try:
-        lines = path.read_text(encoding="utf-8").split("\n")
-    except UnicodeDecodeError:
-        raise BadPhotographs(path, "is no text") from None
+        lines = read_plain_text(path).split("\n")
+    except (OSError, ValueError) as error:
+        raise BadPhotographs(path, f"is no text: {error}") from None
     for number, line in enumerate((line for line in lines if line.strip()), start=1):
         try:
             kind, *values = (float(word) for word in line.split())
@@ -259,11 +262,11 @@ def _wanted(folder: Path, fruit: str) -> int | None:
     if described is None:
         return None
     try:
-        text = described.read_text(encoding="utf-8")
+        text = read_plain_text(described)
         names = text.split("\n") if described.suffix == ".txt" else yaml.safe_load(text)["names"]
         pairs = names.items() if isinstance(names, dict) else enumerate(names)
         by_number = {int(number): str(name).strip() for number, name in pairs if str(name).strip()}
-    except (yaml.YAMLError, UnicodeDecodeError, KeyError, TypeError, ValueError):
+    except (OSError, yaml.YAMLError, RecursionError, KeyError, TypeError, ValueError):
         raise BadPhotographs(described, "does not name the classes: names: [apple]") from None
     return _class_of(described, by_number, fruit)
 
@@ -279,7 +282,7 @@ def _class_of(path: Path, names: dict[int, str], fruit: str) -> int:
 
 def _coco(path: Path, folder: Path, fruit: str) -> list[_Labelled]:
     try:
-        content: Any = json.loads(path.read_text(encoding="utf-8"))
+        content: Any = json.loads(read_plain_text(path, MOST_COCO))
         images, annotations, categories = (content[key] for key in ("images", "annotations", "categories"))
         wanted = _class_of(path, {int(c["id"]): str(c["name"]) for c in categories}, fruit)
         split = next((word for word in path.stem.replace("-", "_").split("_") if _is_split(word)), "")
@@ -294,7 +297,7 @@ def _coco(path: Path, folder: Path, fruit: str) -> list[_Labelled]:
                 raise BadPhotographs(path, f"annotation {number} is of a picture that is not in images")
             x, y, w, h = (float(v) for v in annotation["bbox"])
             items[annotation["image_id"]].add((x, y, w, h), f"annotation {number}", bool(annotation.get("iscrowd")))
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise BadPhotographs(path, f"is no COCO file: {type(error).__name__} {error}") from error
     return list(items.values())
 

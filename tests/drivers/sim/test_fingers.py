@@ -1,10 +1,12 @@
 """The simulated force fingers read the engine's contacts in the pad's frame, and fail like real ones."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from drivers.errors import DeviceFault, DeviceLost
-from drivers.interfaces import ForceSensor
+from drivers.interfaces import ForceSensor, WrenchSample
 from drivers.sim.finger_faults import LIES
 from drivers.sim.fingers import SimFingers
 from drivers.sim.gl import load_mujoco
@@ -188,9 +190,20 @@ def test_what_cannot_be_is_a_fault_within_50_ms_whoever_listens(open_cell, kind,
 
 
 NEVER_ARRIVE = ("not_a_number", "infinite", "old", "early", "repeated")
+SLOW = ("drifts_along", "drifts_pressing", "seems_heavier")
 
 
-@pytest.mark.parametrize("kind", [kind for kind in LIES if kind not in NEVER_ARRIVE])
+def test_slow_lies_grow_from_when_they_begin():
+    before = WrenchSample(3.0, 1, np.ones((2, 6)), (False, False))
+    said = {kind: [LIES[kind](replace(before, stamp=t), before).wrenches for t in (3.0, 5.0)] for kind in SLOW}
+    assert all((first == 1.0).all() for first, _ in said.values())
+    later = {kind: last for kind, (_, last) in said.items()}
+    assert later["drifts_along"][:, 0] == pytest.approx([2.0, 2.0])
+    assert later["drifts_pressing"][:, 2] == pytest.approx([0.0, 1.0])
+    assert later["seems_heavier"][0, :3] == pytest.approx([1.4, 1.4, 1.0])
+
+
+@pytest.mark.parametrize("kind", [kind for kind in LIES if kind not in (*NEVER_ARRIVE, *SLOW)])
 def test_every_way_to_lie_that_could_be_true_changes_what_arrives_until_it_is_cleared(open_cell, kind):
     cell = open_cell()
     fingers = cell.device(ForceSensor)

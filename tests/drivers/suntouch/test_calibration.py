@@ -105,3 +105,28 @@ def test_unusable_recordings_are_refused_in_words(tmp_path: Path) -> None:
         fit_calibration(volts, wrenches * 0.0, "left")
     with pytest.raises(UnusableRecording, match="not finite"):
         fit_calibration(volts * np.nan, wrenches, "left")
+
+
+@pytest.mark.parametrize("name", ["r.npz", "r.csv"])
+@pytest.mark.parametrize("content", [b"", b"PK\x03\x04 cut off", bytes(range(256)), None], ids=lambda c: str(c)[:8])
+def test_recordings_that_are_none_are_refused_in_words(name: str, content: bytes | None, tmp_path: Path) -> None:
+    with (tmp_path / name).open("wb") as stream:
+        stream.truncate(2 << 30) if content is None else stream.write(content)  # sparse: it takes no room
+    with pytest.raises(UnusableRecording, match=name):
+        read_recording(tmp_path / name)
+
+
+def test_a_recording_with_numbers_that_are_not_finite_is_refused(tmp_path: Path) -> None:
+    volts, wrenches = recording(20)
+    volts[3, 4] = math.nan
+    np.savez(tmp_path / "r.npz", volts=volts, wrenches=wrenches)
+    with pytest.raises(UnusableRecording, match="finite"):
+        read_recording(tmp_path / "r.npz")
+
+
+@pytest.mark.parametrize("content", [b"", b"[" * 100_000, bytes(range(256)), b"[]", None], ids=lambda c: str(c)[:8])
+def test_calibrations_that_are_none_are_refused_in_words(content: bytes | None, tmp_path: Path) -> None:
+    with (tmp_path / "finger.json").open("wb") as stream:
+        stream.truncate(2 << 30) if content is None else stream.write(content)
+    with pytest.raises(UnusableCalibration, match=r"finger\.json"):
+        FingerCalibration.load(tmp_path / "finger.json")

@@ -1,0 +1,61 @@
+"""One run at a time on a real cell, and no lock that outlives its process."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from executive.execute import RunOrder, execute
+from executive.running.one_run import CellInUseError, alone_on
+
+TREE = "pomona: 1\ntree: t\nroot:\n  wait: 20 ms\n"
+CELL = "name: bench\nkind: real\nclock: manual\ndevices: {}\n"
+HOLDS = """
+import sys, time
+from pathlib import Path
+from executive.running.one_run import alone_on
+with alone_on(Path(sys.argv[1]), "real"):
+    print("has it", flush=True)
+    time.sleep(60.0)
+"""
+
+
+@pytest.fixture
+def order(tmp_path: Path) -> RunOrder:
+    tree, cell = tmp_path / "tree.yaml", tmp_path / "cell.yaml"
+    tree.write_text(TREE)
+    cell.write_text(CELL)
+    return RunOrder(tree, cell)
+
+
+def test_a_second_run_on_a_real_cell_is_refused_until_the_first_is_over(order: RunOrder) -> None:
+    linked = order.cell.with_name("linked.yaml")
+    linked.symlink_to(order.cell)
+    with alone_on(linked, "real"), pytest.raises(CellInUseError, match="another run is going on on this cell"):
+        execute(order)
+    assert execute(order).result.outcome == "success"
+    assert execute(order).result.outcome == "success"
+
+
+def test_a_simulated_cell_has_as_many_runs_as_one_wants(order: RunOrder) -> None:
+    with alone_on(order.cell, "simulated"), alone_on(order.cell, "simulated"):
+        pass
+
+
+def test_a_process_that_is_killed_leaves_no_lock(order: RunOrder) -> None:
+    with subprocess.Popen([sys.executable, "-c", HOLDS, str(order.cell)], stdout=subprocess.PIPE, text=True) as other:
+        assert other.stdout is not None
+        assert other.stdout.readline() == "has it\n"
+        with pytest.raises(CellInUseError):
+            execute(order)
+        other.send_signal(signal.SIGKILL)
+    assert execute(order).result.outcome == "success"
+
+
+def test_a_cell_that_is_not_on_the_disk_needs_no_lock(tmp_path: Path) -> None:
+    with alone_on(tmp_path / "none.yaml", "real"):
+        pass
