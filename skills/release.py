@@ -36,9 +36,9 @@ SLOW_WITHIN = 0.02
 """Distance of the fruit from what is known to be below at which lowering slows down [m]."""
 RESTING = 0.1
 """So long after the arm has come to rest a fruit that is carried must still weigh less [s]: a jolt is over then."""
-WATCHED = 0.2, 0.5
+WATCHED = 0.2, 0.7
 """Then what carries it is looked at twice, so long after each other's beginning [s]: a floor stands still, sensors that
-drift by 0.5 N/s have changed by 0.15 N."""
+drift by 0.5 N/s have changed by 0.25 N."""
 LOST = "the fruit was lost on the way down: it presses on neither finger"
 RELEASED_WIDTH = 0.02
 """How much wider than the fruit the fingers open before they rise [m]."""
@@ -145,8 +145,6 @@ class Release(MovingSkill):
                 words = ""
                 if touch.present <= 0.5 * contact or touch.stale_for(self.clock.now()):
                     words = "what was felt on the way down has gone again, as after a jolt"
-                elif touch.grows:
-                    words = "what is felt has only become heavier on the way down, as of nothing that is put down"
                 elif drift := (yield from self._drift(touch)):
                     words = f"what is felt changes by {drift:.2f} N while nothing moves: the fingers drift"
                 if not words:

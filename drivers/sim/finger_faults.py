@@ -16,8 +16,6 @@ CLIPPED = 0.5
 """Where a channel that clips has its end, unknown to its `saturated` flag [N]."""
 DRIFT = 0.5
 """How fast a channel drifts [N/s]."""
-GROWTH = 0.2
-"""How fast what a channel says becomes more [1/s]."""
 LATE, EARLY = 0.5, 10.0
 """How old, and how far in the future, wrong stamps are [s]."""
 
@@ -79,17 +77,6 @@ def _drift(index: Any, sign: float = 1.0) -> Lie:
     return lie
 
 
-def _growth(index: Any) -> Lie:
-    """A factor that grows from when the fault begins."""
-
-    def lie(sample: WrenchSample, before: WrenchSample) -> WrenchSample:
-        wrenches = sample.wrenches.copy()
-        wrenches[index] *= 1.0 + GROWTH * (sample.stamp - before.stamp)
-        return WrenchSample(sample.stamp, sample.sequence, wrenches, sample.saturated)
-
-    return lie
-
-
 def _stamped(offset: float) -> Lie:
     return lambda sample, _before: WrenchSample(
         sample.stamp + offset, sample.sequence, sample.wrenches, sample.saturated
@@ -110,7 +97,6 @@ LIES: dict[str, Lie] = {
     "clipped_left": _changed(_clip),
     "drifts_along": _drift((slice(None), 0)),
     "drifts_pressing": _drift((0, 2), -1.0),
-    "seems_heavier": _growth((slice(None), slice(0, 2))),
     "swapped": _changed(_swap),
     "not_a_number": _changed(_set((0, 1), np.nan)),
     "infinite": _changed(_set((slice(None), 2), -np.inf)),

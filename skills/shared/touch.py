@@ -20,13 +20,9 @@ SPIKE = 3
 AVERAGED = 50
 """Samples of an average [0.1 s of fingers with 500 Hz]."""
 
-STILL, SIGMAS = 0.08, 4.0
+STILL, SIGMAS = 0.2, 4.0
 """Two averages at rest are the same when they differ by less than the first [N], or by less than so many standard
 deviations of what noise alone does to them."""
-
-GROWS, FAINT = 0.7, 0.3
-"""A change makes what was felt first larger when the cosine of the angle between them is beyond the first; what is
-fainter than the second [N] has no direction."""
 
 HELD_FORCE = 0.25
 """Pressing force of each finger above which something is between them [N]; the noise is 0.2 N at worst."""
@@ -110,15 +106,6 @@ class Touch:
     def present(self) -> float:
         """How much the force differs from the beginning now, lastingly [N]."""
         return float(np.min(self._recent, axis=0).max()) if len(self._recent) == SPIKE else 0.0
-
-    @property
-    def grows(self) -> bool:
-        """Whether there is now more of what was felt first, and nothing else."""
-        if self._reference is None or len(self._felt) < SPIKE or np.linalg.norm(self._reference) < FAINT:
-            return False
-        change = np.mean(list(self._felt)[-SPIKE:], axis=0) - self._reference
-        lengths = float(np.linalg.norm(change) * np.linalg.norm(self._reference))
-        return float((change * self._reference).sum()) > GROWS * lengths
 
     def average(self) -> Average:
         """Of what was felt lately."""

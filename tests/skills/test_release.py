@@ -126,19 +126,6 @@ def test_fingers_that_drift_are_not_taken_for_a_floor(axis):
     assert scene.gripper.moves == []
 
 
-def test_a_load_that_seems_to_grow_is_no_floor():
-    scene = over_ground(None)
-    calm = scene.fingers.feel
-
-    def heavier(tick: int) -> None:
-        scene.fingers.feel = lambda now: calm(now) * (1.0 if tick < 20 else 1.5)
-
-    outcome = drive(Release(), {}, scene.devices, clock=scene.clock, each_tick=heavier)
-    assert outcome.reason.code == "NO_CONTACT"
-    assert "heavier" in outcome.reason.message
-    assert scene.gripper.moves == []
-
-
 def test_interrupted_while_lowering_the_fruit_stays_held():
     scene = over_ground(None)
     outcome = drive(Release(), {}, scene.devices, clock=scene.clock, interrupt_after=30)

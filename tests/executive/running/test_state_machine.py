@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
 
 from executive.registry import Registry
+from executive.running.events import ErrorRaised, OperatorActed
 from executive.running.run_state import RunResult, RunState
 
 TREES = (
@@ -31,7 +32,8 @@ class RunnerMachine(RuleBasedStateMachine):
 
     def __init__(self) -> None:
         super().__init__()
-        self.go, self.looked = threading.Semaphore(0), threading.Semaphore(0)
+        self.go, self.looked, self.answered = (threading.Semaphore(0) for _ in range(3))
+        self.refuses = False
         self.result: RunResult | None = None
         self.started = self.free = False
         self.cell: FakeCell | None = None
@@ -50,6 +52,7 @@ class RunnerMachine(RuleBasedStateMachine):
             check()
 
         self.cell.check = held  # type: ignore[method-assign]
+        self.cell.acknowledge = self._acknowledge  # type: ignore[method-assign]
         self.thread = threading.Thread(target=self._run)
         self.thread.start()
         assert self.looked.acquire(timeout=PATIENCE)
@@ -59,6 +62,16 @@ class RunnerMachine(RuleBasedStateMachine):
         self.latched_in_run = self.cell is not None and self.cell.latched is not None
         self.result = result
         self.looked.release()
+        self.runner.hold_latched()
+
+    def _acknowledge(self) -> None:
+        assert self.cell is not None
+        try:
+            if self.refuses:
+                raise ConnectionError("the wheel is still lost")
+            self.cell.latched = None
+        finally:
+            self.answered.release()
 
     def _step(self) -> None:
         if self.result is None:
@@ -92,6 +105,22 @@ class RunnerMachine(RuleBasedStateMachine):
                 self.cell.changed = True
         self._step()
 
+    @precondition(lambda self: self.result is not None and self.latched_in_run and self.thread.is_alive())
+    @rule(refuses=st.booleans(), between=st.sampled_from(["", "pause", "resume", "step", "stop", "interrupt"]))
+    def acknowledge(self, refuses: bool, between: str) -> None:
+        assert self.cell is not None
+        while self.answered.acquire(blocking=False):
+            pass
+        self.refuses = refuses
+        if between:
+            getattr(self.runner, between)()  # of a run that has ended: recorded, and carried out by nobody
+        self.runner.acknowledge()
+        assert self.answered.acquire(timeout=PATIENCE), "nobody takes the acknowledgement"
+        assert (self.cell.latched is not None) == refuses
+        if not refuses:
+            self.thread.join(PATIENCE)
+            assert not self.thread.is_alive(), "it holds a cell that is not latched"
+
     @invariant()
     def nothing_moves_in_a_run_that_has_ended_and_all_is_told(self) -> None:
         if self.result is None or self.cell is None:
@@ -100,7 +129,8 @@ class RunnerMachine(RuleBasedStateMachine):
         assert not self.cell.wheel.coasting or self.runner.state is RunState.SUCCEEDED
         assert self.runner.context.owners == {}
         assert self.runner.state.ended
-        assert type(self.events[-1]).__name__ == "RunEnded"
+        told = [event for event in list(self.events) if not isinstance(event, (OperatorActed, ErrorRaised))]
+        assert type(told[-1]).__name__ == "RunEnded"
 
     @invariant()
     def the_latch_is_respected(self) -> None:
@@ -120,6 +150,7 @@ class RunnerMachine(RuleBasedStateMachine):
         if self.started:
             self.free = True
             self.runner.stop()
+            self.runner.leave()
             while self.thread.is_alive():
                 self.go.release()
                 self.thread.join(0.01)
