@@ -5,23 +5,28 @@ from __future__ import annotations
 import argparse
 import contextlib
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from executive.commands.command_line import add_records_folder
 from executive.dashboard.alerts import AlertRule, Alerts
 from executive.dashboard.choices import Choices
-from executive.dashboard.control_lock import RefusedError
+from executive.dashboard.control_lock import ControlLock, RefusedError
 from executive.dashboard.security import Access
 from executive.dashboard.server import Dashboard
 from executive.errors import PomonaError, UsageError
 from executive.execute import RunOrder, execute
 from executive.files import default_name
-from executive.running.events import Listener
+from executive.recording.session import Reader
+from executive.running.events import Event, Listener
 from executive.running.runner import Runner
 from executive.running.starting import Starting
 from executive.terminal.screen import Screen
+
+if TYPE_CHECKING:
+    from executive.interop.live import Live
+    from executive.interop.ros2_bridge import Ros2Bridge
 
 
 def add(subparsers: Any) -> None:
@@ -43,6 +48,7 @@ def add(subparsers: Any) -> None:
     parser.add_argument(
         "--alert-over", type=int, default=20, metavar="N", help="the last runs that count (default: 20)"
     )
+    add_ros2(parser)
     add_address(parser)
     parser.set_defaults(main=main)
 
@@ -63,6 +69,34 @@ def add_address(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--insecure-act", action="store_true", help="with another --host: let the page act although it is not encrypted"
     )
+
+
+def add_ros2(parser: argparse.ArgumentParser) -> None:
+    """The option of what can be seen and done on ROS 2."""
+    parser.add_argument(
+        "--ros2", nargs="?", const="", metavar="HOST:PORT", help="speak ROS 2 (rmw_zenoh; default: 127.0.0.1:7447)"
+    )
+
+
+def open_bridge(
+    options: argparse.Namespace,
+    console: Screen,
+    access: Access,
+    control: ControlLock,
+    start: Callable[[dict[str, Any]], str] | None = None,
+) -> Ros2Bridge:
+    """The bridge that `--ros2` asks for.
+
+    Raises:
+        UsageError: the extra is not installed, or the address cannot be used.
+    """
+    from executive.interop.ros2_bridge import Ros2Bridge
+    from executive.ros2.peer import ADDRESS, Ros2Peer
+
+    peer = Ros2Peer(options.ros2 or ADDRESS)
+    says = f"; who acts shows the token {access.token}" if peer.local else "; nobody acts from another machine"
+    console.print(f"ROS 2 (rmw_zenoh) at {options.ros2 or ADDRESS}{says}", soft_wrap=True)
+    return Ros2Bridge(peer, control, access.acts_with, start)
 
 
 def make_access(options: argparse.Namespace) -> Access:
@@ -92,8 +126,14 @@ class Launcher:
     """Starts runs for the page, one at a time, each in a thread of its own."""
 
     def __init__(
-        self, dashboard: Dashboard, record: Path, choices: Choices, listeners: Sequence[Listener] = ()
+        self,
+        dashboard: Dashboard,
+        record: Path,
+        choices: Choices,
+        listeners: Sequence[Listener] = (),
+        readers: Sequence[Reader] = (),
     ) -> None:
+        self._readers = readers
         self._dashboard, self._record, self._choices = dashboard, record, choices
         self._listeners = [dashboard.hub.on_event, *listeners]
         self._thread: threading.Thread | None = None
@@ -118,7 +158,14 @@ class Launcher:
         def run() -> None:
             problem = "it broke off: the terminal says where"
             try:
-                execute(order, self._listeners, on_ready=lock.serve, on_latched=Runner.hold_latched, starting=starting)
+                execute(
+                    order,
+                    self._listeners,
+                    on_ready=lock.serve,
+                    on_latched=Runner.hold_latched,
+                    starting=starting,
+                    readers=self._readers,
+                )
                 problem = ""
             except PomonaError as error:
                 problem = str(error)
@@ -172,7 +219,27 @@ def main(options: argparse.Namespace) -> int:
     dashboard = Dashboard(make_access(options), options.record)
     choices = Choices.installed(options.tree, options.cell)
     alerts = [] if options.alert_to is None else [Alerts(_rule(options)).on_event]
-    launcher = Launcher(dashboard, options.record, choices, alerts)
+    views: list[Live] = []
+
+    def on_event(event: Event) -> None:
+        for view in views:
+            view.on_event(event)
+
+    def read(t: float, tick: int, readings: Mapping[str, Mapping[str, Any]]) -> None:
+        for view in views:
+            view.read(t, tick, readings)
+
+    launcher = Launcher(
+        dashboard,
+        options.record,
+        choices,
+        [*alerts, on_event],
+        [read],
+    )
+    if options.ros2 is not None:
+        from executive.interop.live import Live as Views
+
+        views.append(Views([open_bridge(options, console, dashboard.access, dashboard.control, launcher.start)]))
     dashboard.allow_starts(launcher.start, choices)
     dashboard.start()
     console.print(f"dashboard: {dashboard.link}   (Ctrl-C ends it)", soft_wrap=True)
@@ -181,5 +248,7 @@ def main(options: argparse.Namespace) -> int:
     except KeyboardInterrupt:
         launcher.close()
     finally:
+        for view in views:
+            view.close()
         dashboard.close()
     return 0

@@ -13,8 +13,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from executive.commands.command_line import add_records_folder
-from executive.commands.dashboard import add_address, make_access
+from executive.commands.dashboard import add_address, add_ros2, make_access, open_bridge
 from executive.commands.watch import run_on_save
+from executive.dashboard.control_lock import ControlLock
 from executive.dashboard.server import Dashboard
 from executive.errors import PomonaError, UsageError
 from executive.execute import Executed, RunOrder, execute
@@ -95,6 +96,7 @@ def add(subparsers: Any) -> None:
         metavar="FILE.rrd",
         help="show the run in Rerun, or write its file",
     )
+    add_ros2(parser)
     parser.add_argument("--watch", action="store_true", help="run again each time the tree file is saved")
     add_address(parser)
     parser.set_defaults(main=main)
@@ -129,10 +131,10 @@ def main(options: argparse.Namespace) -> int:
         raise UsageError("nobody could go on after a breakpoint: add --dashboard")
     with contextlib.ExitStack() as stack:
         dashboard = _serve(options, console, stack) if options.dashboard else None
-        live_views = _live_views(options, console, stack)
+        live_views, control = _live_views(options, console, dashboard, stack)
 
         def run() -> int:
-            executed = _run_once(options, order, dashboard, live_views, console)
+            executed = _run_once(options, order, dashboard, live_views, control, console)
             if executed.signal not in (None, signal.SIGINT) and (options.watch or dashboard is not None):
                 raise Terminated(executed.signal)  # it was meant for the whole process, not for this run
             return 130 if executed.result.interrupted else EXIT[executed.result.outcome]
@@ -151,7 +153,12 @@ def _answers_here(options: argparse.Namespace, console: Screen) -> bool:
 
 
 def _run_once(
-    options: argparse.Namespace, order: RunOrder, dashboard: Dashboard | None, views: Live | None, console: Screen
+    options: argparse.Namespace,
+    order: RunOrder,
+    dashboard: Dashboard | None,
+    views: Live | None,
+    control: ControlLock | None,
+    console: Screen,
 ) -> Executed:
     with contextlib.closing(LiveTree(console)) as live:
         listeners = [live.on_event] if views is None else [live.on_event, views.on_event]
@@ -160,7 +167,7 @@ def _run_once(
             with contextlib.closing(Keys(console, sys.stdin)) as keys:
                 executed = execute(order, [*listeners, keys.on_event], on_ready=keys.serve, readers=readers)
         else:
-            executed = _execute(order, listeners, readers, dashboard, console)
+            executed = _execute(order, listeners, readers, dashboard, control, console)
     with contextlib.suppress(OSError):  # nobody reads any more: the exit status says it all the same
         executed.summary.print(console, executed.record)
         if executed.problem:
@@ -181,10 +188,12 @@ def _serve(options: argparse.Namespace, console: Screen, stack: contextlib.ExitS
     return dashboard
 
 
-def _live_views(options: argparse.Namespace, console: Screen, stack: contextlib.ExitStack) -> Live | None:
-    """The run's viewers that were asked for; nothing of them is imported otherwise."""
-    if options.foxglove is None and options.rerun is None:
-        return None
+def _live_views(
+    options: argparse.Namespace, console: Screen, dashboard: Dashboard | None, stack: contextlib.ExitStack
+) -> tuple[Live | None, ControlLock | None]:
+    """The run's viewers that were asked for, and what they act with; nothing of them is imported otherwise."""
+    if options.foxglove is None and options.rerun is None and options.ros2 is None:
+        return None, None
     from executive.interop.live import Live, Sink
 
     sinks: list[Sink] = []
@@ -198,9 +207,14 @@ def _live_views(options: argparse.Namespace, console: Screen, stack: contextlib.
         from executive.interop.rerun_view import VIEWER, RerunView
 
         sinks.append(RerunView(options.rerun or VIEWER))
+    control = None
+    if options.ros2 is not None:
+        control = ControlLock() if dashboard is None else dashboard.control
+        access = make_access(options) if dashboard is None else dashboard.access
+        sinks.append(open_bridge(options, console, access, control))
     views = Live(sinks)
     stack.callback(views.close)
-    return views
+    return views, control
 
 
 def _execute(
@@ -208,8 +222,15 @@ def _execute(
     listeners: Sequence[Listener],
     readers: Sequence[Reader],
     dashboard: Dashboard | None,
+    control: ControlLock | None,
     console: Screen,
 ) -> Executed:
+    if dashboard is None and control is not None:
+        starting = control.prepare(order.tree.stem)
+        try:
+            return execute(order, listeners, on_ready=control.serve, starting=starting, readers=readers)
+        finally:
+            control.clear()
     if dashboard is None:
         return execute(order, listeners, readers=readers)
     lock, problem = dashboard.control, ""

@@ -83,9 +83,9 @@ class ToRos2:
         yield from self._tree.take(event, at)
         match event["event"]:
             case "LinkChanged":
-                yield _diagnostics(at, {event["device"]: event["state"]})
+                yield diagnostics(at, {event["device"]: event["state"]})
             case "SafeStopped":
-                yield _diagnostics(at, {"run": f"safe stop: {event['reason']}"})
+                yield diagnostics(at, {"run": f"safe stop: {event['reason']}"})
             case "Published" if isinstance(event["value"], Mapping) and event["value"].get("type") == "PosesView":
                 yield from self._moved(event["value"]["trace"], at)
             case "Published" if isinstance(event["value"], Mapping) and event["value"].get("type") == "SceneView":
@@ -164,7 +164,8 @@ def _maps(topic: str, clouds: Any, at: int) -> Iterator[RosMessage]:
             yield RosMessage(f"/pomona/octomap/{ros_name(topic)}", "octomap_msgs/msg/Octomap", at, fields)
 
 
-def _diagnostics(at: int, states: Mapping[str, str]) -> RosMessage:
+def diagnostics(at: int, states: Mapping[str, str]) -> RosMessage:
+    """How devices are, by name: 'ok', or what is wrong."""
     status = [
         {"level": 0 if state == "ok" else 2, "name": f"pomona: {name}", "message": state, "hardware_id": name}
         for name, state in states.items()

@@ -38,6 +38,48 @@ float64[] values
 """,
 }
 
+SERVICES: Mapping[str, tuple[str, str]] = {
+    "pomona_msgs/srv/Act": ("string token\nstring who\nstring detail\n", "bool success\nstring message\n"),
+    "pomona_msgs/action/RunTree_SendGoal": (
+        "unique_identifier_msgs/UUID goal_id\npomona_msgs/action/RunTree_Goal goal\n",
+        "bool accepted\nbuiltin_interfaces/Time stamp\n",
+    ),
+    "pomona_msgs/action/RunTree_GetResult": (
+        "unique_identifier_msgs/UUID goal_id\n",
+        "int8 status\npomona_msgs/action/RunTree_Result result\n",
+    ),
+    "action_msgs/srv/CancelGoal": (
+        "action_msgs/GoalInfo goal_info\n",
+        """\
+int8 ERROR_NONE=0
+int8 ERROR_REJECTED=1
+int8 ERROR_UNKNOWN_GOAL_ID=2
+int8 ERROR_GOAL_TERMINATED=3
+int8 return_code
+action_msgs/GoalInfo[] goals_canceling
+""",
+    ),
+}
+"""Request and response of services: ours, and those of which an action is made."""
+
+ACTIONS: Mapping[str, str] = {
+    "pomona_msgs/action/RunTree_Goal": """\
+string token
+string who
+string tree
+string cell
+uint32 seed
+string[] names
+string[] values
+""",
+    "pomona_msgs/action/RunTree_Result": "string outcome\nstring code\nstring reason\nfloat64 time\n",
+    "pomona_msgs/action/RunTree_Feedback": "string node\nstring status\nstring feedback\nfloat64 t\nuint32 tick\n",
+    "pomona_msgs/action/RunTree_FeedbackMessage": """\
+unique_identifier_msgs/UUID goal_id
+pomona_msgs/action/RunTree_Feedback feedback
+""",
+}
+
 OTHERS: Mapping[str, str] = {
     "py_trees_ros_interfaces/msg/KeyValue": "string key\nstring value\n",
     "py_trees_ros_interfaces/msg/Behaviour": """\

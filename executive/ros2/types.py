@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from executive.extras import need
-from executive.ros2.definitions import OTHERS, POMONA
+from executive.ros2.definitions import ACTIONS, OTHERS, POMONA, SERVICES
 
 EXTRA = "ros2"
 
@@ -34,10 +34,39 @@ def typestore() -> Any:
     typesys = need("rosbags.typesys", EXTRA, "ROS 2")
     store = typesys.get_typestore(typesys.Stores.ROS2_JAZZY)
     found: dict[str, Any] = {}
-    for name, text in {**OTHERS, **POMONA}.items():
+    for name, text in {**OTHERS, **POMONA, **ACTIONS}.items():
         found |= typesys.get_types_from_msg(text, name)
+    for name, (request, response) in SERVICES.items():
+        found |= service_types(name, request, response)
     store.register(found)
+    # In ROS 2's own language `char` is uint8, and services' hashes are made of that; rosbags has it as a character.
+    constants, parts = store.fielddefs[_INFO]
+    as_bytes = [(name, _renamed(kind, "char", "uint8") if name == "client_gid" else kind) for name, kind in parts]
+    store.fielddefs = {**store.fielddefs, _INFO: (constants, as_bytes)}
     return store
+
+
+_INFO = "service_msgs/msg/ServiceEventInfo"
+
+
+def service_types(name: str, request: str, response: str) -> Any:
+    """The types of a service from its two halves. The whole is never sent: its hash is the service's."""
+    typesys = need("rosbags.typesys", EXTRA, "ROS 2")
+    event = f"service_msgs/ServiceEventInfo info\n{name}_Request[<=1] request\n{name}_Response[<=1] response\n"
+    whole = f"{name}_Request request_message\n{name}_Response response_message\n{name}_Event event_message\n"
+    found: dict[str, Any] = {}
+    for ending, text in {"_Request": request, "_Response": response, "_Event": event, "": whole}.items():
+        found |= _renamed(typesys.get_types_from_msg(text, f"{name}{ending}"))
+    return found
+
+
+def _renamed(parsed: Any, old: str = "/srv/msg/", new: str = "/srv/") -> Any:
+    """Other names in a parsed definition: rosbags takes a service's parts for messages of a package `…/srv`."""
+    if isinstance(parsed, str):
+        return parsed.replace(old, new)
+    if isinstance(parsed, Mapping):
+        return {_renamed(key, old, new): _renamed(value, old, new) for key, value in parsed.items()}
+    return type(parsed)(_renamed(part, old, new) for part in parsed) if type(parsed) in (tuple, list) else parsed
 
 
 class Coder:
