@@ -100,6 +100,9 @@ screenshots: $(STAMP) ## pictures of the dashboard to look at, in runs/screensho
 bench-devices: $(STAMP) ## streams and round trips of the device drivers on emulated devices
 	$(BIN)/python -m benchmarks.bench_devices
 
+orchard-law: $(STAMP) ## simulated pulls of apples beside measured ones, in docs/reports/orchard_law; DATA=… the traces (half an hour)
+	$(BIN)/python -m benchmarks.orchard_law $(if $(DATA),--data $(DATA))
+
 oracle: $(STAMP) ## the collision model beside MuJoCo over 10 000 random states
 	$(BIN)/python -m benchmarks.collision_oracle --states 10000
 

@@ -56,6 +56,8 @@ class Scenery:
         shown = {"contype": 0, "conaffinity": 0, "group": 2}
         for k, green in enumerate(GREENS):
             count = self.leaves // len(GREENS)
+            if count == 0:
+                break
             vertices = np.concatenate([blade @ _any_rotation(rng).T + self._place(rng) for _ in range(count)])
             mesh = spec.add_mesh(name=f"behind_{k}")
             mesh.uservert = vertices.ravel()

@@ -1,0 +1,135 @@
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from drivers.cell import load_cell
+from drivers.cell_file import read_cell_file
+from drivers.errors import CellFileError
+from drivers.interfaces import Arm, Camera, ForceSensor, Gripper
+from drivers.orchard.bruises import impact_force
+from drivers.orchard.stems import AT_SPUR
+
+from .conftest import TREES
+
+CELL = TREES / "cells" / "orchard.yaml"
+BARE = {"apples": "3", "leaves": "0", "behind": "0"}
+
+
+@pytest.fixture
+def cell():
+    cell = load_cell(CELL, seed=3, overrides=BARE)
+    yield cell
+    cell.close()
+
+
+def put(world, i, p):
+    """Take a fruit off its spur and hold it at a point for an instant, at rest."""
+    world.stems.state[i] = AT_SPUR
+    world.stems.release(i)
+    fruit = world.built.wall.fruits[i]
+    offset = fruit.T_base_fruit[:3, :3].T @ (p - fruit.T_base_fruit[:3, 3])
+    for axis, k in (("x", 0), ("y", 1), ("z", 2)):
+        world.state.joint(f"fruit_{i}_{axis}").qpos[0] = offset[k]
+    world.state.qvel[world.built.stretch[i] : world.built.stretch[i] + 6] = 0.0
+
+
+def test_the_wall_has_the_tables_arm_hand_and_camera_behind_the_same_interfaces(cell):
+    table = read_cell_file(TREES / "cells" / "sim.yaml")
+    assert all(cell.device(kind) is not None for kind in (Arm, Gripper, ForceSensor, Camera))
+    assert cell.device(Arm).description.resolve() == Path(table.section.world.values.robot).resolve()
+    here = read_cell_file(CELL).section.devices
+    for name in ("arm", "gripper", "fingers", "camera"):
+        assert here[name].values == table.section.devices[name].values
+
+
+def test_a_wall_at_rest_loses_nothing_and_a_seed_gives_the_same_again(cell):
+    world = cell.devices["world"]
+    world.clock.advance(0.2)
+    report = world.score.report()
+    assert (report["apples"], report["detached"], report["fell"], report["collisions"]) == (3, 0, 0, 0)
+    assert {fruit["place"] for fruit in report["fruits"]} == {"hangs"}
+    again = load_cell(CELL, seed=3, overrides=BARE)
+    again.devices["world"].clock.advance(0.2)
+    assert np.array_equal(again.devices["world"].state.qpos, world.state.qpos)
+    again.close()
+
+
+def test_a_fruit_whose_stem_gives_way_falls_to_the_ground_and_is_bruised(cell):
+    world = cell.devices["world"]
+    world.built.strengths[1, 0] = 0.5
+    world.clock.advance(1.2)
+    report = world.score.report()
+    fallen = report["fruits"][1]
+    assert (fallen["place"], fallen["how"], fallen["stem_kept"], fallen["bruised"]) == ("ground", "fell", True, True)
+    assert (report["fell"], report["bruised"], report["picked"], report["knocked_off"]) == (1, 1, 0, 0)
+
+
+def test_a_fruit_that_is_laid_into_the_bin_is_picked_and_its_impact_is_that_of_its_fall(cell):
+    world = cell.devices["world"]
+    fruit, fall = world.built.wall.fruits[0], 0.006
+    put(world, 0, np.array([0.395, 0.045, -0.112 + fruit.dimensions.max() / 2.0 + fall]))
+    world.clock.advance(0.3)
+    report = world.score.report()
+    assert report["fruits"][0]["place"] == "bin"
+    assert report["picked"] == 1
+    assert not report["fruits"][0]["bruised"]
+    numbers = world.built.wall.numbers
+    speed = np.sqrt(2.0 * 9.81 * fall)
+    expected = impact_force(fruit.mass * speed, fruit.mass, fruit.radius, numbers.modulus_lining)
+    assert report["fruits"][0]["impact_n"] == pytest.approx(expected, rel=0.35)  # it stands a little askew
+
+
+@pytest.mark.parametrize(
+    ("pads", "by_robot", "lateral", "how"),
+    [
+        ((2.0, 2.0), True, False, "gripped"),
+        ((2.0, 0.0), True, False, "knocked"),
+        ((0.0, 0.0), False, True, "knocked"),
+        ((0.0, 0.0), False, False, "fell"),
+    ],
+)
+def test_how_a_fruit_came_off_is_told_by_what_touched_it(cell, pads, by_robot, lateral, how):
+    world = cell.devices["world"]
+    score, count = world.score, 3
+    touched = np.zeros(len(world.built.wall.laterals), bool)
+    touched[world.built.wall.spurs[world.built.wall.fruits[2].spur].lateral] = lateral
+    score.touches = SimpleNamespace(
+        look=lambda: None,
+        forces=np.zeros((count, 3)),
+        pads=np.array([(0.0, 0.0), (0.0, 0.0), pads]),
+        by_robot=np.array([False, False, by_robot]),
+        grounded=np.zeros(count, bool),
+        laterals=touched,
+        wood=0.0,
+        wire=0.0,
+        fixed=0.0,
+    )
+    score.look(2)
+    assert score.fruits[2].how == how
+
+
+def test_wind_moves_fruit_and_a_calm_wall_stands(cell):
+    windy = load_cell(CELL, seed=3, overrides={**BARE, "wind": "1"})
+    for each in (cell, windy):
+        each.devices["world"].clock.advance(0.5)
+    still, blown = (
+        each.devices["world"].state.xpos[each.devices["world"].built.fruit_bodies] for each in (cell, windy)
+    )
+    start = np.array([fruit.T_base_fruit[:3, 3] for fruit in cell.devices["world"].built.wall.fruits])
+    assert np.abs(still - start).max() < 1e-4
+    assert np.abs(blown - start).max() > 2e-3
+    windy.close()
+
+
+def test_a_cell_that_names_a_wrong_file_of_numbers_is_refused(tmp_path):
+    text = (
+        CELL.read_text()
+        .replace("../", f"{TREES}/")
+        .replace(f"{TREES}/walls/apple_wall.yaml", str(tmp_path / "no.yaml"))
+    )
+    path = tmp_path / "orchard.yaml"
+    path.write_text(text)
+    with pytest.raises(CellFileError, match="numbers"):
+        read_cell_file(path)
