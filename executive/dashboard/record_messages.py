@@ -11,7 +11,7 @@ import base64
 import json
 import math
 import struct
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -27,10 +27,20 @@ from executive.recording.decode import ForeignRecordError, event_from
 from executive.recording.folder import EVENTS, EVENTS_FILE
 from executive.recording.image_size import size_of_jpeg
 from executive.recording.json_text import is_strict, parse_object
-from executive.recording.overview import FREQUENT, MOST_BYTES, OVERVIEW, TOPIC, WHOLE, WHOLE_BYTES, Overview
+from executive.recording.overview import (
+    FREQUENT,
+    MOST_BYTES,
+    OVERVIEW,
+    TOPIC,
+    WHOLE,
+    WHOLE_BYTES,
+    Overview,
+    Standing,
+    standing,
+)
 from executive.recording.plain_file import open_plain
 from executive.recording.read import read_events
-from executive.recording.scan import Verdict, attachment, believed, walk, walk_topics
+from executive.recording.scan import Found, Verdict, attachment, believed, read_chunks, walk, walk_topics
 from executive.recording.well_known import IMAGES
 
 MOST_IMAGE = 50_000_000
@@ -44,6 +54,9 @@ PIECE = 262_144
 
 _LONGEST = 1e10
 """Seconds; no stamp is later."""
+
+_NEAR = 1e-6
+"""Seconds between an event's time as it is written and as its message's stamp says it."""
 
 
 class _PackedError(Exception):
@@ -82,6 +95,19 @@ def overview(folder: Path, images: str) -> Iterator[bytes]:
 def between(folder: Path, images: str, begin: float, end: float) -> Iterator[bytes]:
     """Every message of a stretch of a record: begin ≤ t ≤ end [s]."""
     return _pieces(_written(folder, images, begin, end))
+
+
+def moment(folder: Path, images: str, begin: float, end: float) -> Iterator[bytes]:
+    """What an overview leaves out of a stretch of a record: how things stood when it began, then every message of it.
+
+    It begins up to one of the overview's parts of the time earlier, since of each part the overview knows the last."""
+    path = folder / EVENTS_FILE
+    interval, known = _standing(path)
+    if interval and 0.0 < begin < _LONGEST:
+        begin = math.floor(begin / interval) * interval
+        last = {entry.key: entry for entry in known if entry.t < begin}
+        yield from _pieces(_message(path, line, images) for line in _chosen(path, last.values()))
+    yield from between(folder, images, begin, end)
 
 
 def image(folder: Path, at: int) -> bytes | None:
@@ -194,7 +220,36 @@ def _overview(folder: Path, images: str) -> Iterator[bytes]:
         note = {"v": VERSION, "event": "Overview", "interval": interval}
         yield json.dumps(note, separators=(",", ":")).encode()
     for line in lines:
-        yield _message(path, line, images)
+        if not interval or standing(line[0], line[2]) is None:
+            yield _message(path, line, images)
+
+
+def _standing(path: Path) -> tuple[float, tuple[Standing, ...]]:
+    """The interval of a thinned overview, or 0, and where what stands in it stands."""
+    about = path.stat()
+    return _standing_of(path, about.st_ino, about.st_size, about.st_mtime_ns)
+
+
+@lru_cache(maxsize=8)
+def _standing_of(path: Path, _inode: int, _size: int, _changed: int) -> tuple[float, tuple[Standing, ...]]:
+    if _size <= WHOLE_BYTES:
+        return 0.0, ()
+    try:
+        interval, lines = _prepared(path) or _made(path)
+    except _PackedError:
+        return 0.0, ()
+    found = (standing(seq, content) for seq, _t, content, _image in lines) if interval else ()
+    return interval, tuple(entry for entry in found if entry is not None)
+
+
+def _chosen(path: Path, entries: Iterable[Standing]) -> Iterator[Line]:
+    """The events that stand there, in order."""
+    wanted = {entry.seq: entry.t for entry in entries}
+    if _verdict(path).table is None:
+        yield from (line for line in _lines(path) if line[0] in wanted)
+        return
+    for seq, t in sorted(wanted.items()):
+        yield from (line for line in _lines(path, t - _NEAR, t + _NEAR) if line[0] == seq)
 
 
 def _prepared(path: Path) -> tuple[float, list[Line]] | None:
@@ -205,29 +260,12 @@ def _prepared(path: Path) -> tuple[float, list[Line]] | None:
     try:
         head, *rest = written.splitlines()
         interval = float(orjson.loads(head)["interval"])
-        entries = [line[1:-1].split(b",", 2) for line in rest]
-        lines = [(int(seq), int(number), content) for seq, number, content in entries]
-        if not 0.0 < interval < _LONGEST:
+        lines = [(int(seq), 0.0, content, -1) for seq, _, content in (line[1:-1].partition(b",") for line in rest)]
+        if not 0.0 < interval < _LONGEST or any(content[:1] != b"{" for _seq, _t, content, _image in lines):
             return None
     except (ValueError, KeyError, TypeError, IndexError):
         return None
-    places = _image_places(path) if any(number for _seq, number, _content in lines) else {}
-    return interval, [(seq, 0.0, content, _image_of(content, number, places)) for seq, number, content in lines]
-
-
-def _image_places(path: Path) -> dict[str, list[int]]:
-    places: dict[str, list[int]] = {}
-    for found in walk_topics(path, lambda topic: topic.startswith(IMAGES), 1, 0, _verdict(path)):
-        places.setdefault(found.topic, []).append(found.at)
-    return places
-
-
-def _image_of(content: bytes, number: int, places: Mapping[str, list[int]]) -> int:
-    view = TOPIC.search(content) if number else None
-    if view is None:
-        return -1
-    known = places.get(IMAGES + view[1].decode(errors="replace"), [])
-    return known[number - 1] if 0 < number <= len(known) else -1
+    return interval, lines
 
 
 def _made(path: Path) -> tuple[float, list[Line]]:
@@ -238,7 +276,7 @@ def _made(path: Path) -> tuple[float, list[Line]]:
         made.add(*line[:3])
     if made.count <= WHOLE or not made.entries:
         return 0.0, lines
-    return made.interval, [(e.seq, 0.0, e.text, lines[e.seq - 1][3]) for e in made.entries]
+    return made.interval, [(e.seq, 0.0, e.text, -1) for e in made.entries]
 
 
 def _with_image(path: Path, line: Line, images: str) -> bytes:
@@ -259,21 +297,34 @@ def _with_image(path: Path, line: Line, images: str) -> bytes:
 def _lines(path: Path, begin: float = 0.0, end: float = math.inf) -> Iterator[Line]:
     """Every event of a stretch of time [s]; an image belongs to the event after it."""
     pictures: dict[str, int] = {}
-    seq = 0
     first, last = round(max(begin, 0.0) * 1e9), round(min(end, _LONGEST) * 1e9)
-    for topic, stamp, content, at in walk_topics(path, _is_shown, first, last, _verdict(path)):
+    for seq, (topic, stamp, content, at) in _numbered(path, first, last):
         if at < 0:
             raise _PackedError
         if topic == EVENTS:
-            seq += 1
             if not first <= stamp <= last:
                 continue
             image_at = -1
             if pictures and (view := TOPIC.search(content)) is not None:
                 image_at = pictures.pop(IMAGES + view[1].decode(errors="replace"), -1)
             yield seq, stamp / 1e9, content, image_at
-        elif first <= stamp <= last:
+        elif first <= stamp <= last and topic.startswith(IMAGES):
             pictures[topic] = at
+
+
+def _numbered(path: Path, first: int, last: int) -> Iterator[tuple[int, Found]]:
+    """Messages, each with the number of the newest event; of a stretch of time [ns] at least those within."""
+    verdict, seq = _verdict(path), 0
+    if verdict.table is None or (first <= 0 and last >= _LONGEST * 1e9):
+        for found in walk_topics(path, _is_shown, first, last, verdict):
+            seq += found.topic == EVENTS
+            yield seq, found
+        return
+    for chunk, messages in read_chunks(path, verdict.table.within(first, last), verdict.table):
+        seq = chunk.events_before
+        for found in messages:
+            seq += found.topic == EVENTS
+            yield seq, found
 
 
 def _is_shown(topic: str) -> bool:

@@ -29,7 +29,7 @@ from executive.dashboard.connections import LiveWire, PatientHttp, wire_of
 from executive.dashboard.control_lock import ControlLock, RefusedError
 from executive.dashboard.hub import Hub, Viewer
 from executive.dashboard.presses import Presses, now, text
-from executive.dashboard.record_messages import between, cloud, image, overview, record_messages
+from executive.dashboard.record_messages import between, cloud, image, moment, overview, record_messages
 from executive.dashboard.security import Access, RequestGuard
 from executive.errors import PomonaError, UsageError
 from executive.recording.folder import EVENTS_FILE
@@ -212,7 +212,8 @@ class Dashboard:
         def pieces() -> Iterator[bytes]:
             try:
                 if stretch is not None:
-                    yield from between(folder, images, *stretch)
+                    part = moment if "standing" in request.query_params else between
+                    yield from part(folder, images, *stretch)
                 elif "overview" in request.query_params:
                     yield from overview(folder, images)
                 else:

@@ -74,6 +74,7 @@ class TopLevelRecord:
         checked: its checksum was there and is right, or it needs none.
         compressed: a chunk whose messages do not stand in the file as they are.
         stamp: the newest time in a chunk [ns].
+        oldest: the oldest one.
     """
 
     opcode: int
@@ -83,6 +84,7 @@ class TopLevelRecord:
     checked: bool = True
     compressed: bool = False
     stamp: int = 0
+    oldest: int = 0
 
 
 class Pieces:
@@ -157,8 +159,8 @@ class Pieces:
         records, crc, compression = _unpacked(content, self.at)
         if (crc or self._strict) and zlib.crc32(records) != crc:
             raise DamagedError(self.at, "a chunk does not match its checksum")
-        newest = int.from_bytes(content[8:16], "little")
-        return TopLevelRecord(CHUNK, self.at, records, end, crc != 0, bool(compression), newest)
+        oldest, newest = int.from_bytes(content[:8], "little"), int.from_bytes(content[8:16], "little")
+        return TopLevelRecord(CHUNK, self.at, records, end, crc != 0, bool(compression), newest, oldest)
 
     def _data_end(self, content: bytes, end: int, before: int) -> TopLevelRecord:
         crc = int.from_bytes(content, "little")

@@ -2,7 +2,10 @@
 each part of the time; of samples the least and the greatest. It is made while a run is recorded, and stands in the
 record as an attachment, so that half an hour opens without being read.
 
-An attachment's first line is {"interval": seconds}, every further one [an event's number, its image's or 0, the event].
+What only says how things stand (a view of a moment, a written value) is most of a picking robot's record, and of all of
+it a screen shows the last: of these an overview has the place only, and they are read with the moment that is shown.
+
+An attachment's first line is {"interval": seconds}, every further one [an event's number, the event].
 """
 
 from __future__ import annotations
@@ -11,6 +14,7 @@ import json
 import re
 from collections.abc import Hashable, Iterator
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 from executive.recording.extremes import Extremes
 
@@ -35,16 +39,19 @@ FREQUENT = re.compile(
 )
 _STATUS = re.compile(rb'"status":"(\w+)"')
 _STARTS = re.compile(rb'"starts":(\d+)')
+_T = re.compile(rb'"t":([-+0-9.eE]+)')
+STANDING = frozenset((b"PortWritten", b"ImageView", b"SceneView", b"BodiesView", b"TableView"))
+"""Kinds of events that stand until the next of their key."""
+
 TOPIC = re.compile(rb'"topic":"((?:[^"\\]|\\.)*)","value":\{"type":"(\w+)"')
 
 
 @dataclass(slots=True)
 class OverviewEntry:
-    """One event of an overview: its number, its text, its image's number, and its samples where it stands for more."""
+    """One event of an overview: its number, its text, and its samples where it stands for more."""
 
     seq: int
     content: bytes
-    image: int
     samples: Extremes | None = None
 
     @property
@@ -64,7 +71,7 @@ class Overview:
     _kept: dict[Hashable, OverviewEntry] = field(default_factory=dict)
     _state: dict[bytes, tuple[bytes, bytes]] = field(default_factory=dict)
 
-    def add(self, seq: int, t: float, content: bytes, image: int = 0) -> None:
+    def add(self, seq: int, t: float, content: bytes) -> None:
         """Take one event: its text as it is recorded."""
         self.count += 1
         if self.size > MOST_BYTES:
@@ -73,7 +80,8 @@ class Overview:
         while t >= self.interval * PARTS and self.interval < _LONGEST:
             self._coarsen()
         place = self._place(seq, t, content)
-        self._keep(place, OverviewEntry(seq, content, image))
+        stands = isinstance(place, tuple) and place[0] in STANDING
+        self._keep(place, OverviewEntry(seq, _head(content) if stands else content))
         if isinstance(place, tuple) and place[0] == b"SeriesView":
             entry = self._kept[place]
             entry.samples = entry.samples or Extremes()
@@ -90,7 +98,7 @@ class Overview:
             return
         yield json.dumps({"interval": self.interval}).encode() + b"\n"
         for entry in self.entries:
-            yield b"[%d,%d,%b]\n" % (entry.seq, entry.image, entry.text)
+            yield b"[%d,%b]\n" % (entry.seq, entry.text)
 
     def _keep(self, place: Hashable, entry: OverviewEntry) -> None:
         before = self._kept.pop(place, None)
@@ -134,3 +142,37 @@ class Overview:
                 return seq
             key, kind = view.groups()
         return kind, key, int(t / self.interval)
+
+
+class Standing(NamedTuple):
+    """Where an event stands that says how things are: its number, its time [s], its kind and key."""
+
+    seq: int
+    t: float
+    key: tuple[bytes, bytes]
+
+
+def standing(seq: int, content: bytes) -> Standing | None:
+    """What an event of an overview says of how things stand, or None: it is of another kind."""
+    found = FREQUENT.match(content)
+    if found is None:
+        return None
+    kind, key = found.groups()
+    if kind == b"Published":
+        view = TOPIC.search(content, found.start(2))
+        if view is None:
+            return None
+        key, kind = view.groups()
+    t = _T.search(content, 0, found.start(2))
+    if kind not in STANDING or t is None or not -_LONGEST < float(t[1]) < _LONGEST:
+        return None
+    return Standing(seq, float(t[1]), (kind, key))
+
+
+def _head(content: bytes) -> bytes:
+    """An event that stands, without what it says."""
+    view = TOPIC.search(content)
+    if view is not None and content.startswith(b'{"event":"Published"'):
+        return content[: view.end()] + b"}}"
+    found = FREQUENT.match(content)
+    return content if found is None else content[: found.end()] + b"}"

@@ -16,7 +16,6 @@ import queue
 import threading
 import time
 import traceback
-from collections import Counter
 from collections.abc import Mapping
 from dataclasses import replace
 from datetime import datetime
@@ -33,7 +32,7 @@ from executive.recording.folder import DEVICES, EVENTS, EVENTS_FILE, RecordError
 from executive.recording.interventions import INTERVENTIONS, EntryChain
 from executive.recording.overview import OVERVIEW, WHOLE_BYTES, Overview
 from executive.recording.schemas import EVENT, INTERVENTION, READING, Schema
-from executive.recording.well_known import IMAGES, Images, samples, well_known
+from executive.recording.well_known import Images, samples, well_known
 from executive.running.events import Event, OperatorActed, Published, RunEnded, RunStarted
 from executive.views import ImageView, SeriesView
 
@@ -79,7 +78,7 @@ class Recorder:
             raise RecordError(f"cannot write {folder / EVENTS_FILE}: {error.strerror}") from error
         self._writer = new_writer(self._file, CompressionType.NONE)
         self._interventions = EntryChain()
-        self._overview, self._events, self._pictures = Overview(), 0, Counter[str]()
+        self._overview, self._events = Overview(), 0
         self._thread = threading.Thread(target=self._work, name="pomona-recorder", daemon=True)
         self._thread.start()
 
@@ -182,16 +181,12 @@ class Recorder:
             if isinstance(event.value, ImageView):
                 for topic, schema, message in self._images.messages(event.topic, event.value, stamp):
                     self._write(topic, schema, stamp, message)
-                    self._pictures[topic] += 1
             elif isinstance(event.value, SeriesView):
                 for topic, schema, message in samples(event.topic, event.value):
                     self._write(topic, schema, stamp, message)
         self._events += 1
         content = self._write(EVENTS, EVENT, stamp, message_of(event))
-        number = 0
-        if isinstance(event, Published) and isinstance(event.value, ImageView) and event.value.image is not None:
-            number = self._pictures[f"{IMAGES}{event.topic}"]
-        self._overview.add(self._events, stamp / 1e9, content, number)
+        self._overview.add(self._events, stamp / 1e9, content)
         if isinstance(event, OperatorActed):
             self._write(INTERVENTIONS, INTERVENTION, stamp, self._interventions.add(event))
         for topic, schema, message in well_known(event, stamp):

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 import struct
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
@@ -33,6 +33,7 @@ from executive.recording.container import (
     next_chunk,
     records_of,
 )
+from executive.recording.folder import EVENTS
 from executive.recording.plain_file import open_plain
 
 _CHANNEL_HEAD = struct.Struct("<HHI")
@@ -42,6 +43,27 @@ REPAIR = "pomona.repair"
 
 class DamagedRecordError(UsageError):
     """A record fails its checks, so nothing in it is believed."""
+
+
+class Chunk(NamedTuple):
+    """Where a chunk begins, its oldest and its newest time [ns], and how many events are in the chunks before it."""
+
+    at: int
+    oldest: int
+    newest: int
+    events_before: int
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """The chunks of a file in their order, and its topics by their channels."""
+
+    chunks: tuple[Chunk, ...]
+    topics: Mapping[int, str]
+
+    def within(self, begin: int, end: int) -> list[Chunk]:
+        """Those with messages of a stretch of time [ns]."""
+        return [chunk for chunk in self.chunks if chunk.oldest <= end and chunk.newest >= begin]
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,6 +80,7 @@ class Verdict:
         compressed: messages do not stand in the file as they are.
         lost: what a repair before could not save, for people; empty when there was none.
         attachments: where they begin.
+        table: of its chunks, if all of them have their indexes and nothing stands outside them.
     """
 
     state: str
@@ -68,6 +91,7 @@ class Verdict:
     compressed: bool = False
     lost: str = ""
     attachments: tuple[int, ...] = ()
+    table: Table | None = None
 
 
 class Found(NamedTuple):
@@ -241,6 +265,26 @@ def _message_at(chunk: TopLevelRecord, offset: int) -> bytes:
     raise DamagedError(chunk.at, "an index of messages names a place where none begins")
 
 
+def read_chunks(path: Path, chunks: Iterable[Chunk], table: Table) -> Iterator[tuple[Chunk, Iterator[Found]]]:
+    """Some chunks of a file that is believed, each with its messages; nothing else of it is read.
+
+    Raises:
+        DamagedRecordError: something in them is not as it was written.
+        UsageError: the file cannot be read.
+    """
+    topics = dict(table.topics)
+    try:
+        with open_plain(path) as stream:
+            pieces = Pieces(stream)
+            for chunk in chunks:
+                pieces.go_to(chunk.at)
+                yield chunk, messages_of(next(iter(pieces)), topics)
+    except (CutError, DamagedError) as error:  # since it was examined
+        raise DamagedRecordError(f"{path}: the record is damaged and is not believed: {error}. {REMEDY}") from error
+    except OSError as error:
+        raise UsageError(f"{path}: {error.strerror}") from error
+
+
 def attachment(path: Path, name: str, verdict: Verdict) -> bytes | None:
     """The newest attachment of this name in a file that is believed, or None.
 
@@ -325,14 +369,17 @@ def _examined(path: Path, stream: BinaryIO) -> Verdict:
     topics: dict[int, str] = {}
     stamp, compressed, lost = 0, False, ""
     attachments: list[int] = []
+    table = _TableMaker()
 
     def verdict(state: str, why: str) -> Verdict:
-        return Verdict(state, why, stamp / 1e9, pieces.at, pieces.checked, compressed, lost, tuple(attachments))
+        made = table.made()
+        return Verdict(state, why, stamp / 1e9, pieces.at, pieces.checked, compressed, lost, tuple(attachments), made)
 
     try:
         for piece in pieces:
             compressed |= piece.compressed
             stamp = max(stamp, piece.stamp)
+            table.take(piece)
             if piece.opcode != CHUNK:  # what a chunk holds is looked at when it is read: its checksum is right
                 for found in messages_of(piece, topics):
                     stamp = max(stamp, found.stamp)
@@ -354,6 +401,45 @@ def _examined(path: Path, stream: BinaryIO) -> Verdict:
             return verdict("cut off", f"only zeros follow after {error.at} bytes, as after a loss of power")
         return verdict("damaged", f"{error}, at {stamp / 1e9:.2f} s of the run")
     return replace(good, checked=pieces.checked)
+
+
+class _TableMaker:
+    """Makes the table of a file's chunks from its pieces."""
+
+    def __init__(self) -> None:
+        self._chunks: list[Chunk] = []
+        self._topics: dict[int, str] = {}
+        self._events = 0
+        self._chunk: TopLevelRecord | None = None  # whose indexes follow
+        self._indexed, self._usable = True, True
+
+    def take(self, piece: TopLevelRecord) -> None:
+        """The next piece."""
+        if piece.opcode == CHUNK:
+            self._usable &= self._indexed and not piece.compressed
+            self._chunks.append(Chunk(piece.at, piece.oldest, piece.stamp, self._events))
+            self._chunk, self._indexed = piece, False
+        elif piece.opcode == MESSAGE_INDEX and self._chunk is not None:
+            self._count(self._chunk, int.from_bytes(piece.content[:2], "little"), (len(piece.content) - 6) // 16)
+        elif piece.opcode == MESSAGE:
+            self._usable = False
+        else:
+            self._chunk = None
+
+    def made(self) -> Table | None:
+        """The table of what was taken; the last chunk's indexes may be missing, since nothing is counted from them."""
+        return Table(tuple(self._chunks), self._topics) if self._usable and self._chunks else None
+
+    def _count(self, chunk: TopLevelRecord, channel: int, messages: int) -> None:
+        self._indexed = True
+        if channel not in self._topics:
+            try:
+                for opcode, begin, end in records_of(chunk.content, chunk.at):
+                    if opcode == CHANNEL:
+                        _add_channel(chunk, begin, end, self._topics)
+            except DamagedError:  # told when the chunk is read
+                self._usable = False
+        self._events += messages if self._topics.get(channel) == EVENTS else 0
 
 
 def _is_cut(stream: BinaryIO, at: int) -> bool:

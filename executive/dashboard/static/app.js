@@ -1,7 +1,7 @@
 // The page: messages in, state, views. A live run streams over the WebSocket; a recorded one is read. Both can be scrubbed.
 import { $, put, seconds } from "./dom.js";
 import { apply, emptyState } from "./store.js";
-import { newFeed, page, readAddress, say, withToken } from "./page.js";
+import { newCursor, newFeed, page, readAddress, say, withToken } from "./page.js";
 import { connect, isStale, press } from "./link.js";
 import { drawTrust } from "./trust.js";
 import "./layout.js";
@@ -15,6 +15,7 @@ import { drawLog, drawNode, drawPorts, drawWhy, onMoment } from "./panels.js";
 import { openOver, openOverview, recordAddress, wantDetail } from "./record.js";
 import { drawStart, loadRuns, showRuns } from "./runs.js";
 
+const WORDS = 80; // ms between two writings while a record is played
 const MOST_CHARACTERS = 30e6; // of messages that are kept for scrubbing in a live run; older ones become one state
 
 const toggleBreak = (path, side) => press(`${page.whole.breaks[side].has(path) ? "un" : ""}break${side === "after" ? "_after" : ""}`, path);
@@ -29,24 +30,26 @@ onMoment(goTo);
 
 const beginning = () => (page.base ? structuredClone(page.base) : emptyState());
 
-function momentState() {
-  if (page.at === null) return page.whole;
-  wantDetail(page.at);
-  return momentOf(page.feed, page.at);
+const momentState = () => (page.at === null ? page.whole : momentOf(page.feed, page.at));
+
+function momentOf(feed, at, cursor = "shown", wanted = () => true) {
+  if (feed[cursor].at > at || !feed[cursor].state.run) feed[cursor] = { ...newCursor(), ...(feed.base ? { state: structuredClone(feed.base) } : {}) };
+  const here = feed[cursor];
+  for (; here.index < feed.messages.length && (feed.messages[here.index].t ?? 0) <= at + 1e-9; here.index++) if (wanted(feed.messages[here.index])) apply(here.state, feed.messages[here.index]);
+  here.at = at;
+  return here.state;
 }
 
-function momentOf(feed, at) {
-  if (feed.shownState.t > at || !feed.shownState.run) { feed.shownState = feed.base ? structuredClone(feed.base) : emptyState(); feed.shownIndex = 0; }
-  while (feed.shownIndex < feed.messages.length && (feed.messages[feed.shownIndex].t ?? 0) <= at + 1e-9) apply(feed.shownState, feed.messages[feed.shownIndex++]);
-  return feed.shownState;
-}
+// The samples up to a moment that is still to come, for the curves.
+const isSample = (m) => m.value?.type === "SeriesView" || m.event === "RunStarted" || m.event === "Overview";
+const samplesOf = (feed) => (t) => momentOf(feed, t, "ahead", isSample).series;
 
 // Of a run that failed: what camera, scene and series showed when it did. What moved afterwards explains nothing.
 let evidence = { key: "", state: null };
 function evidenceState(s) {
   const latest = s.failures.at(-1);
-  if (!s.ended || s.ended.outcome === "success" || !latest || s.ended.t - latest.t < 0.1) return s;
-  wantDetail(latest.t);
+  if (!s.ended || s.ended.outcome === "success" || !latest || s.ended.t - latest.t < 0.1) { if (page.at !== null) wantDetail(page.at); return s; }
+  wantDetail(latest.t, s.t);
   const key = `${s.run?.run}|${latest.t}|${page.messages.length}`;
   if (key !== evidence.key) {
     const state = beginning();
@@ -56,10 +59,15 @@ function evidenceState(s) {
   return evidence.state;
 }
 
+// While a record is played the cursors move with every frame, and what is written and drawn follows a little less often.
+let written = 0;
 function render() {
   requestAnimationFrame(render);
   if (page.playing) play();
-  if (!page.dirty) return;
+  if (!page.dirty && !page.playing) return;
+  const now = performance.now();
+  if (!page.dirty && now - written < WORDS) { timeline.point(page.at); plots.point(page.at); return; }
+  written = now;
   page.dirty = false;
   const s = momentState();
   drawHeader(s);
@@ -74,7 +82,8 @@ function render() {
   const { over } = page, other = over && momentOf(over, page.at ?? page.whole.t);
   drawOver(over, other);
   scene.update(seen, page.selected, other);
-  plots.update(seen, seen === s ? page.at : seen.t, Math.max(page.whole.t, over?.whole.t ?? 0), page.playing, other);
+  const follows = page.at !== null && seen === s; // what was measured after the shown moment is known, too
+  plots.update(seen, seen === s ? page.at : seen.t, Math.max(page.whole.t, over?.whole.t ?? 0), other, follows ? [samplesOf(page.feed), over && samplesOf(over)] : null);
   drawTables(s);
   drawNode(s, toggleBreak);
   drawPorts(s);
@@ -102,8 +111,7 @@ function play() {
   lastFrame = now;
   const length = Math.max(page.whole.t, page.over?.whole.t ?? 0);
   page.at = Math.min(length, (page.at ?? 0) + dt * Number($("speed").value));
-  if (page.at >= length) { page.playing = false; if (!page.recorded) page.at = null; }
-  page.dirty = true;
+  if (page.at >= length) { page.playing = false; page.dirty = true; if (!page.recorded) page.at = null; }
 }
 
 function togglePlay() {
@@ -151,7 +159,7 @@ function receive(message, size) {
 function shorten(feed) {
   const base = feed.base ? structuredClone(feed.base) : emptyState();
   for (const message of feed.messages.splice(0, feed.messages.length / 2)) apply(base, message);
-  Object.assign(feed, { base, size: feed.size / 2, shownState: emptyState(), shownIndex: 0 });
+  Object.assign(feed, { base, size: feed.size / 2, shown: newCursor(), ahead: newCursor() });
 }
 
 async function openRecord(name, t) {

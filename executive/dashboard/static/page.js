@@ -2,8 +2,11 @@
 import { $ } from "./dom.js";
 import { emptyState } from "./store.js";
 
-// The messages of one run, and the states that they give.
-export const newFeed = () => ({ messages: [], size: 0, whole: emptyState(), base: null, overview: null, shownState: emptyState(), shownIndex: 0 });
+// A state that follows the messages up to a moment.
+export const newCursor = () => ({ state: emptyState(), index: 0, at: -Infinity });
+
+// The messages of one run, and the states that they give: of the whole, of the shown moment, of the samples that follow it.
+export const newFeed = () => ({ messages: [], size: 0, whole: emptyState(), base: null, overview: null, shown: newCursor(), ahead: newCursor() });
 
 export const page = {
   live: newFeed(), record: null, over: null, at: null, playing: false,

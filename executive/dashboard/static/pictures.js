@@ -65,18 +65,18 @@ const FINER = { m: ["mm", 1e3], "m/s": ["mm/s", 1e3], "m/s²": ["mm/s²", 1e3] }
 const figure = (v) => (v === null || v === undefined ? "–" : Math.abs(v) < 5e-4 ? "0" : String(Number(v.toPrecision(3))));
 const unitOf = (name) => name.match(/\[(.+)\]/)?.[1] ?? "";
 const HEIGHT = innerHeight < 800 ? 108 : 132;
-const PLAYED = 80; // ms between two drawings while a record is played
 const DASHES = [undefined, [8, 3], [3, 3], [10, 3, 2, 3]];
 
-// One chart for each unit of each topic: quantities of different units share no axis.
+// One chart for each unit of each topic: quantities of different units share no axis. At a moment of a record a page of
+// the curves stands still, what comes later paler, and the moment moves over it as an element of its own.
 export class PlotsView {
   constructor() {
-    this.charts = new Map(); this.marks = []; this.at = null; this.span = 60; this.end = 0;
+    Object.assign(this, { charts: new Map(), marks: [], at: null, span: 60, end: 0, page: [0, 0], follows: false });
     for (const button of document.querySelectorAll("[data-span]")) button.addEventListener("click", () => {
       this.span = Number(button.dataset.span);
       for (const other of document.querySelectorAll("[data-span]")) other.setAttribute("aria-pressed", other === button);
-      this.at = NaN; // whatever the moment is, it is drawn anew
-      for (const chart of this.charts.values()) chart.drawn = -1;
+      this.page = [0, 0];
+      for (const chart of this.charts.values()) chart.drawn = "";
     });
   }
 
@@ -85,29 +85,32 @@ export class PlotsView {
     this.charts.clear();
   }
 
-  // The stretch of time that is shown: it ends a little after the moment that is looked at.
-  range() {
-    if (!this.span || this.end <= this.span) return [0, Math.max(0.1, this.end)];
-    const to = Math.min(this.end, (this.at ?? this.end) + this.span / 6);
-    return [Math.max(0, to - this.span), Math.max(to, this.span)];
+  // The stretch of time that is shown: the newest, or the page with the moment.
+  range(follows) {
+    const { span, end, at } = this;
+    if (!span || end <= span) return [0, Math.max(0.1, end)];
+    if (!follows) { const to = Math.min(end, (at ?? end) + span / 6); return [Math.max(0, to - span), Math.max(to, span)]; }
+    const [from, to] = this.page, ahead = to < end ? span / 12 : 0;
+    if (to - from === span && at >= from && at <= to - ahead) return this.page;
+    const start = Math.max(0, Math.min(end - span, at - span / 3));
+    return [start, start + span];
   }
 
-  update(state, at, end, playing = false, over = null) {
-    const now = performance.now();
-    if (playing && state.run === this.run && now - this.updated < PLAYED) return; // curves need not keep up with every frame
-    Object.assign(this, { updated: now, run: state.run });
-    const moved = this.at !== at;
+  // `ahead`: the samples of this run, and of the one over it, up to a time after the moment; none where there is no after.
+  update(state, at, end, over = null, ahead = null) {
     this.marks = state.marks.filter((mark) => mark.kind !== "state");
-    this.end = end;
-    this.at = at;
+    const marks = this.marks.length;
+    Object.assign(this, { end, at, follows: Boolean(ahead) });
+    this.page = this.range(this.follows);
+    const [from, to] = this.page, shown = ahead ? ahead[0](to) : state.series, others = ahead?.[1] ? ahead[1](to) : over?.series;
     const wanted = new Set();
-    for (const [topic, series] of state.series) {
+    for (const [topic, series] of shown) {
       const names = Object.keys(series.values);
       for (const unit of new Set(names.map(unitOf))) {
         const key = `${topic}|${unit}`;
         const mine = names.filter((name) => unitOf(name) === unit);
         wanted.add(key);
-        const other = over?.series.get(topic) ?? null;
+        const other = others?.get(topic) ?? null;
         const both = other ? mine.filter((name) => name in other.values) : [];
         if (this.charts.get(key)?.names.length !== mine.length || this.charts.get(key).both.length !== both.length) {
           this.charts.get(key)?.box.remove();
@@ -115,37 +118,51 @@ export class PlotsView {
         }
         const chart = this.charts.get(key);
         Object.assign(chart, { series, other });
-        const ended = this.span === 0 || end < this.span || at !== null ? "" : end.toFixed(1);
-        if (chart.drawn !== series.writes || chart.otherDrawn !== other?.writes || chart.of !== series || chart.ended !== ended || moved) {
-          Object.assign(chart, { drawn: series.writes, otherDrawn: other?.writes, of: series, ended });
+        const drawn = `${from}|${to}|${series.writes}|${other?.writes}|${marks}`;
+        if (chart.drawn !== drawn || chart.of !== series) {
+          Object.assign(chart, { drawn, of: series });
           chart.plot.setData(this.data(chart));
-          this.tell(chart);
-          const [from, to] = this.range();
           chart.thinned.hidden = !series.thinned.some(([a, b]) => a < to && b > from);
         }
         const { width } = chart;
         if (width && Math.abs(chart.plot.width - width) > 4) chart.plot.setSize({ width, height: HEIGHT });
+        this.tell(chart);
       }
     }
     for (const [key, chart] of this.charts) if (!wanted.has(key)) { chart.box.remove(); this.charts.delete(key); }
     $("plots").classList.toggle("empty", this.charts.size === 0);
     $("spans").hidden = this.charts.size === 0;
     showAge($("series-age"), state.series.size ? Math.max(...[...state.series.values()].map((s) => s.last)) : null, state);
+    this.point(at);
+  }
+
+  // The moment over the curves.
+  point(at) {
+    const [from, to] = this.page;
+    for (const { plot, cursor, room } of this.charts.values()) {
+      const x = at === null ? -1 : ((at - from) / (to - from)) * room();
+      const place = `translateX(${x.toFixed(1)}px)`;
+      if (cursor.dataset.place === place) continue;
+      cursor.dataset.place = place;
+      cursor.style.transform = place;
+      cursor.hidden = at === null || at < from || at > to;
+      cursor.classList.toggle("later", this.follows && at < plot.data[0].at(-1));
+    }
   }
 
   // Each quantity's value under the cursor, else at the moment that is shown.
   tell(chart) {
     const { plot, values, names, both } = chart;
     const last = plot.data[0].length - 1;
-    const index = plot.cursor.idx ?? (this.at === null ? last : plot.data[0].findLastIndex((t) => t <= this.at + 1e-6));
+    const index = plot.cursor.idx ?? (this.at === null ? last : lowerBound(plot.data[0], this.at + 1e-6) - 1);
     const known = (column) => { let i = index; while (i > 0 && plot.data[column][i] === undefined) i -= 1; return plot.data[column][i]; }; // at times of the other run
     values.forEach((element, i) => { const over = both.indexOf(names[i]); put(element, figure(known(i + 1)) + (over < 0 ? "" : ` · ${figure(known(names.length + 1 + over))}`)); });
   }
 
   // Times and values of what is shown; of two runs, both over the same time from each one's start.
   data({ series, other, names, both, scale }) {
-    const own = thin(series, names, this.range(), scale);
-    return other && both.length ? uPlot.join([own, thin(other, both, this.range(), scale)]) : own;
+    const own = thin(series, names, this.page, scale);
+    return other && both.length ? uPlot.join([own, thin(other, both, this.page, scale)]) : own;
   }
 
   make(topic, unit, names, series, both, other) {
@@ -164,14 +181,17 @@ export class PlotsView {
     const thinned = h("small", { class: "thinned", hidden: true, title: "of many samples the least and the greatest are shown; nearer, in a shorter span, all of them are" }, "thinned");
     const box = h("div", { class: names.length > 2 ? "plot many" : "plot" }, h("h3", {}, `${topic}${shown ? ` [${shown}]` : ""} `, thinned), h("div", { class: "keys" }, keys), canvas);
     $("plots").append(box);
-    const chart = { box, width: 0, names, both, other, thinned, series, values, scale, drawn: -1, of: null };
+    const chart = { box, width: 0, names, both, other, thinned, series, values, scale, drawn: "", of: null };
     chart.plot = new uPlot({
       width: box.clientWidth || 300, height: HEIGHT, padding: [8, 14, 0, 0], legend: { show: false }, cursor: { sync: { key: "run" }, drag: { x: false, y: false }, y: false },
-      scales: { x: { time: false, range: () => this.range() }, y: { range: (_u, low, high) => padded(low, high, chart.series.thresholds, unit, scale) } },
+      scales: { x: { time: false, range: () => this.page }, y: { range: (_u, low, high) => padded(low, high, chart.series.thresholds, unit, scale) } },
       axes: [{ ...axis, size: 24, values: (_u, v) => v.map((x) => `${Number(x.toFixed(2))} s`), space: 60 }, { ...axis, size: 48, space: 28, values: (_u, v) => v.map((x) => (x && Math.abs(x) < 1e-3 ? Number(x.toPrecision(2)).toExponential() : String(Number(x.toPrecision(3))))) }],
       series: [{}, ...names.map((_name, i) => ({ stroke: palette[i % palette.length], width: 1.75, dash: DASHES[i % 4], points: { show: false } })), ...both.map((name) => ({ stroke: palette[names.indexOf(name) % palette.length], width: 1.25, dash: [1.5, 3], alpha: 0.85, points: { show: false } }))],
-      hooks: { draw: [(u) => annotate(u, chart.series.thresholds, unit, scale, this.marks, this.at, css)], setCursor: [() => this.tell(chart)] },
+      hooks: { draw: [(u) => annotate(u, chart.series.thresholds, unit, scale, this.marks, css)], setCursor: [() => this.tell(chart)] },
     }, this.data(chart), canvas);
+    chart.cursor = h("i", { class: "plot-cursor", hidden: true });
+    chart.plot.over.append(chart.cursor);
+    chart.room = () => chart.plot.bbox.width / devicePixelRatio;
     new ResizeObserver(() => { chart.width = box.clientWidth; }).observe(box); // to ask for it makes the browser lay the page out
     return chart;
   }
@@ -191,8 +211,8 @@ function padded(low, high, thresholds, unit, scale) {
   return [low - air, high + air];
 }
 
-// Thresholds of this unit, what happened, and the moment that is shown.
-function annotate(u, thresholds, unit, scale, marks, at, css) {
+// Thresholds of this unit, and what happened.
+function annotate(u, thresholds, unit, scale, marks, css) {
   const g = u.ctx;
   const { left, top, width, height } = u.bbox;
   const colour = (name) => css.getPropertyValue(name).trim();
@@ -212,7 +232,6 @@ function annotate(u, thresholds, unit, scale, marks, at, css) {
     g.beginPath(); g.moveTo(left, y); g.lineTo(left + width, y); g.stroke();
     g.fillText(name.replace(` [${unit}]`, ""), left + 6, y - 4);
   }
-  if (at !== null) vertical(at, colour("--text"), []);
   g.restore();
 }
 

@@ -1,18 +1,22 @@
 // A recorded run: first what a screen can show of the whole, then everything around the moment that is looked at.
-import { newFeed, page, read } from "./page.js";
-import { apply, emptyState } from "./store.js";
+import { newCursor, newFeed, page, read } from "./page.js";
+import { apply } from "./store.js";
 
 const AROUND = 20; // seconds of a long record that are read on each side of a moment
 const MARGIN = 6; // of these, what must be left ahead before more is read
+const TOGETHER = 120; // seconds between two moments that are still read as one stretch
+const SLICE = 4; // ms for which a record is parsed before the page may draw again
 
 export const recordAddress = (run, what) => `/api/runs/${encodeURIComponent(run)}/${what}`;
 
 // Hand over each message of a record as it comes.
-export async function readRecord(name, take, query = "?overview") {
+export async function readRecord(name, take, query = "?overview", slice = Infinity) {
   const answer = await read(recordAddress(name, `messages${query}`));
   if (!answer.ok) throw new Error(`there is no record ${name}`);
   const text = await answer.text();
+  let began = performance.now();
   for (let from = 0; from < text.length;) { // line by line, without a second copy of the whole
+    if (performance.now() - began > slice) { await new Promise((done) => { setTimeout(done); }); began = performance.now(); }
     let to = text.indexOf("\n", from);
     if (to < 0) to = text.length;
     if (to > from) take(JSON.parse(text.slice(from, to)));
@@ -27,7 +31,7 @@ export async function openOverview(name) {
     await readRecord(name, (message) => {
       if (page.recorded !== name) return; // another one was opened meanwhile
       if (message.event === "Unreadable") problem = message.message;
-      if (message.event === "Overview") page.overview = { all: [], detail: null, reading: null };
+      if (message.event === "Overview") page.overview = { all: [], interval: message.interval, detail: null, reading: null };
       page.overview?.all.push(message);
       page.messages.push(message);
       apply(page.whole, message);
@@ -49,18 +53,27 @@ export async function openOver(name) {
   return over;
 }
 
-// Of a long record: everything around this moment, once it has been read.
-export async function wantDetail(t) {
-  const { overview, recorded } = page;
+function upTo(messages, at) {
+  const index = messages.findIndex((m) => (m.t ?? 0) > at + 1e-9);
+  return index < 0 ? messages.length : index;
+}
+
+// Of a long record: everything around this moment, and up to a later one that is shown beside it, once it has been read.
+export async function wantDetail(t, later = t) {
+  const { overview, recorded, feed } = page;
   if (!overview || overview.reading) return;
-  const { detail } = overview;
-  if (detail && t >= detail[0] && (t <= detail[1] - MARGIN || detail[1] >= page.whole.t)) return;
-  const [begin, end] = [Math.max(0, t - AROUND), t + AROUND];
+  const { detail } = overview, until = later - t > TOGETHER ? t : later;
+  if (detail && t >= detail[0] && (until <= detail[1] - MARGIN || detail[1] >= page.whole.t)) return;
+  const begin = Math.floor(Math.max(0, t - AROUND) / overview.interval) * overview.interval, end = until + AROUND;
   overview.reading = [begin, end];
   const inside = [];
-  try { await readRecord(recorded, (message) => inside.push(message), `?begin=${begin}&end=${end}`); } catch { overview.reading = null; return; }
-  if (page.overview !== overview) return;
+  try { await readRecord(recorded, (message) => inside.push(message), `?standing&begin=${begin}&end=${end}`, SLICE); } catch { overview.reading = null; return; }
+  if (page.feed !== feed) return;
   Object.assign(overview, { detail: [begin, end], reading: null });
-  page.messages = [...overview.all.filter((m) => !(m.t >= begin)), ...inside, ...overview.all.filter((m) => m.t > end)];
-  Object.assign(page, { shownState: emptyState(), shownIndex: 0, dirty: true });
+  feed.messages = [...overview.all.filter((m) => !(m.t >= begin)), ...inside, ...overview.all.filter((m) => m.t > end)];
+  const { shown } = feed; // what was played up to here stays as it is
+  if (detail && shown.at >= begin && shown.at >= detail[0] && shown.at <= detail[1]) shown.index = upTo(feed.messages, shown.at);
+  else feed.shown = newCursor();
+  feed.ahead = newCursor();
+  page.dirty = true;
 }

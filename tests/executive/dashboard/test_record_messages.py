@@ -10,14 +10,14 @@ import pytest
 
 from executive.dashboard import record_messages as reading
 from executive.dashboard.messages import encode
-from executive.dashboard.record_messages import between, first_event, image, overview, record_messages
+from executive.dashboard.record_messages import between, first_event, image, moment, overview, record_messages
 from executive.errors import UsageError
 from executive.reasons import Reason
 from executive.recording import overview as thinning
 from executive.recording import recorder
 from executive.recording.recorder import Recorder
 from executive.recording.scan import attachment, believed, walk, walk_topics
-from executive.running.events import Event, NodeChanged, Published, RunEnded, StateChanged
+from executive.running.events import Event, NodeChanged, PortWritten, Published, RunEnded, StateChanged
 from executive.views import ImageView, Line2, Points3, SceneView, SeriesView
 
 REASON = Reason("a/b", "JAMMED", 'stuck \u2028 "here"', {"angle": 0.5}, (Reason("c", "X", "y"),))
@@ -152,18 +152,50 @@ def test_an_image_stays_behind_until_it_is_asked_for(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("small")
-def test_images_of_an_overview_are_those_of_their_moment(tmp_path: Path) -> None:
-    looks = [
-        Published(n * 1.0, n, "n", "camera", ImageView(np.full((8, 8 + 8 * n, 3), n, np.uint8))) for n in range(30)
-    ]
-    folder = write(tmp_path / "r", tuple(looks))
+@pytest.mark.parametrize("chunk", [2_000, 65_536])
+def test_how_things_stand_is_read_with_the_moment_and_not_with_the_overview(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, chunk: int
+) -> None:
+    monkeypatch.setattr(recorder, "CHUNK_BYTES", chunk)
+    events: list[Event] = []
+    for n in range(30):
+        picture = ImageView(np.full((8, 8 + 8 * n, 3), n, np.uint8))
+        events += [
+            NodeChanged(n * 1.0, n, "n", "RUNNING", "looks", n),
+            Published(n * 1.0, n, "n", "camera", picture),
+            PortWritten(n * 1.0, n, "n/seen", "fruit " * n, "n", ""),
+        ]
+    folder = write(tmp_path / "r", tuple(events))
     note, *messages = (json.loads(line) for line in b"".join(overview(folder, "/images/")).splitlines())
     assert note["interval"] == pytest.approx(1.6)
-    assert len(messages) == 19
-    for message in messages:
-        assert message["value"]["size"] == [8 + 8 * message["tick"], 8]
-        found = image(folder, int(message["value"]["image"].removeprefix("/images/")))
-        assert found is not None
+    assert {message["event"] for message in messages} == {"NodeChanged"}
+    for begin in np.arange(0.0, 29.0, 0.7):
+        found = [json.loads(line) for line in b"".join(moment(folder, "/images/", begin, begin + 2.0)).splitlines()]
+        assert [m["seq"] for m in found] == sorted(m["seq"] for m in found)
+        for t in (begin, begin + 1.0):
+            look = [m for m in found if m["t"] <= t and m["event"] == "Published" and m["topic"] == "camera"][-1]
+            assert look["tick"] == int(t)
+            assert look["value"]["size"] == [8 + 8 * int(t), 8]
+            assert image(folder, int(look["value"]["image"].removeprefix("/images/"))) is not None
+            port = [m for m in found if m["t"] <= t and m["event"] == "PortWritten"][-1]
+            assert (port["tick"], port["value"]) == (int(t), "fruit " * int(t))
+
+
+def test_a_stretch_of_a_record_is_found_without_reading_the_rest(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(recorder, "CHUNK_BYTES", 2_000)
+    path = write(tmp_path / "r", long_run(300)) / "run.mcap"
+    whole = path.read_bytes()
+    everything = [json.loads(line) for line in b"".join(record_messages(path.parent)).splitlines()]
+    for length in (len(whole), len(whole) * 2 // 3):
+        path.write_bytes(whole[:length])
+        table = believed(path).table
+        assert table is not None
+        assert 1 <= len(table.within(1_000_000_000, 1_100_000_000)) < len(table.chunks) / 5
+        found = [json.loads(line) for line in b"".join(between(path.parent, "/images/", 1.0, 1.1)).splitlines()]
+        assert found == [message for message in everything if 1.0 <= message["t"] <= 1.1]
+        assert len(found) == 12
 
 
 def test_chunks_indexes_lead_to_the_same_messages_as_a_walk_through_all(

@@ -288,7 +288,16 @@ def test_an_image_is_an_image_of_the_record_or_nothing(client: TestClient, tmp_p
 
 
 @pytest.mark.parametrize(
-    "query", ["begin=x&end=y", "begin=nan&end=nan", "begin=-inf&end=inf", "begin=1", "overview=" * 99]
+    "query",
+    [
+        "begin=x&end=y",
+        "begin=nan&end=nan",
+        "begin=-inf&end=inf",
+        "begin=1",
+        "overview=" * 99,
+        "standing&begin=inf&end=inf",
+        "standing&begin=1e308&end=0",
+    ],
 )
 def test_odd_questions_about_a_record_do_no_harm(client: TestClient, tmp_path: Path, query: str) -> None:
     (tmp_path / "run_1").mkdir()

@@ -30,7 +30,7 @@ import numpy as np
 
 from executive.dashboard import record_messages
 from executive.dashboard.messages import encode
-from executive.dashboard.record_messages import _is_message, image, overview
+from executive.dashboard.record_messages import _is_message, image, moment, overview
 from executive.encode import encoded
 from executive.errors import PomonaError, UsageError
 from executive.reasons import Reason
@@ -169,6 +169,7 @@ class Records:
         reading: tuple[Callable[[], object], ...] = (
             lambda: list(itertools.islice(differences(self.before, comparable(self.odd)), 1)),
             lambda: list(overview(self.odd, "/images/")),
+            lambda: list(moment(self.odd, "/images/", 0.5, 1.0)),
             lambda: image(self.odd, rng.randrange(len(self.content) + 1)),
             lambda: interventions(self.odd / EVENTS_FILE, cut=rng.random() < 0.5),
         )
