@@ -273,7 +273,7 @@ def bench_record(report: Figures, dashboard: Dashboard, browser: Any, _duration:
     report.tell(f"a record of 30 minutes ({size:.0f} MB) opens", time.perf_counter() - began, "s", 2.0)
     page.evaluate("location.hash = 'run=half_hour&t=900'")
     began = time.perf_counter()
-    with page.expect_response("**/messages?begin=*") as answer:
+    with page.expect_response("**/messages?standing*") as answer:
         pass
     answer.value.finished()
     report.note("everything around a moment is there after", f"{time.perf_counter() - began:.2f} s")

@@ -13,6 +13,8 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from executive.campaign.report import failure_code, failure_message, report
 from executive.campaign.run import RESULTS, finished_runs, run_campaign, succeeded
 from executive.campaign.spec import Campaign, CampaignRun, read_campaign
+from executive.commands.alerting import add_alerts, alerts_of
+from executive.dashboard.alerts import Alerts
 from executive.engine import add_engine_options, open_engine
 from executive.errors import UsageError
 from executive.terminal.screen import Screen
@@ -31,6 +33,7 @@ def add(subparsers: Any) -> None:
     parser.add_argument("--record", action="store_true", help="keep a record of every run, too")
     parser.add_argument("--report", action="store_true", help="run nothing; write the report of what is there")
     parser.add_argument("--report-to", type=Path, metavar="DIR", help="folder of the report (default: that of results)")
+    add_alerts(parser)
     parser.set_defaults(main=main)
 
 
@@ -45,16 +48,19 @@ def main(options: argparse.Namespace) -> int:
     campaign = planned.only(subset(planned, options.seeds, options.only))
     out: Path = options.out or Path("runs") / f"campaign_{campaign.name}"
     interrupted = False
+    alerts = alerts_of(options)
     if not options.report:
         try:
             with (
                 open_engine(options.engine, options.workers, options.address) as engine,
-                _Shown(campaign, console) as shown,
+                _Shown(campaign, console, alerts) as shown,
             ):
                 run_campaign(campaign, out, engine, shown.ended, options.record)
         except KeyboardInterrupt:
             interrupted = True
             console.print("interrupted; the same command goes on from here")
+        if alerts is not None:
+            alerts.wait()
     results = list(finished_runs(campaign, out, lambda problem: console.print(problem, style="yellow")).values())
     if not results:
         raise UsageError(f"{out / RESULTS} holds no results of this campaign yet")
@@ -95,8 +101,8 @@ def subset(campaign: Campaign, seeds: int | None, only: Sequence[str]) -> list[C
 class _Shown:
     """Progress: a bar in a terminal, else a line a run."""
 
-    def __init__(self, campaign: Campaign, console: Screen) -> None:
-        self._campaign, self._console = campaign, console
+    def __init__(self, campaign: Campaign, console: Screen, alerts: Alerts | None = None) -> None:
+        self._campaign, self._console, self._alerts = campaign, console, alerts
         columns = (BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn())
         self._bar = Progress(
             TextColumn("{task.description}", markup=False), *columns, console=console, disable=not console.is_terminal
@@ -115,6 +121,8 @@ class _Shown:
     def ended(self, result: dict[str, Any], done: int, of: int) -> None:
         good = succeeded(result, self._campaign.conditions)
         self._good += good
+        if self._alerts is not None:
+            self._alerts.count(good, failure_code(result, self._campaign.conditions), result["name"])
         self._ended += 1
         self._bar.update(self._task, completed=done, description=f"{self._campaign.name} {self._good}/{self._ended} ✓")
         left = (time.monotonic() - self._started) / self._ended * (of - done) / 60.0

@@ -9,8 +9,8 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from executive.commands.alerting import add_alerts, alerts_of, outcomes_in
 from executive.commands.command_line import add_records_folder
-from executive.dashboard.alerts import AlertRule, Alerts
 from executive.dashboard.choices import Choices
 from executive.dashboard.control_lock import ControlLock, RefusedError
 from executive.dashboard.security import Access
@@ -39,22 +39,10 @@ def add(subparsers: Any) -> None:
     parser.add_argument(
         "--cell", action="append", default=[], metavar="FILE", help="offer this cell, too, beside the installed ones"
     )
-    parser.add_argument(
-        "--alert-to", metavar="URL", help="post a JSON object there when fewer of the last runs succeed than should"
-    )
-    parser.add_argument(
-        "--alert-below", type=_share, default=0.8, metavar="SHARE", help="of runs that should succeed (default: 80%%)"
-    )
-    parser.add_argument(
-        "--alert-over", type=int, default=20, metavar="N", help="the last runs that count (default: 20)"
-    )
+    add_alerts(parser)
     add_ros2(parser)
     add_address(parser)
     parser.set_defaults(main=main)
-
-
-def _share(text: str) -> float:
-    return float(text.removesuffix("%")) / 100.0 if text.endswith("%") else float(text)
 
 
 def add_address(parser: argparse.ArgumentParser) -> None:
@@ -205,10 +193,6 @@ class Launcher:
         )
 
 
-def _rule(options: argparse.Namespace) -> AlertRule:
-    return AlertRule(options.alert_to, options.alert_below, options.alert_over)
-
-
 def main(options: argparse.Namespace) -> int:
     """Serve until Ctrl-C.
 
@@ -218,7 +202,7 @@ def main(options: argparse.Namespace) -> int:
     console = Screen()
     dashboard = Dashboard(make_access(options), options.record)
     choices = Choices.installed(options.tree, options.cell)
-    alerts = [] if options.alert_to is None else [Alerts(_rule(options)).on_event]
+    alerts = alerts_of(options, outcomes_in(options.record, options.alert_over) if options.alert_to else ())
     views: list[Live] = []
 
     def on_event(event: Event) -> None:
@@ -233,7 +217,7 @@ def main(options: argparse.Namespace) -> int:
         dashboard,
         options.record,
         choices,
-        [*alerts, on_event],
+        [on_event] if alerts is None else [alerts.on_event, on_event],
         [read],
     )
     if options.ros2 is not None:

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from executive.commands.alerting import add_alerts, alerts_of, outcomes_in
 from executive.commands.command_line import add_records_folder
 from executive.commands.dashboard import add_address, add_ros2, make_access, open_bridge
 from executive.commands.watch import run_on_save
@@ -98,6 +99,7 @@ def add(subparsers: Any) -> None:
     )
     add_ros2(parser)
     parser.add_argument("--watch", action="store_true", help="run again each time the tree file is saved")
+    add_alerts(parser)
     add_address(parser)
     parser.set_defaults(main=main)
 
@@ -129,12 +131,16 @@ def main(options: argparse.Namespace) -> int:
     )
     if order.breaks and not order.attended:
         raise UsageError("nobody could go on after a breakpoint: add --dashboard")
+    alerts = alerts_of(options, outcomes_in(options.record, options.alert_over) if options.alert_to else ())
     with contextlib.ExitStack() as stack:
+        if alerts is not None:
+            stack.callback(alerts.wait)
         dashboard = _serve(options, console, stack) if options.dashboard else None
         live_views, control = _live_views(options, console, dashboard, stack)
 
         def run() -> int:
-            executed = _run_once(options, order, dashboard, live_views, control, console)
+            counting = [] if alerts is None else [alerts.on_event]
+            executed = _run_once(options, order, dashboard, live_views, control, console, counting)
             if executed.signal not in (None, signal.SIGINT) and (options.watch or dashboard is not None):
                 raise Terminated(executed.signal)  # it was meant for the whole process, not for this run
             return 130 if executed.result.interrupted else EXIT[executed.result.outcome]
@@ -159,9 +165,10 @@ def _run_once(
     views: Live | None,
     control: ControlLock | None,
     console: Screen,
+    counting: Sequence[Listener] = (),
 ) -> Executed:
     with contextlib.closing(LiveTree(console)) as live:
-        listeners = [live.on_event] if views is None else [live.on_event, views.on_event]
+        listeners = [live.on_event, *counting] if views is None else [live.on_event, *counting, views.on_event]
         readers = [] if views is None else [views.read]
         if _answers_here(options, console):
             with contextlib.closing(Keys(console, sys.stdin)) as keys:

@@ -7,6 +7,7 @@ import logging
 import threading
 import urllib.request
 from collections import Counter, deque
+from collections.abc import Iterable
 from dataclasses import dataclass
 from urllib.parse import urlsplit
 
@@ -47,11 +48,17 @@ class AlertRule:
 class Alerts:
     """Counts the outcomes of runs. Subscribe `on_event` to their streams; tells once when the share falls below."""
 
-    def __init__(self, rule: AlertRule) -> None:
+    def __init__(self, rule: AlertRule, before: Iterable[tuple[bool, str]] = ()) -> None:
+        """
+        Args:
+            rule: when somebody is told.
+            before: of the runs before, oldest first: whether each succeeded, and its code if not.
+        """
         self._rule = rule
-        self._outcomes: deque[tuple[bool, str]] = deque(maxlen=rule.over)
-        self._told = False
-        self._run = ""
+        self._outcomes: deque[tuple[bool, str]] = deque(before, maxlen=rule.over)
+        self._told = self._is_low()
+        self._run, self._counted = "", False
+        self._teller: threading.Thread | None = None
 
     def on_event(self, event: Event) -> None:
         """Take one event; returns at once."""
@@ -60,30 +67,49 @@ class Alerts:
     def take(self, event: Event) -> threading.Thread | None:
         """The same; gives the thread that tells, if there is something to tell."""
         if isinstance(event, RunStarted):
-            self._run = event.run
+            self._run, self._counted = event.run, False
         if not isinstance(event, RunEnded):
             return None
+        if self._counted and self._outcomes:  # it has ended otherwise than it seemed: its record was lost, for instance
+            self._outcomes.pop()
+        self._counted = bool(self._run)
         leaf = event.reason
         while leaf is not None and leaf.causes:
             leaf = leaf.causes[-1]
-        self._outcomes.append((event.outcome == "success", "" if leaf is None else leaf.code))
-        share = sum(good for good, _code in self._outcomes) / len(self._outcomes)
-        low = len(self._outcomes) == self._rule.over and share < self._rule.below
+        return self.count(event.outcome == "success", "" if leaf is None else leaf.code, self._run)
+
+    def count(self, good: bool, code: str, run: str) -> threading.Thread | None:
+        """Count one more run; gives the thread that tells, if there is something to tell."""
+        self._outcomes.append((good, "" if good else code))
+        low = self._is_low()
         tells, self._told = low and not self._told, low
         if not tells:
             return None
+        share = self._share()
         codes = Counter(code for good, code in self._outcomes if not good)
         words = f"{share:.0%} of the last {self._rule.over} runs succeeded, less than {self._rule.below:.0%}"
         most = ", ".join(f"{code or 'no code'} {count}×" for code, count in codes.most_common(3))
         body = {
             "text": f"Pomona: {words}; failures: {most}", "success_rate": share, "below": self._rule.below,
-            "runs": self._rule.over, "failures": dict(codes), "last_run": self._run,
+            "runs": self._rule.over, "failures": dict(codes), "last_run": run,
         }  # fmt: skip
         teller = threading.Thread(
             target=self._tell, args=(json.dumps(body).encode(),), name="pomona-alert", daemon=True
         )
         teller.start()
+        self._teller = teller
         return teller
+
+    def wait(self) -> None:
+        """Give the other program the time it may take, before the process ends."""
+        if self._teller is not None:
+            self._teller.join(PATIENCE)
+
+    def _share(self) -> float:
+        return sum(good for good, _code in self._outcomes) / len(self._outcomes)
+
+    def _is_low(self) -> bool:
+        return len(self._outcomes) == self._rule.over and self._share() < self._rule.below
 
     def _tell(self, body: bytes) -> None:
         asked = urllib.request.Request(self._rule.address, body, {"content-type": "application/json"}, method="POST")

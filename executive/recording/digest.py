@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
+import re
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
+
+import orjson
 
 from executive.errors import UsageError
 from executive.recording.ending import why_cut
@@ -19,11 +23,13 @@ from executive.recording.scan import DamagedRecordError, Verdict, believed, scan
 
 _NAMES = ("RunStarted", "AttemptEnded", "RunEnded", "OperatorActed", "NodeChanged")
 _HEADS = tuple(f'{{"event":"{name}"'.encode() for name in _NAMES)
+_SERIES = re.compile(rb'\{"event":"Published",[^{]*"value":\{"type":"SeriesView"')
 _NODE, _FAILURE = b'{"event":"NodeChanged"', b'"status":"FAILURE"'
 
 STATES = ("ended", "running", "cut off", "damaged", "unreadable")
-MOST_TEXT, MOST_CODE, MOST_CODES, MOST_ENTRIES = 2000, 100, 200, 1000
-"""Of what an index keeps of one run: characters of a text, of a code; codes; settings and other names with values."""
+MOST_TEXT, MOST_CODE, MOST_CODES, MOST_ENTRIES, MOST_QUANTITIES = 2000, 100, 200, 1000, 50
+"""Of what an index keeps of one run: characters of a text, of a code or name; codes; settings and other names with
+values; measured quantities."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,6 +47,7 @@ class Digest:
         wall_time: when it began, as seconds since 1970.
         tree_hash, cell_hash: of their texts.
         git: commit of the Pomona that ran, with a + for a changed one.
+        peaks: the greatest sample of each measured quantity, by its name with its unit, as they came.
         bytes: size of its MCAP file.
         picture: whether there is one.
         checked: whether everything in it has a checksum.
@@ -68,6 +75,7 @@ class Digest:
     wall: float | None = None
     ticks: int | None = None
     truth: Mapping[str, Any] | None = None
+    peaks: Mapping[str, float] = field(default_factory=dict)
     bytes: int = 0
     picture: bool = False
     checked: bool = True
@@ -107,9 +115,12 @@ def _read(path: Path, verdict: Verdict) -> dict[str, Any]:
     attempts = 0
     entries: list[bytes] = []
     acts: list[dict[str, Any]] = []
+    peaks: dict[str, float] = {}
     for topic, content in scan(path, verdict):
         if topic == INTERVENTIONS:
             entries.append(content)
+        if topic == EVENTS and _SERIES.match(content):
+            _raise_peaks(peaks, content)
         if topic != EVENTS or not content.startswith(_HEADS):
             continue
         if content.startswith(_NODE) and _FAILURE not in content:
@@ -135,7 +146,16 @@ def _read(path: Path, verdict: Verdict) -> dict[str, Any]:
         raise UsageError("it does not say how the run began")
     if verdict.lost:
         about["lost"] = _text(verdict.lost)
-    return {**about, "codes": dict(codes), "attempts": attempts, "checked": verdict.checked}
+    return {**about, "codes": dict(codes), "attempts": attempts, "peaks": peaks, "checked": verdict.checked}
+
+
+def _raise_peaks(peaks: dict[str, float], content: bytes) -> None:
+    """Take a message's samples. What is not as expected adds nothing: it is left to whoever reads it whole."""
+    with contextlib.suppress(ValueError, TypeError, KeyError, AttributeError):
+        for name, series in orjson.loads(content)["value"]["values"].items():
+            measured = [sample for sample in series if sample is not None]
+            if measured and (name in peaks or len(peaks) < MOST_QUANTITIES):
+                peaks[_text(name, MOST_CODE)] = max(float(max(measured)), peaks.get(name, -math.inf))
 
 
 def _beginning(event: Mapping[str, Any]) -> dict[str, Any]:

@@ -39,12 +39,13 @@ MIGRATIONS: tuple[str, ...] = (
     UPDATE runs SET stamp = 0
     """,
     "UPDATE runs SET stamp = 0",  # the message is that of the last cause
+    "ALTER TABLE runs ADD COLUMN peaks TEXT; UPDATE runs SET stamp = 0",
 )
 """Each brings the index from one version of its schema to the next. One that adds a column ends with
 `UPDATE runs SET stamp = 0`: every record is then read again."""
 
 _COLUMNS = tuple(field.name for field in fields(Digest))
-_AS_JSON = ("parameters", "settings", "codes", "truth")
+_AS_JSON = ("parameters", "settings", "codes", "truth", "peaks")
 _OPTIONAL = ("seed", "outcome", "code", "message", "time", "wall", "ticks", "truth")
 _KINDS: dict[str, type] = {
     **dict.fromkeys(_COLUMNS, str), **dict.fromkeys(_AS_JSON, dict), **dict.fromkeys(("picture", "checked"), bool),
@@ -168,7 +169,7 @@ def _unpacked(name: str, value: Any) -> Any:
 
 
 def _mapping(name: str, value: Any) -> Any:
-    kind = {"settings": str, "codes": int}.get(name, object)
+    kind = {"settings": str, "codes": int, "peaks": float}.get(name, object)
     if isinstance(value, dict) and not all(isinstance(item, kind) for item in value.values()):
         raise TypeError(name)
     return value

@@ -7,15 +7,19 @@ import threading
 import time
 from collections.abc import Iterator
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
 from typing import Any
 
 import pytest
 
+from executive.cli import main
+from executive.commands.alerting import outcomes_in
 from executive.dashboard import alerts as module
 from executive.dashboard.alerts import AlertRule, Alerts
 from executive.errors import UsageError
 from executive.reasons import Reason
-from executive.running.events import RunEnded
+from executive.recording.recorder import Recorder
+from executive.running.events import RunEnded, RunStarted
 
 
 class Hook:
@@ -57,6 +61,12 @@ def ended(good: bool) -> RunEnded:
     return RunEnded(1.0, 50, "success" if good else "failure", reason, 50, 1.0, 1.0, None)
 
 
+def started(run: str) -> RunStarted:
+    return RunStarted(
+        0.0, 0, run, "tree", "t.yaml", "", "", "fake", "mock", "c.yaml", "", 0, {}, (), {}, 1.0 + len(run), 0.02
+    )
+
+
 def feed(alerts: Alerts, outcomes: str) -> int:
     tellers = [alerts.take(ended(outcome == "+")) for outcome in outcomes]
     for teller in tellers:
@@ -93,6 +103,43 @@ def test_no_run_waits_for_a_webhook_that_does_not_answer(
     teller.join(5.0)
     assert len(hook.posted) == 2
     assert "the alert was not taken" in caplog.text
+
+
+def test_a_run_that_ends_otherwise_than_it_seemed_counts_once(hook: Hook) -> None:
+    alerts = Alerts(AlertRule(hook.address, below=0.5, over=2), before=[(True, "")])
+    alerts.take(started("one"))
+    assert alerts.take(ended(True)) is None
+    assert alerts.take(ended(False)) is None  # its record was lost: an error after all; one of two is not yet too few
+    alerts.take(started("two"))
+    teller = alerts.take(ended(False))
+    assert teller is not None
+    alerts.wait()
+    (told,) = hook.posted
+    assert (told["success_rate"], told["failures"], told["last_run"]) == (0.0, {"SLIPPED": 2}, "two")
+
+
+def test_runs_of_other_processes_count_and_what_was_known_is_not_told_again(tmp_path: Path, hook: Hook) -> None:
+    for n, good in enumerate((True, False, False)):
+        folder = tmp_path / f"2026-11-2{n}"
+        folder.mkdir()
+        recorder = Recorder(folder)
+        recorder.on_event(started(folder.name))
+        recorder.on_event(ended(good))
+        recorder.close()
+    before = outcomes_in(tmp_path, 3)
+    assert before == [(True, ""), (False, "GAVE_UP"), (False, "GAVE_UP")]
+    assert Alerts(AlertRule(hook.address, below=0.5, over=3), before).count(False, "X", "run") is None
+    assert Alerts(AlertRule(hook.address, below=0.5, over=4), before).count(False, "X", "run") is not None
+
+
+def test_a_run_from_the_command_line_tells_too(tmp_path: Path, hook: Hook) -> None:
+    tree = tmp_path / "bad.yaml"
+    tree.write_text("pomona: 1\ntree: bad\nroot:\n  fail: {code: BLOCKED, message: x}\n", encoding="utf-8")
+    alert = ["--alert-to", hook.address, "--alert-over", "2"]
+    order = ["run", str(tree), "--dry", "--quiet", "--record", str(tmp_path / "runs"), *alert]
+    assert [main(order), len(hook.posted)] == [1, 0]
+    assert [main(order), len(hook.posted)] == [1, 1]
+    assert hook.posted[0]["failures"] == {"BLOCKED": 2}
 
 
 @pytest.mark.parametrize(

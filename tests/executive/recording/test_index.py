@@ -5,12 +5,16 @@ from __future__ import annotations
 import sqlite3
 from pathlib import Path
 
+import numpy as np
 import pytest
 from recorded_events import FAILED, SUCCEEDED, write
 
 from executive.recording import index as index_module
 from executive.recording.folder import EVENTS_FILE, hash_of
 from executive.recording.index import INDEX_FILE, MIGRATIONS, RunIndex
+from executive.recording.recorder import Recorder
+from executive.running.events import Published
+from executive.views import SeriesView
 
 
 @pytest.fixture
@@ -120,3 +124,15 @@ def test_a_locked_index_does_not_hide_the_runs(runs: Path, monkeypatch: pytest.M
 def test_a_folder_that_is_not_there_holds_no_runs(tmp_path: Path) -> None:
     assert RunIndex(tmp_path / "nowhere").read() == []
     assert not (tmp_path / "nowhere").exists()
+
+
+def test_what_was_measured_at_most_is_known_of_every_run(tmp_path: Path) -> None:
+    (tmp_path / "a").mkdir()
+    recorder = Recorder(tmp_path / "a")
+    for k, force in enumerate(([1.0, 7.5], [np.nan, 3.0], [np.nan, np.nan])):
+        view = SeriesView(np.arange(2) * 0.002 + k, {"force [N]": np.array(force), "slip [mm]": np.array([-2.0, -1.0])})
+        recorder.on_event(Published(k * 1.0, k, "n", "grip", view))
+    recorder.close()
+    (found,) = RunIndex(tmp_path).read()
+    assert found.peaks == {"force [N]": 7.5, "slip [mm]": -1.0}
+    assert list(found.peaks) == ["force [N]", "slip [mm]"]
