@@ -82,6 +82,9 @@ def test_what_is_clicked_in_the_scene_is_chosen_in_the_tree_and_back(show: Show,
     show.record(LOOK, "old_1")
     page = open_page("run=old_1", viewport={"width": 1280, "height": 720})
     expect(page.locator("#scene-legend")).to_contain_text("planned path")
+    large = box(page, "#scene")
+    assert large["width"] >= 400
+    assert large["height"] >= 190  # on the smallest desk's screen, with everything else in sight
     before = page.evaluate(PAINTED)
     page.evaluate(PICK)
     expect(page.locator(".row.selected .name")).to_have_text("Look")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -205,7 +206,7 @@ def test_a_run_whose_needed_record_was_removed_is_an_error_and_names_no_record(
     said = capsys.readouterr()
     told = json.loads(said.out.splitlines()[-1])
     assert (told["outcome"], told["reason"]["code"], told["record"]) == ("error", "NO_RECORD", None)
-    assert "the record ends at 0.00 s" in " ".join(said.err.split())
+    assert re.search(r"the record ends at 0\.[01]0 s", " ".join(said.err.split()))  # whenever its thread has seen it
 
 
 class Evil:

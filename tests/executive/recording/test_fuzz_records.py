@@ -10,13 +10,21 @@ from types import ModuleType
 import pytest
 
 from executive.dashboard import record_messages
-from executive.recording import scan
+from executive.recording import overview, recorder, scan
 
 
 @pytest.fixture
 def fuzzer(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
     for module in (scan, record_messages):  # the fuzzer puts files in memory in its place
         monkeypatch.setattr(module, "open_plain", module.open_plain)
+    sizes = (
+        (overview, "WHOLE"),
+        (recorder, "WHOLE_BYTES"),
+        (record_messages, "WHOLE"),
+        (record_messages, "WHOLE_BYTES"),
+    )
+    for module, name in sizes:
+        monkeypatch.setattr(module, name, getattr(module, name))  # and calls its record a long one
     spec = importlib.util.spec_from_file_location("fuzz_records", Path(__file__).with_name("fuzz_records.py"))
     assert spec is not None
     assert spec.loader is not None
