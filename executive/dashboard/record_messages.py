@@ -297,7 +297,7 @@ def _with_image(path: Path, line: Line, images: str) -> bytes:
 def _lines(path: Path, begin: float = 0.0, end: float = math.inf) -> Iterator[Line]:
     """Every event of a stretch of time [s]; an image belongs to the event after it."""
     pictures: dict[str, int] = {}
-    first, last = round(max(begin, 0.0) * 1e9), round(min(end, _LONGEST) * 1e9)
+    first, last = (round(min(max(t, 0.0), _LONGEST) * 1e9) for t in (begin, end))
     for seq, (topic, stamp, content, at) in _numbered(path, first, last):
         if at < 0:
             raise _PackedError
