@@ -1,4 +1,4 @@
-"""Looks over a cell before a run: libraries, graphics, ports, every device, rates, intrinsics, calibrations."""
+"""Looks over a cell before a run: libraries, extras, graphics, ports, every device, rates, intrinsics, calibrations."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import ctypes.util
 import importlib
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass, is_dataclass
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 import numpy as np
@@ -27,6 +28,17 @@ LIBRARIES = {
     "serial": "pyserial",
     "can": "python-can",
 }
+EXTRAS = {
+    "ros2": ("rosbags", "eclipse-zenoh"),
+    "lerobot": ("pyarrow",),
+    "foxglove": ("foxglove-sdk",),
+    "rerun": ("rerun-sdk",),
+    "realsense": ("pyrealsense2",),
+    "onnx": ("onnx", "onnxruntime"),
+    "ray": ("ray",),
+    "lsp": ("pygls",),
+}
+"""What is installed only for who asks for it, and the packages that it brings."""
 WATCHED = 1.0
 """Streams are watched for so long [s]."""
 ENOUGH = 0.95
@@ -56,7 +68,7 @@ def examine(path: Path, overrides: Mapping[str, str] | None = None) -> list[Repo
         path: of the cell file.
         overrides: values of the file's options.
     """
-    checks = [*_libraries(), _graphics()]
+    checks = [*_libraries(), *_extras(), _graphics()]
     missing: dict[str, DriverError] = {}
     try:
         cell = load_cell(path, overrides=overrides, missing=missing.__setitem__)
@@ -81,6 +93,16 @@ def _libraries() -> Iterator[ReportLine]:
             yield ReportLine(module, False, f"cannot be imported: {error}", f"pip install {package}")
         else:
             yield ReportLine(module, True, str(version))
+
+
+def _extras() -> Iterator[ReportLine]:
+    """Which are there. Nothing is imported, and one that is not there is no fault."""
+    for extra, packages in EXTRAS.items():
+        try:
+            found = ", ".join(f"{package} {version(package)}" for package in packages)
+        except PackageNotFoundError:
+            found = f"not installed; pip install 'pomona[{extra}]'"
+        yield ReportLine(f"extra {extra}", True, found)
 
 
 def _graphics() -> ReportLine:

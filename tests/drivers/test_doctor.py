@@ -1,10 +1,12 @@
 import argparse
+from importlib.metadata import requires
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 
+from drivers import doctor
 from drivers.commands.doctor import add, find_cell
 from drivers.doctor import ReportLine, examine
 
@@ -69,3 +71,18 @@ def test_the_command_prints_a_line_for_each_check_and_a_sum(
     lines = capsys.readouterr().out.splitlines()
     assert any(line.startswith("✓ camera") for line in lines)
     assert lines[-1].startswith("1 of ")
+
+
+def test_it_says_which_extras_are_there_and_how_to_install_the_others(monkeypatch: pytest.MonkeyPatch) -> None:
+    def version(package: str) -> str:
+        if package == "eclipse-zenoh":
+            raise doctor.PackageNotFoundError(package)
+        return "1.2"
+
+    monkeypatch.setattr(doctor, "version", version)
+    lines = {line.name: line for line in doctor._extras()}
+    assert all(line.ok for line in lines.values())
+    assert lines["extra ros2"].found == "not installed; pip install 'pomona[ros2]'"
+    assert lines["extra foxglove"].found == "foxglove-sdk 1.2"
+    declared = {text.split("extra ==")[1].strip(" '\"") for text in requires("pomona") or () if "extra ==" in text}
+    assert set(doctor.EXTRAS) == declared - {"dev"}

@@ -1,0 +1,1 @@
+"""Devices that are topics of ROS 2."""
