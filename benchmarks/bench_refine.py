@@ -26,6 +26,7 @@ from benchmarks.refine_orchard import orchard_errors
 from benchmarks.refine_pyrender import render_with_plain_pyrender
 from benchmarks.refine_scenes import CAMERA, View, cell_views, leaf_over, stretched_views
 from benchmarks.refine_searches import SEARCHES, search, timed
+from benchmarks.synthetic_depth import as_d435i, looking_at, standing, true_depth
 from executive.values.arrays import Float64
 from skills.geometry import rot_x, rot_y, transform
 from skills.perception.fruit import FruitModel, load_fruit
@@ -34,7 +35,6 @@ from skills.perception.refinement.depth_image import ImageBox, RendererName
 from skills.perception.refinement.errors import RefineError
 from skills.perception.refinement.paper import fit_scale_by_rendering
 from skills.perception.refinement.scale_fit import fit_scale
-from skills.perception.refinement.synthetic_depth import as_d435i, looking_at, standing, true_depth
 
 CELL = Path("trees/cells/sim.yaml")
 ELEVATIONS = (30.0, 45.0, 60.0, 75.0, 85.0)

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
+from benchmarks.synthetic_depth import as_d435i, looking_at, standing, true_depth
 from drivers.cell import load_cell
 from drivers.interfaces import Frame, Intrinsics
 from drivers.sim.gl import in_gl_thread, load_mujoco, open_renderer
@@ -22,7 +23,6 @@ from skills.geometry import apply, inverse, rot_y, transform
 from skills.perception.detection.cuboid import cuboid_keypoints
 from skills.perception.detection.options import DetectorOptions
 from skills.perception.fruit import FruitModel
-from skills.perception.refinement.synthetic_depth import as_d435i, looking_at, standing, true_depth
 from skills.shared.looking import find_in_frame
 
 CAMERA = Intrinsics(610.6, 610.6, 319.5, 239.5, 640, 480)

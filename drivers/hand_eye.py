@@ -95,7 +95,7 @@ class HandEye:
 
 
 def find_board(image: NDArray[np.uint8], intrinsics: Intrinsics, board: Chessboard) -> Float64 | None:
-    """T_camera_board of the board in an RGB image, or None when it is not seen whole."""
+    """T_camera_board (4, 4) [m] of the board in an RGB image (h, w, 3), or None when it is not seen whole."""
     grey = cv2.cvtColor(image, cv2.COLOR_RGB2GRAY)
     found, corners = cv2.findChessboardCornersSB(grey, (board.columns, board.rows))
     if not found:

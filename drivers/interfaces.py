@@ -33,7 +33,7 @@ class Intrinsics:
 
     @property
     def K(self) -> Float64:
-        """The 3 x 3 camera matrix."""
+        """The camera matrix, (3, 3) [px]."""
         return np.array([[self.fx, 0.0, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]])
 
 
@@ -52,7 +52,7 @@ class DepthNoise:
     floor: float = 0.0
 
     def deviation(self, z: Float64, focal: float) -> Float64:
-        """At depths z [m], for a focal length [px]: z² · disparity / (f · b), and the floor."""
+        """At depths z [m] of any shape, for a focal length [px]: z² · disparity / (f · b), and the floor [m]."""
         stereo: Float64 = z**2 * self.disparity / (focal * self.baseline)
         return stereo if self.floor == 0.0 else np.hypot(stereo, self.floor)
 

@@ -58,7 +58,7 @@ class PathFollower:
         self._wanted = 1.0
 
     def step(self) -> tuple[Float64, Float64]:
-        """Advance one period; joint positions [rad] and velocities [rad/s] of the set-point."""
+        """Advance one period; joint positions [rad] and velocities [rad/s] of the set-point, (dof,) each."""
         if self.rate != self._wanted or self._rate_change != 0.0:
             self._change_rate()
         self.path_time = min(self.path_time + self.rate * self._period, self._duration)

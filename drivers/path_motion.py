@@ -95,7 +95,7 @@ class PathMotion:
             self._follower.go_on()
 
     def step(self) -> tuple[Float64, Float64]:
-        """Advance one period; joint positions [rad] and velocities [rad/s] of the set-point."""
+        """Advance one period; joint positions [rad] and velocities [rad/s] of the set-point, (dof,) each."""
         return self._follower.step()
 
     def look(self, resting: bool, beside: float, now: float) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import re
 from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -89,3 +90,24 @@ def test_everything_public_is_documented() -> None:
     classes, silent = read_all()
     assert len(classes) > 300, "the packages were not found"
     assert [*silent, *silent_members(classes)] == []
+
+
+ARRAYS = re.compile(r"\b(Float64|Float32|Int64|Int32|UInt8|NDArray|DepthImage)\b")
+SHAPE = re.compile(r"\((\d+|[a-z.]+\w*( \w+)?),|\bshape|\d x \d")
+"""`(3,)`, `(n, 4)`, `(h, w, 3)`, or in words."""
+
+
+def test_what_returns_an_array_says_its_shape() -> None:
+    said, unsaid = 0, []
+    for path in (path for package in PACKAGES for path in sorted((ROOT / package).rglob("*.py"))):
+        body = ast.parse(path.read_text("utf-8")).body
+        classes = [node for node in body if isinstance(node, ast.ClassDef) and is_public(node.name)]
+        for node in (*body, *(member for found in classes for member in found.body)):
+            if isinstance(node, ast.FunctionDef) and is_public(node.name) and node.returns is not None:
+                text = ast.get_docstring(node)
+                if text is not None and ARRAYS.search(ast.unparse(node.returns)):  # else what it overrides says it
+                    said += 1
+                    if not SHAPE.search(text):
+                        unsaid.append(f"{path.relative_to(ROOT)}:{node.lineno} {node.name}")
+    assert said > 150, "the functions were not found"
+    assert unsaid == []

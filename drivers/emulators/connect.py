@@ -273,7 +273,7 @@ def connect_camera(settings: Settings[EmulatedCameraFile], context: ConnectConte
 
 
 def camera_site(robot: Path) -> Float64:
-    """T_tool0_camera from the robot's description: what a calibration would find."""
+    """T_tool0_camera (4, 4) [m] from the robot's description: what a calibration would find."""
     import mujoco
 
     site = mujoco.MjModel.from_xml_path(str(robot)).site("camera")

@@ -28,7 +28,7 @@ class Strength:
     tear: float
 
     def row(self) -> Float64:
-        """As `used` takes it: pull, twist, bend, tear."""
+        """As `used` takes it: pull [N], twist, bend [N·m], tear [N], shape (4,)."""
         return np.array([self.pull, self.twist, self.bend, self.tear])
 
 

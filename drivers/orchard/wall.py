@@ -49,7 +49,7 @@ class Spur:
 
     @property
     def tip(self) -> Float64:
-        """Where the stems sit [m]."""
+        """Where the stems sit, (3,) [m]."""
         return self.start + self.length * self.direction
 
 

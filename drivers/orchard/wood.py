@@ -33,7 +33,7 @@ class Chain:
     stiffness: Float64
 
     def diameter(self, s: float | Float64) -> Float64:
-        """At a distance from the base [m]."""
+        """At distances from the base [m], in their shape [m]."""
         base, tip = self.diameters
         return np.asarray(base + (tip - base) * np.asarray(s) / self.length)
 
@@ -61,7 +61,7 @@ class Chain:
 
 
 def second_moment(diameter: float | Float64) -> Float64:
-    """Of a round section's area, about a diameter [m⁴]."""
+    """Of a round section's area, about a diameter [m⁴], in the shape of `diameter`."""
     return np.asarray(np.pi / 64.0 * np.asarray(diameter) ** 4)
 
 

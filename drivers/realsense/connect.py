@@ -88,7 +88,7 @@ FARTHEST = 5.0
 
 
 def read_hand_eye(path: Path) -> Float64:
-    """Pose of the camera in its mount, from the file that `pomona calibrate hand-eye` writes.
+    """T_mount_camera (4, 4) [m], from the file that `pomona calibrate hand-eye` writes.
 
     Raises:
         UnusableHandEye: it holds no pose.

@@ -269,7 +269,7 @@ def _add_contact_sensors(mujoco: Any, spec: Any, layout: Layout) -> None:
 
 
 def standing_pose(fruit: FruitOnTable, height: float) -> Float64:
-    """T_base_fruit of a fruit that stands on its calyx, stem up and a little tilted, its centre at `height` [m]."""
+    """T_base_fruit (4, 4) of a fruit that stands on its calyx, stem up, a little tilted, its centre at `height` [m]."""
     c, s = np.cos(fruit.yaw), np.sin(fruit.yaw)
     upright = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]) @ np.array(
         [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]]

@@ -76,7 +76,7 @@ class PhysicsWorld(Device):
         """Look at what happens, 100 times a second."""
 
     def sensor(self, name: str) -> Float64:
-        """A live view of a sensor's numbers."""
+        """A live view of a sensor's numbers, as many as it has and in its own units, shape (n,)."""
         sensor = self.model.sensor(name)
         view: Float64 = self.state.sensordata[sensor.adr[0] : sensor.adr[0] + sensor.dim[0]]
         return view

@@ -35,7 +35,7 @@ class Channel:
     values: Any
 
     def at(self, times: Float64) -> NDArray[np.int64]:
-        """Indices of the newest samples at `times`."""
+        """Indices of the newest samples at `times` (n,) [s], shape (n,); -1 before the first."""
         found: NDArray[np.int64] = np.searchsorted(self.t, times + SAME, side="right") - 1
         return found
 
@@ -68,7 +68,7 @@ class Episode:
 
     @property
     def action(self) -> Float64:
-        """What was done: the state one step later; at the end it holds."""
+        """What was done: the state one step later, shape and units of `state`; at the end it holds."""
         return np.concatenate([self.state[1:], self.state[-1:]])
 
 

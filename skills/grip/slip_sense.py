@@ -78,12 +78,12 @@ class SlipSense:
 
     @property
     def bias(self) -> Float64:
-        """What the fingers show with nothing between them, shape (2, 6)."""
+        """What the fingers show with nothing between them, shape (2, 6) [N, N·m]."""
         return self._filters.bias.copy()
 
     @property
     def raw_bias(self) -> Float64:
-        """The same, not to be changed."""
+        """`bias` itself, shape (2, 6) [N, N·m]: not to be changed."""
         return self._filters.bias
 
     @property

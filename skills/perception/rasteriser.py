@@ -28,7 +28,7 @@ def project(points: NDArray[Any], camera: tuple[float, float, float, float]) -> 
 
 
 def signed_areas(u: Float64, v: Float64, faces: Indices) -> Float64:
-    """Twice the area of each triangle in the picture [px²]; with v downwards, negative for one that looks here."""
+    """Twice the area of each triangle in the picture, (n,) [px²]; v points downwards, so negative if it looks here."""
     a, b, c = faces.T
     areas: Float64 = (u[b] - u[a]) * (v[c] - v[a]) - (u[c] - u[a]) * (v[b] - v[a])
     return areas

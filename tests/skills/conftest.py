@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from benchmarks.synthetic_depth import StandingFruit, as_d435i, looking_at, standing, true_depth
 from drivers.interfaces import Intrinsics
 from executive.values.arrays import Float64
 from skills.geometry import apply, inverse, rot_y, transform
 from skills.perception.fruit import FruitModel, load_fruit
 from skills.perception.refinement.support_plane import Plane, horizontal_plane
-from skills.perception.refinement.synthetic_depth import StandingFruit, as_d435i, looking_at, standing, true_depth
 
 PAPER_APPLES = ((89, 81, 89), (91, 85, 91), (93, 73, 93), (73, 64, 73), (62, 47, 62))
 """True dimensions of the paper's five apples [mm]."""

@@ -28,7 +28,7 @@ Q_TILDE: Float64 = rot_z(-np.pi / 2.0) @ rot_x(np.pi)
 
 
 def pre_grasp_position(p_fruit: Float64, r_o: float, theta: float, alpha: float) -> Float64:
-    """Eq. (pre-grasp position attempt): a point on the sphere with radius r_o [m] around the fruit, base frame."""
+    """Eq. (pre-grasp position attempt): a point (3,) on the sphere with radius r_o [m] around the fruit, base frame."""
     direction = np.array([np.sin(theta) * np.sin(alpha), np.sin(theta) * np.cos(alpha), np.cos(theta)])
     return p_fruit + r_o * direction
 
@@ -40,7 +40,7 @@ def pre_grasp_orientation(theta: float, alpha: float, camera_above: bool = True)
 
 
 def pre_grasp_pose(p_fruit: Float64, r_o: float, theta: float, alpha: float, camera_above: bool = True) -> Float64:
-    """T_base_tcp of one attempt; at r_o = 0, the pose with the TCP in `p_fruit`."""
+    """T_base_tcp (4, 4) [m] of one attempt; at r_o = 0, the pose with the TCP in `p_fruit`."""
     return transform(pre_grasp_orientation(theta, alpha, camera_above), pre_grasp_position(p_fruit, r_o, theta, alpha))
 
 

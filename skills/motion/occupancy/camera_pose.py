@@ -16,7 +16,7 @@ _SAME_TIME = 0.05  # [s]
 
 
 def pose_of_camera(frame: Frame, model: RobotModel) -> Float64:
-    """T_base_camera of a frame: on the arm through forward kinematics, else its mount's pose in the base frame.
+    """T_base_camera (4, 4) [m] of a frame: by forward kinematics on the arm, else its mount's pose in the base frame.
 
     Raises:
         BadJoints: the frame's joints are none of this arm.

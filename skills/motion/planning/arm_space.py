@@ -62,7 +62,7 @@ class ArmSpace:
         return bool(rrt_connect.free_between(self.world.shape.arrays, self.world.arrays, self.width, q_a, q_b))
 
     def connect(self, q_start: Float64, q_goals: Float64, iterations: int, seed: int) -> tuple[Float64 | None, int]:
-        """Waypoints from a free start to one of the free goals by RRT-Connect, and the iterations that it took."""
+        """Waypoints (n, dof) [rad] from a free start to a free goal by RRT-Connect, and the iterations taken."""
         trees = rrt_connect.room(q_start, q_goals, iterations)
         at_start, at_goal, used = rrt_connect.grow(
             self.world.shape.arrays,

@@ -82,12 +82,12 @@ class RobotModel:
 
     @property
     def T_link_tcp(self) -> Float64:
-        """Pose of the TCP in the last link's frame."""
+        """Pose of the TCP in the last link's frame, (4, 4) [m]."""
         T: Float64 = self.T_link_tool @ self.T_tool_tcp
         return T
 
     def frame(self, name: str) -> Float64:
-        """T_tool_<name>: pose of a named site or body on the flange (camera, tcp, pad_left …), fingers closed.
+        """T_tool_<name> (4, 4) [m]: a named site or body on the flange (camera, tcp, pad_left …), fingers closed.
 
         Raises:
             BadRobotFile: the file has no such frame on the last link.
@@ -163,7 +163,7 @@ class RobotModel:
 
 
 def checked_pose(T: ArrayLike) -> Float64:
-    """A pose as a contiguous float64 array.
+    """A pose as a contiguous float64 array (4, 4).
 
     Raises:
         NotAPose: it is no finite rigid transform.

@@ -58,7 +58,7 @@ class Finder(Protocol):
 
 
 def inside(box: Float64, width: int, height: int) -> Float64:
-    """The part of a box that lies in the picture."""
+    """The part of a box x, y, w, h (4,) [px] that lies in the picture, written alike."""
     limits = np.array([width, height], np.float64)
     low, high = np.clip(box[:2], 0.0, limits), np.clip(box[:2] + box[2:], 0.0, limits)
     return np.concatenate([low, high - low])

@@ -101,7 +101,7 @@ def stem_mesh(
     base_y: float = -0.0255,
     azimuth: float = 0.6,
 ) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
-    """Build the stem, a bent tapering tube that rises along -y from `base_y` on the axis [m, rad]."""
+    """Build the stem, a bent tube that rises along -y from `base_y`: vertices (n, 3) [m], faces (m, 3)."""
     around, rings = 8, 7
     along = np.linspace(0.0, 1.0, rings)
     angle = np.linspace(0.0, 2.0 * np.pi, around, endpoint=False)

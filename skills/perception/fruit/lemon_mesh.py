@@ -12,7 +12,7 @@ LEMON_DIMENSIONS = (0.0580, 0.0820, 0.0580)
 
 
 def lemon_mesh(around: int = 64, rings: int = 40) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
-    """Build a watertight lemon with its stem along -y, centred in its cuboid; vertices [m] and faces."""
+    """Build a watertight lemon, stem along -y, centred in its cuboid; vertices (n, 3) [m] and faces (m, 3)."""
     polar = np.linspace(0.0, np.pi, rings + 2)
     body = np.sin(polar) ** 1.15
     nipple = 0.16 * np.exp(-(((polar - np.pi) / 0.30) ** 2))

@@ -52,7 +52,7 @@ class Form:
         return leaned * self.stretch
 
     def in_model(self, points: Float64) -> Float64:
-        """The points of the model that are there on the fruit: the inverse of `points`."""
+        """The points of the model that are there on the fruit, shape (n, 3) [m]: the inverse of `points`."""
         model = points / self.stretch
         model[:, 1] /= self.height_factor(model)
         return model

@@ -175,7 +175,7 @@ _renderer: _GlRenderer | None = None
 
 
 def render_with_gl(mesh: Triangles, T_camera_mesh: Float64, intrinsics: Intrinsics, box: ImageBox) -> DepthImage:
-    """`render.DepthRenderer` by pyrender; may be called from any thread.
+    """`render.DepthRenderer` by pyrender, depth (h, w) [m]; may be called from any thread.
 
     Raises:
         RenderFailed: OpenGL does not work here, or a part of the mesh is not in front of the camera.

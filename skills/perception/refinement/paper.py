@@ -26,7 +26,7 @@ def sigma_bound(p_hat: Float64) -> float:
 
 
 def moved_and_scaled(T_camera_object: Float64, sigma: float) -> Float64:
-    """Camera from mesh coordinates at sigma, p' = p - sigma p/|p| and s' = mu s (sigma-translation, sigma scaling)."""
+    """Camera from mesh coordinates (4, 4) at sigma [m]: p' = p - sigma p/|p| and s' = mu s."""
     p_hat = T_camera_object[:3, 3]
     mu = 1.0 - sigma / float(np.linalg.norm(p_hat))
     T = T_camera_object.copy()
@@ -92,7 +92,7 @@ def fit_scale_by_rendering(
 
 
 def line_inliers(virtual: DepthImage, measured: DepthImage, band: float) -> NDArray[np.bool_]:
-    """RANSAC: the measurements within the band of the line through two of them that has the most such.
+    """RANSAC: which measurements (n,) lie within the band [m] of the line through two of them that has the most such.
 
     Two of the same virtual depth, as on a face that is seen head-on, give the line through the origin.
     """

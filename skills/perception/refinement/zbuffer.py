@@ -12,7 +12,7 @@ from skills.perception.refinement.errors import RenderFailed
 
 
 def render_with_zbuffer(mesh: Triangles, T_camera_mesh: Float64, intrinsics: Intrinsics, box: ImageBox) -> DepthImage:
-    """`render.DepthRenderer` in compiled loops.
+    """`render.DepthRenderer` in compiled loops, depth (h, w) [m].
 
     Raises:
         RenderFailed: a part of the mesh is not in front of the camera.

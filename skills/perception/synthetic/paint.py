@@ -22,7 +22,7 @@ _SKINS = np.array(
 
 
 def skins(fruit: FruitModel) -> Float64:
-    """Pairs of blush and ground colour, linear RGB: an apple's many, or shades of another fruit's own colour."""
+    """Pairs of blush and ground colour, linear RGB (n, 2, 3): an apple's many, or shades of another fruit's own."""
     if fruit.name == "apple":
         return _SKINS
     own = np.asarray(fruit.colour) ** 2.2
@@ -30,7 +30,7 @@ def skins(fruit: FruitModel) -> Float64:
 
 
 def skin_paint(shape: ShadedMesh, skins: Float64, style: Float64, rng: np.random.Generator) -> Float32:
-    """Skin colour per vertex: ground colour, blush on the sunny side, streaks along meridians, russet hollows."""
+    """Linear RGB per vertex (n, 3): ground colour, blush on the sunny side, streaks along meridians, russet hollows."""
     skin = skins[int(style[0] * len(skins)) if rng.random() < 0.7 else int(rng.integers(len(skins)))]
     skin = skin * np.exp(rng.normal(0.0, 0.18, (2, 3))) * np.exp(rng.normal(0.0, 0.15))
     x, y, z = shape.vertices.T
@@ -55,7 +55,7 @@ def skin_paint(shape: ShadedMesh, skins: Float64, style: Float64, rng: np.random
 
 
 def plain_paint(shape: ShadedMesh, style: Float64, rng: np.random.Generator) -> Float32:
-    """One colour all over, as simulators paint fruit."""
+    """One colour all over, as simulators paint fruit: linear RGB per vertex (n, 3)."""
     skin = _SKINS[int(style[1] * len(_SKINS))][0] if rng.random() < 0.8 else rng.uniform(0.02, 0.8, 3)
     skin = skin * np.exp(rng.normal(0.0, 0.3, 3))
     return np.broadcast_to(skin.astype(np.float32), shape.vertices.shape)

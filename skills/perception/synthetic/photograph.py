@@ -11,7 +11,7 @@ from skills.perception.synthetic import textures
 
 
 def photograph(picture: Float32, rng: np.random.Generator) -> NDArray[np.uint8]:
-    """Exposure, lens blur, gamma, shot and read noise, quantisation."""
+    """Linear RGB (h, w, 3) as a camera gives it: exposure, lens blur, gamma, shot and read noise, quantisation."""
     h, w = picture.shape[:2]
     bright = float(np.percentile(picture[::8, ::8], 90.0)) + 1e-3
     exposure = rng.uniform(0.55, 1.35) / bright if rng.random() < 0.8 else rng.uniform(0.6, 1.5)

@@ -41,7 +41,7 @@ def draw_backdrop(fruit: FruitModel, options: SceneOptions, scene: SyntheticScen
 
 
 def set_lights(scene: SyntheticScene, R_cw: Float64, rng: np.random.Generator) -> tuple[Float32, Float32, Float32]:
-    """Directions, colours and softness of one to three lamps, in the camera's frame."""
+    """One to three lamps (n, 6), direction and colour, which way is up (3,), ambient light (3,); camera frame."""
     count = int(rng.integers(1, 4))
     lights = np.zeros((count, 6), np.float32)
     total = rng.uniform(0.5, 1.4)
@@ -78,7 +78,7 @@ def cast_shadow(P: Float32, F: NDArray[np.int32], light: Float32, rng: np.random
 
 
 def lay_table(scene: SyntheticScene, T_wc: Float64, rng: np.random.Generator) -> tuple[Float32, Float32, Float32]:
-    """The table's plane, its texture axes and its paint, in the camera's frame."""
+    """The table's plane (4,), its texture's axes (2, 4) and its paint (4,), in the camera's frame [m]."""
     R_cw, eye = T_wc[:3, :3].T, T_wc[:3, 3]
     normal = R_cw[:, 2]
     offset = -float(eye[2]) if scene.table else 0.0

@@ -59,7 +59,7 @@ def background(index: int, height: int, width: int) -> Float32:
 
 
 def foliage(rng: np.random.Generator, height: int, width: int) -> Float32:
-    """Leaves, twigs, gaps of bright sky and dark depth: what stands behind fruit in an orchard."""
+    """Leaves, twigs, gaps of bright sky and dark depth, as stand behind fruit in an orchard: linear RGB (h, w, 3)."""
     picture = np.empty((height, width, 3), np.float32)
     sky = rng.random() < 0.4
     picture[:] = (

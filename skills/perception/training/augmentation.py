@@ -56,7 +56,7 @@ def _dapple(picture: UInt8, rng: np.random.Generator) -> UInt8:
 
 
 def cover(picture: UInt8, rng: np.random.Generator, chance: float, size: tuple[float, float]) -> UInt8:
-    """Put rectangles of one colour over the picture, sized as parts of its height."""
+    """Put rectangles of one colour over the picture (h, w, 3), sized as parts of its height."""
     picture = np.ascontiguousarray(picture)
     h, w = picture.shape[:2]
     while rng.random() < chance:

@@ -107,7 +107,7 @@ class PhotoFinderBatches(Dataset[tuple[Tensor, ...]]):
 
 
 def window(picture: UInt8, size: float, shift: Float64, extent: tuple[int, int], rng: np.random.Generator) -> UInt8:
-    """A part of a picture, scaled and then moved; what lies beyond the picture has one colour."""
+    """A part of a picture (h, w, 3), scaled and then moved [px]; what lies beyond the picture has one colour."""
     matrix = np.array([[size, 0.0, shift[0]], [0.0, size, shift[1]]])
     colour = [int(c) for c in rng.integers(0, 256, 3)]
     if size < 0.6:  # shrink without aliasing first

@@ -141,7 +141,7 @@ class Photograph:
 
 
 def camera_of(width: int, height: int) -> Float64:
-    """Matrix of a camera for a photograph that names none: long, so that a look is nearly a piece of the picture."""
+    """Camera matrix (3, 3) [px] for a photograph that names none: long, so a look is nearly a piece of the picture."""
     focal = 4.0 * max(width, height)
     return np.array([[focal, 0.0, 0.5 * (width - 1)], [0.0, focal, 0.5 * (height - 1)], [0.0, 0.0, 1.0]])
 

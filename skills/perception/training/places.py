@@ -48,7 +48,7 @@ def find_photo_places(
     progress: Callable[[int, int], None] | None = None,
     most: int | None = None,
 ) -> dict[str, Float64]:
-    """The same in photographs, each shrunk as it is when the finder learns from it, by the photograph's name."""
+    """Places as of `find_places`, (n, 4), in photographs shrunk as the finder learns from them, by their names."""
     places, scale = {}, fruit_scale(photographs.train)
     searched = [*photographs.train[:: _stride(len(photographs.train), most)], *photographs.empty]
     for number, photo in enumerate(searched):
@@ -79,7 +79,7 @@ def save_places(path: Path, places: dict[str, Float64]) -> None:
 
 
 def load_places(path: Path) -> dict[str, Float64]:
-    """What `save_places` wrote."""
+    """What `save_places` wrote: (n, 4) for each name."""
     with np.load(path) as content:
         ends = np.cumsum(content["counts"])
         return dict(zip(content["names"].tolist(), np.split(content["rows"], ends[:-1]), strict=True))

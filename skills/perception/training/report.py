@@ -130,7 +130,7 @@ def _on_photographs(found: Sequence[Finds], photographs: PhotoSet, out: Path) ->
 def draw(
     detector: CompactDetector, colour: UInt8, K: NDArray[np.float64], fruit: FruitModel, score: float = 0.5
 ) -> UInt8:
-    """A frame with its cuboids beside the same frame under its belief maps, (h, 2 w, 3) uint8 RGB."""
+    """A frame (h, w, 3) with its cuboids beside the same frame under its belief maps, (h, 2 w, 3) uint8 RGB."""
     instances = find_instances(detector, colour, K, fruit)
     belief, _, _ = detector.belief_maps(colour)
     cuboids = colour.copy()

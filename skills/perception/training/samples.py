@@ -70,7 +70,7 @@ class FrameFolder:
         return replace(annotation, width=width, height=height)
 
     def picture(self, index: int, halved: bool) -> UInt8:
-        """RGB picture, at half size where `halved`."""
+        """RGB picture (h, w, 3), at half size where `halved`."""
         flag = cv2.IMREAD_REDUCED_COLOR_2 if halved else cv2.IMREAD_COLOR
         return _read(self.pictures[index], flag)
 

@@ -50,7 +50,7 @@ class FinderTargets:
 
     @property
     def parts(self) -> tuple[Float32, ...]:
-        """All of them in this order, as batches hold them."""
+        """All of them in this order, as batches hold them, (maps, h, w) each."""
         return tuple(getattr(self, field.name) for field in fields(self))
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from benchmarks.synthetic_depth import looking_at
 from skills.geometry import apply, inverse, rotation_about
 from skills.perception.refinement.support_plane import Plane, horizontal_plane, seen_near
-from skills.perception.refinement.synthetic_depth import looking_at
 
 T_BASE_CAMERA = looking_at((0.0, 0.0, 0.0), 0.6, np.radians(55.0))
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from benchmarks.synthetic_depth import D435I, as_d435i, looking_at, standing, true_depth
 from skills.geometry import apply
-from skills.perception.refinement.synthetic_depth import D435I, as_d435i, looking_at, standing, true_depth
 
 
 @pytest.mark.parametrize("tilt", [0.0, 0.2])

@@ -82,7 +82,7 @@ def standing(
 
 
 def looking_at(target: Sequence[float] | Float64, distance: float, elevation: float, azimuth: float = 0.0) -> Float64:
-    """T_base_camera of a camera that looks at a point from `elevation` above the horizon [m, rad], image upright."""
+    """T_base_camera (4, 4) of a camera that looks at a point from `elevation` above the horizon [m, rad], upright."""
     towards = np.array([np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)])
     forward = -towards
     right = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
