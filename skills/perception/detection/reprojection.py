@@ -46,7 +46,7 @@ def linearise(R: Float64, t: Float64, model: Float64, seen: Float64, K: Float64)
 def refine_pose(
     R: Float64, t: Float64, model: Float64, seen: Float64, K: Float64, scale: Float64
 ) -> tuple[Float64, Float64]:
-    """Levenberg-Marquardt from a first pose (3, 3), (3,) on the reprojection error, residuals times their `scale` (2n,)."""
+    """Levenberg-Marquardt from a first pose (3, 3), (3,) on the reprojection errors, times their `scale` (2n,)."""
     damping = 1e-3
     residual, jacobian = linearise(R, t, model, seen, K)
     cost = ((residual * scale) ** 2).sum()
