@@ -178,10 +178,7 @@ def _in_order(lines: list[str]) -> list[str]:
 
 
 def random_xml(rng: random.Random) -> str:
-    """A tree of BehaviorTree.CPP's own nodes; leaves `A` to `L`, keys `x` and `Y`.
-
-    Every IfThenElse has an else: without one BehaviorTree.CPP 4.10 does not ask again when a retry starts it again.
-    """
+    """A tree of BehaviorTree.CPP's own nodes; leaves `A` to `L`, keys `x` and `Y`."""
     inside = _node(rng, rng.randint(1, 4))
     called = '<BehaviorTree ID="S"><Sequence><Script code="own := 1; n += own"/><A/></Sequence></BehaviorTree>'
     return (
@@ -201,7 +198,7 @@ def _node(rng: random.Random, depth: int) -> str:
         )
     word, fewest, most = rng.choice(
         [("Sequence", 1, 3), ("Fallback", 1, 3), ("ReactiveSequence", 1, 3), ("ReactiveFallback", 1, 3),
-         ("Parallel", 1, 3), ("IfThenElse", 3, 3), ("WhileDoElse", 3, 3),
+         ("Parallel", 1, 3), ("IfThenElse", 2, 3), ("WhileDoElse", 3, 3),
          ("TryCatch", 2, 3), ("Switch2", 3, 3), ("Inverter", 1, 1), ("ForceSuccess", 1, 1), ("ForceFailure", 1, 1),
          ("RunOnce", 1, 1), ("Precondition", 1, 1), ("RetryUntilSuccessful", 1, 1), ("Repeat", 1, 1)]
     )  # fmt: skip

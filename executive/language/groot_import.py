@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from executive.language.expression import SPECIAL
+from executive.language.groot_asked import Asked
 from executive.language.groot_files import Forest
 from executive.language.groot_keys import NAME, GivenText, KeyNames, ScriptError, small
 from executive.language.groot_names import BUILTIN, LITERAL, NEEDED, node_name, tree_names
@@ -71,6 +72,7 @@ class _Importer:
         self.inside: list[str] = []
         self.written_out: set[str] = set()
         self.calls: set[str] = set()
+        self.asked = Asked(forest, self.types)
         self.count = 0
         """Of nodes in subtrees that are written out."""
 
@@ -138,13 +140,6 @@ class _Importer:
             found["description"] = element.get("_description")
         return self.conditions(element, found)
 
-    def may_take_time(self, element: XmlElement) -> bool:
-        """Whether somebody else's node, which no model calls a condition, is in it."""
-        foreign = element.tag not in BUILTIN and self.types.of_tag(element.tag) is None
-        if foreign and element.tag != "Condition" and not element.children:
-            return (element.get("ID") or element.tag) not in self.forest.conditions
-        return any(map(self.may_take_time, element.children))
-
     def label(self, name: str) -> str:
         """What a node is called; a name can be taken only once in a tree."""
         start = found = node_name(name)
@@ -161,9 +156,9 @@ class _Importer:
         needed = NEEDED.get(tag)
         if needed is not None and not element.get(needed):
             return element.refuse(f"has no '{needed}'")
-        if tag == "WhileDoElse" and any(map(self.may_take_time, element.found.children[:1])):
-            why = "asks a node that may take time: what runs would go on unattended meanwhile"
-            return element.refuse(f"{why}; write <Condition ID=…>, or name its model with --nodes, when it takes none")
+        why = self.asked.why_not(tag, element.found)
+        if why:
+            return element.refuse(why)
         if found is not None:
             if found.role == "modifier" and tag in found.xml_tags and len(element.found.children) != 1:
                 return element.refuse(f"has {len(element.found.children)} children")

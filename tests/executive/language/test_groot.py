@@ -310,6 +310,9 @@ def test_more_words_of_behaviortree_cpp_mean_the_same(xml, words):
         "<WhileDoElse><Near/><Go/><Back/></WhileDoElse>",  # a node of which nobody says that it takes no time
         "<ParallelAll><Go/><Back/></ParallelAll>",  # lets all end, then fails
         "<WhileDoElse><Sleep msec='9'/><Go/><Back/></WhileDoElse>",  # what runs would go on unattended
+        # BehaviorTree.CPP keeps the failure of what it has asked
+        "<RetryUntilSuccessful num_attempts='2'><IfThenElse><Near/><Go/></IfThenElse></RetryUntilSuccessful>",
+        "<ReactiveFallback><IfThenElse><Condition ID='A' _skipIf='x'/><Go/></IfThenElse><Back/></ReactiveFallback>",
         "<Precondition if='x' else='RUNNING'><Go/></Precondition>",
         "<TryCatch catch_on_halt='true'><Go/><Back/></TryCatch>",
         "<LoopInt queue='{q}' value='{n}'><Go/></LoopInt>",
@@ -320,6 +323,22 @@ def test_what_would_change_its_meaning_is_refused(xml):
     text, findings = import_groot(f'<root BTCPP_format="4"><BehaviorTree ID="T">{xml}</BehaviorTree></root>', "t.xml")
     assert [finding.code for finding in findings] == ["not-translated"]
     assert "untranslated" in text
+
+
+@pytest.mark.parametrize(
+    ("xml", "refused"),
+    [
+        ("<Repeat num_cycles='2'><Sequence><SubTree ID='S'/></Sequence></Repeat>", 1),
+        ("<Sequence><SubTree ID='S'/></Sequence>", 0),  # asked once only
+        ("<Sequence><Repeat num_cycles='2'><Go/></Repeat><SubTree ID='S'/></Sequence>", 0),
+        ("<Fallback><SubTree ID='S'/><ReactiveSequence><SubTree ID='S'/></ReactiveSequence></Fallback>", 1),
+    ],
+)
+def test_an_if_without_an_else_is_refused_where_a_caller_may_start_it_again(xml, refused):
+    trees = f"<BehaviorTree ID='T'>{xml}</BehaviorTree><BehaviorTree ID='S'><IfThenElse><A/><B/></IfThenElse>"
+    text = f'<root BTCPP_format="4">{trees}</BehaviorTree></root>'
+    findings = import_groot(text, "t.xml", main="T")[1]
+    assert ["AlwaysFailure" in finding.message for finding in findings] == [True] * refused
 
 
 def test_a_subtree_that_shares_its_callers_names_is_written_out():
