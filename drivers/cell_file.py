@@ -22,7 +22,7 @@ from drivers.errors import CellFileError, DriverError
 from drivers.interfaces import ArmLimits, Workspace
 from drivers.workspace import WorkspaceSection
 from executive.values.documents import Option, Outline, ValueFile, read_value_file
-from executive.values.findings import Findings
+from executive.values.findings import Findings, few_hints
 from executive.values.kinds import MappingOf, Measure, Text
 from executive.values.reading import Refused
 from executive.values.scoring import Score
@@ -131,6 +131,7 @@ def read_cell_file(
     return found
 
 
+@few_hints()
 def judge_cell_file(
     path: Path,
     findings: Findings,

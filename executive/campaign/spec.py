@@ -19,7 +19,7 @@ from executive.language.model import Document
 from executive.registry import Registry
 from executive.running.cell_files import CellFile, cell_files
 from executive.values.documents import read_value_file
-from executive.values.findings import Findings, did_you_mean, format_findings
+from executive.values.findings import Findings, did_you_mean, few_hints, format_findings
 from executive.values.kinds import Schema
 from executive.values.reading import Refused
 from executive.values.scoring import Score
@@ -106,6 +106,7 @@ def read_campaign(path: Path) -> Campaign:
     return campaign
 
 
+@few_hints()
 def judge_campaign(path: Path, findings: Findings) -> Campaign | None:
     """As `read_campaign`; everything that is wrong goes to `findings`."""
     written = read_value_file(path, findings, "a campaign file")

@@ -18,6 +18,7 @@ from executive.language.expression import (
     Member,
     Reference,
     Unary,
+    parts,
     references,
 )
 from executive.language.expression_run import Getter, compile_expression
@@ -52,6 +53,16 @@ def always_same(expression: Expression, known: Mapping[str, Any]) -> bool | None
     """The condition's value when it is the same in every run."""
     value = _fold(expression, known)
     return value if isinstance(value, bool) else None
+
+
+def zero_divisors(expression: Expression, known: Mapping[str, Any]) -> list[Expression]:
+    """What is divided by and is surely zero."""
+    found = [divisor for part in parts(expression) for divisor in zero_divisors(part, known)]
+    if isinstance(expression, Binary) and expression.operator == "/":
+        value = _fold(expression.right, known)
+        if isinstance(value, (int, float)) and value == 0:
+            found.append(expression.right)
+    return found
 
 
 def _cases(expression: Expression, wanted: bool, known: Mapping[str, Any]) -> tuple[Case, ...]:
@@ -179,16 +190,4 @@ def said(expression: Expression) -> str:
 
 def _looks_inside(expression: Expression) -> bool:
     """Whether it reads a part of a value, which may live on."""
-    match expression:
-        case Member() | Index():
-            return True
-        case Unary():
-            return _looks_inside(expression.operand)
-        case Binary():
-            return _looks_inside(expression.left) or _looks_inside(expression.right)
-        case Items():
-            return any(map(_looks_inside, expression.items))
-        case Call():
-            return any(map(_looks_inside, expression.arguments))
-        case _:
-            return False
+    return isinstance(expression, (Index, Member)) or any(map(_looks_inside, parts(expression)))

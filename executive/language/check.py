@@ -20,7 +20,7 @@ from executive.nodes.calls import SUBTREE
 from executive.nodes.ends import Names
 from executive.ports import Port
 from executive.registry import Registry
-from executive.values.findings import Finding, Findings, did_you_mean
+from executive.values.findings import Finding, Findings, did_you_mean, few_hints
 from executive.values.yaml_nodes import YamlMapping, YamlNode
 
 MAX_BUILT_NODES = 10_000
@@ -71,6 +71,7 @@ def check(
     return analyse(document, skills, overrides=overrides, interfaces=interfaces).findings
 
 
+@few_hints()
 def analyse(
     document: Document,
     skills: Registry,

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from itertools import chain
 from typing import Any
 
 from executive.language.interface import PortDeclared
@@ -74,10 +75,10 @@ class NodeChecker:
 
     # --------------------------------------------------------------------------------------- who writes what
 
-    def known_types(self) -> tuple[str, ...]:
+    def known_types(self) -> Iterator[str]:
         """Words that can stand for a node here: composites, leaves and the file's subtrees."""
-        types = [word for word, found in self.words.items() if found.role != "modifier"]
-        return (*types, *self.scope.definition.file.subtrees)
+        yield from (word for word, found in self.words.items() if found.role != "modifier")
+        yield from self.scope.definition.file.subtrees
 
     def skill(self, node: TreeNode) -> type[Skill] | None:
         """The skill of that name; reports when there is none, or the cell lacks a device."""
@@ -87,7 +88,7 @@ class NodeChecker:
             if name in self.skills.problems:
                 self.findings.error(node.key, "broken-skill", f"skill '{name}': {self.skills.problems[name]}")
             else:
-                hint = did_you_mean(name, [*self.skills, *self.known_types()])
+                hint = did_you_mean(name, chain(self.skills, self.known_types()))
                 hint = hint or "'pomona skills' lists what is installed"
                 self.findings.error(node.key, "unknown-skill", f"no skill named '{name}'", hint)
             return None
@@ -254,7 +255,7 @@ class LayerCheck:
             self.wired_outputs(self.whole.interfaces[id(called)].outputs)
             return
         name = self.node.key.text
-        hint = did_you_mean(name, [*self.whole.known_types(), *self.whole.skills])
+        hint = did_you_mean(name, chain(self.whole.known_types(), self.whole.skills))
         self.findings.error(self.node.key, "unknown-type-of-node", f"nothing is named '{name}'", hint)
 
     def wired_outputs(self, outputs: Mapping[str, Port]) -> None:

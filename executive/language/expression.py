@@ -83,22 +83,27 @@ class Call(Expression):
     arguments: tuple[Expression, ...]
 
 
+def parts(expression: Expression) -> tuple[Expression, ...]:
+    """What an expression is made of, one level down."""
+    match expression:
+        case Member():
+            return (expression.of,)
+        case Index():
+            return (expression.of, expression.index)
+        case Unary():
+            return (expression.operand,)
+        case Binary():
+            return (expression.left, expression.right)
+        case Items():
+            return expression.items
+        case Call():
+            return expression.arguments
+        case _:
+            return ()
+
+
 def references(expression: Expression) -> list[Reference]:
     """All references in an expression, in order."""
-    match expression:
-        case Reference():
-            return [expression]
-        case Member():
-            return references(expression.of)
-        case Index():
-            return references(expression.of) + references(expression.index)
-        case Unary():
-            return references(expression.operand)
-        case Binary():
-            return references(expression.left) + references(expression.right)
-        case Items():
-            return [r for item in expression.items for r in references(item)]
-        case Call():
-            return [r for item in expression.arguments for r in references(item)]
-        case _:
-            return []
+    if isinstance(expression, Reference):
+        return [expression]
+    return [found for part in parts(expression) for found in references(part)]

@@ -10,7 +10,7 @@ from executive.language.expression import SPECIAL
 from executive.language.model import Declared, Definition, Document, TreeFile
 from executive.language.read_node import NodeReader, is_word
 from executive.nodes.catalogue import NodeTypes
-from executive.values.findings import Finding, Findings, Source
+from executive.values.findings import Finding, Findings, Source, few_hints
 from executive.values.plain_text import read_plain_text
 from executive.values.shape import ShapeCheck
 from executive.values.yaml_nodes import YamlList, YamlMapping, YamlNode, YamlScalar, read_yaml
@@ -23,6 +23,7 @@ _DECLARED = ("type", "default", "min", "max", "choices", "help")
 _NAME = re.compile(r"[a-z][a-z0-9_]*")
 
 
+@few_hints()
 def read(
     text: str,
     path: str | Path,

@@ -39,7 +39,7 @@ from executive.language.scenario_kinds import (
 )
 from executive.ports import TIME
 from executive.registry import Registry
-from executive.values.findings import Finding, Findings, Source
+from executive.values.findings import Finding, Findings, Source, few_hints
 from executive.values.kinds import AsWritten, Kind, ListOf, Measure, Schema, Text, Whole
 from executive.values.reading import Reader, Refused
 from executive.values.sections import Placed, Section, declared, value
@@ -132,6 +132,7 @@ def is_scenario(text: str) -> bool:
     return any(line.startswith("cases:") for line in lines) and not any(line.startswith("root:") for line in lines)
 
 
+@few_hints()
 def read_scenario(text: str, path: str | Path, skills: Registry, *, tree_folders: Sequence[Path] = ()) -> Scenario:
     """Read a scenario and the tree that it tests. Raises nothing: what is wrong is in the findings."""
     findings = Findings()
@@ -148,6 +149,7 @@ def read_scenario(text: str, path: str | Path, skills: Registry, *, tree_folders
     return Scenario(str(path), document, cases, tuple(findings.sorted()))
 
 
+@few_hints()
 def read_mocks(text: str, path: str | Path, document: Document, skills: Registry) -> tuple[MockPlan, list[Finding]]:
     """The `mocks` of a file alone, for a dry run of `document`: a mapping `mocks:`, or a scenario's common ones."""
     findings = Findings()

@@ -5,8 +5,10 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
+from itertools import islice
 from typing import Any
 
+from executive.language.cases import zero_divisors
 from executive.language.expression import SPECIAL, Expression, Reference
 from executive.language.expression_parser import ExpressionSyntaxError, parse_expression
 from executive.language.expression_types import check_condition, type_of
@@ -59,6 +61,14 @@ class _Stand:
         self.reader.resolved.reads.append(Read(self.slot, name, self.spot(reference), self.required))
         return named.type
 
+    def divisions(self, expression: Expression) -> None:
+        """Report what surely divides by zero."""
+        if "/" in self.scalar.text:
+            names = self.reader.scope.names
+            known = {name: named.value for name, named in names.items() if named.value is not None}
+            for divisor in zero_divisors(expression, known):
+                self.report(divisor, "division", "this is zero: nothing can be divided by it")
+
     def _special(self, reference: Reference) -> ValueType:
         name = reference.name
         if name == "failure":
@@ -82,7 +92,7 @@ class _Stand:
                 f"a subtree sees only its own names: add '{reference.name}' to its 'in' and wire it where it is called"
             )
         elif not hint and scope.names:
-            hint = "known names: " + ", ".join(sorted(scope.names)[:12])
+            hint = "known names: " + ", ".join(islice(scope.names, 12))
         self.report(reference, "unknown-port", f"nothing writes '{reference.name}' and nothing declares it", hint)
 
 
@@ -117,7 +127,9 @@ class ValueReader:
         expression = self.parsed(node)
         if expression is None:
             return None
-        check_condition(expression, _Stand(self, node, around, slot, True))
+        stand = _Stand(self, node, around, slot, True)
+        check_condition(expression, stand)
+        stand.divisions(expression)
         return ComputedValue(expression, bool, node.text, node)
 
     def value(self, slot: str, node: YamlNode, port: Port, around: Around, who: str) -> Value | None:
@@ -144,6 +156,7 @@ class ValueReader:
             return None
         stand = _Stand(self, node, around, slot, port.required)
         found = type_of(expression, stand)
+        stand.divisions(expression)
         named = self.scope.names.get(expression.name) if isinstance(expression, Reference) else None
         wanted = static_type(port)
         if not can_flow(found, wanted):

@@ -218,7 +218,7 @@ class SwitchType(Composite):
     """runs the node whose word the value is; looks at it in every tick; `default` when none fits, else it is skipped"""
 
     key, symbol = "switch", "⎇"
-    value = takes.Value(Port(object), "the value that chooses")
+    value = takes.Single(Port(object), "the value that chooses")
     fields: ClassVar[takes.Fields] = {
         "cases": takes.Cases("nodes by word", required=True),
         "default": takes.Child("runs when no word fits"),

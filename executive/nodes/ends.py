@@ -51,7 +51,9 @@ class Names:
     def __and__(self, other: Names) -> Names:
         if self.names is None:
             return other
-        return self if other.names is None else Names(self.names & other.names)
+        if other.names is None or other.names is self.names:
+            return self
+        return Names(self.names & other.names)
 
     def __or__(self, other: Names) -> Names:
         if self.names is None or other.names is None:
@@ -69,7 +71,7 @@ class Names:
 
     def plus(self, *names: str) -> Names:
         """The same with more names."""
-        return self if self.names is None else Names(self.names.union(names))
+        return self if self.names is None or not names else Names(self.names.union(names))
 
 
 ALL = Names(None)

@@ -11,7 +11,7 @@ from py_trees.common import Status
 from executive.nodes import takes
 from executive.nodes.asking import Building, Checking, Ending, Flowing, Knowing, Words, XmlIn, XmlOut
 from executive.nodes.behaviours import Branch
-from executive.nodes.ends import ALL, Ends, Names, Outcome, codes_of
+from executive.nodes.ends import ALL, NO_CODES, Ends, Names, Outcome, codes_of
 from executive.nodes.facts import Facts
 from executive.nodes.node_type import Composite
 from executive.nodes.surroundings import Around, LastFailure
@@ -87,16 +87,18 @@ class FallbackType(Composite):
     memory: ClassVar[bool] = True
 
     def around(self, at: Checking, index: int) -> Around:
-        around = at.around
-        for before, outcome in zip(at.node.children[:index], at.outcomes.children(), strict=False):
-            earlier = around.failure or frozenset()
-            codes = outcome.codes | earlier if outcome.skips else outcome.codes
-            around = Around(around.counters, codes, around.items)
-            if before is at.node.children[index - 1] and not (outcome.codes or outcome.skips):
-                child = at.node.children[index]
-                message = f"{child.label} is never reached: {before.label} cannot fail"
-                at.findings.warning(child.key, "unreachable", message)
-        return around
+        if index == 0:
+            return at.around
+        before, codes = at.outcomes.child(index - 1), NO_CODES
+        if not (before.codes or before.skips):
+            message = (
+                f"{at.node.children[index].label} is never reached: {at.node.children[index - 1].label} cannot fail"
+            )
+            at.findings.warning(at.node.children[index].key, "unreachable", message)
+        while index and before.skips:
+            codes, index = codes | before.codes, index - 1
+            before = at.outcomes.child(index - 1) if index else Outcome(at.around.failure or NO_CODES)
+        return Around(at.around.counters, codes | before.codes, at.around.items)
 
     def outcome(self, at: Ending) -> Outcome:
         outcomes = at.children()

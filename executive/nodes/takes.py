@@ -54,6 +54,17 @@ def count(help: str = "", *, words: tuple[str, ...] = ()) -> Value:
     return Value(Port(int, min=1), help, words=words)
 
 
+class Single(Value):
+    """A single value or a wire to one, no list and no mapping."""
+
+    def check(self, at: Checking, slot: str, written: YamlNode) -> None:
+        if isinstance(written, YamlScalar) and not written.is_null:
+            super().check(at, slot, written)
+        else:
+            message = f"'{slot}' takes a single value, this is {shape_of(written)}"
+            at.findings.error(written, "shape", message, f'wire it: {slot}: "{{name}}"')
+
+
 class Condition(Field):
     """An expression that is true or false."""
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass
 from difflib import get_close_matches
 from functools import lru_cache
@@ -125,9 +127,32 @@ class Findings:
         return any(finding.severity == "error" for finding in self._found.values())
 
 
+_left: ContextVar[list[int] | None] = ContextVar("_left", default=None)
+"""Words that may still be compared; nothing outside of `few_hints`."""
+
+
+@contextmanager
+def few_hints() -> Iterator[None]:
+    """Inside, what was meant is looked for while few words are wrong: a file of mistakes is not worth minutes."""
+    if _left.get() is not None:
+        yield
+        return
+    token = _left.set([MAX_COMPARED])
+    try:
+        yield
+    finally:
+        _left.reset(token)
+
+
 def did_you_mean(word: str, known: Iterable[str]) -> str:
     """`did you mean 'Refine'?`, or an empty text when nothing is close."""
-    return _close_to(word, tuple(sorted(set(known)))) if len(word) <= MAX_WORD else ""
+    left = _left.get()
+    if len(word) > MAX_WORD or (left is not None and left[0] <= 0):
+        return ""
+    candidates = tuple(sorted(set(known)))
+    if left is not None:
+        left[0] -= len(candidates)
+    return _close_to(word, candidates)
 
 
 @lru_cache(maxsize=256)
@@ -139,8 +164,10 @@ def _close_to(word: str, candidates: tuple[str, ...]) -> str:
     return f"did you mean '{close[0]}'?" if close else ""
 
 
-MAX_WORD = 100
+MAX_WORD = 60
 """Characters of a word for which one that was meant is looked for."""
+MAX_COMPARED = 20_000
+"""Words that are compared in one reading; a second's work at most (30 000 unknown keys took 20 s without it)."""
 MAX_EXCERPT = 160
 MAX_SHOWN = 200
 """Findings that are written out; who has more mends the first ones first."""

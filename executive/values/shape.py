@@ -7,9 +7,6 @@ from collections.abc import Iterable
 from executive.values.findings import Findings, did_you_mean
 from executive.values.yaml_nodes import YamlList, YamlMapping, YamlNode, YamlScalar
 
-MAX_HINTS = 20
-"""Keys of one mapping for which one that was meant is looked for."""
-
 
 class ShapeCheck:
     """Asks a node to be of one shape; reports and answers None when it is not."""
@@ -43,11 +40,10 @@ class ShapeCheck:
     def known_keys(self, node: YamlMapping, known: Iterable[str], what: str) -> None:
         """Report keys that are not known, with what was probably meant."""
         names = tuple(known)
-        unknown = [key for key, _ in node.entries.values() if key.text not in names]
-        for number, key in enumerate(unknown):
-            close = did_you_mean(key.text, names) if number < MAX_HINTS else ""  # looking for it takes a while
-            hint = close or f"{what} has {', '.join(names)}"
-            self.findings.error(key, "unknown-key", f"{what} has no '{key.text}'", hint)
+        for key, _ in node.entries.values():
+            if key.text not in names:
+                hint = did_you_mean(key.text, names) or f"{what} has {', '.join(names)}"
+                self.findings.error(key, "unknown-key", f"{what} has no '{key.text}'", hint)
 
 
 def shape_of(node: YamlNode) -> str:

@@ -14,6 +14,7 @@ from executive.language import check, format_finding, read
 from executive.ports import FORCE, LENGTH, Ports
 from executive.registry import Registry
 from executive.skill import Skill
+from executive.values import findings
 from executive.values.units import Array
 
 HEAD = "pomona: 1\ntree: t\n"
@@ -162,6 +163,14 @@ class TestTypesFit:
         assert "too large" in only(findings_of("root: {check: '1e400 > 1'}"), "expression").message
         found = only(findings_of("root: {check: '1 > > 1'}"), "expression")
         assert (found.line, found.column) == (3, 20)
+
+    @pytest.mark.parametrize(
+        ("condition", "column"), [("1 / 0 > 1", 20), ("{n} > 3 / (1 - 1)", 27), ("1 / {zero} > 1 mm / 2 mm", 21)]
+    )
+    def test_a_division_by_zero(self, findings_of, condition, column):
+        body = f"constants: {{zero: 0, n: 5}}\nroot: {{check: '{condition}'}}"
+        found = next(f for f in findings_of(body) if f.severity == "error")
+        assert (found.code, found.line, found.column) == ("division", 4, column)
 
 
 class TestRanges:
@@ -317,6 +326,12 @@ class TestStructure:
     def test_children_that_are_no_list(self, findings_of):
         only(findings_of("root: {sequence: {Beep: {}}}"), "shape")
 
+    @pytest.mark.parametrize("value", ["[]", "[a]", "{a: 1}", ""])
+    def test_a_switch_over_no_single_value(self, findings_of, value):
+        found = only(findings_of(f"root:\n  switch: {value}\n  cases: {{a: {{Beep: {{}}}}}}\n"), "shape")
+        assert "'switch' takes a single value" in found.message
+        assert found.line == 4
+
     def test_on_failure_without_retry(self, findings_of):
         only(findings_of("root:\n  MoveTo: {pose: a}\n  on_failure: {Beep: {}}"), "missing-key")
 
@@ -392,6 +407,21 @@ def test_a_file_of_a_thousand_nodes_is_checked_within_a_second(findings_of):
     began = time.process_time()
     assert findings_of(body) == []
     assert time.process_time() - began < 1.0
+
+
+def test_what_was_meant_is_looked_for_while_few_words_are_wrong(findings_of, monkeypatch):
+    compared = []
+    monkeypatch.setattr(
+        findings, "get_close_matches", lambda word, known, **_: compared.append(len(known)) or known[:1]
+    )
+    monkeypatch.setattr(findings, "MAX_COMPARED", 1000)
+    subtrees = "".join(f"  subtree{i}: {{root: {{Beep: {{}}}}}}\n" for i in range(200))
+    root = "root:\n  sequence:\n" + "".join(f"    - sabtree{i}: {{}}\n" for i in range(300))
+    found = [f for f in findings_of(f"subtrees:\n{subtrees}{root}") if f.code == "unknown-type-of-node"]
+    assert len(found) == 300
+    assert found[0].hint
+    assert not found[-1].hint
+    assert sum(compared) < 2000
 
 
 def test_all_mistakes_are_found_in_one_pass(findings_of, pick_apple):
