@@ -7,9 +7,10 @@ a float with a dimension, written in tree files with a unit (`120 mm`) and hande
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import ItemsView, Iterator, Mapping
 from dataclasses import dataclass
 from enum import Enum
+from functools import cached_property
 from typing import Annotated, Any, dataclass_transform
 
 from executive.values.units import (
@@ -166,6 +167,18 @@ class Ports(Mapping[str, Port]):
 
     def __len__(self) -> int:
         return len(self._ports)
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._ports
+
+    def items(self) -> ItemsView[str, Port]:
+        """Names with their ports; the check of a large tree asks often, and Mapping's own way takes longer."""
+        return self._ports.items()
+
+    @cached_property
+    def needed(self) -> tuple[str, ...]:
+        """Names of the ports that must be wired."""
+        return tuple(name for name, port in self._ports.items() if port.required)
 
 
 @dataclass_transform(frozen_default=True)

@@ -18,7 +18,7 @@ from executive.language.values import ValueReader, static_type
 from executive.nodes.node_type import NodeType, Stage
 from executive.nodes.surroundings import COUNTERS, Around
 from executive.nodes.takes import NAME
-from executive.ports import Port
+from executive.ports import Port, Ports
 from executive.registry import Registry
 from executive.skill import Skill
 from executive.values.findings import Findings, did_you_mean
@@ -53,9 +53,14 @@ class NodeChecker:
         nodes = list(root.walk())
         for node in nodes:
             self.unique_name(node)
-        layers = [self.layer(node, index, _EVERYTHING) for node in nodes for index in range(len(node.layers))]
+        declaring = [
+            self.layer(node, index, _EVERYTHING)
+            for node in nodes
+            for index, layer in enumerate(node.layers)
+            if layer.declares
+        ]
         for stage in Stage:
-            for at in layers:
+            for at in declaring:
                 at.layer.declare(at, stage)
         self.layer(root, 0, Around()).check()
 
@@ -221,8 +226,10 @@ class LayerCheck:
                 renamed = [f"it is called '{new}' now" for new, port in inputs.items() if port.was == name]
                 hint = "".join(renamed) or did_you_mean(name, known) or f"ports of {who}: {', '.join(known) or 'none'}"
                 self.findings.error(key, "unknown-port", f"{who} has no port '{name}'", hint)
-        missing = [name for name, port in inputs.items() if port.required and name not in node.ports]
-        for name in missing:
+        needed = inputs.needed if isinstance(inputs, Ports) else [n for n, port in inputs.items() if port.required]
+        for name in needed:
+            if name in node.ports:
+                continue
             message = f"{who} needs '{name}', {describe(static_type(inputs[name]))}"
             self.findings.error(node.key, "missing-port", message, f'wire it: {name}: "{{…}}"')
 

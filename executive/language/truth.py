@@ -133,6 +133,8 @@ class LayerTruth(LayerAt[Truth]):
         return known
 
     def forget(self, known: Facts) -> Facts:
+        if not known.known:
+            return known
         return known.without(self.whole.writes(self.node), passing=not self.layer.instant)
 
     def share(self, known: Facts) -> Facts:
@@ -146,6 +148,8 @@ class LayerTruth(LayerAt[Truth]):
         return self.whole.node(self.node.children[index], known)
 
     def after(self, index: int, known: Facts) -> Facts:
+        if not known.known:
+            return known
         return known.without(self.whole.writes(self.node.children[index]), passing=True)
 
     def part(self, slot: str, known: Facts) -> Facts:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 Codes = frozenset[str]
 NO_CODES: Codes = frozenset()
@@ -29,7 +29,7 @@ class Outcome:
 
     def plus(self, *codes: str) -> Outcome:
         """The same with more codes."""
-        return replace(self, codes=self.codes.union(codes))
+        return Outcome(self.codes.union(codes), self.succeeds, self.skips, self.least)
 
 
 def codes_of(outcomes: Iterable[Outcome]) -> Codes:

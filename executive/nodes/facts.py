@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from executive.values.findings import Located
 
@@ -90,14 +90,15 @@ class Facts:
         """With one more fact."""
         if fact is None or fact.names & self.shared:
             return self
-        return replace(self, known=(*self.known, fact))
+        return Facts((*self.known, fact), self.shared)
 
     def without(self, names: Iterable[str], *, passing: bool) -> Facts:
         """After these names were written; `passing` says whether time passes, too."""
         if not self.known:
             return self
         gone = frozenset(names)
-        return replace(self, known=tuple(f for f in self.known if not f.names & gone and (f.lasts or not passing)))
+        kept = tuple(f for f in self.known if not f.names & gone and (f.lasts or not passing))
+        return Facts(kept, self.shared)
 
     def sharing(self, names: Iterable[str]) -> Facts:
         """While somebody else may write these names at any time."""

@@ -232,6 +232,12 @@ class NodeType(ABC):
         """The element that stands for it where BehaviorTree.CPP has none."""
         return "Pomona" + "".join(word.capitalize() for word in self.key.split("_"))
 
+    @cached_property
+    def declares(self) -> bool:
+        """Whether it may write names."""
+        own = type(self).declare is not NodeType.declare
+        return own or any(type(taken).declare is not Field.declare for taken in self.slots.values())
+
     # ---------------------------------------------------------------------------------------- before the run
 
     def declare(self, at: Checking, stage: Stage) -> None:
@@ -262,9 +268,10 @@ class NodeType(ABC):
 
     def truth(self, at: Knowing, known: Facts) -> Facts:
         """What is surely true when it has succeeded. By default its children may run in any order and again."""
-        inside = at.share(known)
-        for index in range(len(at.node.children)):
-            at.child(index, inside)
+        if at.node.children:
+            inside = at.share(known)
+            for index in range(len(at.node.children)):
+                at.child(index, inside)
         return at.forget(known)
 
     def needed(self, at: Asking) -> bool:

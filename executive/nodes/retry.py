@@ -179,7 +179,7 @@ class RetryType(Modifier):
     def around(self, at: Checking, index: int) -> Around:
         if index > 0:
             return self.after(at)
-        return replace(at.around, counters=at.around.counters | {"retry"})
+        return Around(at.around.counters | {"retry"}, at.around.failure, at.around.items)
 
     def outcome(self, at: Ending) -> Outcome:
         inside, after = at.inside(), at.part("on_failure")

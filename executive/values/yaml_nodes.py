@@ -18,6 +18,7 @@ MAX_CHARACTERS = 512 * 1024
 MAX_DEPTH = 80
 MAX_NODES = 100_000
 
+_SCALAR = yaml.ScalarEvent
 _LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
@@ -129,6 +130,7 @@ class _Composer:
     def __init__(self, source: Source, findings: Findings, loader: Any, what: str) -> None:
         self.source, self.findings, self.loader, self.what = source, findings, loader, what
         self.scalars: list[YamlScalar] = []
+        """Those that may hold a #: a plain one on one line ends where a comment begins."""
         self.count = 0
 
     def document(self) -> YamlNode | None:
@@ -156,6 +158,8 @@ class _Composer:
 
     def _node(self, event: Any, depth: int) -> YamlNode:
         self.count += 1
+        if type(event) is _SCALAR and event.tag is None and depth <= MAX_DEPTH and self.count <= MAX_NODES:
+            return self._scalar(event)  # nearly every node is one
         if depth > MAX_DEPTH:
             raise self._refuse(event, "too-deep", f"nested more than {MAX_DEPTH} levels deep")
         if self.count > MAX_NODES:
@@ -164,19 +168,22 @@ class _Composer:
             raise self._refuse(event, "alias", f"YAML aliases (*) are not allowed in {self.what}")
         if event.tag is not None and event.tag != "!":
             raise self._refuse(event, "tag", f"YAML tags ({event.tag}) are not allowed in {self.what}")
-        start, end = event.start_mark, event.end_mark
         if isinstance(event, yaml.ScalarEvent):
-            plain = event.style is None or event.style == ""
-            scalar = YamlScalar(
-                self.source, start.line + 1, start.column + 1, end.line + 1, end.column + 1, event.value, plain
-            )
-            self.scalars.append(scalar)
-            return scalar
+            return self._scalar(event)
+        start = event.start_mark
         if isinstance(event, yaml.SequenceStartEvent):
             items = list(self._items(depth))
             return YamlList(self.source, start.line + 1, start.column + 1, *self.end, items)
         entries = self._entries(depth)
         return YamlMapping(self.source, start.line + 1, start.column + 1, *self.end, entries)
+
+    def _scalar(self, event: Any) -> YamlScalar:
+        start, end, plain = event.start_mark, event.end_mark, not event.style
+        line, end_line = start.line + 1, end.line + 1
+        scalar = YamlScalar(self.source, line, start.column + 1, end_line, end.column + 1, event.value, plain)
+        if not plain or line != end_line:
+            self.scalars.append(scalar)
+        return scalar
 
     @property
     def end(self) -> tuple[int, int]:
@@ -209,8 +216,6 @@ class _Composer:
         """Comments are what follows a # that starts a line or follows a blank, outside every scalar."""
         covered: dict[int, list[tuple[int, int]]] = {}
         for scalar in self.scalars:
-            if scalar.plain and scalar.line == scalar.end_line:
-                continue  # a plain scalar ends where a comment begins
             for line in range(scalar.line, scalar.end_line + 1):
                 first = scalar.column if line == scalar.line else 1
                 last = scalar.end_column if line == scalar.end_line else MAX_CHARACTERS
