@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from executive.errors import UsageError
-from executive.language.check import analyse
+from executive.language.check import Analysis, analyse
 from executive.language.known_inputs import uses_of_skills
 from executive.language.model import Document
 from executive.registry import Registry
@@ -19,10 +19,11 @@ from executive.values.yaml_nodes import YamlScalar
 
 @dataclass(frozen=True, slots=True)
 class Judged:
-    """What was judged: the cell's file when nothing is wrong with it, and everything that was found."""
+    """What was judged: the cell's file when nothing is wrong with it, all that was found, and the tree looked up."""
 
     cell: CellFile | None
     findings: Findings
+    analysis: Analysis
 
     def refuse_errors(self) -> None:
         """Raise when something is wrong.
@@ -67,7 +68,7 @@ def judge(
                 where: Located = use.known[problem.key].where if problem.key in use.known else use.node.key
                 report = findings.warning if problem.warning else findings.error
                 report(where, "unfit", f"{use.node.label}: {problem.message}", problem.hint)
-    return Judged(file, findings)
+    return Judged(file, findings, analysis)
 
 
 def split_settings(

@@ -262,6 +262,8 @@ class LayerCheck:
             self.wired_outputs(self.whole.interfaces[id(called)].outputs)
             return
         name = self.node.key.text
+        if name in self.whole.scope.definition.file.unread:
+            return
         hint = did_you_mean(name, chain(self.whole.known_types(), self.whole.skills))
         self.findings.error(self.node.key, "unknown-type-of-node", f"nothing is named '{name}'", hint)
 

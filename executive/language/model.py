@@ -43,7 +43,10 @@ class Definition:
 
 @dataclass(slots=True, eq=False)
 class TreeFile:
-    """One file; `subtrees` holds those of other files too, under the names by which this file calls them."""
+    """One file; `subtrees` holds those of other files too, under the names by which this file calls them.
+
+    `unread` are names of subtrees whose files hold no tree that could be read, which is a finding of its own.
+    """
 
     source: Source
     name: str = ""
@@ -53,6 +56,7 @@ class TreeFile:
     constants: dict[str, Declared] = field(default_factory=dict)
     skills: dict[str, YamlScalar] = field(default_factory=dict)
     subtrees: dict[str, Definition] = field(default_factory=dict)
+    unread: set[str] = field(default_factory=set)
     top: YamlMapping | None = None
 
 

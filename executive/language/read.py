@@ -194,9 +194,12 @@ class _Reader:
                 continue
             if "file" in at.entries:
                 shape.known_keys(at, ("file",), "a subtree in another file")
-                called = self.other_file(shape.text(at.get("file")), folder, file)
+                written = shape.text(at.get("file"))
+                called = self.other_file(written, folder, file)
                 if called is not None:
                     file.subtrees[key.text] = called
+                elif written is not None:
+                    file.unread.add(key.text)
                 continue
             shape.known_keys(at, _SUBTREE, "a subtree")
             described = shape.text(at.get("description"))
@@ -216,7 +219,7 @@ class _Reader:
         shown = str(Path(caller.source.path).parent / written.text)
         if shown in self.texts:
             known = self.files.get(Path(shown))
-            return (known or self.file(self.texts[shown], shown, Path(shown))).main
+            return self.main_of(known or self.file(self.texts[shown], shown, Path(shown)), written)
         path = self.find(written, folder)
         if path is None:
             return None
@@ -226,6 +229,12 @@ class _Reader:
             if text is None:
                 return None
             file = self.file(text, shown, path)
+        return self.main_of(file, written)
+
+    def main_of(self, file: TreeFile, written: YamlScalar) -> Definition | None:
+        """The tree of a file that is called; reports where it is called that there is none."""
+        if file.main is None:
+            self.findings.error(written, "file", f"{file.source.path} holds no tree that can be read")
         return file.main
 
     def find(self, written: YamlScalar, folder: Path) -> Path | None:

@@ -15,7 +15,8 @@ from executive.errors import PomonaError
 from executive.files import find_cell
 from executive.language.declared_skills import declared_skills
 from executive.language.format import FormatError, formatted
-from executive.language_server.service import Offer, RenameRefused, TreeService
+from executive.language_server.renaming import RenameRefused
+from executive.language_server.service import Offer, TreeService
 from executive.registry import Registry
 from executive.values.findings import Finding, Located
 
@@ -46,9 +47,13 @@ class TreeServer(LanguageServer):
     def service(self, uri: str) -> TreeService:
         """What is known of a file."""
         if uri not in self.open:
-            self.open[uri] = TreeService(Path(to_fs_path(uri) or uri), self.skills)
+            self.open[uri] = TreeService(Path(to_fs_path(uri) or uri), self.skills, others=self.texts)
             self.open[uri].use_cell(self.cell)
         return self.open[uri]
+
+    def texts(self) -> dict[str, str]:
+        """What stands in the editor, saved or not, by path."""
+        return {str(service.path): service.text for service in self.open.values()}
 
     def load_skills(self) -> None:
         """Import the skills themselves, which know more than their declarations: poses, fruit."""
@@ -57,9 +62,16 @@ class TreeServer(LanguageServer):
             service.skills = self.skills
 
     def judge(self, uri: str, text: str) -> None:
-        """Take a text, and tell what is wrong with it."""
-        found = self.service(uri).update(text)
-        diagnostics = [_diagnostic(finding, text) for finding in found]
+        """Take a text, and tell what is wrong with it and with the open trees that call it."""
+        changed = self.service(uri)
+        self.publish(uri, changed.update(text))
+        for other, service in list(self.open.items()):
+            if service is not changed and service.calls(changed.path):
+                self.publish(other, service.update(service.text))
+
+    def publish(self, uri: str, found: list[Finding]) -> None:
+        """Tell what is wrong with a file."""
+        diagnostics = [_diagnostic(finding, self.open[uri].text) for finding in found]
         self.text_document_publish_diagnostics(lsp.PublishDiagnosticsParams(uri, diagnostics))
 
 

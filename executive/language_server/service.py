@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from enum import Enum, EnumType
 from pathlib import Path
@@ -13,11 +13,20 @@ from executive.files import installed_trees
 from executive.judging import judge
 from executive.language.check import Analysis, analyse
 from executive.language.expression import FUNCTIONS, SPECIAL
-from executive.language.model import Definition, Document, TreeFile, TreeNode
+from executive.language.model import Definition, Document
 from executive.language.read import read
 from executive.language.scope import Named
 from executive.language.value_types import ValueType, describe, element_type, fields_of
 from executive.language_server.places import Place, place_at, word_at
+from executive.language_server.renaming import (
+    RenameRefused,
+    declared_in,
+    key_of,
+    order,
+    spots_in_calls,
+    spots_of_name,
+    spots_of_subtree,
+)
 from executive.nodes.catalogue import NodeTypes
 from executive.nodes.surroundings import COUNTERS, LastFailure
 from executive.nodes.takes import NAME, Value
@@ -25,8 +34,8 @@ from executive.ports import Port, type_name
 from executive.registry import Registry, default_text
 from executive.running.cell_files import CellFile, cell_files
 from executive.skill import Skill
-from executive.values.findings import Finding, Findings, Located, Spot
-from executive.values.yaml_nodes import YamlList, YamlMapping, YamlNode, YamlScalar
+from executive.values.findings import Finding, Findings, Located, Source, Spot
+from executive.values.plain_text import read_plain_text
 
 TOP = {
     "pomona": "version of the language",
@@ -49,12 +58,10 @@ DECLARED = {
     "help": "one line for people",
 }
 SUBTREE = {"in": "inputs", "out": "outputs", "root": "its nodes", "description": "for people", "file": "another file"}
+MAX_BESIDE = 200
+"""Files beside a renamed one in which callers are looked for."""
 _PATH = re.compile(r"\s*([A-Za-z_]\w*)((?:\.\w+|\[[^\]]*\])*)\.\w*$")
 _CODES = re.compile(r"failure\.codes?\s*(?:==|!=|in|not in)\s*\[?[^\]]*$")
-
-
-class RenameRefused(ValueError):
-    """A name that cannot be given, and why."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,11 +81,13 @@ class TreeService:
     Attributes:
         skills: installed skills, or what they declare.
         cell: of which poses and fruit are known; None without one.
+        others: texts of other open files, by path: they may not be saved yet.
     """
 
     path: Path
     skills: Registry
     cell: Path | None = None
+    others: Callable[[], Mapping[str, str]] = dict
     text: str = ""
     analysis: Analysis | None = None
     cell_file: CellFile | None = None
@@ -89,17 +98,22 @@ class TreeService:
         if not is_tree(text):
             self.analysis = None
             return []
-        document = read(text, str(self.path), tree_folders=[installed_trees()])
+        document = read(text, str(self.path), tree_folders=[installed_trees()], texts=self.others())
         if self.cell is None:
             analysis = analyse(document, self.skills)
             findings = analysis.findings
         else:
             judged = judge(document, self.skills, {}, self.cell)
             findings, self.cell_file = judged.findings.sorted(), judged.cell or self.cell_file
-            analysis = analyse(document, self.skills)
+            analysis = judged.analysis
         if document.main.main is not None and document.main.main.root is not None:
             self.analysis = analysis
         return [finding for finding in findings if finding.path == str(self.path)]
+
+    def calls(self, path: Path) -> bool:
+        """Whether the tree was read together with another file."""
+        document = None if self.analysis is None else self.analysis.document
+        return document is not None and any(file.source.path == str(path) for file in document.files)
 
     def use_cell(self, cell: Path | None) -> None:
         """Know the poses and fruit of a cell from now on."""
@@ -277,19 +291,36 @@ class TreeService:
         return f"**{word}**  \n{_about(scope[word])}" if word in scope else ""
 
     def definition_of(self, row: int, column: int) -> Located | None:
-        """Where the name, subtree or file at a position is declared or first written."""
+        """Where the name, port, subtree, file or word of the cell at a position is declared or first written."""
         word, start = word_at(self.lines[row] if row < len(self.lines) else "", column)
         place = place_at(self.lines, row, start)
         scope = self.scope(self.definition_around(place))
         if place.braces is not None or place.key in ("as", "answer"):
             return scope[word].where if word in scope and "." not in (place.braces or "") else None
+        around = self.called(place.parent)
+        if around is not None and place.key == "file":
+            return around.at
+        if around is not None and not place.key:
+            return declared_in(around, word)
+        skill = self.skills.get(place.parent)
+        if skill is not None and place.key:
+            return self.place_in_cell(word) if word in skill.offers(place.key, self.cell_file) else None
         called = self.called(word)
-        return None if called is None else _key_of(called)
+        return None if called is None else key_of(called)
+
+    def place_in_cell(self, word: str) -> Spot | None:
+        """Where the cell's file, or one that it includes, has this key."""
+        for name, text in {} if self.cell is None or self.cell_file is None else self.cell_file.files.items():
+            for number, line in enumerate(text.splitlines(), start=1):
+                found = re.search(rf"(?:^|[\s{{,])({re.escape(word)})\s*:", line.partition("#")[0])
+                if found is not None:
+                    return Spot(Source(str(self.cell.parent / name), text), number, found.start(1) + 1, len(word))
+        return None
 
     # ------------------------------------------------------------------------------------------- renaming
 
     def rename(self, row: int, column: int, new: str) -> list[Spot]:
-        """Every place of the wiring or subtree at a position.
+        """Every place of the wiring, port or subtree at a position, also in the files that are called or that call.
 
         Raises:
             RenameRefused: there is nothing to rename, or the new name cannot be given.
@@ -300,64 +331,36 @@ class TreeService:
             raise RenameRefused("the file cannot be read as it is: mend it first")
         if not NAME.fullmatch(new):
             raise RenameRefused(f"'{new}' is no name: small letters, digits and _")
-        document, definition = self.analysis.document, self.definition_around(place)
-        if self.called(word) is not None and place.braces is None:
+        definition, around = self.definition_around(place), self.called(place.parent)
+        if place.braces is None and around is not None and not place.key and declared_in(around, word) is not None:
+            definition = around
+        elif place.braces is None and self.called(word) is not None:
             if new in self.subtrees() or self.is_kind(new) or new in self.types:
                 raise RenameRefused(f"'{new}' is taken")
-            return sorted(_spots_of_subtree(document, word), key=_order)
+            return sorted(spots_of_subtree(self.analysis.document, word), key=order)
         if definition is None or word not in self.scope(definition):
             raise RenameRefused(f"'{word}' is no name that this file gives")
         if new in self.scope(definition) or new in SPECIAL:
             raise RenameRefused(f"'{new}' is taken")
-        return sorted(self.spots_of_name(definition, word), key=_order)
+        path = definition.file.source.path
+        if path != str(self.path) and Path(path).resolve().is_relative_to(installed_trees().resolve()):
+            raise RenameRefused(f"'{word}' belongs to {path}, which is installed")
+        spots = list(spots_of_name(self.analysis, definition, word))
+        for caller in self.callers(Path(path)) if definition.main and declared_in(definition, word) else ():
+            spots += spots_in_calls(caller, path, word)
+        return sorted({order(spot): spot for spot in spots}.values(), key=order)
 
-    def spots_of_name(self, definition: Definition, name: str) -> Iterator[Spot]:
-        """Every place of a name: in braces, where it is declared, and where callers wire it."""
-        document, file = self._document, definition.file
-        shared = name in file.parameters and name not in definition.inputs
-        inside = [d for d in document.definitions() if d.file is file] if shared else [definition]
-        declared = [table[name].key for table in (file.parameters, file.constants) if shared and name in table]
-        declared += [t[name].key for t in (definition.inputs, definition.outputs, file.constants) if name in t]
-        for key in {id(key): key for key in declared}.values():
-            yield Spot(key.source, key.line, key.text_column, len(name))
-        for one in inside:
-            for node in one.root.walk() if one.root is not None else ():
-                yield from self.spots_in_node(node, name)
-        if name in definition.inputs or name in definition.outputs:
-            for node in _calls(document, definition):
-                if name in node.ports:
-                    key = node.ports[name][0]
-                    yield Spot(key.source, key.line, key.text_column, len(name))
-
-    def spots_in_node(self, node: TreeNode, name: str) -> Iterator[Spot]:
-        """Places of a name in what is written for a node itself."""
-        below = {id(child.at) for child in node.below()}
-        for scalar in _scalars(node.at, below):
-            for number in range(scalar.line, scalar.end_line + 1):
-                for found in re.finditer(rf"\{{\s*({name})\b(?=[^{{}}]*\}})", scalar.source.excerpt(number)):
-                    inside = number != scalar.line or found.start(1) + 1 >= scalar.column
-                    if inside and (number != scalar.end_line or found.end(1) < scalar.end_column):
-                        yield Spot(scalar.source, number, found.start(1) + 1, len(name))
-        for layer in node.layers:
-            resolved = self._analysis.resolved.get((id(node), layer.key))
-            for slot, target in resolved.outputs.items() if resolved is not None else ():
-                entry = node.entry(layer, slot)
-                own = node.ports[slot][0] if layer.key == "set" and slot in node.ports else entry and entry[1]
-                written = [own] if layer.key == "set" else [e[1] for e in node.modifiers.values()]
-                for key in written:
-                    if target == name and isinstance(key, YamlScalar) and key.text == name:
-                        yield Spot(key.source, key.line, key.text_column, len(name))
+    def callers(self, path: Path) -> Iterator[Document]:
+        """Other trees that call a file: those that are open, and those beside it."""
+        texts = dict(self.others())
+        for beside in sorted(path.parent.glob("*.yaml"))[:MAX_BESIDE]:
+            if str(beside) not in texts:
+                texts[str(beside)] = _text_of(beside)
+        for name, text in texts.items():
+            if name not in (str(path), str(self.path)) and path.name in text and is_tree(text):
+                yield read(text, name, tree_folders=[installed_trees()], texts=texts)
 
     # ------------------------------------------------------------------------------------------- what is known
-
-    @property
-    def _analysis(self) -> Analysis:
-        assert self.analysis is not None
-        return self.analysis
-
-    @property
-    def _document(self) -> Document:
-        return self._analysis.document
 
     def subtrees(self) -> Mapping[str, Definition]:
         """The file's subtrees by their names."""
@@ -398,6 +401,13 @@ def is_tree(text: str) -> bool:
         return True
     others = any(file_kind(name).recognises(keys) for name in kind_names())
     return "pomona" in keys and not others
+
+
+def _text_of(path: Path) -> str:
+    try:
+        return read_plain_text(path)
+    except (OSError, ValueError):
+        return ""
 
 
 def _ports(ports: Mapping[str, Port], direction: str, owner: str) -> Iterator[Offer]:
@@ -447,51 +457,3 @@ def _first_line(skill: type[Skill]) -> str:
 def _about(named: Named) -> str:
     where = f"{named.origin}, line {named.where.line}" if named.origin != "written" else f"written by {named.by}"
     return f"{describe(named.type)} ({where})"
-
-
-def _key_of(definition: Definition) -> Located:
-    """Where a subtree's name is written; of another file its beginning."""
-    for key, value in _entries(definition.file, definition.name):
-        if value is definition.at:
-            return key
-    return definition.at
-
-
-def _entries(file: TreeFile, name: str) -> Iterator[tuple[YamlScalar, YamlNode]]:
-    subtrees = None if file.top is None else file.top.get("subtrees")
-    if isinstance(subtrees, YamlMapping) and name in subtrees.entries:
-        yield subtrees.entries[name]
-
-
-def _calls(document: Document, definition: Definition) -> Iterator[TreeNode]:
-    for one in document.definitions():
-        for node in one.root.walk() if one.root is not None else ():
-            if node.type.calls and document.called(node) is definition:
-                yield node
-
-
-def _spots_of_subtree(document: Document, name: str) -> Iterator[Spot]:
-    for key, _ in _entries(document.main, name):
-        yield Spot(key.source, key.line, key.text_column, len(name))
-    for one in document.definitions():
-        for node in one.root.walk() if one.root is not None and one.file is document.main else ():
-            if node.type.calls and node.key.text == name:
-                yield Spot(node.key.source, node.key.line, node.key.text_column, len(name))
-
-
-def _scalars(node: YamlNode, below: set[int]) -> Iterator[YamlScalar]:
-    """Scalars in a value, without those that belong to nodes below."""
-    if id(node) in below:
-        return
-    if isinstance(node, YamlScalar):
-        yield node
-    elif isinstance(node, YamlList):
-        for item in node.items:
-            yield from _scalars(item, below)
-    elif isinstance(node, YamlMapping):
-        for _, value in node.entries.values():
-            yield from _scalars(value, below)
-
-
-def _order(spot: Spot) -> tuple[str, int, int]:
-    return spot.source.path, spot.line, spot.column

@@ -18,7 +18,8 @@ from pygls.lsp.client import LanguageClient
 
 from executive.files import find_cell
 from executive.language.declared_skills import declared_skills
-from executive.language_server.service import RenameRefused, TreeService
+from executive.language_server.renaming import RenameRefused
+from executive.language_server.service import TreeService
 from executive.registry import Registry
 from executive.values.findings import Spot
 
@@ -119,6 +120,8 @@ class TestCompletion:
         found.update(TREE)
         assert {"home", "observe"} <= set(offered(found, "{pose: home}", "{pose: |}"))
         assert "apple" in offered(found, 'fruit: "{kind}"', "fruit: |")
+        found.update(TREE)
+        assert found.definition_of(6, TREE.split("\n")[6].index("home")).source.path.endswith("shared/workspace.yaml")
         told = found.update(TREE.replace("pose: home", "pose: hoem"))
         assert ["the cell 'sim' has no pose 'hoem'" in finding.message for finding in told].count(True) == 1
 
@@ -221,6 +224,30 @@ class Editor(LanguageClient):
         found: list[Any] = self.told[uri]
         return found
 
+    async def until(self, uri: str, *codes: str) -> None:
+        """Wait until a file has findings with these codes."""
+        while sorted(found.code for found in self.told.get(uri, [])) != list(codes):
+            await asyncio.wait_for(self.changed.wait(), 20.0)
+            self.changed.clear()
+
+    def change(self, uri: str, version: int, text: str) -> None:
+        """Type a whole text."""
+        whole = lsp.TextDocumentContentChangeWholeDocument(text)
+        self.text_document_did_change(
+            lsp.DidChangeTextDocumentParams(lsp.VersionedTextDocumentIdentifier(version, uri), [whole])
+        )
+
+
+CALLED = """\
+pomona: 1
+tree: look
+in: {kind: text}
+out: {found: detection}
+root:
+  Detect: {fruit: "{kind}", detection: "{found}"}
+"""
+CALLER = TREE[: TREE.index("  look:\n")] + "  look: {file: look.yaml}\n"
+
 
 def test_a_real_editor_speaks_with_the_command(tmp_path):
     path = tmp_path / "t.yaml"
@@ -237,10 +264,7 @@ def test_a_real_editor_speaks_with_the_command(tmp_path):
         (wrong,) = await editor.findings(uri)
         assert (wrong.code, wrong.range.start.line, wrong.range.start.character) == ("unknown-skill", 6, 6)
         assert "did you mean 'MoveTo'?" in wrong.message
-        whole = lsp.TextDocumentContentChangeWholeDocument(TREE)
-        editor.text_document_did_change(
-            lsp.DidChangeTextDocumentParams(lsp.VersionedTextDocumentIdentifier(2, uri), [whole])
-        )
+        editor.change(uri, 2, TREE)
         assert list(await editor.findings(uri)) == []
         document = lsp.TextDocumentIdentifier(uri)
         at = lsp.Position(7, 6)
@@ -250,6 +274,31 @@ def test_a_real_editor_speaks_with_the_command(tmp_path):
             lsp.RenameParams(document, lsp.Position(10, TREE.split("\n")[10].index("seen")), "sight")
         )
         assert len(edit.changes[uri]) == 2
+        called, elsewhere = tmp_path / "look.yaml", (tmp_path / "look.yaml").as_uri()
+        called.write_text(CALLED)
+        editor.change(uri, 3, CALLER)
+        await editor.until(uri)
+        line = CALLER.split("\n")[8]
+        found = await editor.text_document_definition_async(
+            lsp.DefinitionParams(document, lsp.Position(8, line.index("kind")))
+        )
+        assert (found.uri, found.range.start) == (elsewhere, lsp.Position(2, 5))
+        unsaved = CALLED.replace("kind", "sort")
+        editor.text_document_did_open(
+            lsp.DidOpenTextDocumentParams(lsp.TextDocumentItem(elsewhere, "yaml", 1, unsaved))
+        )
+        await editor.until(uri, "missing-port", "unknown-port")
+        editor.change(elsewhere, 2, "pomona: 1\nroot: [")
+        await editor.until(uri, "file")
+        items = await editor.text_document_completion_async(lsp.CompletionParams(document, at))
+        assert {"timeout", "name"} <= {item.label for item in items}
+        editor.change(elsewhere, 3, CALLED)
+        await editor.until(uri)
+        for asked, position in ((uri, lsp.Position(8, line.index("kind"))), (elsewhere, lsp.Position(2, 5))):
+            edit = await editor.text_document_rename_async(
+                lsp.RenameParams(lsp.TextDocumentIdentifier(asked), position, "sort")
+            )
+            assert {place: len(changes) for place, changes in edit.changes.items()} == {uri: 1, elsewhere: 2}
         hover = await editor.text_document_hover_async(lsp.HoverParams(document, lsp.Position(6, 8)))
         assert "Move to a named pose" in hover.contents.value
         await editor.shutdown_async(None)
