@@ -310,7 +310,9 @@ class TreeService:
 
     def place_in_cell(self, word: str) -> Spot | None:
         """Where the cell's file, or one that it includes, has this key."""
-        for name, text in {} if self.cell is None or self.cell_file is None else self.cell_file.files.items():
+        if self.cell is None or self.cell_file is None:
+            return None
+        for name, text in self.cell_file.files.items():
             for number, line in enumerate(text.splitlines(), start=1):
                 found = re.search(rf"(?:^|[\s{{,])({re.escape(word)})\s*:", line.partition("#")[0])
                 if found is not None:
