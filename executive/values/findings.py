@@ -167,7 +167,7 @@ def _close_to(word: str, candidates: tuple[str, ...]) -> str:
 MAX_WORD = 60
 """Characters of a word for which one that was meant is looked for."""
 MAX_COMPARED = 20_000
-"""Words that are compared in one reading; a second's work at most (30 000 unknown keys took 20 s without it)."""
+"""Words that are compared in one reading, about a second's work (30 000 unknown keys took 20 s without it)."""
 MAX_EXCERPT = 160
 MAX_SHOWN = 200
 """Findings that are written out; who has more mends the first ones first."""
