@@ -30,11 +30,13 @@ def find_reachable(built: WallModel, robot: Path) -> tuple[bool, ...]:
     A grasp is tried from 20 directions with 4 turns of the hand each; the hand must be free at the fruit with open
     fingers and `BEFORE` it. What is not found is called unreachable, so the count is a lower bound.
     """
-    search = _Search(built, robot)
+    search = GraspSearch(built, robot)
     return tuple(search.reaches(i) for i in range(len(built.fruit_bodies)))
 
 
-class _Search:
+class GraspSearch:
+    """Grasps of one wall by one robot."""
+
     def __init__(self, built: WallModel, robot: Path) -> None:
         self._mujoco = load_mujoco()
         self._arm = read_robot(robot).compile()
@@ -56,17 +58,17 @@ class _Search:
     def reaches(self, fruit: int) -> bool:
         p = self._built.wall.fruits[fruit].T_base_fruit[:3, 3]
         for elevation, azimuth, roll in product(ELEVATIONS, AZIMUTHS, ROLLS):
-            T = _grasp(p, np.radians(azimuth), np.radians(elevation), np.radians(roll))
-            q = self._solve(T)
+            T = grasp_pose(p, np.radians(azimuth), np.radians(elevation), np.radians(roll))
+            q = self.solve(T)
             if q is None or not self._free(q):
                 continue
             T[:3, 3] -= BEFORE * T[:3, 2]
-            q = self._solve(T, q)
+            q = self.solve(T, q)
             if q is not None and self._free(q):
                 return True
         return False
 
-    def _solve(self, T: Float64, near: Float64 | None = None) -> Float64 | None:
+    def solve(self, T: Float64, near: Float64 | None = None) -> Float64 | None:
         """Joints for a pose of the tcp within the limits, or None."""
         starts = [near] if near is not None else [np.array(s[: len(self._q)]) for s in STARTS]
         return next((q for start in starts if (q := self._descend(T, start)) is not None), None)
@@ -105,7 +107,7 @@ class _Search:
         return not bool((ours & deep).any())
 
 
-def _grasp(p: Float64, azimuth: float, elevation: float, roll: float) -> Float64:
+def grasp_pose(p: Float64, azimuth: float, elevation: float, roll: float) -> Float64:
     """T_base_tcp at a point: approach z towards the wall (-y), fingers along y."""
     z = np.array([np.sin(azimuth) * np.cos(elevation), -np.cos(azimuth) * np.cos(elevation), np.sin(elevation)])
     side = np.cross(z, [0.0, 0.0, 1.0])
