@@ -22,12 +22,12 @@ import matplotlib as mpl
 import numpy as np
 from scipy.stats import ks_2samp
 
-from drivers.interfaces import Float64
 from drivers.orchard.connect import wall_shapes
 from drivers.orchard.model import WallModel, build_wall_model
 from drivers.orchard.numbers import Provenance, WallNumbers, read_numbers
 from drivers.orchard.stems import TORN, Stems
 from drivers.orchard.wall import Wall, draw_wall
+from drivers.orchard.wood import Float64
 from drivers.sim.gl import load_mujoco
 from drivers.sim.scene import TIMESTEP
 
@@ -79,7 +79,7 @@ def main() -> None:
     options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     options.add_argument("--data", type=Path, help="folder of the measured traces")
     options.add_argument("--out", type=Path, default=Path("docs/reports/orchard_law"))
-    options.add_argument("--walls", type=int, default=6)
+    options.add_argument("--walls", type=int, default=4)
     options.add_argument(
         "--sensitivity", type=int, default=1, help="walls for ± 50 %% of each assumed number; 0 for none"
     )

@@ -1,4 +1,4 @@
-"""A scripted hand at the wall, through the devices' interfaces alone: it proves the cell, and knows nothing of skills."""
+"""A scripted hand at the wall, through the devices' interfaces alone: it proves the cell and knows no skills."""
 
 from __future__ import annotations
 
@@ -30,6 +30,7 @@ def quintic(a, b, limits, share=0.5):
 class Script:
     def __init__(self, cell):
         self.cell, self.world = cell, cell.devices["world"]
+        self.set_point = cell.workspace.poses["home"]
         self.arm, self.gripper, self.fingers = cell.device(Arm), cell.device(Gripper), cell.device(ForceSensor)
 
     def until(self, motion, limit=10.0):
@@ -52,8 +53,7 @@ class Script:
         assert pressed.min() > force - 0.2
 
     def go(self, q):
-        start = self.arm.state().q if self.world.clock.steps == 0 else self.set_point
-        self.set_point = np.array(q)
+        start, self.set_point = self.set_point, np.array(q)
         self.until(self.arm.follow(quintic(start, self.set_point, self.arm.limits)))
 
 
@@ -61,7 +61,6 @@ class Script:
 def test_a_hand_pulls_an_apple_off_a_weak_stem_and_slips_from_a_strong_one(pull_strength, off):
     cell = load_cell(CELL, seed=3, overrides={**BARE, "friction": "0.8"})
     script, world = Script(cell), cell.devices["world"]
-    script.set_point = cell.workspace.poses["home"]
     search = GraspSearch(world.built, world.description)
     i = 2  # alone on its spur, and within reach
     world.built.strengths[i] = [pull_strength, 1.0, 1.0, 1e3]
