@@ -55,7 +55,7 @@ class Chunk(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Table:
+class ChunkTable:
     """The chunks of a file in their order, and its topics by their channels."""
 
     chunks: tuple[Chunk, ...]
@@ -91,7 +91,7 @@ class Verdict:
     compressed: bool = False
     lost: str = ""
     attachments: tuple[int, ...] = ()
-    table: Table | None = None
+    table: ChunkTable | None = None
 
 
 class Found(NamedTuple):
@@ -265,7 +265,7 @@ def _message_at(chunk: TopLevelRecord, offset: int) -> bytes:
     raise DamagedError(chunk.at, "an index of messages names a place where none begins")
 
 
-def read_chunks(path: Path, chunks: Iterable[Chunk], table: Table) -> Iterator[tuple[Chunk, Iterator[Found]]]:
+def read_chunks(path: Path, chunks: Iterable[Chunk], table: ChunkTable) -> Iterator[tuple[Chunk, Iterator[Found]]]:
     """Some chunks of a file that is believed, each with its messages; nothing else of it is read.
 
     Raises:
@@ -426,9 +426,9 @@ class _TableMaker:
         else:
             self._chunk = None
 
-    def made(self) -> Table | None:
+    def made(self) -> ChunkTable | None:
         """The table of what was taken; the last chunk's indexes may be missing, since nothing is counted from them."""
-        return Table(tuple(self._chunks), self._topics) if self._usable and self._chunks else None
+        return ChunkTable(tuple(self._chunks), self._topics) if self._usable and self._chunks else None
 
     def _count(self, chunk: TopLevelRecord, channel: int, messages: int) -> None:
         self._indexed = True
