@@ -30,7 +30,6 @@ from drivers.orchard.wall import Wall, draw_wall
 from drivers.orchard.wood import Float64
 from drivers.sim.gl import load_mujoco
 from drivers.sim.scene import TIMESTEP
-from executive.values.arrays import Float64
 
 mpl.use("Agg")
 import matplotlib.pyplot as plt
