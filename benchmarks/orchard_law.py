@@ -27,9 +27,9 @@ from drivers.orchard.model import WallModel, build_wall_model
 from drivers.orchard.numbers import Provenance, WallNumbers, read_numbers
 from drivers.orchard.stems import TORN, Stems
 from drivers.orchard.wall import Wall, draw_wall
-from drivers.orchard.wood import Float64
 from drivers.sim.gl import load_mujoco
 from drivers.sim.scene import TIMESTEP
+from executive.values.arrays import Float64
 
 mpl.use("Agg")
 import matplotlib.pyplot as plt
