@@ -88,6 +88,9 @@ bench-plan: $(STAMP) ## planning over random scenes, beside the paper's way
 bench-grasp: $(STAMP) ## grip control over random lifts, baselines beside it
 	$(BIN)/python -m benchmarks.bench_grasp --plots runs/bench_grasp --picture docs/images/grip.png
 
+bench-interop: $(STAMP) ## live views, ROS 2 to another process, exports: what they cost, how quick they are
+	$(BIN)/python -m benchmarks.bench_interop
+
 bench-record: $(STAMP) ## what recording costs, and how large a pick's record is
 	$(BIN)/python -m benchmarks.bench_record
 

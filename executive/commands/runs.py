@@ -62,6 +62,10 @@ def add(subparsers: Any) -> None:
     frames.add_argument("run", help=RUN)
     frames.add_argument("folder", nargs="?", type=Path, help="default: RUN_frames here")
 
+    failures = _command(commands, "failures", _failures, "failed runs with pictures as one page that can be sent")
+    failures.add_argument("file", type=Path, metavar="FILE.html", help="of the page; there must be none yet")
+    failures.add_argument("words", nargs="*", help="only runs with all of these words, as in `runs list`")
+
     prune = _command(commands, "prune", _prune, "throw away old records; asks first, spares a run that is going on")
     prune.add_argument("--older", metavar="AGE", help="older than this: 30 d, 12 h, 4 w")
     prune.add_argument("--keep", type=_positive, metavar="N", help="all but the newest N")
@@ -217,6 +221,18 @@ def _frames(options: argparse.Namespace) -> int:
     console.print(f"{folder}", style="bold")
     for name, what in written.items():
         console.print(f"  {name:<18} {what}", soft_wrap=True)
+    return 0
+
+
+def _failures(options: argparse.Namespace) -> int:
+    from executive.interop.failures import write_failures
+
+    options.failed = False
+    chosen = [run for run in RunIndex(options.record).read() if run.state == "ended" and _wanted(run, options)]
+    if not chosen:
+        raise UsageError(f"no run in {options.record} has all of these words: {' '.join(options.words)}")
+    count = write_failures([options.record / run.run for run in chosen], options.file)
+    Screen().print(f"{options.file}  {count} failures, {size(options.file.stat().st_size)}", soft_wrap=True)
     return 0
 
 

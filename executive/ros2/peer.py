@@ -25,6 +25,8 @@ ADDRESS = "127.0.0.1:7447"
 LOOPBACK = ("127.0.0.1", "localhost", "[::1]")
 QOS = "::,10:,:,:,,"
 """As rmw_zenoh writes it: reliable, volatile, the last ten."""
+QUEUE, PATIENCE = 16, 50_000
+"""Batches that wait for a link, and microseconds before a message is dropped; Zenoh's own are 2 and 1000."""
 _HEAD = struct.Struct("<qqB")
 
 Reply = Callable[[Mapping[str, Any]], None]
@@ -82,6 +84,8 @@ class Ros2Peer:
             ("connect/endpoints", connect),
             ("connect/timeout_ms", 2000),
             ("scouting/multicast/enabled", False),  # nothing leaves by itself
+            ("transport/link/tx/queue/size/data", QUEUE),
+            ("transport/link/tx/queue/congestion_control/drop/wait_before_drop", PATIENCE),
         ):
             config.insert_json5(key, json.dumps(value))
         return config
