@@ -30,15 +30,16 @@ from skills.shared.warm_motion import prepare_planning
 
 ACCELERATION, JERK = 0.5, 5.0
 """Of lowering and rising [m/s², m/s³]."""
+RAISING_SPEED = 0.02
+"""Of being raised a little from what carries it [m/s]."""
 OPENING_SPEED = 0.03
 """Of the opening while the fruit is let go [m/s]."""
 SLOW_WITHIN = 0.02
 """Distance of the fruit from what is known to be below at which lowering slows down [m]."""
 RESTING = 0.1
 """So long after the arm has come to rest a fruit that is carried must still weigh less [s]: a jolt is over then."""
-WATCHED = 0.2, 0.7
-"""Then what carries it is looked at twice, so long after each other's beginning [s]: a floor stands still, sensors that
-drift by 0.5 N/s have changed by 0.25 N."""
+RAISED = 0.002
+"""So far it is then raised again: from a floor it hangs as before, while what only drifts goes on as it did [m]."""
 LOST = "the fruit was lost on the way down: it presses on neither finger"
 RELEASED_WIDTH = 0.02
 """How much wider than the fruit the fingers open before they rise [m]."""
@@ -145,8 +146,8 @@ class Release(MovingSkill):
                 words = ""
                 if touch.present <= 0.5 * contact or touch.stale_for(self.clock.now()):
                     words = "what was felt on the way down has gone again, as after a jolt"
-                elif drift := (yield from self._drift(touch)):
-                    words = f"what is felt changes by {drift:.2f} N while nothing moves: the fingers drift"
+                elif not (yield from self._hangs_when_raised(touch, contact)):
+                    words = "what was felt stays when the fruit is raised again: the fingers drift"
                 if not words:
                     return
                 lowered = before - float(self._tcp()[2, 3])
@@ -156,12 +157,17 @@ class Release(MovingSkill):
             "NO_CONTACT", f"the fruit met nothing within {1e3 * lowered:.0f} mm and is still held", lowered_m=lowered
         )
 
-    def _drift(self, touch: Touch) -> Work[float]:
-        """By how much what is felt changes while the fruit rests on something [N]; 0 when it does not."""
-        yield from self.wait(WATCHED[0])
-        first = touch.average()
-        yield from self.wait(WATCHED[1] - WATCHED[0])
-        return touch.average().differs_from(first)
+    def _hangs_when_raised(self, touch: Touch, contact: float) -> Work[bool]:
+        """Whether what is felt goes back, at least by half a contact, while the fruit is raised from what carries it.
+
+        Ends where it began. Sensors that drift, grow or are told a bias in between do not go back with a motion.
+        """
+        below = touch.average()
+        yield from self._along(self._vertical(RAISED), RAISING_SPEED)
+        yield from self.wait(RESTING)
+        raised = touch.average()
+        yield from self._along(self._vertical(-RAISED), RAISING_SPEED)
+        return touch.gone_back(below, raised) > 0.5 * contact
 
     def _near(self, way: Float64, grasp: Grasp | None, map: OccupancyMap | None, clearance: float) -> int:
         """From which posture of the way on the fruit is near to something known; 0 when nothing is known of it."""

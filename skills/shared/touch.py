@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -19,10 +18,6 @@ SPIKE = 3
 
 AVERAGED = 50
 """Samples of an average [0.1 s of fingers with 500 Hz]."""
-
-STILL, SIGMAS = 0.2, 4.0
-"""Two averages at rest are the same when they differ by less than the first [N], or by less than so many standard
-deviations of what noise alone does to them."""
 
 HELD_FORCE = 0.25
 """Pressing force of each finger above which something is between them [N]; the noise is 0.2 N at worst."""
@@ -43,30 +38,6 @@ def load(forces: Float64) -> Float64:
     pressing force is left out: the grip's controller changes it.
     """
     return np.array([[forces[0, 0] + forces[1, 0], forces[0, 1] - forces[1, 1]]])
-
-
-@dataclass(frozen=True, slots=True)
-class Average:
-    """What was felt on an average, and how sure that is.
-
-    Attributes:
-        felt: vectors, shape (n, k) [N].
-        variance: of them [N²], from white noise alone.
-    """
-
-    felt: Float64
-    variance: Float64
-
-    @staticmethod
-    def of(felt: Float64) -> Average:
-        """Of samples, shape (samples, n, k)."""
-        return Average(felt.mean(axis=0), felt.var(axis=0) / len(felt))
-
-    def differs_from(self, earlier: Average) -> float:
-        """By how much [N] more than noise would; 0 when they may be the same."""
-        change = float(np.linalg.norm(self.felt - earlier.felt, axis=1).max())
-        noise = SIGMAS * float(np.sqrt((self.variance + earlier.variance).sum(axis=1).max()))
-        return change if change > max(STILL, noise) else 0.0
 
 
 class Touch:
@@ -107,9 +78,17 @@ class Touch:
         """How much the force differs from the beginning now, lastingly [N]."""
         return float(np.min(self._recent, axis=0).max()) if len(self._recent) == SPIKE else 0.0
 
-    def average(self) -> Average:
-        """Of what was felt lately."""
-        return Average.of(np.array(self._felt))
+    def average(self) -> Float64:
+        """Of what was felt lately, shape (n, k) [N]."""
+        mean: Float64 = np.mean(self._felt, axis=0)
+        return mean
+
+    def gone_back(self, before: Float64, now: Float64) -> float:
+        """How far it has gone from `before` to `now`, shapes (n, k), towards the beginning [N]: the least of n."""
+        assert self._reference is not None
+        changed = before - self._reference
+        along = ((before - now) * changed).sum(axis=1) / np.maximum(np.linalg.norm(changed, axis=1), 1e-9)
+        return float(along.min())
 
     def stale_for(self, now: float) -> float:
         """Age of the newest sample [s] when that is more than `STALE_AFTER`; 0 while the stream flows."""
