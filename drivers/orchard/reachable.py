@@ -56,6 +56,7 @@ class GraspSearch:
         self._leafy = np.array([self._model.geom(g).name.startswith("leaf_") for g in range(self._model.ngeom)])
 
     def reaches(self, fruit: int) -> bool:
+        """Whether a grasp of this fruit, and the way to it from `BEFORE`, is free of all but leaves."""
         p = self._built.wall.fruits[fruit].T_base_fruit[:3, 3]
         for elevation, azimuth, roll in product(ELEVATIONS, AZIMUTHS, ROLLS):
             T = grasp_pose(p, np.radians(azimuth), np.radians(elevation), np.radians(roll))
@@ -69,7 +70,7 @@ class GraspSearch:
         return False
 
     def solve(self, T: Float64, near: Float64 | None = None) -> Float64 | None:
-        """Joints for a pose of the tcp within the limits, or None."""
+        """Joints, shape (dof,) [rad], for a pose T_base_tcp, shape (4, 4), within the limits, or None."""
         starts = [near] if near is not None else [np.array(s[: len(self._q)]) for s in STARTS]
         return next((q for start in starts if (q := self._descend(T, start)) is not None), None)
 
@@ -108,7 +109,7 @@ class GraspSearch:
 
 
 def grasp_pose(p: Float64, azimuth: float, elevation: float, roll: float) -> Float64:
-    """T_base_tcp at a point: approach z towards the wall (-y), fingers along y."""
+    """T_base_tcp, shape (4, 4), at a point, shape (3,) [m]: approach z towards the wall (-y), fingers along y [rad]."""
     z = np.array([np.sin(azimuth) * np.cos(elevation), -np.cos(azimuth) * np.cos(elevation), np.sin(elevation)])
     side = np.cross(z, [0.0, 0.0, 1.0])
     side /= np.linalg.norm(side)
