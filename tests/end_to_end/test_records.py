@@ -75,6 +75,7 @@ def test_a_pick_travels_in_one_file(record: Path, tmp_path: Path, capsys: pytest
     assert "1 success" in said(capsys, "runs", "list", "--record", str(tmp_path / "there"))
 
 
+@pytest.mark.long
 def test_a_pick_whose_process_is_killed_is_recovered(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     command = [sys.executable, "-m", "executive.cli", "run", "pick_apple", "--pace", "real", "--record", str(tmp_path)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as process:

@@ -91,6 +91,7 @@ def lasting(folder: Path) -> dict[str, dict[str, Any]]:
     return {name: {k: v for k, v in results[name].items() if k not in PASSING} for name in sorted(results)}
 
 
+@pytest.mark.long
 def test_a_killed_campaign_goes_on_without_repeating_or_losing_a_run(looks: Path, tmp_path: Path, start: Start) -> None:
     first = start(looks, "--out", tmp_path / "out", "--workers", 2)
     read_until(first, "[2/4]")

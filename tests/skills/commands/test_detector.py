@@ -62,6 +62,7 @@ def test_data_renders_the_kinds_that_are_asked_for(tmp_path: Path, capsys: pytes
         assert f"{wrong} is not a number of at least 0" in capsys.readouterr().err
 
 
+@pytest.mark.long
 def test_train_makes_weights_and_a_report_with_pictures(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
