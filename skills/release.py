@@ -141,8 +141,7 @@ class Release(MovingSkill):
                 yield from self._along(*gently, watch)
             except _Grounded:
                 yield from self.wait(RESTING)
-                if max(pressing_forces(self.device(ForceSensor))) <= HELD_FORCE:
-                    raise self.failure("LOST", LOST) from None
+                self._refuse_lost()
                 words = ""
                 if touch.present <= 0.5 * contact or touch.stale_for(self.clock.now()):
                     words = "what was felt on the way down has gone again, as after a jolt"
@@ -150,12 +149,17 @@ class Release(MovingSkill):
                     words = "what was felt stays when the fruit is raised again: the fingers drift"
                 if not words:
                     return
+                self._refuse_lost()
                 lowered = before - float(self._tcp()[2, 3])
                 raise self.failure("NO_CONTACT", f"{words}: the fruit is still held", lowered_m=lowered) from None
         lowered = before - float(self._tcp()[2, 3])
         raise self.failure(
             "NO_CONTACT", f"the fruit met nothing within {1e3 * lowered:.0f} mm and is still held", lowered_m=lowered
         )
+
+    def _refuse_lost(self) -> None:
+        if max(pressing_forces(self.device(ForceSensor))) <= HELD_FORCE:
+            raise self.failure("LOST", LOST) from None
 
     def _hangs_when_raised(self, touch: Touch, contact: float) -> Work[bool]:
         """Whether what is felt goes back, at least by half a contact, while the fruit is raised from what carries it.

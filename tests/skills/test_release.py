@@ -127,6 +127,28 @@ def test_a_jolt_on_the_way_down_opens_nothing():
     assert scene.gripper.moves == []
 
 
+def test_a_fruit_that_is_lost_while_it_is_raised_is_not_said_to_be_held():
+    before = PickingScene(q=START.copy()).tcp[2, 3]
+    scene = over_ground(before - 0.02)
+    calm, lowest = scene.fingers.feel, [before]
+
+    def feel(now: float) -> np.ndarray:
+        lowest[0] = min(lowest[0], scene.tcp[2, 3])
+        raised = lowest[0] < before - 0.02 and scene.tcp[2, 3] > lowest[0] + 0.0005
+        return np.zeros((2, 6)) if raised or lowest[0] == -1.0 else calm(now)
+
+    def lose(now: float) -> np.ndarray:
+        felt = feel(now)
+        if not felt.any():
+            lowest[0] = -1.0
+        return felt
+
+    scene.fingers.feel = lose
+    outcome = drive(Release(), {}, scene.devices, clock=scene.clock)
+    assert outcome.reason.code == "LOST"
+    assert scene.gripper.moves == []
+
+
 LIES = {
     "0.5 N/s down the pads": lambda t, felt: felt - 0.5 * t * np.eye(2, 6),
     "0.5 N/s up the pads": lambda t, felt: felt + 0.5 * t * np.eye(2, 6),
