@@ -25,24 +25,32 @@ _BOOT = Path("/proc/sys/kernel/random/boot_id")
 class EndingFile:
     """Keeps the file of one record while it is written."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, number: int) -> None:
         """
+        Args:
+            number: of the record (`executive.recording.order`).
+
         Raises:
             OSError: it cannot be written.
         """
-        self._path = folder / ENDING_FILE
-        self._path.write_bytes(_filled(state="writing", boot=_boot()))
+        self._path, self._number = folder / ENDING_FILE, number
+        self._path.write_bytes(_filled(state="writing", number=number, boot=_boot()))
 
     def write(self, state: str, **facts: Any) -> None:
         """Say how it ended: `closed` with `bytes`, `failed` with `why`. A file that cannot be written stays."""
         with contextlib.suppress(OSError), self._path.open("r+b") as stream:
-            stream.write(_filled(state=state, **facts))
+            stream.write(_filled(state=state, number=self._number, **facts))
 
 
 def why_cut(record: Path) -> str:
     """Why a record ends too early, and what the supervisor did then, as the second half of a sentence."""
     why, stopped = _why(record), _stopped(record)
     return f"{why}; {stopped}" if stopped else why
+
+
+def read_ending(record: Path) -> dict[str, Any]:
+    """What the file of a record says; nothing when it is missing or damaged."""
+    return _read(record / ENDING_FILE)
 
 
 def _stopped(record: Path) -> str:
@@ -64,7 +72,7 @@ def _read(path: Path) -> dict[str, Any]:
 
 
 def _why(record: Path) -> str:
-    found = _read(record / ENDING_FILE)
+    found = read_ending(record)
     if not found:
         return "the process was killed or lost its power, or the file was cut"
     match found.get("state"):

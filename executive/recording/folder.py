@@ -9,6 +9,7 @@ from datetime import datetime
 from pathlib import Path
 
 from executive.errors import UsageError
+from executive.recording.order import in_order
 from executive.values.findings import did_you_mean
 
 EVENTS_FILE = "run.mcap"
@@ -62,7 +63,7 @@ def find_record(name: str, root: Path) -> Path:
     if name == "last":
         if not records:
             raise UsageError(f"no records in {root}: `pomona run` leaves one, --record names another folder")
-        return records[-1]
+        return in_order(records, lambda record: record.name)[-1]
     for path in (Path(name), root / name):
         if (path / EVENTS_FILE).is_file():
             return path

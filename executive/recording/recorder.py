@@ -30,6 +30,7 @@ from executive.recording.container import LIBRARY
 from executive.recording.ending import EndingFile
 from executive.recording.folder import DEVICES, EVENTS, EVENTS_FILE, RecordError, hash_of
 from executive.recording.interventions import INTERVENTIONS, EntryChain
+from executive.recording.order import next_number
 from executive.recording.overview import OVERVIEW, WHOLE_BYTES, Overview
 from executive.recording.schemas import EVENT, INTERVENTION, READING, Schema
 from executive.recording.well_known import Images, samples, well_known
@@ -73,7 +74,7 @@ class Recorder:
             self._path = self.folder / EVENTS_FILE
             self._file = self._path.open("wb", buffering=_BUFFER)
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            self._ending = EndingFile(self.folder)
+            self._ending = EndingFile(self.folder, next_number(self.folder.parent))
         except OSError as error:
             raise RecordError(f"cannot write {folder / EVENTS_FILE}: {error.strerror}") from error
         self._writer = new_writer(self._file, CompressionType.NONE)

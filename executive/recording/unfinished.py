@@ -8,6 +8,7 @@ from pathlib import Path
 from executive.recording.digest import digest
 from executive.recording.ending import why_cut
 from executive.recording.folder import EVENTS_FILE, is_being_written
+from executive.recording.order import in_order
 from executive.recording.read import read_events
 from executive.running.events import HandChanged, NodeChanged, RunStarted
 
@@ -57,8 +58,7 @@ def unfinished(root: Path, cell: Path) -> Unfinished | None:
     """
     runs = [path for path in root.glob(f"*/{EVENTS_FILE}") if not is_being_written(path)]
     doubtful: Unfinished | None = None
-    # By when they were last written, whatever they are called: time zones change.
-    for record in (path.parent for path in sorted(runs, key=lambda path: path.stat().st_mtime, reverse=True)):
+    for record in reversed(in_order((path.parent for path in runs), _written)):
         started = _started(record)
         if started is None:
             doubtful = doubtful or Unfinished(record, "", (), 0.0, None, "its record cannot be read")
@@ -74,6 +74,10 @@ def unfinished(root: Path, cell: Path) -> Unfinished | None:
             return doubtful
         return Unfinished(record, started.cell_kind, (), 0.0, None, found.message or found.state)
     return doubtful
+
+
+def _written(record: Path) -> int:
+    return (record / EVENTS_FILE).stat().st_mtime_ns
 
 
 def _started(record: Path) -> RunStarted | None:

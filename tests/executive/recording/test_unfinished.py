@@ -19,7 +19,8 @@ from executive.dashboard.choices import Choices
 from executive.dashboard.control_lock import ControlLock
 from executive.errors import UsageError
 from executive.execute import RunOrder, execute
-from executive.recording.folder import EVENTS_FILE
+from executive.recording.ending import ENDING_FILE
+from executive.recording.folder import EVENTS_FILE, find_record
 from executive.recording.recorder import Recorder
 from executive.recording.unfinished import unfinished
 from executive.running.events import HandChanged, NodeChanged, RunEnded
@@ -114,6 +115,35 @@ def test_only_the_newest_run_on_this_cell_counts(order: RunOrder, tmp_path: Path
     leave(replace(order, cell=other), "real", HELD, name="2026-01-03_t")
     assert unfinished(order.record, order.cell) is None
     assert unfinished(order.record, other) is not None
+
+
+def test_a_run_that_was_cut_after_the_clock_was_set_back_is_the_newest_all_the_same(order: RunOrder) -> None:
+    leave(order, "real", "", ended=True, name="2026-11-22_t")
+    leave(order, "real", HELD, name="2026-11-21_t")
+    assert order.record is not None
+    cut = unfinished(order.record, order.cell)
+    assert cut is not None
+    assert cut.record.name == "2026-11-21_t"
+    assert find_record("last", order.record).name == "2026-11-21_t"
+    os.utime(order.record / "2026-11-22_t" / EVENTS_FILE)  # as a repair of an old record does
+    assert unfinished(order.record, order.cell) is not None
+
+
+@pytest.mark.parametrize("damage", ["missing", "no JSON", "a number that no recorder writes"])
+def test_a_record_without_a_number_stands_where_its_time_puts_it(order: RunOrder, damage: str) -> None:
+    leave(order, "real", "", ended=True, name="2026-11-20_t")
+    leave(order, "real", HELD, name="2026-11-21_t")
+    leave(order, "real", "", ended=True, name="2026-11-22_t")
+    assert order.record is not None
+    said = {"no JSON": "[1,", "a number that no recorder writes": f'{{"number": {10**40}}}'}
+    for name in ("2026-11-21_t", "2026-11-22_t"):
+        ending = order.record / name / ENDING_FILE
+        ending.write_text(said.get(damage, ""))
+        if damage == "missing":
+            ending.unlink()
+        assert unfinished(order.record, order.cell) is None
+    os.utime(order.record / "2026-11-21_t" / EVENTS_FILE)
+    assert unfinished(order.record, order.cell) is not None
 
 
 @pytest.mark.parametrize("damage", ["a flipped bit", "the tail is zero", "empty", "all zero"])
@@ -225,7 +255,7 @@ def test_recovery_runs_before_anything_else_and_nothing_runs_when_it_fails(
     assert executed.result.outcome == "success"
     names = sorted(path.name.split("_", 2)[-1] for path in order.record.iterdir())
     assert sum(name.startswith("recover") for name in names) == 2
-    assert unfinished(order.record, order.cell) is not None  # the record from the future is still the newest
+    assert unfinished(order.record, order.cell) is None  # which came last is no question of the clock
 
 
 def test_the_page_begins_after_a_cut_as_its_form_says(
