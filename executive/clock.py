@@ -23,13 +23,16 @@ class Clock(Protocol):
         ...
 
 
+_GOES_ON: int = getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC)
+
+
 class SystemClock:
-    """The system's monotonic clock."""
+    """The system's monotonic clock, which goes on while the computer sleeps: what was measured before is old then."""
 
     simulated = False
 
     def now(self) -> float:
-        return time.monotonic()
+        return time.clock_gettime(_GOES_ON)
 
     def advance(self, duration: float) -> None:
         if duration > 0.0:

@@ -21,7 +21,7 @@ from drivers.interfaces import Arm, ArmLimits, ArmState, Motion, MotionState, Tr
 from drivers.motion_supervisor import MotionSupervisor, Supervision
 from drivers.motoman.codec import Control, Order, Result, Valid
 from drivers.motoman.session import ControllerSession
-from drivers.motoman.stream import INTERPOLATION, PointStream
+from drivers.motoman.stream import INTERPOLATION, PointStream, RanDryError
 from drivers.motoman.words import fault, refusal
 from drivers.owner import Owner
 from drivers.path_motion import PathMotion
@@ -278,6 +278,10 @@ class MotomanArm(Device):
     def _pump(self, session: ControllerSession, stream: PointStream) -> None:
         try:
             stream.pump(session)
+        except RanDryError as error:
+            self._blame(error)
+            self._abandon_motion(error.message)
+            session.ask(Control.STOP)
         except DeviceFault as error:
             self._abandon_motion(error.message)
             session.ask(Control.STOP)

@@ -24,6 +24,13 @@ BLEND = 0.3
 """Time over which the distance between the path's start and the arm's true position is taken up [s]."""
 BUSY_PAUSE = 0.01
 """Wait before a point that was answered BUSY is sent again [s]."""
+GAP = 0.1
+"""Without points for longer than this a moving arm has come to rest [s], and going on would be a start that nobody
+asked for; a shorter gap is a jolt."""
+
+
+class RanDryError(DeviceFault):
+    """The controller had no points while the arm moved, and has stopped it."""
 
 
 class PointStream:
@@ -79,6 +86,7 @@ class PointStream:
 
         Raises:
             DeviceFault: the controller refused a point.
+            RanDryError: it had none for longer than `GAP`; nothing is sent.
             OSError, DeviceLost, Nonsense: see `ControllerSession`.
         """
         now = self._clock.now()
@@ -96,6 +104,9 @@ class PointStream:
         ahead = self.ahead
         if self._point is None and ahead < self._lead:
             time, moved = self._time, self._moving
+            if moved and ahead < -GAP:
+                why = "this computer or the wire was held up, and the arm has stopped"
+                raise RanDryError(session.device, f"had no points to go on for {-ahead:.2f} s: {why}")
             self._point = self._next()
             if self._point is not None and ahead < 0.0:
                 self._began = now - time  # the queue has run dry: at rest, after a pause, or because this came late

@@ -29,6 +29,11 @@ GOODBYE = 5.0
 """Seconds that it may take to end."""
 
 
+LATE = 0.5
+"""Of the deadline: a tick that is later was held up too long to go on. Two were 0.43 s apart at most on a computer that
+was far too busy, 0.10 s with the priority that a run asks for."""
+
+
 class NoSupervisorError(UsageError):
     """The process could not be started; nothing has moved."""
 
@@ -106,11 +111,17 @@ class Supervisor:
 
 
 class RunSupervision:
-    """A supervisor for a cell that needs one, and nothing for any other."""
+    """A supervisor for a cell that needs one, and nothing for any other.
+
+    A tick that comes later than `LATE` of the deadline, but before it, ends the run in the safe state from within: what
+    happened meanwhile nobody has seen, and arms that have run out of points must not start by themselves.
+    """
 
     def __init__(self, cell: Cell) -> None:
         self._cell = cell
         self._supervisor: Supervisor | None = None
+        self._beaten_at: float | None = None
+        self._stood_still = ""
 
     def begin(self, runner: Runner, record: Path | None) -> None:
         """Before anything moves; in the thread of the tick, which asks for priority.
@@ -123,17 +134,29 @@ class RunSupervision:
         stops = self._cell.outside_stops()
         if stops and not self._cell.clock.simulated:
             self._supervisor = Supervisor(stops, self._cell.heartbeat_deadline, record)
-            runner.look_after("supervisor", self._supervisor.state, required=True)
+            runner.look_after("supervisor", self.state, required=True)
             with contextlib.suppress(OSError):  # not everybody may: then a very busy computer is nearer to the deadline
                 os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), PRIORITY)
 
     def beat(self) -> None:
         """See `Supervisor.beat`."""
-        if self._supervisor is not None:
-            self._supervisor.beat()
+        if self._supervisor is None:
+            return
+        now = self._cell.clock.now()
+        if self._beaten_at is not None and now - self._beaten_at > LATE * self._cell.heartbeat_deadline:
+            still = f"the run stood still for {now - self._beaten_at:.2f} s, in which nobody looked after the cell"
+            self._stood_still = self._stood_still or still
+        self._beaten_at = now
+        self._supervisor.beat()
+
+    def state(self) -> str:
+        """'ok', or why the run must end in the safe state."""
+        assert self._supervisor is not None
+        return self._stood_still or self._supervisor.state()
 
     def rest(self) -> None:
         """See `Supervisor.rest`."""
+        self._beaten_at = None
         if self._supervisor is not None:
             self._supervisor.rest()
 

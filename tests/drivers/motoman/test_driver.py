@@ -392,6 +392,35 @@ def test_a_pulled_cable_is_seen_within_100_ms() -> None:
             call()
 
 
+@pytest.mark.parametrize(("held_up", "goes_on"), [(0.1, True), (0.4, False), (5.0, False)])
+def test_an_arm_that_came_to_rest_because_this_computer_was_held_up_does_not_go_on_by_itself(
+    held_up: float, goes_on: bool
+) -> None:
+    cell = Cell()
+    arm = connected(cell)
+    motion = arm.follow(swing(START, CHANGE, 2.0))
+    serve(arm, cell, 0.8)
+    cell.let_pass(held_up)
+    rested = cell.joints.measured()[0]
+    serve(arm, cell, 0.5)
+    moved = float(np.abs(cell.joints.measured()[0] - rested).max())
+    if goes_on:
+        assert motion.state is MotionState.RUNNING
+        assert moved > 0.05
+        return
+    assert motion.state is MotionState.FAILED
+    assert moved < 1e-9
+    with pytest.raises(DeviceFault, match="this computer or the wire was held up"):
+        arm.check()
+    with pytest.raises(MotionRefused):
+        arm.follow(swing(rested, -CHANGE, 2.0))
+    arm.acknowledge()
+    serve(arm, cell, 0.5)
+    back = arm.follow(swing(cell.joints.measured()[0], -0.1 * CHANGE, 2.0))
+    serve(arm, cell, 3.0, until=lambda: back.settled)
+    assert back.state is MotionState.DONE
+
+
 def test_a_motion_connection_that_breaks_while_nothing_moves_is_seen_at_once() -> None:
     cell = Cell()
     arm = connected(cell)

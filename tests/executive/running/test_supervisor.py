@@ -9,6 +9,8 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 from fake_cell import FakeCell
@@ -16,7 +18,7 @@ from fake_runs import Turn, make
 
 from executive.registry import Registry
 from executive.running.supervise import REPORT
-from executive.running.supervisor import NoSupervisorError, Supervisor
+from executive.running.supervisor import NoSupervisorError, RunSupervision, Supervisor
 
 SUPERVISED = """
 import os, signal, sys, time
@@ -149,3 +151,38 @@ def test_the_heartbeat_goes_on_while_a_run_is_paused_and_while_it_comes_to_rest(
     runner.run()
     assert beats.count("paused") > 20
     assert len(beats) >= 33  # three more while the wheel coasts
+
+
+class Supervised(FakeCell):
+    """A cell on the system's kind of clock, whose wheel can be stopped from outside."""
+
+    heartbeat_deadline = 1.0
+
+    def outside_stops(self) -> dict[str, tuple[str, list[Any]]]:
+        return {"wheel": ("os:getpid", [])}
+
+
+@pytest.mark.parametrize(
+    ("stands_still", "lasts", "outcome"), [(0.3, "1 s", "success"), (0.6, "1 s", "stopped"), (3600.0, "2 h", "stopped")]
+)
+def test_a_run_that_stood_still_does_not_go_on_by_itself(
+    monkeypatch: pytest.MonkeyPatch, stands_still: float, lasts: str, outcome: str
+) -> None:
+    monkeypatch.setattr("executive.running.supervisor.Supervisor", lambda *_: SimpleNamespace(
+        beat=lambda: None, rest=lambda: None, close=lambda: None, state=lambda: "ok"
+    ))  # fmt: skip
+    runner, cell, _events = make(
+        "pomona: 1\ntree: t\nroot: {Turn: {duration: " + lasts + "}}",
+        Registry({"Turn": Turn}),
+        {5: lambda _runner, cell: cell.clock.advance(stands_still)},
+    )
+    cell.__class__ = Supervised
+    monkeypatch.setattr(type(cell.clock), "simulated", False)
+    supervision = RunSupervision(cell)
+    supervision.begin(runner, None)
+    runner._heartbeat = supervision.beat
+    result = runner.run()
+    assert result.outcome == outcome
+    if outcome == "stopped":
+        assert (cell.latched or "").startswith(f"the run stood still for {stands_still:.1f}")
+        assert not cell.wheel.turning
