@@ -34,6 +34,9 @@ SHIPPED = Path(__file__).resolve().parents[1] / "trees" / "cells"
 """Cells that come with Pomona, for `include: sim.yaml` in a file that stands elsewhere."""
 
 KINDS = ("simulated", "emulated", "real", "frames", "mock")
+OUTLIVED = ("real", "emulated")
+"""Kinds of cells in which something may go on moving when the process is gone. What a run on them must ask before it
+begins, and its supervisor, hang on this word."""
 T = TypeVar("T")
 
 
@@ -188,6 +191,9 @@ def _misfits(section: CellSection, workspace: Workspace | None) -> Iterator[tupl
         yield world.placed, Problem("driver", "it simulates no world")
     for name, device in (*((("world", world),) if world else ()), *section.devices.items()):
         options = device.values
+        if device.driver.device.outlives and section.kind not in OUTLIVED:
+            words = f"it moves a device outside this process: the cell's kind is real or emulated, not {section.kind}"
+            yield device.placed, Problem("driver", words)
         if isinstance(options, Fitting):
             for problem in options.fits(Surroundings(workspace, above)):
                 yield device.placed, problem

@@ -24,6 +24,9 @@ class Device:
     """A named device of a cell. Methods are called from the tick's thread; `safe_stop` from any thread."""
 
     interfaces: ClassVar[tuple[type, ...]] = ()
+    outlives: ClassVar[bool] = False
+    """Whether it moves something that goes on without this process: its cell must then call itself real or emulated,
+    since what a run asks before it begins depends on that."""
     distrusted = ""
     outside_stop: tuple[str, tuple[Any, ...]] | None = None
     """How another process stops the device when this one is gone: the function `module:name` and its arguments."""

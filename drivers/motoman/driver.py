@@ -70,6 +70,7 @@ class MotomanArm(Device):
     """The arm. Joints in the order of the robot's description; the wire's order stays in here."""
 
     interfaces = (Arm,)
+    outlives = True
 
     def __init__(
         self,

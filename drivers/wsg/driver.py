@@ -25,6 +25,7 @@ class WsgGripper(Device):
     """A WSG gripper on any link."""
 
     interfaces = (Gripper,)
+    outlives = True
 
     def __init__(
         self, open_link: Callable[[], Link], clock: Clock, options: WsgOptions | None = None, name: str = "gripper"

@@ -214,6 +214,12 @@ class _Planner:
                 good = False
             else:
                 self.cells[arm.cell] = judged.cell
+        if good and self.cells[arm.cell].kind == "real":
+            words = (
+                f"'{arm.cell.stem}' is a real cell: nobody acknowledges a safe state or clears the fingers between runs"
+            )
+            self.findings.error(self.placed.node, "real-cell", words, "campaigns are for simulated and emulated cells")
+            good = False
         return good
 
     def document(self, tree: Path) -> Document:

@@ -13,10 +13,13 @@ from executive.commands.runs import RUN
 from executive.errors import UsageError
 from executive.execute import RunOrder, execute, versions
 from executive.files import installed_trees
+from executive.judging import judge
+from executive.language.documents import read_document
 from executive.recording.difference import first_difference
 from executive.recording.digest import trusted
 from executive.recording.folder import find_record
 from executive.recording.read import read_events
+from executive.registry import Registry
 from executive.running.events import OperatorActed, RunEnded, RunStarted
 from executive.terminal.explain import describe
 from executive.terminal.live import LiveTree
@@ -51,6 +54,7 @@ def main(options: argparse.Namespace) -> int:
     started, remarks = _beginning(record)
     with tempfile.TemporaryDirectory(prefix="pomona-rerun-") as folder:
         order = _order(started, Path(folder))
+        _refuse_devices(order)
         with contextlib.closing(LiveTree(console)) as live:
             executed = execute(order, [live.on_event])
         if executed.problem or executed.record is None:
@@ -90,6 +94,21 @@ def _beginning(record: Path) -> tuple[RunStarted, list[str]]:
     if not ended:
         remarks.append("the record was cut off: the repetition goes on where it ends")
     return started, remarks
+
+
+def _refuse_devices(order: RunOrder) -> None:
+    """A foreign record may say one thing of its cell and hold another.
+
+    Raises:
+        UsageError: the cell that it holds is none that can be repeated, or cannot be read.
+    """
+    if order.dry:
+        return
+    document = read_document(order.tree, order.texts)
+    judged = judge(document, Registry.installed(), order.settings, order.cell, order.texts)
+    judged.refuse_errors()
+    if judged.cell is not None and judged.cell.kind not in REPEATABLE:
+        raise UsageError(f"the cell in the record is of kind {judged.cell.kind}, although the run says otherwise")
 
 
 def _order(started: RunStarted, folder: Path) -> RunOrder:

@@ -18,7 +18,7 @@ def frames_cell(tmp_path: Path) -> Path:
     path = tmp_path / "cell.yaml"
     intrinsics = "{fx: 600 px, fy: 600 px, cx: 20 px, cy: 15 px, width: 40, height: 30}"
     path.write_text(
-        "name: bench\nkind: frames\nclock: manual\ndevices:\n"
+        "name: bench\nkind: real\nclock: manual\ndevices:\n"
         f"  camera: {{driver: frames, folder: '{tmp_path}', intrinsics: {intrinsics}}}\n"
         "  gripper: {driver: wsg, tcp: '127.0.0.1:9'}\n"
     )

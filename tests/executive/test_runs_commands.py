@@ -156,6 +156,20 @@ def test_rerun_refuses_a_run_of_a_real_cell(capsys: pytest.CaptureFixture[str]) 
     assert "only a simulated run can be repeated" in say(capsys, "rerun", "real", status=2)
 
 
+def test_rerun_connects_no_device_that_a_record_names_while_it_says_that_it_was_simulated(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    from recorded_events import started
+
+    tree = "pomona: 1\ntree: t\nroot: {wait: 20 ms}\n"
+    for number, (kind, device) in enumerate([("real", ""), ("simulated", "g: {driver: wsg, tcp: 127.0.0.1}")]):
+        cell = f"name: b\nkind: {kind}\ndevices: {{{device}}}\n"
+        about = {"cell": "b", "cell_kind": "simulated", "cell_path": str(Path("b.yaml").resolve())}
+        write(Path(f"runs/r{number}"), (started(**about, cell_text=cell, tree_text=tree, cell_files={}, settings={}),))
+    assert "the cell in the record is of kind real" in say(capsys, "rerun", "r0", status=2)
+    assert "it moves a device outside this process" in say(capsys, "rerun", "r1", status=2)
+
+
 def test_frames_and_export_say_what_they_wrote(capsys: pytest.CaptureFixture[str]) -> None:
     write(Path("runs/one"), SUCCEEDED)
     assert "one.zip" in say(capsys, "runs", "export", "one")

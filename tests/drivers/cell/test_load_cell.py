@@ -170,6 +170,15 @@ def connect_lost(settings, context):
     raise DeviceLost("lost", "does not answer")
 
 
+@pytest.mark.parametrize("kind", ["simulated", "mock", "frames"])
+def test_a_cell_whose_devices_outlive_this_process_does_not_call_itself_a_simulated_one(load, kind):
+    text = "kind: {}\ndevices: {{gripper: {{driver: wsg, tcp: 127.0.0.1:1}}}}\n"
+    with pytest.raises(CellFileError, match=f"the cell's kind is real or emulated, not {kind}"):
+        load(text.format(kind))
+    with pytest.raises(CellFileError, match=r"is the gripper switched on"):
+        load(text.format("real"))
+
+
 def test_a_third_partys_driver_is_found_and_what_is_open_is_closed_on_an_error(load, monkeypatch):
     drivers = {"recorder": RECORDER, "lost": Entry(Driver(Recorder, NoOptions, connect_lost))}
     monkeypatch.setattr(driver_module, "installed_drivers", lambda: drivers)

@@ -124,6 +124,13 @@ def test_a_key_that_varies_must_be_known(tmp_path: Path) -> None:
         campaign(tmp_path, FILE.replace("{fruit:", "{friut:").replace("tree: pick_apple_paper, ", ""))
 
 
+def test_a_real_cell_has_no_campaign_since_nobody_acknowledges_between_its_runs(tmp_path: Path) -> None:
+    (tmp_path / "bench.yaml").write_text("name: bench\nkind: real\nclock: manual\ndevices: {}\n")
+    (tmp_path / "t.yaml").write_text("pomona: 1\ntree: t\nroot: {wait: 20 ms}\n")
+    with pytest.raises(UsageError, match=r"error\[real-cell\].*'bench' is a real cell"):
+        campaign(tmp_path, "pomona: 1\ncampaign: demo\ntree: t.yaml\ncell: bench.yaml\nseeds: 2\n")
+
+
 def test_one_run_that_goes_wrong_never_stops_the_rest_and_is_not_repeated(tmp_path: Path) -> None:
     answers = [{"outcome": "success"}, OrderLost("died"), OrderTooLong("late"), ValueError("wrong")]
     engine = Here(lambda index: answers[min(index, 3)])
