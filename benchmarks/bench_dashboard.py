@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import multiprocessing
+import os
 import selectors
 import shutil
 import socket
@@ -167,18 +168,52 @@ def event_to_pixel(page: Any, dashboard: Dashboard, duration: float) -> np.ndarr
     return np.array(page.evaluate("window.delays"))
 
 
+PEAK_TICK, PEAK = 61_728, 99.0
+"""When one sample of half an hour is as large as this [N]; all others lie between -1 and 1."""
+
+
 def half_hour_record(folder: Path) -> None:
-    """90 000 ticks with a change each and samples in a third of them."""
+    """90 000 ticks with a change each, samples in a third of them, and an arm that always moves."""
     folder.mkdir()
     recorder = Recorder(folder)
     recorder.on_event(started(20))
+    recorder.on_event(Published(0.0, 0, "", "robot", arm()))
     for tick in range(90_000):
         node, series = tick_events(tick, "on the way")
         recorder.on_event(node)
+        if tick == PEAK_TICK:
+            assert isinstance(series, Published)
+            assert isinstance(series.value, SeriesView)
+            series.value.values["quantity 0 [N]"][4] = PEAK
         if tick % 3 == 0:
             recorder.on_event(series)
+        if tick % 5 == 0:
+            recorder.on_event(Published(tick * PERIOD, tick, "", "robot", arm_at(tick * PERIOD)))
     recorder.on_event(RunEnded(1800.0, 90_000, "success", None, 90_000, 1800.0, 1800.0, None))
     recorder.close()
+
+
+LINKS, SIDES = 13, 40
+
+
+def arm() -> BodiesView:
+    """As many bodies and faces as the picking arm has: 13 and 2080."""
+    turn = np.linspace(0.0, 2.0 * np.pi, SIDES, endpoint=False)
+    ring = np.stack([0.05 * np.cos(turn), 0.05 * np.sin(turn), np.zeros(SIDES)], axis=1)
+    vertices = np.concatenate([ring + np.array((0.0, 0.0, z)) for z in (0.0, 0.05, 0.1)])
+    here, there = np.arange(SIDES), (np.arange(SIDES) + 1) % SIDES
+    quads = [(here + k * SIDES, there + k * SIDES, here + (k + 1) * SIDES, there + (k + 1) * SIDES) for k in (0, 1)]
+    faces = np.concatenate([np.stack(part, axis=1) for a, b, c, d in quads for part in ((a, b, c), (b, d, c))])
+    return BodiesView((Mesh3(vertices, faces.astype(np.int32), "arm", "robot"),) * LINKS)
+
+
+def arm_at(t: float) -> PosesView:
+    """The arm bent to and fro, and where its tip is."""
+    bend = 0.1 * np.sin(t + 0.2 * np.arange(LINKS))
+    poses = np.zeros((LINKS, 7))
+    poses[:, 0], poses[:, 2] = np.cumsum(0.1 * np.sin(bend.cumsum())), np.cumsum(0.1 * np.cos(bend.cumsum()))
+    poses[:, 4], poses[:, 6] = np.sin(0.5 * bend.cumsum()), np.cos(0.5 * bend.cumsum())
+    return PosesView(poses, poses[-1, :3])
 
 
 def pictures(tick: int) -> list[Event]:
@@ -204,11 +239,18 @@ def memory_mb() -> float:
     return int(next(line for line in status.splitlines() if line.startswith("VmRSS")).split()[1]) / 1e3
 
 
+def machine() -> str:
+    """The processor, how many cores of it there are, and how many processes wanted them in the last minute."""
+    lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    model = next((line.partition(":")[2].strip() for line in lines if line.startswith("model name")), "processor")
+    return f"{model}, {os.cpu_count()} cores, load {os.getloadavg()[0]:.1f} before"
+
+
 class Figures:
     """The figures, and how many are missed."""
 
     def __init__(self) -> None:
-        self.table = Table("figure", "measured", "wanted", title="dashboard")
+        self.table = Table("figure", "measured", "wanted", title=f"dashboard, {machine()}")
         self.missed = 0
 
     def tell(self, what: str, value: float, unit: str, most: float) -> None:
@@ -278,25 +320,37 @@ def bench_record(report: Figures, dashboard: Dashboard, browser: Any, _duration:
     answer.value.finished()
     report.note("everything around a moment is there after", f"{time.perf_counter() - began:.2f} s")
     page.wait_for_timeout(1000)
-    spent = main_thread(page)
+    expect(page.locator("#scene-legend")).to_contain_text("executed path")
+    client = page.context.new_cdp_session(page)
+    client.send("Performance.enable", {"timeDomain": "threadTicks"})
+    spent = main_thread(client)
     gaps = np.diff(page.evaluate(PLAYED))
-    cost = {what: 1e3 * (after - spent[what]) / (len(gaps) + 30) for what, after in main_thread(page).items()}
+    cost = {what: 1e3 * (after - spent[what]) / (len(gaps) + 30) for what, after in main_thread(client).items()}
     report.tell("the page's own thread, for each frame while it is played", cost["TaskDuration"], "ms", 8.0)
     parts = ("ScriptDuration", "LayoutDuration", "RecalcStyleDuration")
     report.note("of these", ", ".join(f"{what.removesuffix('Duration')} {cost[what]:.2f} ms" for what in parts))
     report.least("frames a second while it is played", 1e3 / float(np.mean(gaps)), "", 60.0 * 0.97)
     report.note("frames that took longer than two", f"{np.mean(gaps > 2.1e3 / 60.0):.1%} of {len(gaps)}")
+    page.evaluate(f"location.hash = 'run=half_hour&t={PEAK_TICK * PERIOD + 1.0}'")
+    page.evaluate(CURVES)
+    for span in ("10 s", "1 min", "all"):
+        page.get_by_role("button", name=span, exact=True).click()
+        page.wait_for_function("(peak) => window.highest?.() === peak", arg=PEAK)
+    report.note("one sample of 99 N in half an hour", "in the curves of 10 s, 1 min and all")
     page.close()
 
 
-def main_thread(page: Any) -> dict[str, float]:
+def main_thread(client: Any) -> dict[str, float]:
     """Seconds of processor time that the page's own thread has taken, by what for; other processes add none."""
-    client = page.context.new_cdp_session(page)
-    client.send("Performance.enable", {"timeDomain": "threadTicks"})
     metrics = client.send("Performance.getMetrics")["metrics"]
     return {metric["name"]: metric["value"] for metric in metrics}
 
 
+CURVES = """async () => { const { PlotsView } = await import("/static/pictures.js"), { update } = PlotsView.prototype;
+    PlotsView.prototype.update = function (...of) { update.apply(this, of);
+      window.highest = () => Math.max(...[...this.charts.values()].flatMap(({ plot }) => {
+        const [from, to] = plot.data[0].reduce(([a, b], t, i) => (t < this.page[0] ? [i, b] : t <= this.page[1] ? [a, i] : [a, b]), [0, 0]);
+        return plot.data.slice(1).flatMap((row) => row.slice(from, to + 1).filter((v) => v !== null && v !== undefined)); })); }; }"""  # noqa: E501
 PLAYED = """async () => { const times = [];
     document.getElementById("play").click();
     await new Promise((done) => { const frame = (t) => { times.push(t); if (t - times[0] < 6000) requestAnimationFrame(frame); else done(); }; requestAnimationFrame(frame); });

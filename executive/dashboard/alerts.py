@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import json
 import logging
+import re
 import threading
 import urllib.request
 from collections import Counter, deque
 from collections.abc import Iterable
 from dataclasses import dataclass
+from http.client import HTTPException
+from urllib.error import HTTPError
 from urllib.parse import urlsplit
 
 from executive.errors import UsageError
@@ -37,8 +40,8 @@ class AlertRule:
     over: int = 20
 
     def __post_init__(self) -> None:
-        if urlsplit(self.address).scheme not in ("http", "https") or not urlsplit(self.address).netloc:
-            raise UsageError(f"--alert-to {self.address}: an address begins with http:// or https://")
+        if problem := _unusable(self.address):
+            raise UsageError(f"--alert-to {self.address}: {problem}")
         if not 0.0 < self.below <= 1.0 or self.over < 1:
             raise UsageError(
                 "--alert-below takes a share above 0 % and up to 100 %, --alert-over a number of runs from 1"
@@ -112,11 +115,29 @@ class Alerts:
         return len(self._outcomes) == self._rule.over and self._share() < self._rule.below
 
     def _tell(self, body: bytes) -> None:
+        problem: Exception | None = None
         asked = urllib.request.Request(self._rule.address, body, {"content-type": "application/json"}, method="POST")
         for _ in range(TRIES):
             try:
                 with urllib.request.urlopen(asked, timeout=PATIENCE):  # http or https: the rule is judged
                     return
-            except OSError as error:
+            except HTTPError as error:
+                error.close()  # it holds the connection
+                problem = error
+            except (OSError, HTTPException, ValueError) as error:  # whatever it answers, it may be no HTTP at all
                 problem = error
         logger.warning("the alert was not taken by %s: %s", self._rule.address, problem)
+
+
+def _unusable(address: str) -> str:
+    """What is wrong with an address; empty when a request can go there."""
+    try:
+        parts = urlsplit(address)
+        usable = parts.scheme in ("http", "https") and bool(parts.hostname) and parts.port != 0
+    except ValueError as error:  # a port that is no number, a bracket that is not closed
+        return str(error)
+    if not usable:
+        return "an address begins with http:// or https://, and names a host"
+    return (
+        "" if address.isascii() and not re.search(r"[\s\x00-\x1f\x7f]", address) else "a blank or such a sign is in it"
+    )

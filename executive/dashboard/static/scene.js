@@ -12,6 +12,9 @@ const MOST_CUBES = 20000; // more cells are drawn as points
 const HOME = { yaw: -0.7, pitch: 0.45 };
 const FIELD = 40; // degrees
 const CLICK = 4; // px between down and up that are still a click
+const OFF_PATH = 0.004; // m by which a drawn path may pass beside a point of it
+const MOST_CORNERS = 500; // of an executed path, the newest
+const ROD = 0.0015; // m, radius of a drawn path
 let three = null; // the library, once there is something to show
 
 export class SceneView {
@@ -48,7 +51,7 @@ export class SceneView {
     for (const topic of [...this.robots.keys()]) if (!robots.some(([other]) => other === topic)) { this.drop(this.robots.get(topic).group); this.robots.delete(topic); }
     if (this.ways) this.drop(this.ways);
     this.ways = new three.Group();
-    for (const way of ways) this.ways.add(lineOf(way, "muted"));
+    for (const way of ways) this.ways.add(rodOf(corners(way), "muted"));
     this.scene.add(this.ways);
     for (const { group, node } of this.topics.values()) emphasize(group, selected && node === selected);
     this.tell(views, robots, ways);
@@ -57,11 +60,12 @@ export class SceneView {
 
   begin() {
     if (this.renderer) return true;
-    try { this.renderer = new three.WebGLRenderer({ canvas: this.canvas, antialias: true, alpha: true, preserveDrawingBuffer: true }); } catch {
+    try { this.renderer = new three.WebGLRenderer({ canvas: new OffscreenCanvas(1, 1), antialias: hasGraphicsCard(), alpha: true }); } catch {
       this.problem = "This browser has no WebGL: the scene cannot be drawn.";
       this.key = null;
       return false;
     }
+    this.shown = this.canvas.getContext("bitmaprenderer");
     this.scene = new three.Scene();
     this.camera = new three.PerspectiveCamera(FIELD, 1, 0.01, 50);
     this.camera.up.set(0, 0, 1);
@@ -83,7 +87,7 @@ export class SceneView {
 
   drop(group) {
     this.scene.remove(group);
-    group.traverse((thing) => { thing.geometry?.dispose(); thing.material?.dispose(); });
+    group.traverse((thing) => { thing.geometry?.dispose(); });
   }
 
   place(views, state) {
@@ -113,8 +117,8 @@ export class SceneView {
     if (robot.t === t) return;
     robot.t = t;
     robot.parts.forEach((part, i) => { const p = poses[i]; part.visible = Boolean(p); if (p) { part.position.set(p[0], p[1], p[2]); part.quaternion.set(p[3], p[4], p[5], p[6]); } });
-    if (robot.line) { robot.group.remove(robot.line); robot.line.geometry.dispose(); robot.line.material.dispose(); robot.line = null; }
-    if (trace.length > 1) { robot.line = lineOf(trace, "executed"); robot.group.add(robot.line); }
+    if (robot.line) { robot.group.remove(robot.line); robot.line.geometry.dispose(); robot.line = null; }
+    if (trace.length > 1) { robot.line = rodOf(corners(trace), "executed"); robot.group.add(robot.line); }
   }
 
   tell(views, robots, ways) {
@@ -210,11 +214,29 @@ export class SceneView {
       this.camera.updateProjectionMatrix();
       if (first && !this.fitting) { this.fitting = true; this.home(); this.fitting = false; return; }
     }
+    if (this.drawing) this.again = true; else this.begun();
+  }
+
+  // What is drawn is shown once it is ready: whoever asks for it before waits, and the whole page with them, which without
+  // a graphics card is longer than a frame.
+  begun() {
+    const { renderer, size } = this, gl = renderer.getContext();
+    Object.assign(this, { drawing: true, again: false });
     renderer.render(this.scene, this.camera);
+    const ready = gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
+    gl.flush();
+    const look = () => {
+      if (ready && gl.getSyncParameter(ready, gl.SYNC_STATUS) !== gl.SIGNALED && !gl.isContextLost()) { requestAnimationFrame(look); return; }
+      gl.deleteSync(ready);
+      if (this.size === size) this.shown.transferFromImageBitmap(renderer.domElement.transferToImageBitmap()); // else it is empty, and drawn again
+      this.drawing = false;
+      if (this.again) this.begun();
+    };
+    requestAnimationFrame(look);
   }
 
   // Light and dark have other colours: everything is made anew.
-  repaint() { this.clear(); this.floorKey = null; this.key = null; $("scene-legend").dataset.key = ""; }
+  repaint() { this.clear(); materials.clear(); this.floorKey = null; this.key = null; $("scene-legend").dataset.key = ""; }
 }
 
 let loading = null;
@@ -239,19 +261,51 @@ function built(view) {
   return group;
 }
 
+// All of them as one thing: without a graphics card each instance of a thing costs as much as a thing of its own.
 function cubesOf(points, { size, style }) {
-  const cubes = new three.InstancedMesh(new three.BoxGeometry(size, size, size), new three.MeshLambertMaterial({ color: colour(style) }), points.length);
-  const place = new three.Matrix4();
-  points.forEach(([x, y, z], i) => cubes.setMatrixAt(i, place.makeTranslation(x, y, z)));
-  cubes.computeBoundingSphere();
-  return cubes;
+  const box = new three.BoxGeometry(size, size, size), { position, normal } = box.attributes, n = position.count;
+  const places = new Float32Array(points.length * n * 3), normals = new Float32Array(places.length), corners = [];
+  points.forEach((point, i) => {
+    for (let v = 0; v < 3 * n; v++) places[3 * n * i + v] = position.array[v] + point[v % 3];
+    normals.set(normal.array, 3 * n * i);
+    for (const corner of box.index.array) corners.push(n * i + corner);
+  });
+  return painted(places, normals, corners, "solid", style);
+}
+
+// A path as a thin rod: three flat sides about each piece of it.
+function rodOf(points, style, thick = ROD) {
+  const places = [], corners = [], up = new three.Vector3(), side = new three.Vector3(), at = new three.Vector3();
+  for (let i = 1; i < points.length; i++) {
+    const [from, to] = [points[i - 1], points[i]].map((p) => new three.Vector3(...p)), way = to.clone().sub(from).normalize();
+    up.set(0, 0, 1);
+    if (Math.abs(way.z) > 0.9) up.set(1, 0, 0);
+    side.crossVectors(way, up).normalize();
+    up.crossVectors(side, way);
+    const first = places.length / 3;
+    for (const end of [from, to]) for (const turn of [0, 2.0944, 4.1888]) places.push(...at.copy(end).addScaledVector(side, Math.cos(turn) * thick).addScaledVector(up, Math.sin(turn) * thick).toArray());
+    for (const k of [0, 1, 2]) { const next = (k + 1) % 3; corners.push(first + k, first + next, first + 3 + k, first + next, first + 3 + next, first + 3 + k); }
+  }
+  const rod = painted(new Float32Array(places), null, corners, "rod", style);
+  rod.renderOrder = 1; // seen through what hides it
+  return rod;
+}
+
+function painted(places, normals, corners, kind, style) {
+  const geometry = new three.BufferGeometry();
+  geometry.setAttribute("position", new three.BufferAttribute(places, 3));
+  geometry.setIndex(corners);
+  if (normals) geometry.setAttribute("normal", new three.BufferAttribute(normals, 3)); else geometry.computeVertexNormals();
+  const mesh = new three.Mesh(geometry, materialOf(kind, style));
+  mesh.userData = { kind, style };
+  return mesh;
 }
 
 function pointsOf(positions, { size = 0.005, style = null }, colours = null) {
   const geometry = new three.BufferGeometry();
   geometry.setAttribute("position", new three.BufferAttribute(positions, 3));
   if (colours) geometry.setAttribute("color", new three.BufferAttribute(colours, 3, true));
-  return new three.Points(geometry, new three.PointsMaterial({ size: Math.max(size, 0.004), color: colours ? 0xffffff : colour(style), vertexColors: Boolean(colours) }));
+  return new three.Points(geometry, materialOf(colours ? "look" : "points", style, false, Math.max(size, 0.004)));
 }
 
 function meshOf({ vertices, faces, style }) {
@@ -261,13 +315,14 @@ function meshOf({ vertices, faces, style }) {
   const flat = geometry.toNonIndexed(); // each face has its own normal: what has edges is seen to have them
   flat.computeVertexNormals();
   geometry.dispose();
-  const mesh = new three.Mesh(flat, new three.MeshLambertMaterial({ color: colour(style), side: three.DoubleSide }));
-  mesh.userData.mesh = true;
+  const mesh = new three.Mesh(flat, materialOf("sheet", style));
+  mesh.userData = { mesh: true, kind: "sheet", style };
   return mesh;
 }
 
 function lineOf(points, style) {
-  const line = new three.Line2(new three.LineGeometry().setPositions(points.flat()), new three.LineMaterial({ color: colour(style), linewidth: 3, depthTest: false, transparent: true, opacity: 0.95 }));
+  const line = new three.Line2(new three.LineGeometry().setPositions(points.flat()), materialOf("line", style));
+  line.userData = { kind: "line", style };
   line.renderOrder = 1; // seen through what hides it
   return line;
 }
@@ -284,11 +339,59 @@ async function cloudOf(view) {
   return pointsOf(Float32Array.from(mm, (v) => v / 1000), { size: 0.005 }, bytes(cloud.rgb));
 }
 
+// What a thing is painted with, one for all of its kind. None is thrown away: the browser would translate its program anew,
+// 50 ms without a graphics card, for every move of an arm.
+const materials = new Map();
+const MAKE = {
+  solid: (style, strong) => new three.MeshLambertMaterial({ color: colour(style), emissive: glow(strong) }),
+  sheet: (style, strong) => new three.MeshLambertMaterial({ color: colour(style), emissive: glow(strong), side: three.DoubleSide }),
+  rod: (style) => new three.MeshLambertMaterial({ color: 0x000000, emissive: new three.Color(colour(style)), depthTest: false, transparent: true, opacity: 0.95 }),
+  line: (style, strong) => new three.LineMaterial({ color: colour(style), linewidth: strong ? 6 : 3, depthTest: false, transparent: true, opacity: 0.95 }),
+  points: (style, _strong, size) => new three.PointsMaterial({ size, color: colour(style) }),
+  look: (_style, _strong, size) => new three.PointsMaterial({ size, color: 0xffffff, vertexColors: true }),
+};
+const glow = (strong) => (strong ? new three.Color(colour("--accent")).multiplyScalar(0.55) : new three.Color(0x000000));
+
+function materialOf(kind, style, strong = false, size = 0) {
+  const key = `${kind}|${style}|${strong}|${size}`;
+  if (!materials.has(key)) materials.set(key, MAKE[kind](style, strong, size));
+  return materials.get(key);
+}
+
 function emphasize(group, on) {
-  group.traverse((thing) => {
-    if (thing.material?.emissive) thing.material.emissive.set(on ? colour("--accent") : 0x000000).multiplyScalar(0.55);
-    if (thing.material?.linewidth) thing.material.linewidth = on ? 6 : 3;
-  });
+  group.traverse((thing) => { const { kind, style } = thing.userData; if (kind) thing.material = materialOf(kind, style, Boolean(on)); });
+}
+
+// The newest of a path's points, without those that lie on the way between two others.
+function corners(points) {
+  const kept = [points.at(-1)];
+  for (let i = points.length - 2, from = points.length - 1; i >= 0 && kept.length < MOST_CORNERS; i--) {
+    if (i > 0 && passes(points, from, i - 1)) continue;
+    kept.push(points[i]);
+    from = i;
+  }
+  return kept.reverse();
+}
+
+// Whether the straight line between two points of a path passes near all those between them.
+function passes(points, from, to) {
+  const [a, b] = [points[from], points[to]], way = b.map((v, k) => v - a[k]), length = Math.hypot(...way);
+  if (from - to > 40) return false; // far enough
+  for (let i = to + 1; i < from; i++) {
+    const arm = points[i].map((v, k) => v - a[k]);
+    const along = length ? Math.max(0, Math.min(1, arm.reduce((sum, v, k) => sum + v * way[k], 0) / length ** 2)) : 0;
+    if (Math.hypot(...arm.map((v, k) => v - along * way[k])) > OFF_PATH) return false;
+  }
+  return true;
+}
+
+// Without one the processor draws: edges are not smoothed then, which would be four times the work.
+function hasGraphicsCard() {
+  const probe = document.createElement("canvas").getContext("webgl2");
+  const named = probe?.getExtension("WEBGL_debug_renderer_info");
+  const card = probe?.getParameter(named ? named.UNMASKED_RENDERER_WEBGL : probe.RENDERER) ?? "";
+  probe?.getExtension("WEBGL_lose_context")?.loseContext();
+  return !/swiftshader|llvmpipe|softpipe|software|basic render/i.test(card);
 }
 
 const list = (v) => (Array.isArray(v) ? v : []);

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
+import socket
 import threading
 import time
 from collections.abc import Iterator
@@ -105,6 +107,35 @@ def test_no_run_waits_for_a_webhook_that_does_not_answer(
     assert "the alert was not taken" in caplog.text
 
 
+@pytest.mark.parametrize("said", ["HTTP/1.1 500 no\r\ncontent-length: 0\r\n\r\n", "hello?\r\n\r\n", ""])
+def test_whatever_a_webhook_answers_is_told_in_words_and_nothing_else_happens(
+    said: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+
+        def answer() -> None:
+            with contextlib.suppress(OSError):  # the test is over
+                while True:
+                    with server.accept()[0] as asked:
+                        asked.recv(65_536)
+                        asked.sendall(said.encode())
+
+        threading.Thread(target=answer, daemon=True).start()
+        teller = Alerts(AlertRule(f"http://127.0.0.1:{server.getsockname()[1]}", 1.0, 1)).take(ended(False))
+        assert teller is not None
+        teller.join(5.0)
+    assert "the alert was not taken by http://127.0.0.1" in caplog.text
+
+
+def test_a_webhook_that_is_down_is_told_in_words(caplog: pytest.LogCaptureFixture) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        port = server.getsockname()[1]
+    teller = Alerts(AlertRule(f"http://127.0.0.1:{port}", 1.0, 1)).take(ended(False))
+    assert teller is not None
+    teller.join(5.0)
+    assert "Connection refused" in caplog.text
+
+
 def test_a_run_that_ends_otherwise_than_it_seemed_counts_once(hook: Hook) -> None:
     alerts = Alerts(AlertRule(hook.address, below=0.5, over=2), before=[(True, "")])
     alerts.take(started("one"))
@@ -150,6 +181,10 @@ def test_a_run_from_the_command_line_tells_too(tmp_path: Path, hook: Hook) -> No
         ("http://", 0.5, 3),
         ("http://a", 0.0, 3),
         ("http://a", 0.5, 0),
+        ("http://a:port/", 0.5, 3),
+        ("http://[::1/", 0.5, 3),
+        ("http://a b/", 0.5, 3),
+        ("http://a/\r\nx: y", 0.5, 3),
     ],
 )
 def test_a_rule_that_makes_no_sense_is_refused(address: str, below: float, over: int) -> None:
