@@ -35,7 +35,7 @@ from executive.running.events import EventStream, Listener, RunEnded, RunStarted
 from executive.running.one_run import alone_on
 from executive.running.run_state import RunResult
 from executive.running.runner import Runner
-from executive.running.signals import RunSignals
+from executive.running.signals import RunSignals, error_of
 from executive.running.starting import StartCancelledError, Starting
 from executive.running.supervisor import RunSupervision
 from executive.running.traces import place_of
@@ -214,6 +214,7 @@ def _after_cut(
 
     Raises:
         UsageError: it may, or the recovery did not succeed; nothing else has moved.
+        KeyboardInterrupt: somebody wanted the process to end meanwhile.
     """
     assert order.record is not None
     cut = unfinished(order.record, order.cell)
@@ -228,6 +229,8 @@ def _after_cut(
         recovered = execute(recovery, listeners, on_ready=on_ready, starting=starting, readers=readers)
         if recovered.result.outcome != "success":
             raise UsageError(f"{recovered.summary.sentence()}. Nothing else was run.")
+        if recovered.signal is not None:  # it came while the recovery's record and cell were closed
+            raise error_of(recovered.signal)
     elif (cut.kind or starting.cell_kind) in ("real", "emulated") and cut.hand != "":
         raise UsageError(f"{words}.\nNothing was run. {WHAT_TO_DO}")
     else:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import fcntl
 import os
 import signal
@@ -9,8 +10,9 @@ import zlib
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
+from io import FileIO
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any
 
 from executive.campaign.spec import Campaign, CampaignRun
 from executive.encode import encoded
@@ -155,7 +157,8 @@ def run_campaign(
         the results of the campaign's runs by name.
 
     Raises:
-        UsageError: the folder holds results of another campaign, or another process is writing there.
+        UsageError: the folder holds results of another campaign, another process is writing there, or the disk is full:
+            what was written stays, and the same command goes on from there.
     """
     folder.mkdir(parents=True, exist_ok=True)
     with _append(folder / RESULTS) as stream:
@@ -169,9 +172,7 @@ def run_campaign(
             result = _result(run, answer, commit)
             if result["outcome"] == INTERRUPTED:
                 continue  # somebody ended its process: no result, and no reason not to run it again
-            stream.write(line_of(result).decode())
-            stream.flush()
-            os.fsync(stream.fileno())
+            _write(stream, line_of(result))
             done[run.name] = result
             progress(result, len(done), len(campaign.runs))
     return {run.name: done[run.name] for run in campaign.runs if run.name in done}
@@ -188,10 +189,19 @@ def _broken(code: str, message: str, outcome: str) -> Result:
     return {"outcome": outcome, "reason": {"node": "", "code": code, "message": message, "data": {}}}
 
 
+def _write(stream: FileIO, line: bytes) -> None:
+    try:
+        if stream.write(line) != len(line):
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        os.fsync(stream.fileno())
+    except OSError as error:
+        raise UsageError(f"{stream.name}: a result cannot be written: {error.strerror}") from error
+
+
 @contextmanager
-def _append(path: Path) -> Iterator[TextIO]:
-    """The file of results, for this process alone; what a kill left of a last line is cut off."""
-    with path.open("a+", encoding="utf-8") as stream:
+def _append(path: Path) -> Iterator[FileIO]:
+    """The file of results, for this process alone; what a kill or a full disk left of a last line is cut off."""
+    with FileIO(path, "a+") as stream:
         try:
             fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError as error:

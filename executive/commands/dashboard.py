@@ -126,6 +126,7 @@ class Launcher:
         self._listeners = [dashboard.hub.on_event, *listeners]
         self._thread: threading.Thread | None = None
         self._starting: Starting | None = None
+        self._one_start = threading.Lock()
 
     def start(self, form: dict[str, Any]) -> str:
         """Begin to prepare the run that the page's form describes; the lock tells how that goes.
@@ -134,6 +135,10 @@ class Launcher:
             RefusedError: one is running, or the safe state of the last one is latched.
             UsageError: the tree, cell or settings cannot be used.
         """
+        with self._one_start:  # two pages, or a page and ROS 2, at once: the second sees the thread of the first
+            return self._start_alone(form)
+
+    def _start_alone(self, form: dict[str, Any]) -> str:
         if self._thread is not None and not self._dashboard.control.is_busy:
             self._thread.join(CLOSING)  # the last run has ended, its record and its cell are being closed
         if self._thread is not None and self._thread.is_alive():

@@ -155,6 +155,9 @@ class ControlLock:
             starting[1].cancel(because, who)
             return "the run that was being prepared does not begin"
         if runner is None or (runner.state.ended and runner.latched is None):
+            if starting is not None:  # a recovery has just ended, and the run would begin after it
+                starting[1].cancel(because, who)
+                return "nothing was running, and nothing begins now"
             return "nothing was running"
         runner.safe_stop(because, who)
         if runner.latched is None:

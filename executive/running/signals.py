@@ -77,7 +77,7 @@ def raising() -> Iterator[None]:
     def handle(number: int, _frame: FrameType | None) -> None:
         global _raised, _came
         _raised, _came = number, True
-        raise _error_of(number)
+        raise error_of(number)
 
     _raised, _came = None, False
     before = _install(handle, tuple(WORDS))
@@ -101,7 +101,8 @@ def _tell_unless_signalled(tell: Callable[[sys.UnraisableHookArgs], Any]) -> Cal
     return told
 
 
-def _error_of(number: int) -> KeyboardInterrupt:
+def error_of(number: int) -> KeyboardInterrupt:
+    """What a signal raises while nothing moves."""
     return KeyboardInterrupt() if number == signal.SIGINT else Terminated(number)
 
 
@@ -125,7 +126,7 @@ class RunSignals:
 
     def __enter__(self) -> RunSignals:
         if _raised is not None:
-            raise _error_of(_raised)
+            raise error_of(_raised)
         self._before = _install(self._handle, tuple(WORDS))
         return self
 
@@ -146,7 +147,7 @@ class RunSignals:
         self._enter(_Phase.RUNNING)
         try:
             if self._raised is not None:
-                raise _error_of(self._raised)
+                raise error_of(self._raised)
             yield
         finally:
             self._enter(_Phase.CLOSING)
@@ -180,7 +181,7 @@ class RunSignals:
         before, self._last = self._last, time.monotonic()
         if self._phase is _Phase.RAISING:
             self._raised, _came = number, True
-            raise _error_of(number)
+            raise error_of(number)
         first = self.number is None
         self.number = self.number or number
         if self._phase is _Phase.CLOSING:

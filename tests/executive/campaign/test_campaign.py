@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import random
 import re
+import resource
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -178,6 +179,25 @@ def test_a_changed_byte_and_a_line_of_anything_else_count_for_nothing_and_are_na
         assert read_results(tmp_path, told.append) == good
         assert len(told) == 1
         assert told[0].startswith(f"{path}:1: ")
+
+
+def test_a_full_disk_ends_a_campaign_in_words_and_it_goes_on_where_it_was(tmp_path: Path) -> None:
+    planned = campaign(tmp_path)
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+
+    def answer(index: int) -> Any:
+        if index == 2:
+            resource.setrlimit(resource.RLIMIT_FSIZE, ((tmp_path / "out" / RESULTS).stat().st_size + 40, limits[1]))
+        return {"outcome": "success"}
+
+    try:
+        with pytest.raises(UsageError, match=r"results.jsonl: a result cannot be written: "):
+            run_campaign(planned, tmp_path / "out", Here(answer))
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    engine = Here(lambda _index: {"outcome": "success"})
+    assert len(run_campaign(planned, tmp_path / "out", engine)) == len(planned.runs)
+    assert engine.asked == len(planned.runs) - 2
 
 
 def test_results_of_other_settings_are_not_taken_for_this_campaigns(tmp_path: Path) -> None:

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
+import signal
+import threading
 from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
@@ -16,14 +19,16 @@ from recorded_events import started
 from executive.cli import main
 from executive.commands.dashboard import Launcher
 from executive.dashboard.choices import Choices
-from executive.dashboard.control_lock import ControlLock
+from executive.dashboard.control_lock import ControlLock, RefusedError
 from executive.errors import UsageError
 from executive.execute import RunOrder, execute
 from executive.recording.ending import ENDING_FILE
 from executive.recording.folder import EVENTS_FILE, find_record
 from executive.recording.recorder import Recorder
+from executive.recording.session import RecordingSession
 from executive.recording.unfinished import unfinished
 from executive.running.events import HandChanged, NodeChanged, RunEnded
+from executive.running.starting import StartCancelledError
 from executive.running.supervise import REPORT
 
 CELL = "name: bench\nkind: mock\nclock: manual\ndevices: {}\n"
@@ -286,6 +291,60 @@ def test_the_page_begins_after_a_cut_as_its_form_says(
     leave(order, "real", HELD, name="2099-01-01_t")
     assert start("") != ("", ["t"])
     assert start("cleared") == ("", ["t"])
+
+
+def test_two_starts_at_the_same_time_are_one_run(order: RunOrder, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert order.record is not None
+    dashboard: Any = SimpleNamespace(control=ControlLock(), hub=SimpleNamespace(on_event=lambda event: None))
+    launcher = Launcher(dashboard, order.record, Choices({"tree": order.tree}, {"cell": order.cell}))
+    both, went_on = threading.Barrier(2), threading.Event()
+    monkeypatch.setattr("executive.commands.dashboard.execute", lambda *_, **__: went_on.wait(5.0))
+
+    def judged(_form: object) -> RunOrder:
+        with contextlib.suppress(threading.BrokenBarrierError):
+            both.wait(0.1)  # there where the second would have passed the first
+        return order
+
+    monkeypatch.setattr(launcher, "_order", judged)
+    answers: list[str] = []
+
+    def start() -> None:
+        try:
+            answers.append(launcher.start({}))
+        except RefusedError as refused:
+            answers.append(str(refused))
+
+    pages = [threading.Thread(target=start) for _ in range(2)]
+    for page in pages:
+        page.start()
+    for page in pages:
+        page.join()
+    went_on.set()
+    launcher.close()
+    assert sorted(answers) == ["a run is going on", "tree"]
+
+
+@pytest.mark.parametrize("who", ["a signal", "the page"])
+def test_a_stop_between_the_recovery_and_the_run_keeps_the_run_from_beginning(
+    order: RunOrder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, who: str
+) -> None:
+    (tmp_path / "recover.yaml").write_text(TREE.replace("tree: t", "tree: recover"))
+    monkeypatch.setattr("executive.execute.installed_trees", lambda: tmp_path)
+    desk = ControlLock()
+    close = RecordingSession.close
+
+    def closes(session: RecordingSession) -> str:
+        if who == "a signal":
+            os.kill(os.getpid(), signal.SIGTERM)
+        else:
+            assert desk.safe_stop("ada") == "nothing was running, and nothing begins now"
+        return close(session)
+
+    monkeypatch.setattr(RecordingSession, "close", closes)
+    with pytest.raises(KeyboardInterrupt if who == "a signal" else StartCancelledError):
+        execute(replace(order, recover=True), on_ready=desk.serve, starting=desk.prepare("t"))
+    assert order.record is not None
+    assert ["_recover" in path.name for path in order.record.iterdir()] == [True]
 
 
 def test_a_recovery_that_failed_leaves_the_cell_as_it_was(order: RunOrder) -> None:
