@@ -12,17 +12,17 @@ from executive.ports import ACCELERATION, LENGTH, SPEED, TIME, Acceleration, Len
 from executive.skill import Work
 from executive.values.arrays import Float64
 from skills.grip.grip import GripProblem
-from skills.grip.hold import Hold
+from skills.grip.hold import Hold, take_over
 from skills.motion.grasp import Grasp
 from skills.motion.occupancy import OccupancyMap
 from skills.motion.planning.arm_space import arm_space
 from skills.motion.planning.timing import time_curve
 from skills.motion.robot import RobotModel
 from skills.motion.straight_line import straight_line
-from skills.shared.following import MOTION_FAILURES, MovingSkill, Watching
+from skills.shared.following import MOTION_FAILURES, MovingSkill
 from skills.shared.grip_view import show_grip
 from skills.shared.hanging import Hanging, require_truth
-from skills.shared.touch import pressing_forces, something_between
+from skills.shared.touch import HELD_FORCE, Touch, load, pressing_forces, something_between
 from skills.shared.usable_map import usable_field
 from skills.shared.warm_motion import prepare_moving
 
@@ -33,12 +33,26 @@ TOO_MUCH_FOR = 0.06
 """A grip that wants more than it may, or a fruit that slips, for so long ends the lift [s]; the load of an acceleration
 that is just beginning passes within `JERK_TIME`."""
 
-LOWERING = 0.1
-"""Speed with which a fruit that cannot be held is put back [m/s]."""
+LOWERING, SETTING_DOWN = 0.1, 0.03
+"""Speeds with which a fruit that cannot be held is put back [m/s]: the second one near to where it stood."""
 
+NEAR = 0.015
+"""Height above where it stood below which a fruit may touch down [m]: it may have slid down in the fingers."""
+
+CONTACT = 0.35
+"""Change of load that says the fruit is carried again [N]: Release's."""
 
 BACK = 1e-3
 """A fruit that is lower than this above where it stood is back [m]."""
+
+RESTING = 0.1
+"""So long after it was felt to stand, what has fallen presses on no finger any more [s]."""
+
+LOST_PUT_BACK = "the fruit was lost while it was put back"
+
+
+class _Grounded(Exception):
+    """The fruit stands again, before the arm is where it began."""
 
 
 class _TooMuch(Exception):
@@ -155,35 +169,56 @@ class Lift(MovingSkill):
                 yield "held up"
                 watch()
         except _TooMuch as much:
-            yield from self._put_back(robot, T_base_start, acceleration, hold)
+            stands = yield from self._put_back(robot, T_base_start, acceleration, hold)
             risen = float(robot.tcp(arm.state().q)[2, 3] - T_base_start[2, 3])
-            raise self._cannot_hold(much.problem, hold, risen) from much
+            raise self._cannot_hold(much.problem, hold, 0.0 if stands else risen) from much
         if hanging is not None and (missing := hanging.missing()):
             raise self._not_held("LOST", f"nothing came up: {missing}", hold)
         if hold is not None:
             show_grip(self, hold, everything=True)
         return None
 
-    def _put_back(self, robot: RobotModel, T_base_start: Float64, acceleration: float, hold: Hold | None) -> Watching:
-        """Lower the fruit to where it stood, on the line that it came up; where there is no such line, stay."""
+    def _put_back(self, robot: RobotModel, T_base_start: Float64, acceleration: float, hold: Hold | None) -> Work[bool]:
+        """Lower the fruit to where it stood, on the line that it came up; where there is no such line, stay.
+
+        Returns:
+            Whether it stands: it is where it stood, or was felt to touch down before. The fingers rest then, or the
+            grip would answer what carries the fruit by pressing harder.
+        """
         arm = self.device(Arm)
         q = arm.state().q
         way = float(np.linalg.norm(robot.tcp(q)[:3, 3] - T_base_start[:3, 3]))
         line = straight_line(robot, q, T_base_start)
         if way < BACK or not line.complete:
-            return
+            return way < BACK
+        with Touch(self.device(ForceSensor), load) as touch:
 
-        def watch() -> None:
-            if hold is not None:
-                show_grip(self, hold)
-                require_truth(hold)
-            if not self._held(hold):
-                raise self._not_held("LOST", "the fruit was lost while it was put back", hold)
+            def watch() -> None:
+                if hold is not None:
+                    show_grip(self, hold)
+                    require_truth(hold)
+                height = robot.tcp(arm.state().q)[2, 3] - T_base_start[2, 3]
+                if height < NEAR and touch.change > CONTACT:
+                    take_over(self.device(Gripper))
+                    raise _Grounded
+                if not self._held(hold):
+                    raise self._not_held("LOST", LOST_PUT_BACK, hold)
 
-        yield from self.travel(
-            time_curve(line.q, way, arm.limits, LOWERING, acceleration, acceleration / JERK_TIME), watch
-        )
-        watch()
+            steps = len(line.q) - 1
+            split = steps - min(math.ceil(NEAR / way * steps), steps)
+            split = 0 if min(split, steps - split) < 3 else split
+            parts = ((line.q[: split + 1], LOWERING), (line.q[split:], SETTING_DOWN))
+            try:
+                for q_line, speed in parts if split else parts[1:]:
+                    length = (len(q_line) - 1) / steps * way
+                    curve = time_curve(q_line, length, arm.limits, speed, acceleration, acceleration / JERK_TIME)
+                    yield from self.travel(curve, watch)
+                watch()
+            except _Grounded:
+                yield from self.wait(RESTING)
+                if max(pressing_forces(self.device(ForceSensor))) <= HELD_FORCE:
+                    raise self._not_held("LOST", LOST_PUT_BACK, hold) from None
+        return True
 
     def _cannot_hold(self, problem: GripProblem, hold: Hold | None, risen: float) -> Exception:
         code = problem.code

@@ -241,7 +241,7 @@ class GripController:
     def _distrust(self) -> None:
         """The fingers' samples are not believed any more: a grip is kept as it is, none is made."""
         if self.phase in IN_HAND:
-            self.reference.freeze(self._sensors.reason)
+            self.reference.distrust(self._sensors.reason)
         else:
             self._fail("SENSOR_FAULT", self._sensors.reason, width=self.width)
 

@@ -33,6 +33,7 @@ class ForceReference:
         self._held = self._urgent = self._averaged = 0.0
         self._steady = self._share_fast = self._share_slow = math.nan
         self._loaded_for = 0.0
+        self._limit = math.inf
         self.carried = False
 
     def set_friction(self, settings: GripSettings) -> None:
@@ -59,6 +60,12 @@ class ForceReference:
     def freeze(self, reason: str) -> None:
         """Never lower the reference again: the sensor is not to be trusted."""
         self.frozen = self.frozen or reason
+
+    def distrust(self, reason: str) -> None:
+        """Freeze, and rise no further than to a multiple of the force that has held until now."""
+        if not math.isfinite(self._limit):
+            self._limit = self._tuned.distrusted * max(self.f_ref, self.settings.floor)
+        self.freeze(reason)
 
     def follow(self, sense: SlipSense, force_coming: float, elapsed: float) -> None:
         """Follow the law for `elapsed` seconds.
@@ -91,11 +98,11 @@ class ForceReference:
         share = 1.0 - math.exp(-elapsed / tuned.low_pass)
         if target >= self._held:
             loaded = self._held + share * (max(needed, self._held) - self._held)
-            self._held = max(loaded, min(target, self._held + s.ramp_rate * elapsed))
+            self._held = min(max(loaded, min(target, self._held + s.ramp_rate * elapsed)), max(self._held, self._limit))
         elif not self.frozen:
             self._held = max(target, self._held - self._fall(target) * elapsed)
         self._urgent += share * (self._answer(sense, force_coming) - self._urgent)
-        self.f_ref = min(self._held + self._urgent, s.loop.max_force)
+        self.f_ref = min(self._held + self._urgent, self._limit, s.loop.max_force)
 
     def _fall(self, target: float) -> float:
         """How fast the held part comes down to what is wanted [N/s]."""

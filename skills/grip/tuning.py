@@ -73,6 +73,8 @@ class ReferenceSettings:
         most_urgent: bound of what is added to the static part [N]; enough for the fingers' full speed.
         urgent_base, urgent_share: a light load is answered with less, this much [N] and this share of the least force.
         doubtful: the bound once the sensor is not to be trusted [N].
+        distrusted: fingers that contradict themselves raise the force to so many times what held before, at most: set on
+            a table, a fruit that one finger told too small was pressed with 8 N a finger.
         carried_load, carried_after, carried_rise: a tangential load of so much [N] for so long [s], while the least
             force rises by less than this share beyond noise, is a fruit that is carried: the initial force and the
             caution have done their work.
@@ -100,6 +102,7 @@ class ReferenceSettings:
     urgent_base: float = 1.0
     urgent_share: float = 1.0
     doubtful: float = 3.0
+    distrusted: float = 2.0
     carried_load: float = 0.25
     carried_after: float = 0.1
     carried_rise: float = 0.05

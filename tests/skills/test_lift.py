@@ -10,6 +10,7 @@ from executive.skill_testing import SkillEnd, drive
 from skills.grip.hold import Hold
 from skills.lift import Lift
 from skills.motion.straight_line import straight_line
+from skills.shared.touch import something_between
 from skills.slip_avoid_grasp import SlipAvoidGrasp
 from tests.skills.picking_scene import ROBOT_MODEL, PickingScene, a_grasp, seen_map
 
@@ -195,9 +196,9 @@ def test_what_needs_more_force_than_is_allowed_is_put_back_before_it_hangs(lever
     assert "put back where it stood" in outcome.reason.message
     assert outcome.reason.data["wanted"] > outcome.reason.data["limit"] == 8.0
     assert highest < 0.03
-    assert fruit.risen == pytest.approx(0.0, abs=1e-4)
+    assert fruit.risen == pytest.approx(0.0, abs=1e-3)
     assert fruit.scene.arm.settled()
-    assert fruit.hold.holds  # it is let go by whoever comes next
+    assert something_between(fruit.scene.gripper, fruit.scene.fingers)  # it is let go by whoever comes next
 
 
 def test_a_fruit_that_slips_out_of_fingers_that_press_no_more_is_put_back():
@@ -216,7 +217,7 @@ def test_a_fruit_that_slips_out_of_fingers_that_press_no_more_is_put_back():
     outcome = fruit.lift()
     assert outcome.reason.code == "SLIPPED"
     assert "put back where it stood" in outcome.reason.message
-    assert fruit.risen == pytest.approx(0.0, abs=1e-4)
+    assert fruit.risen == pytest.approx(0.0, abs=1e-3)
 
 
 def test_a_load_that_is_too_much_for_a_moment_only_is_borne():
@@ -246,6 +247,31 @@ def test_a_fruit_that_falls_while_it_is_put_back_is_lost_and_not_told_as_put_bac
     assert outcome.reason.code == "LOST"
     assert "put back where it stood" not in outcome.reason.message
     assert fruit.scene.arm.settled()
+
+
+def test_what_slid_down_in_the_fingers_is_not_pressed_into_the_table():
+    fruit = Standing(weight=20.0)
+    feel, highest, pressed = fruit.scene.fingers.feel, 0.0, []
+
+    def carried(now: float) -> np.ndarray:
+        """From 4 mm on the table carries the fruit, with 1 N for each millimetre further down."""
+        wrenches = feel(now)
+        wrenches[:, 0] -= 500.0 * max(0.004 - fruit.risen, 0.0)
+        return wrenches
+
+    def slide(_tick: int) -> None:
+        nonlocal highest
+        highest = max(highest, fruit.risen)
+        if highest - fruit.risen > 5e-4 and fruit.risen > 0.004:  # on the way down
+            fruit.scene.fingers.feel = carried
+        if fruit.scene.fingers.feel is carried:
+            pressed.append(-fruit.scene.fingers.feel(0.0)[:, 2].sum())
+
+    outcome = fruit.lift(each_tick=slide)
+    assert outcome.reason.code == "TOO_HEAVY"
+    assert "put back where it stood" in outcome.reason.message
+    assert 0.002 < fruit.risen < 0.004
+    assert max(pressed) < pressed[0] + 0.5
 
 
 def test_where_there_is_no_way_back_it_says_that_the_fruit_is_still_up(monkeypatch: pytest.MonkeyPatch):

@@ -113,3 +113,14 @@ def test_a_frozen_reference_never_falls() -> None:
     reference.freeze("because")
     follow(reference, [load(0.5)] * 2000)
     assert reference.f_ref >= MARGIN * 2.0 - 1e-6
+
+
+def test_fingers_that_contradict_themselves_raise_the_force_to_twice_what_held_at_most() -> None:
+    reference = carrying()
+    before = reference.f_ref
+    reference.distrust("because")
+    follow(reference, [load(20.0)] * 2000)
+    assert reference.f_ref == pytest.approx(2.0 * before, rel=1e-6)
+    reference.distrust("again")
+    follow(reference, [load(20.0)] * 2000)
+    assert reference.f_ref == pytest.approx(2.0 * before, rel=1e-6)
