@@ -73,8 +73,7 @@ class ReferenceSettings:
         most_urgent: bound of what is added to the static part [N]; enough for the fingers' full speed.
         urgent_base, urgent_share: a light load is answered with less, this much [N] and this share of the least force.
         doubtful: the bound once the sensor is not to be trusted [N].
-        distrusted: fingers that contradict themselves raise the force to so many times what held before, at most: set on
-            a table, a fruit that one finger told too small was pressed with 8 N a finger.
+        distrusted: fingers that contradict themselves raise the force to so many times what held before, at most.
         carried_load, carried_after, carried_rise: a tangential load of so much [N] for so long [s], while the least
             force rises by less than this share beyond noise, is a fruit that is carried: the initial force and the
             caution have done their work.
