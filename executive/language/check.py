@@ -134,7 +134,7 @@ class _Checker:
             return
         checker.definition(definition.root)
         self.follow(definition, scope)
-        if not self.findings.errors:  # what is wrong already says nothing about what is true
+        if scope.looks and not self.findings.errors:  # what is wrong already says nothing about what is true
             Truth(self.findings, scope, self.analysis.resolved, self.outcomes).definition()
         for name, named in scope.written():
             if not named.read and name not in definition.outputs:
@@ -250,11 +250,15 @@ class _Checker:
         sizes: dict[int, tuple[int, int]] = {}
 
         def measure(node: TreeNode) -> tuple[int, int]:
-            own = 1 + len(node.decorators)
-            below = [measure(child) for child in node.below()]
+            count = own = len(node.layers)
+            deepest = 0
+            below = [measure(child) for child in node.below()] if node.children or node.parts else []
             if id(node) in self.called:
                 below.append(sizes[id(self.called[id(node)])])
-            return own + sum(n for n, _ in below), own + max((d for _, d in below), default=0)
+            for nodes, depth in below:
+                count += nodes
+                deepest = max(deepest, depth)
+            return count, own + deepest
 
         for definition in order:
             sizes[id(definition)] = measure(definition.root) if definition.root is not None else (0, 0)

@@ -67,7 +67,9 @@ class NodeChecker:
     def layer(self, node: TreeNode, index: int, around: Around) -> LayerCheck:
         """A layer of a node, from the outside to the inside."""
         layer = node.layers[index]
-        found = self.resolved.setdefault((id(node), layer.key), Resolved(node))
+        found = self.resolved.get(key := (id(node), layer.key))
+        if found is None:
+            found = self.resolved[key] = Resolved(node)
         return LayerCheck(self, node, index, layer, found, around)
 
     def unique_name(self, node: TreeNode) -> None:
@@ -191,6 +193,7 @@ class LayerCheck:
 
     def condition(self, slot: str, written: YamlNode, around: Around | None = None) -> None:
         value = self.reader.condition(slot, written, around or self.around)
+        self.whole.scope.looks = True
         if value is not None:
             self.found.settings[slot] = value
 
@@ -215,10 +218,11 @@ class LayerCheck:
         self.found.settings[slot] = Given(value, written)
 
     def wires(self, inputs: Mapping[str, Port], outputs: Mapping[str, Port]) -> None:
-        node, who = self.node, self.node.key.text
+        node, who, reader, ports = self.node, self.node.key.text, self.reader, dict(inputs.items())
         for name, (key, value) in node.ports.items():
-            if name in inputs:
-                read = self.reader.value(name, value, inputs[name], self.around, f"{who}.{name}")
+            port = ports.get(name)
+            if port is not None:
+                read = reader.value(name, value, port, self.around, f"{who}.{name}")
                 if read is not None:
                     self.found.inputs[name] = read
             elif name not in outputs:

@@ -47,7 +47,7 @@ class Flow:
             self.unset(node, read)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True, eq=False)
 class LayerFlow(LayerAt[Flow]):
     """One layer of a node whose data flow is followed (a `Flowing`)."""
 

@@ -21,7 +21,7 @@ class Walk(Protocol):
 W = TypeVar("W", bound=Walk)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True, eq=False)
 class LayerAt(Generic[W]):
     """One layer of a node, on a walk."""
 

@@ -21,7 +21,7 @@ from executive.language.value_types import (
     fields_of,
     is_array,
 )
-from executive.ports import ANGLE, LENGTH, RATIO, Quantity
+from executive.ports import ANGLE, LENGTH, Quantity
 from executive.values.findings import did_you_mean
 from executive.values.rotations import from_quaternion, from_rpy
 from executive.values.yaml_nodes import YamlList, YamlMapping, YamlNode, YamlScalar
@@ -99,10 +99,10 @@ def _scalar(node: YamlScalar, value_type: Any, choices: tuple[str, ...]) -> Any:
             hint = did_you_mean(text, choices) or "one of " + ", ".join(choices)
             raise LiteralError(node, f"'{text}' is not allowed here", hint)
         return node.text
-    if value_type in (ANY, object):
-        return scalar_of_any_type(node)
     if isinstance(value_type, Quantity):
         return _quantity(node, text, value_type)
+    if value_type in (ANY, object):
+        return scalar_of_any_type(node)
     if value_type is bool:
         if text in ("true", "false"):
             return text == "true"
@@ -128,7 +128,7 @@ def _scalar(node: YamlScalar, value_type: Any, choices: tuple[str, ...]) -> Any:
 
 
 def _quantity(node: YamlScalar, text: str, quantity: Quantity) -> float:
-    if quantity == RATIO and _FLOAT.fullmatch(text):
+    if quantity.bare and _FLOAT.fullmatch(text):
         return _number(node, text)
     try:
         return quantity.parse(text)

@@ -33,11 +33,11 @@ class Outcomes:
 
     def layer(self, node: TreeNode, index: int) -> Outcome:
         """Of a node without its outer modifiers."""
-        known = self._known.get((id(node), index))
+        key = (id(node), index)
+        known = self._known.get(key)
         if known is None:
-            at = LayerOutcome(self, node, index)
-            known = at.layer.outcome(at) if at.layer.needed(at) else at.inside()
-            self._known[id(node), index] = known
+            at, layer = LayerOutcome(self, node, index), node.layers[index]
+            known = self._known[key] = layer.outcome(at) if layer.needed(at) else at.inside()
         return known
 
     def of_skill(self, name: str) -> Outcome:
@@ -54,7 +54,7 @@ class Outcomes:
         return outcome
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True, eq=False)
 class LayerOutcome:
     """One layer of a node, asked how it can end (an `Ending`)."""
 

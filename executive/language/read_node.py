@@ -44,8 +44,10 @@ class NodeReader:
             return None
         node = TreeNode(self.type_named(entry[0].text), *entry, written)
         node.comment = self.comment(written.line)
-        self.modifiers(node)
-        node.wrap(tuple(modifier for modifier in self.types.modifiers if modifier.key in node.modifiers))
+        if len(written.entries) > 1:
+            self.modifiers(node)
+        if node.modifiers:
+            node.wrap(tuple(modifier for modifier in self.types.modifiers if modifier.key in node.modifiers))
         for modifier in node.wrapping:
             self.take(node, modifier)
         self.take(node, node.type)

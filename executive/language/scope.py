@@ -90,10 +90,17 @@ class Resolved:
 
 @dataclass(slots=True, eq=False)
 class Scope:
-    """All names of one definition."""
+    """All names of one definition.
+
+    Attributes:
+        definition: whose names.
+        names: what each means.
+        looks: whether a node looks at a condition.
+    """
 
     definition: Definition
     names: dict[str, Named] = field(default_factory=dict)
+    looks: bool = False
 
     def written(self) -> Iterator[tuple[str, Named]]:
         return ((name, named) for name, named in self.names.items() if named.origin == "written")

@@ -18,6 +18,7 @@ from executive.language.outcomes import Outcomes
 from executive.language.scope import ComputedValue, Given, Named, Resolved, Scope
 from executive.language.value_types import SI_NUMBER, ValueType
 from executive.nodes.facts import Fact, Facts, Plain, Possible
+from executive.nodes.node_type import NodeType
 from executive.ports import Quantity
 from executive.values.findings import Findings
 
@@ -42,17 +43,9 @@ class Truth:
         self.known = {name: found.value for name, found in names if found.origin in fixed and found.value is not None}
 
     def definition(self) -> None:
-        """Follow it, if any of its nodes looks at anything."""
-        root = self.scope.definition.root
-        nodes = {id(node) for node in root.walk()} if root is not None else set()
-        looks = any(
-            isinstance(value, ComputedValue) and value.type is bool
-            for (node, _), found in self.resolved.items()
-            if node in nodes
-            for value in found.settings.values()
-        )
-        if root is not None and looks:
-            self.node(root, NOTHING)
+        """Follow it."""
+        if self.scope.definition.root is not None:
+            self.node(self.scope.definition.root, NOTHING)
 
     def node(self, node: TreeNode, known: Facts) -> Facts:
         """What is true when a node has succeeded, given what is true before it."""
@@ -61,6 +54,8 @@ class Truth:
     def layer(self, node: TreeNode, index: int, known: Facts) -> Facts:
         """The same of a node without its outer modifiers."""
         layer = node.layers[index]
+        if not known.known and not node.children and type(layer).truth is NodeType.truth:
+            return known  # nearly every leaf: nothing to forget, and it says nothing
         found = self.resolved.get((id(node), layer.key))
         if found is None:
             return NOTHING
@@ -76,7 +71,7 @@ class Truth:
         return self.written[id(node)]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True, eq=False)
 class LayerTruth(LayerAt[Truth]):
     """One layer of a node (a `Knowing`)."""
 

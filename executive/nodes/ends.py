@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 Codes = frozenset[str]
@@ -38,42 +38,66 @@ def codes_of(outcomes: Iterable[Outcome]) -> Codes:
 
 
 class Names:
-    """A set of names, or ALL of them."""
+    """A set of names, or ALL of them: a bit for each name, since long trees join and meet their ways very often.
 
-    __slots__ = ("names",)
+    Sets made from one another number their names alike.
+    """
 
-    def __init__(self, names: frozenset[str] | None) -> None:
-        self.names = names
+    __slots__ = ("bits", "numbers")
+
+    def __init__(self, names: Iterable[str] | None) -> None:
+        """`names` is None for ALL."""
+        self.numbers = {} if names is None else {name: number for number, name in enumerate(dict.fromkeys(names))}
+        self.bits = (1 << len(self.numbers)) - 1 if names is not None else _EVERY_BIT
 
     def __contains__(self, name: str) -> bool:
-        return self.names is None or name in self.names
+        number = self.numbers.get(name)
+        return self.bits == _EVERY_BIT or (number is not None and bool(self.bits >> number & 1))
+
+    def __iter__(self) -> Iterator[str]:
+        return (name for name in self.numbers if name in self)
 
     def __and__(self, other: Names) -> Names:
-        if self.names is None:
+        if self.bits == _EVERY_BIT or self is other:
             return other
-        if other.names is None or other.names is self.names:
+        if other.bits == _EVERY_BIT:
             return self
-        return Names(self.names & other.names)
+        return self._with(self.bits & self._numbered(other))
 
     def __or__(self, other: Names) -> Names:
-        if self.names is None or other.names is None:
+        if self.bits == _EVERY_BIT or other.bits == _EVERY_BIT:
             return ALL
-        return Names(self.names | other.names)
+        return self._with(self.bits | self._numbered(other))
 
     @property
     def reachable(self) -> bool:
         """Whether an end at which they are written can be reached."""
-        return self.names is not None
+        return self.bits != _EVERY_BIT
 
     def when(self, before: Names) -> Names:
         """These, if what leads here can be reached; else ALL."""
-        return self if before.reachable else ALL
+        return self if before.bits != _EVERY_BIT else ALL
 
     def plus(self, *names: str) -> Names:
         """The same with more names."""
-        return self if self.names is None or not names else Names(self.names.union(names))
+        if not names or self.bits == _EVERY_BIT:
+            return self
+        bits = self.bits
+        for name in names:
+            bits |= 1 << self.numbers.setdefault(name, len(self.numbers))
+        return self._with(bits)
+
+    def _with(self, bits: int) -> Names:
+        made = Names.__new__(Names)
+        made.bits, made.numbers = bits, self.numbers
+        return made
+
+    def _numbered(self, other: Names) -> int:
+        """The bits of another set as this one numbers names."""
+        return other.bits if other.numbers is self.numbers else self._with(0).plus(*other).bits
 
 
+_EVERY_BIT = -1
 ALL = Names(None)
 """Stands for an end that cannot be reached."""
 

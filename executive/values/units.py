@@ -39,11 +39,10 @@ class Quantity:
             how = "a number or a percentage" if self.bare else f"a number and a unit, such as '1 {self.si_unit}'"
             raise ValueError(f"'{text}' is not a {self.name}: write {how}")
         unit = match[2] or match[3] or ("1" if self.bare else None)
-        known = ", ".join(self.units)
         if unit is None:
-            raise ValueError(f"'{text.strip()}' lacks a unit: a {self.name} is given in {known}")
+            raise ValueError(f"'{text.strip()}' lacks a unit: a {self.name} is given in {', '.join(self.units)}")
         if unit not in self.units:
-            raise ValueError(f"'{unit}' is no unit of {self.name}: {known}")
+            raise ValueError(f"'{unit}' is no unit of {self.name}: {', '.join(self.units)}")
         value = float(match[1]) * self.units[unit]
         if not math.isfinite(value):
             raise ValueError(f"'{text.strip()}' is too large for a {self.name}")

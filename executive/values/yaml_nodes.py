@@ -6,7 +6,6 @@ and not a boolean, and `1:30` is not 90.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,7 +17,7 @@ MAX_CHARACTERS = 512 * 1024
 MAX_DEPTH = 80
 MAX_NODES = 100_000
 
-_SCALAR = yaml.ScalarEvent
+_SCALAR, _MAPPING_END = yaml.ScalarEvent, yaml.MappingEndEvent
 _LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
@@ -157,27 +156,30 @@ class _Composer:
         return _Refused()
 
     def _node(self, event: Any, depth: int) -> YamlNode:
-        self.count += 1
-        if type(event) is _SCALAR and event.tag is None and depth <= MAX_DEPTH and self.count <= MAX_NODES:
+        kind = type(event)
+        if kind is _SCALAR and event.tag is None and self.count < MAX_NODES and depth <= MAX_DEPTH:
             return self._scalar(event)  # nearly every node is one
         if depth > MAX_DEPTH:
             raise self._refuse(event, "too-deep", f"nested more than {MAX_DEPTH} levels deep")
-        if self.count > MAX_NODES:
+        if self.count >= MAX_NODES:
             raise self._refuse(event, "too-large", f"more than {MAX_NODES} values in one file")
-        if isinstance(event, yaml.AliasEvent):
+        if kind is yaml.AliasEvent:
             raise self._refuse(event, "alias", f"YAML aliases (*) are not allowed in {self.what}")
         if event.tag is not None and event.tag != "!":
             raise self._refuse(event, "tag", f"YAML tags ({event.tag}) are not allowed in {self.what}")
-        if isinstance(event, yaml.ScalarEvent):
+        if kind is _SCALAR:
             return self._scalar(event)
-        start = event.start_mark
-        if isinstance(event, yaml.SequenceStartEvent):
-            items = list(self._items(depth))
-            return YamlList(self.source, start.line + 1, start.column + 1, *self.end, items)
-        entries = self._entries(depth)
-        return YamlMapping(self.source, start.line + 1, start.column + 1, *self.end, entries)
+        self.count += 1
+        mark = event.start_mark
+        line, column = mark.line + 1, mark.column + 1
+        if kind is yaml.SequenceStartEvent:
+            items, mark = self._items(depth + 1)
+            return YamlList(self.source, line, column, mark.line + 1, mark.column + 1, items)
+        entries, mark = self._entries(depth + 1)
+        return YamlMapping(self.source, line, column, mark.line + 1, mark.column + 1, entries)
 
     def _scalar(self, event: Any) -> YamlScalar:
+        self.count += 1
         start, end, plain = event.start_mark, event.end_mark, not event.style
         line, end_line = start.line + 1, end.line + 1
         scalar = YamlScalar(self.source, line, start.column + 1, end_line, end.column + 1, event.value, plain)
@@ -185,22 +187,20 @@ class _Composer:
             self.scalars.append(scalar)
         return scalar
 
-    @property
-    def end(self) -> tuple[int, int]:
-        return self.last_end.line + 1, self.last_end.column + 1
+    def _items(self, depth: int) -> tuple[list[YamlNode], Any]:
+        """The items of a list, and the mark behind its end."""
+        get, items = self.loader.get_event, []
+        while type(event := get()) is not yaml.SequenceEndEvent:
+            items.append(self._node(event, depth))
+        return items, event.end_mark
 
-    def _items(self, depth: int) -> Iterator[YamlNode]:
-        get = self.loader.get_event
-        while not isinstance(event := get(), yaml.SequenceEndEvent):
-            yield self._node(event, depth + 1)
-        self.last_end = event.end_mark
-
-    def _entries(self, depth: int) -> dict[str, tuple[YamlScalar, YamlNode]]:
-        get = self.loader.get_event
+    def _entries(self, depth: int) -> tuple[dict[str, tuple[YamlScalar, YamlNode]], Any]:
+        """The entries of a mapping, and the mark behind its end."""
+        get, node = self.loader.get_event, self._node
         entries: dict[str, tuple[YamlScalar, YamlNode]] = {}
-        while not isinstance(event := get(), yaml.MappingEndEvent):
-            key = self._node(event, depth + 1)
-            value = self._node(get(), depth + 1)
+        while type(event := get()) is not _MAPPING_END:
+            key = node(event, depth)
+            value = node(get(), depth)
             if not isinstance(key, YamlScalar):
                 hint = 'write braces that wire a port in quotes: "{name}"'
                 self.findings.error(key, "key", "a key must be a word", hint)
@@ -209,18 +209,18 @@ class _Composer:
                 self.findings.error(key, "duplicate-key", f"'{key.text}' is given twice, first in line {first}")
             else:
                 entries[key.text] = (key, value)
-        self.last_end = event.end_mark
-        return entries
+        return entries, event.end_mark
 
     def _find_comments(self) -> None:
         """Comments are what follows a # that starts a line or follows a blank, outside every scalar."""
+        lines = {number: text for number, text in enumerate(self.source.lines, start=1) if "#" in text}
         covered: dict[int, list[tuple[int, int]]] = {}
-        for scalar in self.scalars:
+        for scalar in self.scalars if lines else ():
             for line in range(scalar.line, scalar.end_line + 1):
                 first = scalar.column if line == scalar.line else 1
                 last = scalar.end_column if line == scalar.end_line else MAX_CHARACTERS
                 covered.setdefault(line, []).append((first, last))
-        for number, text in enumerate(self.source.lines, start=1):
+        for number, text in lines.items():
             at = text.find("#")
             while at >= 0:
                 outside = not any(first <= at + 1 < last for first, last in covered.get(number, ()))
