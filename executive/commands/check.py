@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+import re
 import sys
 from pathlib import Path
 from typing import Any
 
-from executive.file_kinds import file_kind, kind_names
+from executive.file_kinds import FileKind, file_kind, kind_names
 from executive.files import find_cell, find_tree, read_text
 from executive.judging import judge
 from executive.language.documents import read_document, with_declarations
@@ -17,6 +18,8 @@ from executive.settings import parse_settings
 from executive.terminal.filtered import write_json
 from executive.values.findings import Finding, Findings, Source, format_findings
 from executive.values.yaml_nodes import YamlMapping, read_yaml
+
+_ROOT = re.compile(r"^root\s*:", re.MULTILINE)
 
 
 def add(subparsers: Any) -> None:
@@ -53,12 +56,20 @@ def main(options: argparse.Namespace) -> int:
     return 2 if any(finding.severity == "error" for finding in found) else 0
 
 
-def _check(path: Path, cell: Path | None, settings: dict[str, str]) -> list[Finding]:
-    """What a file is, the keys at its top tell; what cannot be told is taken for a tree."""
-    root = read_yaml(Source(str(path), read_text(path)), Findings())
+def _kind(path: Path) -> FileKind | None:
+    """What a file is, if it is no tree. A tree is known by its `root`, so that large ones are read once."""
+    text = read_text(path)
+    if _ROOT.search(text):
+        return None
+    root = read_yaml(Source(str(path), text), Findings())
     keys = tuple(root.entries) if isinstance(root, YamlMapping) else ()
     kinds = () if "root" in keys else map(file_kind, kind_names())
-    kind = next((kind for kind in kinds if kind.recognises(keys)), None)
+    return next((kind for kind in kinds if kind.recognises(keys)), None)
+
+
+def _check(path: Path, cell: Path | None, settings: dict[str, str]) -> list[Finding]:
+    """What is wrong with a file; one of which cannot be told what it is, is taken for a tree."""
+    kind = _kind(path)
     if kind is None:
         document = read_document(path)
         if cell is not None:

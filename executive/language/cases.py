@@ -18,7 +18,6 @@ from executive.language.expression import (
     Member,
     Reference,
     Unary,
-    parts,
     references,
 )
 from executive.language.expression_run import Getter, compile_expression
@@ -57,7 +56,7 @@ def always_same(expression: Expression, known: Mapping[str, Any]) -> bool | None
 
 def zero_divisors(expression: Expression, known: Mapping[str, Any]) -> list[Expression]:
     """What is divided by and is surely zero."""
-    found = [divisor for part in parts(expression) for divisor in zero_divisors(part, known)]
+    found = [divisor for part in expression.parts for divisor in zero_divisors(part, known)]
     if isinstance(expression, Binary) and expression.operator == "/":
         value = _fold(expression.right, known)
         if isinstance(value, (int, float)) and value == 0:
@@ -154,7 +153,7 @@ def _fold(expression: Expression, known: Mapping[str, Any]) -> Any:
     """Its value, if that is known before the run; else an object that equals nothing."""
     if isinstance(expression, Constant):
         return expression.value
-    if any(reference.name not in known for reference in references(expression)):
+    if not all(reference.name in known for reference in references(expression)):
         return _UNKNOWN
     try:
         return compile_expression(expression, _Known(known))()
@@ -190,4 +189,4 @@ def said(expression: Expression) -> str:
 
 def _looks_inside(expression: Expression) -> bool:
     """Whether it reads a part of a value, which may live on."""
-    return isinstance(expression, (Index, Member)) or any(map(_looks_inside, parts(expression)))
+    return isinstance(expression, (Index, Member)) or any(map(_looks_inside, expression.parts))

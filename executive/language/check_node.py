@@ -52,7 +52,8 @@ class NodeChecker:
         """Check all nodes of a definition."""
         nodes = list(root.walk())
         for node in nodes:
-            self.unique_name(node)
+            if node.name is not None:
+                self.unique_name(node.name)
         declaring = [
             self.layer(node, index, _EVERYTHING)
             for node in nodes
@@ -72,13 +73,12 @@ class NodeChecker:
             found = self.resolved[key] = Resolved(node)
         return LayerCheck(self, node, index, layer, found, around)
 
-    def unique_name(self, node: TreeNode) -> None:
+    def unique_name(self, name: YamlScalar) -> None:
         """Report a name that another node has already."""
-        if node.name is not None:
-            first = self.named.setdefault(node.name.text, node.name)
-            if first is not node.name:
-                message = f"'{node.name.text}' is the name of another node already (line {first.line})"
-                self.findings.error(node.name, "duplicate-name", message)
+        first = self.named.setdefault(name.text, name)
+        if first is not name:
+            message = f"'{name.text}' is the name of another node already (line {first.line})"
+            self.findings.error(name, "duplicate-name", message)
 
     # --------------------------------------------------------------------------------------- who writes what
 
@@ -176,7 +176,7 @@ class LayerCheck:
     @property
     def reader(self) -> ValueReader:
         """Reads values in the layer's scope."""
-        return ValueReader(self.findings, self.whole.scope, self.found)
+        return ValueReader(self.whole.findings, self.whole.scope, self.found)
 
     def check(self) -> None:
         """Let the layer's type check it."""
@@ -273,13 +273,15 @@ class LayerCheck:
 
     def wired_outputs(self, outputs: Mapping[str, Port]) -> None:
         """Read what the node's outputs are wired to."""
+        known = dict(outputs.items())
         for name, (_, value) in self.node.ports.items():
-            if name in outputs:
+            port = known.get(name)
+            if port is not None:
                 who = f"{self.node.key.text}.{name}"
                 target = self.whole.output(value, who)
                 if target is not None:
                     self.found.outputs[name] = target.text
-                    self.whole.writes(target, static_type(outputs[name]), self.node.label, who)
+                    self.whole.writes(target, static_type(port), self.node.label, who)
 
     def perhaps_writes(self) -> None:
         if self.found.skill is not None or self.found.subtree is not None:

@@ -18,6 +18,11 @@ class Expression:
     offset: int
     end: int
 
+    @property
+    def parts(self) -> tuple[Expression, ...]:
+        """What it is made of, one level down."""
+        return ()
+
 
 @dataclass(frozen=True, slots=True)
 class Constant(Expression):
@@ -42,6 +47,10 @@ class Member(Expression):
     of: Expression
     name: str
 
+    @property
+    def parts(self) -> tuple[Expression, ...]:
+        return (self.of,)
+
 
 @dataclass(frozen=True, slots=True)
 class Index(Expression):
@@ -50,12 +59,20 @@ class Index(Expression):
     of: Expression
     index: Expression
 
+    @property
+    def parts(self) -> tuple[Expression, ...]:
+        return (self.of, self.index)
+
 
 @dataclass(frozen=True, slots=True)
 class Items(Expression):
     """`[a, b, …]`: a list that is written out."""
 
     items: tuple[Expression, ...]
+
+    @property
+    def parts(self) -> tuple[Expression, ...]:
+        return self.items
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,6 +81,10 @@ class Unary(Expression):
 
     operator: Literal["-", "not"]
     operand: Expression
+
+    @property
+    def parts(self) -> tuple[Expression, ...]:
+        return (self.operand,)
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,6 +95,10 @@ class Binary(Expression):
     left: Expression
     right: Expression
 
+    @property
+    def parts(self) -> tuple[Expression, ...]:
+        return (self.left, self.right)
+
 
 @dataclass(frozen=True, slots=True)
 class Call(Expression):
@@ -82,28 +107,13 @@ class Call(Expression):
     function: str
     arguments: tuple[Expression, ...]
 
-
-def parts(expression: Expression) -> tuple[Expression, ...]:
-    """What an expression is made of, one level down."""
-    match expression:
-        case Member():
-            return (expression.of,)
-        case Index():
-            return (expression.of, expression.index)
-        case Unary():
-            return (expression.operand,)
-        case Binary():
-            return (expression.left, expression.right)
-        case Items():
-            return expression.items
-        case Call():
-            return expression.arguments
-        case _:
-            return ()
+    @property
+    def parts(self) -> tuple[Expression, ...]:
+        return self.arguments
 
 
 def references(expression: Expression) -> list[Reference]:
     """All references in an expression, in order."""
     if isinstance(expression, Reference):
         return [expression]
-    return [found for part in parts(expression) for found in references(part)]
+    return [found for part in expression.parts for found in references(part)]

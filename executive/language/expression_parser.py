@@ -31,6 +31,14 @@ from executive.language.expression import (
 )
 from executive.ports import QUANTITIES, Quantity
 
+OR, AND, NOT, COMPARISON, SUM, PRODUCT = range(1, 7)
+"""How tightly operators bind."""
+_COMPARISONS = ("==", "!=", "<", "<=", ">", ">=", "in", "not")
+_BINDS = {
+    "or": OR, "and": AND, **dict.fromkeys(_COMPARISONS, COMPARISON), "+": SUM, "-": SUM, "*": PRODUCT,
+    "/": PRODUCT,
+}  # fmt: skip
+
 MAX_LENGTH = 1000
 MAX_TOKENS = 160
 MAX_DEPTH = 24
@@ -60,6 +68,10 @@ _TOKEN = re.compile(
     )""",
     re.VERBOSE,
 )
+
+
+_WIRE = re.compile(r"\s*\{\s*([A-Za-z_][A-Za-z0-9_]*)\s*\}\s*")
+"""A name in braces and nothing else, as most expressions are."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,7 +116,8 @@ def parse_expression(text: str) -> Expression:
     """
     if len(text) > MAX_LENGTH:
         raise ExpressionSyntaxError(f"an expression has at most {MAX_LENGTH} characters", 0)
-    return _Parser(text).whole()
+    wire = _WIRE.fullmatch(text)
+    return Reference(*wire.span(1), wire[1]) if wire is not None else _Parser(text).whole()
 
 
 class _Parser:
@@ -136,78 +149,51 @@ class _Parser:
     def whole(self) -> Expression:
         if self.token.kind == "end":
             raise self.wrong("the expression is empty")
-        found = self.disjunction()
+        found = self.nested()
         if self.token.kind == "end":
             return found
         if isinstance(found, Constant) and isinstance(found.value, (int, float)) and self.token.kind == "word":
             raise self.wrong(f"'{self.token.text}' is no unit", "known units: " + ", ".join(UNITS))
         raise self.wrong(f"'{self.token.text}' is not expected here")
 
-    def disjunction(self) -> Expression:
+    def expression(self, least: int = OR) -> Expression:
+        """What follows, as far as it is joined by operators that bind so tightly at least."""
+        left = self.operand(least)
+        while True:
+            token = self.tokens[self.position]
+            level = _BINDS.get(token.text, 0) if token.kind in ("operator", "word") else 0
+            if level < least or not level:
+                return left
+            self.position += 1
+            operator = token.text
+            if operator == "not":
+                self.expect("in", "after 'not'")
+                operator = "not in"
+            right = self.expression(level + 1)
+            left = Binary(left.offset, right.end, operator, left, right)
+            if level == COMPARISON and self.at(*_COMPARISONS):
+                raise self.wrong("comparisons cannot be chained", "join two comparisons with 'and'")
+
+    def operand(self, least: int) -> Expression:
+        """One operand, with the `not` and `-` before it."""
+        token = self.tokens[self.position]
+        if token.text not in ("not", "-") or token.kind == "text" or (token.text == "not" and least > NOT):
+            return self.postfix(self.primary())
+        starts = []
+        while self.at(token.text):
+            starts.append(self.take().offset)
+        found = self.expression(COMPARISON) if token.text == "not" else self.postfix(self.primary())
+        for start in reversed(starts):
+            found = Unary(start, found.end, "not" if token.text == "not" else "-", found)
+        return found
+
+    def nested(self) -> Expression:
+        """A whole expression inside of another."""
         self.depth += 1
         if self.depth > MAX_DEPTH:
             raise self.wrong(f"nested more than {MAX_DEPTH} levels deep")
-        left = self.conjunction()
-        while self.at("or"):
-            self.take()
-            right = self.conjunction()
-            left = Binary(left.offset, right.end, "or", left, right)
+        found = self.expression()
         self.depth -= 1
-        return left
-
-    def conjunction(self) -> Expression:
-        left = self.negation()
-        while self.at("and"):
-            self.take()
-            right = self.negation()
-            left = Binary(left.offset, right.end, "and", left, right)
-        return left
-
-    def negation(self) -> Expression:
-        starts = []
-        while self.at("not"):
-            starts.append(self.take().offset)
-        found = self.comparison()
-        for start in reversed(starts):
-            found = Unary(start, found.end, "not", found)
-        return found
-
-    def comparison(self) -> Expression:
-        left = self.sum()
-        if not self.at("==", "!=", "<", "<=", ">", ">=", "in", "not"):
-            return left
-        operator = self.take().text
-        if operator == "not":
-            self.expect("in", "after 'not'")
-            operator = "not in"
-        right = self.sum()
-        if self.at("==", "!=", "<", "<=", ">", ">=", "in"):
-            raise self.wrong("comparisons cannot be chained", "join two comparisons with 'and'")
-        return Binary(left.offset, right.end, operator, left, right)
-
-    def sum(self) -> Expression:
-        left = self.product()
-        while self.at("+", "-"):
-            operator = self.take().text
-            right = self.product()
-            left = Binary(left.offset, right.end, operator, left, right)
-        return left
-
-    def product(self) -> Expression:
-        left = self.unary()
-        while self.at("*", "/"):
-            operator = self.take().text
-            right = self.unary()
-            left = Binary(left.offset, right.end, operator, left, right)
-        return left
-
-    def unary(self) -> Expression:
-        starts = []
-        while self.at("-"):
-            starts.append(self.take().offset)
-        found = self.postfix(self.primary())
-        for start in reversed(starts):
-            found = Unary(start, found.end, "-", found)
         return found
 
     def postfix(self, found: Expression) -> Expression:
@@ -218,7 +204,7 @@ class _Parser:
                 name = self.take()
                 found = Member(found.offset, name.end, found, name.text)
             else:
-                index = self.disjunction()
+                index = self.nested()
                 found = Index(found.offset, self.expect("]", "after the index").end, found, index)
         return found
 
@@ -232,7 +218,7 @@ class _Parser:
             return self.word(self.take())
         if self.at("("):
             self.take()
-            found = self.disjunction()
+            found = self.nested()
             self.expect(")", "after the expression in brackets")
             return found
         if self.at("["):
@@ -275,7 +261,7 @@ class _Parser:
     def listed(self, closing: str, why: str) -> tuple[tuple[Expression, ...], int]:
         items: list[Expression] = []
         while not self.at(closing):
-            items.append(self.disjunction())
+            items.append(self.nested())
             if not self.at(","):
                 break
             self.take()

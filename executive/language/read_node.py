@@ -77,6 +77,8 @@ class NodeReader:
             hint = "name a skill, a subtree or one of " + ", ".join(types)
             self.findings.error(self.first_key(written), "no-type", "this node does not say what it does", hint)
             return None
+        if len(candidates) == 1:
+            return candidates[0]
         known = [e for e in candidates if self.is_type(e[0].text)] or candidates[:1]
         chosen = known[0]
         for key, _ in candidates:
@@ -141,6 +143,8 @@ class NodeReader:
     def comment(self, line: int) -> str:
         """The comment on the node's first line and the lines of comment above it, each given to one node only."""
         source = self.file.source
+        if line not in source.comments and line - 1 not in source.comment_lines:
+            return ""
         lines = []
         above = line - 1
         while above in source.comment_lines and above not in self.commented:

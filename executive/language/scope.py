@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 from executive.language.expression import Expression
 from executive.language.model import Definition, TreeNode
@@ -39,16 +39,14 @@ class Named:
     read: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class Given:
+class Given(NamedTuple):
     """A value that is known before the run."""
 
     value: Any
     where: YamlNode
 
 
-@dataclass(frozen=True, slots=True)
-class ComputedValue:
+class ComputedValue(NamedTuple):
     """A value that an expression gives when its node starts."""
 
     expression: Expression
@@ -60,8 +58,7 @@ class ComputedValue:
 Value = Given | ComputedValue
 
 
-@dataclass(frozen=True, slots=True)
-class Read:
+class Read(NamedTuple):
     """A name that a layer of a node reads, for one of its ports or words (`slot`)."""
 
     slot: str

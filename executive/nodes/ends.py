@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from typing import NamedTuple
 
 Codes = frozenset[str]
 NO_CODES: Codes = frozenset()
@@ -102,8 +103,7 @@ ALL = Names(None)
 """Stands for an end that cannot be reached."""
 
 
-@dataclass(frozen=True, slots=True)
-class Ends:
+class Ends(NamedTuple):
     """What is certainly written at a node's three ends."""
 
     success: Names

@@ -89,7 +89,7 @@ class WhenType(Modifier):
 
     def flow(self, at: Flowing, before: Names) -> Ends:
         ends = at.inside(before)
-        return replace(ends, skipped=ends.skipped & before)
+        return ends._replace(skipped=ends.skipped & before)
 
     def truth(self, at: Knowing, known: Facts) -> Facts:
         at.inside(at.must(self.key, known))

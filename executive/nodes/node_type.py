@@ -76,11 +76,11 @@ class TreeNode:
     parts: dict[str, TreeNode] = field(default_factory=dict)
     ports: dict[str, Entry] = field(default_factory=dict)
     modifiers: dict[str, Entry] = field(default_factory=dict)
-    wrapping: tuple[Modifier, ...] = ()
-    layers: tuple[NodeType, ...] = ()
+    wrapping: tuple[Modifier, ...] = field(default=(), init=False)
+    layers: tuple[NodeType, ...] = field(default=(), init=False)
 
     def __post_init__(self) -> None:
-        self.layers = (*reversed(self.wrapping), self.type)
+        self.layers = (self.type,)
 
     def wrap(self, modifiers: tuple[Modifier, ...]) -> None:
         """Set its modifiers, from the inside to the outside."""

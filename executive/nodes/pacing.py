@@ -169,7 +169,7 @@ class RunOnceType(Modifier):
 
     def flow(self, at: Flowing, before: Names) -> Ends:
         ends = at.inside(before)
-        return replace(ends, skipped=ends.skipped & before)
+        return ends._replace(skipped=ends.skipped & before)
 
     def build(self, at: Building) -> Behaviour:
         return RunOnce(at.name, at.inside())

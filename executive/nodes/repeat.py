@@ -67,7 +67,7 @@ class RepeatType(Modifier):
 
     def flow(self, at: Flowing, before: Names) -> Ends:
         ends = at.inside(before)
-        return replace(ends, success=ALL) if self.forever(at) else ends
+        return ends._replace(success=ALL) if self.forever(at) else ends
 
     def build(self, at: Building) -> Behaviour:
         count = RepeatCount()
