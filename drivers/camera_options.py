@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from drivers.interfaces import DepthNoise, Intrinsics
+from drivers.interfaces import NOMINAL_DEPTH_NOISE, DepthNoise, Intrinsics
 from executive.values.kinds import Measure, Whole
 from executive.values.sections import Problem, value
 from executive.values.units import LENGTH, PIXELS
@@ -56,3 +56,8 @@ class DepthNoiseSection:
     def noise(self) -> DepthNoise:
         """For the camera's frames."""
         return DepthNoise(self.disparity, self.baseline, self.floor)
+
+
+def depth_noise_of(said: DepthNoiseSection | None) -> DepthNoise:
+    """What a cell file says of a camera's depth, or what is nominal."""
+    return said.noise() if said else NOMINAL_DEPTH_NOISE

@@ -11,12 +11,12 @@ from pathlib import Path
 from typing import Any
 
 from drivers.bag.images import COMPRESSED, IMAGE, INFO, UnusableImage, colour_of, depth_of, intrinsics_of
-from drivers.camera_options import DepthNoiseSection, IntrinsicsSection
+from drivers.camera_options import DepthNoiseSection, IntrinsicsSection, depth_noise_of
 from drivers.device import ConnectContext
 from drivers.driver import Settings, driver
 from drivers.frames.camera import FramesCamera
 from drivers.frames.folder import Images, UnusableFrames
-from drivers.interfaces import NOMINAL_DEPTH_NOISE, Intrinsics
+from drivers.interfaces import Intrinsics
 from executive.values.kinds import Measure, Text
 from executive.values.sections import Section, value
 from executive.values.units import TIME
@@ -166,7 +166,7 @@ def connect(settings: Settings[BagFile], context: ConnectContext) -> FramesCamer
         frames[0].read(intrinsics)
     except UnusableFrames as error:
         raise settings.error(str(error), key) from error
-    noise = said.depth_noise.noise() if said.depth_noise else NOMINAL_DEPTH_NOISE
+    noise = depth_noise_of(said.depth_noise)
     return FramesCamera(frames, intrinsics, context.clock, depth_noise=noise)
 
 

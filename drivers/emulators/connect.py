@@ -30,7 +30,7 @@ from pathlib import Path
 
 import numpy as np
 
-from drivers.camera_options import DepthNoiseSection
+from drivers.camera_options import DepthNoiseSection, depth_noise_of
 from drivers.cell import load_cell
 from drivers.cell_file import read_cell_file
 from drivers.device import ConnectContext, Device
@@ -38,7 +38,7 @@ from drivers.driver import Settings, driver
 from drivers.emulators.sim_bridge import FRAME_HEADER, FRAME_MAGIC
 from drivers.emulators.virtual_world import VirtualWorld
 from drivers.errors import CellFileError, DeviceLost, DriverError
-from drivers.interfaces import NOMINAL_DEPTH_NOISE, Arm, Intrinsics
+from drivers.interfaces import Arm, Intrinsics
 from drivers.motoman.connect import ORDERS
 from drivers.realsense.camera_mount import CameraMount
 from drivers.realsense.driver import StreamingCamera
@@ -258,7 +258,7 @@ def connect_camera(settings: Settings[EmulatedCameraFile], context: ConnectConte
     arm = context.find(Arm)
     mount = CameraMount(arm, camera_site(said.robot))
     open_link = tcp_opener(host, port, context.wires)
-    noise = said.depth_noise.noise() if said.depth_noise else NOMINAL_DEPTH_NOISE
+    noise = depth_noise_of(said.depth_noise)
     camera = StreamingCamera(
         lambda: WireSource(open_link(), said.rate, context.clock),
         mount,

@@ -9,7 +9,7 @@ from typing import Protocol
 
 import numpy as np
 
-from drivers.camera_options import DepthNoiseSection, IntrinsicsSection
+from drivers.camera_options import DepthNoiseSection, IntrinsicsSection, depth_noise_of
 from drivers.device import ConnectContext, Device
 from drivers.driver import Settings, driver
 from drivers.errors import DeviceFault
@@ -149,7 +149,7 @@ def connect(settings: Settings[FramesFile], context: ConnectContext) -> FramesCa
     except UnusableFrames as error:
         hint = f"put the right {INTRINSICS_FILE} into the folder" if "intrinsics" in str(error) else ""
         raise settings.error(str(error), "folder", hint) from error
-    noise = said.depth_noise.noise() if said.depth_noise else NOMINAL_DEPTH_NOISE
+    noise = depth_noise_of(said.depth_noise)
     return FramesCamera(frames, intrinsics, context.clock, depth_noise=noise)
 
 

@@ -8,26 +8,24 @@ from __future__ import annotations
 
 import threading
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
 from typing import Any, Protocol
 
 from drivers.bag.images import COMPRESSED, IMAGE, INFO, UnusableImage, colour_of, depth_of, intrinsics_of
-from drivers.camera_options import DepthNoiseSection
 from drivers.device import ConnectContext
 from drivers.driver import Settings, driver
 from drivers.errors import DeviceError, DeviceFault
-from drivers.interfaces import NOMINAL_DEPTH_NOISE, Arm
+from drivers.interfaces import Arm
+from drivers.mounted_camera import MountedCameraFile, read_hand_eye
 from drivers.realsense.camera_mount import CameraMount
-from drivers.realsense.connect import UnusableHandEye, read_hand_eye
 from drivers.realsense.driver import StreamingCamera
 from drivers.realsense.source import Pair
 from executive.ros2.peer import ADDRESS, Ros2Peer
 from executive.ros2.types import typestore
-from executive.values.kinds import Measure, PathTo, Text
-from executive.values.sections import Problem, Section, value
+from executive.values.kinds import Measure, Text
+from executive.values.sections import value
 from executive.values.units import TIME
 
 KEPT = 8
@@ -129,7 +127,7 @@ def _message(raw: bytes, kind: str) -> Any:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Ros2CameraFile:
+class Ros2CameraFile(MountedCameraFile):
     """A depth camera that is a topic of ROS 2, on the arm or in the cell."""
 
     address: str = value(Text(), ADDRESS, "HOST:PORT of rmw_zenoh's router")
@@ -139,20 +137,6 @@ class Ros2CameraFile:
     apart: float = value(
         Measure(TIME, "0 s", "1 s"), "20 ms", "colour and depth further apart than this do not belong together"
     )
-    hand_eye: Path = value(
-        PathTo("file", "make it with `pomona calibrate hand-eye`"),
-        help="pose of the camera in its mount; `pomona calibrate hand-eye` makes the file",
-    )
-    depth_noise: DepthNoiseSection | None = value(
-        Section(DepthNoiseSection), None, "how much depth errs; without it a D435's nominal noise"
-    )
-    silence: float = value(Measure(TIME, "50 ms", "10 s"), "500 ms", "no image for so long: the camera is lost")
-
-    def problems(self) -> Iterator[Problem]:
-        try:
-            read_hand_eye(self.hand_eye)
-        except UnusableHandEye as error:
-            yield Problem("hand_eye", str(error), "make it with `pomona calibrate hand-eye`")
 
 
 @driver(StreamingCamera, Ros2CameraFile)
@@ -163,10 +147,9 @@ def connect(settings: Settings[Ros2CameraFile], context: ConnectContext) -> Stre
         (said.colour, _kind(said.colour)), (said.depth, _kind(said.depth)), (said.info, INFO), said.apart
     )
     mount = CameraMount(context.find(Arm), read_hand_eye(said.hand_eye))
-    noise = said.depth_noise.noise() if said.depth_noise else NOMINAL_DEPTH_NOISE
     camera = StreamingCamera(
         lambda: Ros2Images(Ros2Peer(said.address, node="pomona_camera"), topics), mount, context.clock,
-        silence=said.silence, depth_noise=noise, label="ros2",
+        silence=said.silence, depth_noise=said.noise, label="ros2",
     )  # fmt: skip
     try:
         camera.connect()

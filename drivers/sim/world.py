@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -40,7 +41,7 @@ class SimClock:
             self._step()
 
 
-class PhysicsWorld(Device):
+class PhysicsWorld(Device, ABC):
     """MuJoCo's model and state, and the clock that steps them; a robot with its devices lives in it.
 
     What a run is judged by is a subclass's: `truth`, `looked`, and `watch`, which every fifth step calls.
@@ -65,9 +66,9 @@ class PhysicsWorld(Device):
         self._settle()
         self.clock = SimClock(self._advance_one_step)
 
+    @abstractmethod
     def truth(self) -> Mapping[str, object]:
         """The world's own score."""
-        raise NotImplementedError
 
     def looked(self) -> None:
         """A camera looks now."""

@@ -1,9 +1,6 @@
 """The occupancy map as a file of OctoMap (`.bt`), for other tools.
 
-The format (OctoMap's `OcTreeBaseImpl::writeBinaryNode`): a text header, then the tree depth first. An inner node is two
-bytes, two bits for each of its eight children, the first child in the lowest bits: 0 unknown, 1 free, 2 occupied, 3 an
-inner node that follows. Child c has the larger half of x, y, z where bit 0, 1, 2 of c is set. The tree has 16 levels
-below its root; its finest cells are `resolution` wide and have a corner in the origin.
+A text header, then the octree (`executive.values.octree`) of cells that are `resolution` wide.
 """
 
 from __future__ import annotations
@@ -12,11 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from executive.values.arrays import Int64, UInt8
+from executive.values import octree
 from skills.motion.occupancy.occupancy_map import OCCUPIED, UNKNOWN, OccupancyMap
-
-_LEVELS = 16
-_FREE, _OCCUPIED, _INNER = 1, 2, 3
 
 
 def write_bt(map: OccupancyMap, path: Path) -> None:
@@ -34,43 +28,9 @@ def write_bt(map: OccupancyMap, path: Path) -> None:
 def to_bt(map: OccupancyMap) -> bytes:
     """The contents of a `.bt` file; see `write_bt`."""
     known = np.argwhere(map.states != UNKNOWN)
-    codes = np.where(map.states[tuple(known.T)] >= OCCUPIED, _OCCUPIED, _FREE).astype(np.uint8)
-    keys = known + np.round(map.origin / map.resolution).astype(np.int64) + 2 ** (_LEVELS - 1)
-    if len(keys) and (keys.min() < 0 or keys.max() >= 2**_LEVELS):
-        raise ValueError(f"cells of {map.resolution} m around {map.origin.tolist()} m are more than OctoMap can number")
-    levels: list[tuple[Int64, UInt8]] = []
-    for _ in range(_LEVELS if len(keys) else 0):
-        parents, children = _parents(keys, codes)
-        inner = ~((children == children[:, :1]).all(axis=1) & (children[:, 0] != _INNER) & (children[:, 0] != 0))
-        levels.append((parents[inner], children[inner]))
-        keys, codes = parents, np.where(inner, _INNER, children[:, 0]).astype(np.uint8)
-    nodes = int(bool(len(keys))) + sum(int(np.count_nonzero(children)) for _, children in levels)
+    codes = np.where(map.states[tuple(known.T)] >= OCCUPIED, octree.OCCUPIED, octree.FREE).astype(np.uint8)
+    data, nodes = octree.octree(known + np.round(map.origin / map.resolution).astype(np.int64), codes)
     header = (
         f"# Octomap OcTree binary file\n# written by Pomona\nid OcTree\nsize {nodes}\nres {map.resolution:.9g}\ndata\n"
     )
-    return header.encode() + _depth_first(levels[::-1])
-
-
-def _parents(keys: Int64, codes: UInt8) -> tuple[Int64, UInt8]:
-    """Keys of the nodes one level up, shape (n, 3), and what each of their children is, shape (n, 8)."""
-    parents, which = np.unique(keys >> 1, axis=0, return_inverse=True)
-    children = np.zeros((len(parents), 8), np.uint8)
-    children[which.ravel(), (keys & 1) @ [1, 2, 4]] = codes
-    return parents, children
-
-
-def _depth_first(levels: list[tuple[Int64, UInt8]]) -> bytes:
-    """The inner nodes in the file's order; levels from the root down."""
-    if not levels:
-        return b""
-    rows = [{tuple(key): row for row, key in enumerate(keys.tolist())} for keys, _ in levels]
-    packed = [(children.astype(np.uint16) << (2 * np.arange(8, dtype=np.uint16))).sum(axis=1) for _, children in levels]
-    written = bytearray()
-    stack = [(0, (0, 0, 0))]
-    while stack:
-        depth, key = stack.pop()
-        row = rows[depth][key]
-        written += int(packed[depth][row]).to_bytes(2, "little")
-        for c in np.flatnonzero(levels[depth][1][row] == _INNER)[::-1].tolist():
-            stack.append((depth + 1, (2 * key[0] + (c & 1), 2 * key[1] + (c >> 1 & 1), 2 * key[2] + (c >> 2))))
-    return bytes(written)
+    return header.encode() + data

@@ -170,7 +170,7 @@ def test_every_topic_of_a_bag_is_documented(messages: dict[str, list[Any]]) -> N
         assert any(topic == p or (p != "/" and p.endswith("/") and topic.startswith(p)) for p in patterns), topic
 
 
-def test_an_octree_has_the_bytes_that_our_other_writer_writes() -> None:
+def test_an_octree_has_the_bytes_of_the_map_whose_points_were_recorded() -> None:
     map = OccupancyMap.empty(np.array([-0.2, -0.2, 0.0]), np.array([0.2, 0.2, 0.3]), 0.01)
     rng = np.random.default_rng(3)
     map.states[...] = np.where(rng.random(map.states.shape) < 0.1, OCCUPIED, UNKNOWN)
