@@ -156,7 +156,7 @@ class Cell:
         for name, stop in stops.items():
             try:
                 stop.start()
-            except RuntimeError:  # no more threads can be had: one after the other, then
+            except (RuntimeError, MemoryError):  # no more threads can be had: one after the other, then
                 self._stop(name, failed)
         end = time.monotonic() + STOPPING
         for stop in stops.values():

@@ -346,6 +346,10 @@ class Skill(py_trees.behaviour.Behaviour):
         except StopIteration as stop:
             return self._succeed(stop.value)
         if feedback is not None:
+            if not isinstance(feedback, str):  # nobody could show or record it
+                raise SkillError(
+                    type(self).__name__, f"yielded a {type(feedback).__name__}; a line of feedback is a text"
+                )
             self.feedback_message = feedback
         return Status.RUNNING
 

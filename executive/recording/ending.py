@@ -81,7 +81,7 @@ def _why(record: Path) -> str:
         case "closed":
             return f"it was whole once, with {found.get('bytes')} bytes, and the file was cut afterwards"
         case "writing" if found.get("boot") == _boot():
-            return "the process was killed"
+            return "the process was killed or crashed"
     return "the machine lost its power or was started anew"
 
 

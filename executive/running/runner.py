@@ -58,6 +58,9 @@ STOP_LIMIT = 10.0
 """Seconds of the cell's clock that a stop may take before it becomes a safe stop."""
 
 
+SETTLING = 2.0
+"""Seconds of the cell's clock within which all must rest once the tree has ended: nobody looks after it any more."""
+
 READINESS = 1.0
 """Seconds for which a simulated cell goes on before an acknowledgement: wires that are whole again are open by then."""
 
@@ -123,7 +126,7 @@ class Runner(Requests):
         self._ticks = 0
         self._step = False
         self._end: tuple[RunState, str] | None = None
-        self._stop_deadline = 0.0
+        self._stop_deadline = self._settled_by = 0.0
         self._reason: Reason | None = None
         self._culprit = ""
         self._interrupted = False
@@ -262,6 +265,8 @@ class Runner(Requests):
         elif status is Status.FAILURE:
             self._reason = self._observer.root_reason()
             self._end = RunState.FAILED, "the tree failed"
+        if self._end is not None:
+            self._settled_by = self._cell.clock.now() + SETTLING
         if self._step and self._end is None:
             self._step = False
             self._pause("step", "")
@@ -332,7 +337,10 @@ class Runner(Requests):
         if self._state is RunState.RUNNING and self._end is not None:
             if not self.context.halting:  # what the tree's end has interrupted lets go first
                 self._refuse_latched()
-                self._set_state(*self._end)
+                if self._cell.settled():
+                    self._set_state(*self._end)
+                elif self._cell.clock.now() > self._settled_by:
+                    raise PomonaError(f"something still moves {SETTLING:g} s after the tree has ended")
         elif self._state is RunState.PAUSING and self._cell.settled():
             self._set_state(RunState.PAUSED, "at rest")
         elif self._state is RunState.STOPPING:

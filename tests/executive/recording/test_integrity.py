@@ -206,7 +206,7 @@ def test_the_cause_is_said_cut_killed_disk_full_lost_power(tmp_path: Path) -> No
     )
     (tmp_path / "killed").mkdir()
     subprocess.run([sys.executable, "-c", script, str(tmp_path / "killed")], check=False)
-    assert why_cut(tmp_path / "killed") == "the process was killed"
+    assert why_cut(tmp_path / "killed") == "the process was killed or crashed"
     ending = tmp_path / "killed" / ENDING_FILE
     ending.write_bytes(ending.read_bytes().replace(b'"boot":"', b'"boot":"another '))
     assert "lost its power" in why_cut(tmp_path / "killed")

@@ -6,9 +6,10 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
-from fake_cell import FakeCell
+from fake_cell import FakeCell, Wheel
 from fake_runs import Turn, make
 
+from executive.reasons import Reason
 from executive.registry import Registry
 from executive.running.events import ErrorRaised, Event, RunEnded, RunStarted, SafeStopped
 from executive.running.runner import Runner
@@ -73,6 +74,45 @@ def test_whatever_a_skill_raises_beside_a_moving_one_ends_in_the_safe_state(erro
     (told,) = errors(events)
     assert "test_faults.py" in told.place
     assert "in run" in told.traceback
+
+
+class Leave(Skill):
+    """Starts the wheel, and is done."""
+
+    devices = (Wheel,)
+
+    def run(self) -> Work[None]:
+        self.device(Wheel).start()
+        yield None
+
+
+@pytest.mark.parametrize("said", [5, b"text", object(), Reason])
+def test_a_line_of_feedback_that_is_no_text_is_a_fault_of_its_skill(said: Any) -> None:
+    class Say(Skill):
+        """Yields what nobody can show."""
+
+        def run(self) -> Work[None]:
+            yield said
+
+    runner, cell, events = make(BESIDE.replace("Raise", "Say"), Registry({"Turn": Turn, "Say": Say}))
+    result = runner.run()
+    assert is_safe(runner, cell, events)
+    assert result.reason is not None
+    assert result.reason.message.startswith("Say: yielded a ")
+
+
+@pytest.mark.parametrize("lost", [False, True])
+def test_a_tree_that_ends_beside_something_that_still_moves_is_no_success(lost: bool) -> None:
+    def lose(_runner: object, cell: FakeCell) -> None:
+        cell.fault = ConnectionError("the wheel does not answer") if lost else None
+
+    runner, cell, _events = make("pomona: 1\ntree: t\nroot: {Leave: {}}", Registry({"Leave": Leave}), {20: lose})
+    result = runner.run()
+    assert result.outcome == "error"
+    assert not cell.wheel.turning
+    assert result.reason is not None
+    expected = "the wheel does not answer" if lost else "something still moves 2 s after the tree has ended"
+    assert result.reason.message == cell.latched == expected
 
 
 def test_a_function_that_raises_stop_iteration_is_no_success() -> None:

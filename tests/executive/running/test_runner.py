@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
-from fake_cell import FakeCell
+from fake_cell import COASTING, FakeCell
 from fake_runs import TURN, Turn
 from fake_runs import make as make_run
 
@@ -83,7 +83,7 @@ def test_a_tree_that_succeeds() -> None:
     result = runner.run()
     assert (result.outcome, result.reason) == ("success", None)
     assert states(events) == ["running", "succeeded"]
-    assert result.time == pytest.approx(0.4, abs=0.05)
+    assert result.time == pytest.approx(0.4 + COASTING, abs=0.05)
     assert [event.key for event in events if isinstance(event, PortWritten)] == ["/a", "/b"]
     assert isinstance(events[-1], RunEnded)
     assert cell.latched is None
@@ -157,7 +157,7 @@ def test_pause_freezes_the_runs_time_and_resume_goes_on_in_place() -> None:
     result = runner.run()
     assert result.outcome == "success"
     assert states(events) == ["running", "pausing", "paused", "running", "succeeded"]
-    assert result.time == pytest.approx(0.4, abs=0.05)
+    assert result.time == pytest.approx(0.4 + COASTING, abs=0.05)
     assert cell.clock.now() > 1.2
     assert cell.wheel.log.count("start") == 2
 

@@ -21,7 +21,7 @@ from executive.running.supervise import REPORT
 from executive.running.supervisor import NoSupervisorError, RunSupervision, Supervisor
 
 SUPERVISED = """
-import os, signal, sys, time
+import ctypes, os, signal, sys, time
 from pathlib import Path
 from executive.running.supervisor import Supervisor
 folder, way = Path(sys.argv[1]), sys.argv[2]
@@ -33,6 +33,8 @@ print("alive", supervisor._process.pid, flush=True)
 if way == "hang":
     while True:
         pass
+if way == "crash":
+    ctypes.string_at(0)
 if way == "still":
     for _ in range(20):
         supervisor.beat()
@@ -66,13 +68,14 @@ def supervised(folder: Path, way: str, number: int | None = None) -> tuple[int, 
         ("hang", None, "did not answer for 0.4 s"),
         ("wait", signal.SIGSTOP, "did not answer for 0.4 s"),
         ("wait", signal.SIGKILL, "the run's process died"),
+        ("crash", None, "the run's process died"),  # in compiled code
     ],
 )
 def test_a_process_that_hangs_is_stopped_or_dies_has_its_devices_stopped(
     tmp_path: Path, way: str, number: int | None, reason: str
 ) -> None:
     status, said, took = supervised(tmp_path, way, number)
-    assert status == -signal.SIGKILL
+    assert status == -(signal.SIGSEGV if way == "crash" else signal.SIGKILL)
     assert (tmp_path / "stopped").is_dir()
     assert reason in said
     report = json.loads((tmp_path / REPORT).read_text())
