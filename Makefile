@@ -100,6 +100,10 @@ bench-dashboard: $(STAMP) ## what the dashboard costs and how quick it is
 screenshots: $(STAMP) ## pictures of the dashboard to look at, in runs/screenshots
 	$(BIN)/python scripts/screenshots.py runs/screenshots
 
+screens: $(STAMP) ## every state and every failure code at four sizes, measured whole; pictures in runs/screens
+	mkdir -p runs/screens
+	SCREENS=runs/screens $(BIN)/python -m pytest -p no:xdist tests/executive/dashboard/test_reason.py tests/executive/dashboard/test_states.py
+
 bench-devices: $(STAMP) ## streams and round trips of the device drivers on emulated devices
 	$(BIN)/python -m benchmarks.bench_devices
 

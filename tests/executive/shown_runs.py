@@ -26,6 +26,21 @@ GATE = threading.Event()
 """`Hold` waits for it: a test decides when a run goes on."""
 
 
+SIZES = {"desk": (1440, 900), "small desk": (1280, 720), "tablet": (820, 1180), "phone": (390, 844)}
+"""Windows in which everything must be in sight [px]."""
+
+HOLD = "pomona: 1\ntree: demo\nroot:\n  sequence:\n    - Hold: {}\n    - Rest: {}\n"
+APPROVED = """pomona: 1
+tree: demo
+root:
+  sequence:
+    - Look: {seen: '{seen}'}
+    - Rest: {duration: 40 ms}
+      approve: true
+    - Hold: {}
+"""
+
+
 class Hold(Skill):
     """Turn the wheel until the test opens the gate."""
 
@@ -90,6 +105,26 @@ class Rest(Skill):
 
 
 REGISTRY = Registry({"Hold": Hold, "Look": Look, "Jam": Jam, "Rest": Rest})
+
+
+class Wire:
+    """What lies between a page and its server; `open` says whether anything passes."""
+
+    def __init__(self, page: Any) -> None:
+        self.open = True
+        page.route_web_socket("**/live*", self._stream)
+        page.route("**/api/act", self._request)
+
+    def _stream(self, page_side: Any) -> None:
+        server = page_side.connect_to_server()
+        page_side.on_message(lambda said: self.open and server.send(said))
+        server.on_message(lambda said: self.open and page_side.send(said))
+
+    def _request(self, route: Any) -> None:
+        if self.open:
+            route.continue_()
+        else:
+            route.abort()  # the page has to take a network that swallows it for the same: no answer
 
 
 class Show:

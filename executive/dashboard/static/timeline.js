@@ -40,7 +40,7 @@ export class Timeline {
     });
     $("whole").addEventListener("click", () => { this.part = null; this.key = ""; this.draw(); });
     this.width = this.canvas.clientWidth; // kept: to ask for it makes the browser lay the page out
-    new ResizeObserver(() => { this.key = ""; this.width = this.canvas.clientWidth; }).observe(this.canvas);
+    new ResizeObserver(() => { this.key = ""; this.width = this.canvas.clientWidth; page.dirty = true; }).observe(this.canvas);
   }
 
   // Asked, not kept from the last drawing: two keys may come before the next frame.

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import ast
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
-from shown_runs import Show
+from shown_runs import SIZES, Show
 
 pytestmark = pytest.mark.browser
 
-SIZES = {"desk": (1440, 900), "small desk": (1280, 720), "tablet": (820, 1180), "phone": (390, 844)}
-DRAWN = 2
-"""Reasons, the longest, for which the whole page is drawn, too."""
+DRAWN = 10_000 if "SCREENS" in os.environ else 2
+"""Reasons, the longest, for which the whole page is drawn, too; `make screens` draws it for all."""
 NODES = [f"Node {n}" for n in range(40)]
 MEASURE = Path(__file__).with_name("reason_in_sight.js")
 

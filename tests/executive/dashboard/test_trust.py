@@ -7,13 +7,12 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
-from shown_runs import GATE, Show
+from shown_runs import APPROVED, GATE, HOLD, Show, Wire
 
 from executive.running.events import Computed, ErrorRaised, LinkChanged, NodeChanged, OperatorActed, SafeStopped
 
 pytestmark = pytest.mark.browser
 
-HOLD = "pomona: 1\ntree: demo\nroot:\n  sequence:\n    - Hold: {}\n    - Rest: {}\n"
 Open = Callable[..., Any]
 
 
@@ -21,26 +20,6 @@ def expect(locator: Any) -> Any:
     from playwright.sync_api import expect as playwright_expect
 
     return playwright_expect(locator)
-
-
-class Wire:
-    """What lies between a page and its server; `open` says whether anything passes."""
-
-    def __init__(self, page: Any) -> None:
-        self.open = True
-        page.route_web_socket("**/live*", self._stream)
-        page.route("**/api/act", self._request)
-
-    def _stream(self, page_side: Any) -> None:
-        server = page_side.connect_to_server()
-        page_side.on_message(lambda said: self.open and server.send(said))
-        server.on_message(lambda said: self.open and page_side.send(said))
-
-    def _request(self, route: Any) -> None:
-        if self.open:
-            route.continue_()
-        else:
-            route.abort()  # the page has to take a network that swallows it for the same: no answer
 
 
 def test_a_page_that_hears_nothing_says_so_within_two_seconds_and_a_stop_is_tried_until_it_is_confirmed(
@@ -210,17 +189,6 @@ def test_a_press_that_the_run_does_not_answer_is_not_taken_for_done(show: Show, 
     show.dashboard.hub.on_event(OperatorActed(1.0, 1, "ada", "pause", ""))
     expect(page.locator("#press")).to_be_hidden()
     GATE.set()
-
-
-APPROVED = """pomona: 1
-tree: demo
-root:
-  sequence:
-    - Look: {seen: '{seen}'}
-    - Rest: {duration: 40 ms}
-      approve: true
-    - Hold: {}
-"""
 
 
 def test_what_is_planned_is_shown_and_waits_for_a_person_who_may_change_it_first(show: Show, open_page: Open) -> None:
