@@ -6,7 +6,6 @@ import io
 import itertools
 from dataclasses import dataclass
 from pathlib import Path
-from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +14,7 @@ from drivers.errors import DriverError
 from drivers.suntouch.calibration import FingerCalibration
 from drivers.suntouch.codec import TAXELS
 from executive.values.arrays import Float64
+from executive.values.plain_arrays import read_plain_arrays
 from executive.values.plain_text import read_plain_text
 
 KEPT_ASIDE = 0.2
@@ -64,15 +64,15 @@ def read_recording(path: Path) -> tuple[Float64, Float64]:
     """
     try:
         if path.suffix == ".npz":
-            with path.open("rb") as stream, np.load(stream, allow_pickle=False) as archive:
-                volts, wrenches = np.asarray(archive["volts"], float), np.asarray(archive["wrenches"], float)
+            arrays = read_plain_arrays(path)
+            volts, wrenches = np.asarray(arrays["volts"], float), np.asarray(arrays["wrenches"], float)
         else:
             text = read_plain_text(path, MOST_BYTES)
             if not text.strip():
                 raise ValueError("it is empty")
             table = np.loadtxt(io.StringIO(text), delimiter=",", comments="#", ndmin=2)
             volts, wrenches = table[:, :TAXELS], table[:, TAXELS:]
-    except (OSError, ValueError, KeyError, IndexError, EOFError, TypeError, AttributeError, BadZipFile) as error:
+    except (OSError, ValueError, KeyError, IndexError, TypeError) as error:
         raise UnusableRecording(f"{path}: cannot be read: {error}") from error
     if volts.ndim != 2 or volts.shape[1] != TAXELS or wrenches.shape != (len(volts), 6):
         raise UnusableRecording(

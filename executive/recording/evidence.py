@@ -131,6 +131,18 @@ def _hazard(entry: Mapping[str, Any]) -> Hazard:
     return Hazard(*words, limits, in_cell, measure)
 
 
+def _cell(text: str) -> Any:
+    """What a cell's text says.
+
+    Raises:
+        ValueError: nothing that could be read.
+    """
+    try:
+        return yaml.safe_load(text) or {}
+    except (yaml.YAMLError, RecursionError) as error:
+        raise ValueError(f"its cell cannot be read: {type(error).__name__}") from error
+
+
 def gather(records: Sequence[Path], hazards: tuple[Hazard, ...]) -> Evidence:
     """Measure every hazard in every record that can be believed."""
     evidence = Evidence(hazards, tuple(Measured() for _ in hazards))
@@ -190,7 +202,7 @@ class _Run:
                 event = parse_object(content)
                 self._events.setdefault(event["event"], []).append(event)
         for started in self._events.get("RunStarted", ()):
-            self.cell = yaml.safe_load(started["cell_text"]) or {}
+            self.cell = _cell(started["cell_text"])
         self._devices = {
             device: {name: np.array(values, float) for name, values in found.items()}
             for device, found in columns.items()

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from executive.errors import UsageError
 from executive.recording.order import in_order
+from executive.recording.plain_file import open_plain
 from executive.values.findings import did_you_mean
 
 EVENTS_FILE = "run.mcap"
@@ -45,7 +46,7 @@ def new_record_folder(root: Path, tree: str, now: datetime | None = None) -> Pat
 
 def is_being_written(path: Path) -> bool:
     """Whether some process, this one or another, writes this MCAP file now."""
-    with contextlib.suppress(OSError), path.open("rb") as stream:
+    with contextlib.suppress(OSError), open_plain(path) as stream:  # nobody writes a record into a pipe
         try:
             fcntl.flock(stream, fcntl.LOCK_SH | fcntl.LOCK_NB)
         except BlockingIOError:

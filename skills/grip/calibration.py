@@ -10,7 +10,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
-from zipfile import BadZipFile
 
 import numpy as np
 from scipy.ndimage import uniform_filter1d
@@ -18,6 +17,7 @@ from scipy.optimize import least_squares
 
 from drivers.interfaces import WrenchSample
 from executive.values.arrays import Float64
+from executive.values.plain_arrays import UnreadableArraysError, read_plain_arrays
 from skills.grip.errors import TooFewPushes, UnusablePushes
 from skills.grip.limit_surface import SoftContact, least_force
 from skills.grip.pads import PAD_HALF, pad_loads
@@ -308,9 +308,8 @@ def read_recording(path: Path) -> tuple[list[Push], Push | None]:
         TooFewPushes: the file holds none.
     """
     try:
-        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as loaded:
-            arrays = {name: np.asarray(loaded[name]) for name in loaded.files}
-    except (OSError, ValueError, EOFError, AttributeError, TypeError, BadZipFile) as error:
+        arrays = read_plain_arrays(path)
+    except UnreadableArraysError as error:
         raise UnusablePushes(f"{path}: not a readable .npz file of pushes ({error})") from error
     count = sum(name.startswith("wrenches_") for name in arrays)
     pushes = [_push_of(arrays, f"wrenches_{i}", f"width_{i}", path) for i in range(count)]

@@ -55,6 +55,17 @@ def test_the_largest_sample_of_all_runs_stands_beside_the_limit_of_its_cell(tmp_
     assert fast.limit == pytest.approx(3.490658504)
 
 
+@pytest.mark.parametrize("text", ["a: [", "[" * 5000, "!!python/object:os.system 1", "{a: 1, [1]: 3}", "2020-99-99: 1"])
+def test_a_record_whose_cell_cannot_be_read_is_no_evidence(tmp_path: Path, text: str) -> None:
+    recorder = Recorder(tmp_path)
+    recorder.on_event(started(cell_text=text))
+    recorder.on_event(RunEnded(1.0, 50, "success", None, 50, 1.0, 1.0, None))
+    recorder.close()
+    left_out = gather([tmp_path], read_hazards(SHIPPED)).left_out
+    assert list(left_out) == [tmp_path.name]
+    assert "it cannot be measured" in left_out[tmp_path.name]
+
+
 def test_a_limit_that_was_passed_is_counted(tmp_path: Path) -> None:
     lied = run(tmp_path / "lied", 9.0, drops=1, lifted=False, speed=4.0)
     found = table([lied, run(tmp_path / "good", 3.0)])

@@ -175,6 +175,15 @@ def test_a_newest_record_that_cannot_be_believed_says_of_no_cell_that_its_grippe
     assert unfinished(order.record, order.cell) is None
 
 
+def test_a_pipe_among_the_records_is_not_waited_for(order: RunOrder) -> None:
+    assert order.record is not None
+    (order.record / "2026-01-01_t").mkdir(parents=True)
+    os.mkfifo(order.record / "2026-01-01_t" / EVENTS_FILE)
+    cut = unfinished(order.record, order.cell)
+    assert cut is not None
+    assert cut.why == "its record cannot be read"
+
+
 def test_a_simulated_cell_is_only_told_of_a_record_that_cannot_be_read(
     order: RunOrder, caplog: pytest.LogCaptureFixture
 ) -> None:
