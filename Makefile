@@ -117,7 +117,7 @@ faults: $(STAMP) ## every fault in every phase of a pick, simulated and emulated
 	$(BIN)/python -m benchmarks.fault_matrix
 	$(BIN)/python -m benchmarks.fault_matrix --cell emulated
 
-fuzz: $(STAMP) ## 100 000 damaged tree files, random trees, damaged cell files each; a million damaged device streams, records, web messages each
+fuzz: $(STAMP) ## 100 000 damaged tree files, random trees, damaged cell files each; a million damaged device streams, records, messages to and from the page each
 	$(BIN)/python tests/executive/language/fuzz.py --cases 100000
 	$(BIN)/python tests/executive/language/reference.py --trees 100000
 	$(BIN)/python tests/drivers/cell/fuzz_cells.py --cases 100000

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import json
 import time
 from collections import OrderedDict
 from collections.abc import Callable
@@ -93,3 +94,12 @@ def text(body: dict[str, Any], key: str) -> str:
     """A text of a message; empty when there is none, or something else stands there."""
     value = body.get(key, "")
     return value if isinstance(value, str) else ""
+
+
+def object_of(said: str) -> dict[str, Any]:
+    """A message as an object; whatever else was sent says nothing."""
+    try:
+        content = json.loads(said)
+    except (ValueError, RecursionError):
+        return {}
+    return content if isinstance(content, dict) else {}

@@ -28,7 +28,7 @@ from executive.dashboard.choices import Choices
 from executive.dashboard.connections import LiveWire, PatientHttp, wire_of
 from executive.dashboard.control_lock import ControlLock, RefusedError
 from executive.dashboard.hub import Hub, Viewer
-from executive.dashboard.presses import Presses, now, text
+from executive.dashboard.presses import Presses, now, object_of, text
 from executive.dashboard.record_messages import between, cloud, image, moment, overview, record_messages
 from executive.dashboard.security import Access, RequestGuard
 from executive.errors import PomonaError, UsageError
@@ -281,7 +281,7 @@ class Dashboard:
         pressed: set[asyncio.Task[None]] = set()
         with contextlib.suppress(WebSocketDisconnect, RuntimeError):
             while True:
-                said = _object(await stream.receive_text())
+                said = object_of(await stream.receive_text())
                 if isinstance(said.get("ping"), (int, float)):
                     viewer.last_seen = now()
                     viewer.tell("Pong", ping=said["ping"], now=viewer.last_seen)  # it follows all that was told before
@@ -364,15 +364,6 @@ async def _feed(stream: WebSocket, viewer: Viewer, gone: asyncio.Future[None]) -
         if viewer.lagged and not viewer.waiting:
             await stream.close(4408)  # the page connects again and gets the whole state
             return
-
-
-def _object(said: str) -> dict[str, Any]:
-    """A message as an object; whatever else was sent says nothing."""
-    try:
-        content = json.loads(said)
-    except (ValueError, RecursionError):
-        return {}
-    return content if isinstance(content, dict) else {}
 
 
 def _listen_on(host: str, port: int) -> socket.socket:

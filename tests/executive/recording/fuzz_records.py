@@ -13,6 +13,8 @@ happens must be an error in words; an event that was not recorded must never be 
 from __future__ import annotations
 
 import argparse
+import asyncio
+import contextlib
 import io
 import itertools
 import json
@@ -27,12 +29,20 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
+from py_trees.common import Status
 
+from executive.commands.dashboard import Launcher
 from executive.dashboard import record_messages
+from executive.dashboard.choices import Choices
+from executive.dashboard.control_lock import ControlLock
 from executive.dashboard.messages import encode
+from executive.dashboard.presses import Presses, object_of
 from executive.dashboard.record_messages import _is_message, image, moment, overview
+from executive.dashboard.security import Access
+from executive.dashboard.server import Dashboard
 from executive.encode import encoded
 from executive.errors import PomonaError, UsageError
+from executive.language import build, read
 from executive.reasons import Reason
 from executive.recording import overview as overview_module
 from executive.recording import recorder as recorder_module
@@ -47,13 +57,27 @@ from executive.recording.json_text import parse, parse_object
 from executive.recording.read import read_events
 from executive.recording.recorder import Recorder, message_of
 from executive.recording.scan import examine
-from executive.running.events import AttemptEnded, Event, NodeChanged, OperatorActed, Published, RunEnded, RunStarted
+from executive.registry import Registry
+from executive.running.dry_cell import DryCell
+from executive.running.events import (
+    AttemptEnded,
+    Event,
+    EventStream,
+    NodeChanged,
+    OperatorActed,
+    Published,
+    RunEnded,
+    RunStarted,
+)
+from executive.running.runner import Runner
 from executive.terminal.explain import explain
 from executive.terminal.filtered import json_text, visible
 from executive.terminal.screen import Screen
 from executive.terminal.summary import Summary
 from executive.views import Line3, SceneView, SeriesView, TableView
 
+HOLDER = "0123abcd"
+ASKING = "pomona: 1\ntree: t\nroot:\n  sequence:\n    - ask: ready?\n    - wait: 20 ms\n"
 SLOW = 10.0
 """Seconds after which a case counts as a hang: one takes a millisecond."""
 FORGED, DEEPER = 0.04, 0.01
@@ -235,18 +259,14 @@ class Messages:
 
     def __init__(self, _folder: Path) -> None:
         self.good = [encoded(message_of(event)) for event in events()]
-        self.requests = [
-            json.dumps(request).encode()
-            for request in (
-                {"action": "take", "viewer": "0123abcd", "who": "anna", "detail": ""},
-                {"action": "break_before", "viewer": "0123abcd", "who": "anna", "detail": "a/Plan"},
-                {"tree": "pick_apple", "cell": "sim", "seed": 3, "settings": {"fruit": "apple_1"}, "dry": False},
-            )
-        ]
+        self.desk = Desk()
 
     def case(self, rng: random.Random) -> None:
         """Break one, decode it."""
-        content = changed(rng.choice(self.good if rng.random() < 0.7 else self.requests), rng)
+        if rng.random() < 0.4:
+            self.desk.case(rng)
+            return
+        content = changed(rng.choice(self.good), rng)
         if _is_message(content):
             json.loads(content, parse_constant=_no_constant)
         try:
@@ -258,22 +278,88 @@ class Messages:
         parse(text)
 
 
+class Desk:
+    """What pages send: presses to a run that waits at a question, and orders to start one."""
+
+    def __init__(self) -> None:
+        document = read(ASKING, "asking.yaml")
+        self.runner = Runner(
+            lambda context, board: build(document, Registry({}), context=context, board=board), DryCell(), EventStream()
+        )
+        for asked in self.runner.tree.questions.values():
+            asked.status = Status.RUNNING
+        self.path = next(iter(self.runner.tree.questions))
+        self.lock = ControlLock()
+        self.lock.serve(self.runner)
+        self.presses, self.loop = Presses(self.lock), asyncio.new_event_loop()
+        self.launcher = Launcher(Dashboard(Access("127.0.0.1", 0), Path("none")), Path("none"), Choices.installed())
+        acts = [
+            ("take", ""), ("release", ""), ("pause", ""), ("resume", ""), ("step", ""), ("stop", ""),
+            ("acknowledge", ""), ("safe_stop", ""), ("break", self.path), ("unbreak_after", self.path), ("answer", f"yes ← {self.path}"),
+            ("change", f"duration = 20 ms ← {self.path}"), ("fail", "arm link"),
+        ]  # fmt: skip
+        self.requests = [
+            json.dumps(
+                {"press": "p", "action": action, "detail": detail, "viewer": HOLDER, "who": "anna", "pressed": 1.5}
+            )
+            for action, detail in acts
+        ]
+        form = {"tree": "pick_apple", "cell": "sim", "seed": 3, "settings": {"fruit": "apple_1"}, "dry": False}
+        self.requests.append(json.dumps(form | {"pace": "real", "after_cut": "", "viewer": HOLDER, "who": "anna"}))
+
+    def case(self, rng: random.Random) -> None:
+        """Break one, send it. Without control nothing but a safe stop is ever asked of the run."""
+        request = rng.choice(self.requests).replace('"p"', json.dumps(str(rng.random())), 1)
+        said = object_of(changed(request.encode(), rng).decode(errors="replace"))
+        if rng.random() < 0.9:
+            said.pop("pressed", None)  # it would be too late
+        holds = rng.random() < 0.5
+        self.lock.take(HOLDER if holds else "somebody", "bert")
+        with contextlib.suppress(PomonaError):
+            self.launcher._order(said)
+        self._asked()
+        try:
+            answer = self.loop.run_until_complete(self.presses.answer(said))
+            json.loads(json.dumps(answer), parse_constant=_no_constant)
+        except PomonaError:
+            pass
+        allowed = {"safe_stop", "take"} if not holds else None
+        asked = self._asked()
+        if allowed is not None and not asked <= allowed:
+            raise AssertionError(f"{asked - allowed} was asked for without control")
+
+    def close(self) -> None:
+        """Leave no thread behind."""
+        self.loop.close()
+        self.launcher._dashboard.close()
+        self.runner.close()
+
+    def _asked(self) -> set[str]:
+        found = set()
+        while not self.runner._commands.empty():
+            found.add(self.runner._commands.get()[0])
+        return found
+
+
 def _no_constant(word: str) -> None:
     raise AssertionError(f"{word} stops a browser")
 
 
 def fuzz(kind: str, cases: int, seed: int, folder: Path) -> Iterator[str]:
     """Try so many cases; what broke, with the case that repeats it."""
-    tried = {"records": Records, "messages": Messages}[kind](folder)
-    for case in range(cases):
-        rng = random.Random(f"{kind}/{seed}/{case}")
-        began = time.perf_counter()
-        try:
-            tried.case(rng)
-        except Exception:
-            yield f"case {kind}/{seed}/{case}\n{traceback.format_exc()}"
-        if time.perf_counter() - began > SLOW:
-            yield f"case {kind}/{seed}/{case} took {time.perf_counter() - began:.1f} s"
+    with contextlib.ExitStack() as stack:
+        tried = {"records": Records, "messages": Messages}[kind](folder)
+        if isinstance(tried, Messages):
+            stack.callback(tried.desk.close)
+        for case in range(cases):
+            rng = random.Random(f"{kind}/{seed}/{case}")
+            began = time.perf_counter()
+            try:
+                tried.case(rng)
+            except Exception:
+                yield f"case {kind}/{seed}/{case}\n{traceback.format_exc()}"
+            if time.perf_counter() - began > SLOW:
+                yield f"case {kind}/{seed}/{case} took {time.perf_counter() - began:.1f} s"
 
 
 def main() -> int:
