@@ -293,17 +293,11 @@ class Desk:
         self.lock.serve(self.runner)
         self.presses, self.loop = Presses(self.lock), asyncio.new_event_loop()
         self.launcher = Launcher(Dashboard(Access("127.0.0.1", 0), Path("none")), Path("none"), Choices.installed())
-        acts = [
-            ("take", ""), ("release", ""), ("pause", ""), ("resume", ""), ("step", ""), ("stop", ""),
-            ("acknowledge", ""), ("safe_stop", ""), ("break", self.path), ("unbreak_after", self.path), ("answer", f"yes ← {self.path}"),
-            ("change", f"duration = 20 ms ← {self.path}"), ("fail", "arm link"),
-        ]  # fmt: skip
-        self.requests = [
-            json.dumps(
-                {"press": "p", "action": action, "detail": detail, "viewer": HOLDER, "who": "anna", "pressed": 1.5}
-            )
-            for action, detail in acts
-        ]
+        acts = [(action, "") for action in ("take", "release", "pause", "resume", "step", "stop", "acknowledge")]
+        acts += [("safe_stop", ""), ("break", self.path), ("unbreak_after", self.path), ("fail", "arm link")]
+        acts += [("answer", f"yes ← {self.path}"), ("change", f"duration = 20 ms ← {self.path}")]
+        press = {"press": "p", "viewer": HOLDER, "who": "anna", "pressed": 1.5}
+        self.requests = [json.dumps(press | {"action": action, "detail": detail}) for action, detail in acts]
         form = {"tree": "pick_apple", "cell": "sim", "seed": 3, "settings": {"fruit": "apple_1"}, "dry": False}
         self.requests.append(json.dumps(form | {"pace": "real", "after_cut": "", "viewer": HOLDER, "who": "anna"}))
 
