@@ -61,13 +61,12 @@ def judge(
     overrides = for_tree if cell is not None else {key: _text(value) for key, value in settings.items()}
     analysis = analyse(document, registry, overrides=overrides, interfaces=interfaces)
     findings.extend(_placed(found, settings) for found in analysis.findings)
-    if not analysis.errors:
-        for use in uses_of_skills(analysis):
-            known = {name: value.value for name, value in use.known.items()}
-            for problem in use.skill.judge(known, file):
-                where: Located = use.known[problem.key].where if problem.key in use.known else use.node.key
-                report = findings.warning if problem.warning else findings.error
-                report(where, "unfit", f"{use.node.label}: {problem.message}", problem.hint)
+    for use in uses_of_skills(analysis):
+        known = {name: value.value for name, value in use.known.items()}
+        for problem in use.skill.judge(known, file):
+            where: Located = use.known[problem.key].where if problem.key in use.known else use.node.key
+            report = findings.warning if problem.warning else findings.error
+            report(where, "unfit", f"{use.node.label}: {problem.message}", problem.hint)
     return Judged(file, findings, analysis)
 
 

@@ -37,6 +37,7 @@ class Analysis:
         scopes: by id of the definition.
         interfaces: ports of each definition, by id.
         parameters: values of the main tree's parameters, overrides applied.
+        finite: whether the tree with its subtrees written out has an end, and not more nodes than can run.
     """
 
     document: Document
@@ -45,6 +46,7 @@ class Analysis:
     scopes: dict[int, Scope] = field(default_factory=dict)
     interfaces: dict[int, PortDeclared] = field(default_factory=dict)
     parameters: dict[str, Any] = field(default_factory=dict)
+    finite: bool = True
     outcomes: Outcomes | None = None
 
     @property
@@ -114,8 +116,7 @@ class _Checker:
             self.outcomes.of_definition(definition)
         for definition in definitions:
             self.definition(definition)
-        if not self.recursive:
-            self.size(order)
+        self.analysis.finite = not self.recursive and self.size(order)
         if not self.findings.errors:  # a mistyped name would be told twice
             self.never_read(definitions)
         self.analysis.findings = self.findings.sorted()
@@ -244,8 +245,8 @@ class _Checker:
                     stack.append((called, self.calls(called)))
         return order
 
-    def size(self, order: Sequence[Definition]) -> None:
-        """Refuse a tree that is too large with its subtrees written out."""
+    def size(self, order: Sequence[Definition]) -> bool:
+        """Refuse a tree that is too large with its subtrees written out; whether it is not."""
         main = self.document.main.main
         sizes: dict[int, tuple[int, int]] = {}
 
@@ -263,7 +264,7 @@ class _Checker:
         for definition in order:
             sizes[id(definition)] = measure(definition.root) if definition.root is not None else (0, 0)
         if main is None or main.root is None:
-            return
+            return True
         count, depth = sizes[id(main)]
         if count > MAX_BUILT_NODES:
             message = f"the tree has {_shown(count)} nodes with its subtrees written out; {MAX_BUILT_NODES} can run"
@@ -271,6 +272,7 @@ class _Checker:
         elif depth > MAX_BUILT_DEPTH:
             message = f"the tree is {depth} nodes deep with its subtrees written out; {MAX_BUILT_DEPTH} can run"
             self.findings.error(main.root.key, "too-deep", message)
+        return count <= MAX_BUILT_NODES and depth <= MAX_BUILT_DEPTH
 
 
 def _key_of(definition: Definition) -> YamlNode:

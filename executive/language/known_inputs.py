@@ -33,24 +33,29 @@ class Use:
 
 
 def uses_of_skills(analysis: Analysis) -> Iterator[Use]:
-    """Every skill of the main tree and of the subtrees that it calls, once for each call; of a tree without errors."""
+    """Every skill of the main tree and of the subtrees that it calls, once for each call.
+
+    What is wrong with a tree elsewhere hides nothing, unless it can have no end: what could not be read is not known.
+    """
     main = analysis.document.main.main
-    if main is not None:
+    if main is not None and analysis.finite:
         yield from _uses(analysis, main, {})
 
 
 def _uses(analysis: Analysis, definition: Definition, names: Mapping[str, Known]) -> Iterator[Use]:
     for node in definition.root.walk() if definition.root is not None else ():
-        found = analysis.resolved[id(node), node.type.key]
-        given = {name: _known(value, names) for name, value in found.inputs.items()}
-        known = {name: value for name, value in given.items() if value is not None}
+        found = analysis.resolved.get((id(node), node.type.key))
+        if found is None:
+            continue
         if found.skill is not None:
             ports = found.skill.inputs
         elif found.subtree is not None:
             ports = Ports(**analysis.interfaces[id(found.subtree)].inputs)
         else:
             continue
-        defaults = {n: Known(port.default_value, node.key) for n, port in ports.items() if n not in given}
+        given = {n: _known(value, names) for n, value in found.inputs.items() if n in ports}
+        known = {n: v for n, v in given.items() if v is not None and ports[n].accepts(v.value)}
+        defaults = {n: Known(port.default_value, node.key) for n, port in ports.items() if n not in node.ports}
         if found.skill is not None:
             yield Use(node, found.skill, {**defaults, **known})
         elif found.subtree is not None:

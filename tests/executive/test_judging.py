@@ -73,6 +73,22 @@ def test_a_pose_that_the_cell_lacks_is_found_where_it_is_written(
     assert judged(tmp_path, registry, cell=None, where="nowhere") == []  # no cell, no poses
 
 
+def test_what_is_wrong_elsewhere_hides_no_pose(tmp_path: Path, registry: Registry, unconnected: None) -> None:
+    wrong = TREE.replace("to: home", "to: hoem").replace("- Refine:", "- Refien:")
+    found = judged(tmp_path, registry, wrong + "  other: {root: {wait: 5}}\n")
+    assert [f.code for f in found] == ["unknown-skill", "unfit", "value"]
+    assert found[1].hint == "did you mean 'home'?"
+
+
+def test_what_could_not_be_read_is_not_judged_as_a_default(
+    tmp_path: Path, registry: Registry, unconnected: None
+) -> None:
+    broken = TREE.replace("{type: text, default: observe}", "{type: txt, default: observe}")
+    assert {f.code for f in judged(tmp_path, registry, broken)} == {"unknown-type"}
+    endless = TREE + "  again: {root: {again: {}}}\n"
+    assert "recursion" in {f.code for f in judged(tmp_path, registry, endless)}
+
+
 def test_fruit_that_nobody_knows_or_that_is_not_there_is_found(
     tmp_path: Path, registry: Registry, unconnected: None
 ) -> None:

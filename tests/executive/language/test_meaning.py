@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import itertools
+import random
 from dataclasses import dataclass, field
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from executive.language import build, read
 from executive.reasons import reason_of
@@ -78,28 +77,26 @@ class Node:
         return None if all(end is None for end in ends) else not decides
 
 
-modifiers = st.fixed_dictionaries(
-    {},
-    optional={
-        "retry": st.integers(1, 3),
-        "repeat": st.integers(1, 2),
-        "invert": st.just("true"),
-        "force": st.sampled_from(["success", "failure"]),
-        "when": st.sampled_from(["'1 == 1'", "'1 == 2'"]),
-        "guard": st.just("'1 == 1'"),
-        "timeout": st.just("1 h"),
-    },
-)
-leaves = st.builds(
-    Node, st.just("leaf"), results=st.lists(st.booleans(), min_size=1, max_size=4).map(tuple), modifiers=modifiers
-)
+MODIFIERS = {
+    "retry": (1, 2, 3),
+    "repeat": (1, 2),
+    "invert": ("true",),
+    "force": ("success", "failure"),
+    "when": ("'1 == 1'", "'1 == 2'"),
+    "guard": ("'1 == 1'",),
+    "timeout": ("1 h",),
+}
 
 
-def branches(children):
-    many = st.builds(
-        Node, st.sampled_from(["sequence", "fallback"]), st.lists(children, min_size=1, max_size=3), modifiers=modifiers
-    )
-    return st.one_of(many, st.builds(Node, st.just("recovery"), st.lists(children, min_size=2, max_size=2)))
+def random_tree(rng: random.Random, depth: int) -> Node:
+    modifiers = {word: rng.choice(values) for word, values in MODIFIERS.items() if rng.random() < 0.25}
+    if depth == 0 or rng.random() < 0.2:
+        results = tuple(rng.random() < 0.5 for _ in range(rng.randint(1, 4)))
+        return Node("leaf", results=results, modifiers=modifiers)
+    kind = rng.choice(("sequence", "fallback", "sequence", "fallback", "recovery"))
+    count = 2 if kind == "recovery" else rng.randint(1, 3)
+    children = [random_tree(rng, depth - 1) for _ in range(count)]
+    return Node(kind, children, modifiers={} if kind == "recovery" else modifiers)
 
 
 @pytest.fixture
@@ -124,15 +121,16 @@ def runs(skills):
     return run
 
 
-@given(data=st.data())
-@settings(max_examples=250, deadline=None)
-def test_trees_end_as_their_plain_reading_says(data, request):
-    root = data.draw(st.recursive(leaves, branches, max_leaves=8))
-    tree, behaviours, leaf = request.getfixturevalue("runs")(root)
-    expected = root.run() is not False  # when there was nothing to do, the run has succeeded
-    assert tree.root.status.name == ("SUCCESS" if expected else "FAILURE")
-    assert {name: behaviours[name].starts for name in leaf} == {name: node.starts for name, node in leaf.items()}
-    if not expected:
-        for cause in reason_of(tree.root).leaves():
-            assert cause.node_path in tree.behaviours
-            assert cause.message
+@pytest.mark.parametrize("part", range(4))
+def test_trees_end_as_their_plain_reading_says(runs, part):
+    for number in range(100):
+        root = random_tree(random.Random(f"{part}/{number}"), number % 4)
+        tree, behaviours, leaf = runs(root)
+        expected = root.run() is not False  # when there was nothing to do, the run has succeeded
+        assert tree.root.status.name == ("SUCCESS" if expected else "FAILURE"), root.text()
+        starts = {name: behaviours[name].starts for name in leaf}
+        assert starts == {name: node.starts for name, node in leaf.items()}, root.text()
+        if not expected:
+            for cause in reason_of(tree.root).leaves():
+                assert cause.node_path in tree.behaviours
+                assert cause.message
