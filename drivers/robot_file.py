@@ -32,6 +32,13 @@ def read_spec(path: Path) -> Any:
     return spec
 
 
+MOST = {"arm_velocity": 50.0, "arm_acceleration": 5e3, "arm_jerk": 1e6}
+"""No arm is faster [rad/s, rad/s², rad/s³]: the quickest small ones turn their wrists at 20 rad/s. What is more was
+meant in degrees, or is no number: beside that nothing is ever too fast."""
+WIDEST = 100.0
+"""No joint turns further from its zero [rad]: 16 turns."""
+
+
 def read_limits(path: Path, dof: int | None = None) -> ArmLimits:
     """Ranges of the arm's actuated joints, and the numerics arm_velocity, arm_acceleration and arm_jerk.
 
@@ -55,13 +62,18 @@ def _limits(path: Path, dof: int | None, _changed: int) -> ArmLimits:
     if len(joints) < count:
         raise UnusableRobotFile(path, f"has {len(joints)} actuated joints, the arm has {count}")
     rates = []
-    for name in ("arm_velocity", "arm_acceleration", "arm_jerk"):
+    for name, most in MOST.items():
         try:
             rate = np.array(model.numeric(name).data, dtype=np.float64)
         except KeyError as error:
             raise UnusableRobotFile(path, f"<custom> lacks the numeric '{name}'") from error
-        if rate.shape != (count,) or rate.min() <= 0.0:
-            raise UnusableRobotFile(path, f"'{name}' needs {count} positive numbers")
+        if rate.shape != (count,) or not np.all((rate > 0.0) & (rate <= most)):
+            words = f"'{name}' needs {count} positive numbers up to {most:g}, in radians and seconds"
+            raise UnusableRobotFile(path, words)
         rates.append(rate)
     ranges = np.array(model.jnt_range[joints], dtype=np.float64)
+    for joint, (lower, upper) in zip(joints, ranges, strict=True):
+        if not -WIDEST <= lower < upper <= WIDEST:
+            words = f"the joint '{model.joint(joint).name}' needs a range; {lower:g} … {upper:g} rad is none"
+            raise UnusableRobotFile(path, words)
     return ArmLimits(ranges[:, 0], ranges[:, 1], *rates)

@@ -81,6 +81,34 @@ def test_a_wrong_setting_is_refused_with_its_place(tmp_path: Path, text: str, wo
         open_arm(tmp_path, text)
 
 
+@pytest.mark.parametrize(
+    ("velocity", "span", "words"),
+    [
+        ("nan", "-1 1", "'arm_velocity' needs 1 positive numbers up to 50"),
+        ("inf", "-1 1", "'arm_velocity' needs"), ("200", "-1 1", "'arm_velocity' needs"),
+        ("0", "-1 1", "'arm_velocity' needs"),
+        ("2", "nan nan", "the joint 'a' needs a range"), ("2", "-inf inf", "the joint 'a' needs a range"),
+        ("2", "-1e6 1e6", "the joint 'a' needs a range"), ("2", "0 0", "the joint 'a' needs a range"),
+        ("2", "-1 1", ""),
+    ],
+)  # fmt: skip
+@pytest.mark.filterwarnings("ignore")  # MuJoCo's own of a NaN
+def test_limits_with_which_nothing_would_ever_be_too_fast_or_too_far_are_refused(
+    tmp_path: Path, velocity: str, span: str, words: str
+) -> None:
+    rates = "".join(f"<numeric name='arm_{name}' data='{data}'/>" for name, data in
+                    {"velocity": velocity, "acceleration": "8", "jerk": "80"}.items())  # fmt: skip
+    joint = f"<joint name='a' type='hinge' range='{span}'/><geom size='0.1'/>"
+    body = f"<worldbody><body>{joint}</body></worldbody><actuator><position joint='a'/></actuator>"
+    robot = tmp_path / "robot.xml"
+    robot.write_text(f"<mujoco><compiler angle='radian'/><custom>{rates}</custom>{body}</mujoco>")
+    if not words:
+        assert read_limits(robot).velocity == pytest.approx([2.0])
+        return
+    with pytest.raises(UnusableRobotFile, match=words):
+        read_limits(robot)
+
+
 def test_a_description_without_limits_is_refused(tmp_path: Path) -> None:
     joint = "<joint name='a' type='hinge' range='-1 1'/><geom size='0.1'/>"
     body = f"<worldbody><body>{joint}</body></worldbody><actuator><position joint='a'/></actuator>"

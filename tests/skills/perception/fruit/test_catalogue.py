@@ -1,6 +1,7 @@
 """The catalogue's apple is what the paper's refinement needs, and bad entries are refused in words."""
 
 from pathlib import Path
+from zipfile import ZipFile
 
 import jsonschema
 import numpy as np
@@ -143,7 +144,10 @@ def test_damaged_weights_are_found_without_loading_them(tmp_path: Path) -> None:
     (tmp_path / "flipped.pt").write_bytes(whole)
     (tmp_path / "cut.pt").write_bytes(whole[: len(whole) // 3])
     (tmp_path / "text.pt").write_text("no weights")
-    for name in ("flipped.pt", "cut.pt", "text.pt", "none.pt"):
+    with ZipFile(tmp_path / "packed.pt", "w") as archive:
+        archive.writestr("data", b"0")
+        archive.infolist()[0].compress_type = 99  # one that nobody knows
+    for name in ("flipped.pt", "cut.pt", "text.pt", "none.pt", "packed.pt"):
         assert damage(tmp_path / name)
 
 
