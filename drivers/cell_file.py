@@ -17,7 +17,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from drivers.driver import DriverSection, Fitting, Settings, Surroundings, TellsOfCell
+from drivers.driver import DriverSection, Fitting, Settings, Surroundings, TellsOfCell, Wired
 from drivers.errors import CellFileError, DriverError
 from drivers.interfaces import ArmLimits, Workspace
 from drivers.workspace import WorkspaceSection
@@ -102,6 +102,11 @@ class CellFile:
         devices = [i for device in self.section.devices.values() for i in device.driver.device.interfaces]
         world = self.section.world.driver.device.interfaces if self.section.world else ()
         return tuple(dict.fromkeys([*world, *devices, *([Workspace] if self.workspace else [])]))
+
+    def wires(self) -> tuple[str, ...]:
+        """Where its devices are reached outside this process."""
+        options = [device.values for device in self.section.devices.values()]
+        return tuple(dict.fromkeys(wire for said in options if isinstance(said, Wired) for wire in said.wires))
 
     def known(self, what: type[T]) -> T | None:
         """What the file says about something before anything is connected: its workspace, limits of its arm …"""

@@ -104,6 +104,16 @@ class Fitting(Protocol):
 
 
 @runtime_checkable
+class Wired(Protocol):
+    """Options of a device that is reached over wires of its own, on each of which there is one run at a time."""
+
+    @property
+    def wires(self) -> tuple[str, ...]:
+        """Names of the wires, the same in every cell file that leads to them."""
+        ...
+
+
+@runtime_checkable
 class TellsOfCell(Protocol):
     """Options that tell something about the cell before it is connected: limits of the arm, what lies on the table."""
 

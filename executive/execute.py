@@ -166,7 +166,7 @@ def execute(
     with RunSignals() as signals, run_in_progress(), contextlib.ExitStack() as stack:
         starting.refuse_cancelled()
         starting.reach("connecting the cell")
-        stack.enter_context(alone_on(order.cell, judged.cell.kind))
+        stack.enter_context(alone_on(order.cell, judged.cell.kind, judged.cell.wires()))
         cell = connect_cell(judged.cell, order.seed)
         supervision = RunSupervision(cell)
         stack.callback(supervision.close)  # last of all: until the cell is closed something could still move

@@ -50,6 +50,11 @@ class MotomanFile:
         """The controller's joints, in the order of its messages."""
         return SEVEN if len(self.joints) == 7 else SIX
 
+    @property
+    def wires(self) -> tuple[str, ...]:
+        host, port = self.address
+        return (f"{host}:{port}",)
+
     def problems(self) -> Iterator[Problem]:
         if sorted(self.joints) != sorted(self.on_wire):
             yield Problem("joints", f"'joints' must name each of {' '.join(self.on_wire)} once")

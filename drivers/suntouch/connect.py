@@ -54,6 +54,14 @@ class SunTouchFile:
     )
     belief: Belief = value(Section(Belief), Belief(), "how far the samples are believed")
 
+    @property
+    def wires(self) -> tuple[str, ...]:
+        return self.left.port, self.right.port
+
+    def problems(self) -> Iterator[Problem]:
+        if self.left.port == self.right.port:
+            yield Problem("right", f"both fingers are at {self.left.port}: each has a port of its own")
+
 
 @driver(SunTouchFingers, SunTouchFile)
 def connect(settings: Settings[SunTouchFile], context: ConnectContext) -> SunTouchFingers:

@@ -55,6 +55,12 @@ class WsgFile:
         Section(GripperSupervision), GripperSupervision(), "how far the gripper is believed"
     )
 
+    @property
+    def wires(self) -> tuple[str, ...]:
+        if self.tcp is not None:
+            return (f"{self.tcp[0]}:{self.tcp[1]}",)
+        return () if self.can is None else (f"{self.can.interface} {self.can.channel}, id {self.can.send_id}",)
+
     def problems(self) -> Iterator[Problem]:
         if (self.tcp is None) == (self.can is None):
             yield Problem("tcp", "the gripper needs either 'tcp' or 'can'")

@@ -45,6 +45,10 @@ class CellFile(Protocol):
         """The device interfaces that the cell will have."""
         ...
 
+    def wires(self) -> tuple[str, ...]:
+        """Where its devices are reached outside this process: one run at a time on each."""
+        ...
+
     def known(self, what: type[T]) -> T | None:
         """What the file says about something before anything is connected."""
         ...

@@ -3,33 +3,66 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import fcntl
-from collections.abc import Iterator
+import hashlib
+import socket
+import sys
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from executive.errors import UsageError
 
 
 class CellInUseError(UsageError):
-    """Another run is going on on this cell."""
+    """Another run is going on on this cell, or with another cell file on the same wire."""
 
-    def __init__(self, cell: Path) -> None:
-        self.cell = cell
-        super().__init__(f"{cell}: another run is going on on this cell. Nothing was run.")
+    def __init__(self, cell: Path, wire: str = "") -> None:
+        self.cell, self.wire = cell, wire
+        super().__init__(f"{cell}: another run is going on on {wire or 'this cell'}. Nothing was run.")
 
 
 @contextlib.contextmanager
-def alone_on(cell: Path, kind: str) -> Iterator[None]:
+def alone_on(cell: Path, kind: str, wires: Iterable[str] = ()) -> Iterator[None]:
     """Keep other processes from this cell for as long as it lasts; simulated and mock ones are as many as runs.
 
-    The lock is the system's and on the file itself: it ends with its process, however that ends, and never grows stale.
+    The locks are the system's, on the file itself and on a name for each wire: they end with their process, however
+    that ends, and never grow stale. Who reaches the same device by another name for it is not found.
+
+    Args:
+        cell: its file.
+        kind: of the cell.
+        wires: where its devices are reached.
 
     Raises:
-        CellInUseError: another run has it.
+        CellInUseError: another run has one of them.
     """
     if kind != "real":
         yield
         return
+    with contextlib.ExitStack() as stack:
+        stack.enter_context(_alone_with_file(cell))
+        for wire in wires:
+            stack.enter_context(_alone_on_wire(cell, wire))
+        yield
+
+
+@contextlib.contextmanager
+def _alone_on_wire(cell: Path, wire: str) -> Iterator[None]:
+    if sys.platform != "linux":  # elsewhere there are no names without files
+        yield
+        return
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as name:
+        try:
+            name.bind(b"\0pomona-wire-" + hashlib.sha256(wire.encode()).hexdigest().encode())
+        except OSError as error:
+            if error.errno == errno.EADDRINUSE:
+                raise CellInUseError(cell, wire) from None
+        yield
+
+
+@contextlib.contextmanager
+def _alone_with_file(cell: Path) -> Iterator[None]:
     try:
         stream = cell.open("rb")
     except OSError:  # its text is not from the disk

@@ -22,10 +22,15 @@ def refuse(folder: Path, text: str) -> CellFileError:
 
 def test_a_missing_port_is_refused_with_its_place_and_the_ports_that_are_there(tmp_path: Path) -> None:
     finger = f"{{port: /dev/nothing, calibration: {CALIBRATION}}}"
-    error = refuse(tmp_path, f"left: {finger}\nright: {finger}")
+    error = refuse(tmp_path, f"left: {finger}\n{RIGHT}")
     assert (error.line, error.column) == (2, 7)
     assert "/dev/nothing" in error.message
     assert "serial ports of this machine" in error.hint
+
+
+def test_two_fingers_at_one_port_are_refused(tmp_path: Path) -> None:
+    error = refuse(tmp_path, f"left: {{port: p, calibration: {CALIBRATION}}}\n{RIGHT}")
+    assert "both fingers are at p: each has a port of its own" in error.message
 
 
 def test_a_missing_or_wrong_calibration_is_refused_with_what_makes_one(tmp_path: Path) -> None:

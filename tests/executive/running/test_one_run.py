@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from drivers.cell_file import read_cell_file
 from executive.execute import RunOrder, execute
 from executive.running.one_run import CellInUseError, alone_on
 
@@ -39,6 +40,24 @@ def test_a_second_run_on_a_real_cell_is_refused_until_the_first_is_over(order: R
         execute(order)
     assert execute(order).result.outcome == "success"
     assert execute(order).result.outcome == "success"
+
+
+def test_a_copy_of_the_cell_file_leads_to_the_same_devices(tmp_path: Path) -> None:
+    def wires(text: str) -> tuple[str, ...]:
+        path = tmp_path / "bench.yaml"
+        path.write_text(f"kind: real\ndevices:\n  gripper: {{driver: wsg, {text}}}\n")
+        return read_cell_file(path).wires()
+
+    here, there = wires("tcp: 192.0.2.7"), wires("tcp: '192.0.2.8:1000'")
+    bus = wires("can: {channel: can7}")
+    with alone_on(tmp_path / "a.yaml", "real", here):
+        again = alone_on(tmp_path / "copy.yaml", "real", wires("tcp: '192.0.2.7:1000'"))
+        with pytest.raises(CellInUseError, match=r"copy.yaml: another run is going on on 192.0.2.7:1000"), again:
+            pass
+        with alone_on(tmp_path / "other.yaml", "real", there + bus):
+            pass
+    with alone_on(tmp_path / "copy.yaml", "real", here):
+        pass
 
 
 def test_a_simulated_cell_has_as_many_runs_as_one_wants(order: RunOrder) -> None:
