@@ -5,6 +5,7 @@ The runner is driven step by step in this thread: each look at the cell hands co
 
 from __future__ import annotations
 
+import contextlib
 import threading
 
 from fake_cell import FakeCell, Wheel
@@ -13,6 +14,7 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
 
+from executive.dashboard.control_lock import ControlLock, RefusedError
 from executive.registry import Registry
 from executive.running.events import ErrorRaised, OperatorActed
 from executive.running.run_state import RunResult
@@ -22,7 +24,16 @@ TREES = (
     "root: {parallel: [{Turn: {}, name: A, repeat: 2}, {Turn: {}, name: B}]}",
     "root: {parallel: [{Turn: {duration: 9 s}}, {wait: 200 ms}], success_on: one}",
     "root: {retry: 3, Turn: {duration: 9 s}, timeout: 100 ms}",
+    "root: {sequence: [{ask: which?, name: Q, choices: [a, b], default: a, within: 200 ms}, {Turn: {duration: 1 s}}]}",
+    "root: {Turn: {duration: 1 s}, approve: true}",
 )
+CLICKS = (
+    ("pause", ""), ("resume", ""), ("step", ""), ("stop", ""), ("answer", "b ← t/Q"), ("answer", "approve ← t"),
+    ("answer", "approve ← t/Turn"), ("answer", "refuse ← t/Turn"), ("answer", "c ← t/Q"), ("break", "t/Turn"),
+    ("change", "duration = 50 ms ← t/Turn"), ("change", "duration = 1 kg ← t/Turn"), ("change", "duration = 1 s ← t"),
+    ("break", "t"), ("break_after", "t/A"), ("unbreak", "t/Turn"), ("fail", "arm lost"), ("dance", ""),
+)  # fmt: skip
+"""What two pages ask for, sensible or not."""
 PATIENCE = 20.0
 """Seconds within which the runner must reach its next look at the cell, or its end."""
 
@@ -37,12 +48,17 @@ class RunnerMachine(RuleBasedStateMachine):
         self.result: RunResult | None = None
         self.started = self.free = False
         self.cell: FakeCell | None = None
+        self.desk = ControlLock()
 
     @precondition(lambda self: not self.started)
     @rule(tree=st.sampled_from(TREES))
     def start(self, tree: str) -> None:
         self.started = True
-        self.runner, self.cell, self.events = make(f"pomona: 1\ntree: t\n{tree}", Registry({"Turn": Turn}))
+        self.runner, self.cell, self.events = make(
+            f"pomona: 1\ntree: t\n{tree}", Registry({"Turn": Turn}), attended=True
+        )
+        self.desk.serve(self.runner)
+        self.desk.take("first", "first page")
         check = self.cell.check
 
         def held() -> None:
@@ -87,7 +103,34 @@ class RunnerMachine(RuleBasedStateMachine):
     @precondition(lambda self: self.started)
     @rule(action=st.sampled_from(["pause", "resume", "step", "stop", "interrupt", "acknowledge"]))
     def ask(self, action: str) -> None:
+        if action == "acknowledge" and self.result is not None:
+            return  # that is another rule's, which waits for what becomes of it
         getattr(self.runner, action)()
+        self._step()
+
+    @rule(page=st.sampled_from(["first", "second"]), action=st.sampled_from(["take", "release"]))
+    def hand_over(self, page: str, action: str) -> None:
+        if action == "take":
+            self.desk.take(page, f"{page} page")
+        else:
+            self.desk.release(page)
+
+    @precondition(lambda self: self.started)
+    @rule(page=st.sampled_from(["first", "first", "second"]), click=st.sampled_from(CLICKS))
+    def click(self, page: str, click: tuple[str, str]) -> None:
+        held = self.desk.holder.viewer
+        with contextlib.suppress(RefusedError):
+            self.desk.act(page, *click)
+            assert held == page, "somebody acted who did not hold control"
+            assert self.result is None or click[0] == "fail", "something was asked of a run that has ended"
+        self._step()
+
+    @precondition(lambda self: self.started and self.result is None)
+    @rule()
+    def stop_from_any_page(self) -> None:
+        assert self.cell is not None
+        self.desk.safe_stop("somebody")
+        assert self.cell.latched is not None
         self._step()
 
     @precondition(lambda self: self.started)
