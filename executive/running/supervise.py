@@ -2,6 +2,7 @@
 
 Standard input brings one line of JSON, then one byte at a time: `.` alive, and the next is due within the deadline;
 `r` at rest, only the process's end counts; `q` all is well, goodbye. An end of input without `q` is a run that died.
+Standard output says `ready`, then answers what comes with one byte, so that the run knows that somebody listens.
 """
 
 from __future__ import annotations
@@ -61,6 +62,7 @@ def main() -> int:
     stops = {device: (_load(function), arguments) for device, (function, arguments) in orders.stops.items()}
     sys.stdout.write("ready\n")
     sys.stdout.flush()
+    os.set_blocking(sys.stdout.fileno(), False)
     reason = _listen(sys.stdin.fileno(), orders.deadline)
     if not reason:
         return 0
@@ -87,6 +89,8 @@ def _listen(heartbeat: int, deadline: float) -> str:
             return "the run's process died"
         if b"q" in chunk:
             return ""
+        with contextlib.suppress(OSError):  # the run does not read, or is gone: both show on the other pipe
+            os.write(sys.stdout.fileno(), b".")
         watched = chunk.endswith(b".")
 
 

@@ -13,6 +13,7 @@ import select
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -32,6 +33,10 @@ GOODBYE = 5.0
 LATE = 0.5
 """Of the deadline: a tick that is later was held up too long to go on. Two were 0.43 s apart at most on a computer that
 was far too busy, 0.10 s with the priority that a run asks for."""
+
+
+UNANSWERED = 10
+"""Heartbeats without an answer below which nobody is accused: the computer itself may have stood still."""
 
 
 class NoSupervisorError(UsageError):
@@ -73,10 +78,13 @@ class Supervisor:
             self.close()
             raise NoSupervisorError("the supervisor process did not start; nothing was moved")
         os.set_blocking(self._process.stdin.fileno(), False)
+        os.set_blocking(self._process.stdout.fileno(), False)
+        self._deadline, self._silent_since, self._unanswered = deadline, 0.0, 0
 
     def beat(self) -> None:
         """The tick is alive."""
         self._say(b".")
+        self._hear()
 
     def rest(self) -> None:
         """Nothing moves and no tick comes for a while; only this process's end matters."""
@@ -99,6 +107,20 @@ class Supervisor:
             self._process.kill()
             self._process.wait()
         self._process.stdout.close()
+
+    def _hear(self) -> None:
+        """A supervisor that is stopped or hangs takes what is sent for many minutes more: it must answer, too."""
+        assert self._process.stdout is not None
+        now = time.monotonic()
+        if not self._unanswered:
+            self._silent_since = now
+        self._unanswered += 1
+        with contextlib.suppress(OSError, ValueError):
+            if os.read(self._process.stdout.fileno(), 65536):
+                self._unanswered = 0
+        silent = now - self._silent_since
+        if self._unanswered > UNANSWERED and silent > self._deadline:
+            self._lost = self._lost or f"the supervisor process has not answered for {silent:.1f} s"
 
     def _say(self, sign: bytes) -> None:
         assert self._process.stdin is not None

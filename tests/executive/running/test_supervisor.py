@@ -143,6 +143,23 @@ def test_a_run_whose_supervisor_is_gone_ends_in_the_safe_state() -> None:
     assert cell.latched == "the supervisor process is gone"
 
 
+def test_a_supervisor_that_is_stopped_is_noticed_and_one_that_answers_is_not() -> None:
+    supervisor = Supervisor({"wheel": ("os:getpid", [])}, 0.3)
+
+    def beat_until(end: float) -> str:
+        while time.monotonic() < end and supervisor.state() == "ok":
+            supervisor.beat()
+            time.sleep(0.01)
+        return supervisor.state()
+
+    assert beat_until(time.monotonic() + 0.4) == "ok"
+    os.kill(supervisor._process.pid, signal.SIGSTOP)
+    stopped = time.monotonic()
+    assert beat_until(stopped + 10.0).startswith("the supervisor process has not answered for 0.")
+    os.kill(supervisor._process.pid, signal.SIGCONT)
+    supervisor.close()
+
+
 def test_the_heartbeat_goes_on_while_a_run_is_paused_and_while_it_comes_to_rest() -> None:
     beats: list[str] = []
     runner, _cell, _events = make(
