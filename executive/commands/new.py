@@ -88,7 +88,7 @@ def begin(folder: Path, module: str, *, example: bool = True) -> list[Path]:
     if example:
         (point,) = entry_points(group=GROUP, name="skill")
         skill = {"name": "hover", "Name": "Hover"}
-        written += put(point.load(), skill, folder) + _write(TREE, {**words, **skill, "module": module}, folder)
+        written += put(point.load(), skill, folder) + _write(TREE, {**words, **skill}, folder)
     return written
 
 

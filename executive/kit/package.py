@@ -46,9 +46,27 @@ Install the package once more after that: its new name is found then.
 )
 
 TREE = Piece(
-    "a tree with the example's skill",
+    "a tree with the example's skill, and what is to happen in it",
     {
-        "trees/$module.yaml": """# A tree to begin with: pomona run trees/$module.yaml --dry
+        "trees/${module}_test.yaml": """# What is to happen, with a mock as the skill: pomona test trees/*_test.yaml
+# Its common mocks also serve a run: pomona run trees/$module.yaml --dry trees/${module}_test.yaml
+pomona: 1
+tree: $module.yaml
+
+mocks:
+  $Name: {after: 100 ms, outputs: {height: 15 cm}}
+
+cases:
+  - name: high enough
+    expect: success
+  - name: the skill refuses
+    mocks: {$Name: TOO_HIGH}
+    expect: {status: failure, code: TOO_HIGH}
+  - name: lower than the check asks
+    mocks: {$Name: {outputs: {height: 5 cm}}}
+    expect: {status: failure, code: CONDITION_FALSE}
+""",
+        "trees/$module.yaml": """# A tree to begin with: pomona run trees/$module.yaml
 pomona: 1
 tree: $module
 
@@ -60,6 +78,6 @@ root:
     - $Name: {above: "{above}", height: "{height}"}
       timeout: 5 s
     - check: "{height} > 10 cm"
-"""
+""",
     },
 )

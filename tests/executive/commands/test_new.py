@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import subprocess
 import sys
 from pathlib import Path
@@ -9,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from executive.cli import main
+from executive.registry import Registry
 
 
 @pytest.fixture(scope="module")
@@ -27,6 +29,15 @@ def test_its_tests_pass(kit: Path) -> None:
     done = subprocess.run(words, cwd=kit, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
     assert "6 passed" in done.stdout
+
+
+def test_its_tree_does_what_its_scenario_says(kit: Path, monkeypatch, capsys) -> None:
+    monkeypatch.syspath_prepend(str(kit))
+    hover = importlib.import_module("my_fruit_kit.hover").Hover
+    monkeypatch.setattr(Registry, "installed", staticmethod(lambda: Registry({"Hover": hover})))
+    monkeypatch.chdir(kit)
+    assert main(["test", "trees/my_fruit_kit_test.yaml"]) == 0
+    assert "3 passed" in capsys.readouterr().out
 
 
 def test_every_piece_is_found_by_an_entry_point(kit: Path) -> None:
