@@ -112,10 +112,9 @@ def chosen(name: str, points: Sequence[EntryPoint], said: Mapping[str, str]) -> 
         found = offers.get(said[name])
         return found or points[0], "" if found else f"'{said[name]}' offers no {name}: {', '.join(offers)} do"
     if len({point.value for point in points}) > 1:
-        packages = " and ".join(sorted(offers))
-        return points[
-            0
-        ], f"{packages} both offer it: remove one, or choose: skills: {{{name}: {sorted(offers)[0]}}} in the tree"
+        packages, one = " and ".join(sorted(offers)), sorted(offers)[0]
+        choose = f"skills: {{{name}: {one}}} in the tree, or pomona --skill {name}={one}"
+        return points[0], f"{packages} both offer it: remove one, or choose: {choose}"
     return points[0], ""
 
 

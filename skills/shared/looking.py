@@ -65,7 +65,7 @@ class LookingSkill(Skill):
             if not Path(known["weights"]).is_file():
                 yield Problem("weights", f"there is no file {known['weights']}")
         elif fruit.weights is None:
-            hint = f"train its detector: pomona train detect --fruit {fruit.name}"
+            hint = f"train its detector: {_training(name, fruit)}"
             yield Problem("fruit", f"there are no weights to find {fruit.name} by", hint)
         elif problem := damage(fruit.weights):
             yield Problem("fruit", f"the weights {fruit.weights} cannot be read: {problem}", "restore the file")
@@ -94,7 +94,7 @@ class LookingSkill(Skill):
         if model.weights is None:
             raise self.failure(
                 "NO_WEIGHTS",
-                f"there are no detector weights for {model.name}: pomona train detect --fruit {model.name}",
+                f"there are no detector weights for {model.name}: {_training(fruit, model)}",
                 fruit=fruit,
             )
         return model
@@ -177,3 +177,9 @@ def picture(
     optics = frame.intrinsics
     pinhole = Pinhole(optics.fx, optics.fy, optics.cx, optics.cy, T_base_camera)
     return ImageView(frame.colour, tuple(lines), centres, f"{len(lines)} found, {target}", frame.depth, pinhole)
+
+
+def _training(fruit: str, model: FruitModel) -> str:
+    """The command that makes weights for a fruit of this name or path, and how a tree says that it means them."""
+    weights = f"{model.name}.pt"
+    return f"pomona train detect --fruit {fruit} --out {weights}, then wire 'weights: {weights}' beside 'fruit'"

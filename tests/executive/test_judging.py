@@ -101,6 +101,15 @@ def test_fruit_that_nobody_knows_or_that_is_not_there_is_found(
     assert judged(tmp_path, registry, kind="lemon", fruit="lemon") == []
 
 
+def test_fruit_without_weights_is_told_with_the_command_that_makes_them(tmp_path: Path, registry: Registry) -> None:
+    assert pomona(["new", "fruit", "plum", "--into", str(tmp_path)]) == 0
+    path = tmp_path / "plum" / "fruit.yaml"
+    (found, *_) = judged(tmp_path, registry, cell=None, kind=str(path))
+    assert found.message == "Detect: there are no weights to find plum by"
+    command = f"pomona train detect --fruit {path} --out plum.pt"
+    assert found.hint == f"train its detector: {command}, then wire 'weights: plum.pt' beside 'fruit'"
+
+
 def test_fruit_with_a_broken_file_or_broken_weights_is_found_before_the_run(
     tmp_path: Path, registry: Registry, unconnected: None
 ) -> None:

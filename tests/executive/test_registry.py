@@ -107,7 +107,8 @@ def test_a_skill_that_two_packages_offer_is_refused_until_somebody_says_whose(mo
     found = installed(*points)
     assert "Weigh" not in found
     assert found.problems["Weigh"] == (
-        "others and pomona both offer it: remove one, or choose: skills: {Weigh: others} in the tree"
+        "others and pomona both offer it: remove one, or choose: "
+        "skills: {Weigh: others} in the tree, or pomona --skill Weigh=others"
     )
     monkeypatch.setenv("POMONA_SKILLS", "Weigh=others")
     assert installed(*points)["Weigh"] is Other
