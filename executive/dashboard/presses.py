@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import math
 import time
 from collections import OrderedDict
 from collections.abc import Callable
@@ -86,8 +87,14 @@ def now() -> float:
 
 def _refuse_late(body: dict[str, Any], patience: float) -> None:
     pressed = body.get("pressed")
-    if isinstance(pressed, (int, float)) and not isinstance(pressed, bool) and not now() - pressed <= patience:
-        raise TooLateError(f"pressed {now() - pressed:.1f} s ago, which is too late: it is not carried out")
+    if not isinstance(pressed, (int, float)) or isinstance(pressed, bool):
+        return
+    try:
+        ago = now() - pressed
+    except OverflowError:  # an integer that is no time at all
+        ago = math.inf if pressed < 0 else -math.inf
+    if not ago <= patience:
+        raise TooLateError(f"pressed {ago:.1f} s ago, which is too late: it is not carried out")
 
 
 def text(body: dict[str, Any], key: str) -> str:

@@ -20,6 +20,7 @@ from executive.running.events import (
     SafeStopped,
     StateChanged,
 )
+from executive.terminal.filtered import visible
 from executive.terminal.screen import Screen
 from executive.terminal.words import ICONS, STYLES, say
 
@@ -50,7 +51,7 @@ class LiveTree:
             self._names = {node["path"]: str(node["name"]) for node in event.nodes}
             parents = {node["parent"] for node in event.nodes}
             self._leaves = {node["path"] for node in event.nodes} - parents
-            self._header = f"{event.tree} on {event.cell} ({event.cell_kind}), seed {event.seed}"
+            self._header = _in_one_line(f"{event.tree} on {event.cell} ({event.cell_kind}), seed {event.seed}")
             if self._live is not None:
                 self._live.start()
         elif isinstance(event, NodeChanged):
@@ -119,14 +120,19 @@ class LiveTree:
         path = node["path"]
         status = change.status if change else "INVALID"
         line = Text("  " * level)
-        line.append(f"{ICONS.get(status, '?')} {node['name']}", style=STYLES.get(status, ""))
+        line.append(f"{ICONS.get(status, '?')} {_in_one_line(str(node['name']))}", style=STYLES.get(status, ""))
         if path in self._attempts:
             attempt = self._attempts[path]
             number = attempt.number if attempt.succeeded else min(attempt.number + 1, attempt.of)
             line.append(f"  attempt {number} of {attempt.of}", style="yellow")
         if change and change.feedback and path in self._leaves:
-            line.append(f"  {change.feedback}", style="dim")
+            line.append(f"  {_in_one_line(change.feedback)}", style="dim")
         return line
+
+
+def _in_one_line(text: str) -> str:
+    """A line for each node, whatever its name or feedback holds: else the running one would be pushed out of sight."""
+    return visible(" ".join(text.split()))
 
 
 def _window(lines: Sequence[Text], here: int, room: int) -> list[Text]:

@@ -78,10 +78,16 @@ def test_a_press_that_comes_again_is_carried_out_once_and_answered_each_time() -
 @pytest.mark.parametrize(("action", "patience"), [("safe_stop", SAFE_STOP_PATIENCE), ("resume", PATIENCE)])
 def test_what_was_pressed_too_long_ago_is_not_carried_out(action: str, patience: float) -> None:
     desk = StoppedControlLock()
-    for pressed in (now() - patience - 0.1, float("nan"), float("-inf")):
+    for pressed in (now() - patience - 0.1, float("nan"), float("-inf"), -(10**400)):
         with pytest.raises(TooLateError):
             run(Presses(desk).answer(press(action=action, pressed=pressed)))
     assert desk.stops == []
+
+
+def test_a_stop_is_carried_out_whatever_stands_for_its_time() -> None:
+    for odd in (10**400, True, "noon", None, [], now() + 60.0):
+        desk = StoppedControlLock()
+        assert run(Presses(desk).answer(press(action="safe_stop", pressed=odd)))["confirmed"] == "safe state"
 
 
 def test_a_safe_stop_that_hangs_in_a_driver_holds_up_nothing_else() -> None:

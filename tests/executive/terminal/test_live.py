@@ -8,6 +8,7 @@ import pytest
 from rich.console import Console
 
 from executive.running.events import NodeChanged, RunStarted
+from executive.terminal.filtered import visible
 from executive.terminal.live import LiveTree
 from executive.terminal.screen import Screen
 
@@ -17,15 +18,16 @@ NODES = (
 )
 
 
-def shown(running: int, width: int = 80, height: int = 24) -> list[str]:
-    """What a terminal shows while this leaf runs."""
+def shown(running: int, width: int = 80, height: int = 24, odd: str = "") -> list[str]:
+    """What a terminal shows while this leaf runs; `odd` stands in every name and in the feedback."""
+    nodes = tuple(node | {"name": f"{node['name']}{odd}"} for node in NODES)
     live = LiveTree(Screen(quiet=True))
     live.on_event(
-        RunStarted(0.0, 0, "r", "t", "t.yaml", "", "", "sim", "simulated", "", "", 0, {}, NODES, {}, 0.0, 0.02)
+        RunStarted(0.0, 0, "r", f"t{odd}", "t.yaml", "", "", "sim", "simulated", "", "", 0, {}, nodes, {}, 0.0, 0.02)
     )
     for number in range(running):
         live.on_event(NodeChanged(0.0, number, f"t/{number}", "SUCCESS", "", 1))
-    live.on_event(NodeChanged(1.0, running, f"t/{running}", "RUNNING", "on the way " * 20, 1))
+    live.on_event(NodeChanged(1.0, running, f"t/{running}", "RUNNING", f"on {odd} the way " * 20, 1))
     live._console = Screen()
     live._console.size = (width, height)  # type: ignore[assignment]
     text = live._text()
@@ -52,3 +54,12 @@ def test_what_is_left_out_is_counted() -> None:
 
 def test_a_tree_that_fits_is_shown_whole() -> None:
     assert len(shown(30, height=80)) == len(NODES) + 1
+
+
+@pytest.mark.parametrize("odd", ["\nsecond\n\nfourth", "\r\u202e\u200b\x1b[2J" * 9, "\t\u2028\x85\x0b🍎"])
+@pytest.mark.parametrize(("width", "height"), [(80, 24), (40, 10)])
+def test_names_and_feedback_take_one_line_each_whatever_they_hold(odd: str, width: int, height: int) -> None:
+    lines = shown(30, width, height, odd)
+    assert len(lines) <= height - 1
+    assert all(len(visible(line)) <= width for line in lines)
+    assert any("▶ a node with quite" in line for line in lines)
