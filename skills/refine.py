@@ -63,9 +63,9 @@ class Refine(Skill):
         earlier: Annotated[
             MeasuredFruit | None, Port(help="the same fruit, measured from another place: its looks are fused in")
         ] = None,
-        inlier_band: Annotated[Length, Port(min="0.5 mm", max="50 mm", help="depth within this agrees")] = LENGTH(
-            "4 mm"
-        ),
+        inlier_band: Annotated[
+            Length, Port(min="0.5 mm", max="50 mm", help="depth within this agrees; far away, within its noise")
+        ] = LENGTH("4 mm"),
         min_inliers: Annotated[Ratio, Port(min=0.0, max=1.0, help="least share of the depth that must agree")] = 0.25,
         smallest: Annotated[Ratio, Port(min=0.01, max=1.0, help="least accepted size relative to the CAD model")] = 0.4,
         largest: Annotated[

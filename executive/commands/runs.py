@@ -62,6 +62,10 @@ def add(subparsers: Any) -> None:
     frames.add_argument("run", help=RUN)
     frames.add_argument("folder", nargs="?", type=Path, help="default: RUN_frames here")
 
+    page = _command(commands, "page", _page, "one run with its tables and pictures as a page that can be sent")
+    page.add_argument("run", help=RUN)
+    page.add_argument("file", nargs="?", type=Path, metavar="FILE.html", help="default: RUN.html here")
+
     failures = _command(commands, "failures", _failures, "failed runs with pictures as one page that can be sent")
     failures.add_argument("file", type=Path, metavar="FILE.html", help="of the page; there must be none yet")
     failures.add_argument("words", nargs="*", help="only runs with all of these words, as in `runs list`")
@@ -225,7 +229,7 @@ def _frames(options: argparse.Namespace) -> int:
 
 
 def _failures(options: argparse.Namespace) -> int:
-    from executive.interop.failures import write_failures
+    from executive.interop.pages import write_failures
 
     options.failed = False
     chosen = [run for run in RunIndex(options.record).read() if run.state == "ended" and _wanted(run, options)]
@@ -233,6 +237,16 @@ def _failures(options: argparse.Namespace) -> int:
         raise UsageError(f"no run in {options.record} has all of these words: {' '.join(options.words)}")
     count = write_failures([options.record / run.run for run in chosen], options.file)
     Screen().print(f"{options.file}  {count} failures, {size(options.file.stat().st_size)}", soft_wrap=True)
+    return 0
+
+
+def _page(options: argparse.Namespace) -> int:
+    from executive.interop.pages import write_run
+
+    record = find_record(options.run, options.record)
+    file = options.file or Path(f"{_name(record)}.html")
+    write_run(record, file)
+    Screen().print(f"{file}  {size(file.stat().st_size)}", soft_wrap=True)
     return 0
 
 

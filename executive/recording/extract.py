@@ -8,6 +8,7 @@ The folder of images is one that a cell of recorded frames reads (trees/cells/fr
     fingers.csv, arm.csv, gripper.csv   one row a sample, one file a device
     series_grip.csv                     one row a sample of what was plotted
     paths.json                          lines in the base frame [m]: planned, approach, executed
+    table_measured.csv                  a table that was shown, as it was at the end
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ from executive.recording.read import read_events
 from executive.recording.scan import scan
 from executive.recording.well_known import SERIES_TOPIC, plain_name
 from executive.running.events import Event, Published
-from executive.views import ImageView, PosesView, SceneView
+from executive.views import ImageView, PosesView, SceneView, TableView
 
 
 def extract(record: Path, folder: Path) -> dict[str, str]:
@@ -64,6 +65,7 @@ class _Taken:
         self._images = 0
         self._paths: list[dict[str, Any]] = []
         self._traces: dict[str, list[list[float]]] = defaultdict(list)
+        self._tables: dict[str, TableView] = {}
 
     def take(self, event: Event) -> None:
         if not isinstance(event, Published):
@@ -76,6 +78,8 @@ class _Taken:
                 self._paths.append({**about, "points": line.points.tolist()})
         elif isinstance(event.value, PosesView):
             self._traces[event.topic].append([event.t, *np.asarray(event.value.trace).tolist()])
+        elif isinstance(event.value, TableView):
+            self._tables[event.topic] = event.value
 
     def _take_image(self, t: float, topic: str, view: ImageView) -> None:
         assert view.image is not None
@@ -115,6 +119,11 @@ class _Taken:
             _write_json(self._folder / "paths.json", self._paths)
             labels = ", ".join(dict.fromkeys(path["label"] for path in self._paths))
             written["paths.json"] = f"lines in the base frame: {labels}"
+        for topic, table in self._tables.items():
+            name = f"table_{plain_name(topic)}.csv"
+            with (self._folder / name).open("w", newline="", encoding="utf-8") as stream:
+                csv.writer(stream).writerows((table.columns, *table.rows))
+            written[name] = table.caption or f"{len(table.rows)} rows"
         return written
 
 

@@ -61,6 +61,7 @@ def measure(
         ],
         limits=limits,
         depth_noise=frame.depth_noise,
+        size_deviation=_size_deviation(detection),
         using=using,
     )
     turn = np.eye(6)
@@ -91,6 +92,12 @@ def outline(virtual_depth: DepthImage, box: ImageBox) -> Float64:
     longest = max(contours, key=len).reshape(-1, 2).astype(np.float64)
     shifted: Float64 = longest + np.array([box.left, box.top], dtype=np.float64)
     return shifted
+
+
+def _size_deviation(detection: Detection) -> float:
+    """Of the fruit's size in the picture, of that size: the CAD-sized model seems as large as it is near."""
+    p = detection.T_camera_object[:3, 3]
+    return float(np.sqrt(max(p @ detection.covariance[3:, 3:] @ p, 0.0)) / (p @ p))
 
 
 def _unrefined(detection: Detection, using: RendererName) -> MeasuredFruit:

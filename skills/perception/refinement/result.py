@@ -19,7 +19,7 @@ class Limits:
     """What is accepted as a measurement.
 
     Attributes:
-        inlier_band: half-width of the band in which depth agrees with the model [m].
+        inlier_band: half-width of the band in which depth agrees with the model [m], where the camera's noise is less.
         min_inliers: least share of the measured pixels that must agree.
         size: least and largest size relative to the model.
     """

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from html import unescape
 from pathlib import Path
 
+import numpy as np
 import pytest
 from recorded_events import REASON, SUCCEEDED, everything, pose, started, write
 
 from executive.cli import main
 from executive.recording.scan import scan
 from executive.running.events import NodeChanged, Published, RunEnded
-from executive.views import ImageView
+from executive.views import ImageView, Line2, TableView
 
 EVIL = "<script>alert('x')</script>"
 
@@ -62,3 +64,34 @@ def test_only_the_last_pictures_are_taken_and_a_file_that_is_there_is_left_alone
     assert page.read_bytes() == before
     assert main(["runs", "failures", str(tmp_path / "x.html"), "apple_1", "--record", str(runs)]) == 2
     assert "no run" in capsys.readouterr().err
+
+
+def test_a_run_becomes_a_page_with_its_tables_and_what_was_drawn_over_each_picture(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    runs = tmp_path / "runs"
+    image = np.full((40, 60, 3), 90, np.uint8)
+    square = np.array([[5.0, 5.0], [25.0, 5.0], [25.0, 25.0]])
+    first = ImageView(image, (Line2(square, "1", "refined", closed=True),), caption=EVIL)
+    second = ImageView(None, (*first.lines, Line2(square + 10.0, "2", "muted")), caption="a: 2 found")
+    table = TableView(("fruit", "not measured"), (("1", ""), ("2", EVIL)), "1 of 2 fruit measured")
+    views = (Published(0.1, 1, "a", "overlay", first), Published(0.2, 2, "a", "overlay", replace(second, image=image)))
+    end = RunEnded(1.0, 50, "success", None, 50, 1.0, 2.0, None)
+    write(runs / "one", (started(), *views, Published(0.3, 3, "a", "measured", table), end))
+    page = tmp_path / "one.html"
+    assert main(["runs", "page", "one", str(page), "--record", str(runs)]) == 0
+    text = page.read_text()
+    assert text.count("<img ") == 1  # the same picture, with what was drawn last
+    assert text.count("<path ") == 2
+    assert 'viewBox="0 0 60 40"' in text
+    assert "M5.0 5.0L25.0 5.0L25.0 25.0Z" in text
+    assert "1 of 2 fruit measured" in text
+    assert "<td>&lt;script&gt;" in text
+    assert "<script" not in text.lower()
+    before = page.read_bytes()
+    assert main(["runs", "page", "one", str(page), "--record", str(runs)]) == 2
+    assert page.read_bytes() == before
+    assert main(["runs", "frames", "one", str(tmp_path / "frames"), "--record", str(runs)]) == 0
+    assert (tmp_path / "frames" / "table_measured.csv").read_text().splitlines() == [
+        "fruit,not measured", "1,", f"2,{EVIL}",
+    ]  # fmt: skip

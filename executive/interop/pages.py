@@ -1,0 +1,172 @@
+"""What happened, as one page that can be sent to somebody: it needs nothing but a browser.
+
+Everything is in the file: what happened in sentences, the tables, and the looks as they were recorded, with what was
+drawn over them.
+"""
+
+from __future__ import annotations
+
+import base64
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from html import escape
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from executive.errors import UsageError
+from executive.palette import OVERLAY
+from executive.recording.digest import Digest, trusted
+from executive.recording.folder import EVENTS, events_file, is_being_written
+from executive.recording.image_size import size_of_image
+from executive.recording.json_text import parse_object
+from executive.recording.read import read_events
+from executive.recording.scan import scan
+from executive.recording.well_known import IMAGES
+from executive.running.events import Published
+from executive.terminal.explain import explain
+from executive.views import TableView
+
+LOOKS = 2
+"""The newest pictures of a failed run that are shown beside others."""
+MOST_PICTURES = 24
+"""Of one run, the newest."""
+
+_STYLE = """body{font:16px/1.5 system-ui,sans-serif;max-width:78rem;margin:2rem auto;padding:0 1rem;color:#222}
+section{border-top:1px solid #ccc;margin-top:2rem}code{background:#eee;padding:0 .3em}p.about,figcaption{color:#666}
+figure{position:relative;display:inline-block;width:48%;margin:0 1% 1rem 0}figure img{width:100%;display:block}
+figure svg{position:absolute;inset:0 0 auto 0;width:100%}svg path{fill:none;vector-effect:non-scaling-stroke;
+stroke-width:2px}table{border-collapse:collapse;display:block;overflow-x:auto}td,th{padding:.1em .8em;text-align:right;
+border-bottom:1px solid #ddd;white-space:nowrap}"""
+_HEAD = """<!doctype html>
+<html lang="en"><head><meta charset="utf-8"><title>{title}</title>
+<meta http-equiv="Content-Security-Policy" content="default-src 'none'; img-src data:; style-src 'unsafe-inline'">
+<style>{style}</style></head><body>"""
+
+
+@dataclass(frozen=True, slots=True)
+class _Look:
+    """A picture as it was recorded, and what was drawn over it last."""
+
+    topic: str
+    jpeg: str
+    view: dict[str, Any]
+
+
+def write_failures(records: Sequence[Path], file: Path) -> int:
+    """Write the page.
+
+    Args:
+        records: of any runs; those that failed are shown, in this order.
+        file: of the page; there must be none yet.
+
+    Returns:
+        how many failures it shows.
+
+    Raises:
+        UsageError: the file is there already or cannot be written, no run failed, or a record cannot be believed.
+    """
+    if file.exists():
+        raise UsageError(f"{file} is there already")
+    runs = [(record, trusted(record)) for record in records]
+    failed = [(record, run) for record, run in runs if run.state == "ended" and run.outcome not in (None, "success")]
+    if not failed:
+        raise UsageError(f"none of {len(runs)} runs failed")
+    codes = Counter(run.code or run.outcome or "" for _record, run in failed)
+    counted = ", ".join(f"<code>{escape(code)}</code> {count}" for code, count in codes.most_common())
+    sections = "".join(_section(record, run) for record, run in failed)
+    title = f"{len(failed)} failed of {len(runs)} runs"
+    _write(file, title, f"<h1>{title}</h1><p>{counted}</p>{sections}")
+    return len(failed)
+
+
+def write_run(record: Path, file: Path) -> None:
+    """Write the page of one run: how it ended and why, its tables, and every picture with what was drawn over it last.
+
+    Raises:
+        UsageError: the file is there already or cannot be written, or the record cannot be believed.
+    """
+    if file.exists():
+        raise UsageError(f"{file} is there already")
+    _write(file, f"Run {record.name}", _section(record, trusted(record), MOST_PICTURES, "".join(_tables(record))))
+
+
+def _write(file: Path, title: str, body: str) -> None:
+    try:
+        with file.open("x", encoding="utf-8", errors="replace") as stream:
+            stream.write(f"{_HEAD.format(title=escape(title), style=_STYLE)}{body}</body></html>\n")
+    except OSError as error:
+        raise UsageError(f"{file}: {error.strerror or error}") from error
+
+
+def _section(record: Path, run: Digest, most: int = LOOKS, tables: str = "") -> str:
+    began = datetime.fromtimestamp(run.wall_time).astimezone().isoformat(" ", "minutes")
+    settings = " ".join(f"{key}={value}" for key, value in run.settings.items())
+    about = f"{began} · {run.tree} on {run.cell} ({run.cell_kind}) · seed {run.seed} {settings}"
+    sentences = ""
+    if run.outcome != "success":
+        why = explain(read_events(record), is_being_written(events_file(record)), run.message or "nobody knows why")
+        sentences = "".join(f"<p>{escape(paragraph)}</p>" for paragraph in why)
+    pictures = "".join(_figure(look) for look in _looks(record, most))
+    title = f"{escape(run.run)} <code>{escape(run.code or run.outcome or 'not ended')}</code>"
+    return f'<section><h2>{title}</h2><p class="about">{escape(about)}</p>{sentences}{tables}{pictures}</section>'
+
+
+def _looks(record: Path, most: int) -> list[_Look]:
+    """The newest pictures, each with the newest drawing of its topic over it."""
+    looks: dict[tuple[str, str], _Look] = {}
+    waiting: dict[str, str] = {}
+    for topic, content in scan(events_file(record)):
+        if topic.startswith(IMAGES):
+            waiting[topic.removeprefix(IMAGES)] = str(parse_object(content).get("data", ""))
+        elif waiting and topic == EVENTS:
+            message = parse_object(content)
+            name = str(message.get("topic", ""))
+            if name in waiting and isinstance(message.get("value"), dict):
+                jpeg = waiting.pop(name)
+                looks.pop((name, jpeg), None)
+                looks[name, jpeg] = _Look(name, jpeg, message["value"])
+                if len(looks) > most:
+                    del looks[next(iter(looks))]
+    return list(looks.values())
+
+
+def _figure(look: _Look) -> str:
+    caption = str(look.view.get("caption", ""))
+    image = f'<img alt="{escape(look.topic)}" src="data:image/jpeg;base64,{escape(look.jpeg)}">'
+    return f"<figure>{image}{_drawing(look)}<figcaption>{escape(look.topic)}: {escape(caption)}</figcaption></figure>"
+
+
+def _drawing(look: _Look) -> str:
+    try:
+        width, height = size_of_image(base64.b64decode(look.jpeg))
+        paths = "".join(_path(line) for line in look.view.get("lines", ()))
+    except (ValueError, TypeError, KeyError, AttributeError):  # a foreign record: the picture alone
+        return ""
+    return f'<svg viewBox="0 0 {width} {height}">{paths}</svg>' if paths else ""
+
+
+def _path(line: dict[str, Any]) -> str:
+    points = np.asarray(line["points"], float).reshape(-1, 2)
+    if not len(points) or not np.isfinite(points).all():
+        return ""
+    colour = OVERLAY.get(str(line.get("style")), OVERLAY["muted"])
+    way = "M" + "L".join(f"{x:.1f} {y:.1f}" for x, y in points) + ("Z" if line.get("closed") else "")
+    x, y = points.mean(axis=0)
+    label = f'<text x="{x:.0f}" y="{y:.0f}" fill="{colour}">{escape(str(line.get("label", "")))}</text>'
+    return f'<path d="{way}" stroke="{colour}"/>{label}'
+
+
+def _tables(record: Path) -> list[str]:
+    newest = {
+        e.topic: e.value for e in read_events(record) if isinstance(e, Published) and isinstance(e.value, TableView)
+    }
+    tables = []
+    for view in newest.values():
+        head = "".join(f"<th>{escape(column)}</th>" for column in view.columns)
+        rows = "".join("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in view.rows)
+        tables.append(f"<h3>{escape(view.caption)}</h3><table><tr>{head}</tr>{rows}</table>")
+    return tables
