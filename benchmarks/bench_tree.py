@@ -1,20 +1,28 @@
 """What the executive's tree costs: a tick beside bare py_trees, the check of a large file, an editor's answers on it.
 
     python -m benchmarks.bench_tree            # all
-    python -m benchmarks.bench_tree --check    # the check and the editor only: two seconds
+    python -m benchmarks.bench_tree --check    # the check and the editor only: twenty seconds
 
 Both trees have the same shape and leaves that poll a generator; they are ticked in turns in one run, without recording.
-The file that is checked wires the shipped skills' ports, with modifiers, conditions and fallbacks. All times are of the
-processor; the least of some runs is printed beside the median, since others on the machine make every run slower.
+The file that is checked wires the shipped skills' ports, with modifiers, conditions and fallbacks. Times are of the
+processor, but for those over the streams of `pomona lsp`; the least of some runs is printed beside the median, since
+others on the machine make every run slower.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
+import os
+import platform
+import re
 import statistics
+import subprocess
+import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import py_trees
 from py_trees.behaviour import Behaviour
@@ -107,13 +115,13 @@ def wired_text(nodes: int) -> str:
     return "pomona: 1\ntree: long\nroot:\n  sequence:\n" + "".join(map(WIRED.format, range(nodes // 11)))
 
 
-def milliseconds(work: Callable[[], object], runs: int = 15) -> str:
-    """The least and the median processor time of some runs."""
+def milliseconds(work: Callable[[], object], runs: int = 15, clock: Callable[[], float] = time.process_time) -> str:
+    """The least and the median time of some runs, the processor's unless another clock is given."""
     times = []
     for _ in range(runs):
-        began = time.process_time()
+        began = clock()
         work()
-        times.append(1e3 * (time.process_time() - began))
+        times.append(1e3 * (clock() - began))
     return f"{min(times):.1f} ms (median {statistics.median(times):.1f})"
 
 
@@ -149,9 +157,91 @@ def main() -> None:
     """Print one line for each size."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--check", action="store_true", help="no ticks")
+    print(processor())
     if not parser.parse_args().check:
         print_ticks()
     print_check(1000)
+    print_editor(1000)
+
+
+class Editor:
+    """An editor that speaks with `pomona lsp` over its streams."""
+
+    def __init__(self) -> None:
+        words = [sys.executable, "-c", "from executive.cli import main; main(['lsp'])"]
+        self.server = subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+        self.asked = 0
+
+    def tell(self, method: str, params: dict[str, Any], **more: Any) -> None:
+        """Send a message."""
+        assert self.server.stdin is not None
+        body = json.dumps({"jsonrpc": "2.0", "method": method, "params": params, **more}).encode()
+        self.server.stdin.write(b"Content-Length: %d\r\n\r\n%s" % (len(body), body))
+        self.server.stdin.flush()
+
+    def hear(self, wanted: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:
+        """The next message that is wanted."""
+        assert self.server.stdout is not None
+        while True:
+            length = 0
+            while line := self.server.stdout.readline().strip():
+                if line.lower().startswith(b"content-length:"):
+                    length = int(line.split(b":")[1])
+            message: dict[str, Any] = json.loads(self.server.stdout.read(length))
+            if wanted(message):
+                return message
+
+    def ask(self, method: str, params: dict[str, Any]) -> dict[str, Any]:
+        """Ask, and wait for the answer."""
+        self.asked += 1
+        self.tell(method, params, id=self.asked)
+        return self.hear(lambda message: message.get("id") == self.asked)
+
+
+def print_editor(nodes: int) -> None:
+    """Print how long an editor waits on a file, from its question over the streams to the answer, by a clock."""
+    text = wired_text(nodes)
+    document, version = {"uri": "file:///long.yaml"}, 1
+    editor = Editor()
+    editor.ask("initialize", {"processId": None, "rootUri": None, "capabilities": {}})
+    editor.tell("initialized", {})
+    told = lambda message: message.get("method") == "textDocument/publishDiagnostics"  # noqa: E731
+    opened = {**document, "languageId": "yaml", "version": version, "text": text}
+    editor.tell("textDocument/didOpen", {"textDocument": opened})
+    assert editor.hear(told)["params"]["diagnostics"] == []
+    time.sleep(10)  # it imports the skills beside its first answers
+    lines = text.split("\n")
+    row = max(number for number, line in enumerate(lines) if "inlier_ratio" in line)
+    name, field = lines[row].index("apple_"), lines[row].index("inlier_ratio")
+
+    def key() -> None:
+        nonlocal version
+        version += 1
+        changed = text.replace("speed: 0.5", f"speed: 0.{5 + version % 2}", 1)
+        changes = {"textDocument": {**document, "version": version}, "contentChanges": [{"text": changed}]}
+        editor.tell("textDocument/didChange", changes)
+        editor.hear(told)
+
+    def at(method: str, column: int) -> Callable[[], object]:
+        asked = {"textDocument": document, "position": {"line": row, "character": column}}
+        return lambda: editor.ask(f"textDocument/{method}", asked)
+
+    for what, work in (
+        ("findings after a keystroke", key), ("completion of names", at("completion", name)),
+        ("completion of fields", at("completion", field)), ("hover", at("hover", field)),
+        ("definition", at("definition", name)),
+    ):  # fmt: skip
+        print(f"  pomona lsp, over its streams: {what} {milliseconds(work, clock=time.perf_counter)}")
+    editor.ask("shutdown", {})
+    editor.tell("exit", {})
+    editor.server.wait(10)
+
+
+def processor() -> str:
+    """What it is measured on."""
+    found = re.search(r"model name\s*: (.*)", Path("/proc/cpuinfo").read_text()) if sys.platform == "linux" else None
+    cores = len(os.sched_getaffinity(0)) if sys.platform == "linux" else os.cpu_count()
+    return f"{found[1] if found else platform.processor()}, {cores} cores, Python {platform.python_version()}"
 
 
 def print_ticks() -> None:

@@ -245,24 +245,24 @@ class _Checker:
                     stack.append((called, self.calls(called)))
         return order
 
+    def measure(self, node: TreeNode, sizes: Mapping[int, tuple[int, int]]) -> tuple[int, int]:
+        """How many nodes there are from a node on, and how deep; `sizes` are those of the subtrees that it calls."""
+        count = own = len(node.layers)
+        deepest = 0
+        below = [self.measure(child, sizes) for child in node.below()] if node.children or node.parts else []
+        if id(node) in self.called:
+            below.append(sizes[id(self.called[id(node)])])
+        for nodes, depth in below:
+            count += nodes
+            deepest = max(deepest, depth)
+        return count, own + deepest
+
     def size(self, order: Sequence[Definition]) -> bool:
         """Refuse a tree that is too large with its subtrees written out; whether it is not."""
         main = self.document.main.main
         sizes: dict[int, tuple[int, int]] = {}
-
-        def measure(node: TreeNode) -> tuple[int, int]:
-            count = own = len(node.layers)
-            deepest = 0
-            below = [measure(child) for child in node.below()] if node.children or node.parts else []
-            if id(node) in self.called:
-                below.append(sizes[id(self.called[id(node)])])
-            for nodes, depth in below:
-                count += nodes
-                deepest = max(deepest, depth)
-            return count, own + deepest
-
         for definition in order:
-            sizes[id(definition)] = measure(definition.root) if definition.root is not None else (0, 0)
+            sizes[id(definition)] = self.measure(definition.root, sizes) if definition.root is not None else (0, 0)
         if main is None or main.root is None:
             return True
         count, depth = sizes[id(main)]

@@ -107,6 +107,8 @@ class TreeService:
             findings, self.cell_file = judged.findings.sorted(), judged.cell or self.cell_file
             analysis = judged.analysis
         if document.main.main is not None and document.main.main.root is not None:
+            if self.analysis is not None:
+                self.analysis.document.discard()
             self.analysis = analysis
         return [finding for finding in findings if finding.path == str(self.path)]
 

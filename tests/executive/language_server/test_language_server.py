@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import asyncio
+import gc
 import json
 import re
 import shutil
 import subprocess
 import sys
 import time
+import weakref
 from pathlib import Path
 from typing import Any
 
@@ -247,6 +249,16 @@ root:
   Detect: {fruit: "{kind}", detection: "{found}"}
 """
 CALLER = TREE[: TREE.index("  look:\n")] + "  look: {file: look.yaml}\n"
+
+
+def test_what_was_known_of_an_older_text_is_let_go_without_a_search_for_garbage(service):
+    older = weakref.ref(service.analysis.document.main.source)
+    gc.disable()
+    try:
+        service.update(TREE + "# a comment\n")
+        assert older() is None
+    finally:
+        gc.enable()
 
 
 def test_a_real_editor_speaks_with_the_command(tmp_path):
