@@ -41,8 +41,9 @@ class Tabulate(Skill):
         label = frame.label or f"frame {frame.sequence}"
         outlines = self._outlines.setdefault(label, [])
         number = str(len(outlines) + 1)
+        sizes: tuple[str, ...]
         if why or measured is None:
-            centre, sizes = detection.keypoints[8], ("", "", "", "", "")
+            centre, sizes = detection.keypoints[8], ("",) * 5
             outlines.append(Line2(_hull(detection.keypoints[:8]), number, "muted", closed=True))
         else:
             self._measured += 1

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Literal
 
 import cv2
@@ -97,7 +98,8 @@ def outline(virtual_depth: DepthImage, box: ImageBox) -> Float64:
 def _size_deviation(detection: Detection) -> float:
     """Of the fruit's size in the picture, of that size: the CAD-sized model seems as large as it is near."""
     p = detection.T_camera_object[:3, 3]
-    return float(np.sqrt(max(p @ detection.covariance[3:, 3:] @ p, 0.0)) / (p @ p))
+    variance = float(p @ detection.covariance[3:, 3:] @ p)
+    return math.sqrt(max(variance, 0.0)) / float(p @ p)
 
 
 def _unrefined(detection: Detection, using: RendererName) -> MeasuredFruit:
