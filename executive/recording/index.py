@@ -17,6 +17,7 @@ from typing import Any
 from executive.recording.digest import STATES, Digest, digest
 from executive.recording.folder import EVENTS_FILE, is_being_written
 from executive.recording.json_text import parse
+from executive.recording.order import in_order
 
 INDEX_FILE = "index.sqlite"
 PATIENCE = 2.0
@@ -116,8 +117,9 @@ class RunIndex:
             marks = ", ".join("?" * (len(_COLUMNS) + 1))
             index.executemany(f"INSERT OR REPLACE INTO runs ({', '.join(_COLUMNS)}, stamp) VALUES ({marks})", rows)
             index.execute("COMMIT")
-        rows = index.execute(f"SELECT {', '.join(_COLUMNS)} FROM runs ORDER BY run DESC").fetchall()
-        return [entry for row in rows if (entry := self._entry(row)) is not None]
+        rows = index.execute(f"SELECT {', '.join(_COLUMNS)} FROM runs").fetchall()
+        runs = {self.root / entry.run: entry for row in rows if (entry := self._entry(row)) is not None}
+        return [runs[record] for record in reversed(in_order(runs, lambda record: record.name))]
 
     def _rows(self, run: str, stamp: int) -> Iterator[tuple[Any, ...]]:
         with contextlib.suppress(OSError):

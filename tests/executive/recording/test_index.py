@@ -37,6 +37,12 @@ def test_an_entry_holds_outcome_codes_durations_hashes_and_commit(runs: Path) ->
     assert oldest.truth == {"lifted": False}
 
 
+def test_a_clock_that_was_set_back_does_not_make_the_newest_run_an_old_one(tmp_path: Path) -> None:
+    for name in ("2026-01-05_first", "2026-01-02_second", "2025-12-31_third"):
+        write(tmp_path / name, SUCCEEDED)
+    assert [run.run[11:] for run in RunIndex(tmp_path).read()] == ["third", "second", "first"]
+
+
 def test_a_record_is_read_once_and_again_only_when_it_changed(runs: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     read: list[str] = []
     digest = index_module.digest
