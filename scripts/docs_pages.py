@@ -104,14 +104,26 @@ def listed(title: str, intro: str, pages: list[Path]) -> str:
     return f"# {title}\n\n{intro}\n\n" + "\n".join(lines) + "\n"
 
 
+DECISION = re.compile(r"^\*Decision (\d+) · (\d{4}-\d\d-\d\d) · ([^*\n]+)\*$", re.MULTILINE)
+
+
+def decisions(pages: list[Path]) -> str:
+    """The index of decisions: number, title, date and status, the newest first."""
+    rows = []
+    for page in pages:
+        number, date, status = DECISION.search(page.read_text("utf-8")).groups()  # type: ignore[union-attr]
+        link = f"[{title_of(page)}](../{page.relative_to(DOCS).as_posix()})"
+        rows.append((int(number), f"| {number} | {link} | {date} | {status} |"))
+    table = "\n".join(row for _number, row in sorted(rows, reverse=True))
+    intro = "What was tried, measured and chosen, and why."
+    return f"# Decisions\n\n{intro}\n\n| | decision | taken | status |\n|---|---|---|---|\n{table}\n"
+
+
 write("index.md", first_page())
 write("reference/commands.md", "# Commands\n\n" + "\n".join(commands(make_parser(command_names()))))
 write("reference/skills.md", "# Skills\n\n" + "\n".join(skill(one) for one in declared_skills().listing()))
 write("reference/modules.md", "# Modules\n\n" + "\n".join(f"::: {name}\n" for name in MODULES))
-write(
-    "reference/decisions.md",
-    listed("Decisions", "What was tried, measured and chosen, and why.", sorted((DOCS / "decisions").glob("*.md"))),
-)
+write("reference/decisions.md", decisions(sorted((DOCS / "decisions").glob("*.md"))))
 write(
     "reference/reports.md",
     listed(
