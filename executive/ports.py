@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import ItemsView, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
 from functools import cached_property
 from typing import Annotated, Any, dataclass_transform
@@ -125,6 +125,16 @@ class Port:
     max: Any = None
     choices: tuple[str, ...] = ()
     was: str = ""
+    _bounds: tuple[Any, Any] | None = field(default=None, init=False, repr=False, compare=False)
+
+    @property
+    def bounds(self) -> tuple[Any, Any]:
+        """`min` and `max` in SI, None where there is none; parsed once, for all values that are held against them."""
+        if self._bounds is None:
+            low, high = (None if limit is None else self.si(limit) for limit in (self.min, self.max))
+            object.__setattr__(self, "_bounds", (low, high))
+            return low, high
+        return self._bounds
 
     @property
     def required(self) -> bool:

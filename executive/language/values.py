@@ -184,16 +184,16 @@ def out_of_range(value: Any, port: Port) -> str:
         return f"must be one of {', '.join(port.choices)}, not '{value}'"
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         return ""
+    low, high = port.bounds
+    if low is not None and value < low - 1e-9 * max(1.0, abs(low)):
+        limit, bound, word, too = port.min, low, "least", "below"
+    elif high is not None and value > high + 1e-9 * max(1.0, abs(high)):
+        limit, bound, word, too = port.max, high, "most", "above"
+    else:
+        return ""
     quantity = port.type if isinstance(port.type, Quantity) else None
-    for limit, too, word in ((port.min, "below", "least"), (port.max, "above", "most")):
-        if limit is None:
-            continue
-        bound = port.si(limit)
-        slack = 1e-9 * max(1.0, abs(bound))
-        if (value < bound - slack) if too == "below" else (value > bound + slack):
-            allowed = limit if isinstance(limit, str) else _number(bound, quantity)
-            return f"is at {word} {allowed}, {_number(value, quantity)} is {too}"
-    return ""
+    allowed = limit if isinstance(limit, str) else _number(bound, quantity)
+    return f"is at {word} {allowed}, {_number(value, quantity)} is {too}"
 
 
 def _number(value: float, quantity: Quantity | None) -> str:
