@@ -36,6 +36,16 @@ def test_every_fruit_gets_a_row_and_its_frames_picture_an_outline():
         ("b", "1", "60", "90", "0.91", "93.0", "73.0"),
     ]
     assert table.caption == "3 of 3 fruit measured"
+    sizes = views["sizes"]
+    assert sizes.columns == (
+        *("frame", "found", "measured"),
+        *(f"{low}-{low + 5} mm" for low in range(60, 95, 5)),
+    )
+    assert sizes.rows == (
+        ("a", "2", "2", "1", "0", "0", "0", "0", "1", "0"),
+        ("b", "1", "1", "0", "0", "0", "0", "0", "0", "1"),
+        ("all", "3", "3", "1", "0", "0", "0", "0", "1", "1"),
+    )
     assert isinstance(picture, ImageView)
     assert [line.label for line in picture.lines] == ["1"]
     assert picture.caption == "b: 1 found"
@@ -61,4 +71,6 @@ def test_a_fruit_without_an_outline_is_told_all_the_same():
     outcome = drive(Tabulate(), {"detection": nowhere, "measured": replace(fruit, contour=np.empty((0, 2)))})
     table = dict(outcome.published)["measured"]
     assert table.rows[0][2:4] == ("nan", "nan")
-    assert dict(drive(Tabulate(), {"detection": nowhere}).published)["measured"].rows[0][2:4] == ("nan", "nan")
+    views = dict(drive(Tabulate(), {"detection": nowhere}).published)
+    assert views["measured"].rows[0][2:4] == ("nan", "nan")
+    assert views["sizes"].rows == (("a", "1", "0"), ("all", "1", "0"))
