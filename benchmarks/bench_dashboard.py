@@ -422,7 +422,7 @@ def main() -> int:
         browser = playwright.chromium.launch(executable_path=browser_path, args=FLAGS)
         for name, part in PARTS.items():
             if options.only in (None, name):
-                part(report, dashboard, browser, 6.0 if options.short else 30.0)
+                part(report, dashboard, browser, 6.0 if options.short else 20.0)
         browser.close()
         dashboard.close()
     Console().print(report.table)
