@@ -313,11 +313,9 @@ def bench_record(report: Figures, dashboard: Dashboard, browser: Any, _duration:
     page.goto(f"{dashboard.link}&run=half_hour")
     expect(page.locator("#connection")).to_have_text("recorded run", timeout=120_000)
     report.tell(f"a record of 30 minutes ({size:.0f} MB) opens", time.perf_counter() - began, "s", 2.0)
-    page.evaluate("location.hash = 'run=half_hour&t=900'")
     began = time.perf_counter()
-    with page.expect_response("**/messages?standing*") as answer:
-        pass
-    answer.value.finished()
+    with page.expect_event("requestfinished", lambda request: "standing&begin=8" in request.url, timeout=60_000):
+        page.evaluate("location.hash = 'run=half_hour&t=900'")
     report.note("everything around a moment is there after", f"{time.perf_counter() - began:.2f} s")
     page.wait_for_timeout(1000)
     expect(page.locator("#scene-legend")).to_contain_text("executed path")

@@ -211,7 +211,7 @@ $("show-keys").addEventListener("click", () => $("keys").showModal());
 $("running").addEventListener("click", () => tree.jumpToRunning());
 $("share").addEventListener("click", () => {
   const run = page.recorded ?? page.whole.run?.run ?? "";
-  const link = `${location.origin}/#run=${encodeURIComponent(run)}&t=${(page.at ?? page.whole.t).toFixed(2)}`;
+  const link = `${location.origin}${location.pathname}#run=${encodeURIComponent(run)}&t=${(page.at ?? page.whole.t).toFixed(2)}`;
   const told = `link to ${seconds(page.at ?? page.whole.t)} copied`;
   if (navigator.clipboard) navigator.clipboard.writeText(link).then(() => say(told), () => say(link)); else say(link);
 });

@@ -21,7 +21,7 @@ export const canAct = () => link.armed === true && !isStale();
 
 let receive = () => {};
 let pings = new Map();
-let number = 0;
+let number = 0, refused = 0;
 let retry = 250;
 
 export function connect(handler) {
@@ -40,7 +40,8 @@ export function connect(handler) {
 function lost(code) {
   if (code === 4408) page.stream = "";
   Object.assign(link, { socket: null, armed: null });
-  say(code === 4429 ? "too many watch already" : `connection lost; what you see is ${page.live.whole.run ? "old" : "nothing"}`, "bad");
+  const blocked = link.knownAt === null && (code === 1006 || !code) && (refused += 1) > 2; // the page came through, the stream does not
+  say(blocked ? "no live stream: does a proxy in between pass WebSockets?" : code === 4429 ? "too many watch already" : `connection lost; what you see is ${page.live.whole.run ? "old" : "nothing"}`, "bad");
   page.dirty = true;
   setTimeout(connect, retry);
   retry = Math.min(1500, retry * 2);
@@ -58,7 +59,7 @@ function take(message, size) {
     for (const key of pings.keys()) if (key <= message.ping) pings.delete(key);
     if (isStale()) page.dirty = true;
     Object.assign(link, { known: asked.at, knownAt: asked.wall, clock: message.now - performance.now() / 1000 });
-    if (!page.recorded && document.getElementById("connection").textContent.match(/^conn|^no answer/)) say("connected");
+    if (!page.recorded && document.getElementById("connection").textContent.match(/^conn|^no (answer|live)/)) say("connected");
   } else if (message.event === "Armed") { link.armed = message.armed; page.dirty = true; }
   else if (message.event === "Pressed") answered(message.press, message);
   else {

@@ -40,11 +40,14 @@ export function readAddress() {
 
 export function say(text, rank = "ok") { $("connection").textContent = text; $("connection").dataset.rank = rank; }
 
-export function read(path) { return fetch(path, { headers: page.token ? { "x-pomona-token": page.token } : {} }); }
+// Where the page's own server is: behind a proxy that may be below a path.
+const here = (path) => new URL(path.replace(/^\//, ""), location.href.split("#")[0]);
+
+export function read(path) { return fetch(here(path), { headers: page.token ? { "x-pomona-token": page.token } : {} }); }
 
 // For what the browser opens by itself, a download, the stream: such addresses are kept and shared, so what acts is not in them.
 export function withToken(address) {
-  const url = new URL(address, location.href);
+  const url = here(address);
   if (page.reading) url.searchParams.set("token", page.reading);
   return url;
 }
@@ -54,7 +57,7 @@ export const me = () => ({ viewer: page.viewer, who: $("who").value.trim() || "o
 // An answer, or the reason why there is none: { error, status }. It does not wait for ever.
 export async function post(path, body, deadline = 5000) {
   try {
-    const answer = await fetch(path, { method: "POST", signal: AbortSignal.timeout(deadline), headers: { "content-type": "application/json", "x-pomona-token": page.token }, body: JSON.stringify({ ...body, ...me() }) });
+    const answer = await fetch(here(path), { method: "POST", signal: AbortSignal.timeout(deadline), headers: { "content-type": "application/json", "x-pomona-token": page.token }, body: JSON.stringify({ ...body, ...me() }) });
     return { ...await answer.json(), status: answer.status };
   } catch { return { error: "the run cannot be reached", status: 0 }; }
 }
