@@ -9,7 +9,7 @@ from pathlib import Path
 
 from executive.errors import UsageError
 from executive.values.findings import did_you_mean
-from executive.values.plain_text import read_plain_text
+from executive.values.plain_text import exists, is_file, read_plain_text
 
 
 def installed_trees() -> Path:
@@ -81,12 +81,12 @@ def _sort_of(path: Path) -> str:
 
 def _find(name: str, kind: str, folder: Path) -> Path:
     given = Path(name)
-    if given.is_file():
+    if is_file(given):
         return given
-    if given.exists():
+    if exists(given):
         raise UsageError(f"{name}:1:1: a {kind} stands in a regular file, this is {_sort_of(given)}")
     installed = folder / f"{name.removesuffix('.yaml')}.yaml"
-    if given.name == name and installed.is_file():
+    if given.name == name and is_file(installed):
         return installed
     known = sorted(path.stem for path in folder.glob("*.yaml"))
     hint = did_you_mean(given.stem, known) if given.name == name else ""

@@ -21,6 +21,7 @@ from executive.running.cell_files import CellFile, cell_files
 from executive.values.documents import read_value_file
 from executive.values.findings import Findings, did_you_mean, few_hints, format_findings
 from executive.values.kinds import Schema
+from executive.values.plain_text import is_file
 from executive.values.reading import Refused
 from executive.values.scoring import Score
 from executive.values.sections import Placed
@@ -172,7 +173,7 @@ class _Planner:
         """A tree or cell: beside the campaign file, by path, or by name from those installed."""
         name = default if written is None else written.text
         beside = self.path.parent / name
-        if beside.is_file():
+        if is_file(beside):
             return beside
         try:
             return find(name)

@@ -41,6 +41,7 @@ from executive.ports import TIME
 from executive.registry import Registry
 from executive.values.findings import Finding, Findings, Source, few_hints
 from executive.values.kinds import AsWritten, Kind, ListOf, Measure, Schema, Text, Whole
+from executive.values.plain_text import is_file
 from executive.values.reading import Reader, Refused
 from executive.values.sections import Placed, Section, declared, value
 from executive.values.shape import shape_of
@@ -180,7 +181,7 @@ def _tree(root: YamlMapping, path: Path, tree_folders: Sequence[Path], findings:
     if not isinstance(written, YamlScalar) or written.is_null:
         return None
     for base in (path.parent, *tree_folders):
-        if (base / written.text).is_file():
+        if is_file(base / written.text):
             return read_file(base / written.text, tree_folders=tree_folders)
     findings.error(written, "file", f"there is no tree '{written.text}' beside the scenario")
     return None

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from executive.values.findings import Finding, Findings, Source, did_you_mean
-from executive.values.plain_text import read_plain_text
+from executive.values.plain_text import is_file, read_plain_text
 from executive.values.reading import Reader, Refused
 from executive.values.shape import shape_of
 from executive.values.yaml_nodes import YamlMapping, YamlNode, YamlScalar, read_yaml
@@ -159,10 +159,10 @@ class _Opener:
 
     def _target(self, folder: Path, file: str) -> Path:
         beside = folder / file
-        if self.shipped is None or str(beside) in self.texts or beside.is_file():
+        if self.shipped is None or str(beside) in self.texts or is_file(beside):
             return beside
         shipped = self.shipped / file
-        return shipped if str(shipped) in self.texts or shipped.is_file() else beside
+        return shipped if str(shipped) in self.texts or is_file(shipped) else beside
 
     def _block(self, root: YamlMapping, path: str, at: YamlScalar) -> dict[str, tuple[YamlScalar, YamlNode]]:
         """The entries of a mapping inside a file, by its keys: `devices/camera`; of the whole file without any."""

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 from executive.values.findings import did_you_mean
+from executive.values.plain_text import exists
 from executive.values.reading import Reader, Refused, Unfit
 from executive.values.shape import shape_of
 from executive.values.units import Quantity
@@ -304,7 +305,7 @@ class PathTo(ScalarKind[Path]):
         except (OSError, RuntimeError, ValueError):
             path, there = given, False
         if not there:
-            words = f"{reader.title}: {path} does not exist" if not _exists(path) else f"{path} is no {self.what}"
+            words = f"{reader.title}: {path} does not exist" if not exists(path) else f"{path} is no {self.what}"
             raise reader.refuse(reader.filled(node), words, self.hint, "file")
         return path.resolve()
 
@@ -454,10 +455,3 @@ def _bounds(low: float, high: float) -> Schema:
 def _slack(bound: float) -> float:
     """Rounding of a unit's factor."""
     return 1e-9 * abs(bound) if math.isfinite(bound) else 0.0
-
-
-def _exists(path: Path) -> bool:
-    try:
-        return path.exists()
-    except (OSError, ValueError):
-        return False

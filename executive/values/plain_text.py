@@ -24,3 +24,19 @@ def read_plain_text(path: Path, most: int = MOST_BYTES) -> str:
         if path.stat().st_size > most:
             raise OSError(errno.EFBIG, f"Larger than {most // 1024} KiB")
         return stream.read(most)
+
+
+def is_file(path: Path) -> bool:
+    """Whether there is such a file, or a link to one; no file has a name that no path may have, or a longer one."""
+    try:
+        return path.is_file()
+    except (OSError, ValueError, RuntimeError):
+        return False
+
+
+def exists(path: Path) -> bool:
+    """Whether anything has this path, as above."""
+    try:
+        return path.exists()
+    except (OSError, ValueError, RuntimeError):
+        return False

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from executive.values.documents import read_value_file
 from executive.values.findings import Finding, Findings
 from executive.values.kinds import Measure, Number, PathTo, Row, Schema, Text
+from executive.values.plain_text import is_file
 from executive.values.reading import Refused
 from executive.values.sections import Problem, Section, value
 from executive.values.units import LENGTH, Array
@@ -127,11 +128,11 @@ def load_fruit(name_or_path: str | Path, catalogue: Path = CATALOGUE) -> FruitMo
         BadFruitFile: fruit.yaml or its mesh cannot be used; everything that is wrong, with places.
     """
     folder = catalogue / name_or_path
-    if not (folder / "fruit.yaml").is_file():
+    if not is_file(folder / "fruit.yaml"):
         folder = Path(name_or_path)
         folder = folder.parent if folder.name == "fruit.yaml" else folder
     file = folder / "fruit.yaml"
-    if not file.is_file():
+    if not is_file(file):
         raise UnknownFruit(str(name_or_path), known_fruits(catalogue))
     findings = Findings()
     said = judge_fruit(file, findings)
@@ -220,4 +221,4 @@ def _find_weights(folder: Path, name: str | None) -> Path | None:
     """A weights file beside fruit.yaml, else among the shipped ones."""
     if name is None:
         return None
-    return next((path for path in (folder / name, SHIPPED_WEIGHTS / name) if path.is_file()), None)
+    return next((path for path in (folder / name, SHIPPED_WEIGHTS / name) if is_file(path)), None)

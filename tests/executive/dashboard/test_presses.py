@@ -87,6 +87,7 @@ def test_what_was_pressed_too_long_ago_is_not_carried_out(action: str, patience:
 def test_a_stop_is_carried_out_whatever_stands_for_its_time() -> None:
     for odd in (10**400, True, "noon", None, [], now() + 60.0):
         desk = StoppedControlLock()
+        desk.go.set()
         assert run(Presses(desk).answer(press(action="safe_stop", pressed=odd)))["confirmed"] == "safe state"
 
 

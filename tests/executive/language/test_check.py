@@ -400,13 +400,17 @@ def test_a_finding_reads_like_a_compilers(findings_of):
     )
 
 
-def test_a_file_of_a_thousand_nodes_is_checked_within_a_second(findings_of):
+def test_a_file_of_a_thousand_nodes_takes_its_share_of_time_and_not_the_square_of_it(findings_of):
     node = '{fallback: [{MoveTo: {pose: a}, retry: 2}, {MoveTo: {pose: b}, when: "failure.code == NO_PATH"}]}'
-    body = "root:\n  sequence:\n" + f"    - {node}\n" * 334
-    findings_of("root: {MoveTo: {pose: a}}")  # what is imported at the first use is no part of it
-    began = time.process_time()
-    assert findings_of(body) == []
-    assert time.process_time() - began < 1.0
+
+    def took(nodes: int) -> float:
+        body = "root:\n  sequence:\n" + f"    - {node}\n" * (nodes // 3)
+        began = time.process_time()
+        assert findings_of(body) == []
+        return time.process_time() - began
+
+    took(100)  # what is imported at the first use is no part of it
+    assert took(1000) < 40.0 * min(took(100) for _ in range(3))
 
 
 def test_what_was_meant_is_looked_for_while_few_words_are_wrong(findings_of, monkeypatch):

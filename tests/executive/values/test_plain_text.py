@@ -46,3 +46,32 @@ def test_a_link_to_a_file_is_read(tmp_path: Path) -> None:
     (tmp_path / "there.yaml").write_text("a: 1\r\n")
     (tmp_path / "here.yaml").symlink_to("there.yaml")
     assert read_text(tmp_path / "here.yaml") == "a: 1\n"
+
+
+LONG = "x" * 300
+FILES = {
+    "cell.yaml": f"name: lab\nworkspace: {{include: {LONG}.yaml}}\n",
+    "scenario.yaml": f"pomona: 1\nscenario: x\ntree: {LONG}.yaml\ncases: []\n",
+    "campaign.yaml": f"campaign: x\ntree: {LONG}\ncell: {LONG}\n",
+}
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        *(["check", "pick_apple", "--cell", "cell.yaml"], ["test", "scenario.yaml"], ["campaign", "campaign.yaml"]),
+        *(["check", LONG], ["run", LONG], ["check", "pick_apple", "--cell", LONG], ["explain", LONG]),
+        *(["check", "pick_apple", "--set", f"fruit={LONG}"], ["runs", "page", LONG], ["fmt", LONG]),
+    ],
+    ids=lambda command: "_".join(word[:12] for word in command),
+)
+def test_a_longer_name_than_a_file_can_have_is_a_file_that_is_not_there(
+    command: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for name, text in FILES.items():
+        Path(name).write_text(text)
+    assert main(command) == 2
+    said = capsys.readouterr()
+    assert "Traceback" not in said.out + said.err
+    assert said.out + said.err
