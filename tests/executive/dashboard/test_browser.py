@@ -74,16 +74,18 @@ def take_control(page: Any, name: str) -> None:
     expect(page.locator("#holder")).to_have_text("You hold control.")
 
 
-def painted(page: Any) -> int:
-    """How many pixels of the scene are not empty."""
-    count: int = page.evaluate(
-        "() => { const seen = document.getElementById('scene');"
+def wait_until_painted(page: Any, least: int) -> None:
+    """Until more pixels of the scene than these are not empty: it is shown when it is ready."""
+    page.wait_for_function(
+        "(least) => { const seen = document.getElementById('scene');"
         " const c = Object.assign(document.createElement('canvas'), { width: seen.width, height: seen.height });"
         " const g = c.getContext('2d'); g.drawImage(seen, 0, 0);"
         " const { data } = g.getImageData(0, 0, c.width, c.height);"
-        " return data.filter((v, i) => i % 4 === 3 && v).length }"
+        " return data.filter((v, i) => i % 4 === 3 && v).length > least }",
+        arg=least,
+        polling=100,
+        timeout=10_000,
     )
-    return count
 
 
 def test_a_run_is_watched_from_start_to_end(show: Show, open_page: Open) -> None:
@@ -100,7 +102,7 @@ def test_a_run_is_watched_from_start_to_end(show: Show, open_page: Open) -> None
     expect(page.locator("#plots .plot")).to_have_count(2)
     expect(page.locator("#scene-legend")).to_contain_text("planned path")
     expect(page.locator("#scene-legend")).to_contain_text("executed path")
-    assert painted(page) > 500  # the robot's triangle, the floor, the paths
+    wait_until_painted(page, 500)  # the robot's triangle, the floor, the paths
     row(page, "Look").click()
     expect(page.locator("#node .wires")).to_contain_text(re.compile(r"seen.*an apple · .* ago"))
     expect(page.locator("#node .history")).to_contain_text("✓ success")
