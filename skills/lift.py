@@ -39,8 +39,12 @@ LOWERING, SETTING_DOWN = 0.1, 0.03
 NEAR = 0.015
 """Height above where it stood below which a fruit may touch down [m]: it may have slid down in the fingers."""
 
-CONTACT = 0.35
-"""Change of load that says the fruit is carried again [N]: Release's."""
+CONTACT, CARRIED = 0.35, 0.1
+"""Change of load that says the fruit is carried again [N], Release's, and at least this share of the load: what a heavy
+fruit resists by being heavy is 3 % of it with the acceleration below."""
+
+GENTLE = 0.3
+"""Acceleration of the arm near to where the fruit stood [m/s²]."""
 
 BACK = 1e-3
 """A fruit that is lower than this above where it stood is back [m]."""
@@ -191,29 +195,38 @@ class Lift(MovingSkill):
         line = straight_line(robot, q, T_base_start)
         if way < BACK or not line.complete:
             return way < BACK
-        with Touch(self.device(ForceSensor), load) as touch:
 
-            def watch() -> None:
-                if hold is not None:
-                    show_grip(self, hold)
-                    require_truth(hold)
-                height = robot.tcp(arm.state().q)[2, 3] - T_base_start[2, 3]
-                if height < NEAR and touch.change > CONTACT:
+        def watch() -> None:
+            if hold is not None:
+                show_grip(self, hold)
+                require_truth(hold)
+            if not self._held(hold):
+                raise self._not_held("LOST", LOST_PUT_BACK, hold)
+
+        steps = len(line.q) - 1
+        split = steps - min(math.ceil(NEAR / way * steps), steps)
+        split = 0 if min(split, steps - split) < 3 else split
+        if split:
+            curve = time_curve(
+                line.q[: split + 1], split / steps * way, arm.limits, LOWERING, acceleration, acceleration / JERK_TIME
+            )
+            yield from self.travel(curve, watch)
+        # Only from here on, at rest: what changes while the arm speeds up is the fruit's own inertia.
+        with Touch(self.device(ForceSensor), load) as touch:
+            weight = touch.at_first()
+            curve = time_curve(
+                line.q[split:], (steps - split) / steps * way, arm.limits, SETTING_DOWN, GENTLE, GENTLE / JERK_TIME
+            )
+
+            def feel() -> None:
+                if touch.change > max(CONTACT, CARRIED * weight):  # asked first, as in Release
                     take_over(self.device(Gripper))
                     raise _Grounded
-                if not self._held(hold):
-                    raise self._not_held("LOST", LOST_PUT_BACK, hold)
-
-            steps = len(line.q) - 1
-            split = steps - min(math.ceil(NEAR / way * steps), steps)
-            split = 0 if min(split, steps - split) < 3 else split
-            parts = ((line.q[: split + 1], LOWERING), (line.q[split:], SETTING_DOWN))
-            try:
-                for q_line, speed in parts if split else parts[1:]:
-                    length = (len(q_line) - 1) / steps * way
-                    curve = time_curve(q_line, length, arm.limits, speed, acceleration, acceleration / JERK_TIME)
-                    yield from self.travel(curve, watch)
                 watch()
+
+            try:
+                yield from self.travel(curve, feel)
+                feel()
             except _Grounded:
                 yield from self.wait(RESTING)
                 if max(pressing_forces(self.device(ForceSensor))) <= HELD_FORCE:

@@ -270,8 +270,31 @@ def test_what_slid_down_in_the_fingers_is_not_pressed_into_the_table():
     outcome = fruit.lift(each_tick=slide)
     assert outcome.reason.code == "TOO_HEAVY"
     assert "put back where it stood" in outcome.reason.message
-    assert 0.002 < fruit.risen < 0.004
+    assert 0.001 < fruit.risen < 0.004
     assert max(pressed) < pressed[0] + 0.5
+
+
+def test_what_a_fruit_resists_while_the_arm_speeds_up_is_no_table():
+    fruit = Standing(weight=2.0)
+    feel, highest, down = fruit.scene.fingers.feel, 0.0, False
+
+    def slips_up_there(now: float) -> np.ndarray:
+        """Too much hangs on it from 40 mm on; lowered, it weighs 0.6 N less until the arm goes steadily."""
+        wrenches = feel(now)
+        wrenches[:, 0] += 20.0 if not down and fruit.risen > 0.04 else 0.0
+        wrenches[:, 0] -= 0.3 if down and fruit.risen > 0.02 else 0.0
+        return wrenches
+
+    def look(_tick: int) -> None:
+        nonlocal highest, down
+        highest = max(highest, fruit.risen)
+        down = down or highest - fruit.risen > 5e-4
+
+    fruit.scene.fingers.feel = slips_up_there
+    outcome = fruit.lift(each_tick=look)
+    assert highest > 0.04
+    assert "put back where it stood" in outcome.reason.message
+    assert fruit.risen < 2e-3
 
 
 def test_where_there_is_no_way_back_it_says_that_the_fruit_is_still_up(monkeypatch: pytest.MonkeyPatch):
