@@ -118,6 +118,8 @@ def refine(
 
 def _distance(depth: DepthImage, intrinsics: Intrinsics, p_camera: Float64) -> Float64:
     """Depth where the fruit is seen, shape () [m]: measured, since a small fruit is nearer than its model seems."""
+    if p_camera[2] <= 0.0:  # behind the camera: rendering says so
+        return np.zeros(())
     column, row = intrinsics.K[:2] @ p_camera / p_camera[2]
     top, left = (max(round(float(at)) - _AROUND_CENTRE, 0) for at in (row, column))
     around = depth[top : top + 2 * _AROUND_CENTRE, left : left + 2 * _AROUND_CENTRE]

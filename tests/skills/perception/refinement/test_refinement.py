@@ -258,12 +258,14 @@ def test_depth_of_something_else_is_refused_by_every_method(scene, apple, method
 
 def test_wrong_poses_are_refused(scene, apple):
     s = scene((89, 81, 89), 60, 0)
-    behind, aside, sheared = (s.T_camera_detected.copy() for _ in range(3))
+    behind, beside, aside, sheared = (s.T_camera_detected.copy() for _ in range(4))
     behind[2, 3] *= -1.0
+    beside[2, 3] = 0.0
     aside[0, 3] = 5.0
     sheared[0, 1] += 0.1
     for T, error in (
         (behind, RenderFailed),
+        (beside, RenderFailed),
         (aside, RenderFailed),
         (sheared, BadPose),
         (np.full((4, 4), np.nan), BadPose),
