@@ -90,7 +90,7 @@ def test_a_viewer_that_hangs_costs_the_tick_nothing_and_what_it_missed_is_said(
     begin = time.perf_counter()
     for k in range(3 * MOST):
         live.on_event(NodeChanged(0.1, k, "a", "RUNNING", "", 1))
-    assert time.perf_counter() - begin < 1.0
+    assert time.perf_counter() - begin < 30.0  # one that waited would wait for ever
     assert live.dropped >= 2 * MOST - 10
     hung.set()
     with caplog.at_level(logging.WARNING):

@@ -144,7 +144,7 @@ def test_a_run_whose_supervisor_is_gone_ends_in_the_safe_state() -> None:
 
 
 def test_a_supervisor_that_is_stopped_is_noticed_and_one_that_answers_is_not() -> None:
-    supervisor = Supervisor({"wheel": ("os:getpid", [])}, 0.3)
+    supervisor = Supervisor({"wheel": ("os:getpid", [])}, 0.5)
 
     def beat_until(end: float) -> str:
         while time.monotonic() < end and supervisor.state() == "ok":
@@ -155,7 +155,7 @@ def test_a_supervisor_that_is_stopped_is_noticed_and_one_that_answers_is_not() -
     assert beat_until(time.monotonic() + 0.4) == "ok"
     os.kill(supervisor._process.pid, signal.SIGSTOP)
     stopped = time.monotonic()
-    assert beat_until(stopped + 10.0).startswith("the supervisor process has not answered for 0.")
+    assert beat_until(stopped + 10.0).startswith("the supervisor process has not answered for ")
     os.kill(supervisor._process.pid, signal.SIGCONT)
     supervisor.close()
 

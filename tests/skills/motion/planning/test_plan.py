@@ -1,5 +1,4 @@
 import pickle
-import time
 from dataclasses import replace
 from typing import Any
 
@@ -89,11 +88,10 @@ def test_no_goal_in_reach_is_found_before_anything_is_planned():
 
 def test_goals_in_collision_fail_at_once():
     space = DiscWorld(np.array([[1.5, -0.5, 0.8], [0.8, -1.5, 0.2]]))
-    began = time.perf_counter()
     failed = failure(request(space, budget=5.0))
     assert failed.code == "GOAL_IN_COLLISION"
     assert failed.data["goals"] == 3
-    assert time.perf_counter() - began < 1.0
+    assert space.asked <= 20  # no tree was grown
 
 
 def test_a_closed_wall_uses_up_the_budget():
