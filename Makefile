@@ -104,6 +104,9 @@ screens: $(STAMP) ## every state and every failure code at four sizes, measured 
 	mkdir -p runs/screens
 	SCREENS=runs/screens $(BIN)/python -m pytest -p no:xdist tests/executive/dashboard/test_reason.py tests/executive/dashboard/test_states.py
 
+figures: $(STAMP) ## the figures of docs/method.md, from what the code computes
+	$(BIN)/python scripts/figures.py
+
 bench-devices: $(STAMP) ## streams and round trips of the device drivers on emulated devices
 	$(BIN)/python -m benchmarks.bench_devices
 
