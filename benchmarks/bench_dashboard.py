@@ -309,10 +309,10 @@ def bench_record(report: Figures, dashboard: Dashboard, browser: Any, _duration:
     half_hour_record(folder)
     size = (folder / "run.mcap").stat().st_size / 1e6
     page = browser.new_page(viewport={"width": 1440, "height": 900})
-    began = time.perf_counter()
-    page.goto(f"{dashboard.link}&run=half_hour")
-    expect(page.locator("#connection")).to_have_text("recorded run", timeout=120_000)
-    report.tell(f"a record of 30 minutes ({size:.0f} MB) opens", time.perf_counter() - began, "s", 2.0)
+    wait_for_rest(browser)
+    began = time.time()
+    page.goto(f"{dashboard.link}&run=half_hour", wait_until="domcontentloaded")
+    report.tell(f"a record of 30 minutes ({size:.0f} MB) opens", page.evaluate(DRAWN) - began, "s", 2.0)
     began = time.perf_counter()
     with page.expect_event("requestfinished", lambda request: "standing&begin=8" in request.url, timeout=60_000):
         page.evaluate("location.hash = 'run=half_hour&t=900'")
@@ -338,11 +338,29 @@ def bench_record(report: Figures, dashboard: Dashboard, browser: Any, _duration:
     page.close()
 
 
+def wait_for_rest(browser: Any) -> None:
+    """Wait until the browser has done what is its own: each new window is 1 s of processor time for its own pages."""
+    client, before, spent = browser.new_browser_cdp_session(), -1.0, 0.0
+    while spent - before > 0.05:
+        time.sleep(0.5)
+        before, spent = spent, sum(of["cpuTime"] for of in client.send("SystemInfo.getProcessInfo")["processInfo"])
+    client.detach()
+
+
 def main_thread(client: Any) -> dict[str, float]:
     """Seconds of processor time that the page's own thread has taken, by what for; other processes add none."""
     metrics = client.send("Performance.getMetrics")["metrics"]
     return {metric["name"]: metric["value"] for metric in metrics}
 
+
+DRAWN = """() => new Promise((done) => { const words = document.getElementById("connection"), painted = new MessageChannel();
+    painted.port1.onmessage = () => done(Date.now() / 1000);
+    const seen = () => { if (words.textContent !== "recorded run") return;
+      watch.disconnect(); requestAnimationFrame(() => painted.port2.postMessage(0)); };
+    const watch = new MutationObserver(seen);
+    watch.observe(words, {subtree: true, childList: true, characterData: true});
+    seen(); })"""  # noqa: E501
+"""When a record stands there, drawn: asked in the page, since whoever asks from outside asks once a second."""
 
 CURVES = """async () => { const { PlotsView } = await import("/static/pictures.js"), { update } = PlotsView.prototype;
     PlotsView.prototype.update = function (...of) { update.apply(this, of);

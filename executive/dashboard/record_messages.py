@@ -26,7 +26,7 @@ from executive.recording.container import HEAD, MESSAGE, MESSAGE_HEAD
 from executive.recording.decode import ForeignRecordError, event_from
 from executive.recording.folder import EVENTS, EVENTS_FILE
 from executive.recording.image_size import size_of_jpeg
-from executive.recording.json_text import is_strict, parse_object
+from executive.recording.json_text import is_deep, parse_object
 from executive.recording.overview import (
     FREQUENT,
     MOST_BYTES,
@@ -200,13 +200,13 @@ def _message(path: Path, line: Line, images: str) -> bytes:
 
 def _is_message(content: bytes) -> bool:
     """Whether an event can go out as it stands: one of the frequent kinds, in one line of JSON that a browser reads."""
-    if FREQUENT.match(content) is None or b"\n" in content or not is_strict(content):
+    if FREQUENT.match(content) is None or b'"reason":{' in content or b"\n" in content or is_deep(content):
         return False
     try:
-        orjson.loads(content)
+        orjson.loads(content)  # it takes neither NaN nor what else a browser does not
     except ValueError:
         return False
-    return b'"reason":{' not in content
+    return True
 
 
 def _overview(folder: Path, images: str) -> Iterator[bytes]:

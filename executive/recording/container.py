@@ -14,12 +14,12 @@ import re
 import struct
 import zlib
 from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import BinaryIO
+from typing import BinaryIO, NamedTuple
 
 import zstandard
 
 from executive.errors import PomonaError
+from executive.recording.checksum import crc_of_end
 
 MAGIC = b"\x89MCAP0\r\n"
 HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX = 0x01, 0x02, 0x03, 0x04, 0x05, 0x06, 0x07
@@ -62,8 +62,7 @@ class CutError(PomonaError):
         super().__init__(f"the file ends within the piece that begins at byte {at}")
 
 
-@dataclass(frozen=True, slots=True)
-class TopLevelRecord:
+class TopLevelRecord(NamedTuple):
     """One top-level record of the file.
 
     Attributes:
@@ -75,7 +74,7 @@ class TopLevelRecord:
         compressed: a chunk whose messages do not stand in the file as they are.
         stamp: the newest time in a chunk [ns].
         oldest: the oldest one.
-    """
+    """  # a plain tuple, since a record has 10 000 of them
 
     opcode: int
     at: int
@@ -144,20 +143,25 @@ class Pieces:
             raise CutError(self.at)
         if length > MOST_BYTES:
             raise DamagedError(self.at, f"a piece of {length} bytes: at most {MOST_BYTES} are read")
+        if opcode == CHUNK:
+            return self._chunk(length, end)
         content = self._read(length)
         if opcode == HEADER:
             self._strict = content.endswith(LIBRARY.encode())
-        if opcode == CHUNK:
-            return self._chunk(content, end)
         if opcode == DATA_END:
             return self._data_end(content, end, before)
         if opcode == MESSAGE_INDEX and (length < 6 or length != 6 + int.from_bytes(content[2:6], "little")):
             raise DamagedError(self.at, "an index of messages has a wrong length")
         return TopLevelRecord(opcode, self.at, content, end, checked=opcode != MESSAGE)
 
-    def _chunk(self, content: bytes, end: int) -> TopLevelRecord:
+    def _chunk(self, length: int, end: int) -> TopLevelRecord:
+        content = self._taken(length)
         records, crc, compression = _unpacked(content, self.at)
-        if (crc or self._strict) and zlib.crc32(records) != crc:
+        begin = len(content) - len(records)  # of what two checksums cover, read once for both
+        before = self._crc if compression else zlib.crc32(content[:begin], self._crc)
+        self._crc = zlib.crc32(content if compression else records, before)
+        found = zlib.crc32(records) if compression else crc_of_end(before, self._crc, len(records))
+        if (crc or self._strict) and found != crc:
             raise DamagedError(self.at, "a chunk does not match its checksum")
         oldest, newest = int.from_bytes(content[:8], "little"), int.from_bytes(content[8:16], "little")
         return TopLevelRecord(CHUNK, self.at, records, end, crc != 0, bool(compression), newest, oldest)
@@ -183,10 +187,14 @@ class Pieces:
             raise DamagedError(self.at, "an attachment does not match its checksum")
 
     def _read(self, length: int) -> bytes:
+        content = self._taken(length)
+        self._crc = zlib.crc32(content, self._crc)
+        return content
+
+    def _taken(self, length: int) -> bytes:
         content = self._stream.read(length)
         if len(content) < length:
             raise CutError(self.at)
-        self._crc = zlib.crc32(content, self._crc)
         return content
 
     # ---------------------------------------------------------------------------------------- behind the data

@@ -60,11 +60,6 @@ def is_deep(content: bytes) -> bool:
     return bool(np.cumsum(steps, dtype=np.int64).max(initial=0) > MOST_DEPTH)
 
 
-def is_strict(content: bytes) -> bool:
-    """Whether a text can be handed on as it is: it is not deep and holds no NaN. (Whether it is JSON is not asked.)"""
-    return not (b"NaN" in content or b"Infinity" in content or is_deep(content))
-
-
 def _whole(digits: str) -> int | float | None:
     """A whole number; one of more digits than any counter has is read as a float, in linear time."""
     return int(digits) if len(digits) <= 20 else _finite(digits)

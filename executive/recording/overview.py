@@ -37,6 +37,9 @@ MOST_BYTES = 64_000_000
 FREQUENT = re.compile(
     rb'\{"event":"(NodeChanged|Published|PortWritten|Computed)",[^{]*?"(?:path|topic|key|node)":"((?:[^"\\]|\\.)*)"'
 )
+_CHANGES = (b'{"event":"NodeChanged",', b'{"event":"Computed",')
+"""How those begin that never stand."""
+
 _STATUS = re.compile(rb'"status":"(\w+)"')
 _STARTS = re.compile(rb'"starts":(\d+)')
 _T = re.compile(rb'"t":([-+0-9.eE]+)')
@@ -154,7 +157,7 @@ class Standing(NamedTuple):
 
 def standing(seq: int, content: bytes) -> Standing | None:
     """What an event of an overview says of how things stand, or None: it is of another kind."""
-    found = FREQUENT.match(content)
+    found = None if content.startswith(_CHANGES) else FREQUENT.match(content)
     if found is None:
         return None
     kind, key = found.groups()

@@ -33,6 +33,7 @@ const beginning = () => (page.base ? structuredClone(page.base) : emptyState());
 const momentState = () => (page.at === null ? page.whole : momentOf(page.feed, page.at));
 
 function momentOf(feed, at, cursor = "shown", wanted = () => true) {
+  if (feed !== page.live && at >= feed.whole.t && !feed.overview?.detail) return feed.whole; // its end, as it was read
   if (feed[cursor].at > at || !feed[cursor].state.run) feed[cursor] = { ...newCursor(), ...(feed.base ? { state: structuredClone(feed.base) } : {}) };
   const here = feed[cursor];
   for (; here.index < feed.messages.length && (feed.messages[here.index].t ?? 0) <= at + 1e-9; here.index++) if (wanted(feed.messages[here.index])) apply(here.state, feed.messages[here.index]);
