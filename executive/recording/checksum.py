@@ -1,6 +1,6 @@
 """CRC-32 of a part, from the checksums before and behind it: a byte that two checksums cover is read once.
 
-CRC-32 is linear: crc(a + b) = shifted(crc(a), len(b)) ^ crc(b), with what so many zeros make of a checksum. zlib calls it
+CRC-32 is linear: crc(a + b) = shifted(crc(a), len(b)) ^ crc(b), shifted by what so many zeros do. zlib calls it
 crc32_combine (https://zlib.net/manual.html), which Python does not hand on.
 """
 

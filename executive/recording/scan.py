@@ -380,7 +380,7 @@ def _examined(path: Path, stream: BinaryIO) -> Verdict:
             compressed |= piece.compressed
             stamp = max(stamp, piece.stamp)
             table.take(piece)
-            if piece.opcode in (CHANNEL, MESSAGE):  # what a chunk holds is looked at when it is read: its checksum is right
+            if piece.opcode in (CHANNEL, MESSAGE):  # what a chunk holds is looked at when it is read
                 for found in messages_of(piece, topics):
                     stamp = max(stamp, found.stamp)
             if piece.opcode == ATTACHMENT:
