@@ -1,6 +1,6 @@
 """docs/tutorials: every tutorial runs as it is written, in an empty folder.
 
-A fence `yaml title="file"` writes a file, the lines of `bash` are typed (`exit=2`: they end so), and those of `text`
+A fence with a `title="file"` writes a file, the lines of `bash` are typed (`exit=2`: they end so), and those of `text`
 are, in this order, within what the commands before them printed.
 """
 
@@ -23,7 +23,11 @@ FENCE = re.compile(r"^```(\w+)(?: ([^\n]*))?\n(.*?)^```$", re.MULTILINE | re.DOT
 @pytest.mark.parametrize("tutorial", TUTORIALS, ids=lambda page: page.stem)
 def test_a_tutorial_runs_as_it_is_written(tutorial: Path, tmp_path: Path) -> None:
     text, printed, typed = tutorial.read_text("utf-8"), "", 0
-    environment = os.environ | {"PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}", "COLUMNS": "200"}
+    here = str(tmp_path / "site-packages")  # what a tutorial installs stays in its folder
+    environment = os.environ | {
+        "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}", "COLUMNS": "200", "PYTHONPATH": here,
+        "PIP_TARGET": here, "PIP_NO_DEPS": "1", "PIP_NO_BUILD_ISOLATION": "0", "PIP_DISABLE_PIP_VERSION_CHECK": "1",
+    }  # fmt: skip
     for fence in FENCE.finditer(text):
         language, options, body = fence[1], dict(re.findall(r'(\w+)="?([^" ]+)"?', fence[2] or "")), fence[3]
         line = f"{tutorial.name}:{text.count(chr(10), 0, fence.start()) + 1}"
