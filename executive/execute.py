@@ -67,6 +67,7 @@ class RunOrder:
         settings: parameters of the tree, and options of the cell for what the tree does not declare.
         real_time: pace a simulated cell to the wall's clock.
         record: folder of records, or None for no record.
+        past: folder of records in which the last run on this cell is looked for; None: `record`.
         dry: replace every skill by a mock and the cell by nothing.
         mocks: a file that says how the mocks behave; without one they all succeed at once.
         texts: contents of files, by their path, that are not to be read from the disk.
@@ -82,6 +83,7 @@ class RunOrder:
     settings: Mapping[str, str] = field(default_factory=dict)
     real_time: bool = False
     record: Path | None = None
+    past: Path | None = None
     dry: bool = False
     mocks: Path | None = None
     texts: Mapping[str, str] = field(default_factory=dict)
@@ -136,38 +138,75 @@ def execute(
     """
     starting = starting or Starting()
     starting.reach("reading the tree")
-    registry = Registry.installed()
-    document = read_document(order.tree, order.texts)
+    followers = _Followers(listeners, readers, on_ready, on_latched, starting)
+    if order.dry:
+        return _run_dry(order, followers)
+    ready = _read(order, starting)
+    if ready.cell.record_required and order.record is None:
+        raise UsageError(f"{ready.cell.name}: its file says `record: required`, and this run would leave none")
+    # Nobody else may begin between the look at what the last run has left and the run itself.
+    with alone_on(order.cell, ready.cell.kind, ready.cell.wires()):
+        if order.tree.resolve() != _recovery():
+            _after_cut(order, followers)
+        return _run_on_cell(ready, followers)
+
+
+@dataclass(frozen=True, slots=True)
+class _Followers:
+    """Who is told of a run; see `execute`."""
+
+    listeners: Sequence[Listener]
+    readers: Sequence[Reader]
+    on_ready: Callable[[Runner], None]
+    on_latched: Callable[[Runner], None]
+    starting: Starting
+
+
+@dataclass(frozen=True, slots=True)
+class _Ready:
+    """An order whose files are read, and in which nothing is wrong."""
+
+    order: RunOrder
+    registry: Registry
+    document: Document
+    settings: Mapping[str, str]
+    cell: CellFile
+
+
+def _read(order: RunOrder, starting: Starting) -> _Ready:
+    registry, document = Registry.installed(), read_document(order.tree, order.texts)
     settings = {
         key: value
         for key, value in order.settings.items()
         if not (order.recover and key in RECOVERY_SETTINGS and key not in document.main.parameters)
     }
-    tree_settings, cell_settings = split_settings(document, settings)
-    if order.dry:
-        refuse_errors(document, registry, tree_settings, None)
-        if cell_settings:
-            raise UsageError(f"the tree has no parameter {', '.join(sorted(cell_settings))}, and a dry run has no cell")
-        mocks = _read_mocks(order.mocks, order.texts, document, registry)
-        with RunSignals() as signals, run_in_progress():
-            nothing = DryCell()
-            work = _Work(
-                order, registry, document, tree_settings, nothing, mocks, signals, RunSupervision(nothing), starting
-            )
-            return _run(work, listeners, readers, on_ready, on_latched)
     judged = judge(document, registry, settings, order.cell, order.texts)
     judged.refuse_errors()
     assert judged.cell is not None
     starting.cell_kind = judged.cell.kind
-    if judged.cell.record_required and order.record is None:
-        raise UsageError(f"{judged.cell.name}: its file says `record: required`, and this run would leave none")
-    if order.record is not None and not order.cleared and order.tree.resolve() != _recovery():
-        _after_cut(order, listeners, readers, on_ready, starting)
+    return _Ready(order, registry, document, split_settings(document, settings)[0], judged.cell)
+
+
+def _run_dry(order: RunOrder, followers: _Followers) -> Executed:
+    registry, document = Registry.installed(), read_document(order.tree, order.texts)
+    settings, cell_settings = split_settings(document, order.settings)
+    refuse_errors(document, registry, settings, None)
+    if cell_settings:
+        raise UsageError(f"the tree has no parameter {', '.join(sorted(cell_settings))}, and a dry run has no cell")
+    mocks = _read_mocks(order.mocks, order.texts, document, registry)
+    with RunSignals() as signals, run_in_progress():
+        nothing = DryCell()
+        work = _Work(order, registry, document, settings, nothing, mocks, signals, RunSupervision(nothing))
+        return _run(work, followers)
+
+
+def _run_on_cell(ready: _Ready, followers: _Followers) -> Executed:
+    """Connect the cell, which no other run has, and run."""
+    order, file, starting = ready.order, ready.cell, followers.starting
     with RunSignals() as signals, run_in_progress(), contextlib.ExitStack() as stack:
         starting.refuse_cancelled()
         starting.reach("connecting the cell")
-        stack.enter_context(alone_on(order.cell, judged.cell.kind, judged.cell.wires()))
-        cell = connect_cell(judged.cell, order.seed)
+        cell = connect_cell(file, order.seed)
         supervision = RunSupervision(cell)
         stack.callback(supervision.close)  # last of all: until the cell is closed something could still move
         stack.callback(cell.close)
@@ -175,9 +214,9 @@ def execute(
         stack.callback(signals.wait)  # whatever ends the run, the cell is closed without being disturbed
         _refuse_full_hand(order, cell)
         work = _Work(
-            order, registry, document, tree_settings, cell, None, signals, supervision, starting, judged.cell.files
+            order, ready.registry, ready.document, ready.settings, cell, None, signals, supervision, file.files
         )
-        return _run(work, listeners, readers, on_ready, on_latched)
+        return _run(work, followers)
 
 
 def _recovery() -> Path:
@@ -203,21 +242,15 @@ def _refuse_full_hand(order: RunOrder, cell: Cell) -> None:
         raise UsageError(f"{cell.name}: {hand} before the run has begun.\n{what} {WHAT_TO_DO}")
 
 
-def _after_cut(
-    order: RunOrder,
-    listeners: Sequence[Listener],
-    readers: Sequence[Reader],
-    on_ready: Callable[[Runner], None],
-    starting: Starting,
-) -> None:
+def _after_cut(order: RunOrder, followers: _Followers) -> None:
     """When the last run on this cell was cut: recover if that is wanted, else refuse a cell that may hold something.
 
     Raises:
         UsageError: it may, or the recovery did not succeed; nothing else has moved.
         KeyboardInterrupt: somebody wanted the process to end meanwhile.
     """
-    assert order.record is not None
-    cut = unfinished(order.record, order.cell)
+    starting, past = followers.starting, order.past or order.record
+    cut = unfinished(past, order.cell) if past is not None and not order.cleared else None
     if cut is None and not order.recover:
         return
     words = cut.sentence if cut else "nothing says that the last run on this cell was cut"
@@ -226,7 +259,7 @@ def _after_cut(
         logger.warning("%s: recovering first", words)
         settings = {key: value for key, value in order.settings.items() if key in RECOVERY_SETTINGS}
         recovery = replace(order, tree=_recovery(), settings=settings, breaks=())
-        recovered = execute(recovery, listeners, on_ready=on_ready, starting=starting, readers=readers)
+        recovered = _run_on_cell(_read(recovery, starting), replace(followers, on_latched=lambda _runner: None))
         if recovered.result.outcome != "success":
             raise UsageError(f"{recovered.summary.sentence()}. Nothing else was run.")
         if recovered.signal is not None:  # it came while the recovery's record and cell were closed
@@ -249,7 +282,6 @@ class _Work:
     mocks: Mocks | None
     signals: RunSignals
     supervision: RunSupervision
-    starting: Starting
     cell_texts: Mapping[str, str] = field(default_factory=dict)
 
     def build(self, context: RunContext, board: Board) -> BuiltTree:
@@ -258,15 +290,9 @@ class _Work:
         )
 
 
-def _run(
-    work: _Work,
-    listeners: Sequence[Listener],
-    readers: Sequence[Reader],
-    on_ready: Callable[[Runner], None],
-    on_latched: Callable[[Runner], None],
-) -> Executed:
-    order, cell, signals = work.order, work.cell, work.signals
-    events, summary, session = EventStream(), Summary(), RecordingSession(order.record, cell, readers)
+def _run(work: _Work, followers: _Followers) -> Executed:
+    order, cell, signals, starting = work.order, work.cell, work.signals, followers.starting
+    events, summary, session = EventStream(), Summary(), RecordingSession(order.record, cell, followers.readers)
     supervision = work.supervision
     runner = Runner(
         work.build,
@@ -280,24 +306,24 @@ def _run(
         heartbeat=supervision.beat,
     )
     _set_breakpoints(runner, order.breaks)
-    for listener in (summary.on_event, *listeners):
+    for listener in (summary.on_event, *followers.listeners):
         events.subscribe(listener)
     problem = ""
     try:
-        work.starting.attach(runner)
-        _prepare(runner, work.starting)
+        starting.attach(runner)
+        _prepare(runner, starting)
         with signals.ask(runner):
             session.begin(runner, events)
             supervision.begin(runner, session.folder)
             events.emit(_started(work, runner, session.folder))
-            on_ready(runner)
-            work.starting.begin()
+            followers.on_ready(runner)
+            starting.begin()
             result = runner.run()
         supervision.rest()
         session.draw(f"{runner.tree.name}: {result.outcome}, seed {order.seed}")
         if runner.latched is not None:
             with signals.raise_again():
-                on_latched(runner)
+                followers.on_latched(runner)
     finally:
         leave_if_forked()
         signals.wait()

@@ -119,6 +119,7 @@ def main(options: argparse.Namespace) -> int:
         settings=parse_settings(options.set),
         real_time=options.pace == "real",
         record=None if options.no_record else options.record,
+        past=options.record,
         dry=options.dry is not None,
         mocks=Path(options.dry) if options.dry else None,
         recover=options.recover,

@@ -247,6 +247,23 @@ def test_recovery_that_is_asked_for_runs_even_when_no_run_was_cut(
     assert sum("_recover" in path.name for path in order.record.iterdir()) == 1
 
 
+@pytest.mark.parametrize("also", [{"record": None}, {"cleared": True}])
+def test_recovery_that_is_asked_for_runs_whatever_else_is_said(
+    order: RunOrder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, also: dict[str, Any]
+) -> None:
+    monkeypatch.setattr("executive.execute.installed_trees", lambda: tmp_path)
+    (tmp_path / "recover.yaml").write_text(TREE.replace("tree: t", "tree: recover"))
+    begun: list[str] = []
+    execute(replace(order, recover=True, **also), on_ready=lambda runner: begun.append(runner.tree.name))
+    assert begun == ["recover", "t"]
+
+
+def test_a_run_without_a_record_is_refused_after_a_cut_one_like_any_other(order: RunOrder) -> None:
+    leave(order, "real", HELD)
+    with pytest.raises(UsageError, match="while Lift was running"):
+        execute(replace(order, record=None, past=order.record))
+
+
 def test_a_cell_that_somebody_has_looked_after_goes_on(order: RunOrder) -> None:
     leave(order, "real", HELD)
     assert execute(replace(order, cleared=True)).result.outcome == "success"

@@ -5,12 +5,14 @@ from __future__ import annotations
 import signal
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from drivers.cell_file import read_cell_file
 from executive.execute import RunOrder, execute
+from executive.recording.session import RecordingSession
 from executive.running.one_run import CellInUseError, alone_on
 
 TREE = "pomona: 1\ntree: t\nroot:\n  wait: 20 ms\n"
@@ -40,6 +42,26 @@ def test_a_second_run_on_a_real_cell_is_refused_until_the_first_is_over(order: R
         execute(order)
     assert execute(order).result.outcome == "success"
     assert execute(order).result.outcome == "success"
+
+
+def test_nobody_else_can_begin_between_the_look_for_a_cut_run_and_the_end_of_the_one_that_follows(
+    order: RunOrder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    looks: list[str] = []
+
+    def try_it(when: str) -> None:
+        with pytest.raises(CellInUseError), alone_on(order.cell, "real"):
+            pass
+        looks.append(when)
+
+    close = RecordingSession.close
+    monkeypatch.setattr("executive.execute.installed_trees", lambda: tmp_path)
+    monkeypatch.setattr("executive.execute.unfinished", lambda *_: try_it("looking"))
+    monkeypatch.setattr(RecordingSession, "close", lambda session: (close(session), try_it("a run has ended"))[0])
+    (tmp_path / "recover.yaml").write_text(TREE.replace("tree: t", "tree: recover"))
+    executed = execute(replace(order, record=tmp_path / "runs", recover=True))
+    assert executed.result.outcome == "success"
+    assert looks == ["looking", "a run has ended", "a run has ended"]
 
 
 def test_a_copy_of_the_cell_file_leads_to_the_same_devices(tmp_path: Path) -> None:
