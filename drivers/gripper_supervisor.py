@@ -95,7 +95,9 @@ class GripperSupervisor:
         self._due, self._speed = math.inf, 0.0
         self._least, self._most, self._told_at = math.inf, -math.inf, now
         self._free_until = now + COASTING
-        self._way = (-math.inf, math.inf) if self._last is None else self._reach(self._last.width, self._last.width)
+        seen = self._last is not None and now - self._last.stamp <= self._supervision.lag
+        # Who was held up does not know where they are now, and what comes next may have been said long ago.
+        self._way = self._reach(self._last.width, self._last.width) if self._last and seen else (-math.inf, math.inf)
         self.rest_by = max(self.rest_by, self._free_until)
 
     def look(self, now: float, state: GripperState) -> str:

@@ -58,14 +58,17 @@ class CellWatch:
         """
         for device, state in self._cell.links().items():
             self._note(device, state)  # before a lost one ends the run: who looks must know that it does not answer
-        self._cell.check()
-        if self._cell.latched is not None:
-            raise SafeStopRequestedError(self._cell.latched)
+        wanting = ""
         for name, (ask, required) in self._others.items():
             state = ask()
             self._note(name, state)
             if required and state != "ok":
-                raise SafeStopRequestedError(state)
+                wanting = wanting or state
+        if wanting:  # told before what the devices miss: a run that stood still has heard of none of them meanwhile
+            raise SafeStopRequestedError(wanting)
+        self._cell.check()
+        if self._cell.latched is not None:
+            raise SafeStopRequestedError(self._cell.latched)
         hand = self._cell.in_hand()
         if hand is not None and hand != self._hand:
             self._hand = hand

@@ -477,6 +477,22 @@ def test_a_paused_move_is_not_overdue(wire: Wire) -> None:
     gripper.check()
 
 
+@pytest.mark.parametrize("held_up", [0.1, 0.25, 2.0])
+def test_a_move_that_goes_on_and_ends_while_this_computer_stands_still_is_no_fault_of_the_gripper(
+    wire: Wire, held_up: float
+) -> None:
+    gripper = connected(wire)
+    motion = gripper.move(0.077, 0.05)
+    serve(gripper, wire, 0.05)
+    for _ in range(round(1e3 * held_up)):  # the gripper lives on, and nobody listens
+        wire.clock.advance(0.001)
+        wire.device.advance(wire.clock.now())
+    serve(gripper, wire, 0.3)
+    gripper.check()
+    assert motion.state is MotionState.DONE, motion.problem
+    assert gripper.settled()
+
+
 @pytest.mark.parametrize("command", [Command.WIDTH, Command.SPEED, Command.SYSTEM_STATE])
 def test_an_update_that_ceases_to_come_is_told(wire: Wire, command: Command) -> None:
     gripper = connected(wire)

@@ -185,16 +185,21 @@ class Supervised(FakeCell):
 @pytest.mark.parametrize(
     ("stands_still", "lasts", "outcome"), [(0.3, "1 s", "success"), (0.6, "1 s", "stopped"), (3600.0, "2 h", "stopped")]
 )
-def test_a_run_that_stood_still_does_not_go_on_by_itself(
+def test_a_run_that_stood_still_does_not_go_on_by_itself_and_says_so_before_what_its_devices_missed_meanwhile(
     monkeypatch: pytest.MonkeyPatch, stands_still: float, lasts: str, outcome: str
 ) -> None:
+    def stand_still(_runner: object, cell: FakeCell) -> None:
+        cell.clock.advance(stands_still)
+        if outcome == "stopped":  # found by the next look
+            monkeypatch.setattr(cell, "check", lambda: pytest.fail("camera: no image"))
+
     monkeypatch.setattr("executive.running.supervisor.Supervisor", lambda *_: SimpleNamespace(
         beat=lambda: None, rest=lambda: None, close=lambda: None, state=lambda: "ok"
     ))  # fmt: skip
     runner, cell, _events = make(
         "pomona: 1\ntree: t\nroot: {Turn: {duration: " + lasts + "}}",
         Registry({"Turn": Turn}),
-        {5: lambda _runner, cell: cell.clock.advance(stands_still)},
+        {5: stand_still},
     )
     cell.__class__ = Supervised
     monkeypatch.setattr(type(cell.clock), "simulated", False)
