@@ -84,7 +84,7 @@ def wait_until_painted(page: Any, least: int) -> None:
         " return data.filter((v, i) => i % 4 === 3 && v).length > least }",
         arg=least,
         polling=100,
-        timeout=10_000,
+        timeout=60_000,
     )
 
 
@@ -260,7 +260,7 @@ def test_a_device_that_falls_silent_is_seen_in_the_banner(
     monkeypatch.setattr(FakeCell, "last_seen", lambda _cell: {"wheel": 0.0})  # since the run began, nothing
     page = open_page()
     show.run(HOLD)
-    expect(page.locator("#links .link.old")).to_have_text(re.compile(r"wheel [2-9]\.\d s"), timeout=10_000)
+    expect(page.locator("#links .link.old")).to_have_text(re.compile(r"wheel ([2-9]|\d\d)\.\d s"))
 
 
 def test_keys_that_come_faster_than_frames_all_count(show: Show, open_page: Open) -> None:
@@ -412,12 +412,13 @@ def test_a_connection_that_comes_back_goes_on_where_it_was(show: Show, open_page
     page.reload()
     show.run(HOLD)
     expect(row(page, "Hold").locator(".icon")).to_have_attribute("aria-label", "running")
-    sockets[0].close(code=4000)
+    before = len(sockets)
+    sockets[-1].close(code=4000)
     expect(page.locator("#connection")).to_contain_text("connection lost")
     GATE.set()
     expect(page.locator("#state")).to_have_text("✓ success")
     expect(row(page, "Rest").locator(".icon")).to_have_attribute("aria-label", "success")
-    first, second = (re.search(r"since=(\d+)&stream=(\w*)", socket.url) for socket in sockets)
+    first, second = (re.search(r"since=(\d+)&stream=(\w*)", sockets[at].url) for at in (0, before))
     assert first is not None
     assert second is not None
     assert int(first[1]) == 0

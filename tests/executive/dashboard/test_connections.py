@@ -6,7 +6,6 @@ import contextlib
 import http.client
 import json
 import socket
-import time
 from typing import Any
 
 import pytest
@@ -16,36 +15,39 @@ from websockets.sync.client import connect
 from executive.dashboard import connections, server
 from executive.errors import UsageError
 
+LONG = 60.0
+"""Seconds that a busy machine may take; whoever is kept out waits longer."""
+
 HALF = b"POST /api/act HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Type: application/json\r\nContent-Length: 9\r\n\r\n{"
 """A request without the rest of its body, which the page that sends it never sends."""
 
 
-def act(show: Show, action: str) -> tuple[int, float]:
-    """The status of an answer, and how long it took [s]."""
-    began = time.perf_counter()
-    line = http.client.HTTPConnection("127.0.0.1", show.dashboard.access.port, timeout=5.0)
+def act(show: Show, action: str) -> int:
+    """The status of an answer."""
+    line = http.client.HTTPConnection("127.0.0.1", show.dashboard.access.port, timeout=LONG)
     headers = {"content-type": "application/json", "x-pomona-token": show.dashboard.access.token}
     line.request("POST", "/api/act", json.dumps({"action": action, "who": "ada", "viewer": "v"}), headers)
     status = line.getresponse().status
     line.close()
-    return status, time.perf_counter() - began
+    return status
 
 
-def test_260_idle_and_slow_connections_do_not_keep_a_safe_stop_out(show: Show) -> None:
+def test_260_idle_and_slow_connections_do_not_keep_a_safe_stop_out(
+    show: Show, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(connections, "REQUEST_DEADLINE", 100.0 * LONG)  # none goes by itself
     port = show.dashboard.access.port
     hostile = []
     for number in range(260):
-        hostile.append(socket.create_connection(("127.0.0.1", port), 5.0))
+        hostile.append(socket.create_connection(("127.0.0.1", port), LONG))
         if number % 3:
             hostile[-1].send(
                 b"POST /api/act HTTP/1.1\r\nHost: 127.0.0.1:1\r\n" + b"Content-Length: 9\r\n\r\n" * (number % 2)
             )
-    status, took = act(show, "safe_stop")
-    assert status == 200
-    assert took < 2.0  # a busy machine; the figure is the benchmark's
+    assert act(show, "safe_stop") == 200  # how soon is the benchmark's figure
     with connect(f"ws://127.0.0.1:{port}/live") as live:
         live.send('{"ping": 1}')
-        while '"Pong"' not in str(live.recv(5.0)):
+        while '"Pong"' not in str(live.recv(LONG)):
             pass
     for one in hostile:
         one.close()
@@ -54,7 +56,7 @@ def test_260_idle_and_slow_connections_do_not_keep_a_safe_stop_out(show: Show) -
 def test_nothing_that_is_said_waits_for_more_to_say(show: Show) -> None:
     """With Nagle's algorithm every press was answered 40 ms later."""
     with connect(f"ws://127.0.0.1:{show.dashboard.access.port}/live") as live:
-        live.recv(5.0)
+        live.recv(LONG)
         assert show.dashboard._server is not None
         lines: list[Any] = list(show.dashboard._server.server_state.connections)
         delays = [line.transport.get_extra_info("socket") for line in lines]
@@ -68,7 +70,7 @@ def test_strangers_that_fill_the_stream_do_not_keep_an_operator_out(
     monkeypatch.setattr(server, "MOST_VIEWERS", 2)
     address = f"ws://127.0.0.1:{show.dashboard.access.port}/live"
     with connect(address), connect(address), connect(f"{address}?token={show.dashboard.access.reading}") as operator:
-        assert '"Hello"' in str(operator.recv(5.0))
+        assert '"Hello"' in str(operator.recv(LONG))
 
 
 @pytest.mark.parametrize("said", [b"", b"GET / HT", HALF])
@@ -77,9 +79,9 @@ def test_a_request_that_does_not_come_is_not_waited_for(
 ) -> None:
     monkeypatch.setattr(connections, "REQUEST_DEADLINE", 0.05)
     monkeypatch.setattr(server, "BODY_DEADLINE", 30.0)
-    with socket.create_connection(("127.0.0.1", show.dashboard.access.port), 5.0) as slow:
-        slow.send(said.replace(b"Host", b"X-Pomona-Token: %b\r\nHost" % show.dashboard.access.token.encode()))
-        with contextlib.suppress(ConnectionResetError):
+    with socket.create_connection(("127.0.0.1", show.dashboard.access.port), LONG) as slow:
+        with contextlib.suppress(ConnectionError):
+            slow.send(said.replace(b"Host", b"X-Pomona-Token: %b\r\nHost" % show.dashboard.access.token.encode()))
             assert slow.recv(1000) == b""  # closed without an answer; else this waits until the socket's own limit
 
 

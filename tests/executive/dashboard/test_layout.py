@@ -25,6 +25,15 @@ def box(page: Any, selector: str) -> dict[str, float]:
     return found
 
 
+def wait_for_size(page: Any, selector: str, width: float, height: float) -> None:
+    """Until something is larger than this: a scene is shown once there is something in it."""
+    page.wait_for_function(
+        "([what, w, h]) => { const { width, height } = document.querySelector(what).getBoundingClientRect();"
+        " return width >= w && height >= h; }",
+        arg=[selector, width, height],
+    )
+
+
 def test_panels_are_resized_with_mouse_and_keys_and_stay_so(show: Show, open_page: Callable[..., Any]) -> None:
     page = open_page(viewport={"width": 1440, "height": 900})
     expect(page.locator("#connection")).to_have_text("connected")
@@ -52,13 +61,11 @@ def test_the_scene_fills_the_middle_when_it_is_wanted_large(show: Show, open_pag
     page = open_page("run=old_1", viewport={"width": 1440, "height": 900})
     expect(page.locator("#connection")).to_have_text("recorded run")
     page.locator("[data-enlarge=scene]").click()
-    large = box(page, "#scene")
-    assert large["width"] > 600
-    assert large["height"] > 380
+    wait_for_size(page, "#scene", 600, 380)
     expect(page.locator("#camera")).to_be_hidden()
     page.reload()
     expect(page.locator("#connection")).to_have_text("recorded run")
-    assert box(page, "#scene")["height"] > 380
+    wait_for_size(page, "#scene", 600, 380)
     page.locator("[data-enlarge=scene]").click()
     expect(page.locator("#camera")).to_be_visible()
 
@@ -82,9 +89,8 @@ def test_what_is_clicked_in_the_scene_is_chosen_in_the_tree_and_back(show: Show,
     show.record(LOOK, "old_1")
     page = open_page("run=old_1", viewport={"width": 1280, "height": 720})
     expect(page.locator("#scene-legend")).to_contain_text("planned path")
-    large = box(page, "#scene")
-    assert large["width"] >= 400
-    assert large["height"] >= 190  # on the smallest desk's screen, with everything else in sight
+    wait_for_size(page, "#scene", 400, 190)  # on the smallest desk's screen, with everything else in sight
+    page.wait_for_function(f"() => ({PAINTED})() > 0")
     before = page.evaluate(PAINTED)
     page.evaluate(PICK)
     expect(page.locator(".row.selected .name")).to_have_text("Look")

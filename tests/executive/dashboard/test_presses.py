@@ -39,7 +39,7 @@ class StoppedControlLock(ControlLock):
 
     def safe_stop(self, who: str) -> str:
         self.stops.append(who)
-        self.go.wait(5.0)
+        self.go.wait(120.0)
         return "safe state"
 
 
@@ -98,7 +98,7 @@ def test_a_safe_stop_that_hangs_in_a_driver_holds_up_nothing_else() -> None:
         served = Presses(desk)
         hanging = asyncio.ensure_future(served.answer(press()))
         await asyncio.sleep(0)
-        taken = await asyncio.wait_for(served.answer(press(press="p2", action="take")), 1.0)
+        taken = await asyncio.wait_for(served.answer(press(press="p2", action="take")), 60.0)
         desk.go.set()
         await hanging
         return str(taken["held_by"])

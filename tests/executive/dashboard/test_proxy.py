@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import re
 import threading
 from collections.abc import Callable, Iterator
@@ -42,7 +43,9 @@ class Proxy:
             for task in tasks:
                 task.cancel()
             await asyncio.gather(*tasks, return_exceptions=True)
-            await asyncio.sleep(0.01)  # the transports are told of their end
+            for end in self._ends:
+                with contextlib.suppress(OSError):
+                    await end.wait_closed()
 
         self._ended = asyncio.Event()
         self._ends: list[asyncio.StreamWriter] = []

@@ -110,6 +110,7 @@ def test_when_it_failed_and_beside_a_live_run(show: Show, open_page: Open) -> No
     expect(page.locator("#latched")).to_be_visible()
     problems += in_sight(page, "recorded_beside_stopped")
     page.get_by_role("button", name="Runs").click()
+    expect(page.locator("#runs tbody tr").first).to_be_visible()
     problems += in_sight(page, "list_of_runs")
     assert problems == []
 

@@ -82,7 +82,7 @@ def ask(
         dashboard.access.address.rstrip("/") + path, data, {**headers, "content-type": "application/json"}
     )
     try:
-        with urllib.request.urlopen(request, timeout=10.0, context=context) as answer:
+        with urllib.request.urlopen(request, timeout=60.0, context=context) as answer:
             status: int = answer.status
             return status
     except urllib.error.HTTPError as refused:
@@ -134,7 +134,7 @@ def test_who_does_not_know_the_certificate_is_warned_and_plain_http_gets_nothing
         ask(dashboard, "/")
     plain = urllib.request.Request(dashboard.access.address.replace("https", "http"))
     with pytest.raises(OSError, match=r"."):
-        urllib.request.urlopen(plain, timeout=5.0)
+        urllib.request.urlopen(plain, timeout=60.0)
 
 
 @pytest.mark.parametrize(("options", "status"), [((), 403), (("--insecure-act",), 200)])

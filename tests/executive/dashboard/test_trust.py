@@ -26,18 +26,18 @@ def test_a_page_that_hears_nothing_says_so_within_two_seconds_and_a_stop_is_trie
     show: Show, chromium: Any
 ) -> None:
     page = chromium.new_page()  # its console may complain: requests fail
+    page.clock.install()
     wire = Wire(page)
     page.goto(show.dashboard.link)
     show.run(HOLD)
     expect(page.locator("#state")).to_have_text("▶ running")
-    page.evaluate("""() => { const bar = document.getElementById("not-live");
-        new MutationObserver(() => { if (!bar.hidden) window.firstWords ??= bar.textContent; })
-          .observe(bar, { attributes: true }); }""")
+    page.clock.pause_at(page.evaluate("Date.now() + 100"))  # from here on the page's time is the test's
+    while page.locator("#not-live").is_visible():  # a busy machine was silent for a while itself
+        page.clock.run_for(100)
     wire.open = False
+    page.clock.run_for(2_000)
     expect(page.locator("#not-live")).to_be_visible()
-    silent = re.search(r"heard for ([\d.]+) s", page.evaluate("window.firstWords"))
-    assert silent is not None, page.evaluate("window.firstWords")
-    assert float(silent[1]) <= 2.0
+    page.clock.resume()
     expect(page.locator("#not-live-words")).to_contain_text("it may be doing something else now")
     expect(page.locator("#state")).to_have_text("? last known: running")
     expect(page.locator("#ack")).to_have_text(re.compile("^Last known: running"))
@@ -45,7 +45,7 @@ def test_a_page_that_hears_nothing_says_so_within_two_seconds_and_a_stop_is_trie
     page.keyboard.press("Escape")
     expect(page.locator("#press-what")).to_have_text("SAFE STOP NOT CONFIRMED")
     expect(page.locator("#press-words")).to_contain_text("press the EMERGENCY STOP")
-    expect(page.locator("#press-words")).to_contain_text(re.compile(r"tried [2-9]"))
+    expect(page.locator("#press-words")).to_contain_text(re.compile(r"tried ([2-9]|\d\d)"))
     assert show.cell.latched is None
     wire.open = True
     expect(page.locator("#press-what")).to_have_text(re.compile(r"✓ SAFE STOP confirmed after \d+ ms"))
@@ -198,7 +198,7 @@ def test_what_is_planned_is_shown_and_waits_for_a_person_who_may_change_it_first
     expect(page.get_by_role("button", name="Approve")).to_be_disabled()
     expect(page.locator("#camera")).to_be_hidden()
     expect(page.locator("#scene-legend")).to_contain_text("planned path")
-    assert page.locator("#scene").bounding_box()["height"] > 250  # it has the room
+    page.wait_for_function("() => document.getElementById('scene').getBoundingClientRect().height > 250")  # it has room
     page.get_by_label("your name").fill("ada")
     page.get_by_role("button", name="Take control").click()
     page.locator(".row", has=page.get_by_text("Rest", exact=True)).last.click()

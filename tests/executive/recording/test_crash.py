@@ -179,7 +179,7 @@ def test_a_record_that_is_removed_while_it_is_written_is_missed(tmp_path: Path) 
     folder.mkdir()
     recorder = Recorder(folder)
     shutil.rmtree(folder)
-    deadline = time.monotonic() + 5.0
+    deadline = time.monotonic() + 60.0  # of a busy machine
     while not recorder.problem and time.monotonic() < deadline:
         os.sched_yield()
     assert recorder.problem == "the record ends at 0.00 s of the run: its file was removed while it was written"
@@ -239,7 +239,7 @@ def test_a_folder_that_cannot_be_made_refuses_a_run_that_needs_its_record(tmp_pa
 def test_what_is_written_is_with_the_system_within_a_moment(tmp_path: Path) -> None:
     recorder = Recorder(tmp_path)
     recorder.on_event(StateChanged(0.0, 0, "running", "started"))
-    deadline = time.monotonic() + 5.0
+    deadline = time.monotonic() + 60.0  # of a busy machine
     while not list(read_events(tmp_path)) and time.monotonic() < deadline:
         os.sched_yield()
     assert len(list(read_events(tmp_path))) == 1
