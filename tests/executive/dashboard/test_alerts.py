@@ -22,7 +22,6 @@ from executive.reasons import Reason
 from executive.recording.recorder import Recorder
 from executive.running.events import RunEnded, RunStarted
 
-
 LONG = 60.0
 """Seconds that a busy machine may take."""
 

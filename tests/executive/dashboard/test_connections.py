@@ -32,9 +32,7 @@ def act(show: Show, action: str) -> int:
     return status
 
 
-def test_260_idle_and_slow_connections_do_not_keep_a_safe_stop_out(
-    show: Show, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_260_idle_and_slow_connections_do_not_keep_a_safe_stop_out(show: Show, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(connections, "REQUEST_DEADLINE", 100.0 * LONG)  # none goes by itself
     port = show.dashboard.access.port
     hostile = []
@@ -79,10 +77,11 @@ def test_a_request_that_does_not_come_is_not_waited_for(
 ) -> None:
     monkeypatch.setattr(connections, "REQUEST_DEADLINE", 0.05)
     monkeypatch.setattr(server, "BODY_DEADLINE", 30.0)
-    with socket.create_connection(("127.0.0.1", show.dashboard.access.port), LONG) as slow:
-        with contextlib.suppress(ConnectionError):
-            slow.send(said.replace(b"Host", b"X-Pomona-Token: %b\r\nHost" % show.dashboard.access.token.encode()))
-            assert slow.recv(1000) == b""  # closed without an answer; else this waits until the socket's own limit
+    token = b"X-Pomona-Token: %b\r\nHost" % show.dashboard.access.token.encode()
+    address = ("127.0.0.1", show.dashboard.access.port)
+    with socket.create_connection(address, LONG) as slow, contextlib.suppress(ConnectionError):
+        slow.send(said.replace(b"Host", token))
+        assert slow.recv(1000) == b""  # closed without an answer; else this waits until the socket's own limit
 
 
 @pytest.mark.parametrize(
