@@ -44,64 +44,58 @@ def add(subparsers: Any) -> None:
     parser.add_argument("--cell", help="a cell file, or the name of an installed cell (default: the simulated one)")
     parser.add_argument("--seed", type=int, default=0, help="every random choice comes from it (default: 0)")
     parser.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        metavar="KEY=VALUE",
+        "--set", action="append", default=[], metavar="KEY=VALUE",
         help="a parameter of the tree or an option of the cell",
-    )
+    )  # fmt: skip
     parser.add_argument(
         "--pace", choices=("fast", "real"), default="fast", help="a simulated cell as fast as possible, or in real time"
     )
     add_records_folder(parser)
     parser.add_argument("--no-record", action="store_true", help="leave no record")
     parser.add_argument(
-        "--dry",
-        nargs="?",
-        const="",
-        metavar="MOCKS",
+        "--dry", nargs="?", const="", metavar="MOCKS",
         help="no cell: mocks stand in for all skills, as a file of mocks says",
-    )
+    )  # fmt: skip
     parser.add_argument("--json", action="store_true", help="print one JSON object as the last line")
     parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
-    parser.add_argument(
-        "--dashboard",
-        action="store_true",
-        help="show the run in the browser, too; in a terminal the page stays until Ctrl-C",
-    )
-    for side in ("before", "after"):
-        parser.add_argument(
-            f"--break-{side}",
-            action="append",
-            default=[],
-            metavar="NODE",
-            help=f"pause {side} this node (its name, type or path); go on from the page, so it needs --dashboard",
-        )
-    parser.add_argument(
-        "--recover",
-        action="store_true",
-        help="bring the arm home slowly first: after a run that was cut, or that has left something in the gripper",
-    )
-    parser.add_argument(
-        "--cleared",
-        action="store_true",
-        help="somebody has looked after the cell: start although the last run was cut, or something is in the gripper",
-    )
-    parser.add_argument(
-        "--foxglove", nargs="?", const=0, type=int, metavar="PORT", help="show the run in Foxglove (default port: 8765)"
-    )
-    parser.add_argument(
-        "--rerun",
-        nargs="?",
-        const="",
-        metavar="FILE.rrd",
-        help="show the run in Rerun, or write its file",
-    )
-    add_ros2(parser)
+    _add_beginnings(parser)
+    _add_views(parser)
     parser.add_argument("--watch", action="store_true", help="run again each time the tree file is saved")
     add_alerts(parser)
     add_address(parser)
     parser.set_defaults(main=main)
+
+
+def _add_beginnings(parser: argparse.ArgumentParser) -> None:
+    """Where a run waits for somebody, and how it begins after one that was cut."""
+    for side in ("before", "after"):
+        parser.add_argument(
+            f"--break-{side}", action="append", default=[], metavar="NODE",
+            help=f"pause {side} this node (its name, type or path); go on from the page, so it needs --dashboard",
+        )  # fmt: skip
+    parser.add_argument(
+        "--recover", action="store_true",
+        help="bring the arm home slowly first: after a run that was cut, or that has left something in the gripper",
+    )  # fmt: skip
+    parser.add_argument(
+        "--cleared", action="store_true",
+        help="somebody has looked after the cell: start although the last run was cut, or something is in the gripper",
+    )  # fmt: skip
+
+
+def _add_views(parser: argparse.ArgumentParser) -> None:
+    """Where a run is shown while it goes on."""
+    parser.add_argument(
+        "--dashboard", action="store_true",
+        help="show the run in the browser, too; in a terminal the page stays until Ctrl-C",
+    )  # fmt: skip
+    parser.add_argument(
+        "--foxglove", nargs="?", const=0, type=int, metavar="PORT", help="show the run in Foxglove (default port: 8765)"
+    )
+    parser.add_argument(
+        "--rerun", nargs="?", const="", metavar="FILE.rrd", help="show the run in Rerun, or write its file"
+    )
+    add_ros2(parser)
 
 
 def main(options: argparse.Namespace) -> int:

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 from scipy.optimize import least_squares
 
@@ -173,58 +174,14 @@ def calibrate_grip(
     f_n, f_t, tau_n = _slides(pushes)
     if len(f_n) < 3:
         raise TooFewPushes(len(f_n))
-    notes = []
-    twisted = tau_n / np.maximum(f_t, 1e-6) > 0.2 * TYPICAL_RADIUS
-    knows_torsion, knows_growth = bool(twisted.any()), bool(f_n.max() / f_n.min() > SPREAD and twisted.sum() >= 3)
-    if not knows_torsion:
-        notes.append("no push twisted the fruit: delta and gamma are those that were assumed")
-    elif not knows_growth:
-        notes.append("the pushes' forces lie too close together: gamma is the one that was assumed")
-    free = 1 + int(knows_torsion) + int(knows_torsion and knows_growth)
-    # The radius is fitted at the force of the twists, where they tell it; delta is what it would be at 1 N.
-    at = float(np.log(f_n[twisted]).mean()) if knows_torsion else 0.0
-
-    def contact_of(x: Float64) -> SoftContact:
-        gamma = float(x[2]) if free > 2 else start.gamma
-        delta = float(np.exp(x[1] - gamma * at)) if free > 1 else start.delta
-        return SoftContact(float(np.exp(x[0])), delta, gamma, start.k, start.ellipsoid)
-
-    def errors(x: Float64) -> Float64:
-        return np.log(np.maximum(least_force(f_t, tau_n, contact_of(x)), 1e-6) / f_n)
-
-    def residuals(x: Float64) -> Float64:
-        return np.concatenate([errors(x)[agrees], SLIDE_STD * (x[2:] - start.gamma) / GROWTH_STD])
-
-    first = np.array([np.log(np.median(f_t / f_n)), np.log(start.delta) + start.gamma * at, start.gamma])[:free]
-    largest = np.log(PAD_HALF)
-    bounds = (np.array([np.log(0.02), np.log(1e-4), 0.0])[:free], np.array([np.log(5.0), largest, 1.0])[:free])
-    agrees = np.ones(len(f_n), bool)
-    rough = least_squares(residuals, np.clip(first, *bounds), bounds=bounds, loss="cauchy", f_scale=SLIDE_STD)
-    outliers = np.abs(errors(rough.x)) > OUTLIER
-    if 0 < outliers.sum() <= MOST_OUTLIERS * len(outliers):
-        notes.append(
-            f"{outliers.sum()} of {len(outliers)} slides do not agree with the others and are left out: repeat them"
-        )
-        agrees = ~outliers
-    fit = least_squares(residuals, rough.x, bounds=bounds, loss="soft_l1", f_scale=2.0 * SLIDE_STD)
-    contact = contact_of(fit.x)
-    error = errors(fit.x)[agrees]
-    scale = max(float(error @ error) / max(len(error) - free, 1), SLIDE_STD**2 if free > 2 else 0.0)
-    covariance = np.zeros((3, 3))
-    covariance[:free, :free] = np.linalg.pinv(fit.jac.T @ fit.jac) * scale
-    radius_std = float(np.sqrt(covariance[1, 1]))
-    if free > 1 and fit.x[1] > largest - 1e-3:
-        notes.append(f"the twists speak of a contact larger than the pads: {1e3 * PAD_HALF:.0f} mm are assumed")
-    elif radius_std > VAGUE:
-        notes.append(f"the contact's radius is known to {radius_std:.0%} only: twist more, and pull less meanwhile")
-    to_delta = np.array([0.0, 1.0, -at])
-    std = np.sqrt(np.maximum([covariance[0, 0], to_delta @ covariance @ to_delta, covariance[2, 2]], 0.0))
+    fit = _ContactFit(f_n, f_t, tau_n, start)
+    contact, std, error = fit.solve()
     stiffness, r2 = _stiffness(squeeze) if squeeze is not None else (None, 0.0)
     if stiffness is not None and r2 < 0.98:
-        notes.append("the squeeze is not a straight line: pads that stiffen, or a fruit that moved")
+        fit.notes.append("the squeeze is not a straight line: pads that stiffen, or a fruit that moved")
     residual = float(np.sqrt(np.mean(error**2)))
     if residual > 0.1:
-        notes.append("the pushes disagree with each other by more than 10 %: repeat them more slowly")
+        fit.notes.append("the pushes disagree with each other by more than 10 %: repeat them more slowly")
     return GripCalibration(
         contact=contact,
         mu_std=float(std[0] * contact.mu),
@@ -234,8 +191,80 @@ def calibrate_grip(
         pushes=len(error),
         stiffness=stiffness,
         stiffness_r2=r2,
-        notes=tuple(notes),
+        notes=tuple(fit.notes),
     )
+
+
+class _ContactFit:
+    """Least squares of ln mu, ln of the contact's radius, and gamma, as far as slides tell them.
+
+    Args:
+        f_n, f_t, tau_n: of each slide, shape (n,) [N, N, N·m].
+        start: where it starts, and what it keeps.
+    """
+
+    def __init__(self, f_n: Float64, f_t: Float64, tau_n: Float64, start: SoftContact) -> None:
+        self.notes: list[str] = []
+        self._f_n, self._f_t, self._tau_n, self._start = f_n, f_t, tau_n, start
+        self._agrees = np.ones(len(f_n), bool)
+        twisted = tau_n / np.maximum(f_t, 1e-6) > 0.2 * TYPICAL_RADIUS
+        knows_torsion, knows_growth = bool(twisted.any()), bool(f_n.max() / f_n.min() > SPREAD and twisted.sum() >= 3)
+        if not knows_torsion:
+            self.notes.append("no push twisted the fruit: delta and gamma are those that were assumed")
+        elif not knows_growth:
+            self.notes.append("the pushes' forces lie too close together: gamma is the one that was assumed")
+        self._free = 1 + int(knows_torsion) + int(knows_torsion and knows_growth)
+        # The radius is fitted at the force of the twists, where they tell it; delta is what it would be at 1 N.
+        self._at = float(np.log(f_n[twisted]).mean()) if knows_torsion else 0.0
+
+    def solve(self) -> tuple[SoftContact, Float64, Float64]:
+        """The contact, standard deviations of (ln mu, ln delta, gamma), and the errors of ln f_n that are left."""
+        start, free, at = self._start, self._free, self._at
+        first = np.array(
+            [np.log(np.median(self._f_t / self._f_n)), np.log(start.delta) + start.gamma * at, start.gamma]
+        )
+        largest = np.log(PAD_HALF)
+        bounds = (np.array([np.log(0.02), np.log(1e-4), 0.0])[:free], np.array([np.log(5.0), largest, 1.0])[:free])
+        x = np.clip(first[:free], *bounds)
+        rough = least_squares(self._residuals, x, bounds=bounds, loss="cauchy", f_scale=SLIDE_STD)
+        self._leave_out(np.abs(self._errors(rough.x)) > OUTLIER)
+        fit = least_squares(self._residuals, rough.x, bounds=bounds, loss="soft_l1", f_scale=2.0 * SLIDE_STD)
+        error = self._errors(fit.x)[self._agrees]
+        scale = max(float(error @ error) / max(len(error) - free, 1), SLIDE_STD**2 if free > 2 else 0.0)
+        covariance = np.zeros((3, 3))
+        covariance[:free, :free] = np.linalg.pinv(fit.jac.T @ fit.jac) * scale
+        radius_std = float(np.sqrt(covariance[1, 1]))
+        if free > 1 and fit.x[1] > largest - 1e-3:
+            self.notes.append(
+                f"the twists speak of a contact larger than the pads: {1e3 * PAD_HALF:.0f} mm are assumed"
+            )
+        elif radius_std > VAGUE:
+            self.notes.append(
+                f"the contact's radius is known to {radius_std:.0%} only: twist more, and pull less meanwhile"
+            )
+        to_delta = np.array([0.0, 1.0, -at])
+        std = np.sqrt(np.maximum([covariance[0, 0], to_delta @ covariance @ to_delta, covariance[2, 2]], 0.0))
+        return self._contact(fit.x), std, error
+
+    def _leave_out(self, outliers: NDArray[np.bool_]) -> None:
+        if 0 < outliers.sum() <= MOST_OUTLIERS * len(outliers):
+            self.notes.append(
+                f"{outliers.sum()} of {len(outliers)} slides do not agree with the others and are left out: repeat them"
+            )
+            self._agrees = ~outliers
+
+    def _contact(self, x: Float64) -> SoftContact:
+        start = self._start
+        gamma = float(x[2]) if self._free > 2 else start.gamma
+        delta = float(np.exp(x[1] - gamma * self._at)) if self._free > 1 else start.delta
+        return SoftContact(float(np.exp(x[0])), delta, gamma, start.k, start.ellipsoid)
+
+    def _errors(self, x: Float64) -> Float64:
+        return np.log(np.maximum(least_force(self._f_t, self._tau_n, self._contact(x)), 1e-6) / self._f_n)
+
+    def _residuals(self, x: Float64) -> Float64:
+        prior = SLIDE_STD * (x[2:] - self._start.gamma) / GROWTH_STD
+        return np.concatenate([self._errors(x)[self._agrees], prior])
 
 
 def _slides(pushes: list[Push]) -> tuple[Float64, Float64, Float64]:

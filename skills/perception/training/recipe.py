@@ -154,56 +154,104 @@ def make_weights(
         BadTraining: what `work` holds belongs to another training.
         BadWeights: `start` cannot be read or does not fit.
     """
-    networks: dict[str, Any] = {"finder": FinderNetwork(), "close_look": CloseLookNetwork()}
-    made_by: dict[str, int] = {}  # the stage that last taught each network
-    if start is not None:
-        finder, close_look, _ = load_compact(start)
-        networks = {"finder": finder_with_boxes(finder), "close_look": with_boxes(close_look)}
-        made_by = dict.fromkeys(networks, -1)
     held_out = work / "held_out"
     folders = (data,) if data else tuple(work / f"frames_{k}" for k in range(len(recipe.sets)))
     render_set(held_out, recipe.held_out, fruit, workers)
     if data is None:
         for folder, frames in zip(folders, recipe.sets, strict=True):
             render_set(folder, frames, fruit, workers, rendered)
+    making = _Making(work, held_out, folders, device, workers, rendered, photographs, start)
     for number, stage in enumerate(recipe.stages):
-        learnt_from, places, photo_places = folders[: stage.sets], None, None
-        if stage.part == "close_look":
-            places = work / f"places_{made_by['finder']}_{len(learnt_from)}.npz"
-            if not places.is_file():
-                detector = CompactDetector(networks["finder"].cpu(), networks["close_look"])
-                most = MOST_SEARCHED if stage.photos else None
-                save_places(places, find_places(detector, FrameFolder(list(learnt_from)), rendered, most))
-            if photographs is not None and stage.photos:
-                photo_places = work / f"places_{made_by['finder']}_photographs.npz"
-                if not photo_places.is_file():
-                    detector = CompactDetector(networks["finder"].cpu(), networks["close_look"])
-                    found = find_photo_places(detector, photographs, rendered, MOST_SEARCHED)
-                    save_places(photo_places, found)
+        name = f"{stage.part} {number + 1}/{len(recipe.stages)}"
+        making.teach(number, stage, None if say is None else lambda p, name=name: say(name, p))  # type: ignore[misc]
+    detector = making.detector()
+    about = {"fruit": fruit, "recipe": repr(recipe), "torch": str(torch.__version__), **_source(photographs, start)}
+    some = () if photographs is None else photographs.train[:: _every(len(photographs.train), CALIBRATED_ON)]
+    scores = calibrate(detector, FrameFolder([held_out]), load_fruit(fruit), CALIBRATED_ON, some)
+    save_compact(out, making.networks["finder"], making.networks["close_look"], about, scores)
+    return out
+
+
+class _Making:
+    """The networks on their way through a recipe's stages, and the stage that last taught each of them."""
+
+    def __init__(
+        self,
+        work: Path,
+        held_out: Path,
+        folders: tuple[Path, ...],
+        device: str,
+        workers: int,
+        rendered: Callable[[int, int], None] | None,
+        photographs: PhotoSet | None,
+        start: Path | None,
+    ) -> None:
+        self.networks: dict[str, Any] = {"finder": FinderNetwork(), "close_look": CloseLookNetwork()}
+        self._made_by: dict[str, int] = {}
+        if start is not None:
+            finder, close_look, _ = load_compact(start)
+            self.networks = {"finder": finder_with_boxes(finder), "close_look": with_boxes(close_look)}
+            self._made_by = dict.fromkeys(self.networks, -1)
+        self._work, self._held_out, self._folders = work, held_out, folders
+        self._device, self._workers = device, workers
+        self._rendered, self._photographs = rendered, photographs
+
+    def detector(self) -> CompactDetector:
+        """What the networks find as they are now."""
+        self.networks = {name: network.cpu().eval() for name, network in self.networks.items()}
+        return CompactDetector(self.networks["finder"], self.networks["close_look"])
+
+    def teach(self, number: int, stage: TrainingStage, say: Callable[[Progress], None] | None) -> None:
+        """One stage of the recipe."""
+        learnt_from, close = self._folders[: stage.sets], stage.part == "close_look"
         run = TrainingRun(
             stage.part,
             learnt_from,
-            held_out,
-            work / f"stage_{number}",
+            self._held_out,
+            self._work / f"stage_{number}",
             stage.batch,
             _schedule(stage),
             seed=number,
-            places=places,
-            start_from=networks[stage.part].state_dict() if stage.part in made_by else None,
-            device=device,
+            places=self._places(stage, learnt_from) if close else None,
+            start_from=self.networks[stage.part].state_dict() if stage.part in self._made_by else None,
+            device=self._device,
             # A GPU waits for its batches; on a CPU the network itself needs the cores.
-            workers=workers if device == "cuda" else min(1, workers),
-            processes=1 if device == "cuda" else max(1, min(workers, stage.batch // LEAST_SHARE)),
+            workers=self._workers if self._device == "cuda" else min(1, self._workers),
+            processes=1 if self._device == "cuda" else max(1, min(self._workers, stage.batch // LEAST_SHARE)),
             turned=stage.turned,
-            photographs=photographs if stage.photos else None,
+            photographs=self._photographs if stage.photos else None,
             photo_share=stage.photos,
-            photo_places=photo_places,
-            finder=networks["finder"] if stage.part == "close_look" else None,
+            photo_places=self._photo_places() if close and stage.photos else None,
+            finder=self.networks["finder"] if close else None,
         )
-        name = f"{stage.part} {number + 1}/{len(recipe.stages)}"
-        networks[stage.part] = train_part(run, None if say is None else lambda p, name=name: say(name, p))  # type: ignore[misc]
-        made_by[stage.part] = number
-    about = {"fruit": fruit, "recipe": repr(recipe), "torch": str(torch.__version__)}
+        self.networks[stage.part] = train_part(run, say)
+        self._made_by[stage.part] = number
+
+    def _places(self, stage: TrainingStage, learnt_from: tuple[Path, ...]) -> Path:
+        """Where the finder sends the close look in rendered frames; found once."""
+        file = self._work / f"places_{self._made_by['finder']}_{len(learnt_from)}.npz"
+        if not file.is_file():
+            most = MOST_SEARCHED if stage.photos else None
+            save_places(file, find_places(self._searching(), FrameFolder(list(learnt_from)), self._rendered, most))
+        return file
+
+    def _photo_places(self) -> Path | None:
+        """The same in photographs."""
+        if self._photographs is None:
+            return None
+        file = self._work / f"places_{self._made_by['finder']}_photographs.npz"
+        if not file.is_file():
+            found = find_photo_places(self._searching(), self._photographs, self._rendered, MOST_SEARCHED)
+            save_places(file, found)
+        return file
+
+    def _searching(self) -> CompactDetector:
+        return CompactDetector(self.networks["finder"].cpu(), self.networks["close_look"])
+
+
+def _source(photographs: PhotoSet | None, start: Path | None) -> dict[str, str]:
+    """What weights were learnt from besides rendered frames, for their file."""
+    about = {}
     if photographs is not None:
         boxes = sum(len(photograph.boxes) for photograph in photographs.train)
         about["photographs"] = f"{len(photographs.train)} with {boxes} boxes"
@@ -211,12 +259,7 @@ def make_weights(
             about["pictures without fruit"] = str(len(photographs.empty))
     if start is not None:
         about["went on from"] = hashlib.sha256(start.read_bytes()).hexdigest()
-    networks = {name: network.cpu().eval() for name, network in networks.items()}
-    detector = CompactDetector(networks["finder"], networks["close_look"])
-    some = () if photographs is None else photographs.train[:: _every(len(photographs.train), CALIBRATED_ON)]
-    scores = calibrate(detector, FrameFolder([held_out]), load_fruit(fruit), CALIBRATED_ON, some)
-    save_compact(out, networks["finder"], networks["close_look"], about, scores)
-    return out
+    return about
 
 
 def _every(count: int, most: int) -> int:
