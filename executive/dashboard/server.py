@@ -57,6 +57,9 @@ BODY_DEADLINE = 5.0
 PAGE_SILENT = 4.0
 """Seconds without a question from the page that holds control after which everybody is told so."""
 
+MOST_FAREWELLS = 8
+"""Turns of the loop in which connections that are left may learn of their end."""
+
 BEAT = 0.5
 """Seconds between two signs of life of a run."""
 
@@ -79,7 +82,7 @@ class Dashboard:
         self._index = RunIndex(records)
         self._start_run: StartRun | None = None
         self._choices = Choices({}, {})
-        self._server: uvicorn.Server | None = None
+        self._server: _Server | None = None
         self._thread: threading.Thread | None = None
         self.app = Starlette(
             routes=[
@@ -144,7 +147,7 @@ class Dashboard:
         listening = _listen_on(self.access.host, self.access.port)
         # A tick that is due while a batch goes out to many viewers waits so long for the interpreter, not 5 ms.
         sys.setswitchinterval(min(sys.getswitchinterval(), SWITCH))
-        self._server = uvicorn.Server(config)
+        self._server = _Server(config)
         self._server.install_signal_handlers = lambda: None  # type: ignore[attr-defined]
         started = threading.Event()
 
@@ -348,6 +351,18 @@ class Dashboard:
         except ValueError:
             return JSONResponse({"error": "not JSON"}, 400)
         return content if isinstance(content, dict) else JSONResponse({"error": "not an object"}, 400)
+
+
+class _Server(uvicorn.Server):
+    """uvicorn's, which leaves no connection open: over TLS each waits for its peer's farewell, longer than the loop."""
+
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        """As uvicorn's."""
+        await super().shutdown(sockets)
+        for _turn in range(MOST_FAREWELLS):
+            for connection in list(self.server_state.connections):
+                connection.transport.abort()
+            await asyncio.sleep(0)
 
 
 async def _feed(stream: WebSocket, viewer: Viewer, gone: asyncio.Future[None]) -> None:

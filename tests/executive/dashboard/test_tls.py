@@ -137,6 +137,20 @@ def test_who_does_not_know_the_certificate_is_warned_and_plain_http_gets_nothing
         urllib.request.urlopen(plain, timeout=60.0)
 
 
+def test_the_end_waits_for_no_farewell_and_leaves_no_connection_open(
+    serve: Serve, certificate: list[str], trusting: ssl.SSLContext
+) -> None:
+    dashboard = serve(*certificate)
+    address = (ADDRESS, dashboard.access.port)
+    with socket.create_connection(address, 60.0) as plain, trusting.wrap_socket(plain, server_hostname=ADDRESS) as line:
+        line.sendall(b"GET / HTTP/1.1\r\nHost: 127.0.0.2:%d\r\n\r\n" % address[1])
+        assert line.recv(12) == b"HTTP/1.1 200"
+        assert dashboard._server is not None
+        assert len(dashboard._server.server_state.connections) == 1
+        dashboard.close()
+        assert dashboard._server.server_state.connections == set()
+
+
 @pytest.mark.parametrize(("options", "status"), [((), 403), (("--insecure-act",), 200)])
 def test_without_tls_another_address_acts_only_with_the_explicit_flag(
     serve: Serve, options: tuple[str, ...], status: int
