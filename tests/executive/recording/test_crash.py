@@ -228,10 +228,10 @@ def test_a_value_that_ends_the_recorder_is_told(tmp_path: Path) -> None:
 
 def test_a_folder_that_cannot_be_made_refuses_a_run_that_needs_its_record(tmp_path: Path) -> None:
     (tmp_path / "runs").write_text("a file")
-    done = run_on_a_full_disk(tmp_path, "required")
+    done = run_on_a_full_disk(tmp_path, "required", pace="fast")
     assert done.returncode == 2
     assert "cannot make the record's folder" in done.stderr
-    done = run_on_a_full_disk(tmp_path, "optional")
+    done = run_on_a_full_disk(tmp_path, "optional", pace="fast")
     assert done.returncode == 0
     assert "goes on unrecorded" in " ".join(done.stdout.split())
 
