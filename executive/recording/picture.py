@@ -7,9 +7,6 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from executive.palette import INK, MUTED, OVERLAY, SCENE, SERIES
@@ -49,6 +46,9 @@ class Picture:
 
     def save(self, target: Path | BinaryIO, title: str) -> None:
         """Draw everything into one PNG."""
+        from matplotlib.backends.backend_agg import FigureCanvasAgg  # half a second: for who has something to draw
+        from matplotlib.figure import Figure
+
         figure = Figure(
             figsize=(14, 8.4), dpi=100
         )  # margins are set by hand: computing a layout draws everything twice
@@ -97,6 +97,8 @@ class Picture:
         _legend(axes)
 
     def _draw_scene(self, axes: Any) -> None:
+        from matplotlib.ticker import MaxNLocator
+
         for view in self._scenes.values():
             for points in view.points:
                 axes.scatter(*points.points.T, s=6, color=SCENE.get(points.style, INK), label=points.label, alpha=0.5)
