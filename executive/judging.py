@@ -12,8 +12,10 @@ from executive.language.known_inputs import uses_of_skills
 from executive.language.model import Document
 from executive.registry import Registry
 from executive.running.cell_files import CellFile, cell_files
+from executive.skill import Skill
 from executive.values.documents import set_scalar
 from executive.values.findings import Finding, Findings, Located, did_you_mean, format_findings
+from executive.values.sections import Problem
 from executive.values.yaml_nodes import YamlScalar
 
 
@@ -41,6 +43,7 @@ def judge(
     settings: Mapping[str, str | YamlScalar],
     cell: Path | None,
     texts: Mapping[str, str] | None = None,
+    before: Analysis | None = None,
 ) -> Judged:
     """Judge a tree, and the cell on which it shall run.
 
@@ -50,6 +53,7 @@ def judge(
         settings: parameters of the tree, and options of the cell for what the tree does not declare.
         cell: its file, or None when it is not known: a tree is then judged alone.
         texts: contents of files, by path, that are not to be read from the disk.
+        before: what is known of an older text of the tree (see `analyse`).
     """
     findings = Findings()
     file, interfaces = None, None
@@ -59,11 +63,15 @@ def judge(
         file = cell_files().judge(cell, findings, for_cell, texts or {})
         interfaces = None if file is None else file.interfaces()
     overrides = for_tree if cell is not None else {key: _text(value) for key, value in settings.items()}
-    analysis = analyse(document, registry, overrides=overrides, interfaces=interfaces)
+    analysis = analyse(document, registry, overrides=overrides, interfaces=interfaces, before=before)
     findings.extend(_placed(found, settings) for found in analysis.findings)
+    said: dict[tuple[type[Skill], str], list[Problem]] = {}
     for use in uses_of_skills(analysis):
         known = {name: value.value for name, value in use.known.items()}
-        for problem in use.skill.judge(known, file):
+        alike = use.skill, repr(known)
+        if alike not in said:
+            said[alike] = list(use.skill.judge(known, file))
+        for problem in said[alike]:
             where: Located = use.known[problem.key].where if problem.key in use.known else use.node.key
             report = findings.warning if problem.warning else findings.error
             report(where, "unfit", f"{use.node.label}: {problem.message}", problem.hint)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from itertools import chain
 from typing import Any
 
+from executive.language.checked_before import CheckedBefore
 from executive.language.interface import PortDeclared
 from executive.language.literals import scalar_type
 from executive.language.model import Definition, TreeNode
@@ -41,7 +42,10 @@ class NodeChecker:
     interfaces: Mapping[int, PortDeclared]
     resolved: dict[tuple[int, str], Resolved]
     interfaces_of_cell: tuple[type, ...] | None
+    before: CheckedBefore
     named: dict[str, YamlScalar] = field(default_factory=dict)
+    calls: int = 0
+    """Calls that were checked of what is no skill, and may be another thing the next time."""
     moved: dict[str, tuple[type, ...]] = field(init=False)
     """What each skill moves, if it moves anything."""
 
@@ -63,7 +67,18 @@ class NodeChecker:
         for stage in Stage:
             for at in declaring:
                 at.layer.declare(at, stage)
-        self.layer(root, 0, Around()).check()
+        self.before.compare(self.scope)
+        self.node(root, Around())
+
+    def node(self, node: TreeNode, around: Around) -> None:
+        """Check a node with all that is inside; one that can only be as it was is left as it is."""
+        if self.before.stays(node, around):
+            self.before.keep(node, self.scope, self.resolved)
+            return
+        found, calls = self.findings.told, self.calls
+        self.layer(node, 0, around).check()
+        if (found, calls) == (self.findings.told, self.calls):
+            self.scope.around[id(node)] = around
 
     def layer(self, node: TreeNode, index: int, around: Around) -> LayerCheck:
         """A layer of a node, from the outside to the inside."""
@@ -296,7 +311,9 @@ class LayerCheck:
     def call(self) -> None:
         if self.found.skill is not None:
             self.wires(self.found.skill.inputs, self.found.skill.outputs)
-        elif self.found.subtree is not None:
+            return
+        self.whole.calls += 1
+        if self.found.subtree is not None:
             interface = self.whole.interfaces[id(self.found.subtree)]
             self.wires(interface.inputs, interface.outputs)
 
@@ -307,10 +324,10 @@ class LayerCheck:
 
     def child(self, index: int, around: Around) -> None:
         """Check one child, with what surrounds it."""
-        self.whole.layer(self.node.children[index], 0, around).check()
+        self.whole.node(self.node.children[index], around)
 
     def part(self, slot: str, around: Around) -> None:
-        self.whole.layer(self.node.parts[slot], 0, around).check()
+        self.whole.node(self.node.parts[slot], around)
 
     def devices(self, index: int) -> Mapping[str, str]:
         return self.whole.devices(self.node.children[index])

@@ -9,6 +9,7 @@ from typing import Any, Literal, NamedTuple
 from executive.language.expression import Expression
 from executive.language.model import Definition, TreeNode
 from executive.language.value_types import ValueType
+from executive.nodes.surroundings import Around
 from executive.skill import Skill
 from executive.values.findings import Located
 from executive.values.yaml_nodes import YamlNode
@@ -92,11 +93,14 @@ class Scope:
     Attributes:
         definition: whose names.
         names: what each means.
+        around: nodes in which nothing is wrong that a check of themselves finds, by id, with what surrounds them; none
+            that calls a subtree.
         looks: whether a node looks at a condition.
     """
 
     definition: Definition
     names: dict[str, Named] = field(default_factory=dict)
+    around: dict[int, Around] = field(default_factory=dict)
     looks: bool = False
 
     def written(self) -> Iterator[tuple[str, Named]]:

@@ -18,7 +18,7 @@ from executive.language.value_types import ANY, ValueType, can_flow, describe
 from executive.nodes.ends import UNKNOWN
 from executive.nodes.surroundings import COUNTERS, Around, LastFailure
 from executive.ports import RATIO, Port, Quantity
-from executive.values.findings import Findings, Located, Spot, did_you_mean
+from executive.values.findings import Findings, Located, Spot, Within, did_you_mean
 from executive.values.yaml_nodes import YamlMapping, YamlNode, YamlScalar
 
 _IN_BRACES = re.compile(r"\{\s*([A-Za-z_][A-Za-z0-9_]*)")
@@ -40,7 +40,7 @@ class _Stand:
         scalar = self.scalar
         if scalar.line != scalar.end_line:
             return scalar
-        return Spot(scalar.source, scalar.line, scalar.text_column + at.offset, max(1, at.end - at.offset))
+        return Within(scalar, at.offset, max(1, at.end - at.offset))
 
     def report(self, at: Expression, code: str, message: str, hint: str = "") -> None:
         self.reader.findings.error(self.spot(at), code, message, hint)

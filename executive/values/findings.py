@@ -62,6 +62,15 @@ class Located(Protocol):
         ...
 
 
+class Written(Located, Protocol):
+    """A text in a file."""
+
+    @property
+    def text_column(self) -> int:
+        """Column of its first character."""
+        ...
+
+
 class Spot(NamedTuple):
     """A place in a file."""
 
@@ -69,6 +78,29 @@ class Spot(NamedTuple):
     line: int
     column: int
     length: int = 1
+
+
+class Within(NamedTuple):
+    """Some characters of what is written somewhere, wherever that moves."""
+
+    whole: Written
+    start: int
+    length: int
+
+    @property
+    def source(self) -> Source:
+        """The file."""
+        return self.whole.source
+
+    @property
+    def line(self) -> int:
+        """Line, from 1."""
+        return self.whole.line
+
+    @property
+    def column(self) -> int:
+        """Column, from 1."""
+        return self.whole.text_column + self.start
 
 
 class Source:
@@ -90,6 +122,8 @@ class Findings:
 
     def __init__(self) -> None:
         self._found: dict[tuple[str, int, int, str, str], Finding] = {}
+        self.told = 0
+        """How often something was wrong; the same counts each time."""
 
     def error(self, where: Located, code: str, message: str, hint: str = "") -> None:
         """Report what keeps the file from being used."""
@@ -101,6 +135,7 @@ class Findings:
 
     def add(self, finding: Finding) -> None:
         """Keep a finding, once."""
+        self.told += 1
         key = (finding.path, finding.line, finding.column, finding.code, finding.message)
         self._found.setdefault(key, finding)
 

@@ -6,6 +6,7 @@ and not a boolean, and `1:30` is not 90.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,7 +19,7 @@ MAX_DEPTH = 80
 MAX_NODES = 100_000
 
 _SCALAR, _MAPPING_END = yaml.ScalarEvent, yaml.MappingEndEvent
-_LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
 @dataclass(slots=True, eq=False)
@@ -74,7 +75,7 @@ class YamlMapping(YamlNode):
         return None if entry is None else entry[1]
 
 
-class _Refused(Exception):
+class Unreadable(Exception):
     """Stops reading; the finding has been made."""
 
 
@@ -93,9 +94,9 @@ def read_yaml(source: Source, findings: Findings, what: str = "a tree file") -> 
         return None
     loader: Any = None
     try:
-        loader = _LOADER(source.text)
-        return _Composer(source, findings, loader, what).document()
-    except _Refused:
+        loader = LOADER(source.text)
+        return Composer(source, findings, loader, what).document()
+    except Unreadable:
         return None
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
@@ -125,7 +126,9 @@ def _tab_at(source: Source, line: int, column: int) -> int:
     return at if at and not text[: at - 1].strip(" -") and at >= column - 1 else 0
 
 
-class _Composer:
+class Composer:
+    """Makes nodes of libyaml's events."""
+
     def __init__(self, source: Source, findings: Findings, loader: Any, what: str) -> None:
         self.source, self.findings, self.loader, self.what = source, findings, loader, what
         self.scalars: list[YamlScalar] = []
@@ -133,29 +136,31 @@ class _Composer:
         self.count = 0
 
     def document(self) -> YamlNode | None:
+        """The only document; None when there is none."""
         get = self.loader.get_event
         get()  # stream start
         event = get()
         if isinstance(event, yaml.StreamEndEvent):
             self.findings.error(self._scalar_at(event), "empty", f"the file is empty, {self.what} is a mapping")
             return None
-        root = self._node(get(), 0)
+        root = self.node(get(), 0)
         get()  # document end
         event = get()
         if not isinstance(event, yaml.StreamEndEvent):
             self.findings.error(self._scalar_at(event), "yaml", f"{self.what} holds one document, here starts another")
-        self._find_comments()
+        self.find_comments(self.source.lines)
         return root
 
     def _scalar_at(self, event: Any) -> YamlScalar:
         start, end = event.start_mark, event.end_mark
         return YamlScalar(self.source, start.line + 1, start.column + 1, end.line + 1, end.column + 1, "", True)
 
-    def _refuse(self, event: Any, code: str, message: str, hint: str = "") -> _Refused:
+    def _refuse(self, event: Any, code: str, message: str, hint: str = "") -> Unreadable:
         self.findings.error(self._scalar_at(event), code, message, hint)
-        return _Refused()
+        return Unreadable()
 
-    def _node(self, event: Any, depth: int) -> YamlNode:
+    def node(self, event: Any, depth: int) -> YamlNode:
+        """The node that an event begins."""
         kind = type(event)
         if kind is _SCALAR and event.tag is None and self.count < MAX_NODES and depth <= MAX_DEPTH:
             return self._scalar(event)  # nearly every node is one
@@ -191,12 +196,12 @@ class _Composer:
         """The items of a list, and the mark behind its end."""
         get, items = self.loader.get_event, []
         while type(event := get()) is not yaml.SequenceEndEvent:
-            items.append(self._node(event, depth))
+            items.append(self.node(event, depth))
         return items, event.end_mark
 
     def _entries(self, depth: int) -> tuple[dict[str, tuple[YamlScalar, YamlNode]], Any]:
         """The entries of a mapping, and the mark behind its end."""
-        get, node = self.loader.get_event, self._node
+        get, node = self.loader.get_event, self.node
         entries: dict[str, tuple[YamlScalar, YamlNode]] = {}
         while type(event := get()) is not _MAPPING_END:
             key = node(event, depth)
@@ -211,9 +216,9 @@ class _Composer:
                 entries[key.text] = (key, value)
         return entries, event.end_mark
 
-    def _find_comments(self) -> None:
+    def find_comments(self, written: Sequence[str]) -> None:
         """Comments are what follows a # that starts a line or follows a blank, outside every scalar."""
-        lines = {number: text for number, text in enumerate(self.source.lines, start=1) if "#" in text}
+        lines = {number: text for number, text in enumerate(written, start=1) if "#" in text}
         covered: dict[int, list[tuple[int, int]]] = {}
         for scalar in self.scalars if lines else ():
             for line in range(scalar.line, scalar.end_line + 1):

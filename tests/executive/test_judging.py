@@ -15,6 +15,7 @@ from executive.judging import judge
 from executive.language.documents import read_document
 from executive.registry import Registry
 from executive.values.findings import Finding
+from executive.values.sections import Problem
 
 TREE = """pomona: 1
 tree: look
@@ -33,6 +34,17 @@ subtrees:
     root:
       MoveTo: {pose: "{to}"}
 """
+
+
+def test_what_is_given_the_same_values_is_judged_once(registry, tmp_path, monkeypatch):
+    asked, detect = [], registry["Detect"]
+    monkeypatch.setattr(detect, "judge", lambda known, cell: asked.append(known["fruit"]) or [Problem("fruit", "no")])
+    nodes = "".join(f'    - Detect: {{fruit: {fruit}, detection: "{{d}}"}}\n' for fruit in ("apple", "lemon", "apple"))
+    path = tmp_path / "t.yaml"
+    path.write_text("pomona: 1\ntree: t\nroot:\n  sequence:\n" + nodes)
+    found = judge(read_document(path), registry, {}, find_cell("sim")).findings.sorted()
+    assert asked == ["apple", "lemon"]
+    assert [finding.line for finding in found if finding.code == "unfit"] == [5, 6, 7]
 
 
 @pytest.fixture(scope="module")

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import zipfile
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import Annotated
+from zipfile import ZipFile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -98,18 +98,16 @@ class FruitFileSection:
                 yield from self._misfits(mesh)
 
     def _misfits(self, mesh: Mesh) -> Iterator[Problem]:
-        import trimesh
-
         extents = np.ptp(mesh.vertices, axis=0)
         if np.any(np.abs(extents - self.dimensions) > _AGREES):
             measured = " ".join(f"{1e3 * size:.2f}" for size in extents)
             yield Problem("dimensions", f"they are not the mesh's, which measures {measured} mm", "a mesh is in metres")
-        closed = trimesh.Trimesh(mesh.vertices, mesh.faces, process=True)
-        if not closed.is_watertight:
+        closed, outwards = _surface(mesh)
+        if not closed:
             yield Problem(
                 "mesh", f"{self.mesh.name} has holes, or faces that do not meet", "close it: a fruit is solid"
             )
-        elif not closed.is_winding_consistent or closed.volume <= 0.0:
+        elif not outwards:
             yield Problem("mesh", f"the normals of {self.mesh.name} do not all point outwards", "turn its faces")
 
 
@@ -164,11 +162,17 @@ def judge_fruit(file: Path, findings: Findings) -> FruitFileSection | None:
 def damage(weights: Path) -> str:
     """What is wrong with a file of weights as far as its checksums tell; an empty text when nothing is."""
     try:
-        with zipfile.ZipFile(weights) as archive:
-            broken = archive.testzip()
+        now = weights.stat()
+        broken = _broken_member(weights, now.st_mtime_ns, now.st_size)
     except Exception as error:  # what zipfile and zlib raise has no common base
         return str(error) or type(error).__name__
     return "" if broken is None else f"{broken} in it is damaged"
+
+
+@lru_cache(maxsize=8)
+def _broken_member(weights: Path, _changed: int, _size: int) -> str | None:
+    with ZipFile(weights) as archive:
+        return archive.testzip()
 
 
 class FruitKind:
@@ -215,6 +219,15 @@ def _load_mesh(path: Path, _changed: int) -> Mesh:
     vertices.setflags(write=False)
     faces.setflags(write=False)
     return Mesh(vertices, faces)
+
+
+@lru_cache(maxsize=8)
+def _surface(mesh: Mesh) -> tuple[bool, bool]:
+    """Whether a mesh is closed, and whether all its normals point outwards."""
+    import trimesh
+
+    body = trimesh.Trimesh(mesh.vertices, mesh.faces, process=True)
+    return bool(body.is_watertight), bool(body.is_winding_consistent and body.volume > 0.0)
 
 
 def _find_weights(folder: Path, name: str | None) -> Path | None:

@@ -9,7 +9,6 @@ import re
 import shutil
 import subprocess
 import sys
-import time
 import weakref
 from pathlib import Path
 from typing import Any
@@ -19,10 +18,13 @@ from lsprotocol import types as lsp
 from pygls.lsp.client import LanguageClient
 
 from executive.files import find_cell
+from executive.language.check_node import LayerCheck
 from executive.language.declared_skills import declared_skills
+from executive.language_server import service as service_module
 from executive.language_server.renaming import RenameRefused
 from executive.language_server.service import TreeService
 from executive.registry import Registry
+from executive.values import yaml_again, yaml_nodes
 from executive.values.findings import Spot
 
 TREE = """\
@@ -194,17 +196,47 @@ def test_whatever_is_typed_is_answered(service):
         service.definition_of(row, column)
 
 
-def test_a_thousand_nodes_are_answered_at_once(skills, tmp_path):
-    node = '    - Detect: {fruit: apple, detection: "{seen}"}\n      retry: 2\n'
-    text = "pomona: 1\ntree: t\nroot:\n  sequence:\n" + node * 999 + '    - check: "{seen.score} > 0.5"\n'
-    found = TreeService(tmp_path / "t.yaml", skills)
-    found.update(text)
-    lines = text.split("\n")
-    began = time.process_time()
-    for _ in range(5):
-        found.complete(len(lines) - 2, lines[-2].index("seen.") + 5)
-        found.hover(len(lines) - 2, lines[-2].index("seen"))
-    assert (time.process_time() - began) / 10 < 0.1
+class TestALongFile:
+    NODE = '    - Detect: {fruit: apple, detection: "{seen}"}\n      retry: 2\n'
+    TEXT = "pomona: 1\ntree: t\nroot:\n  sequence:\n" + NODE * 299 + '    - check: "{seen.score} > 0.5"\n'
+
+    @pytest.fixture
+    def opened(self, skills, tmp_path):
+        found = TreeService(tmp_path / "t.yaml", skills)
+        assert found.update(self.TEXT) == []
+        return found
+
+    def test_questions_are_answered_from_what_is_known(self, opened, monkeypatch):
+        monkeypatch.setattr(service_module, "read", None)
+        monkeypatch.setattr(service_module, "analyse", None)
+        lines = self.TEXT.split("\n")
+        at = lines[-2].index("seen.")
+        assert "score" in [offer.word for offer in opened.complete(len(lines) - 2, at + 5)]
+        assert "a detection" in opened.hover(len(lines) - 2, at)
+
+    @pytest.mark.parametrize(
+        ("old", "new", "wrong", "most"),
+        [
+            ("retry: 2", "retry: 23", [], 4),
+            ("retry: 2\n", "retry: 2\n      timeout: 1 s\n", [], 6),
+            ("Detect", "Detct", ["unknown-skill"], 6),
+            ("score", "scor", ["unknown-field"], 4),
+            ('apple, detection: "{seen}"', "apple", [], 4),
+            ("tree: t", "tree: tt", [], 4),
+        ],
+    )
+    def test_of_a_changed_text_only_what_changed_is_parsed_and_checked(
+        self, opened, monkeypatch, old, new, wrong, most
+    ):
+        parsed, checked = [], []
+        parse, check = yaml_again.LOADER, LayerCheck.check
+        monkeypatch.setattr(yaml_again, "LOADER", lambda text: parsed.append(text) or parse(text))
+        monkeypatch.setattr(yaml_nodes, "LOADER", None)
+        monkeypatch.setattr(LayerCheck, "check", lambda at: checked.append(at.node.key.line) or check(at))
+        assert [finding.code for finding in opened.update(self.TEXT.replace(old, new, 1))] == wrong
+        (text,) = parsed
+        assert sum(":" in line and "0:" not in line for line in text.split("\n")) <= 4 + most
+        assert len(checked) <= most
 
 
 class Editor(LanguageClient):

@@ -1,5 +1,6 @@
 """The catalogue's apple is what the paper's refinement needs, and bad entries are refused in words."""
 
+import shutil
 from pathlib import Path
 from zipfile import ZipFile
 
@@ -12,7 +13,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from executive.values.findings import Findings
-from skills.perception.fruit import BadFruitFile, UnknownFruit, known_fruits, load_fruit
+from skills.perception.fruit import BadFruitFile, UnknownFruit, catalogue, known_fruits, load_fruit
 from skills.perception.fruit.apple_mesh import AppleShape, apple_mesh, stem_mesh
 from skills.perception.fruit.catalogue import CATALOGUE, FRUIT_FILES, damage, judge_fruit
 
@@ -149,6 +150,22 @@ def test_damaged_weights_are_found_without_loading_them(tmp_path: Path) -> None:
         archive.infolist()[0].compress_type = 99  # one that nobody knows
     for name in ("flipped.pt", "cut.pt", "text.pt", "none.pt", "packed.pt"):
         assert damage(tmp_path / name)
+
+
+def test_weights_and_meshes_are_looked_through_once_until_they_change(tmp_path: Path, monkeypatch) -> None:
+    folder, looked = tmp_path / "apple", []
+    shutil.copytree(CATALOGUE / "apple", folder)
+    weights, mesh = tmp_path / "w.pt", trimesh.Trimesh
+    with ZipFile(weights, "w") as archive:
+        archive.writestr("data", b"0")
+    monkeypatch.setattr(trimesh, "Trimesh", lambda *args, **more: looked.append("mesh") or mesh(*args, **more))
+    monkeypatch.setattr(catalogue, "ZipFile", lambda path: looked.append("weights") or ZipFile(path))
+    for _ in range(3):
+        assert load_fruit(folder).name == "apple"
+        assert damage(weights) == ""
+    assert sorted(looked) == ["mesh", "weights"]
+    weights.write_text("no weights")
+    assert damage(weights)
 
 
 @settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
