@@ -84,7 +84,6 @@ def run_one(folder: str, witness: str, stdout: Any, cell: str) -> None:
     os.setsid()
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):  # whoever started this may ignore them
         signal.signal(number, signal.default_int_handler if number == signal.SIGINT else signal.SIG_DFL)
-    Path(folder, "listening").touch()
     os.dup2(stdout.fileno(), 1)
     os.dup2(os.open(f"{folder}/stderr", os.O_WRONLY | os.O_CREAT), 2)
     sys.stdout, sys.stderr = os.fdopen(1, "w"), os.fdopen(2, "w")
@@ -93,6 +92,7 @@ def run_one(folder: str, witness: str, stdout: Any, cell: str) -> None:
     from executive.cli import main
 
     sys.argv = ["pomona", "run", f"{folder}/tree.yaml", "--cell", cell, "--pace", "real", "--record", f"{folder}/runs"]
+    Path(folder, "listening").touch()  # what comes before is this file's, not the command's
     sys.exit(main())
 
 
