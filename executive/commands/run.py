@@ -167,7 +167,10 @@ def _run_once(
         readers = [] if views is None else [views.read]
         if _answers_here(options, console):
             with contextlib.closing(Keys(console, sys.stdin)) as keys:
-                executed = execute(order, [*listeners, keys.on_event], on_ready=keys.serve, readers=readers)
+                heard, ready = [*listeners, keys.on_event], keys.serve
+                executed = execute(order, heard, on_ready=ready, starting=live.starting(), readers=readers)
+        elif dashboard is None and control is None:
+            executed = execute(order, listeners, starting=live.starting(), readers=readers)
         else:
             executed = _execute(order, listeners, readers, dashboard, control, console)
     with contextlib.suppress(OSError):  # nobody reads any more: the exit status says it all the same
@@ -227,14 +230,13 @@ def _execute(
     control: ControlLock | None,
     console: Screen,
 ) -> Executed:
-    if dashboard is None and control is not None:
+    if dashboard is None:
+        assert control is not None
         starting = control.prepare(order.tree.stem)
         try:
             return execute(order, listeners, on_ready=control.serve, starting=starting, readers=readers)
         finally:
             control.clear()
-    if dashboard is None:
-        return execute(order, listeners, readers=readers)
     lock, problem = dashboard.control, ""
     try:
         return execute(

@@ -20,6 +20,7 @@ from executive.running.events import (
     SafeStopped,
     StateChanged,
 )
+from executive.running.starting import Starting, StartingStage
 from executive.terminal.filtered import visible
 from executive.terminal.screen import Screen
 from executive.terminal.words import ICONS, STYLES, say
@@ -72,6 +73,18 @@ class LiveTree:
             self.close()
             return
         self._draw()
+
+    def starting(self) -> Starting:
+        """A start whose stages are shown until the run begins: to prepare takes up to a minute."""
+        starting = Starting(lambda: self._prepare(starting.stage))
+        return starting
+
+    def _prepare(self, stage: StartingStage | None) -> None:
+        if self._live is None or stage is None:
+            return
+        self._live.start()
+        of = f", {stage.done + 1} of {stage.of}" if stage.of else ""
+        self._live.update(Text(f"◌ {stage.what}{of} …", no_wrap=True, overflow="ellipsis"), refresh=True)
 
     def close(self) -> None:
         """Leave the terminal as it was. Harmless when closed already."""

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
+from typing import Any
 
 import pytest
 from rich.console import Console
@@ -63,3 +65,22 @@ def test_names_and_feedback_take_one_line_each_whatever_they_hold(odd: str, widt
     assert len(lines) <= height - 1
     assert all(len(visible(line)) <= width for line in lines)
     assert any("▶ a node with quite" in line for line in lines)
+
+
+def test_what_is_prepared_is_shown_until_the_run_begins() -> None:
+    screen: Any = Console(file=io.StringIO(), width=40, height=10, force_terminal=True, color_system=None)
+    with contextlib.closing(LiveTree(screen)) as live:
+        starting = live.starting()
+        starting.reach("connecting the cell")
+        starting.reach("preparing SlipAvoidGrasp and all that it needs", 2, 9)
+        drawn = screen.file.getvalue()
+        starting.begin()
+        assert screen.file.getvalue() == drawn
+    assert "◌ connecting the cell …" in drawn
+    assert "◌ preparing SlipAvoidGrasp and all that…" in drawn
+
+
+def test_what_is_prepared_is_not_told_where_nobody_looks() -> None:
+    screen: Any = Console(file=io.StringIO())
+    LiveTree(screen).starting().reach("preparing Detect", 2, 9)
+    assert screen.file.getvalue() == ""
