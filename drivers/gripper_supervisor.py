@@ -158,7 +158,8 @@ class GripperSupervisor:
 
     def _astray(self, commanded: float, width: float) -> str:
         how = "opens" if width > commanded else "closes"
-        return f"{how} without being told to: {1e3 * commanded:.1f} → {1e3 * width:.1f} mm"
+        way = f"{1e3 * commanded:.1f} → {1e3 * width:.1f} mm"
+        return f"{how} without being told to: {way}; it does not obey, or something pushes the fingers"
 
     def _reach(self, least: float, most: float) -> tuple[float, float]:
         """These openings, and what moving fingers go on by until they obey."""

@@ -9,7 +9,7 @@ import numpy as np
 from drivers.errors import BadTrajectory, DeviceError, DeviceFault, DeviceLost, MotionRefused
 from drivers.interfaces import Arm, ArmLimits, ArmState, Motion, Trajectory
 from drivers.motion_supervisor import MotionSupervisor, Supervision
-from drivers.path_motion import PathMotion
+from drivers.path_motion import ARRIVED, PathMotion, Phase
 from drivers.sim.faults import FaultyDevice
 from drivers.sim.scene import TIMESTEP
 from drivers.sim.world import PhysicsWorld
@@ -18,6 +18,8 @@ from executive.values.arrays import Float64
 
 AT_REST = 5e-3
 """No joint moves faster than this when the arm rests [rad/s]."""
+PRESSES_FOR = 0.05
+"""An arm beside the set-point at which it was stopped, for so long, presses on something [s]."""
 LIES = ("nan", "wild", "jump", "frozen")
 """Faults of what the arm says, not of what it does."""
 JUMP = 0.6
@@ -54,6 +56,8 @@ class SimArm(FaultyDevice):
         self._set_point: Float64 = world.state.ctrl[self._actuators].copy()
         self._motion: PathMotion | None = None
         self._steps = 0
+        self._gives_way = False
+        self._rests_since = np.inf
         self._latched: str | None = None
         self._supervisor = MotionSupervisor(self.name, self.limits, supervision or Supervision())
         self._problem: DeviceError | None = None
@@ -80,6 +84,7 @@ class SimArm(FaultyDevice):
         except BadTrajectory as bad:
             raise MotionRefused(self.name, bad.problem) from bad
         self._supervisor.end()
+        self._gives_way = False
         self._motion = PathMotion(trajectory, self.limits, TIMESTEP)
         return self._motion
 
@@ -126,7 +131,7 @@ class SimArm(FaultyDevice):
 
     def _command(self) -> None:
         motion = self._motion
-        if motion is not None and not motion.settled and self.fault != "stall":
+        if motion is not None and not (motion.settled or self._gives_way) and self.fault != "stall":
             q, qd = motion.step()
             self._steps += 1
             self._set_point = q
@@ -171,6 +176,7 @@ class SimArm(FaultyDevice):
 
     def _hold_here(self) -> None:
         """What a controller does that is told to stop: the set-point goes where the arm is."""
+        self._gives_way = True
         self._set_point = self._measure().q
         self._world.state.ctrl[self._actuators] = self._set_point
 
@@ -179,6 +185,18 @@ class SimArm(FaultyDevice):
         if self._supervisor.due(self._world.clock.now()):
             self._supervise(motion)
         if motion is not None and not motion.settled and motion.set_point_rests:
-            state = self._world.state
-            beside = float(np.abs(state.qpos[self._qpos] - self._set_point).max())
-            motion.look(bool(np.abs(state.qvel[self._qvel]).max() < AT_REST), beside, float(state.time))
+            self._rests_since = min(self._rests_since, self._world.clock.now())
+            self._settle(motion, self._world.clock.now() - self._rests_since > PRESSES_FOR)
+        else:
+            self._rests_since = np.inf
+
+    def _settle(self, motion: PathMotion, long: bool) -> None:
+        """The set-point rests, `long` or just now: the arm comes to rest, too. What it was stopped by is let go."""
+        state = self._world.state
+        beside = float(np.abs(state.qpos[self._qpos] - self._set_point).max())
+        resting = bool(np.abs(state.qvel[self._qvel]).max() < AT_REST)
+        presses = motion.phase is Phase.BRAKING and beside > ARRIVED
+        motion.look(resting and not presses, beside, float(state.time))
+        if presses and long:
+            self._hold_here()  # again and again: what presses back moves it on
+            self._rests_since = np.inf

@@ -275,8 +275,10 @@ class GripController:
             self._fail("ONE_FINGER", f"{message}{max(sense.finger_forces):.1f} N", pushed=pushed, width=self.width)
             return 0.0
         if at_end:
-            message = f"no finger touched anything down to an opening of {1e3 * self.width:.1f} mm"
-            self._fail("NO_CONTACT", message, width=self.width)
+            message = (
+                f"no finger touched anything down to an opening of {1e3 * self.width:.1f} mm: the fruit has moved, or "
+            )
+            self._fail("NO_CONTACT", f"{message}camera or tool are not where the cell says", width=self.width)
             return 0.0
         if self._stuck():
             self._fail("NO_CONTACT", "the fingers do not move although they should close", width=self.width)

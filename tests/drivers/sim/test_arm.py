@@ -74,6 +74,32 @@ def test_stop_decelerates_on_the_path_within_the_limits(cell, arm, plan_rest_to_
     assert np.abs(arm.state().q - stood).max() < 2e-3
 
 
+def test_an_arm_that_is_stopped_against_something_presses_on_it_no_longer_and_can_go_back(cell, arm, plan_rest_to_rest):
+    world = cell.devices["world"]
+    joint, dof = world.model.jnt_qposadr[world.arm_joints][0], world.model.jnt_dofadr[world.arm_joints][0]
+    path = plan_rest_to_rest([HERE, THERE], arm.limits, share=0.06)
+    way = np.sign(path.q[-1, 0] - path.q[0, 0])
+    wall, pressed = path.q[len(path.q) // 2, 0], []
+
+    def push_back():
+        pressed.append(2e4 * max(way * (world.state.qpos[joint] - wall), 0.0))
+        world.state.qfrc_applied[dof] = -way * pressed[-1]
+
+    world.before_step.append(push_back)
+    motion = arm.follow(path)
+    while not pressed or pressed[-1] < 100.0:
+        advance(cell, 0.02)
+    motion.stop()
+    run_out(cell, motion, 2.0)
+    assert motion.state is MotionState.STOPPED, motion.problem
+    advance(cell, 0.3)
+    assert max(pressed) > 60.0
+    assert pressed[-1] < 0.5 * max(pressed)
+    again = arm.follow(plan_rest_to_rest([arm.state().q, HERE], arm.limits, share=0.3))
+    run_out(cell, again)
+    assert again.state is MotionState.DONE
+
+
 def test_pause_holds_and_resume_finishes_the_path(cell, arm, plan_rest_to_rest):
     path = plan_rest_to_rest([HERE, THERE], arm.limits)
     motion = arm.follow(path)
