@@ -83,14 +83,12 @@ def test_a_viewer_that_hangs_costs_the_tick_nothing_and_what_it_missed_is_said(
 
     class Hangs(Shown):
         def send(self, *_arguments: Any) -> None:
-            hung.wait()
+            hung.wait()  # who waited for it would wait for ever
 
     live = Live([Hangs()])
     live.on_event(started())
-    begin = time.perf_counter()
     for k in range(3 * MOST):
         live.on_event(NodeChanged(0.1, k, "a", "RUNNING", "", 1))
-    assert time.perf_counter() - begin < 30.0  # one that waited would wait for ever
     assert live.dropped >= 2 * MOST - 10
     hung.set()
     with caplog.at_level(logging.WARNING):
@@ -126,13 +124,13 @@ def test_foxglove_gets_schemas_and_messages_and_who_comes_late_what_stays() -> N
     try:
         for event in everything()[:-1]:
             live.on_event(event)
-        deadline = time.monotonic() + 5.0
+        deadline = time.monotonic() + 60.0
         while live._queue and time.monotonic() < deadline:
             time.sleep(0.01)
         with connect(view.link, subprotocols=["foxglove.sdk.v1"]) as client:  # after everything was said
             channels: dict[str, Any] = {}
             while "/scene/path" not in channels or "/images/detection" not in channels:
-                message = client.recv(timeout=5.0)
+                message = client.recv(timeout=60.0)
                 if isinstance(message, str) and json.loads(message)["op"] == "advertise":
                     channels |= {channel["topic"]: channel for channel in json.loads(message)["channels"]}
             scene = channels["/scene/path"]
@@ -140,7 +138,7 @@ def test_foxglove_gets_schemas_and_messages_and_who_comes_late_what_stays() -> N
             assert json.loads(scene["schema"])["title"] == "foxglove.SceneUpdate"
             wanted = {"op": "subscribe", "subscriptions": [{"id": 7, "channelId": scene["id"]}]}
             client.send(json.dumps(wanted))
-            while isinstance(message := client.recv(timeout=5.0), str):
+            while isinstance(message := client.recv(timeout=60.0), str):
                 pass
             operation, subscription, stamp = struct.unpack_from("<BIQ", message)
             assert (operation, subscription, stamp) == (1, 7, BEGAN + 400_000_000)

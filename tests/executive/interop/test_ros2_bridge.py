@@ -58,7 +58,7 @@ class Listening:
             found.append((f"{package}/{group}/{last[:-1]}", sample.payload.to_bytes(), sample.attachment.to_bytes()))
             self._arrived.notify_all()
 
-    def wait(self, done: Callable[[], bool], seconds: float = 10.0) -> None:
+    def wait(self, done: Callable[[], bool], seconds: float = 60.0) -> None:
         with self._arrived:
             assert self._arrived.wait_for(done, seconds), sorted(self.got)
 
@@ -105,7 +105,7 @@ class Setting:
         self.live = Live([self.bridge])
         self.listening = Listening(port)
         self.client = Ros2Peer(f"127.0.0.1:{port}", node="client")
-        for _ in range(100):  # until both know one another
+        for _ in range(3000):  # until both know one another
             self.peer.publish("/ping", "std_msgs/msg/String", b"\0\1\0\0\1\0\0\0\0", 0)
             if "/ping" in self.listening.got:
                 break

@@ -10,6 +10,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import importlib.util
+import math
 import random
 import sys
 import time
@@ -135,8 +136,10 @@ def try_xml(text: str) -> None:
         read(translated, "tree.yaml")
 
 
-def fuzz(cases: int, seed: int, trees: list[str], skills: Registry, attempt: Callable[[str], None]) -> list[str]:
-    """Try so many cases; the texts that broke something, with what happened."""
+def fuzz(
+    cases: int, seed: int, trees: list[str], skills: Registry, attempt: Callable[[str], None], slow: float = math.inf
+) -> list[str]:
+    """Try so many cases; the texts that broke something, or took more than `slow` seconds, with what happened."""
     broken = []
     for case in range(cases):
         rng = random.Random(f"{seed}/{case}")
@@ -146,7 +149,7 @@ def fuzz(cases: int, seed: int, trees: list[str], skills: Registry, attempt: Cal
             attempt(text)
         except Exception:
             broken.append(f"case {seed}/{case}\n{traceback.format_exc()}\n{text[:2000]!r}")
-        if time.process_time() - started > SLOW:
+        if time.process_time() - started > slow:
             broken.append(f"case {seed}/{case} took {time.process_time() - started:.1f} s\n{text[:2000]!r}")
         if len(broken) >= 5:
             break
@@ -180,8 +183,8 @@ def main() -> int:
     trees = [sys.modules[DUMMIES].PICK_APPLE, *shipped_trees()]
     xml = [export_groot(read(text, "t.yaml"), skills) for text in trees]
     started = time.perf_counter()
-    broken = fuzz(order.cases * 9 // 10, order.seed, trees, skills, lambda text: try_tree(text, skills))
-    broken += fuzz(order.cases // 10, order.seed, xml, skills, try_xml)
+    broken = fuzz(order.cases * 9 // 10, order.seed, trees, skills, lambda text: try_tree(text, skills), SLOW)
+    broken += fuzz(order.cases // 10, order.seed, xml, skills, try_xml, SLOW)
     print(f"{order.cases} cases in {time.perf_counter() - started:.0f} s, {len(broken)} of them broke something")
     print("\n\n".join(broken))
     return 1 if broken else 0

@@ -253,7 +253,7 @@ class Editor(LanguageClient):
             self.changed.set()
 
     async def findings(self, uri: str) -> list[Any]:
-        await asyncio.wait_for(self.changed.wait(), 20.0)
+        await asyncio.wait_for(self.changed.wait(), 100.0)
         self.changed.clear()
         found: list[Any] = self.told[uri]
         return found
@@ -261,7 +261,7 @@ class Editor(LanguageClient):
     async def until(self, uri: str, *codes: str) -> None:
         """Wait until a file has findings with these codes."""
         while sorted(found.code for found in self.told.get(uri, [])) != list(codes):
-            await asyncio.wait_for(self.changed.wait(), 20.0)
+            await asyncio.wait_for(self.changed.wait(), 100.0)
             self.changed.clear()
 
     def change(self, uri: str, version: int, text: str) -> None:
