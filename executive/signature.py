@@ -34,7 +34,8 @@ def ports_of(skill: str, run: Callable[..., Any]) -> tuple[Ports, Ports] | None:
         run: the function, its first parameter being the skill itself.
 
     Raises:
-        SkillError: an annotation is missing or is no port, or a default does not fit its own declaration.
+        SkillError: an annotation is missing or is no port, a default does not fit its own declaration, or an output is
+            called like an input.
     """
     parameters = list(inspect.signature(run).parameters.values())[1:]
     if any(parameter.kind is parameter.VAR_KEYWORD for parameter in parameters):
@@ -51,7 +52,11 @@ def ports_of(skill: str, run: Callable[..., Any]) -> tuple[Ports, Ports] | None:
         inputs[parameter.name] = _port(skill, parameter.name, hints[parameter.name], default)
     if "return" not in hints:
         raise SkillError(skill, "run has no return annotation: it says the outputs, or None")
-    return Ports(**inputs), _outputs(skill, hints["return"])
+    outputs = _outputs(skill, hints["return"])
+    for name in outputs:
+        if name in inputs:
+            raise SkillError(skill, f"{name} is an input and an output: a tree could wire one of them only")
+    return Ports(**inputs), outputs
 
 
 def _outputs(skill: str, returned: Any) -> Ports:

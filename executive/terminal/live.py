@@ -19,11 +19,13 @@ from executive.running.events import (
     RunStarted,
     SafeStopped,
     StateChanged,
+    TickOverran,
 )
 from executive.running.starting import Starting, StartingStage
+from executive.terminal.explain import BLOCKED
 from executive.terminal.filtered import visible
 from executive.terminal.screen import Screen
-from executive.terminal.words import ICONS, STYLES, say
+from executive.terminal.words import ICONS, STYLES, say, seconds
 
 REFRESH = 0.08
 """Seconds between two drawings."""
@@ -67,6 +69,10 @@ class LiveTree:
             self._console.print(Text.assemble(("■ safe stop:", "bold red"), f" {event.reason}"))
         elif isinstance(event, LinkChanged) and event.state != "ok":
             self._console.print(f"{event.t:7.2f} s  ! {event.device}: {event.state}", style="yellow")
+        elif isinstance(event, TickOverran) and event.duration >= BLOCKED:
+            who = self._name(event.node) if event.node else "something"
+            words = f"{who} kept the tick waiting for {seconds(event.duration)}: no limit could interrupt it"
+            self._console.print(f"{event.t:7.2f} s  ! {words}", style="yellow")
         elif isinstance(event, StateChanged) and event.state in ("paused", "running") and self._live is None:
             self._console.print(f"{event.t:7.2f} s  {event.state}: {event.because}")
         elif isinstance(event, RunEnded):

@@ -92,6 +92,10 @@ def test_a_run_that_takes_whatever_comes_says_its_ports_in_the_class():
     assert dict(Mock.inputs) == {"force": Port(FORCE)}
 
 
+class Felt(Outputs):
+    force: Force
+
+
 def made(run: Any, **members: Any) -> type[Skill]:
     return type("Made", (Skill,), {"run": run, **members})
 
@@ -110,6 +114,7 @@ def something_for_none(self, basket: Basket | None = "basket") -> None: ...
 def twice(self, force: Annotated[Force, LENGTH]) -> None: ...
 def no_float(self, force: Annotated[int, FORCE]) -> None: ...
 def no_type(self, force: int | str) -> None: ...
+def both_ways(self, force: Force) -> Felt: ...
 
 
 @pytest.mark.parametrize(
@@ -129,6 +134,7 @@ def no_type(self, force: int | str) -> None: ...
         (twice, "force is declared twice"),
         (no_float, "a force is a float"),
         (no_type, "is no type that a port can carry"),
+        (both_ways, "force is an input and an output"),
     ],
     ids=lambda value: getattr(value, "__name__", ""),
 )

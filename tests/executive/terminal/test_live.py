@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from executive.running.events import NodeChanged, RunStarted
+from executive.running.events import NodeChanged, RunStarted, TickOverran
 from executive.terminal.filtered import visible
 from executive.terminal.live import LiveTree
 from executive.terminal.screen import Screen
@@ -84,3 +84,16 @@ def test_what_is_prepared_is_not_told_where_nobody_looks() -> None:
     screen: Any = Console(file=io.StringIO())
     LiveTree(screen).starting().reach("preparing Detect", 2, 9)
     assert screen.file.getvalue() == ""
+
+
+def test_a_skill_that_kept_the_tick_waiting_is_told_while_it_runs(capsys: pytest.CaptureFixture[str]) -> None:
+    live = LiveTree(Screen(width=120))
+    live.on_event(
+        RunStarted(0.0, 0, "r", "t", "t.yaml", "", "", "sim", "simulated", "", "", 0, {}, NODES, {}, 0.0, 0.02)
+    )
+    live.on_event(TickOverran(0.02, 1, "t/3", 2.0))
+    live.on_event(TickOverran(0.04, 2, "t/4", 0.03))
+    told = [line for line in capsys.readouterr().out.splitlines() if "kept the tick waiting" in line]
+    assert told == [
+        "   0.02 s  ! a node with quite a long name 3 kept the tick waiting for 2.0 s: no limit could interrupt it"
+    ]
