@@ -1,0 +1,110 @@
+"""`pomona detect`: pictures in, a table and pictures with boxes out."""
+
+from __future__ import annotations
+
+import argparse
+import csv
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from skills.commands import detect_pictures
+from skills.commands.detect_pictures import add, find_fruit
+from skills.perception.detection.compact_detector import CompactDetector
+from skills.perception.detection.found_fruit import FoundFruit
+
+
+def run(*arguments: object) -> int:
+    parser = argparse.ArgumentParser()
+    add(parser.add_subparsers(required=True))
+    options = parser.parse_args(["detect", *map(str, arguments)])
+    code: int = options.main(options)
+    return code
+
+
+def found(x: float, score: float) -> FoundFruit:
+    box = np.array([x, 20.0, 30.0, 32.0])
+    return FoundFruit(np.zeros(3), np.array([0.0, -1.0, 0.0]), box[:2] + 15.0, 30.0, np.ones(3), score, 0.9, box)
+
+
+@pytest.fixture
+def pictures(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with two pictures, in each of which two fruit are found, one of them doubtful."""
+    folder = tmp_path / "pictures"
+    folder.mkdir()
+    for name in ("a.png", "b.jpg"):
+        cv2.imwrite(str(folder / name), np.full((120, 160, 3), 90, np.uint8))
+    monkeypatch.setattr(CompactDetector, "load", classmethod(lambda cls, *_: None))
+    monkeypatch.setattr(detect_pictures, "find_fruit", lambda *_: [found(10.0, 0.93), found(80.0, 0.31)])
+    return folder
+
+
+def test_a_folder_of_pictures_becomes_a_table_and_pictures_with_boxes(
+    pictures: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (pictures / "notes.txt").write_text("no picture")
+    out = tmp_path / "out"
+    assert run(pictures, "--out", out) == 0
+    rows = list(csv.DictReader((out / "found.csv").read_text().splitlines()))
+    assert [(Path(row["picture"]).name, row["fruit"], row["score"]) for row in rows] == [
+        ("a.png", "1", "0.930"), ("b.jpg", "1", "0.930"),
+    ]  # fmt: skip
+    assert [float(rows[0][key]) for key in ("left_px", "top_px", "width_px", "height_px")] == [10.0, 20.0, 30.0, 32.0]
+    drawn = cv2.imread(str(out / "0001_a.jpg"))
+    assert abs(drawn.astype(int) - 90).max() > 60
+    assert "2 fruit in 2 pictures" in capsys.readouterr().out
+
+
+def test_doubtful_fruit_is_taken_when_it_is_asked_for(pictures: Path, tmp_path: Path) -> None:
+    assert run(pictures / "a.png", "--out", tmp_path / "out", "--score", "0.2") == 0
+    assert len(list(csv.DictReader((tmp_path / "out" / "found.csv").read_text().splitlines()))) == 2
+
+
+def test_a_file_that_is_no_picture_is_named_and_the_others_are_done(
+    pictures: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (pictures / "broken.png").write_bytes(b"not a picture")
+    (pictures / "empty.png").touch()
+    assert run(pictures, "--out", tmp_path / "out") == 2
+    said = capsys.readouterr()
+    assert "broken.png cannot be read as a picture" in said.err
+    assert "empty.png cannot be read as a picture" in said.err
+    assert "2 fruit in 2 pictures" in said.out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("--width", "20"), "--width must lie in"),
+        (("--fruit", "pear"), "pear"),
+        (("missing.jpg",), "missing.jpg: there is no such file"),
+        (("--out", "."), "is there already"),
+    ],
+)
+def test_what_cannot_be_done_is_refused_before_anything_is_written(
+    pictures: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], arguments: tuple[str, ...],
+    said: str,
+) -> None:  # fmt: skip
+    monkeypatch.chdir(pictures)
+    (pictures / "found.csv").write_text("mine")
+    assert run(".", *arguments) == 2
+    assert said in capsys.readouterr().err
+    assert (pictures / "found.csv").read_text() == "mine"
+    assert not (pictures / "detected").exists()
+
+
+def test_an_empty_folder_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(tmp_path, "--out", tmp_path / "out") == 2
+    assert "holds no pictures" in capsys.readouterr().err
+
+
+def test_the_detector_is_asked_with_a_camera_as_wide_as_the_picture() -> None:
+    class Asked:
+        def find(self, colour: object, K: np.ndarray) -> list[FoundFruit]:
+            assert np.asarray(colour).flags["C_CONTIGUOUS"]
+            assert (K[0, 0], K[0, 2], K[1, 2]) == (160.0, 80.0, 60.0)
+            return []
+
+    assert find_fruit(Asked(), np.zeros((120, 160, 3), np.uint8)[:, :, ::-1]) == []  # type: ignore[arg-type]
