@@ -28,7 +28,7 @@ COLOUR = (46, 176, 255)
 """Of boxes and numbers, BGR: `executive.palette.OVERLAY["found"]`."""
 
 
-class UnusablePicture(Exception):
+class UnusableInput(Exception):
     """A file that is no picture, or a folder without any."""
 
 
@@ -54,9 +54,9 @@ def main(options: argparse.Namespace) -> int:
     table = options.out / TABLE
     try:
         if not 64 <= options.width <= 4096:
-            raise UnusablePicture("--width must lie in 64 … 4096 px")
+            raise UnusableInput("--width must lie in 64 … 4096 px")
         if table.exists():
-            raise UnusablePicture(f"{table} is there already: name another folder with --out")
+            raise UnusableInput(f"{table} is there already: name another folder with --out")
         files = list(_files(options.pictures))
         weights = load_fruit(options.fruit).weights
         if weights is None:
@@ -65,7 +65,7 @@ def main(options: argparse.Namespace) -> int:
         options.out.mkdir(parents=True, exist_ok=True)
         with table.open("x", newline="", encoding="utf-8") as stream:
             unusable = _all(files, detector, options.score, options.out, csv.writer(stream))
-    except (UnusablePicture, DetectError, FruitError, OSError) as error:
+    except (UnusableInput, DetectError, FruitError, OSError) as error:
         sys.stderr.write(f"pomona detect: {error}\n")
         return 2
     sys.stdout.write(f"written to {options.out}: {TABLE}, and each picture with its boxes\n")
@@ -83,12 +83,12 @@ def _files(given: Sequence[Path]) -> Iterator[Path]:
     for path in given:
         if not path.is_dir():
             if not is_file(path):
-                raise UnusablePicture(f"{path}: there is no such file")
+                raise UnusableInput(f"{path}: there is no such file")
             yield path
             continue
         inside = sorted(file for file in path.iterdir() if file.suffix.lower() in ENDINGS)
         if not inside:
-            raise UnusablePicture(f"{path} holds no pictures ({', '.join(ENDINGS)})")
+            raise UnusableInput(f"{path} holds no pictures ({', '.join(ENDINGS)})")
         yield from inside
 
 
@@ -105,7 +105,7 @@ def _all(files: Sequence[Path], detector: CompactDetector, score: float, out: Pa
         found = [fruit for fruit in find_fruit(detector, picture[:, :, ::-1]) if fruit.score >= score]
         drawn = out / f"{number + 1:04d}_{file.stem}.jpg"
         if not cv2.imwrite(str(drawn), _draw(picture, found)):
-            raise UnusablePicture(f"{drawn} cannot be written")
+            raise UnusableInput(f"{drawn} cannot be written")
         height, width = picture.shape[:2]
         for k, fruit in enumerate(found):
             box = (f"{value:.1f}" for value in fruit.outline(width, height))
