@@ -62,7 +62,7 @@ class Located(Protocol):
         ...
 
 
-class Written(Located, Protocol):
+class LocatedText(Located, Protocol):
     """A text in a file."""
 
     @property
@@ -83,7 +83,7 @@ class Spot(NamedTuple):
 class Within(NamedTuple):
     """Some characters of what is written somewhere, wherever that moves."""
 
-    whole: Written
+    whole: LocatedText
     start: int
     length: int
 
