@@ -159,8 +159,11 @@ class RequestGuard:
 
         headers = Headers(scope=scope)
         refusal = ""
-        if not self._access.knows_host(headers) or not self._access.knows_origin(headers):
-            refusal = "this host or origin is not served"
+        ours = scope["path"].startswith("/static/") or self._access.knows_origin(
+            headers
+        )  # the page's own files say nothing
+        if not self._access.knows_host(headers) or not (is_public or self._access.knows_origin(headers)):
+            refusal = "this host or origin is not served: --served-as NAME adds the name by which browsers reach it"
         elif not self._access.may_read(scope, headers):
             refusal = "open the link that was printed: it carries the token"
         if not refusal:

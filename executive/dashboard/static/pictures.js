@@ -219,6 +219,7 @@ function annotate(u, thresholds, unit, scale, marks, css) {
   g.save();
   g.beginPath(); g.rect(left, top, width, height); g.clip();
   g.font = `${11 * devicePixelRatio}px system-ui, sans-serif`;
+  g.textAlign = "left"; // the axes' figures leave it otherwise
   const vertical = (t, stroke, dash) => { const x = u.valToPos(t, "x", true); g.strokeStyle = stroke; g.setLineDash(dash); g.beginPath(); g.moveTo(x, top); g.lineTo(x, top + height); g.stroke(); };
   g.lineWidth = devicePixelRatio;
   g.globalAlpha = 0.6;

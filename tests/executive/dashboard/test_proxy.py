@@ -26,8 +26,8 @@ def expect(locator: Any) -> Any:
 class Proxy:
     """Passes requests on without the path they came under, and answers once they are there as a whole."""
 
-    def __init__(self, to: int, below: str = "/", streams: bool = True) -> None:
-        self._to, self._below, self._streams = to, below.encode(), streams
+    def __init__(self, to: int, below: str = "/", streams: bool = True, own_host: bool = False) -> None:
+        self._to, self._below, self._streams, self._own_host = to, below.encode(), streams, own_host
         self._loop = asyncio.new_event_loop()
         ready = threading.Event()
 
@@ -63,6 +63,8 @@ class Proxy:
         try:
             head = await reader.readuntil(b"\r\n\r\n")
             upgrade = b"upgrade: websocket" in head.lower()
+            if self._own_host:
+                head = re.sub(rb"(?i)\r\nhost:[^\r]*", b"\r\nHost: localhost:%d" % self._to, head)
             method, path, rest = head.split(b" ", 2)
             if not path.startswith(self._below) or (upgrade and not self._streams):
                 writer.write(b"HTTP/1.1 502 Bad Gateway\r\ncontent-length: 0\r\nconnection: close\r\n\r\n")
@@ -98,8 +100,8 @@ async def _pump(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> N
 def behind(show: Show, chromium: Any) -> Iterator[Callable[..., Any]]:
     proxies, pages = [], []
 
-    def open_one(below: str, streams: bool) -> Any:
-        proxies.append(Proxy(show.dashboard.access.port, below, streams))
+    def open_one(below: str, streams: bool, own_host: bool = False) -> Any:
+        proxies.append(Proxy(show.dashboard.access.port, below, streams, own_host))
         pages.append(chromium.new_page())
         fragment = show.dashboard.link.partition("#")[2]
         pages[-1].goto(f"http://127.0.0.1:{proxies[-1].port}{below}#{fragment}")
@@ -130,6 +132,15 @@ def test_a_run_is_watched_stopped_and_looked_at_again_through_a_proxy(
     with page.expect_download() as download:
         page.locator("#download").click()
     assert download.value.suggested_filename == "old_1.mcap"
+
+
+def test_a_proxy_that_writes_a_host_of_its_own_is_told_what_is_missing(show: Show, behind: Callable[..., Any]) -> None:
+    page = behind("/orchard/", streams=True, own_host=True)
+    expect(page.locator("#safe-stop-words")).to_have_text("no connection")
+    expect(page.locator("#safe-stop")).to_have_class(re.compile("disarmed"))
+    page.keyboard.press("Escape")
+    expect(page.locator("#press-what")).to_have_text("SAFE STOP NOT CARRIED OUT")
+    expect(page.locator("#press-words")).to_contain_text("--served-as NAME")
 
 
 def test_where_no_stream_passes_the_page_says_so_and_a_stop_still_arrives(

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
+from shown_runs import GATE, Show
 
 pytestmark = pytest.mark.browser
 
@@ -38,3 +39,14 @@ def test_half_an_hour_of_samples_keeps_its_peaks_and_says_where_it_is_thinned(op
     ((begin, end),) = kept["thinned"]
     assert begin == pytest.approx(0.0, abs=0.1)
     assert 1000.0 < end < kept["end"]  # the newest are all there
+
+
+def test_the_name_of_a_limit_is_written_whole(show: Show, open_page: Callable[..., Any]) -> None:
+    page = open_page()
+    page.evaluate("""() => { const { fillText } = CanvasRenderingContext2D.prototype; window.written = [];
+        CanvasRenderingContext2D.prototype.fillText = function (words, x, y) {
+          window.written.push([words, this.textAlign]); fillText.call(this, words, x, y); }; }""")
+    show.run("pomona: 1\ntree: demo\nroot:\n  sequence:\n    - Look: {seen: '{seen}'}\n    - Hold: {}\n")
+    page.wait_for_function("() => window.written.some(([words]) => words === 'limit')")
+    assert page.evaluate("() => window.written.filter(([words, at]) => words === 'limit' && at !== 'left')") == []
+    GATE.set()

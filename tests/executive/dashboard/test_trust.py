@@ -82,6 +82,15 @@ def test_a_page_that_cannot_act_looks_disarmed_and_says_that_a_stop_was_not_carr
     page.close()
 
 
+def test_a_page_whose_scripts_do_not_come_looks_disarmed(show: Show, chromium: Any) -> None:
+    page = chromium.new_page()
+    page.route("**/app.js", lambda route: route.abort())
+    page.goto(show.dashboard.link)
+    expect(page.locator("#safe-stop-words")).to_have_text("the page is not ready")
+    expect(page.locator("#safe-stop")).to_have_class(re.compile("disarmed"))
+    page.close()
+
+
 def test_the_live_cell_stays_in_sight_and_can_be_stopped_over_a_record(show: Show, open_page: Open) -> None:
     show.record("pomona: 1\ntree: old\nroot:\n  sequence:\n    - Rest: {}\n", "old_1")
     page = open_page("run=old_1")
