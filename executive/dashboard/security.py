@@ -159,9 +159,7 @@ class RequestGuard:
 
         headers = Headers(scope=scope)
         refusal = ""
-        ours = scope["path"].startswith("/static/") or self._access.knows_origin(
-            headers
-        )  # the page's own files say nothing
+        is_public = scope["path"].startswith("/static/")  # the page's own files say nothing of a run
         if not self._access.knows_host(headers) or not (is_public or self._access.knows_origin(headers)):
             refusal = "this host or origin is not served: --served-as NAME adds the name by which browsers reach it"
         elif not self._access.may_read(scope, headers):
