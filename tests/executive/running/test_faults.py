@@ -15,6 +15,7 @@ from executive.running.events import ErrorRaised, Event, RunEnded, RunStarted, S
 from executive.running.runner import Runner
 from executive.skill import Interrupted, Skill, Work
 from executive.terminal.explain import explain
+from executive.values.sentences import sentence_of
 
 RAISED = [SystemExit(0), KeyboardInterrupt(), GeneratorExit(), MemoryError(), RecursionError("too deep"), Interrupted()]
 BESIDE = """
@@ -305,3 +306,7 @@ def test_an_exception_that_cannot_be_shown_ends_in_the_safe_state_as_any_other()
     assert is_safe(runner, cell, events)
     assert result.reason is not None
     assert result.reason.message == "Unspeakable, which cannot be shown: RuntimeError"
+
+
+def test_a_skill_that_has_used_up_the_memory_is_told_as_such() -> None:
+    assert sentence_of(MemoryError()) == "MemoryError: there is no memory left"
