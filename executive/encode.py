@@ -16,6 +16,8 @@ from typing import Any
 import numpy as np
 import orjson
 
+from executive.reasons import Reason, bounded
+
 LARGE = 256
 """Arrays with more elements are described by shape and type, unless they are asked for."""
 
@@ -46,14 +48,17 @@ def plain(value: Any, *, arrays: int = LARGE, depth: int = 12, keep: bool = Fals
     """A JSON value that says the same.
 
     Dataclasses become objects with their class in `type`; arrays up to `arrays` elements become lists, larger ones
-    `{"array": "float64 480×640"}`; NaN and infinities become null; what is unknown becomes its text. With `keep`,
-    arrays of numbers that would become lists are left as they are, for `encoded`.
+    `{"array": "float64 480×640"}`; NaN and infinities become null; what is unknown becomes its text; what lies `depth`
+    deep becomes "…", but reasons keep their causes. With `keep`, arrays of numbers that would become lists are left as
+    they are, for `encoded`.
     """
     kind: Any = type(value)
     if kind in _AS_THEY_ARE or isinstance(value, (str, int)):
         return value
     if isinstance(value, float):
         return value if math.isfinite(value) else None
+    if kind is Reason:  # goes as deep as the tree does
+        return _reason(bounded(value), arrays, keep)
     if depth == 0:
         return "…"
     deeper = depth - 1
@@ -82,6 +87,14 @@ def plain(value: Any, *, arrays: int = LARGE, depth: int = 12, keep: bool = Fals
     if isinstance(value, type):
         return value.__name__
     return _ADDRESS.sub("", str(value))
+
+
+def _reason(reason: Reason, arrays: int, keep: bool) -> dict[str, Any]:
+    return {
+        "type": "Reason", "node_path": reason.node_path, "code": reason.code, "message": reason.message,
+        "data": plain(reason.data, arrays=arrays, keep=keep),
+        "causes": [_reason(cause, arrays, keep) for cause in reason.causes],
+    }  # fmt: skip
 
 
 def encoded(message: Any) -> bytes:

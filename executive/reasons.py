@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from executive.errors import PomonaError
+
+DEEPEST_CAUSE, MOST_CAUSES = 90, 10_000
+"""How far down, and how many, causes of one reason are recorded and read."""
 
 
 class NoValue(PomonaError):
@@ -44,6 +47,36 @@ class Reason:
     def codes(self) -> frozenset[str]:
         """Every code in the chain."""
         return frozenset({self.code}).union(*(cause.codes() for cause in self.causes))
+
+
+def bounded(reason: Reason) -> Reason:
+    """The reason with no more causes than are recorded, and none farther down: the latest are kept.
+
+    Where the way down is too long, the leaf that it led to stands at its end.
+    """
+    left = MOST_CAUSES // 2  # each may need one more below it, its leaf
+
+    def cut(reason: Reason, depth: int) -> Reason:
+        nonlocal left
+        left -= 1
+        if not reason.causes:
+            return reason
+        if depth == DEEPEST_CAUSE - 1:
+            return replace(reason, causes=(_latest_leaf(reason),))
+        kept: list[Reason] = []
+        for cause in reversed(reason.causes):
+            if left <= 0:
+                break
+            kept.append(cut(cause, depth + 1))
+        return replace(reason, causes=tuple(reversed(kept)) or (_latest_leaf(reason),))
+
+    return cut(reason, 0)
+
+
+def _latest_leaf(reason: Reason) -> Reason:
+    while reason.causes:
+        reason = reason.causes[-1]
+    return reason
 
 
 def path_of(node: Behaviour) -> str:

@@ -17,16 +17,13 @@ import numpy as np
 
 from executive import views
 from executive.errors import PomonaError
-from executive.reasons import Reason
+from executive.reasons import DEEPEST_CAUSE, MOST_CAUSES, Reason
 from executive.running import events
 from executive.running.events import Event
 
 _EVENTS = {c.__name__: c for c in vars(events).values() if isinstance(c, type) and issubclass(c, Event)}
 _VIEWS = {c.__name__: c for c in vars(views).values() if isinstance(c, type) and dataclasses.is_dataclass(c)}
 
-MOST_CAUSES = 10_000
-"""Reasons in one chain."""
-DEEPEST_CAUSE = 90
 MOST_NODES = 20_000
 """Of a tree."""
 

@@ -12,6 +12,8 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from executive.encode import encoded, plain
+from executive.reasons import DEEPEST_CAUSE, MOST_CAUSES, Reason
+from executive.recording.decode import reason_from
 
 
 @dataclass(frozen=True)
@@ -37,3 +39,29 @@ def test_both_encoders_write_the_same(value):
 def test_any_layout_of_an_array_is_written(array):
     assert json.loads(encoded(plain({"a": array}, keep=True))) == {"a": array.tolist()}
     assert json.loads(encoded({"a": array})) == {"a": array.tolist()}
+
+
+def chain(depth: int) -> Reason:
+    """A leaf's reason as it comes up through so many nodes."""
+    reason = Reason("leaf", "GONE", "it is gone", {"at": [1.0, {"x": 2.0}]})
+    for number in range(depth):
+        reason = Reason(f"n{number}", "GONE", "it is gone", {"attempts": 1}, (Reason("a", "NO", "no"), reason))
+    return reason
+
+
+@pytest.mark.parametrize("depth", [0, 1, 7, 40, DEEPEST_CAUSE - 1])
+def test_a_reason_keeps_its_causes_however_deep_the_tree_is(depth):
+    written = json.loads(encoded({"reason": plain(chain(depth), keep=True)}))["reason"]
+    assert reason_from(written) == chain(depth)
+    assert json.loads(encoded(plain(Sample("s", [chain(depth)]))))["value"] == [written]
+
+
+@pytest.mark.parametrize("reason", [
+    chain(400),
+    Reason("many", "GONE", "it is gone", causes=(*[Reason("a", "NO", "no")] * (3 * MOST_CAUSES), chain(3))),
+    Reason("wide", "GONE", "it is gone", causes=(chain(60),) * 1000),
+])  # fmt: skip
+def test_what_nobody_reads_is_left_out_of_a_reason_but_never_what_it_came_down_to(reason):
+    found = reason_from(json.loads(encoded(plain(reason))))
+    assert found.code == reason.code
+    assert list(found.leaves())[-1] == Reason("leaf", "GONE", "it is gone", {"at": [1.0, {"x": 2.0}]})

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from recorded_events import FAILED, SUCCEEDED, write
 
+from executive.cli import main
 from executive.recording import index as index_module
 from executive.recording.folder import EVENTS_FILE, hash_of
 from executive.recording.index import INDEX_FILE, MIGRATIONS, RunIndex
@@ -142,3 +143,17 @@ def test_what_was_measured_at_most_is_known_of_every_run(tmp_path: Path) -> None
     (found,) = RunIndex(tmp_path).read()
     assert found.peaks == {"force [N]": 7.5, "slip [mm]": -1.0}
     assert list(found.peaks) == ["force [N]", "slip [mm]"]
+
+
+def test_a_run_that_failed_deep_down_in_its_tree_has_ended_and_says_why(tmp_path: Path) -> None:
+    node = '{check: "1 > 2"}'
+    for _ in range(12):
+        node = f"{{fallback: [{{sequence: [{node}], retry: 1}}]}}"
+    (tmp_path / "deep.yaml").write_text(f"pomona: 1\ntree: deep\nroot: {node}\n")
+    (tmp_path / "bench.yaml").write_text("name: bench\nkind: mock\nclock: manual\ndevices: {}\n")
+    files = [str(tmp_path / name) for name in ("deep.yaml", "bench.yaml", "runs")]
+    assert main(["run", files[0], "--cell", files[1], "--record", files[2], "--quiet"]) == 1
+    (run,) = RunIndex(tmp_path / "runs").read()
+    assert (run.state, run.outcome, run.code) == ("ended", "failure", "CONDITION_FALSE")
+    assert run.message is not None
+    assert "1 > 2" in run.message
