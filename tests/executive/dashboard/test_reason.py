@@ -53,6 +53,8 @@ def test_the_reason_is_wholly_in_sight_for_every_failure(show: Show, open_page: 
     reasons.append(
         {"code": "LONG", "message": "a branch is in the way, " * 12, "data": {f"n{i}": i for i in range(20)}}
     )
+    ruled_out = [f"{i}: TABLE: the left finger would be 318 mm inside the table" for i in range(16)]
+    reasons.append({"code": "NO_CANDIDATE", "message": "all are ruled out", "data": {"ruled_out": ruled_out}})
     reasons.append({"code": "X" * 60, "message": "without_a_single_space_" * 12, "data": {}})
     reasons.sort(key=lambda reason: -len(str(reason["message"])))
     measure = MEASURE.read_text(encoding="utf-8")
