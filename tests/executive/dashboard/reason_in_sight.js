@@ -27,7 +27,8 @@ async ({ reasons, nodes, drawn }) => {
       if (why.scrollHeight > why.clientHeight + 1 || why.scrollWidth > why.clientWidth + 1) say(`${why.clientHeight} of ${why.scrollHeight} px shown`);
       if (box.bottom > innerHeight + 1 || box.top < 0) say(`out of the window: ${box.top} to ${box.bottom}`);
       if (document.documentElement.scrollWidth > innerWidth) say("the page scrolls sideways");
-      for (const name of why.querySelectorAll(".data dt")) if (name.offsetHeight > 40) say(`'${name.textContent}' stands letter by letter`);
+      const lines = (of) => { const text = document.createRange(); text.selectNodeContents(of); return text.getClientRects().length; };
+      for (const name of why.querySelectorAll(".data dt")) if (lines(name) > 2) say(`'${name.textContent}' stands letter by letter`);
       if (number >= drawn) continue;
       const boxes = [...document.querySelectorAll("header > *, .bar, .control > *, #run-view > .panel, .middle > .panel, .timeline-panel")].filter((e) => e.offsetParent && e.offsetWidth && e.textContent.trim()).map((e) => [e.id || e.className, e.getBoundingClientRect()]);
       for (const [i, [name, a]] of boxes.entries()) for (const [other, b] of boxes.slice(i + 1)) {
