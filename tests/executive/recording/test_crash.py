@@ -43,6 +43,7 @@ for tick in range(1_000_000):
 
 LIMITED = """
 import resource, sys
+sys.dont_write_bytecode = True  # Python itself leaves half a file of compiled code on a full disk
 from executive.cli import main
 resource.setrlimit(resource.RLIMIT_FSIZE, (6_000, 6_000))
 sys.exit(main(sys.argv[1:]))
