@@ -160,8 +160,10 @@ class _Importer:
         if why:
             return element.refuse(why)
         if found is not None:
-            if found.role == "modifier" and tag in found.xml_tags and len(element.found.children) != 1:
-                return element.refuse(f"has {len(element.found.children)} children")
+            if found.role == "modifier":
+                parts = 0 if tag in found.xml_tags else sum(taken.nodes for taken in found.fields.values())
+                if not 1 <= len(element.found.children) <= 1 + parts:
+                    return element.refuse(f"has {len(element.found.children)} children")
             return found.from_xml(element)
         if tag == "SubTree":
             return self.subtree(element)

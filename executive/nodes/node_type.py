@@ -323,8 +323,6 @@ class NodeType(ABC):
         children = element.children()
         if self.role == "modifier":
             parts = [slot for slot, taken in self.fields.items() if taken.nodes]
-            if not 1 <= len(children) <= 1 + len(parts):
-                return element.refuse(f"has {len(children)} children")
             words.update(zip(parts, children[1:], strict=False))
             return element.wrap(children[0], self.key, element.value(self.xml_value), words)
         value = children if self.value.nodes else element.ports() if self.value.wires else element.value(self.xml_value)

@@ -487,3 +487,14 @@ class TestModelsOfNodes:
 
     def test_a_file_without_models_is_a_finding(self):
         assert [f.code for f in import_groot("<root/>", "t.xml", nodes=[("<root/>", "m.xml")])[1]] == ["xml", "xml"]
+
+
+@pytest.mark.parametrize(
+    "tag", ["PomonaForEach", "PomonaTimeout", "PomonaRepeat", "Inverter", "Timeout"]
+)
+@pytest.mark.parametrize("count", [0, 2, 3])
+def test_a_decorator_with_another_number_of_children_is_refused_with_its_place(tag, count):
+    element = f'<{tag} items="{{i}}" item="{{o}}" msec="10">{"<Move/>" * count}</{tag}>'
+    text = f'<root BTCPP_format="4"><BehaviorTree ID="T">\n{element}</BehaviorTree></root>'
+    found = import_groot(text, "t.xml")[1]
+    assert [(f.path, f.line) for f in found if f"{count} children" in f.message] == [("t.xml", 2)]
