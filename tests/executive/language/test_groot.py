@@ -489,9 +489,7 @@ class TestModelsOfNodes:
         assert [f.code for f in import_groot("<root/>", "t.xml", nodes=[("<root/>", "m.xml")])[1]] == ["xml", "xml"]
 
 
-@pytest.mark.parametrize(
-    "tag", ["PomonaForEach", "PomonaTimeout", "PomonaRepeat", "Inverter", "Timeout"]
-)
+@pytest.mark.parametrize("tag", ["PomonaForEach", "PomonaTimeout", "PomonaRepeat", "Inverter", "Timeout"])
 @pytest.mark.parametrize("count", [0, 2, 3])
 def test_a_decorator_with_another_number_of_children_is_refused_with_its_place(tag, count):
     element = f'<{tag} items="{{i}}" item="{{o}}" msec="10">{"<Move/>" * count}</{tag}>'
