@@ -17,6 +17,7 @@ from executive.recording.recorder import Recorder
 from executive.running.cell import Cell
 from executive.running.events import EventStream
 from executive.running.runner import Runner
+from executive.values.sentences import sentence_of
 
 Reader = Callable[[float, int, Mapping[str, Mapping[str, Any]]], None]
 """Takes the run's time, the tick, and what the cell's devices measured since: by device and quantity."""
@@ -81,6 +82,8 @@ class RecordingSession:
             self._picture.save(self._recorder.folder / "picture.png", title)
         except OSError as error:
             self._trouble = f"the picture cannot be written: {error.strerror or error}"
+        except Exception as error:  # a view that cannot be drawn, a drawing library that cannot be loaded
+            self._trouble = f"the picture cannot be drawn: {sentence_of(error)}"
 
     def close(self) -> str:
         """Write what is left.

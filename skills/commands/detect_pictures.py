@@ -121,7 +121,10 @@ def _all(files: Sequence[Path], detector: CompactDetector, score: float, out: Pa
 def _read(file: Path) -> Any:
     """The picture (h, w, 3), BGR, or None; OpenCV's own reading of files complains beside us."""
     data = np.frombuffer(file.read_bytes(), np.uint8)
-    return cv2.imdecode(data, cv2.IMREAD_COLOR) if data.size else None
+    try:
+        return cv2.imdecode(data, cv2.IMREAD_COLOR) if data.size else None
+    except cv2.error:  # a picture that says it is larger than any memory
+        return None
 
 
 def find_fruit(detector: CompactDetector, colour: UInt8) -> list[FoundFruit]:

@@ -13,6 +13,7 @@ from executive.cli import main
 from executive.recording import index as index_module
 from executive.recording.folder import EVENTS_FILE, hash_of
 from executive.recording.index import INDEX_FILE, MIGRATIONS, RunIndex
+from executive.recording.picture import Picture
 from executive.recording.recorder import Recorder
 from executive.running.events import Published
 from executive.views import SeriesView
@@ -157,3 +158,27 @@ def test_a_run_that_failed_deep_down_in_its_tree_has_ended_and_says_why(tmp_path
     assert (run.state, run.outcome, run.code) == ("ended", "failure", "CONDITION_FALSE")
     assert run.message is not None
     assert "1 > 2" in run.message
+
+
+def test_a_picture_that_cannot_be_drawn_is_told_and_the_run_is_what_it_was(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def save(*_arguments: object) -> None:
+        raise ValueError("a view of no shape")
+
+    monkeypatch.setattr(Picture, "empty", False)
+    monkeypatch.setattr(Picture, "save", save)
+    (tmp_path / "t.yaml").write_text("pomona: 1\ntree: t\nroot: {wait: 100 ms}\n")
+    (tmp_path / "bench.yaml").write_text("name: bench\nkind: mock\nclock: manual\ndevices: {}\n")
+    words = [
+        "run",
+        str(tmp_path / "t.yaml"),
+        "--cell",
+        str(tmp_path / "bench.yaml"),
+        "--record",
+        str(tmp_path / "runs"),
+    ]
+    assert main(words) == 0
+    said = capsys.readouterr()
+    assert "the picture cannot be drawn: a view of no shape" in " ".join((said.out + said.err).split())
+    assert RunIndex(tmp_path / "runs").read()[0].outcome == "success"

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import argparse
 import csv
+import struct
+import zlib
 from pathlib import Path
 
 import cv2
@@ -67,10 +69,14 @@ def test_a_file_that_is_no_picture_is_named_and_the_others_are_done(
 ) -> None:
     (pictures / "broken.png").write_bytes(b"not a picture")
     (pictures / "empty.png").touch()
+    parts = ((b"IHDR", struct.pack(">IIBBBBB", 100_000, 100_000, 8, 2, 0, 0, 0)), (b"IDAT", zlib.compress(bytes(1000))))
+    huge = b"".join(struct.pack(">I", len(d)) + k + d + struct.pack(">I", zlib.crc32(k + d)) for k, d in parts)
+    (pictures / "huge.png").write_bytes(b"\x89PNG\r\n\x1a\n" + huge)
     assert run(pictures, "--out", tmp_path / "out") == 2
     said = capsys.readouterr()
     assert "broken.png cannot be read as a picture" in said.err
     assert "empty.png cannot be read as a picture" in said.err
+    assert "huge.png cannot be read as a picture" in said.err
     assert "2 fruit in 2 pictures" in said.out
 
 
