@@ -399,5 +399,6 @@ class GripController:
             # A moment shows late and grows fast: rather too much force than too little.
             feedthrough = min(self.sense.twist, 1.0)
             band = self.sense.normal_noise_band
-            speed = self._tracker.while_holding(f_ref, f_n, self.speed, band, feedthrough)
+            hardest = 2.0 * max(self.sense.finger_forces)
+            speed = self._tracker.while_holding(f_ref, f_n, self.speed, band, feedthrough, hardest)
         return speed if opening else min(speed, 0.0)

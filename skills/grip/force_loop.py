@@ -42,7 +42,7 @@ class ForceLoopSettings:
         gain: c [1/s].
         lag: of fingers and measurement together; what was commanded within it has yet to show in the force [s].
         stiffness: of the pads.
-        max_force: largest grasp force [N].
+        max_force: largest grasp force [N]; each finger presses with at most half of it.
         closing_speed, opening_speed: bounds of the opening's rate, both positive [m/s].
         command_period: the gripper takes a new rate this often [s]; the WSG's finger script manages 50 Hz.
     """
@@ -63,6 +63,7 @@ def finger_speed(
     settings: ForceLoopSettings,
     speed_before: float = 0.0,
     error_feedthrough: float = 1.0,
+    hardest: float = 0.0,
 ) -> float:
     """Rate of the opening to command [m/s]; negative closes.
 
@@ -73,12 +74,14 @@ def finger_speed(
         speed_before: the rate that was commanded before this one [m/s].
         error_feedthrough: 0 … 1; with 1 the gain acts on the whole error although its rise is fed forward, which
             overshoots.
+        hardest: twice the force of the finger that presses harder [N]: no closing takes it beyond the limit, whatever
+            the other one says.
 
     Returns:
         Never so fast that the force would be beyond the limit before the next command; 0.0 for anything that is not
         finite, and when the force is beyond twice the limit and would be raised further.
     """
-    if not (math.isfinite(f_ref) and math.isfinite(f_ref_rate) and math.isfinite(f_n)):
+    if not all(map(math.isfinite, (f_ref, f_ref_rate, f_n, hardest))):
         return 0.0
     f_n = abs(f_n)
     if f_n > 2.0 * settings.max_force and f_ref > f_n:
@@ -90,6 +93,7 @@ def finger_speed(
     before = f_ref - (1.0 - error_feedthrough) * f_ref_rate * settings.command_period
     error = pads.pressed(before) - pads.pressed(f_n) + speed_before * settings.lag
     closing = settings.gain * error + f_ref_rate / pads.slope(f_n)
-    left = (settings.max_force - f_n) / pads.slope(f_n) + speed_before * settings.lag
+    most = max(f_n, hardest)
+    left = (settings.max_force - most) / pads.slope(most) + speed_before * settings.lag
     fastest = min(settings.closing_speed, max(left, 0.0) / settings.command_period)
     return min(max(-closing, -fastest), settings.opening_speed)

@@ -46,7 +46,13 @@ class ForceTracker:
         return finger_speed(f_ref, rate, f_n, self._loop, speed_before)
 
     def while_holding(
-        self, f_ref: float, f_n: float, speed_before: float, noise_band: float, error_feedthrough: float
+        self,
+        f_ref: float,
+        f_n: float,
+        speed_before: float,
+        noise_band: float,
+        error_feedthrough: float,
+        hardest: float = 0.0,
     ) -> float:
         """Rate of the opening [m/s] while holding; 0.0 while the force is where it should be but for noise.
 
@@ -54,7 +60,7 @@ class ForceTracker:
             f_ref, f_n: reference and measured grasp force [N].
             speed_before: what was commanded before [m/s].
             noise_band: how far noise carries the measured force [N].
-            error_feedthrough: as in `finger_speed`.
+            error_feedthrough, hardest: as in `finger_speed`.
         """
         rate = (f_ref - self._f_ref_commanded) / self._loop.command_period
         quiet = self._settings.quiet_rate
@@ -63,7 +69,7 @@ class ForceTracker:
             return 0.0
         calm = abs(f_ref - f_n) < self._settings.calm * noise_band
         loop = self._calm_loop if calm else self._loop
-        return finger_speed(f_ref, rate, f_n, loop, speed_before, error_feedthrough)
+        return finger_speed(f_ref, rate, f_n, loop, speed_before, error_feedthrough, hardest)
 
     def _rests(self, f_ref: float, error: float, noise_band: float) -> bool:
         """Whether the fingers rest: until the force has strayed beyond noise, then until it is back."""

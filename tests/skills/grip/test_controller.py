@@ -274,6 +274,21 @@ def test_a_dead_finger_is_reported_and_the_other_one_counts() -> None:
     assert controller.phase is GripPhase.HOLDING
 
 
+def test_a_finger_that_says_too_little_does_not_let_the_other_one_press_beyond_the_limit() -> None:
+    """The pads give as springs; the left finger's signal shows half of what presses on it, and the load needs 12 N."""
+    controller, wrenches = holding()
+    wrenches[:, 0] = 3.6
+    pressed = 1.1
+    most = 0.0
+    for i in range(2000):
+        wrenches[:, 2] = -0.5 * pressed, -pressed
+        controller.step(1.0 + 0.002 * i, 500 + i, wrenches)
+        pressed -= 0.5 * controller.settings.loop.stiffness.linear * controller.speed * 0.002
+        most = max(most, pressed)
+    assert 0.4 * controller.settings.loop.max_force < most <= 0.505 * controller.settings.loop.max_force
+    assert controller.problem is not None
+
+
 def test_a_jump_of_one_fingers_load_alone_is_reported_and_the_force_never_falls_again() -> None:
     controller, wrenches = holding()
     for i in range(1000):

@@ -34,6 +34,13 @@ def test_beyond_the_force_limit_nothing_closes() -> None:
     assert finger_speed(50.0, 0.0, 9.99, SETTINGS) == pytest.approx(-SETTINGS.gain * 0.01 / 2000.0)
 
 
+def test_the_finger_that_presses_harder_is_not_pressed_beyond_its_half_of_the_limit() -> None:
+    assert finger_speed(9.0, 0.0, 5.0, SETTINGS, hardest=10.0) == 0.0
+    assert finger_speed(9.0, 0.0, 5.0, SETTINGS, hardest=9.99) == pytest.approx(-0.01 / 2000.0 / 0.02)
+    assert finger_speed(3.0, 0.0, 5.0, SETTINGS, hardest=12.0) > 0.0
+    assert finger_speed(9.0, 0.0, 5.0, SETTINGS, hardest=math.nan) == 0.0
+
+
 def test_a_stiffening_pad_is_undone() -> None:
     pads = PadStiffness(quadratic=2.0e6)
     assert pads.pressed(2.0e6 * 0.001**2) == pytest.approx(0.001)
