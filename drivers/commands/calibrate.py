@@ -20,7 +20,7 @@ def add(subparsers: Any) -> None:
     fingers = kinds.add_parser("fingers", help="fit a finger's network to recorded voltages and wrenches")
     fingers.add_argument("recording", type=Path, help=".npz with volts and wrenches, or .csv with 31 columns")
     fingers.add_argument("--out", type=Path, required=True, help="the calibration file to write")
-    fingers.add_argument("--finger", default="", help="which finger it is, for people")
+    fingers.add_argument("--finger", default="", help="which finger it is: what says left is refused for the right one")
     fingers.add_argument("--hidden", type=int, nargs="+", default=[32], help="sizes of the hidden layers")
     fingers.add_argument("--epochs", type=int, default=300)
     fingers.add_argument("--seed", type=int, default=0)

@@ -8,6 +8,7 @@ The file is JSON; every finger has its own.
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -35,7 +36,7 @@ class FingerCalibration:
     """The network of one finger.
 
     Attributes:
-        finger: which finger it was made for, for people.
+        finger: which finger it was made for, in words; left or right among them are compared with the cell file's.
         mean, components: of the PCA, shapes (25,) [V] and (k, 25).
         in_low, in_high: least and greatest of every component in the recording, shape (k,): mapped to −1 … 1.
         layers: weights (m, n) and offsets (m,) of every layer; tansig after each but the last.
@@ -62,6 +63,15 @@ class FingerCalibration:
         weights, offsets = self.layers[-1]
         y: Float64 = (x @ weights.T + offsets + 1.0) * (0.5 * (self.out_high - self.out_low)) + self.out_low
         return y
+
+    def beyond(self, wrench: Float64) -> bool:
+        """Whether a wrench (6,) presses harder than the recording did: what is more, the network cannot tell."""
+        return bool(wrench[2] < self.out_low[2])
+
+    def other_than(self, side: str) -> bool:
+        """Whether its name says that it was made for the finger across from this side (left, right), and not for it."""
+        words = re.split(r"[^a-z]+", self.finger.lower())
+        return side not in words and ("left" if side == "right" else "right") in words
 
     def save(self, path: Path) -> None:
         """Write the file that `load` reads."""

@@ -61,6 +61,11 @@ class SunTouchFile:
     def problems(self) -> Iterator[Problem]:
         if self.left.port == self.right.port:
             yield Problem("right", f"both fingers are at {self.left.port}: each has a port of its own")
+        for side, finger in (("left", self.left), ("right", self.right)):
+            made_for = FingerCalibration.load(finger.calibration)
+            if made_for.other_than(side):
+                words = f"its calibration {finger.calibration.name} was made for the finger '{made_for.finger}'"
+                yield Problem(side, words, "are the two files exchanged?")
 
 
 @driver(SunTouchFingers, SunTouchFile)

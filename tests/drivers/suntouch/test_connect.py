@@ -9,7 +9,7 @@ from drivers.suntouch.connect import connect
 from executive.clock import ManualClock
 
 CALIBRATION = Path(__file__).resolve().parents[3] / "trees" / "cells" / "emulated_fingers" / "left.json"
-RIGHT = f"right: {{port: p, calibration: {CALIBRATION}}}"
+RIGHT = f"right: {{port: p, calibration: {CALIBRATION.with_name('right.json')}}}"
 
 
 def refuse(folder: Path, text: str) -> CellFileError:
@@ -41,6 +41,14 @@ def test_a_missing_or_wrong_calibration_is_refused_with_what_makes_one(tmp_path:
     error = refuse(tmp_path, "left: {port: p, calibration: empty.json}\n" + RIGHT)
     assert "no calibration of a finger" in error.message
     assert "pomona calibrate fingers" in error.hint
+
+
+def test_exchanged_calibrations_are_refused_by_the_names_they_were_made_with(tmp_path: Path) -> None:
+    other = CALIBRATION.with_name("right.json")
+    error = refuse(tmp_path, f"left: {{port: p, calibration: {other}}}\n{RIGHT.replace('port: p', 'port: q')}")
+    assert (error.line, error.column) == (2, 7)
+    assert "right.json was made for the finger 'emulated right'" in error.message
+    assert "exchanged" in error.hint
 
 
 def test_an_unknown_baud_rate_is_refused(tmp_path: Path) -> None:
