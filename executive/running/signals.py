@@ -130,8 +130,11 @@ class RunSignals:
         self._before = _install(self._handle, tuple(WORDS))
         return self
 
-    def __exit__(self, _type: type[BaseException] | None, _error: object, _trace: TracebackType | None) -> None:
+    def __exit__(self, _type: type[BaseException] | None, error: object, _trace: TracebackType | None) -> None:
         _restore(self._before)
+        # A library that swallowed the signal while something was prepared may then fail in words of its own.
+        if isinstance(error, Exception) and self._raised is not None and self._run is None:
+            raise error_of(self._raised) from error
 
     @contextmanager
     def ask(self, run: Requests) -> Iterator[None]:

@@ -80,6 +80,22 @@ def test_a_signal_that_a_library_swallowed_ends_what_was_to_begin(number: signal
     assert cell.wheel.log == []
 
 
+def test_what_fails_because_a_library_swallowed_a_signal_is_still_that_signal() -> None:
+    """As a compiler does, which then misses what was to be compiled."""
+
+    def prepare() -> None:
+        with RunSignals():
+            with contextlib.suppress(KeyboardInterrupt):
+                send(signal.SIGTERM)
+            raise RuntimeError("no compiled object yet")
+
+    with pytest.raises(KeyboardInterrupt) as raised, raising():
+        prepare()
+    assert status_of(raised.value) == 143
+    with pytest.raises(RuntimeError), raising(), RunSignals():
+        raise RuntimeError("without a signal it is what it is")
+
+
 @pytest.mark.parametrize("when", ["before a cell", "beside a cell"])
 def test_what_a_signal_cut_in_two_prints_nothing_and_what_else_cannot_be_raised_does(
     when: str, monkeypatch: pytest.MonkeyPatch
