@@ -6,6 +6,7 @@ path's own accelerations included), eased in and out so that jerk stays bounded.
 
 from __future__ import annotations
 
+import copy
 import math
 
 import numpy as np
@@ -56,6 +57,12 @@ class PathFollower:
     def go_on(self) -> None:
         """Run the path at its own pace again."""
         self._wanted = 1.0
+
+    def braking(self) -> PathFollower:
+        """Another that comes to rest on the path from here on; this one stays as it is."""
+        other = copy.copy(self)  # the path itself is only read
+        other.slow_down()
+        return other
 
     def step(self) -> tuple[Float64, Float64]:
         """Advance one period; joint positions [rad] and velocities [rad/s] of the set-point, (dof,) each."""

@@ -98,6 +98,10 @@ class PathMotion:
         """Advance one period; joint positions [rad] and velocities [rad/s] of the set-point, (dof,) each."""
         return self._follower.step()
 
+    def braking(self) -> PathFollower:
+        """How the set-point would come to rest if it were stopped now."""
+        return self._follower.braking()
+
     def look(self, resting: bool, beside: float, now: float) -> None:
         """Update the state.
 
