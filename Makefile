@@ -2,7 +2,10 @@
 PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
+RUNS   := $(VENV)/.runs
 STAMP  := $(VENV)/.installed
+INSTALL = $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile --editable
+# Compiling all 19 000 files of all packages takes as long as unpacking them; a run imports a fifth of them, and compiles those.
 
 # Commands and tests start hundreds of processes: what one has compiled, the others read.
 unexport PYTHONDONTWRITEBYTECODE
@@ -13,21 +16,37 @@ unexport PYTHONDONTWRITEBYTECODE
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-16s %s\n", $$1, $$2}'
 
-setup: $(STAMP) ## create .venv, install the package and look for the system's libraries
+setup: $(STAMP) ## create .venv, install the package with what development needs, look for the system's libraries
 
-$(STAMP): pyproject.toml scripts/system_libraries.sh
+$(BIN)/python:
 	@sh scripts/system_libraries.sh venv $(PYTHON)
-	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
+	$(PYTHON) -m venv $(VENV)
+
+$(RUNS): pyproject.toml scripts/system_libraries.sh | $(BIN)/python
+	@echo "installing what a run needs into $(VENV) (PyTorch, OpenCV, MuJoCo …): a few minutes, once"
+	$(INSTALL) .
 	@sh scripts/system_libraries.sh egl
 	@touch $@
 
-run: $(STAMP) ## pick an apple on the simulated cell
+$(STAMP): pyproject.toml scripts/system_libraries.sh | $(BIN)/python
+	@echo "installing Pomona and what its tests, benchmarks and documentation need into $(VENV): a few minutes, once"
+	$(INSTALL) '.[dev]'
+	@sh scripts/system_libraries.sh egl
+	@touch $(RUNS) $@
+
+run: $(RUNS) ## pick an apple on the simulated cell
 	$(BIN)/pomona run trees/pick_apple.yaml
 
-test: $(STAMP) ## run the tests
+PYTEST = $(BIN)/python -m pytest -n 2 --dist worksteal
+WHOLE = not realtime and not long
+
+test: $(STAMP) ## run the tests, without the slow ones (five minutes)
+	$(PYTEST) -m '$(WHOLE) and not slow' --durations 5 --durations-min 3
+	@echo "left out: picks, the browser's and what else takes more than three seconds: make test-slow"
+
+test-slow: $(STAMP) ## the slow ones: whole picks, the operator's page in a browser, tutorials as they are written
 	@sh scripts/system_libraries.sh tests
-	$(BIN)/python -m pytest -n 2 --dist worksteal
+	$(PYTEST) -m '$(WHOLE) and slow'
 
 test-realtime: $(STAMP) ## the whole pick through emulated devices and wires; needs a machine with nothing else to do
 	$(BIN)/python -m pytest -m realtime
@@ -45,7 +64,7 @@ docs: $(STAMP) ## the documentation's site, in site/; a broken link is an error
 docs-serve: $(STAMP) ## the same, shown at http://127.0.0.1:8000 while it is written
 	NO_MKDOCS_2_WARNING=1 DISABLE_MKDOCS_2_WARNING=true $(BIN)/python -m mkdocs serve
 
-check: test docs ## what CI runs: tests, the site, lint, types, layer rules
+check: test test-slow docs ## what CI runs: tests, the site, lint, types, layer rules
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy

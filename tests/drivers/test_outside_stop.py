@@ -36,6 +36,8 @@ from executive.cli import main
 from executive.registry import Registry
 from executive.skill import Skill, Work
 
+pytestmark = pytest.mark.slow
+
 class Move(Skill):
     devices = (Arm, Gripper)
 

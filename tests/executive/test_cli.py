@@ -162,6 +162,7 @@ def test_a_quiet_run_that_fails_says_why_in_one_line(
         assert said.err == ""
 
 
+@pytest.mark.slow
 def test_a_reader_that_is_gone_ends_a_run_in_the_safe_state(tmp_path: Path) -> None:
     tree = tmp_path / "t.yaml"
     tree.write_text("pomona: 1\ntree: t\nroot: {repeat: 500, sequence: [{wait: 20 ms}, {succeed: {}}]}\n")
@@ -212,6 +213,7 @@ sys.exit(cli.main())
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("what", "name"), [("thread", "a skill's"), ("process", "a skill's"), ("computation", "pomona-compute_0")]
 )

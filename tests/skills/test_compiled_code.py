@@ -7,10 +7,13 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 INNER = "import numba\n@numba.njit(cache=True)\ndef inner(): return {}\n"
 OUTER = "import numba\nfrom inner import inner\n@numba.njit(cache=True)\ndef outer(): return inner()\n"
 SCRIPT = """
 from pathlib import Path
+
 from skills.compiled_code import PLACE, keep_apart
 import os
 del os.environ[PLACE]
@@ -31,6 +34,7 @@ def answer(folder: Path) -> list[str]:
     return done.stdout.split()
 
 
+@pytest.mark.slow
 def test_a_change_in_another_file_is_compiled_in(tmp_path: Path) -> None:
     (tmp_path / "outer.py").write_text(OUTER)
     (tmp_path / "inner.py").write_text(INNER.format(1))

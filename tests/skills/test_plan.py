@@ -86,6 +86,7 @@ def test_a_budget_that_is_used_up_is_no_path_and_the_next_planner_may_find_one()
     assert plan(planner="RRTConnect", direct=False, budget=0.2).status is Status.SUCCESS
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seen", [None, 0.0])
 def test_a_map_that_is_empty_or_old_is_not_planned_in(seen):
     scene = PickingScene()

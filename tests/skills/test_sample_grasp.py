@@ -1,5 +1,6 @@
 from typing import Any
 
+import pytest
 from py_trees.common import Status
 
 from executive.skill_testing import drive
@@ -64,6 +65,7 @@ def test_when_nothing_is_left_the_reasons_are_counted():
     assert "16 unreachable" in outcome.reason.message
 
 
+@pytest.mark.slow
 def test_a_stale_or_empty_map_is_not_free():
     scene = PickingScene()
     scene.clock.advance(500.0)

@@ -219,6 +219,7 @@ TREES = st.recursive(
 )
 
 
+@pytest.mark.slow
 @settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(TREES)
 def test_any_yaml_is_a_cell_or_has_findings_with_places(judge, content):
@@ -227,6 +228,7 @@ def test_any_yaml_is_a_cell_or_has_findings_with_places(judge, content):
     assert found or isinstance(content, dict)
 
 
+@pytest.mark.slow
 @settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.integers(0, len(SIM) - 1), st.integers(0, 12), st.text("abz:{}[]-0.\"'#&*!|>%@\n\t, é\x00", max_size=4))
 def test_a_damaged_cell_has_findings_with_places_or_is_a_cell(judge, at, length, inserted):

@@ -12,6 +12,8 @@ from drivers.faults import FaultPlan, PlannedFault
 from drivers.interfaces import Arm, Camera, ForceSensor, Gripper, MotionState
 from skills.motion.planning.timing import time_polyline
 
+pytestmark = pytest.mark.slow
+
 CELL = Path(__file__).resolve().parents[3] / "trees" / "cells" / "emulated.yaml"
 TICK = 0.02
 

@@ -57,6 +57,7 @@ class Script:
         self.until(self.arm.follow(quintic(start, self.set_point, self.arm.limits)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("pull_strength", "off"), [(4.0, True), (60.0, False)])
 def test_a_hand_pulls_an_apple_off_a_weak_stem_and_slips_from_a_strong_one(pull_strength, off):
     cell = load_cell(CELL, seed=3, overrides={**BARE, "friction": "0.8"})

@@ -294,6 +294,7 @@ def test_the_schema_accepts_what_the_reader_accepts() -> None:
             jsonschema.validate(yaml.safe_load(wrong), schema)
 
 
+@pytest.mark.slow
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.integers(0, len(FILE) - 1), st.integers(0, 12), st.text("abz:{}[]-0.\"'#&*!|>%@\n\t, é", max_size=4))
 def test_a_damaged_campaign_has_findings_with_places_or_is_a_campaign(

@@ -163,6 +163,7 @@ def test_a_folder_that_cannot_be_written_is_no_problem(package, monkeypatch, tmp
     assert loaded(declared.declared_skills())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "command", ["--help", "check pick_apple", "show pick_apple", "skills", "schema", "export pick_apple"]
 )

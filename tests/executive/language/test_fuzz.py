@@ -24,6 +24,7 @@ SAME_EVERYWHERE = settings(derandomize=True, database=None, deadline=None, suppr
 """Neither chance nor how busy a machine is decides; `fuzz.py --cases` tries as many as one likes."""
 
 
+@pytest.mark.slow
 def test_mutated_trees(skills, pick_apple):
     trees = [pick_apple, *fuzzer.shipped_trees()]
     assert fuzzer.fuzz(2000, 1, trees, skills, lambda text: fuzzer.try_tree(text, skills)) == []
@@ -88,6 +89,7 @@ nodes = st.recursive(
 )
 
 
+@pytest.mark.slow
 @given(root=nodes, sub=nodes)
 @settings(SAME_EVERYWHERE, max_examples=300)
 def test_any_tree_is_checked_and_what_passes_is_built_and_runs(root, sub):

@@ -45,6 +45,8 @@ LIMITED = """
 import resource, sys
 sys.dont_write_bytecode = True  # Python itself leaves half a file of compiled code on a full disk
 from executive.cli import main
+
+pytestmark = pytest.mark.slow
 resource.setrlimit(resource.RLIMIT_FSIZE, (6_000, 6_000))
 sys.exit(main(sys.argv[1:]))
 """

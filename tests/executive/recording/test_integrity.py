@@ -173,6 +173,7 @@ def test_a_record_of_which_the_first_chunk_is_lost_keeps_its_later_events(tmp_pa
     assert digest(tmp_path).tree == ""
 
 
+@pytest.mark.slow
 @settings(max_examples=60, deadline=None)
 @given(st.lists(st.tuples(st.floats(0.0, 1.0, exclude_max=True), st.integers(1, 255)), min_size=1, max_size=5))
 def test_a_repaired_record_is_whole_and_holds_no_event_that_was_not_recorded(

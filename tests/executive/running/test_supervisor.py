@@ -105,6 +105,7 @@ def test_a_computer_that_stands_still_as_a_whole_accuses_nobody(tmp_path: Path) 
     assert not (tmp_path / "stopped").exists()
 
 
+@pytest.mark.slow
 def test_a_device_that_cannot_be_stopped_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "stopped").mkdir()  # os.mkdir fails now
     _status, said, _took = supervised(tmp_path, "wait", signal.SIGKILL)

@@ -50,6 +50,7 @@ def mock_cell() -> tuple[Cell, Person]:
     return Cell("mock", "mock", clock, {"gripper": gripper, "fingers": sensor}), person
 
 
+@pytest.mark.slow
 def test_a_recording_becomes_a_parameter_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     pushes, squeeze = all_pushes()
     write_pushes(list(pushes), tmp_path / "pushes.npz", squeeze)

@@ -16,6 +16,8 @@ from skills.perception.training.photo_samples import PhotoCloseLookBatches
 from skills.perception.training.recipe import FrameSet, Recipe, TrainingStage
 from tests.skills.perception.training.photo_folders import tables
 
+pytestmark = pytest.mark.slow
+
 
 def run(*arguments: str) -> int:
     parser = argparse.ArgumentParser()

@@ -31,6 +31,7 @@ def test_only_the_sia5f_has_the_closed_form() -> None:
     assert as_spherical_arm(RobotModel.load(SIX_AXIS)) is None
 
 
+@pytest.mark.slow
 def test_an_arm_with_a_shifted_wrist_is_not_mistaken_for_the_family(tmp_path: Path) -> None:
     file = shutil.copytree(SIA5F.parent, tmp_path / "robots") / SIA5F.name
     file.write_text(

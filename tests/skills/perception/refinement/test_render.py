@@ -140,6 +140,7 @@ def test_any_thread_may_render(apple, camera):
     assert all(np.array_equal(depth, expected) for depth in seen)
 
 
+@pytest.mark.slow
 def test_what_was_current_in_the_callers_thread_stays_current():
     program = """
 import numpy as np, trimesh
@@ -221,6 +222,7 @@ print("both work")
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", ["with_pyrender, with_mujoco", "with_mujoco, with_pyrender"])
 def test_lives_beside_mujoco_in_either_order(order):
     program = _BESIDE_MUJOCO.replace("ORDER", f"[{order}, {order}]")

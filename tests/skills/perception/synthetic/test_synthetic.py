@@ -90,6 +90,7 @@ def test_frames_hold_the_promised_fruit_and_distractors(apple: FruitModel) -> No
     assert np.median([len(f.decoys) for f in frames]) >= 4
 
 
+@pytest.mark.slow
 def test_data_sets_do_not_depend_on_workers_and_go_on_where_they_stopped(tmp_path: Path) -> None:
     alone, together = tmp_path / "alone", tmp_path / "together"
     reported: list[tuple[int, int]] = []

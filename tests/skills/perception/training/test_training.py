@@ -25,6 +25,8 @@ from skills.perception.training.places import find_places, load_places, save_pla
 from skills.perception.training.samples import CloseLookBatches, FinderBatches, FrameFolder
 from skills.perception.training.train import Part, TrainingRun, train_part
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def frames(tmp_path_factory: pytest.TempPathFactory) -> Path:
