@@ -136,26 +136,32 @@ class _Opener:
 
     def _expanded(self, node: YamlMapping, path: Path, chain: tuple[Path, ...]) -> YamlMapping:
         entries: dict[str, tuple[YamlScalar, YamlNode]] = {}
+        lacking = node.lacking
         for name, (key, value) in node.entries.items():
             if name == "include":
-                entries = self._included(value, path, chain) | entries
+                included = self._included(value, path, chain)
+                lacking = lacking or included is None
+                entries = (included or {}) | entries
             else:
                 inner = self._expanded(value, path, chain) if isinstance(value, YamlMapping) else value
                 entries[name] = (key, inner)
-        return replace(node, entries=entries)
+        return replace(node, entries=entries, lacking=lacking)
 
-    def _included(self, node: YamlNode, path: Path, chain: tuple[Path, ...]) -> dict[str, tuple[YamlScalar, YamlNode]]:
+    def _included(
+        self, node: YamlNode, path: Path, chain: tuple[Path, ...]
+    ) -> dict[str, tuple[YamlScalar, YamlNode]] | None:
+        """Its entries; None when it cannot be read, which is a finding."""
         if not isinstance(node, YamlScalar) or node.is_null:
             self.findings.error(node, "shape", "'include' names a file", "write include: shared/workspace.yaml")
-            return {}
+            return None
         file, _, block = node.text.partition("#")
         target = self._target(path.parent, file)
         if target in chain or len(chain) > MAX_INCLUDES:
             words = "includes itself" if target in chain else f"is included more than {MAX_INCLUDES} files deep"
             self.findings.error(node, "include", f"{target} {words}")
-            return {}
+            return None
         opened = self.open(target, node, chain)
-        return {} if opened is None else self._block(opened, block, node)
+        return None if opened is None else self._block(opened, block, node)
 
     def _target(self, folder: Path, file: str) -> Path:
         beside = folder / file
@@ -164,14 +170,14 @@ class _Opener:
         shipped = self.shipped / file
         return shipped if str(shipped) in self.texts or is_file(shipped) else beside
 
-    def _block(self, root: YamlMapping, path: str, at: YamlScalar) -> dict[str, tuple[YamlScalar, YamlNode]]:
+    def _block(self, root: YamlMapping, path: str, at: YamlScalar) -> dict[str, tuple[YamlScalar, YamlNode]] | None:
         """The entries of a mapping inside a file, by its keys: `devices/camera`; of the whole file without any."""
         for name in filter(None, path.split("/")):
             inner = root.get(name)
             if not isinstance(inner, YamlMapping):
                 words = f"{at.text.partition('#')[0]} has no block '{name}'"
                 self.findings.error(at, "include", words, did_you_mean(name, root.entries))
-                return {}
+                return None
             root = inner
         return root.entries
 

@@ -145,6 +145,8 @@ class Section(Kind[S]):
             try:
                 written = node.get(name)
                 if written is None or _is_null(reader.filled(written)):
+                    if entry.required and node.lacking:
+                        raise Refused(name)
                     if entry.required:
                         raise reader.refuse(written or node, f"{what} needs '{name}'", entry.help, "missing-key")
                 else:

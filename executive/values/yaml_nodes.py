@@ -65,9 +65,14 @@ class YamlList(YamlNode):
 
 @dataclass(slots=True, eq=False)
 class YamlMapping(YamlNode):
-    """Keys are unique: of a key that is written twice the first stays, and the second is a finding."""
+    """Keys are unique: of a key that is written twice the first stays, and the second is a finding.
+
+    Attributes:
+        lacking: what it includes could not be read, with a finding of its own: nothing is missed in it.
+    """
 
     entries: dict[str, tuple[YamlScalar, YamlNode]]
+    lacking: bool = False
 
     def get(self, key: str) -> YamlNode | None:
         """The value of a key, or None."""

@@ -10,6 +10,7 @@ import pytest
 
 from executive.cli import main
 from executive.language.declared_skills import declared_skills
+from executive.running.runner import Runner
 
 
 def refused(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
@@ -113,6 +114,7 @@ SMALL_COMMANDS = """
 import sys
 from executive.cli import main
 from executive.language.declared_skills import declared_skills
+from executive.running.runner import Runner
 
 def loaded(arguments, *heavy):
     assert main(arguments) in (0, 2), arguments
@@ -160,6 +162,22 @@ def test_a_quiet_run_that_fails_says_why_in_one_line(
         assert "the dice fell badly" in line
     else:
         assert said.err == ""
+
+
+def test_a_quiet_run_that_ends_in_the_safe_state_says_why(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def broken(_runner: Runner) -> None:
+        raise RuntimeError("the wheel came off")
+
+    monkeypatch.setattr(Runner, "_tick", broken)
+    tree = tmp_path / "t.yaml"
+    tree.write_text(FAILING)
+    assert main(["run", str(tree), "--dry", "--no-record", "--quiet"]) == 3
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert "RuntimeError" in said.err
+    assert "the wheel came off" in said.err
 
 
 @pytest.mark.slow

@@ -106,6 +106,11 @@ def test_every_mistake_is_found_in_one_pass(judge):
     assert len({f.line for f in found}) == 4
 
 
+def test_of_a_file_that_cannot_be_included_nothing_else_is_missed(judge):
+    found = judge(SIM.replace("include: shared/workspace.yaml", "include: shared/workspcae.yaml"))
+    assert [f.code for f in found] == ["file"]
+
+
 def test_a_mistake_in_an_included_file_is_found_there(tmp_path):
     (tmp_path / "around.yaml").write_text("lower: 0 0 0 m\nupper: 1 1 1\n")
     path = tmp_path / "cell.yaml"
