@@ -64,12 +64,19 @@ docs: $(STAMP) ## the documentation's site, in site/; a broken link is an error
 docs-serve: $(STAMP) ## the same, shown at http://127.0.0.1:8000 while it is written
 	NO_MKDOCS_2_WARNING=1 DISABLE_MKDOCS_2_WARNING=true $(BIN)/python -m mkdocs serve
 
-check: test test-slow docs ## what CI runs: tests, the site, lint, types, layer rules
+check: test test-slow ## what CI runs: all tests, then the site, lint, types, layer rules, two at a time
+	$(MAKE) --jobs 2 --output-sync=target types docs kit lint
+
+lint: $(STAMP) ## ruff, and who may import whom
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/mypy
-	$(BIN)/python scripts/check_kit.py
 	$(BIN)/lint-imports
+
+types: $(STAMP) ## mypy over everything
+	$(BIN)/mypy
+
+kit: $(STAMP) ## what `pomona new` writes, judged with a third party's tools
+	$(BIN)/python scripts/check_kit.py
 
 bench: $(STAMP) ## the 25 cells of the paper, one seed each, with times per skill
 	rm -rf runs/campaign_pick
