@@ -67,7 +67,13 @@ def _records(name: str, root: Path) -> list[Path]:
     for folder in (Path(name) / "records", Path(name), root / name):
         if found := sorted(path.parent for path in records_in(folder)):
             return found
-    return [find_record(name, root)]
+    try:
+        return [find_record(name, root)]
+    except UsageError as unknown:
+        if not Path(name).is_dir():
+            raise
+        words = "no records are in this folder, and evidence comes from records alone"
+        raise UsageError(f"{name}: {words}: `pomona campaign … --record` keeps them") from unknown
 
 
 def document(evidence: Evidence) -> ReportPage:

@@ -100,6 +100,16 @@ def test_a_record_that_cannot_be_believed_is_no_evidence_and_named(
     assert written["runs"][0]["sha256"] in text
 
 
+def test_a_campaign_that_kept_no_records_is_said_to_have_none(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "results.jsonl").write_text("{}\n")
+    assert main(["evidence", str(tmp_path), "--out", str(tmp_path / "out")]) == 2
+    said = capsys.readouterr().err
+    assert "no records are in this folder" in said
+    assert "campaign … --record" in said
+
+
 def test_a_passed_limit_is_told_by_the_exit_status(tmp_path: Path) -> None:
     run(tmp_path / "a", 9.0)
     assert main(["evidence", str(tmp_path), "--out", str(tmp_path / "out")]) == 1
