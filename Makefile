@@ -115,7 +115,7 @@ bench-plan: $(STAMP) ## planning over random scenes, beside the paper's way
 	$(BIN)/python -m benchmarks.bench_plan
 
 bench-grasp: $(STAMP) ## grip control over random lifts, baselines beside it
-	$(BIN)/python -m benchmarks.bench_grasp --plots runs/bench_grasp --picture docs/images/grip.png
+	$(BIN)/python -m benchmarks.bench_grasp --plots runs/bench_grasp
 
 bench-interop: $(STAMP) ## live views, ROS 2 to another process, exports: what they cost, how quick they are
 	$(BIN)/python -m benchmarks.bench_interop
@@ -133,8 +133,23 @@ screens: $(STAMP) ## every state and every failure code at four sizes, measured 
 	mkdir -p runs/screens
 	SCREENS=runs/screens $(BIN)/python -m pytest -p no:xdist tests/executive/dashboard/test_reason.py tests/executive/dashboard/test_states.py
 
-figures: $(STAMP) ## the figures of docs/method.md, from what the code computes
+figures: $(STAMP) ## the figures of docs/method.md, from what the code computes, and the pictures whose sources have changed
 	$(BIN)/python scripts/figures.py
+	$(BIN)/python -m scripts.pictures
+
+notebooks: $(STAMP) ## the tutorials as executed notebooks beside their Markdown (NAMES="first_apple campaign" for some)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check 'nbclient>=0.10' 'ipykernel>=6.29'
+	$(BIN)/python scripts/notebooks.py $(NAMES)
+
+measured: $(STAMP) ## what a benchmark prints, kept with its commit in docs/reports/measured; NAME=refine COMMAND="make bench-refine"
+	$(BIN)/python scripts/measured.py $(NAME) $(COMMAND)
+
+coverage: $(STAMP) ## which lines the tests reach, by package; the whole in htmlcov (a quarter longer than the tests)
+	@sh scripts/system_libraries.sh tests
+	$(BIN)/python -m pytest -n 2 --dist worksteal --cov=executive --cov=skills --cov=drivers --cov-report=html --cov-report=term:skip-covered
+
+mutate: $(STAMP) ## small mistakes in the pure mathematics, and how many of them its tests find (half an hour)
+	$(BIN)/python scripts/mutate.py --report docs/reports/mutation/report.md
 
 bench-devices: $(STAMP) ## streams and round trips of the device drivers on emulated devices
 	$(BIN)/python -m benchmarks.bench_devices

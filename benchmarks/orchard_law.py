@@ -29,6 +29,7 @@ from drivers.orchard.stems import TORN, Stems
 from drivers.orchard.wall import Wall, draw_wall
 from drivers.sim.gl import load_mujoco
 from drivers.sim.scene import TIMESTEP
+from executive.source_commit import commit_here
 from executive.values.arrays import Float64
 
 mpl.use("Agg")
@@ -221,7 +222,7 @@ def _head(numbers: WallNumbers, simulated: Mapping[str, list[Pull]]) -> list[str
     lines = [
         "# The stems' law beside measured pulls",
         "",
-        "Simulated, by `make orchard-law`. Numbers of the wall: " + numbers.digest() + ".",
+        f"Simulated, at commit `{commit_here()}` by `make orchard-law`. Numbers of the wall: {numbers.digest()}.",
         "",
         "| motion | apples | came off | stem torn out | way of the hand, median |",
         "|---|---|---|---|---|",

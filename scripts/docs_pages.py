@@ -15,6 +15,7 @@ import mkdocs_gen_files
 
 from executive.commands.command_line import children, command_names, make_parser
 from executive.language.declared_skills import declared_skills
+from executive.nodes import Composite, Leaf, Modifier, NodeType, NodeTypes
 from executive.registry import SkillListing
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -92,6 +93,17 @@ def skill(listing: SkillListing) -> str:
     return "\n".join(parts)
 
 
+def nodes(title: str, types: list[NodeType]) -> str:
+    """The words of one kind of node type: what each does, and what may stand beside it."""
+    rows = []
+    for node in types:
+        rows.append(f"| `{node.key}` | {' '.join(node.summary.split())} | {node.value.help if node.value else ''} |")
+        rows += [
+            f"| | `{word}`{' (needed)' if each.required else ''} | {each.help} |" for word, each in node.fields.items()
+        ]
+    return f"## {title}\n\n| word | what it does | what stands behind it |\n|---|---|---|\n" + "\n".join(rows) + "\n"
+
+
 def title_of(page: Path) -> str:
     """The first heading of a page."""
     found = re.search(r"^# (.+)$", page.read_text("utf-8"), re.MULTILINE)
@@ -122,6 +134,13 @@ def decisions(pages: list[Path]) -> str:
 write("index.md", first_page())
 write("reference/commands.md", "# Commands\n\n" + "\n".join(commands(make_parser(command_names()))))
 write("reference/skills.md", "# Skills\n\n" + "\n".join(skill(one) for one in declared_skills().listing()))
+kinds = {"Composites": Composite, "Modifiers, from the inside to the outside": Modifier, "Leaves": Leaf}
+listed_types = list(NodeTypes.installed().values())
+write(
+    "reference/nodes.md",
+    "# Nodes\n\nThe words of [the tree language](../tree_language.md) as their classes declare them.\n\n"
+    + "\n".join(nodes(title, [t for t in listed_types if isinstance(t, kind)]) for title, kind in kinds.items()),
+)
 write("reference/modules.md", "# Modules\n\n" + "\n".join(f"::: {name}\n" for name in MODULES))
 write("reference/decisions.md", decisions(sorted((DOCS / "decisions").glob("*.md"))))
 write(

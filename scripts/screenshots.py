@@ -1,7 +1,8 @@
 """Pictures of the dashboard to look at: an apple is picked and the page photographed.
 
-    python scripts/screenshots.py [FOLDER]                              # every screen, in runs/screenshots
-    python scripts/screenshots.py --animation docs/images/pick.webp     # the README's: a recorded pick, played
+    python scripts/screenshots.py [FOLDER]     # every screen, in runs/screenshots
+
+The README's animation is made by `make figures` (scripts/pictures.py).
 
 Needs Chromium. A live run (running, paused, stopped safely), replays of a pick, of a pick that failed and of a tree
 with long names, the list of runs and a comparison: on a desk's screen in light and dark, and on a tablet.
@@ -79,7 +80,7 @@ class Photographer:
 
 def recorded(page: Page) -> None:
     """Wait until a record has been read."""
-    expect(page.locator("#connection")).to_have_text("recorded run", timeout=60_000)
+    expect(page.locator("#connection")).to_have_text("recorded run", timeout=300_000)
 
 
 def photograph_live(photographer: Photographer, dashboard: Dashboard) -> None:
@@ -158,8 +159,8 @@ def animate(page: Page, address: str, out: Path) -> None:
     print(f"{out}: {out.stat().st_size / 1e6:.1f} MB")
 
 
-def main(into: Path, animation: Path | None) -> None:
-    """Run, and photograph."""
+def main(into: Path, animation: Path | None = None) -> None:
+    """Run, and photograph; with `animation` that file, and nothing else."""
     into.mkdir(parents=True, exist_ok=True)
     browser_path = next((path for name in ("chromium", "chromium-browser") if (path := shutil.which(name))), None)
     if browser_path is None:
@@ -171,13 +172,16 @@ def main(into: Path, animation: Path | None) -> None:
         records = Path(scratch) / "runs"
         hard = Path(scratch) / "long_names.yaml"
         hard.write_text(HARD, encoding="utf-8")
+        settings = {"fruit": "apple_4", "place": "2"}
         orders = {
-            "pick": RunOrder(find_tree("pick_apple"), find_cell("sim"), seed=1, record=records),
+            "pick": RunOrder(find_tree("pick_apple"), find_cell("sim"), 5, settings, record=records),
             "failed": RunOrder(
                 find_tree("pick_apple"), find_cell("sim"), seed=1, settings={"height": "1200 mm"}, record=records
             ),
             "names": RunOrder(hard, find_cell("sim"), dry=True, record=records),
         }
+        if animation is not None:
+            orders = {"pick": orders["pick"]}
         names = {what: record.name for what, order in orders.items() if (record := execute(order).record) is not None}
         dashboard = Dashboard(Access("127.0.0.1", port), records)
         choices = Choices.installed()
@@ -187,6 +191,7 @@ def main(into: Path, animation: Path | None) -> None:
         browser = playwright.chromium.launch(executable_path=browser_path, args=FLAGS)
         if animation is not None:
             page = browser.new_page(viewport={"width": 1440, "height": 900})
+            page.set_default_timeout(300_000)  # a busy machine may take its time
             animate(page, f"{dashboard.link}&run={names['pick']}", animation)
             browser.close()
             launcher.close()
@@ -211,6 +216,4 @@ def main(into: Path, animation: Path | None) -> None:
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("into", nargs="?", type=Path, default=Path("runs/screenshots"), help="folder of the pictures")
-    parser.add_argument("--animation", type=Path, help="make this file, and nothing else")
-    options = parser.parse_args()
-    main(options.into, options.animation)
+    main(parser.parse_args().into)

@@ -1,7 +1,8 @@
-"""docs/tutorials: every tutorial runs as it is written, in an empty folder.
+"""docs/tutorials and docs/how_to: every page runs as it is written, in an empty folder.
 
-A fence with a `title="file"` writes a file, the lines of `bash` are typed (`exit=2`: they end so), and those of `text`
-are, in this order, within what the commands before them printed.
+A fence with a `title="file"` writes a file, the lines of `bash` are typed (`exit=2`: they end so, `exit=any`: anyhow),
+and those of `text` are, in this order, within what the commands before them printed. What a page marks `long=yes` is
+typed by `make test-long`, as are the how-to pages: their commands are those of the tutorials.
 """
 
 from __future__ import annotations
@@ -15,35 +16,50 @@ from pathlib import Path
 
 import pytest
 
-TUTORIALS = sorted((Path(__file__).resolve().parents[1] / "docs" / "tutorials").glob("*.md"))
+DOCS = Path(__file__).resolve().parents[1] / "docs"
+TUTORIALS, HOW_TO = (sorted((DOCS / folder).glob("*.md")) for folder in ("tutorials", "how_to"))
+WITH_LONG_STEPS = [page for page in TUTORIALS if "long=yes" in page.read_text("utf-8")]
 FENCE = re.compile(r"^```(\w+)(?: ([^\n]*))?\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("tutorial", TUTORIALS, ids=lambda page: page.stem)
 def test_a_tutorial_runs_as_it_is_written(tutorial: Path, tmp_path: Path) -> None:
-    text, printed, typed = tutorial.read_text("utf-8"), "", 0
-    here = str(tmp_path / "site-packages")  # what a tutorial installs stays in its folder
+    assert follow(tutorial, tmp_path, long=False) >= 3
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("page", [*HOW_TO, *WITH_LONG_STEPS], ids=lambda page: page.stem)
+def test_a_page_runs_as_it_is_written_with_all_that_takes_long(page: Path, tmp_path: Path) -> None:
+    follow(page, tmp_path, long=True)
+
+
+def follow(page: Path, folder: Path, long: bool) -> int:
+    """Do what a page says; how many commands were typed."""
+    text, printed, typed = page.read_text("utf-8"), "", 0
+    here = str(folder / "site-packages")  # what a page installs stays in its folder
     environment = os.environ | {
         "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}", "COLUMNS": "200", "PYTHONPATH": here,
         "PIP_TARGET": here, "PIP_NO_DEPS": "1", "PIP_NO_BUILD_ISOLATION": "0", "PIP_DISABLE_PIP_VERSION_CHECK": "1",
     }  # fmt: skip
+    skipped = False
     for fence in FENCE.finditer(text):
         language, options, body = fence[1], dict(re.findall(r'(\w+)="?([^" ]+)"?', fence[2] or "")), fence[3]
-        line = f"{tutorial.name}:{text.count(chr(10), 0, fence.start()) + 1}"
+        line = f"{page.name}:{text.count(chr(10), 0, fence.start()) + 1}"
         if "title" in options:
-            (tmp_path / options["title"]).write_text(body, encoding="utf-8")
+            (folder / options["title"]).write_text(body, encoding="utf-8")
         elif language == "bash":
-            printed = ""
-            for command in body.splitlines():
+            printed, skipped = "", options.get("long") == "yes" and not long
+            for command in () if skipped else body.splitlines():
                 done = subprocess.run(
-                    shlex.split(command), cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=300
+                    shlex.split(command), cwd=folder, env=environment, capture_output=True, text=True, timeout=3600
                 )
                 printed, typed = printed + done.stdout + done.stderr, typed + 1
-                assert done.returncode == int(options.get("exit", "0")), f"{line}: {command}\n{printed}"
-        elif language == "text":
+                wanted = options.get("exit", "0")
+                assert wanted == "any" or done.returncode == int(wanted), f"{line}: {command}\n{printed}"
+        elif language == "text" and not skipped:
             rest = printed
             for wanted in body.splitlines():
                 _, found, rest = rest.partition(wanted)
                 assert found, f"{line}: '{wanted}' does not come where it should:\n{printed}"
-    assert typed >= 3
+    return typed

@@ -77,11 +77,13 @@ def commits(results: Sequence[Result]) -> str:
     return "commits " + ", ".join(f"`{commit}` ({count} runs)" for commit, count in found.most_common())
 
 
-def report(campaign: Campaign, results: Sequence[Result]) -> ReportPage:
-    """The whole report."""
+def report(campaign: Campaign, results: Sequence[Result], source: str) -> ReportPage:
+    """The whole report; `source` is the campaign's file as it was named."""
     document = ReportPage(
         f"Campaign {campaign.name}",
-        f"{len(results)} of {len(campaign.runs)} runs, made at {commits(results)}." if results else "No runs yet.",
+        f"{len(results)} of {len(campaign.runs)} runs, made at {commits(results)} with `pomona campaign {source}`."
+        if results
+        else "No runs yet.",
     )
     if campaign.description:
         document.add(Paragraph(campaign.description))

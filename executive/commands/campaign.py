@@ -64,7 +64,7 @@ def main(options: argparse.Namespace) -> int:
     results = list(finished_runs(campaign, out, lambda problem: console.print(problem, style="yellow")).values())
     if not results:
         raise UsageError(f"{out / RESULTS} holds no results of this campaign yet")
-    markdown, page = report(campaign, results).write(options.report_to or out)
+    markdown, page = report(campaign, results, str(options.file)).write(options.report_to or out)
     console.print(markdown.read_text(encoding="utf-8"))
     console.print(f"written to {page} and {markdown}", soft_wrap=True)
     return 130 if interrupted else 0

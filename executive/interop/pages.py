@@ -23,6 +23,7 @@ from executive.recording.digest import Digest, trusted
 from executive.recording.folder import EVENTS, events_file, is_being_written
 from executive.recording.image_size import size_of_image
 from executive.recording.json_text import parse_object
+from executive.recording.plain_file import open_plain
 from executive.recording.read import read_events
 from executive.recording.scan import scan
 from executive.recording.well_known import IMAGES
@@ -35,10 +36,14 @@ LOOKS = 2
 MOST_PICTURES = 24
 """Of one run, the newest."""
 
+MOST_PICTURE_BYTES = 20_000_000
+"""Of the run's own picture."""
+
 _STYLE = """body{font:16px/1.5 system-ui,sans-serif;max-width:78rem;margin:2rem auto;padding:0 1rem;color:#222}
 section{border-top:1px solid #ccc;margin-top:2rem}code{background:#eee;padding:0 .3em}p.about,figcaption{color:#666}
 figure{position:relative;display:inline-block;width:48%;margin:0 1% 1rem 0}figure img{width:100%;display:block}
-figure svg{position:absolute;inset:0 0 auto 0;width:100%}svg path{fill:none;vector-effect:non-scaling-stroke;
+figure svg{position:absolute;inset:0 0 auto 0;width:100%}img.whole{width:100%}
+svg path{fill:none;vector-effect:non-scaling-stroke;
 stroke-width:2px}table{border-collapse:collapse;display:block;overflow-x:auto}td,th{padding:.1em .8em;text-align:right;
 border-bottom:1px solid #ddd;white-space:nowrap}"""
 _HEAD = """<!doctype html>
@@ -84,14 +89,16 @@ def write_failures(records: Sequence[Path], file: Path) -> int:
 
 
 def write_run(record: Path, file: Path) -> None:
-    """Write the page of one run: how it ended and why, its tables, and every picture with what was drawn over it last.
+    """Write the page of one run: what happened in sentences, the run in one picture, its tables, and every look with
+    what was drawn over it last.
 
     Raises:
         UsageError: the file is there already or cannot be written, or the record cannot be believed.
     """
     if file.exists():
         raise UsageError(f"{file} is there already")
-    _write(file, f"Run {record.name}", _section(record, trusted(record), MOST_PICTURES, "".join(_tables(record))))
+    body = f"{_whole(record)}{''.join(_tables(record))}"
+    _write(file, f"What happened in {record.name}", _section(record, trusted(record), MOST_PICTURES, body))
 
 
 def _write(file: Path, title: str, body: str) -> None:
@@ -102,17 +109,30 @@ def _write(file: Path, title: str, body: str) -> None:
         raise UsageError(f"{file}: {error.strerror or error}") from error
 
 
-def _section(record: Path, run: Digest, most: int = LOOKS, tables: str = "") -> str:
+def _whole(record: Path) -> str:
+    """The picture that the run left, with its forces over time; an empty text when there is none."""
+    try:
+        with open_plain(record / "picture.png") as file:
+            image = file.read(MOST_PICTURE_BYTES + 1)
+    except OSError:
+        return ""
+    if not image.startswith(b"\x89PNG") or len(image) > MOST_PICTURE_BYTES:
+        return ""
+    source = base64.b64encode(image).decode("ascii")
+    return f'<p><img class="whole" alt="the run in one picture" src="data:image/png;base64,{source}"></p>'
+
+
+def _section(record: Path, run: Digest, most: int = LOOKS, body: str | None = None) -> str:
     began = datetime.fromtimestamp(run.wall_time).astimezone().isoformat(" ", "minutes")
     settings = " ".join(f"{key}={value}" for key, value in run.settings.items())
     about = f"{began} · {run.tree} on {run.cell} ({run.cell_kind}) · seed {run.seed} {settings}"
     sentences = ""
-    if run.outcome != "success":
+    if run.outcome != "success" or body is not None:
         why = explain(read_events(record), is_being_written(events_file(record)), run.message or "nobody knows why")
         sentences = "".join(f"<p>{escape(paragraph)}</p>" for paragraph in why)
     pictures = "".join(_figure(look) for look in _looks(record, most))
     title = f"{escape(run.run)} <code>{escape(run.code or run.outcome or 'not ended')}</code>"
-    return f'<section><h2>{title}</h2><p class="about">{escape(about)}</p>{sentences}{tables}{pictures}</section>'
+    return f'<section><h2>{title}</h2><p class="about">{escape(about)}</p>{sentences}{body or ""}{pictures}</section>'
 
 
 def _looks(record: Path, most: int) -> list[_Look]:

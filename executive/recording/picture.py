@@ -16,6 +16,9 @@ from executive.views import ImageView, SceneView, SeriesView
 MILLI = {"m": ("mm", 1e3), "m/s": ("mm/s", 1e3)}
 """Openings and slips are small: what they are shown in, and how many of it a unit has."""
 
+KINDS = {"N": "force", "N·m": "torque", "m": "length", "m/s": "speed", "rad": "angle", "s": "time"}
+"""What several quantities of a unit have in common; one alone has its own name."""
+
 MOST_LABELS = 8
 """Entries of a legend; with more it would hide the picture."""
 
@@ -116,7 +119,7 @@ class Picture:
         axes.set_aspect("equal")
         captions = [view.caption for view in self._scenes.values() if view.caption]
         axes.set_title("\n".join(captions), fontsize=8, loc="left")
-        _legend(axes)
+        _legend(axes, "upper left")  # where a box that is seen from the side leaves a corner free
 
     def _by_unit(self) -> dict[str, list[tuple[str, NDArray[np.float64], NDArray[np.float64]]]]:
         """Every quantity's samples, (name, t, values), under its unit: quantities of different units share no axis."""
@@ -138,18 +141,24 @@ class Picture:
         for name, t, values in lines:
             axes.plot(t, scale * values, lw=1.3, label=name.replace(f" [{unit}]", ""))
         thresholds = {k: v for views in self._series.values() for k, v in views[-1].thresholds.items()}
+        low, high = axes.get_ylim()
         for name, value in thresholds.items():
             if f"[{unit}]" in name:
-                axes.axhline(scale * value, lw=0.9, ls="--", color=MUTED, label=name.replace(f" [{unit}]", ""))
+                words = f"{name.replace(f' [{unit}]', '')} {scale * value:.3g} {shown}"
+                if 2.0 * low - high < scale * value < 2.0 * high - low:  # what is far off would flatten the curves
+                    axes.axhline(scale * value, lw=0.9, ls="--", color=MUTED, label=words)
+                else:
+                    axes.plot([], [], ls="none", label=words)
+        kind = lines[0][0].partition(" [")[0] if len(lines) == 1 else KINDS.get(unit, "")
         axes.set_xlabel("time [s]")
-        axes.set_ylabel(shown)
+        axes.set_ylabel(f"{kind} [{shown}]" if unit else kind)
         axes.grid(alpha=0.25)
         _legend(axes)
 
 
-def _legend(axes: Any) -> None:
+def _legend(axes: Any, place: str = "upper right") -> None:
     handles, labels = axes.get_legend_handles_labels()
     named = {label: handle for handle, label in zip(handles, labels, strict=True) if label and label[0] != "_"}
     named = dict(list(named.items())[-MOST_LABELS:])
     if named:
-        axes.legend(named.values(), named.keys(), fontsize=8, loc="upper right")
+        axes.legend(named.values(), named.keys(), fontsize=8, loc=place)

@@ -51,6 +51,9 @@ def add_train(subparsers: Any) -> None:
         help="folder of photographs with boxes (tables, YOLO or COCO): the fruit's weights go on learning from them",
     )
     detect.add_argument("--empty", type=Path, help="with --photos, a folder of pictures in which no fruit is")
+    detect.add_argument(
+        "--quick", action="store_true", help="minutes instead of hours, from weights that are there (the apple's)"
+    )
     detect.add_argument("--start-from", type=Path, help="other weights than the fruit's own to go on from")
     detect.add_argument("--data", type=Path, help="folder of frames made before, instead of rendering them")
     detect.add_argument("--fruit", default="apple", help="name in the catalogue, or a path (apple)")
@@ -127,7 +130,7 @@ def train_main(options: argparse.Namespace) -> int:
     """Train, write the weights and a report beside the checkpoints; returns 0, or 2 when it cannot start."""
     from skills.perception.detection.errors import BadTraining, DetectError
     from skills.perception.fruit.errors import FruitError
-    from skills.perception.training.recipe import SHIPPED, WITH_PHOTOGRAPHS, make_weights
+    from skills.perception.training.recipe import QUICK, SHIPPED, WITH_PHOTOGRAPHS, make_weights
     from skills.perception.training.report import write_report
 
     console = Console()
@@ -137,7 +140,7 @@ def train_main(options: argparse.Namespace) -> int:
             raise BadTraining("--empty goes with --photos: rendered frames have scenes without fruit of their own")
         if options.network == "dope":
             return _train_dope(options, work, console)
-        base = WITH_PHOTOGRAPHS if options.photos else SHIPPED
+        base = WITH_PHOTOGRAPHS if options.photos else QUICK if options.quick else SHIPPED
         stages = tuple(dataclasses.replace(s, steps=max(1, round(s.steps * options.steps))) for s in base.stages)
         share = options.frames / sum(s.frames for s in base.sets) if options.frames else 1.0
         sets = tuple(dataclasses.replace(s, frames=max(1, round(s.frames * share))) for s in base.sets)
@@ -173,6 +176,8 @@ def _start(options: argparse.Namespace) -> Path | None:
     from skills.perception.fruit import load_fruit
 
     start: Path | None = options.start_from
+    if start is None and options.quick and not options.photos:
+        start = load_fruit(options.fruit).weights or load_fruit("apple").weights
     if start is None and options.photos:
         start = load_fruit(options.fruit).weights
         if start is None:

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from executive.skill import Skill
 from executive.views import SeriesView
+from skills.grip.bruise import bruising_force
 from skills.grip.hold import Hold
 
 EVERY = 0.1
 """Seconds of samples in one view."""
 
 TOPIC = "grip"
+
+NO_BRUISE_BELOW = round(bruising_force(), 1)
+"""Of one finger with the pads that the default contact describes [N]."""
 
 
 def show_grip(skill: Skill, hold: Hold, everything: bool = False) -> None:
@@ -34,6 +38,10 @@ def show_grip(skill: Skill, hold: Hold, everything: bool = False) -> None:
                 "tangential load [N]": samples.f_t,
                 "slip speed [m/s]": samples.slip_speed,
                 "width [m]": samples.width,
+            },
+            thresholds={
+                "force limit [N]": hold.controller.settings.loop.max_force,
+                "no bruise below [N]": NO_BRUISE_BELOW,
             },
         ),
     )

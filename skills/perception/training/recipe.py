@@ -38,6 +38,7 @@ class TrainingStage:
         sets: how many of the recipe's sets of frames are learnt from, from the first on.
         photos: share of each batch that comes from photographs.
         average: decay of the running average of weights, as in `Schedule`.
+        warm_up: steps in which the rate rises, as in `Schedule`.
     """
 
     part: Part
@@ -49,6 +50,7 @@ class TrainingStage:
     sets: int = 1
     photos: float = 0.0
     average: float = 0.998
+    warm_up: int = 60
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,6 +108,16 @@ WITH_PHOTOGRAPHS = Recipe(
     ),
 )
 """What `pomona train detect --photos` carries out, from weights that rendered frames gave."""
+
+QUICK = Recipe(
+    sets=(FrameSet(160, 1, WITHOUT_TREES),),
+    held_out=FrameSet(16, 9001, WITHOUT_TREES),
+    stages=(
+        TrainingStage("finder", 80, 1e-3, 8, fall="late", average=0.95, warm_up=10),
+        TrainingStage("close_look", 120, 1e-3, 48, turned=0.1, fall="late", average=0.95, warm_up=10),
+    ),
+)
+"""What `pomona train detect --quick` carries out, from another fruit's weights: minutes, to see a first pick."""
 
 WARM_UP, VALIDATE_EVERY, SAVE_EVERY = 50, 100, 25
 """Where photographs are learnt from, steps are few and dear."""
@@ -267,7 +279,7 @@ def _every(count: int, most: int) -> int:
 
 
 def _schedule(stage: TrainingStage) -> Schedule:
-    schedule = Schedule(stage.steps, stage.rate, stage.fall, average=stage.average)
+    schedule = Schedule(stage.steps, stage.rate, stage.fall, stage.warm_up, average=stage.average)
     if not stage.photos:
         return schedule
     return replace(schedule, warm_up=WARM_UP, validate_every=VALIDATE_EVERY, save_every=SAVE_EVERY)

@@ -87,7 +87,7 @@ def draw_curves(rendered: Evaluation, found: Sequence[Finds] | None, path: Path)
     if found is not None:
         sets.append(("photographs, IoU 0.5", curve(found), judged(found)))
     axes[1].plot([0, 1], [0, 1], color="0.7", linewidth=1)
-    for (name, line, (scores, right)), colour in zip(sets, ("#1f6fb4", "#c4481c"), strict=False):
+    for (name, line, (scores, right)), colour in zip(sets, ("#1c5bc7", "#bd2222"), strict=False):
         axes[0].plot(line.recall, line.precision, color=colour, label=name)
         error, points = calibration(scores[scores >= LEAST_BELIEF], right[scores >= LEAST_BELIEF])
         said, shares = [point[0] for point in points], [point[1] for point in points]

@@ -244,7 +244,7 @@ def result(name: str, fruit: str, place: str, lifted: bool, **more: Any) -> dict
 def test_the_report_counts_what_the_world_says_not_what_the_tree_says(tmp_path: Path) -> None:
     lied = {**result("c", "apple_2", "1", False), "outcome": "success", "reason": None}
     results = [result("a", "apple_1", "1", True), result("b", "apple_1", "2", False), lied]
-    document = report(campaign(tmp_path), results)
+    document = report(campaign(tmp_path), results, "benchmarks/pick.yaml")
     text, page = to_markdown(document), to_html(document)
     assert "1/3 = 33.3 %" in text
     assert "| LOST | 1 | refined | it slipped |" in text
@@ -258,7 +258,7 @@ def test_the_report_counts_what_the_world_says_not_what_the_tree_says(tmp_path: 
 
 def test_arms_are_compared_on_the_same_seeds(tmp_path: Path) -> None:
     arms = [{**result("x", "apple_1", "2", False), "arm": "unrefined"}, result("y", "apple_1", "2", True)]
-    text = to_markdown(report(campaign(tmp_path), arms))
+    text = to_markdown(report(campaign(tmp_path), arms, "pick.yaml"))
     assert "on the same 1 combinations and seeds: 1 succeeded only with the first, 0 only with the second" in text
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from base64 import b64encode
 from dataclasses import replace
 from html import unescape
 from pathlib import Path
@@ -78,10 +79,14 @@ def test_a_run_becomes_a_page_with_its_tables_and_what_was_drawn_over_each_pictu
     views = (Published(0.1, 1, "a", "overlay", first), Published(0.2, 2, "a", "overlay", replace(second, image=image)))
     end = RunEnded(1.0, 50, "success", None, 50, 1.0, 2.0, None)
     write(runs / "one", (started(), *views, Published(0.3, 3, "a", "measured", table), end))
+    picture = b"\x89PNG of the run"
+    (runs / "one" / "picture.png").write_bytes(picture)
     page = tmp_path / "one.html"
     assert main(["runs", "page", "one", str(page), "--record", str(runs)]) == 0
     text = page.read_text()
-    assert text.count("<img ") == 1  # the same picture, with what was drawn last
+    assert "It succeeded" in text  # what happened, in sentences
+    assert f"data:image/png;base64,{b64encode(picture).decode()}" in text
+    assert text.count("<img ") == 2  # the run's own, and a look once, with what was drawn last
     assert text.count("<path ") == 2
     assert 'viewBox="0 0 60 40"' in text
     assert "M5.0 5.0L25.0 5.0L25.0 25.0Z" in text

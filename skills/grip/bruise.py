@@ -1,4 +1,4 @@
-"""Pressure in the middle of a soft finger's contact."""
+"""What a soft finger's press does to an apple: the pressure in the middle of its contact, and where bruises begin."""
 
 from __future__ import annotations
 
@@ -17,3 +17,12 @@ def pressure(f_n: float, contact: SoftContact | None = None) -> float:
         return 0.0
     radius = contact.delta * f_n**contact.gamma
     return float(xi(contact.k) * f_n / (math.pi * radius**2))
+
+
+def bruising_force(contact: SoftContact | None = None) -> float:
+    """The force [N] of one finger below which no apple bruises; infinite where pressure never rises with it."""
+    contact = contact or SoftContact()
+    if contact.gamma >= 0.5:
+        return math.inf
+    at_1_n = xi(contact.k) / (math.pi * contact.delta**2)
+    return float((NO_BRUISE / at_1_n) ** (1.0 / (1.0 - 2.0 * contact.gamma)))

@@ -1,0 +1,240 @@
+"""The pictures of the README and of the documentation, made again by `make figures`, and what they were made from.
+
+    python -m scripts.pictures                # those whose sources have changed since they were made
+    python -m scripts.pictures pick.webp …    # these
+    python -m scripts.pictures --check        # names those that are behind, and makes nothing
+
+`docs/images/made.json` says of every picture with which command and at which commit it was made, and has a digest of
+the files that it shows; a test computes the digests anew. A picture that comes out as it was stays as it is, byte for
+byte: only its entry says that it was looked at.
+"""
+
+from __future__ import annotations
+
+import argparse
+import atexit
+import hashlib
+import json
+import shutil
+import sys
+import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from PIL import Image
+
+from executive.execute import RunOrder, execute
+from executive.files import find_cell, find_tree
+from executive.recording.digest import digest
+from executive.source_commit import commit_here
+
+ROOT = Path(__file__).resolve().parents[1]
+IMAGES = ROOT / "docs" / "images"
+LEDGER = IMAGES / "made.json"
+
+PICK: dict[str, Any] = {"tree": "pick_apple", "cell": "sim", "seed": 5, "settings": {"fruit": "apple_4", "place": "2"}}
+"""The run that pictures of a pick show; a test makes the same one, and holds its figures against the ledger's."""
+
+SAME = 2.0
+"""Pictures that differ less on average, seen from afar, are the same [of 255]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Picture:
+    """A picture of the documentation.
+
+    Attributes:
+        make: writes it to a file.
+        sources: patterns of the files that decide how it looks.
+        shows: the figures that can be read off it; tests compute them anew.
+    """
+
+    make: Callable[[Path], None]
+    sources: tuple[str, ...]
+    shows: Callable[[], dict[str, Any]] | None = None
+
+
+def order(records: Path) -> RunOrder:
+    """To carry out the run."""
+    return RunOrder(find_tree(PICK["tree"]), find_cell(PICK["cell"]), PICK["seed"], PICK["settings"], record=records)
+
+
+@cache
+def pick() -> Path:
+    """Carry out the run, once in this process; its record."""
+    records = tempfile.mkdtemp()
+    atexit.register(shutil.rmtree, records)
+    record = execute(order(Path(records))).record
+    assert record is not None
+    return record
+
+
+def figures_of_pick() -> dict[str, Any]:
+    """What a picture of the run shows, in numbers: its end, its length and the greatest of each curve."""
+    run = digest(pick())
+    peaks = {name: float(f"{peak:.3g}") for name, peak in sorted(run.peaks.items())}
+    return {"outcome": run.outcome, "time [s]": run.time, **peaks}
+
+
+def run_picture(out: Path) -> None:
+    """The picture that a run leaves."""
+    out.write_bytes((pick() / "picture.png").read_bytes())
+
+
+def page_animation(out: Path) -> None:
+    """The operator's page, playing a record."""
+    from scripts.screenshots import main as photograph
+
+    photograph(out.parent, out)
+
+
+def grip_picture(out: Path) -> None:
+    """One lift, from bias to rest."""
+    from benchmarks.grasp_picture import draw
+
+    draw(out)
+
+
+def figures_of_grip() -> dict[str, Any]:
+    """Of the lift: the highest force, and the force and the least that holds at its end [N]."""
+    from benchmarks.grasp_picture import lift
+
+    seen, _phases = lift()
+    return {name: float(f"{value:.3g}") for name, value in (
+        ("highest [N]", seen[:, 1].max()), ("at the end [N]", seen[-1, 1]), ("least at the end [N]", seen[-1, 3])
+    )}  # fmt: skip
+
+
+def rendered_frames(out: Path) -> None:
+    """Two frames of each kind that the detector learns from."""
+    from skills.perception.fruit import load_fruit
+    from skills.perception.synthetic.dataset import frame_seed
+    from skills.perception.synthetic.options import SceneOptions
+    from skills.perception.synthetic.scene import render_scene
+
+    apple = load_fruit("apple")
+    rows = []
+    for index in range(2):
+        row = []
+        for kind in range(4):
+            chances = tuple(float(k == kind) for k in range(4))
+            options = SceneOptions(kinds=chances)  # type: ignore[arg-type]
+            row.append(render_scene(apple, options, frame_seed(1, 10 * kind + index)).colour)
+        rows.append(np.hstack(row))
+    Image.fromarray(np.vstack(rows)).resize((1280, 480), Image.Resampling.LANCZOS).save(out, quality=85)
+
+
+def found_in_a_frame(out: Path) -> None:
+    """A held-out frame with what the detector finds, and the finder's belief."""
+    from skills.perception.detection.compact_detector import CompactDetector
+    from skills.perception.fruit import load_fruit
+    from skills.perception.synthetic.dataset import frame_seed
+    from skills.perception.synthetic.options import SceneOptions
+    from skills.perception.synthetic.scene import render_scene
+    from skills.perception.training.report import draw
+
+    apple, options = load_fruit("apple"), SceneOptions(kinds=(1.0, 0.0, 0.0, 0.0))
+    assert apple.weights is not None
+    frame = render_scene(apple, options, frame_seed(9001, 3))
+    fx, fy, cx, cy = options.camera
+    K = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
+    drawn = draw(CompactDetector.load(apple.weights), frame.colour, K, apple)
+    Image.fromarray(drawn).save(out, quality=88)
+
+
+PAGE = "executive/dashboard/static/"
+PICTURES: dict[str, Picture] = {
+    "pick.png": Picture(run_picture, ("executive/recording/picture.py", "executive/palette.py"), figures_of_pick),
+    "pick.webp": Picture(
+        page_animation,
+        tuple(PAGE + file for file in ("index.html", "style.css", "scene.js", "timeline.js", "pictures.js")),
+        figures_of_pick,
+    ),
+    "grip.png": Picture(grip_picture, ("benchmarks/grasp_picture.py",), figures_of_grip),
+    "rendered.jpg": Picture(rendered_frames, ("skills/perception/synthetic/*.py",)),
+    "detect.jpg": Picture(
+        found_in_a_frame, tuple(f"skills/perception/detection/{file}" for file in ("compact_*.py", "weights/apple.pt"))
+    ),
+}
+
+
+def digest_of(picture: Picture) -> str:
+    """Of all that the picture is made from; a pattern that finds nothing is an error."""
+    sum_of_all = hashlib.sha256()
+    for pattern in picture.sources:
+        found = sorted(ROOT.glob(pattern))
+        assert found, f"{pattern}: there is no such file"
+        for path in found:
+            sum_of_all.update(path.relative_to(ROOT).as_posix().encode() + b"\0" + path.read_bytes() + b"\0")
+    return sum_of_all.hexdigest()[:16]
+
+
+def ledger() -> dict[str, dict[str, Any]]:
+    """What was made when, by the picture's name."""
+    entries: dict[str, dict[str, Any]] = json.loads(LEDGER.read_text("utf-8")) if LEDGER.is_file() else {}
+    return entries
+
+
+def behind() -> list[str]:
+    """Pictures whose sources have changed since they were made."""
+    made = ledger()
+    return [name for name, picture in PICTURES.items() if made.get(name, {}).get("sources") != digest_of(picture)]
+
+
+def looks_the_same(one: Path, other: Path) -> bool:
+    """Whether two pictures cannot be told apart from afar: every frame, 96 pixels wide, in grey."""
+    with Image.open(one) as a, Image.open(other) as b:
+        if a.size != b.size or getattr(a, "n_frames", 1) != getattr(b, "n_frames", 1):
+            return False
+        for frame in range(getattr(a, "n_frames", 1)):
+            small = []
+            for image in (a, b):
+                image.seek(frame)
+                size = (96, max(1, 96 * image.height // image.width))
+                small.append(np.asarray(image.convert("L").resize(size, Image.Resampling.BOX), np.float64))
+            if np.abs(small[0] - small[1]).mean() >= SAME:
+                return False
+    return True
+
+
+def make(name: str, entries: dict[str, dict[str, Any]]) -> None:
+    """Make one picture, and say so in the ledger."""
+    picture, stands = PICTURES[name], IMAGES / name
+    with tempfile.TemporaryDirectory() as scratch:
+        fresh = Path(scratch) / name
+        picture.make(fresh)
+        same = stands.is_file() and looks_the_same(stands, fresh)
+        if not same:
+            stands.write_bytes(fresh.read_bytes())
+        entry: dict[str, Any] = {"command": "make figures", "commit": commit_here(), "sources": digest_of(picture)}
+        if picture.shows is not None:
+            entry["shows"] = picture.shows()
+        entries[name] = entry
+    sys.stdout.write(f"{stands.relative_to(ROOT)}: {'as it was' if same else 'made anew'}\n")
+
+
+def main() -> int:
+    """Make what is asked for; with --check 1 where something is behind."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument(
+        "names", nargs="*", metavar="NAME", help=f"of {', '.join(PICTURES)}; default: those that are behind"
+    )
+    parser.add_argument("--check", action="store_true", help="make nothing")
+    options = parser.parse_args()
+    names = options.names or behind()
+    if options.check:
+        sys.stdout.writelines(f"docs/images/{name} is behind what it shows: make figures\n" for name in names)
+        return 1 if names else 0
+    entries = ledger()
+    for name in names:
+        make(name, entries)
+        LEDGER.write_text(json.dumps(dict(sorted(entries.items())), indent=1, ensure_ascii=False) + "\n", "utf-8")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
