@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import hashlib
 import logging
 import platform
@@ -148,7 +149,21 @@ def execute(
     with alone_on(order.cell, ready.cell.kind, ready.cell.wires()):
         if order.tree.resolve() != _recovery():
             _after_cut(order, followers)
-        return _run_on_cell(ready, followers)
+        try:
+            return _run_on_cell(ready, followers)
+        finally:
+            give_back_memory()
+
+
+def give_back_memory() -> None:
+    """Give what a run has freed back to the system.
+
+    The C library (glibc; others do it themselves) keeps it otherwise, in more and more pieces: after eight picks 305 MB
+    of 1 114, and a process of many runs never stood still.
+    """
+    trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
+    if trim is not None:
+        trim(0)
 
 
 @dataclass(frozen=True, slots=True)

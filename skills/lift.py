@@ -235,7 +235,7 @@ class Lift(MovingSkill):
 
     def _cannot_hold(self, problem: GripProblem, hold: Hold | None, risen: float) -> Exception:
         code = problem.code
-        if code == "FORCE_LIMIT" and problem.data["weight_alone"] > problem.data["limit"]:
+        if code == "FORCE_LIMIT" and problem.data["for_weight_alone_n"] > problem.data["limit_n"]:
             code = "TOO_HEAVY"
         elsewhere = {
             "TOO_HEAVY": "wherever it is gripped",

@@ -56,7 +56,7 @@ class Pivot(Skill):
         show_grip(self, hold, everything=True)
         if lever > plumb:
             message = f"the fruit stopped turning with its centre {1e3 * lever:.1f} mm beside the fingers"
-            raise self.failure("NOT_PLUMB", message, lever=lever)
+            raise self.failure("NOT_PLUMB", message, lever_m=lever)
         return None
 
     def _turn(self, hold: Hold, patience: float) -> Generator[str | None, None, float]:

@@ -65,7 +65,7 @@ class UpdateMap(Skill):
         age = self.clock.now() - frame.stamp
         if age > max_age:
             raise self.failure(
-                "STALE_FRAME", f"the look is {age:.2f} s old, {max_age:.2f} s are allowed", age=age, max_age=max_age
+                "STALE_FRAME", f"the look is {age:.2f} s old, {max_age:.2f} s are allowed", age_s=age, allowed_s=max_age
             )
         state = arm.state()
         try:

@@ -38,8 +38,8 @@ def at_place(reason: Reason) -> str:
     return f" ({place})" if isinstance(place, str) and place else ""
 
 
-UNITS = {"mm": "mm", "m": "m", "n": "N", "nm": "N·m", "kg": "kg", "deg": "°", "s": "s"}
-RESOLUTION = {"mm": 1e-3, "m": 1e-5, "n": 1e-3, "nm": 1e-5, "kg": 1e-4, "deg": 1e-2, "s": 1e-3}
+UNITS = {"mm": "mm", "m": "m", "n": "N", "nm": "N·m", "kg": "kg", "deg": "°", "rad": "rad", "s": "s"}
+RESOLUTION = {"mm": 1e-3, "m": 1e-5, "n": 1e-3, "nm": 1e-5, "kg": 1e-4, "deg": 1e-2, "rad": 1e-4, "s": 1e-3}
 """What is smaller is nothing: no device and no simulation of ours measures finer. In the unit itself."""
 
 

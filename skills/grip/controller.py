@@ -216,7 +216,7 @@ class GripController:
         self.sense.calibrate_bias(samples)
         if felt > s.limit:
             self._fail(
-                "FORCE_LIMIT", f"a finger feels {felt:.1f} N before the fingers close: nothing may touch", felt=felt
+                "FORCE_LIMIT", f"a finger feels {felt:.1f} N before the fingers close: nothing may touch", felt_n=felt
             )
         else:
             self.phase = GripPhase.CLOSING
@@ -356,27 +356,27 @@ class GripController:
         stamp, slipped = self._guard.stamp, self._slips.slipped if self.phase is GripPhase.HOLDING else 0.0
         if self._sensors.reason:
             message = f"{self._sensors.reason}; the grip is kept"
-            self.problem = GripProblem("SENSOR_FAULT", message, stamp, {"left": left, "right": right})
+            self.problem = GripProblem("SENSOR_FAULT", message, stamp, {"left_force_n": left, "right_force_n": right})
         elif self._lasting["saturated"] > limits.saturated_after:
             message = "a finger's channel is at the end of its range; the force is neither raised nor lowered"
-            self.problem = GripProblem("SENSOR_SATURATED", message, stamp, {"f_n": f_n})
+            self.problem = GripProblem("SENSOR_SATURATED", message, stamp, {"force_n": f_n})
         elif self._last("gone", high < limits.gone, periods) > limits.gone_after:
             message = f"the fruit is gone: {left:.2f} N and {right:.2f} N at {1e3 * self.width:.1f} mm"
-            self.problem = GripProblem("LOST", message, stamp, {"width": self.width})
+            self.problem = GripProblem("LOST", message, stamp, {"width_m": self.width})
         elif dead and self._lasting["dead"] > limits.gone_after:
             self.reference.freeze("one finger feels nothing any more: the other one's force counts twice")
             message = f"one finger feels nothing any more ({left:.2f} N, {right:.2f} N); the grip is kept"
-            self.problem = GripProblem("ONE_FINGER", message, stamp, {"left": left, "right": right})
+            self.problem = GripProblem("ONE_FINGER", message, stamp, {"left_force_n": left, "right_force_n": right})
         elif max(self.slip, slipped) > s.slip_limit or beyond > limits.beyond_after:
             slip = max(self.slip, slipped)
             message = f"the fruit slips: about {1e3 * slip:.1f} mm, needs {needed:.1f} N, has {f_n:.1f} N"
-            self.problem = GripProblem("SLIPPED", message, stamp, {"slip": slip, "least": needed})
+            self.problem = GripProblem("SLIPPED", message, stamp, {"slip_m": slip, "least_force_n": needed})
         elif self.reference.wanted > s.loop.max_force:
             message = f"the load needs {self.reference.wanted:.1f} N, the limit is {s.loop.max_force:.1f} N"
             data = {
-                "wanted": self.reference.wanted,
-                "weight_alone": self.reference.for_weight,
-                "limit": s.loop.max_force,
+                "wanted_force_n": self.reference.wanted,
+                "for_weight_alone_n": self.reference.for_weight,
+                "limit_n": s.loop.max_force,
             }
             self.problem = GripProblem("FORCE_LIMIT", message, stamp, data)
         else:

@@ -98,7 +98,7 @@ class Hold:
             age = self._now() - newest
             if age > STALE_AFTER:
                 message = f"the fingers have sent no usable sample for {1e3 * age:.0f} ms; the grip is kept as it is"
-                return GripProblem("SENSOR_STALE", message, newest, {"age": age})
+                return GripProblem("SENSOR_STALE", message, newest, {"age_s": age})
         return self.controller.problem or self._device_problem
 
     @property

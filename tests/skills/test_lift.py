@@ -194,7 +194,7 @@ def test_what_needs_more_force_than_is_allowed_is_put_back_before_it_hangs(lever
     outcome = fruit.lift(each_tick=watch)
     assert outcome.reason.code == code
     assert "put back where it stood" in outcome.reason.message
-    assert outcome.reason.data["wanted"] > outcome.reason.data["limit"] == 8.0
+    assert outcome.reason.data["wanted_force_n"] > outcome.reason.data["limit_n"] == 8.0
     assert highest < 0.03
     assert fruit.risen == pytest.approx(0.0, abs=1e-3)
     assert fruit.scene.arm.settled()
