@@ -18,6 +18,8 @@ import pytest
 from drivers.cell import load_cell
 from drivers.interfaces import Arm, Gripper
 
+pytestmark = pytest.mark.slow
+
 ROBOT = Path(__file__).parents[2] / "trees" / "robots" / "sia5f_wsg32.xml"
 CELL = """
 name: bench
@@ -36,7 +38,6 @@ from executive.cli import main
 from executive.registry import Registry
 from executive.skill import Skill, Work
 
-pytestmark = pytest.mark.slow
 
 class Move(Skill):
     devices = (Arm, Gripper)

@@ -7,13 +7,14 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).resolve().parents[3]
 
 MUJOCO = """
 from drivers.cell import load_cell
 from drivers.interfaces import Camera
 
-pytestmark = pytest.mark.slow
 cell = load_cell("trees/cells/sim.yaml", seed=1)
 def look():
     cell.clock.advance(0.04)

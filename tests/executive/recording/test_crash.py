@@ -28,6 +28,8 @@ from executive.recording.scan import is_whole
 from executive.recording.session import RecordingSession
 from executive.running.events import Published, StateChanged
 
+pytestmark = pytest.mark.slow
+
 RECORD_FOR_EVER = """
 import sys, time
 from pathlib import Path
@@ -46,7 +48,6 @@ import resource, sys
 sys.dont_write_bytecode = True  # Python itself leaves half a file of compiled code on a full disk
 from executive.cli import main
 
-pytestmark = pytest.mark.slow
 resource.setrlimit(resource.RLIMIT_FSIZE, (6_000, 6_000))
 sys.exit(main(sys.argv[1:]))
 """
