@@ -234,6 +234,32 @@ class Arm(Protocol):
         ...
 
 
+@runtime_checkable
+class SetPoints(Motion, Protocol):
+    """A motion whose goal comes set-point by set-point; it ends when it is stopped, or fails without them."""
+
+    def aim(self, q: Float64) -> None:
+        """Go to these joints, shape (dof,) [rad], from now on, within the arm's limits.
+
+        Raises:
+            BadTrajectory: they are no numbers, or outside the limits; they are not taken.
+        """
+        ...
+
+
+@runtime_checkable
+class StreamedArm(Protocol):
+    """An arm that also goes where it is told from moment to moment, by who sees what it does."""
+
+    def stream(self, watchdog: float) -> SetPoints:
+        """Begin, standing; without a set-point for `watchdog` [s] it comes to rest and the motion has failed.
+
+        Raises:
+            MotionRefused: the arm is moving or latched.
+        """
+        ...
+
+
 # --------------------------------------------------------------------------------------------------- gripper
 
 

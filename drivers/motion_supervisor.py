@@ -14,6 +14,7 @@ import numpy as np
 from drivers.errors import DeviceFault, DeviceLost
 from drivers.interfaces import ArmLimits
 from drivers.path_motion import PathMotion, Phase
+from drivers.streamed_motion import StreamedMotion
 from executive.values.arrays import Float64
 from executive.values.kinds import Measure
 from executive.values.sections import value
@@ -138,7 +139,7 @@ class MotionSupervisor:
         self._set_points.clear()
         self._phase, self._deadline = Phase.RESTING, np.inf
 
-    def look(self, now: float, motion: PathMotion, advance: float) -> None:
+    def look(self, now: float, motion: PathMotion | StreamedMotion, advance: float) -> None:
         """Look after a motion.
 
         Args:
@@ -178,7 +179,7 @@ class MotionSupervisor:
             return f"joint {joint + 1} jumped by {np.degrees(jump[joint]):.1f}°"
         return ""
 
-    def _watch_time(self, now: float, motion: PathMotion, advance: float) -> None:
+    def _watch_time(self, now: float, motion: PathMotion | StreamedMotion, advance: float) -> None:
         supervision = self._supervision
         if motion.phase is not self._phase:
             self._phase = motion.phase

@@ -9,10 +9,11 @@ import numpy as np
 
 from drivers.device import Device
 from drivers.errors import BadTrajectory, DeviceError, MotionRefused
-from drivers.interfaces import Arm, ArmLimits, ArmState, Motion, Trajectory
+from drivers.interfaces import Arm, ArmLimits, ArmState, Motion, SetPoints, StreamedArm, Trajectory
 from drivers.mock.clock import PERIOD, MockClock
 from drivers.motion_supervisor import MotionSupervisor, Supervision
 from drivers.path_motion import PathMotion
+from drivers.streamed_motion import StreamedMotion
 from drivers.trajectory import check_trajectory
 from executive.values.arrays import Float64
 
@@ -42,7 +43,7 @@ class MockArm(Device):
         says: what it tells of its joints' positions, given the true ones; replace it to let the arm lie.
     """
 
-    interfaces = (Arm,)
+    interfaces = (Arm, StreamedArm)
 
     def __init__(
         self,
@@ -58,7 +59,7 @@ class MockArm(Device):
         self.q: Float64 = np.zeros(limits.lower.size) if q is None else np.array(q, np.float64)
         self._qd = np.zeros_like(self.q)
         self.followed: list[Trajectory] = []
-        self._motion: PathMotion | None = None
+        self._motion: PathMotion | StreamedMotion | None = None
         self.says: Callable[[Float64], Float64] = lambda q: q
         self._supervisor = MotionSupervisor(self.name, limits, supervision or Supervision())
         self._steps = 0
@@ -88,13 +89,7 @@ class MockArm(Device):
         return ArmState(self._clock.now(), self.q.copy(), self._qd.copy(), not self.settled())
 
     def follow(self, trajectory: Trajectory) -> Motion:
-        refusal, self._refusal = self._refusal, None
-        if self._latched is not None:
-            refusal = f"latched in the safe state ({self._latched})"
-        elif self._motion is not None and not self._motion.settled:
-            refusal = "still moves; stop the motion and wait until it has settled"
-        if refusal:
-            raise MotionRefused(self.name, refusal)
+        self._need_ready()
         try:
             check_trajectory(trajectory, self.limits, self.q)
         except BadTrajectory as bad:
@@ -103,6 +98,21 @@ class MockArm(Device):
         self._supervisor.end()
         self._motion = PathMotion(trajectory, self.limits, PERIOD)
         return self._motion
+
+    def stream(self, watchdog: float) -> SetPoints:
+        self._need_ready()
+        self._supervisor.end()
+        motion = self._motion = StreamedMotion(self.q, self.limits, PERIOD, watchdog)
+        return motion
+
+    def _need_ready(self) -> None:
+        refusal, self._refusal = self._refusal, None
+        if self._latched is not None:
+            refusal = f"latched in the safe state ({self._latched})"
+        elif self._motion is not None and not self._motion.settled:
+            refusal = "still moves; stop the motion and wait until it has settled"
+        if refusal:
+            raise MotionRefused(self.name, refusal)
 
     def check(self) -> None:
         if self._error is not None:
@@ -144,7 +154,7 @@ class MockArm(Device):
             self._steps += 1
         motion.look(resting=True, beside=0.0, now=self._clock.now())
 
-    def _supervise(self, motion: PathMotion | None) -> None:
+    def _supervise(self, motion: PathMotion | StreamedMotion | None) -> None:
         now = self._clock.now()
         if not self._supervisor.due(now):
             return

@@ -7,12 +7,13 @@ from pathlib import Path
 import numpy as np
 
 from drivers.errors import BadTrajectory, DeviceError, DeviceFault, DeviceLost, MotionRefused
-from drivers.interfaces import Arm, ArmLimits, ArmState, Motion, Trajectory
+from drivers.interfaces import Arm, ArmLimits, ArmState, Motion, SetPoints, StreamedArm, Trajectory
 from drivers.motion_supervisor import MotionSupervisor, Supervision
 from drivers.path_motion import ARRIVED, PathMotion, Phase
 from drivers.sim.faults import FaultyDevice
 from drivers.sim.scene import TIMESTEP
 from drivers.sim.world import PhysicsWorld
+from drivers.streamed_motion import StreamedMotion
 from drivers.trajectory import check_trajectory
 from executive.values.arrays import Float64
 
@@ -34,7 +35,7 @@ class SimArm(FaultyDevice):
     whatever is commanded), `stall` (the controller does not go on with a motion, and says nothing).
     """
 
-    interfaces = (Arm,)
+    interfaces = (Arm, StreamedArm)
     known_faults = ("alarm", "lost", "nan", "wild", "jump", "frozen", "stuck", "stall")
 
     def __init__(self, world: PhysicsWorld, description: Path, supervision: Supervision | None = None) -> None:
@@ -54,7 +55,7 @@ class SimArm(FaultyDevice):
             *(model.numeric(f"arm_{name}").data.copy() for name in ("velocity", "acceleration", "jerk")),
         )
         self._set_point: Float64 = world.state.ctrl[self._actuators].copy()
-        self._motion: PathMotion | None = None
+        self._motion: PathMotion | StreamedMotion | None = None
         self._steps = 0
         self._gives_way = False
         self._rests_since = np.inf
@@ -73,12 +74,7 @@ class SimArm(FaultyDevice):
         return self._state
 
     def follow(self, trajectory: Trajectory) -> Motion:
-        if self._latched is not None:
-            raise MotionRefused(self.name, f"latched in the safe state ({self._latched})")
-        if self._problem is not None or self.fault in ("alarm", "lost"):
-            raise MotionRefused(self.name, f"not ready: {self._problem.message if self._problem else self.fault}")
-        if self._motion is not None and not self._motion.settled:
-            raise MotionRefused(self.name, "still moves; stop the motion and wait until it has settled")
+        self._need_ready()
         try:
             check_trajectory(trajectory, self.limits, self._set_point)
         except BadTrajectory as bad:
@@ -87,6 +83,21 @@ class SimArm(FaultyDevice):
         self._gives_way = False
         self._motion = PathMotion(trajectory, self.limits, TIMESTEP)
         return self._motion
+
+    def stream(self, watchdog: float) -> SetPoints:
+        self._need_ready()
+        self._supervisor.end()
+        self._gives_way = False
+        motion = self._motion = StreamedMotion(self._set_point, self.limits, TIMESTEP, watchdog)
+        return motion
+
+    def _need_ready(self) -> None:
+        if self._latched is not None:
+            raise MotionRefused(self.name, f"latched in the safe state ({self._latched})")
+        if self._problem is not None or self.fault in ("alarm", "lost"):
+            raise MotionRefused(self.name, f"not ready: {self._problem.message if self._problem else self.fault}")
+        if self._motion is not None and not self._motion.settled:
+            raise MotionRefused(self.name, "still moves; stop the motion and wait until it has settled")
 
     def check(self) -> None:
         if self.fault == "lost":
@@ -157,7 +168,7 @@ class SimArm(FaultyDevice):
                 return self._state.q, self._state.qd
         return measured.q, measured.qd
 
-    def _supervise(self, motion: PathMotion | None) -> None:
+    def _supervise(self, motion: PathMotion | StreamedMotion | None) -> None:
         now = self._world.clock.now()
         try:
             self._supervisor.on_feedback(now, *self._said())
@@ -190,7 +201,7 @@ class SimArm(FaultyDevice):
         else:
             self._rests_since = np.inf
 
-    def _settle(self, motion: PathMotion, long: bool) -> None:
+    def _settle(self, motion: PathMotion | StreamedMotion, long: bool) -> None:
         """The set-point rests, `long` or just now: the arm comes to rest, too. What it was stopped by is let go."""
         state = self._world.state
         beside = float(np.abs(state.qpos[self._qpos] - self._set_point).max())

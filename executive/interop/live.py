@@ -25,7 +25,7 @@ from executive.views import ImageView, SeriesView
 logger = logging.getLogger(__name__)
 
 EVERY = 0.01
-"""Seconds between two looks into the queue: waking up for every event would cost the tick more."""
+"""Seconds between two looks into the queue: waking up for every event would cost the tick more. A picture wakes it."""
 MOST = 2000
 """Events that wait; some seconds of a run."""
 CLOSING = 2.0
@@ -60,7 +60,8 @@ class Live:
         self._queue: deque[Any] = deque(maxlen=MOST)
         self._put, self._taken = 0, 0
         self._began = 0
-        self._closing = threading.Event()
+        self._closing = False
+        self._wake = threading.Event()
         self._thread = threading.Thread(target=self._work, name="pomona-live", daemon=True)
         self._thread.start()
 
@@ -73,6 +74,8 @@ class Live:
         """Take one event; returns at once."""
         self._put += 1
         self._queue.append(event)
+        if isinstance(event, Published) and isinstance(event.value, ImageView):
+            self._wake.set()
 
     def read(self, t: float, tick: int, readings: Mapping[str, Mapping[str, Any]]) -> None:
         """Take what the cell's devices measured; returns at once."""
@@ -82,7 +85,8 @@ class Live:
 
     def close(self) -> None:
         """Show what is left, for a while, and let go of the sinks."""
-        self._closing.set()
+        self._closing = True
+        self._wake.set()
         self._thread.join(CLOSING + 1.0)
         if self.dropped:
             logger.warning("live views could not follow: %d of %d events were left out", self.dropped, self._put)
@@ -90,7 +94,9 @@ class Live:
     def _work(self) -> None:
         deadline = float("inf")
         while True:
-            if self._closing.wait(EVERY) and deadline == float("inf"):
+            self._wake.wait(EVERY)
+            self._wake.clear()
+            if self._closing and deadline == float("inf"):
                 deadline = time.monotonic() + CLOSING
             while self._queue and time.monotonic() < deadline:
                 self._taken += 1

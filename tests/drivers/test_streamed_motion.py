@@ -1,0 +1,111 @@
+"""Set-points from moment to moment: the way to them stays within the limits, and without them all comes to rest."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from drivers.errors import BadTrajectory
+from drivers.interfaces import ArmLimits, MotionState, SetPoints
+from drivers.streamed_motion import StreamedMotion
+
+LIMITS = ArmLimits(
+    np.array([-2.0, -1.0, -3.0]), np.array([2.0, 1.0, 3.0]), np.array([3.0, 2.0, 1.0]), np.array([8.0, 10.0, 20.0]),
+    np.array([80.0, 100.0, 250.0]),
+)  # fmt: skip
+PERIOD = 0.002
+
+
+def streamed(q: tuple[float, ...] = (0.0, 0.5, -1.0), watchdog: float = 0.3) -> StreamedMotion:
+    return StreamedMotion(np.array(q), LIMITS, PERIOD, watchdog)
+
+
+def steps(motion: StreamedMotion, count: int, aim: object = None) -> tuple[np.ndarray, np.ndarray]:
+    """What the arm is told at each step, positions and velocities."""
+    told = []
+    for _ in range(count):
+        if aim is not None:
+            motion.aim(aim)
+        told.append(motion.step())
+    return np.array([q for q, _ in told]), np.array([qd for _, qd in told])
+
+
+def within_limits(q: np.ndarray) -> None:
+    rates = [np.diff(q, k, axis=0) / PERIOD**k for k in (1, 2, 3)]
+    for rate, limit in zip(rates, (LIMITS.velocity, LIMITS.acceleration, LIMITS.jerk), strict=True):
+        assert (np.abs(rate).max(axis=0) <= limit * 1.001 + 1e-6).all()
+    assert ((q >= LIMITS.lower) & (q <= LIMITS.upper)).all()
+
+
+def test_it_goes_to_its_set_point_and_rests_there() -> None:
+    motion, goal = streamed(), np.array([1.0, -0.9, 0.0])
+    assert isinstance(motion, SetPoints)
+    q, _ = steps(motion, 1200, goal)
+    within_limits(q)
+    assert np.array_equal(q[-1], goal)
+    assert motion.set_point_rests
+    assert motion.state is MotionState.RUNNING
+    beyond = (q - goal) * np.sign(goal - q[0])
+    assert beyond.max() <= 1e-6  # not past it
+
+
+def test_whatever_comes_the_limits_are_kept() -> None:
+    motion, rng = streamed(), np.random.default_rng(4)
+    told = [steps(motion, int(rng.integers(1, 60)), rng.uniform(LIMITS.lower, LIMITS.upper))[0] for _ in range(60)]
+    within_limits(np.concatenate(told))
+
+
+def test_without_set_points_it_comes_to_rest_within_its_limits_and_has_failed() -> None:
+    motion = streamed()
+    moving, qd = steps(motion, 150, np.array([2.0, -1.0, 3.0]))
+    assert np.abs(qd[-1]).max() > 0.5
+    rest, qd = steps(motion, 1000)
+    within_limits(np.concatenate([moving, rest]))
+    assert not qd[-1].any()
+    motion.look(True, 0.0, 0.0)
+    assert (motion.state, motion.settled) == (MotionState.FAILED, True)
+    assert motion.problem == "no new set-point came for 300 ms"
+
+
+@pytest.mark.parametrize(
+    ("aim", "words"),
+    [
+        ([np.nan, 0.0, 0.0], "finite numbers"),
+        ([np.inf, 0.0, 0.0], "finite numbers"),
+        ([0.0, 0.0], "3 finite numbers"),
+        ([0.0, 1.2, 0.0], r"joint 2 would be at 68\.8°, its limits are -57\.3° and 57\.3°"),
+    ],
+)
+def test_a_set_point_that_no_arm_may_go_to_is_not_taken_and_renews_nothing(aim: list[float], words: str) -> None:
+    motion, goal = streamed(watchdog=0.1), np.array([0.5, 0.0, 0.0])
+    motion.aim(goal)
+    for _ in range(60):
+        with pytest.raises(BadTrajectory, match=words):
+            motion.aim(np.array(aim))
+        motion.step()
+    assert "no new set-point" in motion.problem
+
+
+def test_stopped_and_paused_it_rests_and_goes_on_only_with_new_set_points() -> None:
+    motion, goal = streamed(), np.array([2.0, -1.0, 3.0])
+    first, _ = steps(motion, 150, goal)
+    motion.pause()
+    paused, _ = steps(motion, 800)
+    assert motion.at_rest
+    assert motion.problem == ""
+    motion.resume()
+    assert np.array_equal(steps(motion, 10)[0][-1], paused[-1])
+    again, _ = steps(motion, 150, goal)
+    motion.stop()
+    rest, _ = steps(motion, 800)
+    within_limits(np.concatenate([first, paused, np.tile(paused[-1], (10, 1)), again, rest]))
+    motion.look(True, 0.0, 0.0)
+    assert (motion.state, motion.settled) == (MotionState.STOPPED, True)
+
+
+def test_abandoned_it_stands_at_once() -> None:
+    motion = streamed()
+    steps(motion, 150, np.array([2.0, -1.0, 3.0]))
+    motion.abandon("the arm does not follow")
+    assert motion.state is MotionState.FAILED
+    assert motion.set_point_rests
