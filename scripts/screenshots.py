@@ -153,6 +153,7 @@ def animate(page: Page, address: str, out: Path) -> None:
         page.mouse.click(lanes["x"] + along, lanes["y"] + 4)
         page.wait_for_load_state("networkidle")
         page.evaluate("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+        recorded(page)  # on a busy machine the page may have missed its server for a while, and says so
         pictures.append(Image.open(io.BytesIO(page.screenshot())))
     times = [int(1e3 * PACE)] * (FRAMES - 1) + [2000]
     pictures[0].save(out, save_all=True, append_images=pictures[1:], duration=times, loop=0, quality=60, method=4)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import signal
 import subprocess
 import sys
@@ -18,6 +19,8 @@ from executive.recording.folder import EVENTS_FILE
 from executive.recording.scan import is_whole
 
 pytestmark = pytest.mark.slow
+
+ROOT = Path(__file__).resolve().parents[2]
 
 PICKS_RECORD = 20e6
 """Bytes that the record of a pick may have."""
@@ -91,3 +94,13 @@ def test_a_pick_whose_process_is_killed_is_recovered(tmp_path: Path, capsys: pyt
     assert is_whole(folder / EVENTS_FILE)
     text = said(capsys, "explain", "last", "--record", str(tmp_path))
     assert "The record ends after" in text
+
+
+def test_pictures_of_a_pick_show_this_one(record: Path) -> None:
+    made = json.loads((ROOT / "docs" / "images" / "made.json").read_text("utf-8"))
+    run = digest(record)
+    now = {"outcome": run.outcome, "time [s]": run.time, **run.peaks}
+    for shows in (entry["shows"] for name, entry in made.items() if name.startswith("pick")):
+        assert shows.keys() == now.keys(), "make figures"
+        for name, value in shows.items():
+            assert value == (pytest.approx(now[name], rel=0.02, abs=1e-4) if name != "outcome" else now[name]), name

@@ -1,28 +1,37 @@
-"""scripts/figures.py: what the figures of docs/method.md show is what the code computes today."""
+"""scripts/figures.py and pictures.py: figures show what the code computes today, and no picture is older than what it
+was made from."""
 
 from __future__ import annotations
 
 import importlib.util
 import json
+import re
+import sys
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 import numpy as np
 import pytest
+from PIL import Image
 
 ROOT = Path(__file__).resolve().parents[2]
 
 
-@pytest.fixture(scope="module")
-def figures() -> ModuleType:
-    """The script as a module."""
-    spec = importlib.util.spec_from_file_location("figures", ROOT / "scripts" / "figures.py")
+def script(name: str) -> ModuleType:
+    """A script as a module."""
+    spec = importlib.util.spec_from_file_location(name, ROOT / "scripts" / f"{name}.py")
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module  # its dataclasses ask for it
     spec.loader.exec_module(module)
     return module
+
+
+@pytest.fixture(scope="module")
+def figures() -> ModuleType:
+    return script("figures")
 
 
 @pytest.mark.parametrize("name", ["scale", "surface", "slip", "sphere"])
@@ -38,3 +47,38 @@ def test_every_figure_is_on_the_page(figures: Any) -> None:
     page = (ROOT / "docs" / "method.md").read_text("utf-8")
     assert all(f"images/method_{name}.svg" in page for name in figures.FIGURES)
     assert figures.FIGURES.keys() == figures.DRAWN.keys()
+
+
+@pytest.fixture(scope="module")
+def pictures() -> ModuleType:
+    return script("pictures")
+
+
+def test_no_picture_is_behind_what_it_was_made_from(pictures: Any) -> None:
+    assert set(pictures.behind()) <= {"pick.webp"}, "make figures"  # that one needs a quiet machine and Chromium
+    for name, entry in pictures.ledger().items():
+        assert (pictures.IMAGES / name).stat().st_size < 3_000_000
+        assert entry["command"] == "make figures"
+        assert re.fullmatch(r"[0-9a-f]{7,}\+?", entry["commit"]), name
+
+
+def test_the_picture_of_a_lift_shows_what_the_controller_does(pictures: Any) -> None:
+    assert pictures.figures_of_grip() == pytest.approx(pictures.ledger()["grip.png"]["shows"], rel=0.02), "make figures"
+
+
+def test_every_picture_is_one_that_is_made(pictures: Any) -> None:
+    there = {path.name for path in pictures.IMAGES.iterdir() if not path.name.startswith("method")}
+    assert there - {"made.json"} == pictures.PICTURES.keys() >= pictures.ledger().keys()
+
+
+def test_pictures_are_told_apart_from_afar(pictures: Any, tmp_path: Path) -> None:
+    picture = np.full((90, 160, 3), 200, np.uint8)
+    noisy = picture.copy()
+    noisy[::9, ::7] -= 20
+    other = picture.copy()
+    other[20:60, 40:120] = 20
+    for name, pixels in (("a", picture), ("b", noisy), ("c", other), ("d", picture[:80])):
+        Image.fromarray(pixels).save(tmp_path / f"{name}.png")
+    assert pictures.looks_the_same(tmp_path / "a.png", tmp_path / "b.png")
+    assert not pictures.looks_the_same(tmp_path / "a.png", tmp_path / "c.png")
+    assert not pictures.looks_the_same(tmp_path / "a.png", tmp_path / "d.png")
