@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import argparse
 import gc
+import multiprocessing
 import os
 import statistics
 import sys
@@ -20,6 +21,7 @@ from pathlib import Path
 
 from executive.execute import RunOrder, execute, give_back_memory
 from executive.files import find_cell, find_tree
+from executive.running.compute import keep_workers_warm
 
 GROWTH = 0.01
 """Share by which a quantity may grow over the second half."""
@@ -27,11 +29,17 @@ SEEDS = 50
 """Seeds come again after so many picks, so that every quarter has the same work."""
 
 
+def resident_mb(process: str) -> float:
+    """Resident memory of a process [MB]."""
+    return int(Path(f"/proc/{process}/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
+
+
 def measure() -> dict[str, float]:
-    """What this process holds now: resident memory [MB], open handles, threads."""
-    pages = int(Path("/proc/self/statm").read_text().split()[1])
+    """What this process holds now: resident memory, its own and that of its workers [MB], open handles, threads."""
+    workers = [resident_mb(str(worker.pid)) for worker in multiprocessing.active_children()]
     return {
-        "memory_mb": pages * os.sysconf("SC_PAGE_SIZE") / 1e6,
+        "memory_mb": resident_mb("self"),
+        "workers_mb": sum(workers),
         "handles": float(len(os.listdir("/proc/self/fd"))),
         "threads": float(threading.active_count()),
     }
@@ -47,6 +55,7 @@ def growth(values: list[float]) -> float:
 def soak(picks: int, tree: str, dry: bool) -> dict[str, list[float]]:
     """Run the tree so many times; each quantity after each run, and the processor's time per tick [ms]."""
     seen: dict[str, list[float]] = {}
+    keep_workers_warm()
     with tempfile.TemporaryDirectory(prefix="pomona-soak-") as folder:
         for number in range(picks):
             record = Path(folder) / "runs"
