@@ -110,10 +110,13 @@ class Computed(Event):
 
 @dataclass(frozen=True, slots=True)
 class TickOverran(Event):
-    """The tick took longer than its period; `node` took most of it."""
+    """The tick took longer than its period; `node` took most of it. `worked` is the processor's time of the tick's
+    thread [s]: where it is much less, something was waited for, or the computer had too much to do. None: not known.
+    """
 
     node: str
     duration: float
+    worked: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -248,13 +248,13 @@ class Runner(Requests):
         if not self._breakpoints.holding:
             self._ticks += 1
             self.board.tick = self._ticks
-        began = time.perf_counter()
+        began, worked = time.perf_counter(), time.thread_time()
         held = self._breakpoints.tick(self.tree.root)
         leave_if_forked()
-        took = time.perf_counter() - began
+        took, worked = time.perf_counter() - began, time.thread_time() - worked
         self._observer.after_tick()
         if took > (BLOCKED if self._cell.clock.simulated else self._period):
-            self._emit(TickOverran(*self._stamp(), self._observer.slowest(), took))
+            self._emit(TickOverran(*self._stamp(), self._observer.slowest(), took, worked))
         if held is not None:
             self._step = False
             self._pause("breakpoint", f"{held.side} {held.path}")

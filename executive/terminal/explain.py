@@ -32,6 +32,12 @@ ORDINALS = ("first", "second", "third", "fourth", "fifth", "sixth", "seventh", "
 BLOCKED = 0.5
 """Seconds from which a tick that waited is told."""
 
+
+def did_not_work(overrun: TickOverran) -> bool:
+    """Whether the tick was late though it had little to compute."""
+    return overrun.worked is not None and overrun.worked < 0.5 * overrun.duration
+
+
 MOST_ATTEMPTS = 4
 """Attempts that are told one by one; of more, the first and the last are."""
 
@@ -210,7 +216,11 @@ class _Story:
         who = self._name(overrun.node) if overrun.node else "something"
         within = "".join(f", the limit of {self._name(path)} neither" for path in self._limits(overrun.node))
         held = f"At {overrun.t:.1f} s {who} kept the tick waiting for {seconds(overrun.duration)}"
-        return f"{held}: nothing could interrupt it meanwhile{within}. Such work belongs into `self.compute`."
+        untold = f"nothing could interrupt it meanwhile{within}"
+        if did_not_work(overrun):
+            computed = f"it computed for {seconds(overrun.worked or 0.0)} of them"
+            return f"{held}: {computed}, so it waited for something, or the computer had too much to do; {untold}."
+        return f"{held}: {untold}. Such work belongs into `self.compute`."
 
     def _limits(self, path: str) -> Iterator[str]:
         """The timeouts around a node."""

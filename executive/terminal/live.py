@@ -22,7 +22,7 @@ from executive.running.events import (
     TickOverran,
 )
 from executive.running.starting import Starting, StartingStage
-from executive.terminal.explain import BLOCKED
+from executive.terminal.explain import BLOCKED, did_not_work
 from executive.terminal.filtered import visible
 from executive.terminal.screen import Screen
 from executive.terminal.words import ICONS, STYLES, say, seconds
@@ -72,6 +72,9 @@ class LiveTree:
         elif isinstance(event, TickOverran) and event.duration >= BLOCKED:
             who = self._name(event.node) if event.node else "something"
             words = f"{who} kept the tick waiting for {seconds(event.duration)}: no limit could interrupt it"
+            if did_not_work(event):
+                computed = seconds(event.worked or 0.0)
+                words += f" (it computed for {computed}; the rest it waited, or the computer was busy)"
             self._console.print(f"{event.t:7.2f} s  ! {words}", style="yellow")
         elif isinstance(event, StateChanged) and event.state in ("paused", "running") and self._live is None:
             self._console.print(f"{event.t:7.2f} s  {event.state}: {event.because}")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 from fake_runs import make
 
@@ -30,6 +32,14 @@ def test_a_skill_that_blocks_under_a_timeout_is_told_with_the_limit(monkeypatch:
     assert told.node.endswith("Block")
     nodes = tuple(node.facts() for node in runner.tree.nodes)
     begun = RunStarted(0.0, 0, "r", "t", "t", "", "", "c", "mock", "", "", 0, {}, nodes, {}, 0.0, 0.02)
-    story = " ".join(words.explain([begun, *events]))
+    assert told.worked is not None
+    assert told.worked > 0.0
+    late = [replace(e, worked=e.duration) if isinstance(e, TickOverran) else e for e in events]
+    story = " ".join(words.explain([begun, *late]))
     assert "Block kept the tick waiting" in story
     assert "nothing could interrupt it meanwhile, the limit of" in story
+    assert "Such work belongs into" in story
+    idle = [replace(e, worked=0.0) if isinstance(e, TickOverran) else e for e in events]
+    story = " ".join(words.explain([begun, *idle]))
+    assert "the computer had too much to do" in story
+    assert "Such work belongs into" not in story
