@@ -174,7 +174,18 @@ def run_tests(tests: Sequence[str], change: Change | None, limit: float) -> bool
             signal.setitimer(signal.ITIMER_REAL, limit)
             if change is not None:
                 sys.meta_path.insert(0, _Changed(change))
-            words = ["--noconftest", "-p", "no:xdist", "-p", "no:cacheprovider", "-p", "no:randomly", "-x", "-q", *tests]
+            words = [
+                "--noconftest",
+                "-p",
+                "no:xdist",
+                "-p",
+                "no:cacheprovider",
+                "-p",
+                "no:randomly",
+                "-x",
+                "-q",
+                *tests,
+            ]
             status = int(pytest.main(words))
         finally:
             os._exit(0 if status == 0 else 1)
