@@ -70,7 +70,7 @@ class RollingPath:
 
     @property
     def q_last(self) -> Float64:
-        """The newest set-point."""
+        """The newest set-point, (n,) [rad]."""
         return self._last.q
 
     def go_on(self) -> None:

@@ -14,7 +14,7 @@ from drivers.cell import known_drivers, load_cell
 from drivers.device import ConnectContext, Device
 from drivers.driver import Driver, NoOptions
 from drivers.errors import CellFileError, DeviceLost
-from drivers.interfaces import Arm, Camera, ForceSensor, Gripper, Hands, Workspace
+from drivers.interfaces import Arm, Camera, ForceSensor, Gripper, Hands, StreamedArm, Workspace
 from executive.clock import ManualClock, SystemClock
 from executive.values.kinds import Text
 from executive.values.sections import value
@@ -52,7 +52,7 @@ def load(tmp_path):
 def test_a_mock_cell_has_everything_a_pick_needs(load):
     cell = load(MOCK)
     assert (cell.name, cell.kind) == ("bench", "mock")
-    assert set(cell.interfaces()) == {Arm, Gripper, ForceSensor, Camera, Workspace}
+    assert set(cell.interfaces()) == {Arm, StreamedArm, Gripper, ForceSensor, Camera, Workspace}
     assert cell.links() == dict.fromkeys(("world", "arm", "gripper", "fingers", "camera"), "ok")
     assert cell.device(Workspace).poses["home"].shape == (7,)
     wall = cell.device(Workspace).obstacles[0]
@@ -93,7 +93,7 @@ def test_the_shipped_simulated_cell_loads():
     cell = load_cell(CELLS / "sim.yaml", seed=1)
     assert cell.kind == "simulated"
     assert cell.clock.simulated
-    assert set(cell.interfaces()) == {Arm, Gripper, ForceSensor, Camera, Hands, Workspace}
+    assert set(cell.interfaces()) == {Arm, StreamedArm, Gripper, ForceSensor, Camera, Hands, Workspace}
     assert cell.device(Arm).description.name == "sia5f_wsg32.xml"
     assert cell.device(Workspace).table_z == pytest.approx(-0.12)
     assert np.abs(cell.device(Arm).state().q - cell.device(Workspace).poses["observe"]).max() < 1e-3
