@@ -266,12 +266,12 @@ class Lift(MovingSkill):
         if problem is None and hold is not None:
             problem = hold.problem
         left, right = pressing_forces(self.device(ForceSensor))
-        return self.failure(
-            code,
-            f"{message}: {problem.message}" if problem is not None else message,
-            width_m=float(np.round(self.device(Gripper).state().width, 5)),
-            left_force_n=round(left, 3),
-            right_force_n=round(right, 3),
-            grip=problem.code if problem is not None else "",
-            **({} if problem is None else problem.data),
-        )
+        now = {
+            "width_m": float(np.round(self.device(Gripper).state().width, 5)),
+            "left_force_n": round(left, 3),
+            "right_force_n": round(right, 3),
+        }
+        if problem is None:
+            return self.failure(code, message, grip="", **now)
+        # What was so when the problem arose stands before what is so now.
+        return self.failure(code, f"{message}: {problem.message}", **{**now, **problem.data, "grip": problem.code})

@@ -1,4 +1,5 @@
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -7,6 +8,7 @@ from py_trees.common import Status
 
 from drivers.mock.fingers import spring_fruit
 from executive.skill_testing import SkillEnd, drive
+from skills.grip.grip import GripProblem
 from skills.grip.hold import Hold
 from skills.lift import Lift
 from skills.motion.straight_line import straight_line
@@ -56,6 +58,14 @@ def test_closed_fingers_that_press_each_other_hold_nothing():
     scene = PickingScene(q=Q_GRASP.copy(), width=0.035)
     scene.hold_fruit()
     assert drive(Lift(), {}, scene.devices, clock=scene.clock).reason.code == "NOT_HELD"
+
+
+def test_the_grips_own_numbers_stand_before_those_of_now():
+    problem = GripProblem("LOST", "the fruit is gone", 1.0, {"width_m": 0.051})
+    hold = SimpleNamespace(ended=False, holds=False, problem=problem)
+    reason = drive(Lift(), {"hold": hold}, holding().devices).reason
+    assert (reason.code, reason.data["grip"], reason.data["width_m"]) == ("NOT_HELD", "LOST", 0.051)
+    assert reason.data["left_force_n"] > 0.0
 
 
 def test_a_fruit_that_falls_while_it_is_held_up_is_lost_too():
