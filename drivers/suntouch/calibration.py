@@ -64,10 +64,6 @@ class FingerCalibration:
         y: Float64 = (x @ weights.T + offsets + 1.0) * (0.5 * (self.out_high - self.out_low)) + self.out_low
         return y
 
-    def beyond(self, wrench: Float64) -> bool:
-        """Whether a wrench (6,) presses harder than the recording did: what is more, the network cannot tell."""
-        return bool(wrench[2] < self.out_low[2])
-
     def other_than(self, side: str) -> bool:
         """Whether its name says that it was made for the finger across from this side (left, right), and not for it."""
         words = re.split(r"[^a-z]+", self.finger.lower())

@@ -199,9 +199,7 @@ class SunTouchFingers(Device):
 
     def _deliver(self, stamp: float, left: FingerReading, right: FingerReading) -> None:
         wrenches = np.stack([f.wrench(reading) for f, reading in zip(self.fingers, (left, right), strict=True)])
-        over = [finger.calibration.beyond(wrench) for finger, wrench in zip(self.fingers, wrenches, strict=True)]
-        saturated = (left.saturated or over[0], right.saturated or over[1])
-        self._stream.deliver(WrenchSample(stamp, self._sequence, wrenches, saturated))
+        self._stream.deliver(WrenchSample(stamp, self._sequence, wrenches, (left.saturated, right.saturated)))
 
     def _take_bias(self, left: FingerReading, right: FingerReading) -> None:
         taken = self._biasing

@@ -118,16 +118,6 @@ def test_the_bias_is_taken_at_the_connection_and_a_press_is_felt_on_its_finger(r
     assert rig.samples[-1].wrenches[1, 2] < -0.1
 
 
-def test_a_finger_that_is_pressed_harder_than_its_recording_was_says_that_it_is_at_its_end(rig: Rig) -> None:
-    rig.right.wrench = np.array([0.0, 0.0, -0.2, 0.0, 0.0, 0.0])
-    rig.run(0.05)
-    assert rig.samples[-1].saturated == (False, False)
-    rig.right.wrench = np.array([0.0, 0.0, -4.0, 0.0, 0.0, 0.0])
-    rig.run(0.05)
-    assert rig.samples[-1].wrenches[1, 2] < CALIBRATION.out_low[2]
-    assert rig.samples[-1].saturated == (False, True)
-
-
 def test_a_new_bias_can_be_taken_while_streaming(rig: Rig) -> None:
     rig.right.wrench = np.array([0.0, 0.0, -0.2, 0.0, 0.0, 0.0])
     rig.fingers.bias()
