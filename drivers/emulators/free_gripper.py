@@ -6,8 +6,8 @@ import math
 from collections.abc import Callable
 
 from drivers.errors import MotionRefused
+from drivers.gripper_motion import GripperMotion
 from drivers.interfaces import GripperLimits, GripperState, MotionState
-from drivers.wsg.motion import GripperMotion
 
 
 class FreeGripper:

@@ -16,6 +16,7 @@ from dataclasses import dataclass, field
 from drivers.device import ConnectContext, Device
 from drivers.driver import Settings, driver
 from drivers.errors import DeviceError, DeviceFault, DeviceLost, MotionRefused
+from drivers.gripper_motion import GripperMotion
 from drivers.gripper_supervisor import GripperSupervision, GripperSupervisor
 from drivers.interfaces import Gripper, GripperLimits, GripperState, MotionState
 from drivers.owner import Owner
@@ -70,33 +71,6 @@ class Ros2GripperOptions:
     supervision: GripperSupervision = field(default_factory=GripperSupervision)
 
 
-class FingersMove:
-    """A move that was started."""
-
-    def __init__(self, width: float, speed: float, start: float, stop: Callable[[FingersMove], None]) -> None:
-        self.width, self.speed, self.measured = width, speed, start
-        self.state, self.settled, self.problem = MotionState.RUNNING, False, ""
-        self._start, self._stop = start, stop
-
-    @property
-    def progress(self) -> float:
-        way = abs(self.width - self._start)
-        return 1.0 if way < 1e-9 else min(max(1.0 - abs(self.width - self.measured) / way, 0.0), 1.0)
-
-    @property
-    def ended(self) -> bool:
-        """Whether the outcome is known; the fingers may still come to rest."""
-        return self.state not in (MotionState.RUNNING, MotionState.PAUSED)
-
-    def stop(self) -> None:
-        self._stop(self)
-
-    def end(self, state: MotionState, problem: str = "") -> None:
-        """Say how it ended; the first outcome counts."""
-        if not self.ended:
-            self.state, self.problem = state, problem
-
-
 class Ros2Gripper(Device):
     """The gripper. One thread owns the set-point; what others ask is posted to it."""
 
@@ -124,7 +98,7 @@ class Ros2Gripper(Device):
         self._lost, self._estranged = True, False
         self._widths: list[tuple[float, float]] = []
         self._set_point: float | None = None  # None: nothing was ever commanded, or what it was is not known any more
-        self._move: FingersMove | None = None
+        self._move: GripperMotion | None = None
         self._speed, self._speed_at = 0.0, -math.inf
         self._stepped_at = self._said_at = clock.now()
         self._said: float | None = None
@@ -230,7 +204,7 @@ class Ros2Gripper(Device):
 
     # --------------------------------------------------------------------------------------- what is done
 
-    def _begin(self, move: FingersMove) -> None:
+    def _begin(self, move: GripperMotion) -> None:
         """Start a move, unless a stop or a loss came first."""
         refusal = self._unready()
         if refusal:
@@ -246,7 +220,7 @@ class Ros2Gripper(Device):
         self._set_point = state.width if self._set_point is None else self._set_point
         self._supervisor.move(self._clock.now(), state.width, move.width, move.speed)
 
-    def _stop(self, move: FingersMove) -> None:
+    def _stop(self, move: GripperMotion) -> None:
         if not move.ended:
             move.end(MotionState.STOPPED)
             if move is self._move:
@@ -339,7 +313,7 @@ class Ros2Gripper(Device):
             raise DeviceLost(self.name, _words(self._problem))
         return self._state
 
-    def move(self, width: float, speed: float) -> FingersMove:
+    def move(self, width: float, speed: float) -> GripperMotion:
         limits, refusal = self.limits, self._unready()
         if refusal:
             raise MotionRefused(self.name, refusal)
@@ -349,11 +323,11 @@ class Ros2Gripper(Device):
         if not 0.0 < speed <= limits.speed_max * (1.0 + 1e-6):
             raise MotionRefused(self.name, f"a speed of {speed:g} m/s lies outside 0 … {limits.speed_max:g} m/s")
         width = min(max(width, limits.width_min), limits.width_max)
-        move = FingersMove(width, min(speed, limits.speed_max), self.state().width, self._leave_stop)
+        move = GripperMotion(width, min(speed, limits.speed_max), self.state().width, self._leave_stop)
         self._owner.post(lambda: self._begin(move))
         return move
 
-    def _leave_stop(self, move: FingersMove) -> None:
+    def _leave_stop(self, move: GripperMotion) -> None:
         self._owner.post(lambda: self._stop(move))
 
     def set_speed(self, speed: float) -> None:

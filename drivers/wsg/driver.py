@@ -11,13 +11,13 @@ from collections.abc import Callable
 
 from drivers.device import Device
 from drivers.errors import DeviceFault, DeviceLost, MotionRefused
+from drivers.gripper_motion import GripperMotion
 from drivers.interfaces import Gripper, GripperLimits, GripperState, MotionState
 from drivers.owner import Owner
 from drivers.wire import Link
 from drivers.wsg.codec import Command, Plain, SystemState
 from drivers.wsg.handshake import WsgIdentity, WsgOptions
 from drivers.wsg.jaws import FAULTS, Jaws, words
-from drivers.wsg.motion import GripperMotion
 from executive.clock import Clock
 
 

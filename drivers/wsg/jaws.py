@@ -12,12 +12,12 @@ from collections.abc import Callable
 
 from drivers.device import Device
 from drivers.errors import DeviceError, DeviceFault, DeviceLost, StopFailed
+from drivers.gripper_motion import GripperMotion
 from drivers.gripper_supervisor import GripperSupervisor
 from drivers.interfaces import GripperLimits, GripperState, MotionState
 from drivers.wire import Link
 from drivers.wsg.codec import Command, Move, Plain, Reply, Script, Status, SystemState
 from drivers.wsg.handshake import WsgIdentity, WsgOptions, shake_hands
-from drivers.wsg.motion import GripperMotion
 from drivers.wsg.session import GripperSession
 from executive.clock import Clock
 

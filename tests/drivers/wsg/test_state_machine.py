@@ -14,12 +14,12 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
 
 from drivers.errors import DeviceError, DeviceLost
+from drivers.gripper_motion import GripperMotion
 from drivers.interfaces import MotionState
 from drivers.wsg.codec import SystemState
 from drivers.wsg.driver import WsgGripper
 from drivers.wsg.handshake import WsgOptions
 from drivers.wsg.jaws import RECONNECT
-from drivers.wsg.motion import GripperMotion
 from tests.drivers.wsg.test_driver import OFFSET, Wire
 
 OBEYED = 0.15
