@@ -120,6 +120,10 @@ bench-grasp: $(STAMP) ## grip control over random lifts, baselines beside it
 bench-interop: $(STAMP) ## live views, ROS 2 to another process, exports: what they cost, how quick they are
 	$(BIN)/python -m benchmarks.bench_interop
 
+reach: $(STAMP) ## a reach cloned from 150 demonstrations in the simulated cell, and its success on goals never shown (ten minutes)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check 'pyarrow>=18'
+	$(BIN)/python -m benchmarks.reach
+
 bench-record: $(STAMP) ## what recording costs, and how large a pick's record is
 	$(BIN)/python -m benchmarks.bench_record
 
@@ -138,7 +142,7 @@ figures: $(STAMP) ## the figures of docs/method.md, from what the code computes,
 	$(BIN)/python -m scripts.pictures
 
 notebooks: $(STAMP) ## the tutorials as executed notebooks beside their Markdown (NAMES="first_apple campaign" for some)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check 'nbclient>=0.10' 'ipykernel>=6.29'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check 'nbclient>=0.11' 'ipykernel>=6.29'
 	$(BIN)/python scripts/notebooks.py $(NAMES)
 
 measured: $(STAMP) ## what a benchmark prints, kept with its commit in docs/reports/measured; NAME=refine COMMAND="make bench-refine"
@@ -164,10 +168,10 @@ faults: $(STAMP) ## every fault in every phase of a pick, simulated and emulated
 	$(BIN)/python -m benchmarks.fault_matrix
 	$(BIN)/python -m benchmarks.fault_matrix --cell emulated
 
-fuzz: $(STAMP) ## 100 000 damaged tree files, random trees, damaged cell files each; a million damaged device streams, records, messages to and from the page each
-	$(BIN)/python tests/executive/language/fuzz.py --cases 100000
+fuzz: $(STAMP) ## a million each: damaged tree files, cell files, device streams, records, messages to and from the page; 100 000 random trees (three hours)
+	$(BIN)/python tests/executive/language/fuzz.py --cases 1000000
 	$(BIN)/python tests/executive/language/reference.py --trees 100000
-	$(BIN)/python tests/drivers/cell/fuzz_cells.py --cases 100000
+	$(BIN)/python tests/drivers/cell/fuzz_cells.py --cases 1000000
 	$(BIN)/python -m benchmarks.fuzz_codecs
 	$(BIN)/python tests/executive/recording/fuzz_records.py records --cases 1000000
 	$(BIN)/python tests/executive/recording/fuzz_records.py messages --cases 1000000
