@@ -9,18 +9,22 @@ import numpy as np
 from drivers.errors import BadTrajectory, DeviceError, DeviceFault, DeviceLost, MotionRefused
 from drivers.interfaces import Arm, ArmLimits, ArmState, Motion, SetPoints, StreamedArm, Trajectory
 from drivers.motion_supervisor import MotionSupervisor, Supervision
-from drivers.path_motion import ARRIVED, PathMotion, Phase
+from drivers.path_motion import PathMotion, Phase
 from drivers.sim.faults import FaultyDevice
 from drivers.sim.scene import TIMESTEP
 from drivers.sim.world import PhysicsWorld
 from drivers.streamed_motion import StreamedMotion
-from drivers.trajectory import check_trajectory
+from drivers.trajectory import START_TOLERANCE, check_trajectory
 from executive.values.arrays import Float64
 
 AT_REST = 5e-3
 """No joint moves faster than this when the arm rests [rad/s]."""
 PRESSES_FOR = 0.05
 """An arm beside the set-point at which it was stopped, for so long, presses on something [s]."""
+PRESSES_BEYOND = START_TOLERANCE / 2.0
+"""An arm that was stopped and is further than this from its set-point presses on something [rad]: half of what the next
+motion may start beside, since what still gives way moves a pressed arm a little more (in a slow approach onto a fruit
+2.0 mrad were left, and the way back was refused)."""
 LIES = ("nan", "wild", "jump", "frozen")
 """Faults of what the arm says, not of what it does."""
 JUMP = 0.6
@@ -206,7 +210,7 @@ class SimArm(FaultyDevice):
         state = self._world.state
         beside = float(np.abs(state.qpos[self._qpos] - self._set_point).max())
         resting = bool(np.abs(state.qvel[self._qvel]).max() < AT_REST)
-        presses = motion.phase is Phase.BRAKING and beside > ARRIVED
+        presses = motion.phase is Phase.BRAKING and beside > PRESSES_BEYOND
         motion.look(resting and not presses, beside, float(state.time))
         if presses and long:
             self._hold_here()  # again and again: what presses back moves it on

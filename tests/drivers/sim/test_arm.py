@@ -5,6 +5,7 @@ import pytest
 
 from drivers.errors import DeviceError, DeviceFault, DeviceLost, MotionRefused
 from drivers.interfaces import Arm, MotionState, Trajectory
+from drivers.trajectory import START_TOLERANCE
 
 HERE = np.array([-1.36, -0.316, -0.264, -0.234, 0.065, -1.294, 0.048])
 THERE = HERE + np.array([0.8, 0.3, -0.2, 0.3, 0.4, 0.5, -0.9])
@@ -74,7 +75,10 @@ def test_stop_decelerates_on_the_path_within_the_limits(cell, arm, plan_rest_to_
     assert np.abs(arm.state().q - stood).max() < 2e-3
 
 
-def test_an_arm_that_is_stopped_against_something_presses_on_it_no_longer_and_can_go_back(cell, arm, plan_rest_to_rest):
+@pytest.mark.parametrize("stiffness", [1e3, 5e3, 2e4])
+def test_an_arm_that_is_stopped_against_something_presses_on_it_no_longer_and_can_go_back(
+    cell, arm, plan_rest_to_rest, stiffness
+):
     world = cell.devices["world"]
     joint, dof = world.model.jnt_qposadr[world.arm_joints][0], world.model.jnt_dofadr[world.arm_joints][0]
     path = plan_rest_to_rest([HERE, THERE], arm.limits, share=0.06)
@@ -82,7 +86,7 @@ def test_an_arm_that_is_stopped_against_something_presses_on_it_no_longer_and_ca
     wall, pressed = path.q[len(path.q) // 2, 0], []
 
     def push_back():
-        pressed.append(2e4 * max(way * (world.state.qpos[joint] - wall), 0.0))
+        pressed.append(stiffness * max(way * (world.state.qpos[joint] - wall), 0.0))
         world.state.qfrc_applied[dof] = -way * pressed[-1]
 
     world.before_step.append(push_back)
@@ -95,6 +99,8 @@ def test_an_arm_that_is_stopped_against_something_presses_on_it_no_longer_and_ca
     advance(cell, 0.3)
     assert max(pressed) > 60.0
     assert pressed[-1] < 0.5 * max(pressed)
+    set_point = world.state.ctrl[world.arm_actuators]
+    assert np.abs(arm.state().q - set_point).max() < 0.75 * START_TOLERANCE, "the next motion may be refused"
     again = arm.follow(plan_rest_to_rest([arm.state().q, HERE], arm.limits, share=0.3))
     run_out(cell, again)
     assert again.state is MotionState.DONE
