@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import errno
+import os
 from collections.abc import Iterable
 from typing import IO, NoReturn
 
+from rich.color import ColorSystem
 from rich.console import Console, ConsoleOptions, RenderableType
 from rich.segment import Segment
 
@@ -20,6 +22,17 @@ class Screen(Console):
 
     def __init__(self, *, stderr: bool = False, quiet: bool = False, width: int | None = None) -> None:
         super().__init__(stderr=stderr, quiet=quiet, width=width, markup=False, highlight=False)
+        if os.environ.get("FORCE_COLOR") and not (os.environ.get("NO_COLOR") or self.is_terminal):
+            self._color_system = ColorSystem.STANDARD
+
+    @property
+    def is_terminal(self) -> bool:
+        """Whether lines can be drawn anew. `FORCE_COLOR`, which rich takes for a terminal, asks for colours alone: a
+        notebook or a CI's log would keep every state of a run's moving picture."""
+        try:
+            return self.file.isatty()
+        except ValueError:  # it is closed
+            return False
 
     @property
     def file(self) -> IO[str]:
