@@ -72,8 +72,9 @@ class CompactDetector:
         Raises:
             BadWeights: unreadable or not fitting.
         """
-        finder, close_look, _ = load_compact(path)
-        return cls(finder, close_look, options, load_scores(path))
+        with _one_thread():
+            finder, close_look, _ = load_compact(path)
+            return cls(finder, close_look, options, load_scores(path))
 
     @classmethod
     def running(
@@ -92,7 +93,12 @@ class CompactDetector:
         return other
 
     def warm_up(self, width: int = 640, height: int = 480) -> None:
-        """Run once for every size of batch, so that the first picture is not slower than the rest."""
+        """Run once for every size of batch, in one thread as `find` does, so that the first picture is not slower than
+        the rest."""
+        with _one_thread():
+            self._warm_up(width, height)
+
+    def _warm_up(self, width: int, height: int) -> None:
         blank = np.zeros((height, width, 3), np.uint8)
         self.belief_maps(blank)
         K = np.array([[width, 0.0, 0.5 * width], [0.0, width, 0.5 * height], [0.0, 0.0, 1.0]])

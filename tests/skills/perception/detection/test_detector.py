@@ -1,9 +1,12 @@
 """The compact detector with its shipped weights, from a rendered picture to poses."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 import torch
 
+from skills.perception.detection import compact_detector
 from skills.perception.detection.annotations import AnnotatedObject, Annotation
 from skills.perception.detection.compact_detector import CompactDetector
 from skills.perception.detection.compact_network import CloseLookNetwork, FinderNetwork
@@ -92,6 +95,33 @@ def test_the_same_picture_gives_the_same_poses(detector: CompactDetector, apple:
         assert np.array_equal(a.keypoints, b.keypoints)
         assert a.score == b.score
     assert [i.score for i in first] == sorted((i.score for i in first), reverse=True)
+
+
+def test_it_is_made_and_warmed_in_the_one_thread_in_which_it_looks(
+    apple: FruitModel, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Two threads, on a busy machine, spent ten seconds of the start waiting for each other."""
+    assert apple.weights is not None
+    seen: list[int] = []
+    make = compact_detector._ready
+
+    def ready(*arguments: Any) -> Any:
+        run = make(*arguments)
+        seen.append(torch.get_num_threads())
+        return lambda batch: seen.append(torch.get_num_threads()) or run(batch)
+
+    monkeypatch.setattr(compact_detector, "_ready", ready)
+    before = torch.get_num_threads()
+    torch.set_num_threads(2)
+    try:
+        detector = CompactDetector.load(apple.weights)
+        detector.warm_up()
+        detector.find(np.zeros((480, 640, 3), np.uint8), K)
+        assert torch.get_num_threads() == 2
+    finally:
+        torch.set_num_threads(before)
+    assert len(seen) > 10
+    assert set(seen) == {1}
 
 
 @pytest.mark.parametrize("size", [(480, 640), (720, 1280), (37, 61), (500, 333)])
