@@ -2,9 +2,10 @@
 
     python scripts/notebooks.py [NAME …]     # docs/tutorials/NAME.ipynb beside NAME.md; without names all
 
-The Markdown is the source. A fence with a title becomes a cell that writes the file, lines of `bash` are typed with
-a `!`, what a `text` fence says is left to the cell's own output. What is marked `long=yes` is not carried out. A test
-holds the cells against the Markdown.
+The Markdown is the source. A fence with a title becomes a cell that writes the file, lines of `bash` become a cell
+that bash carries out (`!` would give them a terminal, and the run's moving picture would be kept line by line), what
+a `text` fence says is left to the cell's own output. What is marked `long=yes` is not carried out; only what is marked
+`exit=…` may fail. A test holds the cells against the Markdown.
 """
 
 from __future__ import annotations
@@ -20,7 +21,8 @@ from typing import Any
 
 from executive.source_commit import commit_here
 
-TUTORIALS = Path(__file__).resolve().parents[1] / "docs" / "tutorials"
+ROOT = Path(__file__).resolve().parents[1]
+TUTORIALS = ROOT / "docs" / "tutorials"
 FENCE = re.compile(r"^```(\w+)(?: ([^\n]*))?\n(.*?)^```\n?", re.MULTILINE | re.DOTALL)
 TITLE = re.compile(r'title="([^"]+)"')
 LONG = "# takes minutes: not carried out here\n"
@@ -38,8 +40,9 @@ def cells(text: str, name: str) -> Iterator[tuple[str, str]]:
         if title is not None:
             code = f"%%writefile {title[1]}\n{body}"
         elif language == "bash":
-            code = LONG if "long=yes" in (fence[2] or "") else ""
-            code += "".join(f"!{line}\n" for line in body.splitlines())
+            said_of_it = fence[2] or ""
+            code = f"%%bash{' --no-raise-error' if 'exit=' in said_of_it else ''}\n"
+            code += (LONG if "long=yes" in said_of_it else "") + body
         elif language == "text":
             continue
         else:
@@ -65,7 +68,7 @@ def notebook(text: str, name: str) -> dict[str, Any]:
     made: list[dict[str, Any]] = []
     for number, (kind, source) in enumerate(cells(text, name)):
         cell: dict[str, Any] = {"cell_type": kind, "id": f"cell-{number}", "metadata": {}, "source": source}
-        if source.startswith(LONG):
+        if LONG in source:
             cell["metadata"] = {"tags": ["skip-execution"]}
         made.append(cell | ({"execution_count": None, "outputs": []} if kind == "code" else {}))
     kernel = {"display_name": "Python 3", "language": "python", "name": "python3"}
@@ -85,8 +88,9 @@ def execute(made: dict[str, Any]) -> dict[str, Any]:
             "PIP_DISABLE_PIP_VERSION_CHECK": "1", "PIP_ROOT_USER_ACTION": "ignore",
         }  # fmt: skip
         read = nbformat.from_dict(made)
-        NotebookClient(read, timeout=LIMIT, resources={"metadata": {"path": folder}}).execute()
-        done = json.loads(nbformat.writes(read).replace(f"{folder}/", "").replace(folder, "."))
+        NotebookClient(read, timeout=LIMIT, coalesce_streams=True, resources={"metadata": {"path": folder}}).execute()
+        text = nbformat.writes(read).replace(f"{folder}/", "").replace(folder, ".").replace(f"{ROOT}/", "")
+        done = json.loads(text)
     for cell in done["cells"]:
         cell["metadata"].pop("execution", None)
         cell["source"] = "".join(cell["source"])
