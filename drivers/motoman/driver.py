@@ -8,25 +8,21 @@ until somebody acknowledges it; the handshake is then repeated, and nothing goes
 from __future__ import annotations
 
 import contextlib
-import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
-from drivers.device import Device
-from drivers.errors import BadTrajectory, DeviceError, DeviceFault, DeviceLost, MotionRefused
-from drivers.interfaces import Arm, ArmLimits, ArmState, Motion, MotionState, Trajectory
-from drivers.motion_supervisor import MotionSupervisor, Supervision
+from drivers.errors import DeviceError, DeviceFault, DeviceLost
+from drivers.interfaces import ArmLimits, ArmState
+from drivers.motion_supervisor import Supervision
 from drivers.motoman.codec import Control, Order, Result, Valid
 from drivers.motoman.session import ControllerSession
 from drivers.motoman.stream import INTERPOLATION, PointStream, RanDryError
 from drivers.motoman.words import fault, refusal
-from drivers.owner import Owner
+from drivers.path_arm import PathArm, words
 from drivers.path_motion import PathMotion
-from drivers.posted_motion import PostedMotion
-from drivers.trajectory import check_trajectory
 from drivers.wire import Link, Nonsense
 from executive.clock import Clock
 from executive.values.arrays import Float64
@@ -37,8 +33,6 @@ SERVO_ON = 15.0
 """Deadline of switching the servos on: the controller waits up to 5 s in each of its stages [s]."""
 FIRST_STATE = 1.0
 """Deadline of the first feedback and status [s]."""
-AT_REST = 5e-3
-"""No joint moves faster than this when the arm rests [rad/s]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,11 +60,10 @@ class MotomanOptions:
     supervision: Supervision = field(default_factory=Supervision)
 
 
-class MotomanArm(Device):
+class MotomanArm(PathArm):
     """The arm. Joints in the order of the robot's description; the wire's order stays in here."""
 
-    interfaces = (Arm,)
-    outlives = True
+    stops_when_told = True
 
     def __init__(
         self,
@@ -82,26 +75,15 @@ class MotomanArm(Device):
         options: MotomanOptions | None = None,
         name: str = "arm",
     ) -> None:
-        super().__init__(name)
-        self.description, self.limits = description, limits
         self.options = options or MotomanOptions()
-        self._open_state, self._open_motion, self._clock = open_state, open_motion, clock
+        super().__init__(name, clock, description, limits, self.options.supervision, INTERPOLATION)
+        self._open_state, self._open_motion = open_state, open_motion
         self._wire = np.array(self.options.wire_joints)
-        self._lock = threading.Lock()  # of the four flags latched, enabling, problem and motion; nobody waits with it
-        self._owner = Owner(name, self.step, self._lose, clock)
-        self._supervisor = MotionSupervisor(name, limits, self.options.supervision)
         self._session: ControllerSession | None = None
         self._retry_at = 0.0
-        self._state = ArmState(0.0, np.zeros(len(self._wire)), np.zeros(len(self._wire)), False)
         self._taken_at = -np.inf
-        self._believed = False  # the newest feedback can be true
-        self._doubted = False  # feedback was not, since the last acknowledgement
-        self._limits_on_wire = ArmLimits(*(self._to_wire(rate) for rate in _rates(limits)))
-        self._motion: PathMotion | None = None
-        self._stream: PointStream | None = None
-        self._latched: str | None = None
+        self._points: PointStream | None = None
         self._enabling = False
-        self._problem: DeviceError | None = DeviceLost(name, "was never connected")
 
     # ---------------------------------------------------------------------------------------- connection
 
@@ -121,10 +103,6 @@ class MotomanArm(Device):
             session.close()
             raise
         self._session, self._problem = session, None
-
-    def start(self) -> None:
-        """Serve the connections in a thread of its own from now on."""
-        self._owner.start()
 
     def _open(self) -> ControllerSession:
         links: list[Link] = []
@@ -146,7 +124,7 @@ class MotomanArm(Device):
             raise (error if isinstance(error, DeviceError) else lost) from error
         self._supervisor.forget()
         try:
-            self._believe(session)
+            self._take(session)
         except DeviceLost:
             session.close()
             raise
@@ -186,43 +164,40 @@ class MotomanArm(Device):
     def _lose(self, error: BaseException) -> None:
         """The wire is gone, or what answers there is no controller: the motion has failed, the wire is opened again."""
         session, self._session = self._session, None
+        self._believed = False
         if session is not None:
-            words = f"the connection failed: {error}" if isinstance(error, OSError) else f"the driver failed: {error!r}"
-            self._blame(error if isinstance(error, DeviceError) else DeviceLost(self.name, words))
-            self._abandon_motion(_words(self._problem))
+            told = f"the connection failed: {error}" if isinstance(error, OSError) else f"the driver failed: {error!r}"
+            self._blame(error if isinstance(error, DeviceError) else DeviceLost(self.name, told))
+            self._abandon(words(self._problem))
             if self._motion is not None:
                 self._motion.settled = True  # nobody knows better
             session.close()
         self._retry_at = self._clock.now() + RECONNECT
         self._enabling = False
 
-    def _blame(self, problem: DeviceError) -> None:
-        """Latch a problem until somebody acknowledges it; the first is kept."""
-        with self._lock:
-            if self._problem is None:
-                self._problem = problem
+    _failed = _lose
 
     # ----------------------------------------------------------------------------------------- the wire
 
     def _serve(self, session: ControllerSession) -> None:
         try:
-            session.listen(0.001 if self._stream is not None else 0.004)
+            session.listen(0.001 if self._points is not None else 0.004)
         except Nonsense as error:
             self._doubt(error)
         if not session.awaiting:
             session.reply()  # a motion connection that breaks while nothing moves is lost now, not with the next motion
-        if self._stream is None or not self._doubted:  # else the motion's connection still brakes the arm
+        if self._points is None or not self._doubted:  # else the motion's connection still brakes the arm
             self._watch_silence(session)
         if self._enabling:
             self._enable_again(session)
         try:
-            self._believe(session)
+            self._take(session)
             self._watch_status(session)
         except DeviceLost as error:
             self._doubt(error)
-        if self._stream is not None:
-            self._pump(session, self._stream)
-        self._watch_motion(session)
+        if self._points is not None:
+            self._pump(session, self._points)
+        self._watch_motion()
 
     def _watch_silence(self, session: ControllerSession) -> None:
         silent = self._clock.now() - session.feedback_at
@@ -240,7 +215,7 @@ class MotomanArm(Device):
         finally:
             self._enabling = False
 
-    def _believe(self, session: ControllerSession) -> None:
+    def _take(self, session: ControllerSession) -> None:
         """Take the newest feedback.
 
         Raises:
@@ -249,31 +224,18 @@ class MotomanArm(Device):
         feedback = session.feedback
         if feedback is None or session.feedback_at == self._taken_at:
             return
-        elapsed, self._taken_at = session.feedback_at - self._state.stamp, session.feedback_at
-        q = np.array(feedback.position)[self._wire]
-        if feedback.valid & Valid.VELOCITY:
-            qd = np.array(feedback.velocity)[self._wire]
-        else:
-            qd = (q - self._state.q) / elapsed if 0.0 < elapsed < 0.2 else np.zeros_like(q)
-        self._believed = False
-        self._supervisor.on_feedback(session.feedback_at, q, qd)
-        self._believed = True
-        self._state = ArmState(session.feedback_at, q, qd, self._motion is not None and not self._motion.at_rest)
-
-    def _doubt(self, error: DeviceLost) -> None:
-        """Brake on the path: that needs no feedback."""
-        self._believed, self._doubted = False, True
-        self._blame(error)
-        if self._motion is not None:
-            self._motion.fail(error.message)
+        self._taken_at = session.feedback_at
+        told = feedback.valid & Valid.VELOCITY
+        qd = np.array(feedback.velocity)[self._wire] if told else None
+        self._believe(session.feedback_at, np.array(feedback.position)[self._wire], qd)
 
     def _watch_status(self, session: ControllerSession) -> None:
         if session.status is not None:
             self._supervisor.on_status(session.status_at)
-            words = fault(session.status)
-            if words and self._problem is None:
-                self._blame(DeviceFault(self.name, words))
-                self._abandon_motion(words)
+            trouble = fault(session.status)
+            if trouble and self._problem is None:
+                self._blame(DeviceFault(self.name, trouble))
+                self._abandon(trouble)
         self._supervisor.check_status(self._clock.now())
 
     def _pump(self, session: ControllerSession, stream: PointStream) -> None:
@@ -281,51 +243,41 @@ class MotomanArm(Device):
             stream.pump(session)
         except RanDryError as error:
             self._blame(error)
-            self._abandon_motion(error.message)
+            self._abandon(error.message)
             session.ask(Control.STOP)
         except DeviceFault as error:
-            self._abandon_motion(error.message)
+            self._abandon(error.message)
             session.ask(Control.STOP)
             ready = session.ask(Control.CHECK_READY)
             if ready.result == Result.NOT_READY:  # somebody holds it at the pendant: nothing may move when that is over
                 self._blame(DeviceFault(self.name, refusal(ready)))
 
-    def _watch_motion(self, session: ControllerSession) -> None:
-        motion, stream, state = self._motion, self._stream, self._state
-        if motion is None or motion.settled:
-            self._stream = None
-            self._supervisor.end()
-            return
-        # Feedback in doubt says nothing about rest either: what was sent is over, then.
-        resting = bool(np.abs(state.qd).max() < AT_REST) if not self._doubted else stream is None or stream.played
-        if stream is None:
-            motion.settled = resting and motion.state is MotionState.FAILED  # else it has not begun yet
-            return
-        if motion.set_point_rests and stream.played:
-            motion.look(resting, float(np.abs(state.q - self._from_wire(stream.q_last)).max()), state.stamp)
-        now = self._clock.now()
-        if not motion.settled and self._supervisor.due(now):
-            try:
-                self._supervisor.look(now, motion, stream.sent)
-            except DeviceLost as error:
-                self._doubt(error)
-            except DeviceFault as error:
-                self._blame(error)
-                self._abandon_motion(error.message)
-                session.ask(Control.STOP)
+    @property
+    def _stream(self) -> PointStream | None:
+        return self._points
 
-    def _abandon_motion(self, problem: str) -> None:
-        """The controller has stopped, will not go on, or shall stop by itself: nothing more is sent."""
-        self._stream = None
-        self._supervisor.end()
-        if self._motion is not None:
-            self._motion.abandon(problem)
+    def _begin_stream(self, motion: PathMotion, q_start: Float64, q_arm: Float64) -> None:
+        options = self.options
+        self._points = PointStream(
+            motion,
+            q_start,
+            q_arm,
+            self._clock,
+            options.group,
+            options.point_period,
+            options.lead,
+            options.wire_joints,
+            self._supervisor.command,
+        )
 
-    def _from_wire(self, q_wire: Float64) -> Float64:
-        q: Float64 = q_wire[self._wire]
-        return q
+    def _end_stream(self) -> None:
+        self._points = None
 
-    # -------------------------------------------------------------------------------------- the interface
+    def _halt(self) -> None:
+        if self._session is not None:
+            self._session.ask(Control.STOP)
+
+    # ---------------------------------------------------------------------------------------- the device
 
     def state(self) -> ArmState:
         """As the Protocol says.
@@ -333,119 +285,26 @@ class MotomanArm(Device):
         Raises:
             DeviceLost: there is no fresh state.
         """
-        if self._session is None:
-            raise DeviceLost(self.name, _words(self._problem))
+        if self._session is None or self._state is None:
+            raise DeviceLost(self.name, words(self._problem))
         return self._state
 
-    def follow(self, trajectory: Trajectory) -> Motion:
-        with self._lock:
-            if self._latched is not None:
-                raise MotionRefused(self.name, f"latched in the safe state ({self._latched})")
-            if self._session is None or self._problem is not None:
-                raise MotionRefused(self.name, f"not ready: {_words(self._problem)}")
-            if self._enabling:
-                raise MotionRefused(self.name, "not ready: the servos are being switched on")
-            if self._motion is not None and not self._motion.settled:
-                raise MotionRefused(self.name, "still moves; stop the motion and wait until it has settled")
-            q = self._state.q
-            try:
-                check_trajectory(trajectory, self.limits, q)
-            except BadTrajectory as bad:
-                raise MotionRefused(self.name, bad.problem) from bad
-            on_wire = Trajectory(trajectory.t, *map(self._to_wire, (trajectory.q, trajectory.qd, trajectory.qdd)))
-            motion = PathMotion(on_wire, self._limits_on_wire, INTERPOLATION)
-            self._motion = motion
-        self._owner.post(lambda: self._begin(motion, on_wire.q[0], self._to_wire(q)))
-        return PostedMotion(motion, self._owner)
-
-    def _begin(self, motion: PathMotion, q_start: Float64, q_arm: Float64) -> None:
-        """Stream a motion, unless the arm was stopped or lost since it was asked for."""
-        problem = self._latched or (_words(self._problem) if self._problem is not None else None)
-        if problem is not None or self._session is None:
-            motion.abandon(problem or "lost")
-            motion.settled = True
-            return
-        self._supervisor.end()
-        options = self.options
-        self._stream = PointStream(
-            motion, q_start, q_arm, self._clock, options.group, options.point_period, options.lead, self._commanded
-        )
-
-    def _commanded(self, due: float, q_wire: Float64) -> None:
-        self._supervisor.command(due, self._from_wire(q_wire))
-
-    def _to_wire(self, values: Float64) -> Float64:
-        """Joints of the description, shape (..., dof), on their places of the wire."""
-        on_wire = np.empty_like(values)
-        on_wire[..., self._wire] = values
-        return on_wire
-
-    # ---------------------------------------------------------------------------------------- the device
-
-    def link(self) -> str:
-        return "ok" if self._problem is None else self._problem.message
-
     def check(self) -> None:
-        problem = self._problem
-        if problem is not None:
-            raise problem
-        if not self._enabling:  # which takes seconds
-            self._owner.check()
+        if self._problem is not None or not self._enabling:  # which takes seconds
+            super().check()
 
-    def safe_stop(self, reason: str) -> None:
-        with self._lock:
-            if self._latched is None:
-                self._latched = reason
-            motion = self._motion
-        if motion is not None:
-            self._owner.post(motion.stop)
+    def _not_ready(self) -> str | None:
+        if self._session is None or self._problem is not None:
+            return words(self._problem)
+        return "the servos are being switched on" if self._enabling else None
 
-    def acknowledge(self) -> None:
-        """Release the latch; reset an alarm and switch the servos on again where the options allow it.
+    def _release(self) -> None:
+        """An alarm is reset and the servos are switched on again where the options allow it."""
+        if self._problem is not None:
+            self._enabling, self._problem = True, None
 
-        Raises:
-            DeviceLost: the controller is still lost, or still says what cannot be true.
-        """
-        with self._lock:
-            if self._session is None or not self._believed:
-                raise DeviceLost(self.name, f"is still lost: {_words(self._problem)}")
-            self._latched = None
-            if self._problem is not None:
-                self._enabling, self._problem = True, None
-
-    def pause(self) -> None:
-        motion = self._motion
-        if motion is not None:
-            self._owner.post(motion.pause)
-
-    def resume(self) -> None:
-        motion = self._motion
-        if motion is not None:
-            self._owner.post(motion.resume)
-
-    def settled(self) -> bool:
-        motion, stream = self._motion, self._stream
-        if motion is None or motion.settled:
-            return True
-        return motion.at_rest and stream is not None and stream.played
-
-    def close(self) -> None:
-        """Come to rest on the path, then disconnect."""
-        self.safe_stop("closed")
-        end = self._clock.now() + 2.0
-        while not self.settled() and self._session is not None and self._clock.now() < end:
-            self._clock.advance(0.02)
-        self._owner.close()
+    def _leave(self) -> None:
         session, self._session = self._session, None
         if session is not None:
             with contextlib.suppress(OSError):
                 session.close()
-        self._problem = DeviceLost(self.name, "is closed")
-
-
-def _rates(limits: ArmLimits) -> Sequence[Float64]:
-    return (limits.lower, limits.upper, limits.velocity, limits.acceleration, limits.jerk)
-
-
-def _words(problem: DeviceError | None) -> str:
-    return problem.message if problem is not None else "no problem is known"

@@ -6,7 +6,7 @@ kept short (`lead`), because what is in it can no longer be changed: a stop take
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -51,14 +51,17 @@ class PointStream:
         group: int,
         period: float,
         lead: float,
+        wire_joints: Sequence[int],
         commanded: Callable[[float, Float64], None] = lambda due, q: None,
     ) -> None:
         """Begin at the arm's own position `q_arm`, which may differ a little from the path's start `q_start`.
 
         Args:
+            wire_joints: for every joint of the path its place on the wire.
             commanded: told of every point that the controller accepted, and when the arm shall pass it [s].
         """
         self._commanded = commanded
+        self._joint_of_place = np.argsort(wire_joints)
         self.motion = motion
         self.sent, self.busy, self.dry = 0, 0, 0
         self.q_last = q_arm
@@ -120,7 +123,7 @@ class PointStream:
         if self._began is None:
             self._began = now
         if point is not None:
-            self._commanded(self._began + point.time, np.array(point.position[: len(self.q_last)]))
+            self._commanded(self._began + point.time, self.q_last)
 
     def _next(self) -> TrajectoryPoint | None:
         """The next point, or None while the set-point rests."""
@@ -145,4 +148,7 @@ class PointStream:
     def _make(self, q: Float64, qd: Float64) -> TrajectoryPoint:
         self._moving = bool(np.any(qd != 0.0))
         valid = Valid.TIME | Valid.POSITION | Valid.VELOCITY
-        return TrajectoryPoint(self._group, self.sent, valid, self._time, tuple(q.tolist()), tuple(qd.tolist()))
+        q_wire, qd_wire = q[self._joint_of_place], qd[self._joint_of_place]
+        return TrajectoryPoint(
+            self._group, self.sent, valid, self._time, tuple(q_wire.tolist()), tuple(qd_wire.tolist())
+        )

@@ -57,7 +57,7 @@ class RollingPath:
             lead: how far ahead of the arm it is told what to do [s]; a stop takes effect behind that.
             commanded: told of every set-point, in the order of their times.
         """
-        self.motion, self.told = motion, 0
+        self.motion, self.sent = motion, 0
         self._device, self._clock, self._lead, self._commanded = device, clock, lead, commanded
         self._offset, self._time = q_arm - q_start, 0.0
         self._last = SetPoint(clock.now(), q_arm, np.zeros_like(q_arm))
@@ -117,7 +117,7 @@ class RollingPath:
     def _promise(self, point: SetPoint) -> None:
         self._last = point
         self._promised.append(point)
-        self.told += 1
+        self.sent += 1
         self._commanded(point.due, point.q)
 
     def _blended(self, due: float, time: float, q: Float64, qd: Float64) -> SetPoint:
