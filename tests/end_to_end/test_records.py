@@ -96,11 +96,21 @@ def test_a_pick_whose_process_is_killed_is_recovered(tmp_path: Path, capsys: pyt
     assert "The record ends after" in text
 
 
+OTHER_PROCESSOR = 0.3
+"""How far a figure of the same pick may be from that of another processor, relative: sums in another order end in
+another contact. Between one with AMX and one with AVX2 alone the greatest grasp force differed by 25 %, the least by
+3 %, the time by nothing."""
+SLIP_OF_A_HOLD = 2e-3
+"""Slip speeds below this are of a grip that holds [m/s]: which of them is the greatest is chance."""
+
+
 def test_pictures_of_a_pick_show_this_one(record: Path) -> None:
     made = json.loads((ROOT / "docs" / "images" / "made.json").read_text("utf-8"))
     run = digest(record)
     now = {"outcome": run.outcome, "time [s]": run.time, **run.peaks}
     for shows in (entry["shows"] for name, entry in made.items() if name.startswith("pick")):
         assert shows.keys() == now.keys(), "make figures"
+        assert shows.pop("outcome") == now["outcome"]
         for name, value in shows.items():
-            assert value == (pytest.approx(now[name], rel=0.02, abs=1e-4) if name != "outcome" else now[name]), name
+            slack = SLIP_OF_A_HOLD if name == "slip speed [m/s]" else 0.0
+            assert value == pytest.approx(now[name], rel=OTHER_PROCESSOR, abs=slack), name
