@@ -1,13 +1,9 @@
-"""Looks over a cell before a run: libraries, extras, graphics, ports, every device, rates, intrinsics, calibrations."""
+"""Looks over a cell before a run: its file, ports, every device, rates, intrinsics, calibrations."""
 
 from __future__ import annotations
 
-import ctypes
-import ctypes.util
-import importlib
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass, is_dataclass
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 import numpy as np
@@ -16,29 +12,9 @@ from drivers.cell import Cell, load_cell
 from drivers.device import Device
 from drivers.errors import CellFileError, DriverError
 from drivers.interfaces import Arm, Camera, ForceSensor, Frame, Gripper, WrenchSample
+from drivers.machine import ReportLine
 from executive.values.findings import place_of
 
-LIBRARIES = {
-    "numpy": "numpy",
-    "torch": "torch",
-    "cv2": "opencv-python-headless",
-    "mujoco": "mujoco-core",
-    "ompl": "ompl",
-    "pyrender": "pyrender",
-    "serial": "pyserial",
-    "can": "python-can",
-}
-EXTRAS = {
-    "ros2": ("rosbags", "eclipse-zenoh"),
-    "lerobot": ("pyarrow",),
-    "foxglove": ("foxglove-sdk",),
-    "rerun": ("rerun-sdk",),
-    "realsense": ("pyrealsense2",),
-    "onnx": ("onnx", "onnxruntime"),
-    "ray": ("ray",),
-    "lsp": ("pygls",),
-}
-"""What is installed only for who asks for it, and the packages that it brings."""
 WATCHED = 1.0
 """Streams are watched for so long [s]."""
 ENOUGH = 0.95
@@ -47,74 +23,28 @@ SLOWEST_CAMERA, SLOWEST_ARM = 2.0, 20.0
 """Rates that a camera and an arm should have at least [Hz]."""
 
 
-@dataclass(frozen=True, slots=True)
-class ReportLine:
-    """One line of the report: what was looked at, whether it is well, what was found, and what to do if not."""
-
-    name: str
-    ok: bool
-    found: str
-    advice: str = ""
-
-    def __str__(self) -> str:
-        line = f"{'✓' if self.ok else '✗'} {self.name:24} {self.found}"
-        return line if self.ok or not self.advice else f"{line}\n  → {self.advice}"
-
-
-def examine(path: Path, overrides: Mapping[str, str] | None = None) -> list[ReportLine]:
-    """Look over everything that a run on this cell needs. Nothing moves; servos and streams are switched on.
+def examine(path: Path, overrides: Mapping[str, str] | None = None) -> Iterator[ReportLine]:
+    """Look over a cell: its file, every device, rates, intrinsics. Nothing moves; servos and streams are switched on.
 
     Args:
         path: of the cell file.
         overrides: values of the file's options.
     """
-    checks = [*_libraries(), *_extras(), _graphics()]
     missing: dict[str, DriverError] = {}
     try:
         cell = load_cell(path, overrides=overrides, missing=missing.__setitem__)
     except DriverError as error:
-        return [*checks, *_refused("cell file", error)]
-    checks.append(ReportLine("cell file", True, f"{path} ({cell.kind})"))
-    checks += [check for name, error in missing.items() for check in _refused(name, error)]
+        yield from _refused("cell file", error)
+        return
     try:
+        yield ReportLine("cell file", True, f"{path} ({cell.kind})")
+        for name, refused in missing.items():
+            yield from _refused(name, refused)
         rates = _watch(cell)
         for name, device in cell.devices.items():
-            checks += _device(name, device, rates.get(name, _Watched()), cell)
+            yield from _device(name, device, rates.get(name, _Watched()), cell)
     finally:
         cell.close()
-    return checks
-
-
-def _libraries() -> Iterator[ReportLine]:
-    for module, package in LIBRARIES.items():
-        try:
-            version = getattr(importlib.import_module(module), "__version__", "installed")
-        except Exception as error:  # a missing system library shows in many ways
-            yield ReportLine(module, False, f"cannot be imported: {error}", f"pip install {package}")
-        else:
-            yield ReportLine(module, True, str(version))
-
-
-def _extras() -> Iterator[ReportLine]:
-    """Which are there. Nothing is imported, and one that is not there is no fault."""
-    for extra, packages in EXTRAS.items():
-        try:
-            found = ", ".join(f"{package} {version(package)}" for package in packages)
-        except PackageNotFoundError:
-            found = f"not installed; pip install 'pomona[{extra}]'"
-        yield ReportLine(f"extra {extra}", True, found)
-
-
-def _graphics() -> ReportLine:
-    name = ctypes.util.find_library("EGL")
-    advice = "apt install libegl1 libegl-mesa0 libgl1-mesa-dri libopengl0"
-    if name is None:
-        return ReportLine("EGL", False, "the library is not installed", advice)
-    try:
-        ctypes.CDLL(name)
-    except OSError as error:
-        return ReportLine("EGL", False, str(error), advice)
-    return ReportLine("EGL", True, name)
 
 
 def _refused(name: str, error: DriverError) -> list[ReportLine]:

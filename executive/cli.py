@@ -20,6 +20,8 @@ from executive.commands.command_line import make_parser
 from executive.errors import UsageError
 from executive.running.signals import WORDS, raising, signalled, status_of
 
+OURS = ("executive", "skills", "drivers", "trees")
+"""Packages that Pomona is made of."""
 PATIENCE = 2.0
 """Seconds that threads and processes may go on when the work is done."""
 
@@ -36,6 +38,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
             status = _run(words)
     except KeyboardInterrupt as ended:
         status = status_of(ended)
+    except ModuleNotFoundError as error:
+        if error.name is None or error.name.partition(".")[0] in OURS:
+            raise
+        sys.stderr.write(f"{error}: this installation is not whole; `pomona doctor` says what is missing\n")
+        status = 2
     except Exception as error:
         ended_by = signalled(error)
         if ended_by is None:
@@ -57,7 +64,7 @@ def _run(words: Sequence[str]) -> int:
 def _in_the_way() -> str:
     """What is wrong when another package of one of our names is found first."""
     home = Path(__file__).resolve().parents[1]
-    for name in ("executive", "skills", "drivers", "trees"):
+    for name in OURS:
         found = find_spec(name)
         places = [] if found is None else [Path(place).resolve() for place in found.submodule_search_locations or ()]
         if home / name not in places:

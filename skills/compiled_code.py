@@ -8,12 +8,15 @@ geometry. So the code is kept in a folder named by what all compiled sources say
 from __future__ import annotations
 
 import hashlib
+import logging
 import os
 import sys
+from functools import cache
 from pathlib import Path
 
 PLACE = "NUMBA_CACHE_DIR"
 """numba's setting; who has set it already is not overruled."""
+FIRST = "the first start of a version compiles its loops, once: a minute or two of the processor"
 
 
 def digest(sources: Path) -> str:
@@ -33,3 +36,11 @@ def keep_apart(sources: Path) -> None:
     os.environ[PLACE] = str(sources / "__pycache__" / f"compiled-{digest(sources)}")
     if "numba" in sys.modules:  # it has read its settings already
         sys.modules["numba"].core.config.reload_config()
+
+
+@cache
+def tell_the_first() -> None:
+    """Warn, once, where nothing was compiled before: what follows takes so much longer than the next time."""
+    place = os.environ.get(PLACE)
+    if place and not any(Path(place).rglob("*.nbi")):
+        logging.getLogger("pomona").warning(FIRST)

@@ -1,21 +1,25 @@
-"""`pomona doctor`: look over a cell before a run."""
+"""`pomona doctor`: look over this machine and a cell before a run."""
 
 from __future__ import annotations
 
 import argparse
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from drivers.doctor import examine
+from drivers.machine import ReportLine, examine_machine
 
 CELLS = Path(__file__).resolve().parents[2] / "trees" / "cells"
 
 
 def add(subparsers: Any) -> None:
     """Register the subcommand."""
-    parser = subparsers.add_parser("doctor", help="look over a cell before a run; nothing moves")
+    parser = subparsers.add_parser("doctor", help="look over this machine and a cell before a run; nothing moves")
     parser.add_argument("--cell", default="sim", help="a cell file, or the name of an installed cell (default: sim)")
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="an option of the cell")
+    parser.add_argument(
+        "--record", type=Path, default=Path("runs"), metavar="DIR", help="folder of records (default: runs)"
+    )
     parser.set_defaults(main=main)
 
 
@@ -32,12 +36,23 @@ def main(options: argparse.Namespace) -> int:
             print(f"'{setting}' is not KEY=VALUE")
             return 2
         overrides[key] = value
-    checks = examine(find_cell(options.cell), overrides)
-    for check in checks:
-        print(check)
+    checks = []
+    for check in _examined(options, overrides):
+        print(check, flush=True)  # as it comes: connecting a cell takes a while
+        checks.append(check)
     bad = sum(not check.ok for check in checks)
     print(f"\n{bad} of {len(checks)} need attention" if bad else f"\nall {len(checks)} are well")
     return 1 if bad else 0
+
+
+def _examined(options: argparse.Namespace, overrides: dict[str, str]) -> Iterator[ReportLine]:
+    yield from examine_machine(options.record)
+    try:
+        from drivers.doctor import examine
+    except ImportError as error:
+        yield ReportLine("cell", False, f"cannot be looked at before what is missing is there: {error}")
+    else:
+        yield from examine(find_cell(options.cell), overrides)
 
 
 def find_cell(name: str) -> Path:

@@ -214,7 +214,7 @@ class _Story:
 
     def _blocked(self, overrun: TickOverran) -> str:
         who = self._name(overrun.node) if overrun.node else "something"
-        within = "".join(f", the limit of {self._name(path)} neither" for path in self._limits(overrun.node))
+        within = "".join(f", not even the limit of {self._name(path)}" for path in self._limits(overrun.node))
         held = f"At {overrun.t:.1f} s {who} kept the tick waiting for {seconds(overrun.duration)}"
         untold = f"nothing could interrupt it meanwhile{within}"
         if did_not_work(overrun):

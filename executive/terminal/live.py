@@ -29,6 +29,8 @@ from executive.terminal.words import ICONS, STYLES, say, seconds
 
 REFRESH = 0.08
 """Seconds between two drawings."""
+PATIENCE = 5.0
+"""Seconds of preparing after which it is told also where nothing can be drawn anew."""
 
 
 class LiveTree:
@@ -86,13 +88,19 @@ class LiveTree:
     def starting(self) -> Starting:
         """A start whose stages are shown until the run begins: to prepare takes up to a minute."""
         starting = Starting(lambda: self._prepare(starting.stage))
+        self._drawn = time.monotonic()
         return starting
 
     def _prepare(self, stage: StartingStage | None) -> None:
-        if self._live is None or stage is None:
+        if stage is None:
+            return
+        of = f", {stage.done + 1} of {stage.of}" if stage.of else ""
+        if self._live is None:
+            if time.monotonic() - self._drawn > PATIENCE:
+                self._drawn = time.monotonic()
+                self._console.print(f"{stage.what}{of} …")
             return
         self._live.start()
-        of = f", {stage.done + 1} of {stage.of}" if stage.of else ""
         self._live.update(Text(f"◌ {stage.what}{of} …", no_wrap=True, overflow="ellipsis"), refresh=True)
 
     def close(self) -> None:

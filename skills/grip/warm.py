@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from skills.compiled_code import tell_the_first
 from skills.grip.controller import GripController
 from skills.grip.settings import GripSettings, check_rate
 
@@ -18,6 +19,7 @@ def warm_up(rate: float = 500.0) -> None:
         UnusableRate: no grip can use such a sensor.
     """
     check_rate(rate)
+    tell_the_first()
     controller = GripController(GripSettings())
     controller.width = 0.08
     for i in range(300):

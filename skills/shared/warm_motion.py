@@ -9,6 +9,7 @@ import numpy as np
 
 from drivers.interfaces import Arm, ArmLimits
 from executive.skill import Skill
+from skills.compiled_code import tell_the_first
 from skills.geometry import transform
 from skills.motion.collision import CollisionWorld
 from skills.motion.planning.arm_space import ArmSpace
@@ -20,6 +21,7 @@ from skills.motion.straight_line import straight_line
 @lru_cache(maxsize=8)
 def warm_checks(description: Path) -> None:
     """Compile what skills compute in this process; once for each robot."""
+    tell_the_first()
     robot = RobotModel.load(description)
     q = (robot.lower + robot.upper) / 2.0
     space = ArmSpace(CollisionWorld.build(robot), robot.width_max)

@@ -1,14 +1,16 @@
 import argparse
-from importlib.metadata import requires
+from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
 import pytest
 
-from drivers import doctor
+from drivers.cell import Cell, load_cell
 from drivers.commands.doctor import add, find_cell
-from drivers.doctor import ReportLine, examine
+from drivers.doctor import examine
+from drivers.machine import ReportLine
 
 
 @pytest.fixture
@@ -25,7 +27,7 @@ def frames_cell(tmp_path: Path) -> Path:
     return path
 
 
-def by_name(checks: list[ReportLine]) -> dict[str, ReportLine]:
+def by_name(checks: Iterable[ReportLine]) -> dict[str, ReportLine]:
     return {check.name: check for check in checks}
 
 
@@ -33,7 +35,6 @@ def test_one_unreachable_device_is_reported_with_its_place_and_the_others_are_st
     frames_cell: Path,
 ) -> None:
     checks = by_name(examine(frames_cell))
-    assert checks["numpy"].ok
     assert checks["cell file"].ok
     assert checks["camera"].ok
     assert checks["camera intrinsics"].ok
@@ -66,23 +67,26 @@ def test_the_command_prints_a_line_for_each_check_and_a_sum(
 ) -> None:
     parser = argparse.ArgumentParser()
     add(parser.add_subparsers())
-    options = parser.parse_args(["doctor", "--cell", str(frames_cell)])
+    options = parser.parse_args(["doctor", "--cell", str(frames_cell), "--record", str(frames_cell.parent)])
     assert options.main(options) == 1
     lines = capsys.readouterr().out.splitlines()
+    assert any(line.startswith("✓ numpy") for line in lines)
     assert any(line.startswith("✓ camera") for line in lines)
     assert lines[-1].startswith("1 of ")
 
 
-def test_it_says_which_extras_are_there_and_how_to_install_the_others(monkeypatch: pytest.MonkeyPatch) -> None:
-    def version(package: str) -> str:
-        if package == "eclipse-zenoh":
-            raise doctor.PackageNotFoundError(package)
-        return "1.2"
+def test_lines_are_printed_as_they_come(frames_cell: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    printed: list[str] = []
 
-    monkeypatch.setattr(doctor, "version", version)
-    lines = {line.name: line for line in doctor._extras()}
-    assert all(line.ok for line in lines.values())
-    assert lines["extra ros2"].found == "not installed; pip install 'pomona[ros2]'"
-    assert lines["extra foxglove"].found == "foxglove-sdk 1.2"
-    declared = {text.split("extra ==")[1].strip(" '\"") for text in requires("pomona") or () if "extra ==" in text}
-    assert set(doctor.EXTRAS) == declared - {"dev"}
+    def connect(*words: Any, **more: Any) -> Cell:
+        assert printed[0].startswith("✓ first"), "nothing was said before the cell was connected"
+        return load_cell(*words, **more)
+
+    first = ReportLine("first", True, "")
+    monkeypatch.setattr("drivers.commands.doctor.examine_machine", lambda _records: iter([first]))
+    monkeypatch.setattr("builtins.print", lambda *words, **_: printed.append(str(words[0])))
+    monkeypatch.setattr("drivers.doctor.load_cell", connect)
+    parser = argparse.ArgumentParser()
+    add(parser.add_subparsers())
+    options = parser.parse_args(["doctor", "--cell", str(frames_cell)])
+    assert options.main(options) == 1

@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from skills.compiled_code import FIRST, PLACE
+
 INNER = "import numba\n@numba.njit(cache=True)\ndef inner(): return {}\n"
 OUTER = "import numba\nfrom inner import inner\n@numba.njit(cache=True)\ndef outer(): return inner()\n"
 SCRIPT = """
@@ -52,3 +54,18 @@ def test_a_place_that_a_person_has_chosen_is_left(tmp_path: Path) -> None:
     script = "import os, skills; print(os.environ['NUMBA_CACHE_DIR'])"
     done = subprocess.run([sys.executable, "-c", script], env=environment, capture_output=True, text=True, timeout=100)
     assert done.stdout.strip() == str(tmp_path)
+
+
+def test_the_first_start_is_told_and_no_later_one(tmp_path: Path) -> None:
+    script = "from skills.compiled_code import tell_the_first as tell; tell(); tell()"
+
+    def said() -> str:
+        done = subprocess.run(
+            [sys.executable, "-c", script], env={**os.environ, PLACE: str(tmp_path)}, capture_output=True, text=True,
+            timeout=100, check=True,
+        )  # fmt: skip
+        return done.stderr
+
+    assert said() == f"{FIRST}\n"
+    (tmp_path / "kernel.nbi").touch()
+    assert said() == ""

@@ -80,10 +80,14 @@ def test_what_is_prepared_is_shown_until_the_run_begins() -> None:
     assert "◌ preparing SlipAvoidGrasp and all that…" in drawn
 
 
-def test_what_is_prepared_is_not_told_where_nobody_looks() -> None:
+def test_where_nothing_is_drawn_only_a_preparation_that_takes_long_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     screen: Any = Console(file=io.StringIO())
-    LiveTree(screen).starting().reach("preparing Detect", 2, 9)
+    starting = LiveTree(screen).starting()
+    starting.reach("preparing Detect", 2, 9)
     assert screen.file.getvalue() == ""
+    monkeypatch.setattr("executive.terminal.live.PATIENCE", -1.0)
+    starting.reach("preparing Refine", 3, 9)
+    assert screen.file.getvalue() == "preparing Refine, 4 of 9 …\n"
 
 
 def test_a_skill_that_kept_the_tick_waiting_is_told_while_it_runs(capsys: pytest.CaptureFixture[str]) -> None:

@@ -1,0 +1,127 @@
+"""What is missing on a machine is said, with how to get it."""
+
+from __future__ import annotations
+
+import errno
+import subprocess
+import sys
+from importlib.metadata import requires
+from pathlib import Path
+
+import pytest
+
+from drivers import machine
+from drivers.errors import DeviceFault
+from drivers.machine import ReportLine, examine_machine
+
+
+def lines(records: Path = Path("runs")) -> dict[str, ReportLine]:
+    return {line.name: line for line in examine_machine(records)}
+
+
+def test_a_whole_machine_is_well_and_says_with_what_it_draws(tmp_path: Path) -> None:
+    found = lines(tmp_path / "runs")
+    assert [line for line in found.values() if not line.ok] == []
+    assert found["EGL"].found.startswith("renders with ")
+    assert str(tmp_path / "runs") in found["folder of records"].found
+    assert not (tmp_path / "runs").exists()
+
+
+def test_every_package_that_is_declared_is_looked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    whole = machine.version
+
+    def version(package: str) -> str:
+        if package in ("orjson", "py-trees"):
+            raise machine.PackageNotFoundError(package)
+        return whole(package)
+
+    monkeypatch.setattr(machine, "version", version)
+    found = lines()
+    assert not found["orjson"].ok
+    assert "pip install 'orjson>=" in found["orjson"].advice
+    assert "pip install 'py-trees" in found["py-trees"].advice
+    assert found["zstandard"].ok
+
+
+def test_a_library_of_the_system_that_a_package_lacks_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(name: str) -> object:
+        raise OSError(f"lib{name}.so.1: cannot open shared object file")
+
+    monkeypatch.setattr("drivers.machine.importlib.import_module", refuse)
+    found = lines()
+    assert "libtorch.so.1" in found["torch"].found
+    assert "a library of the system" in found["torch"].advice
+    assert "libegl1" in found["pyrender"].advice
+    assert found["numpy"].ok
+
+
+def test_graphics_that_draw_nothing_are_told_with_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object) -> object:
+        raise DeviceFault("camera", "no EGL display")
+
+    monkeypatch.setattr("drivers.sim.gl.open_renderer", refuse)
+    found = lines()["EGL"]
+    assert not found.ok
+    assert "no EGL display" in found.found
+    assert "apt install libegl1" in str(found)
+
+
+def test_a_machine_without_a_browser_is_told_and_no_fault(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("drivers.machine.shutil.which", lambda _name: None)
+    found = lines()["browser for tests"]
+    assert found.ok
+    assert "apt install chromium" in found.found
+
+
+def test_a_folder_that_cannot_be_written_and_one_without_room_are_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    full = tmp_path / "runs"
+    monkeypatch.setattr(machine, "ROOM", 1e30)
+    assert not lines(full)["folder of records"].ok
+
+    def refuse(**_: object) -> object:
+        raise OSError(errno.EROFS, "Read-only file system")
+
+    monkeypatch.setattr("drivers.machine.tempfile.TemporaryFile", refuse)
+    found = lines(full)["folder of records"]
+    assert not found.ok
+    assert "Read-only file system" in found.found
+    assert "--record DIR" in found.advice
+
+
+def test_it_says_which_extras_are_there_and_how_to_install_the_others(monkeypatch: pytest.MonkeyPatch) -> None:
+    def version(package: str) -> str:
+        if package == "eclipse-zenoh":
+            raise machine.PackageNotFoundError(package)
+        return "1.2"
+
+    monkeypatch.setattr(machine, "version", version)
+    found = {line.name: line for line in machine._extras()}
+    assert all(line.ok for line in found.values())
+    assert found["extra ros2"].found == "not installed; pip install 'pomona[ros2]'"
+    assert found["extra foxglove"].found == "foxglove-sdk 1.2"
+    declared = {text.split("extra ==")[1].strip(" '\"") for text in requires("pomona") or () if "extra ==" in text}
+    assert set(machine.EXTRAS) == declared - {"dev"}
+
+
+@pytest.mark.parametrize(("module", "words"), [("numpy", ("runs", "list")), ("yaml", ("check", "pick_apple"))])
+def test_where_what_everything_stands_on_is_missing_the_doctor_speaks_and_the_others_send_to_it(
+    module: str, words: tuple[str, ...], tmp_path: Path
+) -> None:
+    def typed(*words: str) -> subprocess.CompletedProcess[str]:
+        script = (
+            f"import sys; sys.modules['{module}'] = None\nfrom executive.cli import main; sys.exit(main({words!r}))"
+        )
+        return subprocess.run(
+            [sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True, timeout=300, check=False
+        )
+
+    done = typed("doctor")
+    assert done.returncode == 1, done.stderr
+    assert f"cannot be looked at before what is missing is there: import of {module} halted" in done.stdout
+    assert "Traceback" not in done.stderr
+    done = typed(*words)
+    assert done.returncode == 2
+    assert "`pomona doctor` says what is missing" in done.stderr
+    assert "Traceback" not in done.stderr
