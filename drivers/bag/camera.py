@@ -28,6 +28,10 @@ except ImportError as error:
     raise ImportError(f"it needs the extra 'ros2': pip install 'pomona[ros2]' ({error})") from error
 
 
+NOT_ROS = (AttributeError, TypeError, ValueError, IndexError)
+"""A bag brings its own types: one that bears a name of ROS may have other fields."""
+
+
 class Bag:
     """A bag of ROS 2 (a folder, an .mcap or a .db3) or of ROS 1. Its file is open only while something is read.
 
@@ -42,9 +46,14 @@ class Bag:
         self.path = path
         if not path.exists():
             raise UnusableFrames(path, "there is no such bag")
+        if not (path.is_file() or path.is_dir()):  # a pipe would be waited for
+            raise UnusableFrames(path, "is neither a file nor a folder")
+        kinds: dict[str, set[str]] = {}
         with self._opened("is no bag that can be read") as reader:
-            self.topics = {connection.topic: connection.msgtype for connection in reader.connections}
-            """Types by topic."""
+            for connection in reader.connections:
+                kinds.setdefault(connection.topic, set()).add(connection.msgtype)
+        self.topics = {topic: " and ".join(sorted(of)) for topic, of in kinds.items()}
+        """Types by topic: one each, unless somebody mixed them."""
 
     def stamps(self, *topics: str) -> list[list[int]]:
         """When the messages of each topic were written [ns].
@@ -114,8 +123,8 @@ class BagFrame:
             colour = colour_of(taken[0], self.bag.topics[topic])
             topic, stamp = self.depth
             depth = depth_of(taken[1], self.bag.topics[topic])
-        except UnusableImage as error:
-            raise UnusableFrames(self.bag.path, f"{topic} at {stamp} ns: {error}") from error
+        except (UnusableImage, *NOT_ROS) as error:
+            raise UnusableFrames(self.bag.path, f"{topic} at {stamp} ns: {_why(error)}") from error
         size = (intrinsics.width, intrinsics.height)
         for name, image in (("colour", colour), ("depth", depth)):
             if image.shape[1::-1] != size:
@@ -203,5 +212,9 @@ def _intrinsics(bag: Bag, topic: str) -> Intrinsics:
         raise UnusableFrames(bag.path, f"holds no message of {topic}: write 'intrinsics:' here")
     try:
         return intrinsics_of(*bag.messages((topic, stamps[0])))
-    except UnusableImage as error:
-        raise UnusableFrames(bag.path, f"{topic}: {error}") from error
+    except (UnusableImage, *NOT_ROS) as error:
+        raise UnusableFrames(bag.path, f"{topic}: {_why(error)}") from error
+
+
+def _why(error: Exception) -> str:
+    return str(error) if isinstance(error, UnusableImage) else f"its type is not what ROS calls so ({error})"

@@ -89,10 +89,9 @@ def _command(commands: Any, name: str, main: Any, text: str) -> argparse.Argumen
 
 
 def _positive(text: str) -> int:
-    value = int(text)
-    if value < 1:
-        raise ValueError
-    return value
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"'{text}' is no whole number of at least 1")
+    return int(text)
 
 
 # --------------------------------------------------------------------------------------------------- list

@@ -6,7 +6,6 @@ Each value is the newest that had been measured by then, as it stands in the rec
 from __future__ import annotations
 
 import base64
-from bisect import bisect_right
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -136,7 +135,7 @@ class _Taken:
         if self._last < start or count < 2:
             raise UsageError(f"{self._record}: it ends before everything was seen once")
         times = start + np.arange(count) / rate
-        at = np.array([bisect_right([t for t, _c, _d in looks], time + SAME) - 1 for time in times]) if looks else None
+        at = Channel(np.array([t for t, _c, _d in looks]), looks).at(times) if looks else None
         return Episode(
             name=self._record.stem if self._record.is_file() else self._record.resolve().name,
             tree=str(self._about["tree"]),

@@ -7,7 +7,6 @@ docs/interop.md has every feature with its unit.
 from __future__ import annotations
 
 import json
-import shutil
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -18,11 +17,14 @@ from numpy.typing import NDArray
 from executive.errors import UsageError
 from executive.extras import need
 from executive.interop.episode import Episode, read_episode
+from executive.recording.new_place import made_whole
 
 EXTRA = "lerobot"
 VERSION = "v3.0"
 RATE = 10
 """Steps a second, unless somebody says otherwise."""
+MOST = 1000
+"""Steps a second: no device of a record measures more often."""
 
 CHUNK = 1000
 """Files in a folder."""
@@ -53,28 +55,21 @@ def export_lerobot(records: Sequence[Path], folder: Path, rate: int = RATE, task
         for each feature, what it holds.
 
     Raises:
-        UsageError: the extra is not installed, the folder is there already or cannot be written, or a record cannot be
-            read or holds other things than the first.
+        UsageError: the extra is not installed, the rate is none, the folder is there already or cannot be written, or a
+            record cannot be read or holds other things than the first.
     """
     pyarrow = need("pyarrow", EXTRA, "a dataset of LeRobot")
     need("pyarrow.parquet", EXTRA, "a dataset of LeRobot")
-    if folder.exists():
-        raise UsageError(f"{folder} is there already")
     if not records:
         raise UsageError("no record to write")
-    part = folder.with_name(f".{folder.name}.part")
-    shutil.rmtree(part, ignore_errors=True)
-    try:
-        dataset = _Dataset(pyarrow, part, rate)
+    if not 0 < rate <= MOST:
+        raise UsageError(f"{rate} steps a second: it must be 1 to {MOST}")
+    with made_whole(folder) as place:
+        dataset = _Dataset(pyarrow, place, rate)
         for record in records:
             episode = read_episode(record, rate)
             dataset.add(episode, task or episode.tree.replace("_", " "))
         dataset.finish()
-        part.rename(folder)
-    except OSError as error:
-        raise UsageError(f"{folder}: {error.strerror or error}") from error
-    finally:
-        shutil.rmtree(part, ignore_errors=True)
     return dataset.told()
 
 

@@ -23,6 +23,7 @@ from executive.recording.digest import Digest, trusted
 from executive.recording.folder import EVENTS, events_file, is_being_written
 from executive.recording.image_size import size_of_image
 from executive.recording.json_text import parse_object
+from executive.recording.new_place import made_whole, refuse_taken
 from executive.recording.plain_file import open_plain
 from executive.recording.read import read_events
 from executive.recording.scan import scan
@@ -74,8 +75,7 @@ def write_failures(records: Sequence[Path], file: Path) -> int:
     Raises:
         UsageError: the file is there already or cannot be written, no run failed, or a record cannot be believed.
     """
-    if file.exists():
-        raise UsageError(f"{file} is there already")
+    refuse_taken(file)
     runs = [(record, trusted(record)) for record in records]
     failed = [(record, run) for record, run in runs if run.state == "ended" and run.outcome not in (None, "success")]
     if not failed:
@@ -95,18 +95,15 @@ def write_run(record: Path, file: Path) -> None:
     Raises:
         UsageError: the file is there already or cannot be written, or the record cannot be believed.
     """
-    if file.exists():
-        raise UsageError(f"{file} is there already")
+    refuse_taken(file)
     body = f"{_whole(record)}{''.join(_tables(record))}"
     _write(file, f"What happened in {record.name}", _section(record, trusted(record), MOST_PICTURES, body))
 
 
 def _write(file: Path, title: str, body: str) -> None:
-    try:
-        with file.open("x", encoding="utf-8", errors="replace") as stream:
-            stream.write(f"{_HEAD.format(title=escape(title), style=_STYLE)}{body}</body></html>\n")
-    except OSError as error:
-        raise UsageError(f"{file}: {error.strerror or error}") from error
+    whole = f"{_HEAD.format(title=escape(title), style=_STYLE)}{body}</body></html>\n"
+    with made_whole(file) as place:
+        place.write_text(whole, encoding="utf-8", errors="replace")
 
 
 def _whole(record: Path) -> str:

@@ -13,6 +13,7 @@ from executive.errors import UsageError
 from executive.extras import need
 from executive.interop.live import plain_content
 from executive.recording.folder import DEVICES, EVENTS
+from executive.recording.new_place import refuse_taken
 from executive.recording.schemas import Schema
 from executive.recording.well_known import SERIES_TOPIC
 from executive.views import ImageView
@@ -41,8 +42,7 @@ class RerunView:
                 raise UsageError(f"{target}: a run is shown to a viewer on this machine only; others use a tunnel")
             self._out.connect_grpc(target)
         else:
-            if Path(target).exists():
-                raise UsageError(f"{target} is there already")
+            refuse_taken(Path(target))
             if Path(target).suffix != ".rrd" or not Path(target).absolute().parent.is_dir():
                 raise UsageError(f"{target}: a file for Rerun ends with .rrd, in a folder that is there")
             self._out.save(target)

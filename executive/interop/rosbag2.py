@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -12,6 +11,7 @@ from executive.extras import need
 from executive.interop.to_ros2 import RosMessage, ToRos2
 from executive.recording.folder import events_file
 from executive.recording.json_text import parse_object
+from executive.recording.new_place import made_whole
 from executive.recording.scan import believed, walk
 from executive.ros2.types import EXTRA, coder, typestore
 
@@ -34,35 +34,25 @@ def export_rosbag2(record: Path, folder: Path) -> Mapping[str, str]:
             be read.
     """
     rosbag2 = need("rosbags.rosbag2", EXTRA, "a bag of ROS 2")
-    if folder.exists():
-        raise UsageError(f"{folder} is there already")
     path = events_file(record)
-    verdict = believed(path)
-    # Beside its place until it is whole: half a bag looks like a whole one to whoever finds it. The file in it bears
-    # the folder's name.
-    parts = folder.parent / f".{folder.name}.part"
-    shutil.rmtree(parts, ignore_errors=True)
     try:
-        writer = rosbag2.Writer(parts / folder.name, version=VERSION, storage_plugin=rosbag2.StoragePlugin.MCAP)
-        writer.set_compression(rosbag2.CompressionMode.STORAGE, rosbag2.CompressionFormat.ZSTD)
-        writer.open()
-        bag, run, last = _Bag(writer), ToRos2(), 0
-        for found in walk(path, verdict):
-            last = found.stamp
-            for message in run.messages(found.topic, parse_object(found.content), found.stamp):
+        with made_whole(folder) as place:  # the file in it bears the folder's name
+            verdict = believed(path)
+            writer = rosbag2.Writer(place, version=VERSION, storage_plugin=rosbag2.StoragePlugin.MCAP)
+            writer.set_compression(rosbag2.CompressionMode.STORAGE, rosbag2.CompressionFormat.ZSTD)
+            writer.open()
+            bag, run, last = _Bag(writer), ToRos2(), 0
+            for found in walk(path, verdict):
+                last = found.stamp
+                for message in run.messages(found.topic, parse_object(found.content), found.stamp):
+                    bag.write(message)
+            for message in run.rest(last):
                 bag.write(message)
-        for message in run.rest(last):
-            bag.write(message)
-        if not bag.topics:
-            raise UsageError(f"{path}: not a record of a run")
-        writer.close()
-        (parts / folder.name).rename(folder)
-    except OSError as error:
-        raise UsageError(f"{folder}: {error.strerror or error}") from error
+            if not bag.topics:
+                raise UsageError(f"{path}: not a record of a run")
+            writer.close()
     except (KeyError, TypeError, ValueError, IndexError, AttributeError, OverflowError) as error:
         raise UsageError(f"{path}: not a record of a run: {error!r}") from error
-    finally:
-        shutil.rmtree(parts, ignore_errors=True)
     return {topic: f"{kind}  {count}" for topic, (kind, count) in sorted(bag.topics.items())}
 
 

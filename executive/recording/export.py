@@ -9,6 +9,7 @@ from pathlib import Path
 from executive.errors import UsageError
 from executive.recording.folder import EVENTS, events_file
 from executive.recording.json_text import parse_object
+from executive.recording.new_place import made_whole
 from executive.recording.plain_file import is_plain
 from executive.recording.scan import believed, scan
 
@@ -55,17 +56,9 @@ def export(record: Path, target: Path) -> None:
     if target.suffix not in FORMATS:
         known = ", ".join(f"{ending} ({what})" for ending, (_write, what) in FORMATS.items())
         raise UsageError(f"{target}: the ending says what to write: {known}")
-    if target.exists():
-        raise UsageError(f"{target} is there already")
     write, _what = FORMATS[target.suffix]
-    try:
-        write(record, target)
-    except OSError as error:
-        target.unlink(missing_ok=True)
-        raise UsageError(f"{target}: {error.strerror or error}") from error
-    except UsageError:
-        target.unlink(missing_ok=True)
-        raise
+    with made_whole(target) as place:
+        write(record, place)
 
 
 def _events(record: Path) -> list[bytes]:

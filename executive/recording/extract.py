@@ -43,7 +43,7 @@ def extract(record: Path, folder: Path) -> dict[str, str]:
         UsageError: the folder is there already and not empty, cannot be written, or the record cannot be read.
     """
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise UsageError(f"{folder} is there already")
+        raise UsageError(f"{folder} is there already, and nothing is overwritten: name another folder")
     try:
         folder.mkdir(parents=True, exist_ok=True)
         taken = _Taken(folder)

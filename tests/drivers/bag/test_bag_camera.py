@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ import pytest
 pytest.importorskip("rosbags", reason="the extra ros2 is not installed")
 
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
-from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from drivers.bag.camera import connect
 from drivers.device import ConnectContext
@@ -67,12 +68,12 @@ def write(path: Path, messages: list[tuple[str, int, Any]], plugin: StoragePlugi
     if plugin is StoragePlugin.MCAP:
         writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
     with writer:
-        connections: dict[str, Any] = {}
+        connections: dict[tuple[str, str], Any] = {}
         for topic, stamp, message in messages:
             kind = message.__msgtype__
-            if topic not in connections:
-                connections[topic] = writer.add_connection(topic, kind, typestore=STORE)
-            writer.write(connections[topic], stamp, STORE.serialize_cdr(message, kind))
+            if (topic, kind) not in connections:
+                connections[topic, kind] = writer.add_connection(topic, kind, typestore=STORE)
+            writer.write(connections[topic, kind], stamp, STORE.serialize_cdr(message, kind))
     return path
 
 
@@ -128,7 +129,7 @@ PADDED[:, : 3 * W] = colour().reshape(H, -1)
     ids=["bgr8 and metres", "rgba8 and the other end first", "compressed"],
 )  # fmt: skip
 def test_every_encoding_gives_the_same_pixels(cell: Path, first: Any, its_depth: Any, metres: float) -> None:
-    frame = open_bag(cell, write(cell.parent / "bag", two(first, its_depth))).latest()
+    frame = open_bag(cell, write(cell.parent / "bag", two(first, its_depth)[:3])).latest()
     assert frame.colour[3, 3].tolist() == [200, 0, 0]
     assert frame.depth[3, 3] == pytest.approx(metres)
     assert frame.depth[0, :3].tolist()[0] == 0.0
@@ -179,6 +180,37 @@ def test_no_bag_or_half_a_bag_is_refused(cell: Path) -> None:
         (cell.parent / "part.mcap").write_bytes(part)
         with pytest.raises(CellFileError, match=r"part\.mcap"):
             open_bag(cell, cell.parent / "part.mcap")
+
+
+def test_a_pipe_is_not_waited_for(cell: Path) -> None:
+    os.mkfifo(cell.parent / "pipe.mcap")
+    with pytest.raises(CellFileError, match="is neither a file nor a folder"):
+        open_bag(cell, cell.parent / "pipe.mcap")
+
+
+@pytest.mark.parametrize("first", [True, False])
+def test_a_topic_with_two_types_is_refused_at_its_place(cell: Path, first: bool) -> None:
+    text = [("/colour", 5_000_000, TEXT)]
+    with pytest.raises(CellFileError, match="/colour is sensor_msgs/msg/Image and std_msgs/msg/String, not") as caught:
+        open_bag(cell, write(cell.parent / "bag", [*text, *two()] if first else [*two(), *text]))
+    assert caught.value.line == 3
+
+
+@pytest.mark.parametrize(("kind", "line"), [(IMAGE, 2), ("sensor_msgs/msg/CameraInfo", 5)])
+def test_a_bag_whose_types_only_bear_the_names_of_ros_is_refused(cell: Path, kind: str, line: int) -> None:
+    own = get_typestore(Stores.EMPTY)
+    own.register(get_types_from_msg("uint32 height\nuint8[] data\n", kind))
+    with Writer(cell.parent / "bag", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        for topic, stamp, message in two():
+            of = message.__msgtype__
+            store = own if of == kind else STORE
+            raw = own.serialize_cdr(own.types[kind](H, np.zeros(9, np.uint8)), kind) if of == kind else None
+            known = [found for found in writer.connections if found.topic == topic]
+            connection = known[0] if known else writer.add_connection(topic, of, typestore=store)
+            writer.write(connection, stamp, STORE.serialize_cdr(message, of) if raw is None else raw)
+    with pytest.raises(CellFileError, match="its type is not what ROS calls so") as caught:
+        open_bag(cell, cell.parent / "bag")
+    assert caught.value.line == line
 
 
 def test_any_damaged_byte_is_refused_or_harmless_and_never_a_traceback(cell: Path) -> None:

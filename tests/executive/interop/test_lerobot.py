@@ -103,6 +103,12 @@ def test_a_folder_that_is_there_is_left_alone_and_what_does_not_fit_is_named(
     assert main([*export, str(tmp_path / "mixed"), "--to", "lerobot", "--with", str(blind)]) == 2
     assert "blind has other things than the first record: observation.images.camera" in capsys.readouterr().err
     assert main([*export, str(tmp_path / "x.zip"), "--rate", "20"]) == 2
+    capsys.readouterr()
+    assert main([*export, str(tmp_path / "often"), "--to", "lerobot", "--rate", "100000000"]) == 2
+    assert "100000000 steps a second: it must be 1 to 1000" in capsys.readouterr().err
+    with pytest.raises(SystemExit):
+        main([*export, str(tmp_path / "never"), "--to", "lerobot", "--rate", "0"])
+    assert "'0' is no whole number of at least 1" in capsys.readouterr().err
     assert [path.name for path in tmp_path.iterdir()] == ["blind"]
     assert main([*export, str(tmp_path / "good"), "--to", "lerobot", "--rate", "5"]) == 0
     assert "observation.state" in capsys.readouterr().out

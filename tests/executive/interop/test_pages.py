@@ -67,6 +67,24 @@ def test_only_the_last_pictures_are_taken_and_a_file_that_is_there_is_left_alone
     assert "no run" in capsys.readouterr().err
 
 
+def test_a_full_disk_leaves_no_half_page(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    end = RunEnded(1.0, 50, "failure", REASON, 50, 1.0, 2.0, None)
+    write(tmp_path / "runs" / "one", (started(), end))
+
+    def full(path: Path, text: str, **_how: str) -> int:
+        path.write_bytes(text[:100].encode())
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Path, "write_text", full)
+    for command in (["page", "one", "one.html"], ["failures", "one.html"]):
+        monkeypatch.chdir(tmp_path)
+        assert main(["runs", *command]) == 2
+        assert "one.html: No space left on device" in capsys.readouterr().err
+    assert [path.name for path in tmp_path.iterdir()] == ["runs"]
+
+
 def test_a_run_becomes_a_page_with_its_tables_and_what_was_drawn_over_each_picture(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
