@@ -176,7 +176,7 @@ class LayerBuild:
         if self.wraps:
             return NodeInfo(
                 self.own_path, self.parent, layer.key, layer.key, layer.key, file=source.path, line=node.at.line,
-                end_line=node.at.end_line, settings=self.settings(),
+                end_line=node.at.end_line, settings=self.settings(), choices=layer.choices(node),
             )  # fmt: skip
         name = self.path if self.parent is None and node.name is None else node.label
         inputs = {n: written(node.ports[n][1]) for n in self.found.inputs if n in node.ports}
@@ -187,7 +187,7 @@ class LayerBuild:
             node.description, node.comment, source.path, node.at.line, node.at.end_line,
             inputs, outputs, self.settings(),
             tuple(interface.__name__ for interface in skill.devices) if skill is not None else (),
-            skill.failures if skill is not None else (), mocked,
+            skill.failures if skill is not None else (), mocked, layer.choices(node),
         )  # fmt: skip
 
     def settings(self) -> dict[str, str]:

@@ -10,8 +10,7 @@ from py_trees.behaviour import Behaviour
 
 from executive.board import Board
 from executive.nodes import Attempt, Retry
-from executive.nodes.approve import Approve
-from executive.nodes.ask import Ask
+from executive.nodes.question import Question
 from executive.skill import Skill
 
 Side = Literal["before", "after"]
@@ -36,6 +35,7 @@ class NodeInfo:
         devices: names of the device interfaces that it needs.
         failures: the skill's failure codes.
         mocked: whether a mock stands in for the skill.
+        choices: the answers of a node that asks a person.
     """
 
     path: str
@@ -54,6 +54,7 @@ class NodeInfo:
     devices: tuple[str, ...] = ()
     failures: tuple[str, ...] = ()
     mocked: bool = False
+    choices: tuple[str, ...] = ()
 
     def facts(self) -> dict[str, Any]:
         """As plain values, for the record and the dashboard; what is empty is left out."""
@@ -103,9 +104,15 @@ class BuiltTree:
         return tuple(b for b in self.behaviours.values() if isinstance(b, Skill))
 
     @property
-    def questions(self) -> Mapping[str, Ask | Approve]:
+    def questions(self) -> Mapping[str, Question]:
         """Nodes that ask a person, by path."""
-        return {path: b for path, b in self.behaviours.items() if isinstance(b, (Ask, Approve))}
+        return {path: b for path, b in self.behaviours.items() if isinstance(b, Question)}
+
+    def asked_by(self, name: str) -> tuple[Question, ...]:
+        """What the nodes of this name (see `find`) ask a person, themselves or by a modifier."""
+        named, kinds = set(self.find(name)), {info.path: info.kind for info in self.nodes}
+        return tuple(q for path, q in self.questions.items()
+                     if named.intersection((path, path.removesuffix(f":{kinds[path]}"))))  # fmt: skip
 
     @property
     def retries(self) -> tuple[Retry, ...]:

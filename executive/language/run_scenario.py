@@ -15,9 +15,8 @@ from executive.errors import SkillError
 from executive.language.build import build
 from executive.language.built import BuiltTree, NodeInfo
 from executive.language.scenario import Scenario, ScenarioCase
-from executive.nodes.approve import Approve
-from executive.nodes.ask import Ask
 from executive.nodes.node_type import NodeType
+from executive.nodes.question import Question
 from executive.reasons import Reason, reason_of
 from executive.registry import Registry
 from executive.skill import Computation, Interrupted, Skill, Work
@@ -184,15 +183,14 @@ def _run_case(case: ScenarioCase, tree: BuiltTree, clock: Clock, coverage: Cover
     return CaseResult(case, status.name.lower(), reason, clock.now(), ticks, problems)
 
 
-def _attended(case: ScenarioCase, tree: BuiltTree) -> list[tuple[Ask | Approve, Iterator[str]]]:
+def _attended(case: ScenarioCase, tree: BuiltTree) -> list[tuple[Question, Iterator[str]]]:
     """Questions that somebody answers, with the answers in their order; nodes of one name share them."""
-    found: list[tuple[Ask | Approve, Iterator[str]]] = []
+    found: list[tuple[Question, Iterator[str]]] = []
     for name, answers in case.answers.items():
         words = chain(answers, repeat(answers[-1]))
-        for path in tree.find(name):
-            if path in tree.questions:
-                tree.questions[path].attended = True
-                found.append((tree.questions[path], words))
+        for question in tree.asked_by(name):
+            question.attended = True
+            found.append((question, words))
     return found
 
 

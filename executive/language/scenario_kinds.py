@@ -56,8 +56,9 @@ class Tested:
         nodes = [node for definition in document.definitions() if definition.root for node in definition.root.walk()]
         questions: dict[str, tuple[str, ...]] = {}
         for node in nodes:
-            if choices := node.type.choices(node):
-                questions[node.label] = (*questions.get(node.label, ()), *choices)
+            for layer in node.layers:
+                if choices := layer.choices(node):
+                    questions[node.label] = (*questions.get(node.label, ()), *choices)
         names = {node.label for node in nodes} | set(skills)
         parameters = tuple(document.main.parameters)
         return cls(registry=registry, skills=skills, names=names, questions=questions, parameters=parameters)

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 
 from executive.language.check import Analysis
 from executive.language.model import Definition, Document, TreeFile, TreeNode
+from executive.nodes.takes import Assignments
 from executive.values.findings import Located, Spot
 from executive.values.yaml_nodes import YamlList, YamlMapping, YamlNode, YamlScalar
 
@@ -84,8 +85,9 @@ def _spots_in_node(analysis: Analysis, node: TreeNode, name: str) -> Iterator[Sp
         resolved = analysis.resolved.get((id(node), layer.key))
         for slot, target in resolved.outputs.items() if resolved is not None else ():
             entry = node.entry(layer, slot)
-            own = node.ports[slot][0] if layer.key == "set" and slot in node.ports else entry and entry[1]
-            written = [own] if layer.key == "set" else [e[1] for e in node.modifiers.values()]
+            assigns = isinstance(layer.value, Assignments)
+            own = node.ports[slot][0] if assigns and slot in node.ports else entry and entry[1]
+            written = [own] if assigns else [e[1] for e in node.modifiers.values()]
             for key in written:
                 if target == name and isinstance(key, YamlScalar) and key.text == name:
                     yield _spot(key)

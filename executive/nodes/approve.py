@@ -12,53 +12,28 @@ from executive.nodes.asking import Asking, Building, Ending, Flowing, Knowing
 from executive.nodes.behaviours import Wrapper
 from executive.nodes.ends import Ends, Names, Outcome
 from executive.nodes.facts import Facts
-from executive.nodes.node_type import Modifier
+from executive.nodes.node_type import Modifier, TreeNode
+from executive.nodes.question import Question
 from executive.ports import Port
 
 APPROVE, REFUSE = "approve", "refuse"
 
 
-class Approve(Wrapper):
-    """Waits at each start until a person approves; whoever refuses makes it fail, and so does nobody being there.
-
-    Attributes:
-        choices: the answers that there are.
-        attended: whether there is somebody to answer; set by who runs the tree.
-    """
+class Approve(Question, Wrapper):
+    """Waits at each start until a person approves; whoever refuses makes it fail, and so does nobody being there."""
 
     choices = (APPROVE, REFUSE)
 
-    def __init__(self, name: str, child: Behaviour) -> None:
-        super().__init__(name, child)
-        self.attended = False
-        self._answer: str | None = None
-
-    @property
-    def open(self) -> bool:
-        """Whether it waits for an answer now."""
-        return self.status is Status.RUNNING and self._answer is None
-
-    @property
-    def question(self) -> str:
-        """As it is asked."""
-        return f"May {self.decorated.name} start? What is planned is shown."
-
-    def answer(self, choice: str) -> bool:
-        """Answer it; the next tick goes on. False for what is no choice, or when nothing is asked now."""
-        if not self.open or choice not in self.choices:
-            return False
-        self._answer = choice
-        return True
-
     def tick(self) -> Iterator[Behaviour]:
         if self.status is not Status.RUNNING:
-            self._answer, self.why = None, None
-        if self._answer == APPROVE:
+            self.given, self.why = None, None
+        if self.given == APPROVE:
             yield from super().tick()
             return
-        if self._answer is None and self.attended:
-            self.status, self.feedback_message = Status.RUNNING, self.question
-        elif self._answer is None:
+        if self.given is None and self.attended:
+            self.status = Status.RUNNING
+            self.feedback_message = f"May {self.decorated.name} start? What is planned is shown."
+        elif self.given is None:
             self.stop(self.fails("NOBODY_TO_ASK", f"nobody is there to approve {self.decorated.name}"))
         else:
             self.stop(self.fails("NOT_APPROVED", f"{self.decorated.name} was not approved"))
@@ -74,6 +49,9 @@ class ApproveType(Modifier):
 
     def needed(self, at: Asking) -> bool:
         return at.literal(self.key) is True
+
+    def choices(self, node: TreeNode) -> tuple[str, ...]:
+        return Approve.choices
 
     def outcome(self, at: Ending) -> Outcome:
         return at.inside().plus("NOT_APPROVED", "NOBODY_TO_ASK")

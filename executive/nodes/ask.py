@@ -13,6 +13,7 @@ from executive.nodes.asking import Building, Checking, Ending
 from executive.nodes.behaviours import LeafBehaviour
 from executive.nodes.ends import Outcome
 from executive.nodes.node_type import Leaf, TreeNode
+from executive.nodes.question import Question
 from executive.ports import Port
 from executive.reasons import NoValue
 from executive.values.yaml_nodes import YamlList, YamlScalar
@@ -20,13 +21,8 @@ from executive.values.yaml_nodes import YamlList, YamlScalar
 CHOICES = ("yes", "no")
 
 
-class Ask(LeafBehaviour):
-    """Runs until somebody has answered. Without an answer the default is one, else it fails.
-
-    Attributes:
-        choices: the answers that there are.
-        attended: whether there is somebody to answer; set by who runs the tree.
-    """
+class Ask(Question, LeafBehaviour):
+    """Runs until somebody has answered. Without an answer the default is one, else it fails."""
 
     def __init__(
         self,
@@ -40,36 +36,18 @@ class Ask(LeafBehaviour):
         within: Callable[[], float] | None = None,
     ) -> None:
         super().__init__(name)
-        self.choices, self.attended = tuple(choices), False
+        self.choices = tuple(choices)
         self._question, self._write, self._now = question, write, now
         self._default, self._within = default, within
-        self._answer: str | None = None
         self._asked, self._end = "", float("inf")
 
-    @property
-    def open(self) -> bool:
-        """Whether it waits for an answer now."""
-        return self.status is Status.RUNNING and self._answer is None
-
-    @property
-    def question(self) -> str:
-        """As it was asked last."""
-        return self._asked
-
-    def answer(self, choice: str) -> bool:
-        """Answer it; the next tick goes on. False for what is no choice, or when nothing is asked now."""
-        if not self.open or choice not in self.choices:
-            return False
-        self._answer = choice
-        return True
-
     def begin(self) -> None:
-        self._answer, self._asked = None, self._question()
+        self.given, self._asked = None, self._question()
         self._end = float("inf") if self._within is None else self._now() + self._within()
 
     def act(self) -> Status:
-        if self._answer is not None:
-            return self._ends(self._answer, f"{self._asked} {self._answer}")
+        if self.given is not None:
+            return self._ends(self.given, f"{self._asked} {self.given}")
         if not self.attended:
             return self._without("NOBODY_TO_ASK", "nobody is there to answer")
         if self._now() >= self._end - 1e-9:

@@ -6,6 +6,7 @@ import inspect
 from collections.abc import Iterable, Iterator, Mapping
 from functools import cache
 from importlib.metadata import entry_points
+from typing import get_args
 
 from executive.errors import PomonaError
 from executive.nodes.approve import ApproveType
@@ -18,7 +19,7 @@ from executive.nodes.force import ForceType
 from executive.nodes.guard import GuardType, WhenType
 from executive.nodes.invert import InvertType
 from executive.nodes.leaves import FailType, SetType, SucceedType, WaitType
-from executive.nodes.node_type import Field, Modifier, NodeType
+from executive.nodes.node_type import Field, Modifier, NodeType, Role
 from executive.nodes.pacing import DelayType, RateType, RunOnceType
 from executive.nodes.parallel import ParallelType
 from executive.nodes.recovery import RecoveryType
@@ -75,36 +76,41 @@ class NodeTypes(Mapping[str, NodeType]):
         types = cls()
         for point in sorted(entry_points(group=GROUP), key=lambda point: point.name):
             try:
-                found = point.load()
-            except Exception as error:  # a third party's module may raise anything
-                types.problems[point.name] = f"{point.value} cannot be imported: {type(error).__name__}: {error}"
-                continue
-            try:
-                types.register(found)
+                types.register(point.load())
             except NodeTypeError as error:
                 types.problems[point.name] = str(error)
+            except Exception as error:  # a third party's module and class may raise anything
+                types.problems[point.name] = f"{point.value} cannot be used: {type(error).__name__}: {error}"
         return types
 
     def register(self, cls: type[NodeType]) -> None:
         """Add a type.
 
         Raises:
-            NodeTypeError: it leaves out something that a node type must say, or a word of it is taken.
+            NodeTypeError: it leaves out something that a node type must say, or a word or element of it is taken.
         """
         missing = incomplete(cls)
         if missing:
             raise NodeTypeError(f"node type {getattr(cls, '__name__', cls)} {missing}")
         made = cls()
         for word in made.slots:
-            if word in RESERVED or word in self._types or (word == made.key and word in self._owners):
+            if word in RESERVED or word in self._types or self._ambiguous(made, word):
                 raise NodeTypeError(f"node type {cls.__name__}: the word '{word}' is taken")
+        for tag in (made.xml_tag, *made.xml_tags):
+            if tag in self._tags:
+                raise NodeTypeError(f"node type {cls.__name__}: the element '{tag}' is read by '{self._tags[tag].key}'")
         if isinstance(made, Modifier):
             self.modifiers.insert(self._place(made), made)
         self._types[made.key] = made
         for word in made.fields:
             self._owners.setdefault(word, []).append(made)
         for tag in (made.xml_tag, *made.xml_tags):
-            self._tags.setdefault(tag, made)
+            self._tags[tag] = made
+
+    def _ambiguous(self, made: NodeType, word: str) -> bool:
+        """Whether a node could have the word from two types: only types that exclude each other may share a field."""
+        owners = self.owners(word)
+        return bool(owners) and (word == made.key or any(isinstance(each, Modifier) for each in (made, *owners)))
 
     def _place(self, modifier: Modifier) -> int:
         if not modifier.outside_of:
@@ -166,11 +172,20 @@ def incomplete(cls: object) -> str:
         return "does not say " + ", ".join(lacking)
     if not (isinstance(cls.key, str) and NAME.fullmatch(cls.key)):
         return f"has the word {cls.key!r}: small letters, digits and _"
-    if len(cls.symbol) != 1:
-        return "has a symbol of more than one character"
-    wrong = [word for word, taken in cls().slots.items() if not isinstance(taken, Field) or not NAME.fullmatch(word)]
-    if wrong:
-        return f"says nothing of what stands behind {', '.join(wrong)}"
+    if not (isinstance(cls.symbol, str) and len(cls.symbol) == 1):
+        return f"has the symbol {cls.symbol!r}: a text of one character"
+    if cls.role not in get_args(Role):
+        return f"has the role {cls.role!r}: one of {', '.join(get_args(Role))}"
     if (cls.role == "modifier") != issubclass(cls, Modifier):
         return "is a modifier and no Modifier"
+    if not (isinstance(cls.fields, Mapping) and all(isinstance(word, str) for word in cls.fields)):
+        return "has fields that are no mapping from words to what stands behind them"
+    slots = {cls.key: cls.value, **cls.fields}
+    wrong = [word for word, taken in slots.items() if not isinstance(taken, Field) or not NAME.fullmatch(word)]
+    if wrong:
+        return f"says nothing of what stands behind {', '.join(wrong)}"
+    try:
+        cls()
+    except Exception as error:  # a third party's class may raise anything
+        return f"cannot be made without arguments: {type(error).__name__}: {error}"
     return ""

@@ -36,6 +36,8 @@ from executive.values.findings import Findings
 from executive.values.yaml_nodes import YamlMapping, YamlNode, YamlScalar
 
 Schema = dict[str, Any]
+Role = Literal["composite", "leaf", "modifier"]
+"""Where a type may stand."""
 
 
 class Stage(IntEnum):
@@ -204,7 +206,7 @@ class NodeType(ABC):
 
     key: ClassVar[str]
     symbol: ClassVar[str]
-    role: ClassVar[Literal["composite", "leaf", "modifier"]]
+    role: ClassVar[Role]
     value: ClassVar[Field]
     fields: ClassVar[Mapping[str, Field]] = {}
     late: ClassVar[frozenset[str]] = frozenset()

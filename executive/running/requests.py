@@ -9,8 +9,7 @@ from collections.abc import Mapping, Sequence
 from executive.errors import PomonaError
 from executive.language.built import BuiltTree, Side
 from executive.language.changes import changed_input
-from executive.nodes.approve import Approve
-from executive.nodes.ask import Ask
+from executive.nodes.question import Question
 from executive.running.breakpoints import BREAK_ACTIONS, Breakpoints
 from executive.running.cell import Cell
 
@@ -41,7 +40,7 @@ class Requests:
     _cell: Cell
     _breakpoints: Breakpoints
     tree: BuiltTree
-    _questions: Mapping[str, Ask | Approve]
+    _questions: Mapping[str, Question]
 
     def __init__(self) -> None:
         self._commands: queue.SimpleQueue[tuple[str, str, str, float]] = queue.SimpleQueue()

@@ -181,7 +181,7 @@ class _Story:
     def _failed_attempts(self) -> list[tuple[AttemptEnded, str]]:
         """Attempts that failed, without those around them that failed with them; each with what it is within."""
         failed: list[tuple[AttemptEnded, str]] = []
-        for attempt, within in zip(self.summary.attempts, self.summary.within, strict=True):
+        for attempt, within in zip(self.summary.attempts, self.summary.within(), strict=True):
             before = failed[-1][0] if failed else None
             around = before is not None and before.path != attempt.path and _leaf(before) == _leaf(attempt)
             if attempt.succeeded or around:

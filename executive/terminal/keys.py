@@ -8,8 +8,7 @@ import threading
 from collections.abc import Mapping
 from typing import TextIO
 
-from executive.nodes.approve import Approve
-from executive.nodes.ask import Ask
+from executive.nodes.question import Question
 from executive.running.events import Event, NodeChanged, RunEnded, StateChanged
 from executive.running.requests import AnswerRefusedError
 from executive.running.runner import Runner
@@ -26,7 +25,7 @@ class Keys:
     def __init__(self, console: Screen, lines: TextIO) -> None:
         self._console, self._lines = console, lines
         self._runner: Runner | None = None
-        self._questions: Mapping[str, Ask | Approve] = {}
+        self._questions: Mapping[str, Question] = {}
         self._asked: list[str] = []
         self._paused = self._ended = False
         self._thread: threading.Thread | None = None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -34,8 +34,6 @@ class Summary:
         self.started: RunStarted | None = None
         self.ended: RunEnded | None = None
         self.attempts: list[AttemptEnded] = []
-        self.within: list[str] = []
-        """Of each attempt, in which attempt of a retry around it: `outer 2 of 3`; empty for the outermost."""
         self.tables: dict[str, TableView] = {}
         self.notes: dict[str, str] = {}
         self.facts: dict[str, Mapping[str, Any]] = {}
@@ -43,22 +41,19 @@ class Summary:
         self.compute_time: dict[str, float] = defaultdict(float)
         self._running_since: dict[str, float] = {}
         self._names: dict[str, str] = {}
-        self._retry_around: dict[str, str] = {}
-        self._attempts_of: dict[str, AttemptEnded] = {}
+        self._parents: dict[str, str | None] = {}
 
     def on_event(self, event: Event) -> None:
         """Follow the run."""
         if isinstance(event, RunStarted):
             self.started = event
-            parents = {node["parent"] for node in event.nodes}
+            self._parents = {node["path"]: node["parent"] for node in event.nodes}
+            parents = set(self._parents.values())
             self._names = {node["path"]: str(node["name"]) for node in event.nodes if node["path"] not in parents}
-            self._retry_around = _retries_around(event.nodes)
         elif isinstance(event, NodeChanged) and event.path in self._names:
             self._account(event)
         elif isinstance(event, AttemptEnded):
             self.attempts.append(event)
-            self.within.append(self._attempt_around(event.path))
-            self._attempts_of[event.path] = event
         elif isinstance(event, Computed):
             self.compute_time[self._names.get(event.node, event.node)] += event.wall
         elif isinstance(event, Published) and isinstance(event.value, TableView):
@@ -71,14 +66,16 @@ class Summary:
         elif isinstance(event, RunEnded):
             self.ended = event
 
-    def _attempt_around(self, path: str) -> str:
-        around = self._retry_around.get(path)
-        if around is None:
-            return ""
-        before = self._attempts_of.get(around)
-        of = f" of {before.of}" if before is not None else ""
-        over = before is None or before.succeeded or before.number >= before.of
-        return f"{retry_name(around)} {1 if before is None or over else before.number + 1}{of}"
+    def within(self) -> list[str]:
+        """Of each attempt, in which attempt around it: `outer 2 of 3`; empty for the outermost and what never ended."""
+        trying, ended, found = {attempt.path for attempt in self.attempts}, dict[str, AttemptEnded](), []
+        for attempt in self.attempts:
+            around = self._parents.get(attempt.path)
+            while around is not None and around not in trying:
+                around = self._parents.get(around)
+            found.append("" if around is None else _next_attempt(around, ended.get(around)))
+            ended[attempt.path] = attempt
+        return found
 
     def _account(self, event: NodeChanged) -> None:
         if event.status == "RUNNING":
@@ -112,7 +109,7 @@ class Summary:
                     "succeeded": attempt.succeeded,
                     "reason": _reason_json(attempt.reason),
                 }
-                for attempt, within in zip(self.attempts, self.within, strict=True)
+                for attempt, within in zip(self.attempts, self.within(), strict=True)
             ],
             "robot_time_s": {name: round(value, 3) for name, value in self.robot_time.items()},
             "compute_s": {name: round(value, 3) for name, value in self.compute_time.items()},
@@ -136,7 +133,7 @@ class Summary:
         )
         for name, sentence in self.notes.items():
             _row(console, name, sentence)
-        for attempt, within in zip(self.attempts, self.within, strict=True):
+        for attempt, within in zip(self.attempts, self.within(), strict=True):
             if attempt.succeeded and attempt.number == 1:
                 continue  # it worked at once: there is nothing to tell
             mark = ("✓ ", "green") if attempt.succeeded else ("✗ ", "red")
@@ -174,7 +171,7 @@ class Summary:
 
     def last_attempt(self) -> AttemptEnded | None:
         """The newest attempt that succeeded of a retry that no other retry surrounds."""
-        outermost = (a for a, within in zip(self.attempts, self.within, strict=True) if a.succeeded and not within)
+        outermost = (a for a, within in zip(self.attempts, self.within(), strict=True) if a.succeeded and not within)
         return next(reversed(list(outermost)), None)
 
 
@@ -183,19 +180,11 @@ def retry_name(path: str) -> str:
     return path.rsplit("/", 1)[-1].partition(":")[0].lower()
 
 
-def _retries_around(nodes: Sequence[Mapping[str, Any]]) -> dict[str, str]:
-    """Of every retry within another one, the nearest around it; a parent stands before its children."""
-    nearest: dict[str | None, str] = {}
-    around = {}
-    for node in nodes:
-        path, above = node["path"], nearest.get(node["parent"])
-        if node.get("type") == "retry":
-            if above is not None:
-                around[path] = above
-            nearest[path] = path
-        elif above is not None:
-            nearest[path] = above
-    return around
+def _next_attempt(path: str, before: AttemptEnded | None) -> str:
+    if before is None:
+        return f"{retry_name(path)} 1"
+    over = before.succeeded or before.number >= before.of
+    return f"{retry_name(path)} {1 if over else before.number + 1} of {before.of}"
 
 
 def _reason_json(reason: Reason | None) -> dict[str, Any] | None:

@@ -19,7 +19,7 @@ def asking(built, rest="", attended=True):
 def test_an_answer_is_written_and_ends_it(built):
     run, question = asking(built)
     assert run.tick(5) == "RUNNING"
-    assert (question.question, question.choices, question.open) == ("Clear?", ("yes", "no"), True)
+    assert (question.feedback_message, question.choices, question.open) == ("Clear?", ("yes", "no"), True)
     assert question.answer("yes")
     assert run.run() == "SUCCESS"
     assert run.value("/a") == "yes"

@@ -191,6 +191,17 @@ class TestAnswers:
         assert codes(asked(f"{{answers: {answers}}}")) == [code]
 
 
+@pytest.mark.parametrize("case", [
+    "{answers: {Plan: approve}}",
+    "{answers: {Plan: refuse}, expect: {code: NOT_APPROVED}}",
+    "{expect: {code: NOBODY_TO_ASK}}",
+])  # fmt: skip
+def test_somebody_approves_a_node_by_its_name(tmp_path, skills, case):
+    (tmp_path / "t.yaml").write_text("pomona: 1\ntree: t\nroot: {wait: 1 s, name: Plan, approve: true}\n")
+    result = run_scenario(read_scenario(f"tree: t.yaml\ncases: [{case}]", tmp_path / "s.yaml", skills), skills)
+    assert [r.problems for r in result.cases] == [()]
+
+
 def test_everything_wrong_with_a_scenario_is_found_at_once_with_its_place(tmp_path, skills, pick_apple):
     (tmp_path / "pick_apple.yaml").write_text(pick_apple)
     text = (

@@ -138,6 +138,17 @@ def test_groot_gets_them_and_gives_them_back(types):
     assert yaml.safe_load(text) == yaml.safe_load(TREE)
 
 
+def test_a_question_of_theirs_is_asked_and_shown_with_its_answers(installed):
+    installed(signed="SignedType")
+    document = read("pomona: 1\ntree: t\nroot: {wait: 1 s, signed: {}}", "t.yaml")
+    assert check(document, SKILLS) == []
+    tree = build(document, SKILLS, context=BenchContext())
+    assert tree.nodes[0].facts()["choices"] == ["signed"]
+    (question,) = tree.asked_by("t")
+    tree.root.tick_once()
+    assert question.answer("signed")
+
+
 def test_a_half_declared_type_is_refused_and_named(installed):
     types = installed(no_flow="NoFlow", paced="PacedType")
     assert types.problems == {"no_flow": "node type NoFlow does not say flow"}
@@ -148,8 +159,11 @@ def test_a_half_declared_type_is_refused_and_named(installed):
     assert "does not say flow" in finding.message
 
 
-def test_a_package_that_cannot_be_imported_is_a_problem_and_no_traceback(installed):
-    assert "cannot be imported" in installed(x="NotThere").problems["x"]
+def test_a_package_that_raises_is_a_problem_and_no_traceback(installed):
+    types = installed(x="NotThere", broken="Broken", paced="PacedType")
+    assert "cannot be used: AttributeError" in types.problems["x"]
+    assert "cannot be used: RuntimeError: of its own making" in types.problems["broken"]
+    assert "paced" in types
 
 
 @pytest.mark.parametrize(
@@ -160,7 +174,14 @@ def test_a_package_that_cannot_be_imported_is_a_problem_and_no_traceback(install
         ({"key": "x", "symbol": "x"}, "does not say value"),
         ({"key": "X", "symbol": "x", "value": takes.Nothing()}, "small letters"),
         ({"key": "x", "symbol": "xy", "value": takes.Nothing()}, "one character"),
+        ({"key": "x", "symbol": 5, "value": takes.Nothing()}, "one character"),
+        ({"key": "x", "symbol": "x", "value": 3}, "stands behind x"),
+        ({"key": "x", "symbol": "x", "value": takes.Nothing(), "role": "modifyer"}, "one of composite, leaf, modifier"),
         ({"key": "x", "symbol": "x", "value": takes.Nothing(), "fields": {"y": 3}}, "stands behind y"),
+        ({"key": "x", "symbol": "x", "value": takes.Nothing(), "fields": ["y"]}, "no mapping"),
+        ({"key": "x", "symbol": "x", "value": takes.Nothing(), "fields": {"on_failure": takes.Nothing()}}, "is taken"),
+        ({"key": "x", "symbol": "x", "value": takes.Nothing(), "xml_tags": ("Repeat",)}, "is read by 'repeat'"),
+        ({"key": "x", "symbol": "x", "value": takes.Nothing(), "__init__": lambda self, n: None}, "without arguments"),
         ({"key": "retry", "symbol": "x", "value": takes.Nothing()}, "'retry' is taken"),
         ({"key": "x", "symbol": "x", "value": takes.Nothing(), "outside_of": "nowhere"}, "no modifier named"),
     ],

@@ -8,10 +8,11 @@ from typing import ClassVar
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
-from executive.nodes import Composite, Modifier, takes
+from executive.nodes import Composite, Modifier, TreeNode, takes
 from executive.nodes.asking import Building, Ending, Flowing
 from executive.nodes.behaviours import Branch, Wrapper
 from executive.nodes.ends import ALL, Ends, Names, Outcome, codes_of
+from executive.nodes.question import Question
 from executive.ports import RATE, Port
 
 
@@ -93,3 +94,39 @@ class NoFlow(Composite):
 
     def build(self, at: Building) -> Behaviour:
         return TakeTurns(at.name, at.children())
+
+
+class Broken(PacedType):
+    """raises while it is asked"""
+
+    key = "broken"
+
+    @property
+    def xml_tag(self) -> str:
+        raise RuntimeError("of its own making")
+
+
+class Signed(Question, Wrapper):
+    """Wants a signature before what is inside starts."""
+
+    choices = ("signed",)
+
+    def tick(self) -> Iterator[Behaviour]:
+        if self.given is not None:
+            yield from super().tick()
+            return
+        self.status = Status.RUNNING
+        yield self
+
+
+class SignedType(Modifier):
+    """waits for a signature"""
+
+    key, symbol = "signed", "✎"
+    value = takes.Nothing()
+
+    def choices(self, node: TreeNode) -> tuple[str, ...]:
+        return Signed.choices
+
+    def build(self, at: Building) -> Behaviour:
+        return Signed(at.name, at.inside())
