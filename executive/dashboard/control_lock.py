@@ -143,6 +143,18 @@ class ControlLock:
             raise RefusedError(f"{held.who or 'nobody'} holds control; take it first")
         return held.who
 
+    def cancel_start(self, viewer: str) -> bool:
+        """Let the run that is being prepared not begin; False when none is.
+
+        Raises:
+            RefusedError: the viewer does not hold control.
+        """
+        who, starting = self.require(viewer), self._starting
+        if starting is None or starting[1].stage is None:
+            return False
+        starting[1].cancel(f"cancelled by {who}", who)
+        return True
+
     def safe_stop(self, who: str) -> str:
         """Stop now. Nobody needs control for this; what is only being prepared does not begin.
 

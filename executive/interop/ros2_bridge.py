@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import threading
 import time
+from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
@@ -16,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from executive.dashboard.control_lock import ControlLock, RefusedError
-from executive.errors import PomonaError
+from executive.errors import PomonaError, UsageError
 from executive.interop.to_ros2 import RosMessage, ToRos2, colour_message, depth_message, diagnostics
 from executive.recording.folder import EVENTS
 from executive.recording.schemas import Schema
@@ -30,7 +31,10 @@ AGAIN = 1.0
 """Seconds after which the diagnostics are said again: who comes late knows how the devices are."""
 EXECUTING, SUCCEEDED, CANCELED, ABORTED = 2, 4, 5, 6
 """action_msgs/GoalStatus."""
-_ENDS = {"success": SUCCEEDED, "stopped": CANCELED}
+MOST_NAME = 60
+"""Letters of an operator's name, as for the page."""
+MOST_WAITING = 64
+"""Requests for a goal's result that are kept; of more, the oldest get none."""
 
 Starts = Callable[[dict[str, Any]], str]
 """Begins the run that a form describes, as the dashboard's page fills it in."""
@@ -42,9 +46,10 @@ class _Goal:
     viewer: str
     accepted: int
     status: int = EXECUTING
+    began: bool = False
     canceled: bool = False
     result: dict[str, Any] = field(default_factory=dict)
-    waiting: list[Reply] = field(default_factory=list)
+    waiting: deque[Reply] = field(default_factory=lambda: deque(maxlen=MOST_WAITING))
 
 
 class Ros2Bridge:
@@ -96,10 +101,10 @@ class Ros2Bridge:
         if self._links and time.monotonic() - self._said > AGAIN:
             self._said = time.monotonic()
             self._publish(diagnostics(time.time_ns(), self._links))
-        goal = self._goal
-        problem = self._control.start
-        if goal is not None and goal.status == EXECUTING and problem is not None and "problem" in problem:
-            self._end_goal(ABORTED, {"outcome": "error", "reason": problem["problem"]})
+        with self._lock:  # a goal that is being taken has not cleared the last one's problem yet
+            goal, start = self._goal, self._control.start
+        if goal is not None and goal.status == EXECUTING and start is not None and "problem" in start:
+            self._end_goal(goal, {"outcome": "stopped" if goal.canceled else "error", "reason": start["problem"]})
 
     def close(self) -> None:
         self._peer.close()
@@ -140,35 +145,45 @@ class Ros2Bridge:
         """
         if not self._acts_with(asked.token):
             raise RefusedError("acting needs the token that was printed at the start, on this machine")
-        if not asked.who.strip():
+        who = "".join(letter for letter in asked.who[: 2 * MOST_NAME] if letter.isprintable()).strip()[:MOST_NAME]
+        if not who:
             raise RefusedError("say who acts")
-        return f"ros2:{asked.who}", asked.who
+        return f"ros2:{who}", who
 
     # ----------------------------------------------------------------------------------------- action
 
     def _send_goal(self, asked: Any, reply: Reply) -> None:
-        accepted, now = False, time.time_ns()
-        stamp = {"sec": now // 10**9, "nanosec": now % 10**9}
+        now = time.time_ns()
         try:
             viewer, who = self._admitted(asked.goal)
-            form = {
-                "viewer": viewer, "who": who, "tree": asked.goal.tree, "seed": int(asked.goal.seed),
-                "settings": dict(zip(asked.goal.names, asked.goal.values, strict=True)),
-                **({"cell": asked.goal.cell} if asked.goal.cell else {}),
-            }  # fmt: skip
-            with self._lock:
-                if self._goal is not None and self._goal.status == EXECUTING:
-                    raise RefusedError("a run is going on")
-                assert self._start is not None
-                self._control.take(viewer, who)
-                self._start(form)
-                self._goal = _Goal(bytes(asked.goal_id.uuid), viewer, now)
+            self._begin_goal(_Goal(bytes(asked.goal_id.uuid), viewer, now), _form(asked.goal, viewer, who))
+            self._control.take(viewer, who)
             accepted = True
-        except (PomonaError, ValueError) as error:
+        except (PomonaError, OSError, ValueError) as error:
             self._say(f"a goal was refused: {error}", now)
-        reply({"accepted": accepted, "stamp": stamp})
+            accepted = False
+        reply({"accepted": accepted, "stamp": {"sec": now // 10**9, "nanosec": now % 10**9}})
         if accepted:
             self._say_status(now)
+
+    def _begin_goal(self, goal: _Goal, form: dict[str, Any]) -> None:
+        """Begin its run. It is the goal before that: a run may be over before this returns.
+
+        Raises:
+            RefusedError: a run is going on, or what starts runs refuses it.
+            UsageError: the tree or cell cannot be used.
+        """
+        assert self._start is not None
+        with self._lock:
+            before = self._goal
+            if before is not None and before.status == EXECUTING:
+                raise RefusedError("a run is going on")
+            self._goal = goal
+            try:
+                self._start(form)
+            except BaseException:
+                self._goal = before
+                raise
 
     def _get_result(self, asked: Any, reply: Reply) -> None:
         with self._lock:
@@ -189,19 +204,24 @@ class Ros2Bridge:
         if goal.status != EXECUTING:
             reply({"return_code": 3})
             return
+        before, goal.canceled = goal.canceled, True  # first: the run may end before this goes on
         try:
-            self._control.act(goal.viewer, "stop")
+            if not self._control.cancel_start(goal.viewer):
+                self._control.act(goal.viewer, "stop")
         except PomonaError as error:
+            goal.canceled = before
             self._say(f"a goal was not cancelled: {error}", time.time_ns())
             reply({"return_code": 1})
             return
-        goal.canceled = True
         reply({"return_code": 0, "goals_canceling": [self._info(goal)]})
 
     def _follow_goal(self, event: Mapping[str, Any], stamp: int) -> None:
         goal = self._goal
         if goal is None or goal.status != EXECUTING:
             return
+        goal.began = goal.began or event["event"] == "RunStarted"
+        if not goal.began:
+            return  # the run before has its last words
         if event["event"] == "NodeChanged":
             feedback = {
                 "node": event["path"], "status": event["status"], "feedback": event["feedback"], "t": event["t"],
@@ -214,18 +234,16 @@ class Ros2Bridge:
             result = {
                 "outcome": event["outcome"], "code": reason["code"], "reason": reason["message"], "time": event["time"]
             }  # fmt: skip
-            self._end_goal(_ENDS.get(event["outcome"], ABORTED), result)
+            self._end_goal(goal, result)
 
-    def _end_goal(self, status: int, result: dict[str, Any]) -> None:
+    def _end_goal(self, goal: _Goal, result: dict[str, Any]) -> None:
+        succeeded = result["outcome"] == "success"
+        status = SUCCEEDED if succeeded else CANCELED if goal.canceled else ABORTED
         with self._lock:
-            goal = self._goal
-            if goal is None:
-                return
             goal.status, goal.result = status, result
-            waiting, goal.waiting = goal.waiting, []
         self._say_status(time.time_ns())
-        for reply in waiting:
-            reply({"status": status, "result": result})
+        while goal.waiting:
+            goal.waiting.popleft()({"status": status, "result": result})
 
     def _say_status(self, now: int) -> None:
         if self._goal is not None:
@@ -240,3 +258,20 @@ class Ros2Bridge:
         stamp = {"sec": now // 10**9, "nanosec": now % 10**9}
         fields = {"stamp": stamp, "level": 30, "name": "pomona.ros2", "msg": text}
         self._publish(RosMessage("/rosout", "rcl_interfaces/msg/Log", now, fields))
+
+
+def _form(asked: Any, viewer: str, who: str) -> dict[str, Any]:
+    """What the page's form would hold.
+
+    Raises:
+        UsageError: names and values do not belong together.
+    """
+    if len(asked.names) != len(asked.values):
+        raise UsageError(
+            f"each name needs its value: there are {len(asked.names)} names and {len(asked.values)} values"
+        )
+    if len(set(asked.names)) < len(asked.names):
+        raise UsageError(f"a name comes twice: {', '.join(asked.names)}")
+    settings = dict(zip(asked.names, asked.values, strict=True))
+    form = {"viewer": viewer, "who": who, "tree": asked.tree, "seed": int(asked.seed), "settings": settings}
+    return {**form, "cell": asked.cell} if asked.cell else form

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import logging
 import secrets
 import struct
 import threading
@@ -19,6 +20,8 @@ from typing import Any
 from executive.errors import UsageError
 from executive.extras import need
 from executive.ros2.types import EXTRA, coder, typestore
+
+logger = logging.getLogger(__name__)
 
 ADDRESS = "127.0.0.1:7447"
 """Where rmw_zenoh looks for a router."""
@@ -33,8 +36,8 @@ Reply = Callable[[Mapping[str, Any]], None]
 Handler = Callable[[Any, Reply], None]
 """Takes a request's message and what answers it with fields, now or later."""
 
-WORKERS = 4
-"""Requests that are handled at the same time."""
+WAITING = 16
+"""Requests to a service that wait to be handled; more are refused at once."""
 
 
 class Ros2Peer:
@@ -60,7 +63,7 @@ class Ros2Peer:
         self._session = self._open(f"tcp/{address}", "tcp/127.0.0.1:0" if self.local else "tcp/0.0.0.0:0")
         self._gid = secrets.token_bytes(16)
         self._lock = threading.Lock()
-        self._workers = ThreadPoolExecutor(WORKERS, thread_name_prefix="pomona-ros2")
+        self._workers: list[ThreadPoolExecutor] = []
         self._publishers: dict[str, Any] = {}
         self._counts: dict[str, int] = {}
         self._held: list[Any] = []
@@ -118,13 +121,21 @@ class Ros2Peer:
         return subscriber
 
     def serve(self, name: str, kind: str, handle: Handler) -> None:
-        """Offer a service; a request that cannot be read gets no answer but an error.
+        """Offer a service; a request that cannot be read, or comes in a flood, gets no answer but an error.
 
         Args:
             name, kind: `/pomona/pause`, `pomona_msgs/srv/Act`.
-            handle: of requests, in a thread of its own; must not raise.
+            handle: of requests, one after the other in a thread of this service: a flood of others delays none of it.
         """
         request, response = f"{kind}_Request", coder(f"{kind}_Response")
+        worker = ThreadPoolExecutor(1, thread_name_prefix=f"pomona-ros2-{name.rpartition('/')[2]}")
+        room = threading.BoundedSemaphore(WAITING)
+        self._workers.append(worker)
+
+        def refuse(query: Any, why: str) -> None:
+            with contextlib.suppress(Exception):  # who asked is gone
+                query.reply_err(why.encode())
+                query.drop()
 
         def answer(query: Any) -> None:
             try:
@@ -132,8 +143,10 @@ class Ros2Peer:
                 number, _stamp, _size = _HEAD.unpack_from(query.attachment.to_bytes())
                 gid = query.attachment.to_bytes()[_HEAD.size :]
             except Exception as error:  # whatever somebody sends
-                query.reply_err(f"the request cannot be read: {_words(error)}".encode())
-                query.drop()
+                refuse(query, f"the request cannot be read: {_words(error)}")
+                return
+            if not room.acquire(blocking=False):
+                refuse(query, f"{WAITING} requests wait already")
                 return
 
             def reply(fields: Mapping[str, Any]) -> None:
@@ -142,7 +155,17 @@ class Ros2Peer:
                     query.reply(query.key_expr, bytes(response.coded(fields)), attachment=attachment)
                     query.drop()
 
-            self._workers.submit(handle, asked, reply)
+            def work() -> None:
+                try:
+                    handle(asked, reply)
+                except Exception as error:
+                    logger.warning("%s could not be answered: %s", name, error)
+                    refuse(query, _words(error))
+                finally:
+                    room.release()
+
+            with contextlib.suppress(RuntimeError):  # it was closed meanwhile
+                worker.submit(work)
 
         self._held.append(self._session.declare_queryable(self._key(name, kind), answer, complete=True))
         self._token("SS", name, kind)
@@ -164,7 +187,8 @@ class Ros2Peer:
 
     def close(self) -> None:
         """Leave. Harmless when it was left already."""
-        self._workers.shutdown(wait=False, cancel_futures=True)
+        for worker in self._workers:
+            worker.shutdown(wait=False, cancel_futures=True)
         with contextlib.suppress(Exception):
             self._session.close()
 

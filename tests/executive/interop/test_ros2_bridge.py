@@ -26,8 +26,8 @@ from executive.dashboard.control_lock import ControlLock
 from executive.errors import UsageError
 from executive.interop.live import Live
 from executive.interop.ros2_bridge import ABORTED, ACT, CANCELED, EXECUTING, SUCCEEDED, Ros2Bridge
-from executive.ros2.peer import Ros2Peer, type_hash
-from executive.ros2.types import service_types, typestore
+from executive.ros2.peer import WAITING, Ros2Peer, type_hash
+from executive.ros2.types import coder, service_types, typestore
 from executive.running.events import NodeChanged, RunEnded
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
@@ -114,6 +114,8 @@ class Setting:
     def start(self, form: dict[str, Any]) -> str:
         if form["tree"] == "wrong":
             raise UsageError("no tree 'wrong'")
+        if form["tree"] == "broken":
+            raise OSError("the disk is gone")
         self.forms.append(form)
         self.control.serve(self.robot)  # type: ignore[arg-type]
         return str(form["tree"])
@@ -245,12 +247,84 @@ def test_an_action_runs_a_tree_with_parameters_feedback_result_and_cancel(settin
     cancel = setting.client.call("/pomona/run_tree/_action/cancel_goal", "action_msgs/srv/CancelGoal", asked)
     assert (cancel.return_code, len(cancel.goals_canceling)) == (0, 1)
     assert setting.robot.told[-1] == ("stop", "anna")
+    setting.live.on_event(RunEnded(0.5, 25, "success", None, 25, 0.5, 0.2, None))  # late words of the run before
+    setting.live.on_event(started())
     setting.live.on_event(RunEnded(0.5, 25, "stopped", None, 25, 0.5, 0.2, None))
     assert result(setting, 3).status == CANCELED
     assert goal(setting, 4, tree="pick").accepted
     setting.control.prepare("pick")
     setting.control.clear("the cell cannot be reached")
     assert (result(setting, 4).status, result(setting, 4).result.reason) == (ABORTED, "the cell cannot be reached")
+
+
+def test_a_goal_that_is_refused_takes_control_from_nobody(setting: Setting) -> None:
+    assert setting.ask("take", "bert")[0]
+    uneven = {"names": ["fruit", "place"], "values": ["apple_5"]}
+    twice = {"names": ["fruit", "fruit"], "values": ["apple_1", "apple_2"]}
+    for wrong in ({"tree": "wrong"}, {"tree": "broken"}, {"tree": "pick", **uneven}, {"tree": "pick", **twice}):
+        assert not goal(setting, 1, **wrong).accepted
+    assert setting.control.holder.who == "bert"
+    said = [log.msg for log in setting.listening.messages("/rosout", 4)]
+    assert "each name needs its value: there are 2 names and 1 values" in said[2]
+    assert "a name comes twice: fruit, fruit" in said[3]
+    assert (setting.forms, result(setting, 1).status) == ([], 0)
+    assert goal(setting, 1, tree="pick").accepted
+    assert setting.control.holder.who == "anna"
+
+
+def test_a_goal_is_cancelled_while_its_run_is_prepared_and_stopped_by_others_it_is_aborted(setting: Setting) -> None:
+    starting = []
+
+    def start(form: dict[str, Any]) -> str:
+        starting.append(setting.control.prepare("pick"))
+        return "pick"
+
+    setting.bridge._start = start
+    assert goal(setting, 1, tree="pick").accepted
+    asked = {"goal_info": {"goal_id": {"uuid": bytes([1] * 16)}}}
+    cancel = "/pomona/run_tree/_action/cancel_goal"
+    assert setting.client.call(cancel, "action_msgs/srv/CancelGoal", asked).return_code == 0
+    assert starting[0].cancelled == "cancelled by anna"
+    setting.control.clear("cancelled by anna")
+    assert (result(setting, 1).status, result(setting, 1).result.outcome) == (CANCELED, "stopped")
+    assert setting.client.call(cancel, "action_msgs/srv/CancelGoal", asked).return_code == 3  # it is over
+
+    assert goal(setting, 2, tree="pick").accepted
+    assert setting.ask("take", "bert")[0]
+    asked = {"goal_info": {"goal_id": {"uuid": bytes([2] * 16)}}}
+    assert setting.client.call(cancel, "action_msgs/srv/CancelGoal", asked).return_code == 1  # bert has control
+    setting.live.on_event(started())
+    setting.live.on_event(RunEnded(0.5, 25, "stopped", None, 25, 0.5, 0.2, None))
+    assert (result(setting, 2).status, result(setting, 2).result.outcome) == (ABORTED, "stopped")
+
+
+def test_names_of_operators_are_as_long_and_as_plain_as_on_the_page(setting: Setting) -> None:
+    assert setting.ask("take", "\x1b[31m" + "x" * 100_000)[0]
+    assert setting.control.holder.who == "[31m" + "x" * 56
+    assert setting.ask("take", "\n\x1b") == (False, "say who acts")
+
+
+def test_a_flood_of_requests_is_refused_at_once_and_a_safe_stop_is_taken_beside_it(setting: Setting) -> None:
+    hold, key = threading.Event(), f"0/slow/pomona_msgs::srv::dds_::Act_/{type_hash(ACT)}"
+
+    def slow(_asked: Any, reply: Any) -> None:
+        assert hold.wait(60.0)
+        reply({"success": True})
+
+    def wrong(_asked: Any, _reply: Any) -> None:
+        raise OSError("nobody thought of this")
+
+    setting.peer.serve("/slow", ACT, slow)
+    setting.peer.serve("/wrong", ACT, wrong)
+    coded, attachment = bytes(coder(f"{ACT}_Request").coded({})), bytes(17)
+    session = setting.listening.session
+    flood = [session.get(key, payload=coded, attachment=attachment, timeout=60.0) for _ in range(WAITING + 30)]
+    assert setting.ask("safe_stop")[0]
+    with pytest.raises(TimeoutError):
+        setting.client.call("/wrong", ACT, {})
+    hold.set()
+    answers = [reply.ok is not None for replies in flood for reply in replies]
+    assert (answers.count(True), answers.count(False)) == (WAITING, 30)
 
 
 def test_what_somebody_sends_that_is_no_request_gets_an_error_and_harms_nothing(setting: Setting) -> None:
