@@ -1,6 +1,6 @@
 """Definitions of the messages that no distribution of ROS 2 brings along, in ROS 2's own language.
 
-`pomona_msgs` is ours: docs/interop.md has every field with its unit, and how to build the package.
+`pomona_msgs` is ours: docs/interop.md has every field with its unit.
 `py_trees_ros_interfaces` and `octomap_msgs` are other people's, as they are published, without the
 comments.
 """

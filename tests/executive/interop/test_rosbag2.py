@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from documented_topics import definitions, row_of, rows
 from recorded_events import contents, everything, record, write
 
 pytest.importorskip("rosbags", reason="the extra ros2 is not installed")
@@ -23,8 +24,10 @@ from executive.cli import main
 from executive.errors import UsageError
 from executive.interop.octomap import octomap
 from executive.interop.rosbag2 import export_rosbag2
-from executive.recording.folder import EVENTS_FILE
+from executive.interop.to_ros2 import RosMessage, ToRos2
+from executive.recording.folder import DEVICES, EVENTS_FILE
 from executive.recording.read import decode_image
+from executive.ros2.definitions import ACTIONS, POMONA, SERVICES
 from executive.ros2.types import coder, typestore
 from skills.motion.occupancy.occupancy_map import OCCUPIED, UNKNOWN, OccupancyMap
 from skills.motion.occupancy.octomap import to_bt
@@ -162,12 +165,38 @@ def test_the_tree_diagnostics_log_and_events_are_told(made: tuple[Path, Path], m
     ]
 
 
-def test_every_topic_of_a_bag_is_documented(messages: dict[str, list[Any]]) -> None:
-    text = (Path(__file__).parents[3] / "docs" / "interop.md").read_text()
-    known = [line.split("`")[1] for line in text.splitlines() if line.startswith("| `/")]
-    patterns = [topic.split("NAME")[0].split("DEVICE")[0] for topic in known]
-    for topic in messages:
-        assert any(topic == p or (p != "/" and p.endswith("/") and topic.startswith(p)) for p in patterns), topic
+def test_every_topic_of_a_bag_has_the_type_that_the_docs_say(made: tuple[Path, Path]) -> None:
+    with AnyReader([made[1]]) as reader:
+        kinds = {connection.topic: connection.msgtype for connection in reader.connections}
+    assert [topic for topic, kind in kinds.items() if kind not in rows()[row_of(topic)]] == []
+    kinds |= {message.topic: message.type for message in wrenches()}
+    assert rows().keys() - {row_of(topic) for topic in kinds} == set()
+
+
+def wrenches() -> list[RosMessage]:
+    """Two samples of one finger, the second 2 ms after the first."""
+    parts = ("force_x_N", "force_y_N", "force_z_N", "torque_x_Nm", "torque_y_Nm", "torque_z_Nm")
+    values = {f"finger_2_{part}": np.array([k, 10.0 + k]) for k, part in enumerate(parts)}
+    return list(ToRos2().messages(f"{DEVICES}fingers", {"t": 1.0, "tick": 5, "stamp_s": [0.1, 0.102], **values}, 10**9))
+
+
+def test_a_finger_s_wrench_has_newtons_and_newton_metres_in_its_pad_s_frame_at_their_times() -> None:
+    assert {(m.topic, m.type) for m in wrenches()} == {("/fingers/finger_2/wrench", "geometry_msgs/msg/WrenchStamped")}
+    assert [m.stamp for m in wrenches()] == [998_000_000, 10**9]
+    for before, message in zip((0.0, 10.0), wrenches(), strict=True):
+        assert message.fields["header"]["frame_id"] == "fingers/finger_2"
+        wrench = message.fields["wrench"]
+        assert [wrench[kind][axis] - before for kind in ("force", "torque") for axis in "xyz"] == [0, 1, 2, 3, 4, 5]
+
+
+def test_our_messages_are_those_that_the_docs_define() -> None:
+    action = "pomona_msgs/action/RunTree"
+    ours = {
+        **POMONA,
+        **{name: "---\n".join(SERVICES[name]) for name in ("pomona_msgs/srv/Act",)},
+        action: "---\n".join(ACTIONS[f"{action}_{part}"] for part in ("Goal", "Result", "Feedback")),
+    }
+    assert definitions() == ours
 
 
 def test_an_octree_has_the_bytes_of_the_map_whose_points_were_recorded() -> None:
