@@ -3,8 +3,29 @@
 from __future__ import annotations
 
 import gc
+from pathlib import Path
 
 import pytest
+from hypothesis import HealthCheck, settings
+
+# The same examples every time, and none is wrong because the machine is busy or compiles something first.
+settings.register_profile(
+    "pomona",
+    derandomize=True,
+    database=None,
+    deadline=None,
+    suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture],
+)
+settings.load_profile("pomona")
+
+
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Where only slow tests are asked for, files that have none are not even imported: all of them take a minute."""
+    asked: str = config.option.markexpr
+    if "slow" not in asked or "not slow" in asked or collection_path.suffix != ".py":
+        return None
+    text = collection_path.read_text("utf-8")
+    return None if "end_to_end" in collection_path.parts or "slow" in text or "browser" in text else True
 
 
 def pytest_collection_finish() -> None:

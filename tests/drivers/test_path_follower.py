@@ -56,7 +56,7 @@ def test_left_alone_it_is_the_trajectory_itself():
     assert points[-1] == pytest.approx(path.q[-1])
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     st.lists(st.floats(-2.0, 2.0), min_size=3, max_size=3).filter(lambda a: max(map(abs, a)) > 0.2),
     st.floats(0.0, 1.0),

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from skills.motion.grasps.sphere import Sphere
 from skills.motion.occupancy import OccupancyMap
 from skills.motion.planning.arm_space import ArmSpace
 from skills.motion.robot import RobotModel
+from skills.motion.straight_line import straight_line
 from skills.perception.fruit import load_fruit
 from skills.perception.measured_fruit import MeasuredFruit
 
@@ -58,6 +60,7 @@ def apple_at(number: int, place: int, yaw: float = 0.0, sigma: float = 1e-3) -> 
     )
 
 
+@cache
 def a_grasp(number: int = 1, place: int = 3, theta: float = 0.0) -> Grasp:
     """A grasp that can be approached on an empty table."""
     from skills.motion.collision import CollisionWorld
@@ -66,6 +69,13 @@ def a_grasp(number: int = 1, place: int = 3, theta: float = 0.0) -> Grasp:
     sphere = Sphere(theta=(theta, theta), tilts=1, turns=8)
     grasps, _ = sample_pre_grasps(apple_at(number, place), ROBOT_MODEL, space, OBSERVE, TABLE_Z, sphere)
     return grasps[0]
+
+
+@cache
+def q_at_grasp() -> np.ndarray:
+    """Where the arm stands when it grasps, (dof,) [rad]."""
+    q: np.ndarray = straight_line(ROBOT_MODEL, a_grasp().q_pre_grasp[0], a_grasp().T_base_grasp).q[-1]
+    return q
 
 
 @dataclass

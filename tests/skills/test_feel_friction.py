@@ -12,12 +12,9 @@ from skills.feel_friction import FeelFriction
 from skills.grip.grip import GripPhase
 from skills.grip.hold import Hold, take_over
 from skills.grip.pads import MIRROR
-from skills.motion.straight_line import straight_line
 from skills.slip_avoid_grasp import SlipAvoidGrasp
-from tests.skills.picking_scene import ROBOT_MODEL, PickingScene, a_grasp
+from tests.skills.picking_scene import PickingScene, a_grasp, q_at_grasp
 
-GRASP = a_grasp()
-Q_GRASP = straight_line(ROBOT_MODEL, GRASP.q_pre_grasp[0], GRASP.T_base_grasp).q[-1]
 TOLD = {"mu": 0.6, "mu_uncertainty": 0.15}
 PADS = 1500.0
 """Stiffness of a pad along its face [N/m]."""
@@ -27,7 +24,7 @@ class Standing(PickingScene):
     """A fruit on a table between the fingers: pads that move along it bend, then rub; a light one comes along."""
 
     def __init__(self, mu: float = 0.8, weight: float = 2.0) -> None:
-        super().__init__(q=Q_GRASP.copy(), width=0.085)
+        super().__init__(q=q_at_grasp().copy(), width=0.085)
         press = spring_fruit(self.gripper, 0.08, 2000.0)
         self.bent = self.risen = 0.0
         self.before = self.tcp[2, 3]
@@ -74,7 +71,7 @@ def test_it_feels_the_friction_and_holds_for_it(mu):
     assert hold.controller.settings.contact.mu == outcome.outputs["mu"]
     assert hold.phase is GripPhase.HOLDING
     assert hold.reading.f_n == pytest.approx(2.2, abs=0.2)
-    np.testing.assert_allclose(scene.tcp[:3, 3], GRASP.T_base_grasp[:3, 3], atol=1e-4)
+    np.testing.assert_allclose(scene.tcp[:3, 3], a_grasp().T_base_grasp[:3, 3], atol=1e-4)
     assert outcome.duration < 2.0
 
 

@@ -14,14 +14,11 @@ from skills.lift import Lift
 from skills.motion.straight_line import straight_line
 from skills.shared.touch import something_between
 from skills.slip_avoid_grasp import SlipAvoidGrasp
-from tests.skills.picking_scene import ROBOT_MODEL, PickingScene, a_grasp, seen_map
-
-GRASP = a_grasp()
-Q_GRASP = straight_line(ROBOT_MODEL, GRASP.q_pre_grasp[0], GRASP.T_base_grasp).q[-1]
+from tests.skills.picking_scene import ROBOT_MODEL, PickingScene, a_grasp, q_at_grasp, seen_map
 
 
 def holding() -> PickingScene:
-    scene = PickingScene(q=Q_GRASP.copy(), width=0.085)
+    scene = PickingScene(q=q_at_grasp().copy(), width=0.085)
     scene.hold_fruit()
     return scene
 
@@ -29,7 +26,7 @@ def holding() -> PickingScene:
 def test_it_lifts_straight_up_and_still_holds():
     scene = holding()
     before = scene.tcp
-    outcome = drive(Lift(), {"height": 0.15, "grasp": GRASP}, scene.devices, clock=scene.clock)
+    outcome = drive(Lift(), {"height": 0.15, "grasp": a_grasp()}, scene.devices, clock=scene.clock)
     assert outcome.status is Status.SUCCESS
     np.testing.assert_allclose(scene.tcp[:3, 3], before[:3, 3] + [0.0, 0.0, 0.15], atol=1e-6)
     np.testing.assert_allclose(scene.tcp[:3, :3], before[:3, :3], atol=1e-6)
@@ -47,7 +44,7 @@ def test_the_tool_is_accelerated_gently():
 
 
 def test_nothing_between_the_fingers_is_not_lifted():
-    scene = PickingScene(q=Q_GRASP.copy(), width=0.085)
+    scene = PickingScene(q=q_at_grasp().copy(), width=0.085)
     scene.clock.advance(0.01)
     outcome = drive(Lift(), {"height": 0.15}, scene.devices, clock=scene.clock)
     assert outcome.reason.code == "NOT_HELD"
@@ -55,7 +52,7 @@ def test_nothing_between_the_fingers_is_not_lifted():
 
 
 def test_closed_fingers_that_press_each_other_hold_nothing():
-    scene = PickingScene(q=Q_GRASP.copy(), width=0.035)
+    scene = PickingScene(q=q_at_grasp().copy(), width=0.035)
     scene.hold_fruit()
     assert drive(Lift(), {}, scene.devices, clock=scene.clock).reason.code == "NOT_HELD"
 
@@ -93,7 +90,7 @@ def test_a_fruit_that_slips_out_on_the_way_is_lost_and_the_arm_stops():
     assert outcome.reason.code == "LOST"
     assert "mm up" in outcome.reason.message
     assert scene.arm.settled()
-    assert scene.tcp[2, 3] < GRASP.T_base_grasp[2, 3] + 0.14
+    assert scene.tcp[2, 3] < a_grasp().T_base_grasp[2, 3] + 0.14
 
 
 def test_beyond_reach_nothing_moves():
@@ -126,7 +123,7 @@ def test_something_above_is_known_before_anything_moves():
     scene = holding()
     above = scene.tcp[:3, 3] + [0.0, 0.0, 0.25]
     outcome = drive(
-        Lift(), {"grasp": GRASP, "map": seen_map(blocked=(above,))}, scene.devices, clock=scene.clock
+        Lift(), {"grasp": a_grasp(), "map": seen_map(blocked=(above,))}, scene.devices, clock=scene.clock
     )  # fmt: skip
     assert outcome.reason.code == "LIFT_BLOCKED"
     assert outcome.reason.data["obstacle"] == "map"
@@ -138,7 +135,7 @@ def test_the_held_fruit_is_part_of_the_robot():
     beside = (scene.tcp @ [0.078, 0.0, -0.06, 1.0])[:3]
     without = drive(Lift(), {"map": seen_map(blocked=(beside,))}, scene.devices, clock=scene.clock)
     scene = holding()
-    given = {"grasp": GRASP, "map": seen_map(blocked=(beside,))}
+    given = {"grasp": a_grasp(), "map": seen_map(blocked=(beside,))}
     outcome = drive(Lift(), given, scene.devices, clock=scene.clock)
     assert without.status is Status.SUCCESS
     assert outcome.reason.code == "LIFT_BLOCKED"
@@ -156,12 +153,12 @@ class Standing:
     """A fruit that stands on the table between the fingers, under a grip that presses with 8 N at most."""
 
     def __init__(self, weight: float, lever: float = 0.0, mu: float = 0.8) -> None:
-        self.scene = PickingScene(q=Q_GRASP.copy(), width=0.085)
+        self.scene = PickingScene(q=q_at_grasp().copy(), width=0.085)
         press = spring_fruit(self.scene.gripper, 0.08)
 
         def feel(now: float) -> np.ndarray:
             wrenches = press(now)
-            risen = self.scene.tcp[2, 3] - GRASP.T_base_grasp[2, 3]
+            risen = self.scene.tcp[2, 3] - a_grasp().T_base_grasp[2, 3]
             hangs = min(max(risen / 2e-3, 0.0), 1.0)  # the load passes from the table within two millimetres
             borne = min(hangs * weight, 2.0 * mu * -wrenches[0, 2])
             wrenches[:, 0] += 0.5 * borne
@@ -182,7 +179,7 @@ class Standing:
 
     @property
     def risen(self) -> float:
-        return float(self.scene.tcp[2, 3] - GRASP.T_base_grasp[2, 3])
+        return float(self.scene.tcp[2, 3] - a_grasp().T_base_grasp[2, 3])
 
 
 def test_what_the_grip_can_hold_is_lifted_without_a_stop():

@@ -8,13 +8,10 @@ from executive.skill_testing import drive
 from skills.release import Release
 from tests.skills.picking_scene import HOME, WORKSPACE, PickingScene, a_grasp, scene_with_pose, seen_map
 
-GRASP = a_grasp()
-START = GRASP.q_pre_grasp[0]
-
 
 def over_ground(ground: float | None, **changes: Any) -> PickingScene:
     """A held fruit of 1.5 N above a ground that carries it from a height of the TCP on."""
-    scene = PickingScene(q=START.copy(), width=0.08, **changes)
+    scene = PickingScene(q=a_grasp().q_pre_grasp[0].copy(), width=0.08, **changes)
 
     def feel(_now: float) -> np.ndarray:
         wrenches = np.zeros((2, 6))
@@ -29,7 +26,7 @@ def over_ground(ground: float | None, **changes: Any) -> PickingScene:
 
 
 def test_it_lowers_until_the_fruit_is_carried_then_opens_and_rises():
-    before = PickingScene(q=START.copy()).tcp[2, 3]
+    before = PickingScene(q=a_grasp().q_pre_grasp[0].copy()).tcp[2, 3]
     scene = over_ground(before - 0.06)
     heights = []
 
@@ -53,7 +50,7 @@ def test_over_nothing_the_fruit_stays_held():
 
 
 def test_empty_fingers_have_nothing_to_release():
-    scene = PickingScene(q=START.copy(), width=0.08)
+    scene = PickingScene(q=a_grasp().q_pre_grasp[0].copy(), width=0.08)
     scene.clock.advance(0.01)
     assert drive(Release(), {}, scene.devices, clock=scene.clock).reason.code == "NOT_HELD"
     assert scene.arm.followed == []
@@ -80,7 +77,7 @@ def test_a_fruit_lost_on_the_way_down_is_told():
 
 
 def test_it_opens_only_after_what_carries_the_fruit_has_let_it_hang_again():
-    before = PickingScene(q=START.copy()).tcp[2, 3]
+    before = PickingScene(q=a_grasp().q_pre_grasp[0].copy()).tcp[2, 3]
     scene = over_ground(before - 0.06)
     heights = []
 
@@ -96,7 +93,7 @@ def test_it_opens_only_after_what_carries_the_fruit_has_let_it_hang_again():
 
 
 def test_a_fruit_whose_floor_takes_the_pressing_force_from_one_finger_is_put_down():
-    before = PickingScene(q=START.copy()).tcp[2, 3]
+    before = PickingScene(q=a_grasp().q_pre_grasp[0].copy()).tcp[2, 3]
     scene = over_ground(before - 0.06)
     calm = scene.fingers.feel
 
@@ -128,7 +125,7 @@ def test_a_jolt_on_the_way_down_opens_nothing():
 
 
 def test_a_fruit_that_is_lost_while_it_is_raised_is_not_said_to_be_held():
-    before = PickingScene(q=START.copy()).tcp[2, 3]
+    before = PickingScene(q=a_grasp().q_pre_grasp[0].copy()).tcp[2, 3]
     scene = over_ground(before - 0.02)
     calm, lowest = scene.fingers.feel, [before]
 
@@ -173,7 +170,7 @@ def test_what_the_fingers_lie_is_not_taken_for_a_floor(lie):
 
 @pytest.mark.parametrize("lie", LIES)
 def test_whatever_the_fingers_lie_they_open_at_the_floor_or_not_at_all(lie):
-    before = PickingScene(q=START.copy()).tcp[2, 3]
+    before = PickingScene(q=a_grasp().q_pre_grasp[0].copy()).tcp[2, 3]
     scene = over_ground(before - 0.02)
     calm, heights = scene.fingers.feel, []
     scene.fingers.feel = lambda now: LIES[lie](now, calm(now))
@@ -245,7 +242,7 @@ def test_it_is_quick_until_the_fruit_is_near_to_what_is_known():
     slow, quick = over_ground(-0.085), over_ground(-0.085)
     outcomes = [
         drive(Release(), inputs, scene.devices, clock=scene.clock)
-        for scene, inputs in ((slow, {}), (quick, {"grasp": GRASP}))
+        for scene, inputs in ((slow, {}), (quick, {"grasp": a_grasp()}))
     ]
     assert [outcome.status for outcome in outcomes] == [Status.SUCCESS] * 2
     assert outcomes[1].duration < 0.6 * outcomes[0].duration

@@ -6,7 +6,7 @@ from pathlib import Path
 import jsonschema
 import pytest
 import yaml
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drivers.cell import CELL_FILES
@@ -225,7 +225,7 @@ TREES = st.recursive(
 
 
 @pytest.mark.slow
-@settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=300)
 @given(TREES)
 def test_any_yaml_is_a_cell_or_has_findings_with_places(judge, content):
     found = judge(yaml.safe_dump(content, allow_unicode=True))
@@ -234,7 +234,7 @@ def test_any_yaml_is_a_cell_or_has_findings_with_places(judge, content):
 
 
 @pytest.mark.slow
-@settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=300)
 @given(st.integers(0, len(SIM) - 1), st.integers(0, 12), st.text("abz:{}[]-0.\"'#&*!|>%@\n\t, é\x00", max_size=4))
 def test_a_damaged_cell_has_findings_with_places_or_is_a_cell(judge, at, length, inserted):
     found = judge(SIM[:at] + inserted + SIM[at + length :])

@@ -6,7 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drivers import driver as driver_module
@@ -214,7 +214,7 @@ def test_the_shipped_drivers_are_known_by_name():
     assert {"mujoco", "sim-arm", "sim-gripper", "sim-fingers", "sim-camera", "mock-arm"} <= known_drivers().keys()
 
 
-@settings(max_examples=200, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=200)
 @given(st.integers(0, len(MOCK) - 1), st.integers(0, 12), st.text("abz:{}[]-0.\"'#&*!|>%@\n\t, é", max_size=4))
 def test_a_damaged_cell_file_is_refused_in_words_or_works(load, at, length, inserted):
     try:

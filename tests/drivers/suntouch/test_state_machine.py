@@ -146,9 +146,6 @@ class FingersMachine(RuleBasedStateMachine):
 FingersMachine.TestCase.settings = settings(
     max_examples=5,
     stateful_step_count=14,
-    deadline=None,
-    derandomize=True,
-    database=None,
     phases=(Phase.generate,),
 )
 TestFingers = FingersMachine.TestCase

@@ -223,9 +223,6 @@ class GripperMachine(RuleBasedStateMachine):
 GripperMachine.TestCase.settings = settings(
     max_examples=15,
     stateful_step_count=20,
-    deadline=None,
-    derandomize=True,
-    database=None,
     phases=(Phase.generate,),  # shrinking costs minutes
 )
 TestGripper = GripperMachine.TestCase

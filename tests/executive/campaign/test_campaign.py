@@ -14,7 +14,7 @@ from typing import Any
 import jsonschema
 import pytest
 import yaml
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from executive.campaign.document import to_html, to_markdown
@@ -295,7 +295,7 @@ def test_the_schema_accepts_what_the_reader_accepts() -> None:
 
 
 @pytest.mark.slow
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=60)
 @given(st.integers(0, len(FILE) - 1), st.integers(0, 12), st.text("abz:{}[]-0.\"'#&*!|>%@\n\t, é", max_size=4))
 def test_a_damaged_campaign_has_findings_with_places_or_is_a_campaign(
     tmp_path: Path, at: int, length: int, inserted: str

@@ -7,7 +7,7 @@ import importlib.util
 from pathlib import Path
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from executive.language import TreeFileError, build, check, format_findings, read
@@ -20,8 +20,6 @@ SPEC = importlib.util.spec_from_file_location("fuzz", Path(__file__).with_name("
 fuzzer = importlib.util.module_from_spec(SPEC)
 SPEC.loader.exec_module(fuzzer)
 SKILLS = fuzzer.dummy_skills()
-SAME_EVERYWHERE = settings(derandomize=True, database=None, deadline=None, suppress_health_check=[HealthCheck.too_slow])
-"""Neither chance nor how busy a machine is decides; `fuzz.py --cases` tries as many as one likes."""
 
 
 @pytest.mark.slow
@@ -45,13 +43,13 @@ def test_mutated_xml(skills, pick_apple):
 
 
 @given(st.text(max_size=200))
-@settings(SAME_EVERYWHERE, max_examples=300)
+@settings(max_examples=300)
 def test_any_text_is_read(text):
     format_findings(read(text, "t.yaml").findings)
 
 
 @given(st.lists(st.sampled_from([*fuzzer.TOKENS, "{a}", "a", "1", "'x'", "."]), max_size=30))
-@settings(SAME_EVERYWHERE, max_examples=500)
+@settings(max_examples=500)
 def test_any_expression_is_parsed_or_refused(tokens):
     with contextlib.suppress(ExpressionSyntaxError):
         parse_expression(" ".join(tokens))
@@ -91,7 +89,7 @@ nodes = st.recursive(
 
 @pytest.mark.slow
 @given(root=nodes, sub=nodes)
-@settings(SAME_EVERYWHERE, max_examples=300)
+@settings(max_examples=300)
 def test_any_tree_is_checked_and_what_passes_is_built_and_runs(root, sub):
     head = "pomona: 1\ntree: t\nparameters: {x: {type: int, default: 1}}"
     document = read(f"{head}\nroot: {root}\nsubtrees: {{sub: {{root: {sub}}}}}", "t.yaml")

@@ -46,7 +46,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return record(tmp_path_factory.mktemp("whole"), everything())
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 @given(place=st.floats(0.0, 1.0, exclude_max=True), change=st.integers(1, 255))
 def test_a_change_of_one_byte_anywhere_is_found(
     whole: Path, tmp_path_factory: pytest.TempPathFactory, place: float, change: int
@@ -90,7 +90,7 @@ def test_a_checksum_that_was_wiped_out_is_found_too(tmp_path: Path) -> None:
         assert examine(path).state == "damaged"
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(cut=st.floats(0.0, 1.0), place=st.floats(0.0, 1.0, exclude_max=True), change=st.integers(1, 255))
 def test_of_a_record_that_was_cut_off_no_changed_byte_is_believed(
     whole: Path, tmp_path_factory: pytest.TempPathFactory, cut: float, place: float, change: int
@@ -174,7 +174,7 @@ def test_a_record_of_which_the_first_chunk_is_lost_keeps_its_later_events(tmp_pa
 
 
 @pytest.mark.slow
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.lists(st.tuples(st.floats(0.0, 1.0, exclude_max=True), st.integers(1, 255)), min_size=1, max_size=5))
 def test_a_repaired_record_is_whole_and_holds_no_event_that_was_not_recorded(
     whole: Path, tmp_path_factory: pytest.TempPathFactory, changes: list[tuple[float, int]]

@@ -201,4 +201,4 @@ class RunnerMachine(RuleBasedStateMachine):
 
 
 TestRunner = RunnerMachine.TestCase
-TestRunner.settings = settings(max_examples=25, stateful_step_count=14, deadline=None)
+TestRunner.settings = settings(max_examples=25, stateful_step_count=14)

@@ -70,7 +70,7 @@ def test_the_integrals_agree_with_adaptive_quadrature(c: float, k: float) -> Non
 
 
 @given(c=st.floats(0.0, 200.0), k=st.sampled_from([1.0, 1.3, 2.0, 4.0, 7.7, 31.0, 100.0]))
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 def test_the_table_is_within_a_ten_thousandth_for_any_pressure(c: float, k: float) -> None:
     f, tau = surface_table(SoftContact(k=k)).at(c)
     exact_f, exact_tau = limit_surface(c, k)
@@ -100,7 +100,7 @@ def test_the_least_force_of_the_published_load() -> None:
     gamma=st.floats(0.0, 0.4),
     ellipsoid=st.booleans(),
 )
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 def test_the_least_force_puts_the_load_onto_the_surface(
     f_t: float, tau_n: float, mu: float, gamma: float, ellipsoid: bool
 ) -> None:
@@ -121,7 +121,7 @@ def test_a_force_alone_needs_coulombs_force_and_a_moment_alone_the_torsional_one
 
 
 @given(mu=st.floats(0.3, 1.0), f_t=st.floats(0.0, 5.0), tau_n=st.floats(0.0, 0.02))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_linear_torsion_is_the_simulators_elliptic_cone(mu: float, f_t: float, tau_n: float) -> None:
     contact = SoftContact.with_linear_torsion(mu, 0.003)
     cone = math.hypot(f_t / mu, tau_n / 0.003)
@@ -129,7 +129,7 @@ def test_linear_torsion_is_the_simulators_elliptic_cone(mu: float, f_t: float, t
 
 
 @given(f_t=st.floats(0.01, 3.0), tau_n=st.floats(1e-4, 0.01), more=st.floats(1.01, 2.0))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_more_load_needs_more_force(f_t: float, tau_n: float, more: float) -> None:
     assert least_force(f_t * more, tau_n, FIRST_SET) > least_force(f_t, tau_n, FIRST_SET)
     assert least_force(f_t, tau_n * more, FIRST_SET) > least_force(f_t, tau_n, FIRST_SET)

@@ -30,7 +30,7 @@ def wrench_on_pad(normal: np.ndarray, point: np.ndarray, force: np.ndarray, torq
     x=st.floats(-0.008, 0.008),
     z=st.floats(-0.008, 0.008),
 )
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=80)
 def test_both_pads_feel_the_same_load_of_a_fruit(
     across: float, down: float, press: float, twist: float, x: float, z: float
 ) -> None:

@@ -24,7 +24,7 @@ def distance_to_cubes(points: np.ndarray, blocked: np.ndarray) -> np.ndarray:
     return np.linalg.norm(outside, axis=2).min(axis=1)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(st.integers(0, 10_000))
 def test_inside_the_grid_the_field_bounds_the_distance_from_below_and_closely(seed: int) -> None:
     blocked = grid(seed)
@@ -36,7 +36,7 @@ def test_inside_the_grid_the_field_bounds_the_distance_from_below_and_closely(se
     assert np.all(told >= true - (INTERPOLATION_ERROR + np.sqrt(0.75)) * RESOLUTION)  # half a diagonal of a cell
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 @given(st.integers(0, 10_000))
 def test_outside_the_grid_the_field_still_bounds_from_below(seed: int) -> None:
     blocked = grid(seed)

@@ -62,7 +62,7 @@ def shape(request, tmp_path_factory) -> RobotShape:
     return RobotShape.of(RobotModel.load(file))
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(seed=st.integers(0, 100_000), share=st.floats(1e-3, 1.0))
 def test_nothing_moves_further_than_its_bound(shape: RobotShape, seed: int, share: float) -> None:
     rng, model = np.random.default_rng(seed), shape.model
@@ -95,7 +95,7 @@ def test_a_path_names_its_first_segment_that_is_not_free() -> None:
     assert world.first_blocked([low], 0.05) == 0
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.integers(0, 100_000))
 def test_what_was_proven_free_is_never_denied_where_another_check_looks_elsewhere(seed: int) -> None:
     """A plan must not fail on its own path: any part of a segment that was proven is free to the one that executes."""

@@ -141,7 +141,7 @@ def test_held_fruit_is_part_of_the_robot() -> None:
     assert CollisionWorld.build(robot, table, margins=TOUCHING_ALLOWED).free(above(0.035), 0.08)[0]
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(st.integers(0, 100_000))
 def test_a_path_called_free_holds_no_collision_at_any_fine_sample(seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -240,7 +240,7 @@ def test_pairs_that_overlap_in_every_posture_are_left_out_by_geometry(tmp_path: 
     }  # not post and inner
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(st.integers(0, 10_000))
 def test_convex_distances_are_lower_bounds_and_close(seed: int) -> None:
     rng = np.random.default_rng(seed)

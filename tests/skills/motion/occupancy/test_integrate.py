@@ -148,7 +148,7 @@ def test_what_was_taken_away_is_free_after_the_next_look() -> None:
     assert np.count_nonzero(left_over < 0.06) == 0
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(st.integers(0, 1000))
 def test_noise_of_the_sensor_neither_blocks_free_space_nor_opens_objects(seed: int) -> None:
     rng = np.random.default_rng(seed)

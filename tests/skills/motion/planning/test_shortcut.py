@@ -8,7 +8,7 @@ from skills.motion.planning.shortcut import path_length, shortcut
 from tests.skills.motion.planning.disc_world import DiscWorld
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(seed=st.integers(0, 1000))
 def test_a_shortcut_is_free_no_longer_and_keeps_its_ends(seed):
     rng = np.random.default_rng(seed)

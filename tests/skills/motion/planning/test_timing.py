@@ -38,7 +38,7 @@ def distance_to_polyline(q: np.ndarray, waypoints: np.ndarray) -> float:
     return best
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(seed=st.integers(0, 10_000), n=st.integers(2, 7), scale=st.sampled_from([1e-3, 0.05, 0.4, 2.0]))
 def test_a_polyline_is_driven_within_all_limits_from_rest_to_rest(seed, n, scale):
     waypoints = np.random.default_rng(seed).uniform(-scale, scale, (n, 7))
@@ -51,7 +51,7 @@ def test_a_polyline_is_driven_within_all_limits_from_rest_to_rest(seed, n, scale
     np.testing.assert_array_equal(trajectory.qd[[0, -1]], 0.0)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(seed=st.integers(0, 10_000))
 def test_velocity_and_acceleration_are_the_derivatives_of_position(seed):
     waypoints = np.random.default_rng(seed).uniform(-1.5, 1.5, (4, 7))

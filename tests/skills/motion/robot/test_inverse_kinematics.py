@@ -45,7 +45,7 @@ def test_an_arm_with_a_shifted_wrist_is_not_mistaken_for_the_family(tmp_path: Pa
     assert worst_error(robot, solutions, robot.tcp(q)) < 1e-9
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(shares)
 def test_closed_form_solutions_reach_the_pose_within_the_limits(share: list[float]) -> None:
     robot = RobotModel.load(SIA5F)
@@ -56,7 +56,7 @@ def test_closed_form_solutions_reach_the_pose_within_the_limits(share: list[floa
     assert np.all(solutions <= robot.upper)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(shares)
 def test_near_a_posture_the_closed_form_finds_that_posture(share: list[float]) -> None:
     robot = RobotModel.load(SIA5F)
@@ -76,7 +76,7 @@ def test_every_reachable_pose_is_solved_in_closed_form() -> None:
         assert len(inverse_kinematics(robot, T, arm_angles=72)) > 0
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(shares)
 def test_descent_solutions_of_another_arm_reach_the_pose_within_the_limits(share: list[float]) -> None:
     robot = RobotModel.load(SIX_AXIS)

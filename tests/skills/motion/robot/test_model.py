@@ -46,7 +46,6 @@ def by_hand(q: np.ndarray) -> np.ndarray:
     )
 
 
-@settings(deadline=None)
 @given(arrays(np.float64, 7, elements=st.floats(-1.5, 1.5)))
 def test_forward_kinematics_equals_the_product_of_joint_transforms(q: np.ndarray) -> None:
     assert np.allclose(RobotModel.load(SIA5F).fk(q), by_hand(q), atol=1e-9)
@@ -179,7 +178,7 @@ def test_bad_poses_are_refused(T: object) -> None:
         inverse_kinematics(RobotModel.load(SIA5F), T)  # type: ignore[arg-type]
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(st.floats(0.1, 1.0))
 def test_narrower_limits_are_kept(share: float) -> None:
     robot = RobotModel.load(SIA5F)

@@ -18,7 +18,7 @@ def in_picture(p: np.ndarray) -> np.ndarray:
     return p[:2] / p[2] * (K[0, 0], K[1, 1]) + K[:2, 2]
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(
     PLACE,
     st.tuples(st.floats(-1, 1), st.floats(-1, 1), st.floats(-1, 1)).filter(lambda v: np.linalg.norm(v) > 0.2),
@@ -37,7 +37,7 @@ def test_a_label_gives_back_the_place_and_the_stem(
     assert np.allclose(stem_camera, T[:3, :3] @ STEM_AXIS, atol=1e-6)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(PLACE, st.floats(0.6, 1.2))
 def test_a_fruit_of_another_size_has_the_label_of_the_cad_sized_one_that_looks_the_same(
     p: tuple[float, ...], scale: float

@@ -110,7 +110,7 @@ def test_decoder_agrees_with_a_slow_one_on_crowded_noisy_maps() -> None:
         assert_same(decode_maps(belief, affinity, thresholds), slow_decode(belief, affinity, thresholds))
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(st.integers(0, 10_000))
 def test_decoder_agrees_with_a_slow_one_on_arbitrary_maps(seed: int) -> None:
     rng = np.random.default_rng(seed)

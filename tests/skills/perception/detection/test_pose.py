@@ -35,7 +35,7 @@ QUATERNION = st.tuples(*[st.floats(-1, 1)] * 4).filter(lambda q: np.linalg.norm(
 PLACE = st.tuples(st.floats(-0.15, 0.15), st.floats(-0.1, 0.1), st.floats(0.3, 0.9))
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(QUATERNION, PLACE, st.sampled_from(list(CuboidConvention)))
 def test_exact_keypoints_give_back_the_pose(
     q: tuple[float, ...], p: tuple[float, ...], convention: CuboidConvention
@@ -104,7 +104,7 @@ def test_hopeless_keypoints_are_refused(keypoints: np.ndarray) -> None:
         solve_pose(keypoints, APPLE, K)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.lists(st.tuples(st.floats(-2000, 2000), st.floats(-2000, 2000)), min_size=9, max_size=9))
 def test_any_keypoints_give_a_pose_before_the_camera_or_a_typed_error(points: list[tuple[float, float]]) -> None:
     try:

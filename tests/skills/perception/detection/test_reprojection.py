@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -30,7 +31,10 @@ def moved(R: np.ndarray, t: np.ndarray, step: np.ndarray) -> tuple[np.ndarray, n
     return np.asarray(cv2.Rodrigues(step[:3])[0], np.float64) @ R, t + step[3:]
 
 
-warm_up()
+@pytest.fixture(scope="module", autouse=True)
+def _compiled() -> None:
+    """Else the first example of the first property would be slower than hypothesis allows."""
+    warm_up()
 
 
 @given(st.integers(0, 10_000))

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import trimesh
 import yaml
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from executive.values.findings import Findings
@@ -168,7 +168,7 @@ def test_weights_and_meshes_are_looked_through_once_until_they_change(tmp_path: 
     assert damage(weights)
 
 
-@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=150)
 @given(st.integers(0, 120), st.integers(0, 12), st.text("abz:{}[]-0.\"'#&*!|>%@\n\t, é", max_size=4))
 def test_a_damaged_fruit_file_has_findings_with_places_or_is_a_fruit(
     tmp_path: Path, at: int, length: int, inserted: str

@@ -14,7 +14,7 @@ BALL = trimesh.creation.icosphere(subdivisions=5, radius=0.05)
 small = st.floats(-0.06, 0.06)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(ln=st.tuples(*[st.floats(-0.4, 0.2)] * 3), lean=st.tuples(small, small))
 def test_maps_invert_and_normals_are_those_of_the_deformed_mesh(ln, lean):
     form = Form.scaled(BALL, 1.0).changed(np.array(ln), np.array(lean))

@@ -36,7 +36,7 @@ def poses(draw: st.DrawFn) -> np.ndarray:
     return transform(rotation_about(axis / np.linalg.norm(axis), angle), p)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(name=meshes, T=poses(), sigma=sigmas)
 @pytest.mark.parametrize("using", ["pyrender", "zbuffer"])
 def test_one_render_times_mu_is_the_render_at_every_sigma(using, name, T, sigma):
@@ -51,7 +51,7 @@ def test_one_render_times_mu_is_the_render_at_every_sigma(using, name, T, sigma)
     assert error.max() < 1e-3
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(name=meshes, T=poses(), sigma=sigmas)
 def test_scale_equals_the_bounded_optimiser_that_renders_anew(name, T, sigma):
     mesh = MESHES[name]
@@ -137,7 +137,7 @@ def test_box_holds_the_whole_model():
     assert not virtual[:, [0, -1]].any()
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     depths=st.lists(st.floats(0.05, 3.0), min_size=40, max_size=60),
     band=st.floats(1e-6, 0.05),

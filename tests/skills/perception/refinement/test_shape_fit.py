@@ -30,7 +30,7 @@ def seen_points(T, stretch, count: int = 2500) -> Cloud:
     return Cloud(points, points / np.linalg.norm(points, axis=1, keepdims=True), np.full(len(points), 1e-3))
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(
     width=st.floats(0.6, 1.2),
     aspect=st.floats(0.8, 1.15),
