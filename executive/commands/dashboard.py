@@ -81,7 +81,7 @@ def open_bridge(
     from executive.interop.ros2_bridge import Ros2Bridge
     from executive.ros2.peer import ADDRESS, Ros2Peer
 
-    peer = Ros2Peer(options.ros2 or ADDRESS)
+    peer = Ros2Peer(options.ros2 or ADDRESS, insist=True)
     says = f"; who acts shows the token {access.token}" if peer.local else "; nobody acts from another machine"
     console.print(f"ROS 2 (rmw_zenoh) at {options.ros2 or ADDRESS}{says}", soft_wrap=True)
     return Ros2Bridge(peer, control, access.acts_with, start)

@@ -43,11 +43,13 @@ WAITING = 16
 class Ros2Peer:
     """A node; all methods may be called from any thread. Handlers are called in Zenoh's threads."""
 
-    def __init__(self, address: str = ADDRESS, node: str = "pomona", domain: int = 0) -> None:
+    def __init__(self, address: str = ADDRESS, node: str = "pomona", domain: int = 0, insist: bool = False) -> None:
         """
         Args:
             address: HOST:PORT; listened at as a router, or connected to when somebody does already.
             node: its name; domain: ROS_DOMAIN_ID.
+            insist: somebody who listens there already must answer now; else it is tried again and again, as devices
+                need it, which have deadlines of their own.
 
         Raises:
             UsageError: the extra is not installed, or the address cannot be used.
@@ -59,7 +61,7 @@ class Ros2Peer:
             raise UsageError(f"'{address}' is no address: HOST:PORT, for instance {ADDRESS}")
         self.local = host in LOOPBACK
         """Whether only this machine can reach it."""
-        self._domain, self._node = domain, node
+        self._domain, self._node, self._insist = domain, node, insist
         self._session = self._open(f"tcp/{address}", "tcp/127.0.0.1:0" if self.local else "tcp/0.0.0.0:0")
         self._gid = secrets.token_bytes(16)
         self._lock = threading.Lock()
@@ -86,6 +88,7 @@ class Ros2Peer:
             ("listen/endpoints", listen),
             ("connect/endpoints", connect),
             ("connect/timeout_ms", 2000),
+            ("connect/exit_on_failure", self._insist),
             ("scouting/multicast/enabled", False),  # nothing leaves by itself
             ("transport/link/tx/queue/size/data", QUEUE),
             ("transport/link/tx/queue/congestion_control/drop/wait_before_drop", PATIENCE),

@@ -353,6 +353,39 @@ def test_bound_elsewhere_nobody_acts_and_an_address_that_cannot_be_used_is_refus
             Ros2Peer(address)
 
 
+def test_an_address_where_nobody_speaks_ros_2_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    import socket
+
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "tree.yaml").write_text("pomona: 1\ntree: rest\nroot:\n  wait: 100 ms\n")
+    with socket.socket() as other:
+        other.bind(("127.0.0.1", 0))
+        other.listen()  # and never says a word
+        address = f"127.0.0.1:{other.getsockname()[1]}"
+        assert main(["run", "tree.yaml", "--dry", "--quiet", "--ros2", address]) == 2
+        assert f"no ROS 2 at {address}: " in capsys.readouterr().err
+
+
+def test_who_joined_a_router_finds_it_again() -> None:
+    port = free_port()
+    router, got = Ros2Peer(f"127.0.0.1:{port}"), threading.Event()
+    client = Ros2Peer(f"127.0.0.1:{port}", insist=True)
+    router.close()
+    again = Ros2Peer(f"127.0.0.1:{port}")
+    try:
+        client.subscribe("/ping", "std_msgs/msg/String", lambda _raw: got.set())
+        for _ in range(600):
+            again.publish("/ping", "std_msgs/msg/String", b"\0\1\0\0\1\0\0\0\0", 0)
+            if got.wait(0.05):
+                break
+        assert got.is_set()
+    finally:
+        client.close()
+        again.close()
+
+
 def test_a_run_speaks_ros_2_when_it_is_asked_to(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
