@@ -75,8 +75,8 @@ def fingers(seconds: float) -> None:
     with tempfile.TemporaryDirectory() as folder:
         links = [Path(folder) / name for name in ("left", "right")]
         with (
-            emulated("suntouch", "--link", str(links[0]), "--press", "3"),
-            emulated("suntouch", "--link", str(links[1]), "--seed", "1", "--press", "3"),
+            emulated("suntouch", "--link", str(links[0]), "--press", "3N"),
+            emulated("suntouch", "--link", str(links[1]), "--seed", "1", "--press", "3N"),
         ):
             left, right = (
                 Finger(

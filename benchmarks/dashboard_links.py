@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.dashboard_viewers import watch
 from executive.dashboard.server import Dashboard
 from executive.execute import RunOrder, execute
 from executive.files import find_cell
@@ -56,8 +57,6 @@ def _wait_for(lines: Iterator[str], *words: str) -> None:
 
 def bench_presses(report: Any, dashboard: Dashboard, _browser: Any, duration: float) -> None:
     """Presses while 200 watch and 260 connections say nothing, or too little."""
-    from benchmarks.bench_dashboard import watch
-
     context = multiprocessing.get_context("spawn")
     stop = context.Event()
     process = context.Process(target=watch, args=(dashboard.access.port, VIEWERS, False, stop))

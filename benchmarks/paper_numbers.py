@@ -9,7 +9,6 @@ import numpy as np
 
 from executive.values.arrays import Float64
 
-CAD_PRINTED: Float64 = np.array([0.092, 0.081, 0.092])
 CAD_DEPLOYED: Float64 = np.array([0.09756, 0.08539, 0.09590])
 """What the model that the authors published measures; mu times this gives their printed dimensions."""
 

@@ -371,7 +371,7 @@ class CellFiles:
 
     def recognises(self, keys: Collection[str]) -> bool:
         """Whether a file with these keys at its top is one."""
-        return "devices" in keys
+        return not {"devices", "world", "workspace", "options"}.isdisjoint(keys)  # an `include` may bring the devices
 
     def check(self, path: Path, findings: Findings) -> None:
         """Everything that is wrong with a file, with its options as they are."""

@@ -431,6 +431,13 @@ class Workspace:
 
 
 @dataclass(frozen=True, slots=True)
+class SampleRate:
+    """Of a force sensor [Hz], as the cell file says it before anything is connected."""
+
+    hz: float
+
+
+@dataclass(frozen=True, slots=True)
 class FruitKinds:
     """Which kinds of fruit lie on a simulated table: names of the catalogue."""
 

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from collections.abc import Iterator, Mapping
+from typing import Annotated, Any, Literal
 
-from drivers.interfaces import ForceSensor, Gripper
+from drivers.interfaces import ForceSensor, Gripper, SampleRate
 from executive.ports import FORCE, LENGTH, STIFFNESS, Force, Length, Outputs, Port, Ratio, Stiffness
-from executive.skill import Interrupted, Skill, Work
+from executive.skill import CellFacts, Interrupted, Skill, Work
+from executive.values.sections import Problem
 from skills.grip.controller import GripController
 from skills.grip.dynamic_term import GENTLE, DynamicSettings
+from skills.grip.errors import UnusableRate
 from skills.grip.force_loop import ForceLoopSettings, PadStiffness
 from skills.grip.grip import GripPhase
 from skills.grip.hold import Hold
 from skills.grip.limit_surface import SoftContact, surface_table
-from skills.grip.settings import ForceLaw, GripSettings
+from skills.grip.settings import ForceLaw, GripSettings, check_rate
 from skills.grip.warm import warm_up
 from skills.perception.measured_fruit import MeasuredFruit
 from skills.shared.grip_view import show_grip
@@ -47,6 +50,16 @@ class SlipAvoidGrasp(Skill):
         "SLIPPED",
         "LOST",
     )
+
+    @classmethod
+    def judge(cls, known: Mapping[str, Any], cell: CellFacts | None) -> Iterator[Problem]:
+        """The fingers must sample as fast as a grip needs."""
+        rate = None if cell is None else cell.known(SampleRate)
+        if rate is not None:
+            try:
+                check_rate(rate.hz)
+            except UnusableRate as error:
+                yield Problem("", str(error))
 
     def prepare(self) -> None:
         warm_up(self.device(ForceSensor).rate)

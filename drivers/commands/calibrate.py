@@ -9,6 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from drivers.errors import DriverError
+from executive.values.kinds import Measure
+from executive.values.units import LENGTH
 
 GROUP = "pomona.calibrate"
 
@@ -25,10 +27,11 @@ def add(subparsers: Any) -> None:
     fingers.add_argument("--epochs", type=int, default=300)
     fingers.add_argument("--seed", type=int, default=0)
     fingers.set_defaults(main=lambda options: _guarded(_fingers, options))
+    side = Measure(LENGTH, "1 mm", "1 m")
     hand_eye = kinds.add_parser("hand-eye", help="find the camera's place on the flange from looks at a chessboard")
     hand_eye.add_argument("folder", type=Path, help="images, poses.json and intrinsics.yaml")
     hand_eye.add_argument("--board", default="9x6", help="inner corners of the chessboard (default: 9x6)")
-    hand_eye.add_argument("--square", type=float, required=True, help="side of a square [mm]")
+    hand_eye.add_argument("--square", type=side.option, required=True, help="side of a square, such as 24.5mm")
     hand_eye.add_argument("--out", type=Path, required=True, help="the file to write")
     hand_eye.set_defaults(main=lambda options: _guarded(_hand_eye, options))
     for entry in sorted(entry_points(group=GROUP), key=lambda entry: entry.name):
@@ -66,6 +69,6 @@ def _hand_eye(options: argparse.Namespace) -> str:
     columns, _, rows = options.board.partition("x")
     if not (columns.isdigit() and rows.isdigit()):
         raise UnusableLooks(f"'{options.board}' is not a board: write the inner corners as 9x6")
-    result = calibrate_folder(options.folder, Chessboard(int(columns), int(rows), 1e-3 * options.square))
+    result = calibrate_folder(options.folder, Chessboard(int(columns), int(rows), options.square))
     result.save(options.out)
     return f"{result}\nwritten to {options.out}"

@@ -21,6 +21,8 @@ from drivers.emulators.suntouch import Pad, SunTouchEmulator, random_wrenches
 from drivers.emulators.wsg import WsgEmulator
 from drivers.motoman.connect import ORDERS
 from drivers.suntouch.codec import decode, encode
+from executive.values.kinds import Measure
+from executive.values.units import FORCE, LENGTH, TIME
 
 SIA5_VELOCITY = np.radians([200.0, 200.0, 200.0, 200.0, 200.0, 230.0, 350.0])
 
@@ -39,12 +41,14 @@ def add(subparsers: Any) -> None:
     wsg.add_argument("--reply-id", type=int, default=2, help="CAN id of its replies (default: 2)")
     wsg.add_argument("--not-referenced", action="store_true", help="start without a reference: moves are refused")
     wsg.add_argument("--no-script", action="store_true", help="start without the finger script for streamed speeds")
-    wsg.add_argument("--obstacle", type=float, metavar="MM", help="a part of this width between the jaws")
+    wsg.add_argument("--obstacle", type=Measure(LENGTH, "0 mm").option, metavar="WIDTH", help="a part between the jaws")
     wsg.set_defaults(main=lambda options: _serve(_wsg, options))
     suntouch = kinds.add_parser("suntouch", help="one force/tactile finger on a pseudo terminal")
     suntouch.add_argument("--link", type=Path, help="a path that shall point to the terminal")
     suntouch.add_argument("--seed", type=int, default=0, help="which finger it is: 0 is the left, 1 the right one")
-    suntouch.add_argument("--press", type=float, default=0.0, metavar="N", help="a force that rises and falls slowly")
+    suntouch.add_argument(
+        "--press", type=Measure(FORCE, "0 N").option, default=0.0, metavar="FORCE", help="it rises and falls slowly"
+    )
     suntouch.add_argument("--record", type=Path, help="write a recording for `pomona calibrate fingers` and end")
     suntouch.add_argument("--samples", type=int, default=20000, help="of the recording")
     suntouch.set_defaults(main=lambda options: _record(options) if options.record else _serve(_suntouch, options))
@@ -55,14 +59,18 @@ def add(subparsers: Any) -> None:
     motoman.add_argument("--teach", action="store_true", help="start in teach mode")
     motoman.add_argument("--e-stop", action="store_true", help="start with the emergency stop pressed")
     motoman.add_argument(
-        "--queue", type=float, default=0.8, metavar="S", help="motion that the queue holds; less is BUSY"
+        "--queue",
+        type=Measure(TIME, "0 s").option,
+        default=0.8,
+        metavar="TIME",
+        help="motion that it holds; less is BUSY",
     )
     motoman.set_defaults(main=lambda options: _serve(_motoman, options))
 
 
 def _wsg(options: argparse.Namespace) -> tuple[list[Endpoint], list[Any]]:
     fingers = FreeGripper(time.monotonic)
-    fingers.obstacle = None if options.obstacle is None else 1e-3 * options.obstacle
+    fingers.obstacle = options.obstacle
     device = WsgEmulator(fingers, referenced=not options.not_referenced, has_script=not options.no_script)
     if options.can:
         import can

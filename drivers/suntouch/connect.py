@@ -10,7 +10,7 @@ from pathlib import Path
 from drivers.device import ConnectContext
 from drivers.driver import Settings, driver
 from drivers.errors import DeviceError, DeviceLost
-from drivers.interfaces import Gripper
+from drivers.interfaces import Gripper, SampleRate
 from drivers.streams import Belief
 from drivers.suntouch.calibration import FingerCalibration, UnusableCalibration
 from drivers.suntouch.driver import SunTouchFingers
@@ -57,6 +57,10 @@ class SunTouchFile:
     @property
     def wires(self) -> tuple[str, ...]:
         return self.left.port, self.right.port
+
+    def known(self) -> tuple[SampleRate, ...]:
+        """How fast they sample."""
+        return (SampleRate(self.rate),)
 
     def problems(self) -> Iterator[Problem]:
         if self.left.port == self.right.port:

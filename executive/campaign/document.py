@@ -200,19 +200,17 @@ _PAGE = """<!doctype html>
 </html>
 """
 
-_COLOURS = (
-    f":root {{ --ink: {INK}; --soft: {MUTED}; --line: {LINE}; --leaf: {GOOD}; --apple: {BAD}; --paper: #fbfbf8; }}"
-)
+_COLOURS = f":root {{ --ink: {INK}; --soft: {MUTED}; --line: {LINE}; --good: {GOOD}; --bad: {BAD}; --paper: #fbfbf8; }}"
 _STYLE = (
     f"\n{_COLOURS}"
     """
 * { box-sizing: border-box; }
 body { margin: 0; background: var(--paper); color: var(--ink); font: 16px/1.55 system-ui, "Segoe UI", sans-serif; }
 main { max-width: 70rem; margin: 0 auto; padding: 3rem 1.5rem 5rem; }
-header { border-bottom: 3px solid var(--leaf); margin-bottom: 2rem; padding-bottom: .6rem; }
+header { border-bottom: 3px solid var(--good); margin-bottom: 2rem; padding-bottom: .6rem; }
 h1 { font-size: 2.1rem; line-height: 1.2; margin: 0 0 .4rem; letter-spacing: -.01em; }
 h2 { font-size: 1.4rem; margin: 3rem 0 .6rem; border-bottom: 1px solid var(--line); padding-bottom: .25rem; }
-h3 { font-size: 1.08rem; margin: 2rem 0 .4rem; color: var(--leaf); }
+h3 { font-size: 1.08rem; margin: 2rem 0 .4rem; color: var(--good); }
 p, ul { max-width: 50rem; }
 .about, .note, figcaption, .caption { color: var(--soft); font-size: .88rem; }
 code { background: #eef1ec; border-radius: 3px; padding: .05em .3em; font-size: .88em; overflow-wrap: anywhere; }
@@ -228,9 +226,9 @@ table.words td { min-width: 6rem; }
 .tiles { display: grid; grid-template-columns: repeat(auto-fit, minmax(18rem, 1fr)); gap: .8rem; margin: 1.5rem 0; }
 .tile { background: #fff; border: 1px solid var(--line); border-left: 4px solid var(--soft); border-radius: 6px;
   padding: .8rem 1rem; display: flex; flex-direction: column; }
-.tile.met { border-left-color: var(--leaf); } .tile.missed { border-left-color: var(--apple); }
-.tile b { font-size: 1.55rem; line-height: 1.2; } .tile.met b { color: var(--leaf); }
-.tile.missed b { color: var(--apple); }
+.tile.met { border-left-color: var(--good); } .tile.missed { border-left-color: var(--bad); }
+.tile b { font-size: 1.55rem; line-height: 1.2; } .tile.met b { color: var(--good); }
+.tile.missed b { color: var(--bad); }
 .tile span { font-size: .92rem; } .tile small { color: var(--soft); }
 figure { margin: 1.5rem 0; } figure svg { width: 100%; height: auto; background: #fff; padding: .8rem;
   border: 1px solid var(--line);

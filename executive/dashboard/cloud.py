@@ -27,7 +27,7 @@ MOST_PIXELS = 25_000_000
 """Of an image that is unpacked."""
 
 FARTHEST = 3.0
-"""Metres: what is farther away is no fruit, and would make everything else small."""
+"""Metres: what is farther away would make everything else small."""
 
 
 def cloud_of(view: ImageView) -> dict[str, str] | None:

@@ -14,7 +14,6 @@ import struct
 from collections.abc import Iterable, Iterator
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
 
 import cv2
 import orjson
@@ -40,7 +39,7 @@ from executive.recording.overview import (
 )
 from executive.recording.plain_file import open_plain
 from executive.recording.read import read_events
-from executive.recording.scan import Found, Verdict, attachment, believed, read_chunks, walk, walk_topics
+from executive.recording.scan import Found, Verdict, attachment, believed, read_chunks, walk_topics
 from executive.recording.well_known import IMAGES
 
 MOST_IMAGE = 50_000_000
@@ -154,17 +153,6 @@ def _verdict(path: Path) -> Verdict:
 @lru_cache(maxsize=64)
 def _believed(path: Path, _inode: int, _size: int, _changed: int) -> Verdict:
     return believed(path)
-
-
-def first_event(folder: Path) -> dict[str, Any]:
-    """The record's first event as it was written: a RunStarted, unless the record was cut off before."""
-    try:
-        for found in walk(folder / EVENTS_FILE):
-            if found.topic == EVENTS:
-                return parse_object(found.content)
-    except (UsageError, ValueError):
-        pass
-    return {}
 
 
 def _pieces(lines: Iterable[bytes]) -> Iterator[bytes]:

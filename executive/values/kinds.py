@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import math
 import re
 from abc import ABC, abstractmethod
@@ -169,6 +170,17 @@ class Measure(ScalarKind[float]):
             limits = f"between {low} and {high}" if low and high else f"at least {low}" if low else f"at most {high}"
             raise Unfit(f"it is {text.strip()}, it must {'lie' if low and high else 'be'} {limits}", code="range")
         return value
+
+    def option(self, text: str) -> float:
+        """A value of the command line, as `type` of an argument.
+
+        Raises:
+            argparse.ArgumentTypeError: it lacks its unit, has another one or lies outside; the text says what is known.
+        """
+        try:
+            return self.parse(text)
+        except Unfit as error:
+            raise argparse.ArgumentTypeError(str(error)) from None
 
     def plain_schema(self) -> Schema:
         return quantity_schema(self.quantity)

@@ -12,6 +12,8 @@ from typing import Any
 
 import numpy as np
 
+from executive.values.kinds import Measure
+from executive.values.units import TIME
 from skills.motion.planning.arm_space import ArmSpace
 from skills.motion.planning.errors import BadProblem
 from skills.motion.planning.motion_bench_maker import PlanningProblem, problem_sets, read_problems
@@ -39,7 +41,9 @@ def add(subparsers: Any) -> None:
     planning.add_argument("--robot", type=Path, required=True, help="URDF or MJCF with collision spheres or shapes")
     planning.add_argument("--tool", default="tool0", help="frame at the end of the planned joints")
     planning.add_argument("--planner", default="RRTConnect", choices=tuple(PLANNERS))
-    planning.add_argument("--budget", type=float, default=10.0, help="seconds a problem on an unloaded core")
+    planning.add_argument(
+        "--budget", type=Measure(TIME, "1 ms").option, default=10.0, help="of a problem on an unloaded core (10s)"
+    )
     planning.add_argument("--limit", type=int, default=0, help="problems of each set, 0 for all")
     planning.add_argument("--seed", type=int, default=0)
     planning.set_defaults(main=main)

@@ -14,6 +14,8 @@ from typing import Any
 
 from drivers.errors import DriverError
 from drivers.interfaces import ForceSensor, Gripper, Hands, HandTask
+from executive.values.kinds import Measure
+from executive.values.units import FORCE, TIME
 from skills.grip.calibration import (
     Push,
     calibrate_grip,
@@ -25,8 +27,8 @@ from skills.grip.errors import GripError, GuidanceEnded
 from skills.grip.guided import GuidedPushes
 from skills.grip.limit_surface import SoftContact
 
-LEAST, MOST = 0.6, 15.0
-"""Grasp forces that pushes may be made at [N]."""
+GRASP_FORCE = Measure(FORCE, "0.6 N", "15 N")
+"""At which pushes may be made."""
 
 
 def add(kinds: Any) -> None:
@@ -36,8 +38,12 @@ def add(kinds: Any) -> None:
     grip.add_argument("--cell", help="cell file, or the name of an installed one, at which pushes are made now")
     grip.add_argument("--out", type=Path, required=True, help="the parameter file to write")
     grip.add_argument("--fruit", default="", help="which fruit it is, for people")
-    grip.add_argument("--forces", type=float, nargs="+", default=[2.0, 4.0, 7.0], help="grasp forces [N] (2 4 7)")
-    grip.add_argument("--seconds", type=float, default=6.0, help="for one push (6)")
+    about = "grasp forces (2N 4N 7N)"
+    grip.add_argument(
+        "--forces", type=GRASP_FORCE.option, nargs="+", default=[2.0, 4.0, 7.0], metavar="FORCE", help=about
+    )
+    long = Measure(TIME, "100 ms", "2 min")
+    grip.add_argument("--time", type=long.option, default=6.0, help="for one push (6s)")
     grip.add_argument("--keep", type=Path, help="also keep the pushes that are made now, as .npz")
     grip.add_argument("--k", type=float, default=4.0, help="shape of the pressure, taken as given (4)")
     grip.set_defaults(main=main)
@@ -61,10 +67,6 @@ def _made_now(options: argparse.Namespace) -> tuple[list[Push], Push | None]:
     forces = sorted(options.forces)
     if options.cell is None:
         raise GuidanceEnded("name a recording of pushes, or --cell to make them now")
-    if not LEAST <= forces[0] <= forces[-1] <= MOST:
-        raise GuidanceEnded(f"--forces must lie in {LEAST:g} … {MOST:g} N")
-    if not 0.1 <= options.seconds <= 120.0:
-        raise GuidanceEnded("--seconds must lie in 0.1 … 120")
     with contextlib.closing(_cell(options.cell)) as cell:
         clock = cell.clock
         wait = clock.advance if clock.simulated else time.sleep
@@ -73,7 +75,7 @@ def _made_now(options: argparse.Namespace) -> tuple[list[Push], Push | None]:
         except KeyError as missing:
             raise GuidanceEnded(str(missing.args[0])) from missing
         guide = GuidedPushes(gripper, sensor, clock.now, wait, _tell, _who_is_asked(cell))
-        pushes, squeeze = guide.record(forces, options.seconds)
+        pushes, squeeze = guide.record(forces, options.time)
     if options.keep is not None:
         write_pushes(pushes, options.keep, squeeze)
     return pushes, squeeze

@@ -360,11 +360,6 @@ def _push_of(arrays: dict[str, np.ndarray[Any, Any]], wrenches: str, width: str,
     return Push(np.asarray(both, np.float64), np.asarray(opening, np.float64))
 
 
-def read_pushes(path: Path) -> list[Push]:
-    """The pushes of a .npz file without its squeeze; raises as `read_recording`."""
-    return read_recording(path)[0]
-
-
 def write_pushes(pushes: list[Push], path: Path, squeeze: Push | None = None) -> None:
     """Keep pushes, and perhaps a squeeze, in a .npz file."""
     arrays: dict[str, Float64] = {}

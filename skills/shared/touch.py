@@ -16,8 +16,8 @@ STALE_AFTER = 0.1
 SPIKE = 3
 """A change of force counts when so many samples in a row show it: one sample may be a spike."""
 
-AVERAGED = 50
-"""Samples of an average [0.1 s of fingers with 500 Hz]."""
+AVERAGED = 0.1
+"""Time of an average [s]."""
 
 HELD_FORCE = 0.25
 """Pressing force of each finger above which something is between them [N]; the noise is 0.2 N at worst."""
@@ -62,7 +62,7 @@ class Touch:
         first = sensor.latest()
         self._reference = None if first is None else of(first.wrenches[:, :3])
         self._recent: deque[Float64] = deque(maxlen=SPIKE)
-        self._felt: deque[Float64] = deque(maxlen=AVERAGED)
+        self._felt: deque[Float64] = deque(maxlen=max(1, round(AVERAGED * sensor.rate)))
         self.change = 0.0
         self.finger = ""
         self._subscription = sensor.subscribe(self._on_sample)

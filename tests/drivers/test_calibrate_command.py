@@ -32,5 +32,5 @@ def test_fingers_writes_a_calibration_and_prints_its_error(tmp_path: Path, capsy
 def test_unusable_input_is_said_in_words(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run("fingers", str(tmp_path / "none.npz"), "--out", "x") == 2
     assert "cannot be read" in capsys.readouterr().err
-    assert run("hand-eye", str(tmp_path), "--square", "30", "--board", "nine", "--out", "x") == 2
+    assert run("hand-eye", str(tmp_path), "--square", "30mm", "--board", "nine", "--out", "x") == 2
     assert "write the inner corners as 9x6" in capsys.readouterr().err

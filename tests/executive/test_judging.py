@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+import executive
 from drivers.cell import CellFiles
 from executive.cli import main as pomona
 from executive.errors import UsageError
@@ -157,6 +158,37 @@ def test_a_run_with_a_wrong_value_connects_nothing(tmp_path: Path, unconnected: 
         execute(RunOrder(path, find_cell("sim"), settings={"friction": "-1"}))
     with pytest.raises(UsageError, match=r"no fruit named 'aple'.*(?s:.*)Nothing was run"):
         execute(RunOrder(path, find_cell("sim"), settings={"kind": "aple"}))
+
+
+def test_every_installed_cell_is_checked_as_one_and_so_is_what_builds_on_it(
+    tmp_path: Path, unconnected: None, capsys: pytest.CaptureFixture[str]
+) -> None:
+    own = tmp_path / "own.yaml"
+    for text in (
+        "include: sim.yaml\noptions: {tilt: 3}\n",
+        "include: sim.yaml\nworld: {include: sim.yaml#world, tilt: 3}\n",
+    ):
+        own.write_text(text)
+        assert pomona(["check", str(own)]) == 2
+        assert "'3' lacks a unit" in capsys.readouterr().out
+    files = sorted((Path(executive.__file__).parents[1] / "trees" / "cells").glob("*.yaml"))
+    assert len(files) > 5
+    pomona(["check", *map(str, files)])
+    said = capsys.readouterr().out
+    errors = [line.split("error", 1)[1] for line in said.splitlines() if "error[" in line]
+    assert all(error.startswith(("[file]: devices.", "[missing-key]: devices.")) for error in errors), errors
+
+
+@pytest.mark.parametrize(("rate", "fits"), [("99 Hz", False), ("100 Hz", True), ("130 Hz", True), ("1 kHz", True)])
+def test_fingers_that_sample_too_slowly_for_a_grip_are_found_by_the_check(
+    rate: str, fits: bool, tmp_path: Path, unconnected: None, capsys: pytest.CaptureFixture[str]
+) -> None:
+    cell, tree = tmp_path / "slow.yaml", tmp_path / "t.yaml"
+    include = "include: emulated.yaml#devices"
+    cell.write_text(f"include: emulated.yaml\ndevices: {{{include}, fingers: {{{include}/fingers, rate: {rate}}}}}\n")
+    tree.write_text('pomona: 1\ntree: t\nroot: {SlipAvoidGrasp: {hold: "{hold}"}}\n')
+    assert pomona(["check", str(tree), "--cell", str(cell)]) == (0 if fits else 2)
+    assert fits or "gives 99 samples a second; a grip needs 100 to 2000" in capsys.readouterr().out.replace("\n", "")
 
 
 def test_check_on_a_cell_connects_nothing_and_takes_every_kind_of_file(

@@ -114,11 +114,6 @@ class RobotModel:
             raise BadJoints(self.joint_names, q, f"{', '.join(wrong)} not finite")
         return joints
 
-    def within_limits(self, q: ArrayLike, tolerance: float = 1e-9) -> bool:
-        """Whether joints, shape (dof,), are inside the position limits."""
-        joints = self.checked(q)
-        return bool(np.all(joints >= self.lower - tolerance) and np.all(joints <= self.upper + tolerance))
-
     def link_poses(self, q: ArrayLike) -> Float64:
         """T_base_link of the base and all links, shape (dof + 1, 4, 4); frames as in `skills.motion.robot.chain`."""
         poses = np.zeros((self.dof + 1, 4, 4))

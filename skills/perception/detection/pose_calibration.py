@@ -76,11 +76,6 @@ def coverage(errors: Sequence[PoseErrors], key: str, level: float) -> float:
     return float(np.mean([getattr(error, key) <= bound for error in errors]))
 
 
-def fitted_scale(errors: Sequence[PoseErrors], key: str, level: float = 0.9) -> float:
-    """The factor on the deviations with which the ellipsoid of `level` holds just that share of the truths."""
-    return float(np.sqrt(np.quantile([getattr(error, key) for error in errors], level) / chi2.ppf(level, FREEDOM[key])))
-
-
 def pose_calibration_table(groups: Mapping[str, Sequence[PoseErrors]]) -> str:
     """Shares of truths inside the ellipsoids of 50 % and 90 % by group of fruit, as Markdown."""
     lines = ["| fruit | poses | " + " | ".join(f"{key} 50 % / 90 %" for key in FREEDOM) + " |", "|---" * 6 + "|"]

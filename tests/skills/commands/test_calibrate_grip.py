@@ -81,7 +81,7 @@ def test_a_person_is_led_through_pushes_at_a_cell(
     monkeypatch.setattr(calibrate_grip, "_cell", lambda name: cell)
     monkeypatch.setattr("builtins.input", person.press_enter)
     out, keep = tmp_path / "grip.yaml", tmp_path / "pushes.npz"
-    arguments = ["--forces", "2", "5", "--seconds", "3", "--out", str(out), "--keep", str(keep)]
+    arguments = ["--forces", "2N", "5N", "--time", "3s", "--out", str(out), "--keep", str(keep)]
     assert pomona(["calibrate", "grip", "--cell", "mine", *arguments]) == 0, capsys.readouterr().err
     written = yaml.safe_load(out.read_text())
     assert written["ports"]["mu"] == pytest.approx(MU, rel=0.03)
@@ -155,8 +155,6 @@ def test_recordings_that_cannot_be_used_are_refused_in_words(
     [
         ((), "name a recording"),
         (("--cell", "nowhere"), "no cell 'nowhere'"),
-        (("--cell", "sim", "--forces", "40"), "--forces must lie in"),
-        (("--cell", "sim", "--seconds", "0"), "--seconds must lie in"),
         (("--k", "0.1", "x.npz"), "k of a soft contact"),
         (("no_such_file.npz",), "no_such_file.npz"),
     ],
@@ -165,6 +163,28 @@ def test_a_wrong_command_line_is_refused_in_words(
     arguments: tuple[str, ...], words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert pomona(["calibrate", "grip", *arguments, "--out", str(tmp_path / "x.yaml")]) == 2
+    assert words in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("calibrate", "grip", "--out", "x", "--forces", "5"), "'5' lacks a unit: a force is given in N, mN"),
+        (("calibrate", "grip", "--out", "x", "--forces", "40 N"), "it must lie between 0.6 N and 15 N"),
+        (("calibrate", "grip", "--out", "x", "--time", "0 s"), "it must lie between 100 ms and 2 min"),
+        (("calibrate", "hand-eye", "looks", "--out", "x", "--square", "24.5"), "'24.5' lacks a unit"),
+        (("emulate", "wsg", "--obstacle", "30"), "'30' lacks a unit"),
+        (("emulate", "suntouch", "--press", "3"), "'3' lacks a unit"),
+        (("emulate", "motoman", "--queue", "1"), "'1' lacks a unit"),
+        (("bench", "plan", "--problems", "x", "--robot", "y", "--budget", "5"), "'5' lacks a unit"),
+    ],
+)
+def test_a_quantity_without_its_unit_is_refused(
+    arguments: tuple[str, ...], words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as ended:
+        pomona(list(arguments))
+    assert ended.value.code == 2
     assert words in capsys.readouterr().err
 
 

@@ -13,7 +13,7 @@ from skills.grip.calibration import (
     Push,
     PushRecorder,
     calibrate_grip,
-    read_pushes,
+    read_recording,
     write_calibration,
     write_pushes,
 )
@@ -68,12 +68,12 @@ def test_the_file_holds_ports_and_quality(tmp_path: Path) -> None:
 def test_pushes_survive_a_file(tmp_path: Path) -> None:
     pushes, _ = all_pushes()
     write_pushes(list(pushes[:2]), tmp_path / "pushes.npz")
-    again = read_pushes(tmp_path / "pushes.npz")
-    assert len(again) == 2
+    again, squeeze = read_recording(tmp_path / "pushes.npz")
+    assert (len(again), squeeze) == (2, None)
     assert np.array_equal(again[1].wrenches, pushes[1].wrenches)
     write_pushes([], tmp_path / "none.npz")
     with pytest.raises(TooFewPushes):
-        read_pushes(tmp_path / "none.npz")
+        read_recording(tmp_path / "none.npz")
 
 
 def test_a_live_stream_becomes_a_push_without_its_bias() -> None:

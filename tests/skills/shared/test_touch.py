@@ -84,3 +84,17 @@ def test_something_is_held_only_when_both_fingers_press_and_stand_apart():
     closed = PickingScene(width=0.035)
     feel(closed, (0.0, 0.0, -1.0), (0.0, 0.0, -1.0))
     assert not something_between(closed.gripper, closed.fingers)
+
+
+@pytest.mark.parametrize("rate", [100.0, 500.0, 2000.0])
+def test_an_average_takes_the_same_time_at_any_rate_of_samples(rate):
+    scene = PickingScene()
+    scene.clock.advance(0.01)
+    scene.fingers.rate = rate
+    with Touch(scene.fingers) as touch:
+        for number in range(round(rate)):
+            wrenches = np.zeros((2, 6))
+            wrenches[:, 0] = number / rate  # 1 N in a second
+            scene.fingers.give(WrenchSample(number / rate, number, wrenches))
+        assert touch.average().shape == (2, 3)
+        assert touch.average()[0, 0] == pytest.approx(1.0 - 0.05, abs=0.006)

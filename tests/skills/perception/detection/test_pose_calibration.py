@@ -11,7 +11,6 @@ from skills.perception.detection.pose_calibration import (
     FREEDOM,
     PoseErrors,
     coverage,
-    fitted_scale,
     pose_calibration_table,
     pose_errors,
     seen_as_cad_sized,
@@ -45,15 +44,13 @@ def test_errors_of_the_covariance_lie_inside_as_often_as_they_should() -> None:
     for key in FREEDOM:
         for level in (0.5, 0.9):
             assert coverage(errors, key, level) == pytest.approx(level, abs=0.04)
-        assert fitted_scale(errors, key) == pytest.approx(1.0, abs=0.05)
     assert "| drawn | 800 | 0." in pose_calibration_table({"drawn": errors})
 
 
-def test_a_covariance_that_says_too_little_is_found_with_the_factor_that_it_lacks() -> None:
+def test_a_covariance_that_says_too_little_is_found() -> None:
     errors = drawn(1, wider=2.0)
     for key in FREEDOM:
         assert coverage(errors, key, 0.9) < 0.75
-        assert fitted_scale(errors, key) == pytest.approx(2.0, rel=0.06)
 
 
 @pytest.mark.parametrize("scale", [0.8, 1.0, 1.3])
