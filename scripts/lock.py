@@ -3,6 +3,9 @@
     python scripts/lock.py requirements.lock
     pip install --require-hashes -r requirements.lock && pip install --no-deps .
 
+Where torch is locked as `+cpu`, pip needs `--extra-index-url https://download.pytorch.org/whl/cpu`: PyPI has the build
+with CUDA only.
+
 It asks pip what it would install (`--dry-run --report`) and installs nothing. It holds for this kind of machine and
 this Python only: another platform gets other files. That a file is what its maker published is the index's word.
 """

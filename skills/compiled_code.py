@@ -30,10 +30,13 @@ def digest(sources: Path) -> str:
 
 
 def keep_apart(sources: Path) -> None:
-    """Keep the compiled code of these sources apart from that of their other versions."""
+    """Keep the compiled code of these sources apart from that of other versions, beside them or in the user's cache."""
     if PLACE in os.environ:
         return
-    os.environ[PLACE] = str(sources / "__pycache__" / f"compiled-{digest(sources)}")
+    beside = sources / "__pycache__"
+    if not os.access(beside if beside.is_dir() else sources, os.W_OK):  # installed by somebody else, for all
+        beside = Path(os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache"), "pomona")
+    os.environ[PLACE] = str(beside / f"compiled-{digest(sources)}")
     if "numba" in sys.modules:  # it has read its settings already
         sys.modules["numba"].core.config.reload_config()
 

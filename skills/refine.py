@@ -88,7 +88,7 @@ def _picture(detection: Detection, measured: MeasuredFruit, using: RendererName)
     detected = outline(
         *render_depth(detection.fruit, detection.T_camera_object, detection.frame.intrinsics, using=using)
     )
-    size = " x ".join(f"{1e3 * d:.1f}" for d in measured.dimensions)
+    size = " × ".join(f"{1e3 * d:.1f}" for d in measured.dimensions)
     deviation = 1e3 * float(np.sqrt(np.max(np.diag(measured.covariance)[3:])))
     return ImageView(
         image=detection.frame.colour,
@@ -96,5 +96,5 @@ def _picture(detection: Detection, measured: MeasuredFruit, using: RendererName)
             Line2(detected, "detected", "muted", closed=True),
             Line2(measured.contour, "measured", "refined", closed=True),
         ),
-        caption=f"{measured.method}: {size} mm (+- {deviation:.1f}), {measured.inlier_ratio:.0%} of the depth agrees",
+        caption=f"{measured.method}: {size} mm (± {deviation:.1f}), {measured.inlier_ratio:.0%} of the depth agrees",
     )

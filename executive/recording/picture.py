@@ -58,12 +58,15 @@ class Picture:
         FigureCanvasAgg(figure)
         figure.suptitle(title, fontsize=13, x=0.01, y=0.985, ha="left", parse_math=False)
         count = 2 if self._series else 1
-        margins = {"left": 0.035, "right": 0.985, "top": 0.875, "bottom": 0.07 if self._series else 0.03}
+        margins = {"left": 0.055, "right": 0.985, "top": 0.875, "bottom": 0.07 if self._series else 0.03}
         rows = figure.add_gridspec(count, 1, height_ratios=[2.4, 1.1][:count], hspace=0.16, **margins)
         if self._scenes:
-            above = rows[0].subgridspec(1, 2, width_ratios=[1.25, 1.0], wspace=0.04)
+            above = rows[0].subgridspec(1, 3, width_ratios=[1.25, 0.42, 1.0], wspace=0.04)
             self._draw_images(figure.add_subplot(above[0]))
-            self._draw_scene(figure.add_subplot(above[1], projection="3d"))
+            scene, beside = figure.add_subplot(above[2], projection="3d"), figure.add_subplot(above[1])
+            self._draw_scene(scene)
+            beside.set_axis_off()
+            _legend(scene, beside, "upper left")  # on the scene it would hide the path
         else:
             self._draw_images(figure.add_subplot(rows[0]))
         if self._series:
@@ -113,13 +116,13 @@ class Picture:
                 axes.plot(*line.points.T, color=SCENE.get(line.style, INK), lw=2, label=line.label)
         for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
             axis.set_major_locator(MaxNLocator(4))  # more ticks run into each other
+        axes.tick_params(labelsize=8)
         axes.set_xlabel("x [m]")
         axes.set_ylabel("y [m]")
         axes.set_zlabel("z [m]")
         axes.set_aspect("equal")
         captions = [view.caption for view in self._scenes.values() if view.caption]
         axes.set_title("\n".join(captions), fontsize=8, loc="left")
-        _legend(axes, "upper left")  # where a box that is seen from the side leaves a corner free
 
     def _by_unit(self) -> dict[str, list[tuple[str, NDArray[np.float64], NDArray[np.float64]]]]:
         """Every quantity's samples, (name, t, values), under its unit: quantities of different units share no axis."""
@@ -142,23 +145,25 @@ class Picture:
             axes.plot(t, scale * values, lw=1.3, label=name.replace(f" [{unit}]", ""))
         thresholds = {k: v for views in self._series.values() for k, v in views[-1].thresholds.items()}
         low, high = axes.get_ylim()
-        for name, value in thresholds.items():
+        for number, (name, value) in enumerate(thresholds.items()):
             if f"[{unit}]" in name:
                 words = f"{name.replace(f' [{unit}]', '')} {scale * value:.3g} {shown}"
                 if 2.0 * low - high < scale * value < 2.0 * high - low:  # what is far off would flatten the curves
-                    axes.axhline(scale * value, lw=0.9, ls="--", color=MUTED, label=words)
+                    axes.axhline(scale * value, lw=0.9, ls=("--", ":", "-.")[number % 3], color=MUTED, label=words)
                 else:
                     axes.plot([], [], ls="none", label=words)
         kind = lines[0][0].partition(" [")[0] if len(lines) == 1 else KINDS.get(unit, "")
         axes.set_xlabel("time [s]")
         axes.set_ylabel(f"{kind} [{shown}]" if unit else kind)
         axes.grid(alpha=0.25)
-        _legend(axes)
+        if len(axes.get_legend_handles_labels()[1]) > 1:  # one curve alone has its name at its axis
+            _legend(axes, place="upper left")  # what matters comes late
 
 
-def _legend(axes: Any, place: str = "upper right") -> None:
+def _legend(axes: Any, where: Any = None, place: str = "upper right") -> None:
+    """Say what was drawn in `axes`, there or in other axes."""
     handles, labels = axes.get_legend_handles_labels()
     named = {label: handle for handle, label in zip(handles, labels, strict=True) if label and label[0] != "_"}
     named = dict(list(named.items())[-MOST_LABELS:])
     if named:
-        axes.legend(named.values(), named.keys(), fontsize=8, loc=place)
+        (where or axes).legend(named.values(), named.keys(), fontsize=8, loc=place)

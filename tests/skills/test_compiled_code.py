@@ -69,3 +69,13 @@ def test_the_first_start_is_told_and_no_later_one(tmp_path: Path) -> None:
     assert said() == f"{FIRST}\n"
     (tmp_path / "kernel.nbi").touch()
     assert said() == ""
+
+
+def test_where_the_sources_cannot_be_written_it_is_kept_in_the_users_cache(tmp_path: Path) -> None:
+    script = f"import os; os.access = lambda *_: False; import skills; print(os.environ['{PLACE}'])"
+    environment = {name: value for name, value in os.environ.items() if name != PLACE}
+    done = subprocess.run(
+        [sys.executable, "-c", script], env=environment | {"XDG_CACHE_HOME": str(tmp_path)}, capture_output=True,
+        text=True, timeout=100, check=True,
+    )  # fmt: skip
+    assert done.stdout.startswith(str(tmp_path / "pomona" / "compiled-"))

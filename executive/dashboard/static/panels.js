@@ -43,7 +43,7 @@ export function drawWhy(s) {
   whyKey = key;
   const failed = Boolean(s.ended && s.ended.outcome !== "success");
   document.body.classList.toggle("failed", failed);
-  if (!chain) { $("why").replaceChildren(h("p", { class: s.ended ? "good" : "muted" }, s.ended ? "✓ The task succeeded; nothing failed on the way." : s.run ? "Nothing has failed so far." : "No run yet. Start one below Runs, or open a recorded one.")); return; }
+  if (!chain) { $("why").replaceChildren(h("p", { class: s.ended ? "good" : "muted" }, s.ended ? "✓ The task succeeded; nothing failed on the way." : s.run ? "Nothing has failed so far." : "No run yet. Press Runs to start one, or to open a recorded one.")); return; }
   const leaves = leavesOf(chain), leaf = leaves.at(-1);
   const name = (path) => s.byPath.get(path)?.name ?? path;
   const lead = failed ? h("b", { class: "bad" }, `✗ The run ended: ${s.ended.outcome}. `) : s.ended ? [h("b", { class: "good" }, "✓ The task succeeded"), ` after ${s.failures.length} failure${s.failures.length === 1 ? "" : "s"} on the way. The latest: `] : null;

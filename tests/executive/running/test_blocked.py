@@ -37,7 +37,7 @@ def test_a_skill_that_blocks_under_a_timeout_is_told_with_the_limit(monkeypatch:
     late = [replace(e, worked=e.duration) if isinstance(e, TickOverran) else e for e in events]
     story = " ".join(words.explain([begun, *late]))
     assert "Block kept the tick waiting" in story
-    assert "nothing could interrupt it meanwhile, the limit of" in story
+    assert "nothing could interrupt it meanwhile, not even the limit of" in story
     assert "Such work belongs into" in story
     idle = [replace(e, worked=0.0) if isinstance(e, TickOverran) else e for e in events]
     story = " ".join(words.explain([begun, *idle]))

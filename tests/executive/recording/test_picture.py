@@ -1,0 +1,83 @@
+"""The picture of a run: nothing in it is cut off, nothing lies on something else, every axis has its unit."""
+
+from __future__ import annotations
+
+import io
+from itertools import combinations
+from typing import Any
+
+import matplotlib.figure
+import numpy as np
+import pytest
+
+from executive.recording.picture import Picture
+from executive.running.events import Published
+from executive.views import ImageView, Line2, Line3, Points3, SceneView, SeriesView
+
+
+def drawn(monkeypatch: pytest.MonkeyPatch, peak: float, long: str) -> Any:
+    """The figure of a run with a look, a scene and a grip whose force goes up to `peak` [N]."""
+    figures: list[Any] = []
+    monkeypatch.setattr(matplotlib.figure.Figure, "savefig", lambda figure, *_a, **_k: figures.append(figure))
+    t = np.linspace(0.0, 5.0, 50)
+    square = np.array([[10.0, 10.0], [200.0, 10.0], [200.0, 200.0]])
+    corners = np.array([[0.3, -0.5, -0.15], [-0.1, -0.4, 0.4]])
+    views = {
+        "detection": ImageView(np.zeros((480, 640, 3), np.uint8), (Line2(square, "this line", "found"),), caption=long),
+        "measured": ImageView(None, (Line2(square, "measured", "refined"),), caption=long),
+        "map": SceneView(points=(Points3(corners, label="hidden behind what was seen"),), caption=long),
+        "path": SceneView(lines=(Line3(corners, "planned path", "path"),), caption=long),
+        "grip": SeriesView(
+            t,
+            {
+                "grasp force [N]": peak * np.sin(t) ** 2,
+                "least force [N]": 0.8 * peak * np.sin(t) ** 2,
+                "slip speed [m/s]": 1e-3 * np.sin(t) ** 2,
+                "width [m]": 0.08 + 0.01 * t,
+            },
+            {"force limit [N]": 14.0, "no bruise below [N]": 29.7},
+        ),
+    }
+    picture = Picture()
+    for topic, view in views.items():
+        picture.on_event(Published(0.0, 0, "t", topic, view))
+    picture.save(io.BytesIO(), "pick_apple: success, seed 3")
+    (figure,) = figures
+    figure.canvas.draw()
+    return figure
+
+
+@pytest.mark.parametrize(
+    ("peak", "long"), [(9.0, "1 found"), (140.0, "grasp 6: θ 0°, α 180°, 103 mm open, 29 mm clear")]
+)
+def test_texts_are_inside_the_picture_and_none_lies_on_another(
+    peak: float, long: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    figure = drawn(monkeypatch, peak, long)
+    texts = {"title": figure._suptitle}
+    legends = {}
+    for number, axes in enumerate(figure.axes):
+        texts |= {f"{number} above": axes._left_title}
+        if axes.axison:
+            texts |= {f"{number} {name}": axis.label for name, axis in axes._axis_map.items()}
+        if axes.get_legend():
+            legends[f"{number} legend"] = axes.get_legend()
+    places = {
+        name: text.get_window_extent() for name, text in (texts | legends).items() if name in legends or text.get_text()
+    }
+    assert len(places) >= 14
+    whole = figure.bbox
+    out = [name for name, box in places.items() if box.x0 < 0 or box.y0 < 0 or box.x1 > whole.x1 or box.y1 > whole.y1]
+    assert out == []
+    assert [pair for pair in combinations(places, 2) if places[pair[0]].overlaps(places[pair[1]])] == []
+    scene = next(axes for axes in figure.axes if axes.name == "3d")
+    assert not any(legend.get_window_extent().overlaps(scene.bbox) for legend in legends.values())
+
+
+def test_every_axis_has_its_unit_and_slip_is_in_millimetres_a_second(monkeypatch: pytest.MonkeyPatch) -> None:
+    figure = drawn(monkeypatch, 9.0, "1 found")
+    labels = [text for axes in figure.axes if axes.axison for text in (axes.get_xlabel(), axes.get_ylabel())]
+    assert all(label.endswith("]") for label in labels)
+    assert {"slip speed [mm/s]", "force [N]", "width [mm]", "time [s]"} <= set(labels)
+    force = next(axes for axes in figure.axes if axes.get_ylabel() == "force [N]")
+    assert "no bruise below 29.7 N" in [text.get_text() for text in force.get_legend().get_texts()]
