@@ -24,3 +24,10 @@ export { LineMaterial } from "three/examples/jsm/lines/LineMaterial.js";
 EXPORTS
 npx --yes esbuild@0.25.10 "$work/three.js" --bundle --minify --format=esm --legal-comments=inline --outfile="$into/three.js"
 cp "$work/node_modules/three/LICENSE" "$into/three.LICENSE"
+
+# What the documentation's search needs in pages that are opened from the disk.
+npm pack --silent --pack-destination "$work" iframe-worker@1.0.4 >/dev/null
+mkdir -p "$work/iframe-worker"
+tar xzf "$work"/iframe-worker-*.tgz --strip-components=1 -C "$work/iframe-worker"
+cp "$work/iframe-worker/shim/index.js" docs/assets/iframe-worker.js
+cp "$work/iframe-worker/LICENSE" docs/assets/iframe-worker.LICENSE

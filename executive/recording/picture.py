@@ -19,6 +19,9 @@ MILLI = {"m": ("mm", 1e3), "m/s": ("mm/s", 1e3)}
 KINDS = {"N": "force", "N·m": "torque", "m": "length", "m/s": "speed", "rad": "angle", "s": "time"}
 """What several quantities of a unit have in common; one alone has its own name."""
 
+GAP = 0.5
+"""Samples further apart do not belong to one curve [s]."""
+
 MOST_LABELS = 8
 """Entries of a legend; with more it would hide the picture."""
 
@@ -36,11 +39,21 @@ class Picture:
         if not isinstance(event, Published):
             return
         if isinstance(event.value, ImageView):
-            self._images[event.topic] = event.value
+            self._look(event.topic, event.value)
         elif isinstance(event.value, SceneView):
             self._scenes[event.topic] = event.value
         elif isinstance(event.value, SeriesView) and event.value.t.size:
             self._series[event.topic].append(event.value)
+
+    def _look(self, topic: str, view: ImageView) -> None:
+        """One look is shown, with all that was drawn on it: the last that had something to draw."""
+        if view.image is not None:
+            shown = list(self._images.values())
+            if not any(one.image is not None and np.array_equal(one.image, view.image) for one in shown):
+                if not _has_drawings(view) and any(_has_drawings(one) for one in shown):
+                    return
+                self._images.clear()
+        self._images[topic] = view
 
     @property
     def empty(self) -> bool:
@@ -142,6 +155,7 @@ class Picture:
         axes.set_prop_cycle(color=SERIES)
         shown, scale = MILLI.get(unit, (unit, 1.0))
         for name, t, values in lines:
+            t, values = _with_gaps(t, values)
             axes.plot(t, scale * values, lw=1.3, label=name.replace(f" [{unit}]", ""))
         thresholds = {k: v for views in self._series.values() for k, v in views[-1].thresholds.items()}
         low, high = axes.get_ylim()
@@ -158,6 +172,16 @@ class Picture:
         axes.grid(alpha=0.25)
         if len(axes.get_legend_handles_labels()[1]) > 1:  # one curve alone has its name at its axis
             _legend(axes, place="upper left")  # what matters comes late
+
+
+def _has_drawings(view: ImageView) -> bool:
+    return bool(view.lines) or bool(view.points.size)
+
+
+def _with_gaps(t: NDArray[np.float64], values: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Nothing was measured between two grips: no line goes from one to the next."""
+    apart = np.flatnonzero(np.diff(t) > GAP) + 1
+    return np.insert(t, apart, np.nan), np.insert(values, apart, np.nan)
 
 
 def _legend(axes: Any, where: Any = None, place: str = "upper right") -> None:

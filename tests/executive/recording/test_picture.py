@@ -15,10 +15,19 @@ from executive.running.events import Published
 from executive.views import ImageView, Line2, Line3, Points3, SceneView, SeriesView
 
 
-def drawn(monkeypatch: pytest.MonkeyPatch, peak: float, long: str) -> Any:
-    """The figure of a run with a look, a scene and a grip whose force goes up to `peak` [N]."""
+def plotted(monkeypatch: pytest.MonkeyPatch, views: list[tuple[str, Any]]) -> Any:
+    """The figure of these views, in this order."""
     figures: list[Any] = []
     monkeypatch.setattr(matplotlib.figure.Figure, "savefig", lambda figure, *_a, **_k: figures.append(figure))
+    picture = Picture()
+    for topic, view in views:
+        picture.on_event(Published(0.0, 0, "t", topic, view))
+    picture.save(io.BytesIO(), "pick_apple: success, seed 3")
+    return figures[0]
+
+
+def drawn(monkeypatch: pytest.MonkeyPatch, peak: float, long: str) -> Any:
+    """The figure of a run with a look, a scene and a grip whose force goes up to `peak` [N]."""
     t = np.linspace(0.0, 5.0, 50)
     square = np.array([[10.0, 10.0], [200.0, 10.0], [200.0, 200.0]])
     corners = np.array([[0.3, -0.5, -0.15], [-0.1, -0.4, 0.4]])
@@ -38,11 +47,7 @@ def drawn(monkeypatch: pytest.MonkeyPatch, peak: float, long: str) -> Any:
             {"force limit [N]": 14.0, "no bruise below [N]": 29.7},
         ),
     }
-    picture = Picture()
-    for topic, view in views.items():
-        picture.on_event(Published(0.0, 0, "t", topic, view))
-    picture.save(io.BytesIO(), "pick_apple: success, seed 3")
-    (figure,) = figures
+    figure = plotted(monkeypatch, list(views.items()))
     figure.canvas.draw()
     return figure
 
@@ -65,7 +70,7 @@ def test_texts_are_inside_the_picture_and_none_lies_on_another(
     places = {
         name: text.get_window_extent() for name, text in (texts | legends).items() if name in legends or text.get_text()
     }
-    assert len(places) >= 14
+    assert len(places) >= 12
     whole = figure.bbox
     out = [name for name, box in places.items() if box.x0 < 0 or box.y0 < 0 or box.x1 > whole.x1 or box.y1 > whole.y1]
     assert out == []
@@ -81,3 +86,30 @@ def test_every_axis_has_its_unit_and_slip_is_in_millimetres_a_second(monkeypatch
     assert {"slip speed [mm/s]", "force [N]", "width [mm]", "time [s]"} <= set(labels)
     force = next(axes for axes in figure.axes if axes.get_ylabel() == "force [N]")
     assert "no bruise below 29.7 N" in [text.get_text() for text in force.get_legend().get_texts()]
+
+
+def test_no_line_goes_from_one_grip_to_the_next(monkeypatch: pytest.MonkeyPatch) -> None:
+    t = np.array([0.0, 0.1, 0.2])
+    grips = [("grip", SeriesView(begin + t, {"grasp force [N]": np.array([1.0, 2.0, 3.0])})) for begin in (0.0, 9.0)]
+    figure = plotted(monkeypatch, [*grips])
+    (curve,) = figure.axes[-1].lines
+    assert np.isnan(curve.get_ydata()).tolist() == [False] * 3 + [True] + [False] * 3
+
+
+def test_one_look_is_shown_the_last_that_had_something_to_draw(monkeypatch: pytest.MonkeyPatch) -> None:
+    def look(brightness: int, caption: str, *lines: Line2) -> ImageView:
+        return ImageView(np.full((48, 64, 3), brightness, np.uint8), lines, caption=caption)
+
+    line = Line2(np.array([[1.0, 1.0], [9.0, 9.0]]), "a line", "found")
+    looks = [
+        ("detection", look(1, "first", line)),
+        ("measured", look(1, "first measured", line)),
+        ("detection", look(2, "second", line)),
+        ("grasp", ImageView(None, (line,), caption="second grasp")),
+        ("detection", look(3, "nothing found")),
+    ]
+    (axes,) = plotted(monkeypatch, looks).axes
+    assert axes.images[0].get_array().max() == 2
+    assert axes.get_title("left").split("\n") == ["second", "second grasp"]
+    (axes,) = plotted(monkeypatch, looks[-1:]).axes
+    assert axes.get_title("left") == "nothing found"
