@@ -24,7 +24,7 @@ from drivers.errors import CellFileError, DeviceFault, DriverError
 from drivers.estimate import estimate_errors
 from drivers.faults import FaultSwitch
 from drivers.hold_watch import HoldWatch
-from drivers.interfaces import Arm, ForceSensor, Workspace
+from drivers.interfaces import Arm, ForceSensor, Gripper, Workspace
 from drivers.readings import Readings
 from executive.clock import Clock, ManualClock, SystemClock
 from executive.values.documents import Outline
@@ -62,7 +62,7 @@ class Cell:
         self._latched: str | None = None
         self._lock = threading.Lock()
         self._paused = False
-        self._watch = HoldWatch(self._find(Arm), self._find(ForceSensor))
+        self._watch = HoldWatch(self._find(Arm), self._find(ForceSensor), self._find(Gripper))
         self._readings: Readings | None = None
 
     @property

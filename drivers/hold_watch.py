@@ -4,24 +4,28 @@ from __future__ import annotations
 
 import numpy as np
 
-from drivers.errors import DeviceFault
-from drivers.interfaces import Arm, ForceSensor
+from drivers.errors import DeviceError, DeviceFault
+from drivers.interfaces import Arm, ForceSensor, Gripper
 from executive.values.arrays import Float64
 
 MOVED = 0.01
 """A joint that changed by more than this while paused was moved by somebody [rad]."""
 HELD, GONE = 0.5, 0.2
 """Grasp force of one finger [N]: above the first at the pause something is held, below the second it is gone."""
+GIVE = 0.01
+"""Fingers that open or close by more than this have let go of what they held, or lost it [m]: what skin and pads give
+at 14 N, where they give 1.5 N/mm."""
 
 
 class HoldWatch:
     """Notes arm and grip once they are at rest, and compares before motion goes on."""
 
-    def __init__(self, arm: Arm | None, fingers: ForceSensor | None) -> None:
-        self._arm, self._fingers = arm, fingers
+    def __init__(self, arm: Arm | None, fingers: ForceSensor | None, gripper: Gripper | None) -> None:
+        self._arm, self._fingers, self._gripper = arm, fingers, gripper
         self._q: Float64 | None = None
         self._force: float | None = None
-        self._holds = False
+        self._hand = ""
+        self._held_at: float | None = None
 
     def forget(self) -> None:
         """Nothing is remembered any more."""
@@ -50,15 +54,28 @@ class HoldWatch:
             raise DeviceFault("fingers", f"the fruit that was held with {self._force:.1f} N is gone ({now})")
 
     def in_hand(self) -> str | None:
-        """What is felt between the fingers, as a sentence; empty for nothing, None when nobody feels anything."""
+        """What is felt between the fingers, as a sentence; empty for nothing, None when nobody feels anything.
+
+        Fingers that press less than can be felt, and stand where they held something, may hold it still: friction is
+        felt with less.
+        """
         force = self._least_force()
         if force is None:
             return None
+        width = self._width()
         if force > HELD:
-            self._holds = True
-        elif force < GONE:
-            self._holds = False
-        return "something is between the fingers" if self._holds else ""
+            self._hand, self._held_at = "something is between the fingers", width
+        elif force < GONE and self._hand:
+            away = width is None or self._held_at is None or abs(width - self._held_at) > GIVE
+            self._hand = "" if away else "something was held, and is hardly felt now"
+        return self._hand
+
+    def _width(self) -> float | None:
+        """Between the fingers [m]; None when nobody knows."""
+        try:
+            return None if self._gripper is None else self._gripper.state().width
+        except DeviceError:
+            return None
 
     def _least_force(self) -> float | None:
         """The smaller of the two fingers' normal forces [N]."""

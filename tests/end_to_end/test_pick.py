@@ -15,7 +15,7 @@ from executive.cli import main
 from executive.execute import Executed, RunOrder, execute
 from executive.files import find_cell, find_tree
 from executive.recording.read import read_events
-from executive.running.events import Event, Published, RunEnded
+from executive.running.events import Event, HandChanged, Published, RunEnded
 from executive.running.runner import Runner
 
 pytestmark = pytest.mark.slow
@@ -38,6 +38,9 @@ def test_an_apple_is_picked_and_the_record_tells_it_again(tmp_path: Path) -> Non
     assert (executed.record / "picture.png").stat().st_size > 20_000
     replayed = list(read_events(executed.record))
     assert [(type(e), e.t, e.tick) for e in replayed] == [(type(e), e.t, e.tick) for e in received]
+    hands = [event.what for event in replayed if isinstance(event, HandChanged)]
+    assert not hands[0]
+    assert all(hands[1:]), "what is held is never said to be gone, however little it is pressed"
     topics = {event.topic for event in replayed if isinstance(event, Published)}
     assert {"detection", "refine", "grip"} <= {topic.split("/")[0] for topic in topics}
 
