@@ -10,7 +10,7 @@ from executive.values.arrays import Float64
 
 MOVED = 0.01
 """A joint that changed by more than this while paused was moved by somebody [rad]."""
-HELD, GONE = 0.5, 0.2
+HELD_FORCE, LOST_FORCE = 0.5, 0.2
 """Grasp force of one finger [N]: above the first at the pause something is held, below the second it is gone."""
 GIVE = 0.01
 """Fingers that open or close by more than this have let go of what they held, or lost it [m]: what skin and pads give
@@ -49,7 +49,7 @@ class HoldWatch:
             if not moved <= MOVED:  # so that joints that are no number are not as they were
                 raise DeviceFault("arm", f"was moved by {np.degrees(moved):.1f}° while the run was paused")
         force = self._least_force()
-        if self._force is not None and self._force > HELD and (force is None or not force >= GONE):
+        if self._force is not None and self._force > HELD_FORCE and (force is None or not force >= LOST_FORCE):
             now = "nothing is felt" if force is None else f"now {force:.1f} N"
             raise DeviceFault("fingers", f"the fruit that was held with {self._force:.1f} N is gone ({now})")
 
@@ -63,9 +63,9 @@ class HoldWatch:
         if force is None:
             return None
         width = self._width()
-        if force > HELD:
+        if force > HELD_FORCE:
             self._hand, self._held_at = "something is between the fingers", width
-        elif force < GONE and self._hand:
+        elif force < LOST_FORCE and self._hand:
             away = width is None or self._held_at is None or abs(width - self._held_at) > GIVE
             self._hand = "" if away else "something was held, and is hardly felt now"
         return self._hand

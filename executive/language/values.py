@@ -73,7 +73,7 @@ class _Stand:
         name = reference.name
         if name == "failure":
             if self.around.failure is None:
-                message = "no failure is in sight here"
+                message = "nothing can have failed before this"
                 hint = "'failure' is known after the first child of a fallback, in retry_if and in on_failure"
                 self.report(reference, "no-failure", message, hint)
             return LastFailure

@@ -116,7 +116,7 @@ class Checking(Asking, Protocol):
 
     @property
     def around(self) -> Around:
-        """What surrounds the node: counters, failures in sight, names of items."""
+        """What surrounds the node: counters, the last failure, names of items."""
         ...
 
     @property

@@ -9,7 +9,7 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from executive.nodes import takes
-from executive.nodes.asking import Building, Checking, Ending, Flowing, Knowing, Words, XmlIn, XmlOut
+from executive.nodes.asking import Building, Checking, Ending, Flowing, Knowing, XmlOut
 from executive.nodes.behaviours import Branch
 from executive.nodes.ends import ALL, NO_CODES, Ends, Names, Outcome, codes_of
 from executive.nodes.facts import Facts
@@ -133,9 +133,6 @@ class FallbackType(Composite):
 
     def to_xml(self, at: XmlOut) -> object:
         return at.element(self.xml_tags[0])
-
-    def from_xml(self, element: XmlIn) -> Words:
-        return {self.key: element.children()}
 
 
 class ReactiveFallbackType(FallbackType):

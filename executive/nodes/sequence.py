@@ -10,7 +10,7 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from executive.nodes import takes
-from executive.nodes.asking import Building, Checking, Ending, Flowing, Knowing, Words, XmlIn, XmlOut
+from executive.nodes.asking import Building, Checking, Ending, Flowing, Knowing, XmlOut
 from executive.nodes.behaviours import Branch
 from executive.nodes.ends import ALL, NO_CODES, Ends, Names, Outcome
 from executive.nodes.facts import Facts
@@ -113,9 +113,6 @@ class SequenceType(Composite):
 
     def to_xml(self, at: XmlOut) -> object:
         return at.element(self.xml_tags[0])
-
-    def from_xml(self, element: XmlIn) -> Words:
-        return {self.key: element.children()}
 
 
 class ReactiveSequenceType(SequenceType):

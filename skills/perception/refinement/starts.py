@@ -21,8 +21,8 @@ _CLEARLY = 0.02
 """Another axis of the stem must explain so much more of the depth."""
 
 _ASPECT_WEIGHT = 0.05
-"""Of two axes the one that makes the fruit odder must explain so much more for each squared standard deviation: upside
-down a fruit fits its depth nearly as well, but wider and flatter than it is."""
+"""Of two axes the one that makes the proportions less likely must explain so much more for each squared standard
+deviation: upside down a fruit fits its depth nearly as well, but wider and flatter than it is."""
 
 _HIDDEN = 5.0
 """What is so many bands in front of the model hides it."""

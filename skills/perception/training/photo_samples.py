@@ -126,7 +126,7 @@ class PhotoCloseLookBatches(Dataset[tuple[Tensor, ...]]):
 
     Args:
         places: where the finder sees fruit in each photograph, by name: rows (u, v, size [px], belief).
-        turned: share of the looks that are turned anyhow about their axis.
+        turned: share of the looks that are turned by any angle about their axis.
         empty: pictures without fruit.
     """
 

@@ -34,7 +34,7 @@ class TrainingStage:
     Attributes:
         part: which network.
         steps, rate, batch, fall: as in `Schedule` and `TrainingRun`.
-        turned: share of the close looks that are turned anyhow about their axis.
+        turned: share of the close looks that are turned by any angle about their axis.
         sets: how many of the recipe's sets of frames are learnt from, from the first on.
         photos: share of each batch that comes from photographs.
         average: decay of the running average of weights, as in `Schedule`.

@@ -194,7 +194,7 @@ class CloseLookBatches(Dataset[tuple[Tensor, ...]]):
 
     Args:
         places: where the finder sees fruit in each frame, rightly or wrongly; empty without a finder.
-        turned: share of the looks that are turned anyhow about their axis; the others are nearly upright.
+        turned: share of the looks that are turned by any angle about their axis; the others are nearly upright.
     """
 
     def __init__(
@@ -279,8 +279,8 @@ class CloseLookBatches(Dataset[tuple[Tensor, ...]]):
 def roll_of_look(turned: float, rng: np.random.Generator) -> float:
     """How far a look is turned about its axis [rad]; the label turns with it exactly.
 
-    Most fruit is taught as cameras see it; a look that is turned anyhow, as the share `turned` is, teaches what a stem
-    looks like, not only where it mostly is.
+    Most fruit is taught as cameras see it; a look that is turned by any angle, as the share `turned` is, teaches what
+    a stem looks like, not only where it mostly is.
     """
     if turned > 0.0 and rng.random() < turned:
         return float(rng.uniform(-np.pi, np.pi))

@@ -55,7 +55,7 @@ class TrainingRun:
         device: "cpu" or "cuda".
         workers: processes that prepare batches, for each that learns.
         processes: that learn, each with its part of every batch.
-        turned: share of the close looks that are turned anyhow about their axis.
+        turned: share of the close looks that are turned by any angle about their axis.
         photographs: with boxes, to learn from beside the frames and to measure on; None for frames alone.
         photo_share: part of each batch that comes from them.
         photo_places: file of where the finder sees fruit in them, for the close look; None without a finder.
