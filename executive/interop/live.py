@@ -8,6 +8,7 @@ agree; times are nanoseconds since 1970.
 from __future__ import annotations
 
 import logging
+import sys
 import threading
 import time
 from collections import deque
@@ -137,6 +138,6 @@ class Live:
 
 
 def plain_content(content: Mapping[str, Any]) -> Mapping[str, Any]:
-    """A message with lists where it has arrays."""
-    lists: Mapping[str, Any] = plain(content)
+    """A message with lists where it has arrays, however large: a mesh has some thousand corners."""
+    lists: Mapping[str, Any] = plain(content, arrays=sys.maxsize)
     return lists

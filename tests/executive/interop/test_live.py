@@ -168,6 +168,11 @@ def free_port() -> int:
 # ---------------------------------------------------------------------------------------------------- Rerun
 
 
+def test_a_mesh_of_any_size_stays_whole_for_a_viewer_that_takes_lists() -> None:
+    corners = np.arange(3 * 2000)
+    assert plain_content({"triangles": [{"indices": corners}]})["triangles"][0]["indices"] == corners.tolist()
+
+
 def test_rerun_s_file_holds_the_run_and_is_never_overwritten(tmp_path: Path) -> None:
     pytest.importorskip("rerun", reason="the extra rerun (170 MB) is not installed")
     from executive.interop.rerun_view import RerunView
