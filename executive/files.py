@@ -36,7 +36,7 @@ def find_cell(name: str) -> Path:
 
 
 def default_name(kind: str) -> str:
-    """The name of the installed tree or cell that is taken where nobody names one; `kind` is "tree" or "cell"."""
+    """What the installed trees say is taken or shown where nobody names one: a "tree", a "cell", "hazards", …."""
     content = tomllib.loads((installed_trees() / "defaults.toml").read_text(encoding="utf-8"))
     return str(content[kind])
 

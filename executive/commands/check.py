@@ -29,7 +29,7 @@ def add(subparsers: Any) -> None:
     )
     about = "a tree, a scenario, a cell, a campaign … or the name of an installed tree"
     parser.add_argument("files", nargs="+", metavar="FILE", help=about)
-    parser.add_argument("--cell", help="also check that trees can run on this cell: its devices, poses, fruit")
+    parser.add_argument("--cell", help="also check that trees can run on this cell: its devices and what it names")
     about = "a parameter of the tree, or an option of the cell"
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help=about)
     parser.add_argument("--json", action="store_true", help="print the findings as JSON, for editors")

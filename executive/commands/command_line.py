@@ -12,7 +12,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from executive.commands.examples import EXAMPLES
+from executive.commands.examples import examples
 
 COMMANDS = "pomona.commands"
 """Entry point group of subcommands: functions that add one parser to argparse's subparsers and set its `main`.
@@ -98,10 +98,10 @@ def children(parser: argparse.ArgumentParser) -> Iterator[tuple[str, str, argpar
 
 
 def _add_examples(parser: argparse.ArgumentParser, name: str) -> None:
-    examples = EXAMPLES.get(name, ())
-    if not examples:
+    rows = examples(name)
+    if not rows:
         return
-    lines = [f"  {line}\n      {about}" for line, about in examples]
+    lines = [f"  {line}\n      {about}" for line, about in rows]
     parser.epilog = "\n".join([*([parser.epilog, ""] if parser.epilog else []), "examples:", *lines])
     if parser.description:  # raw: the lines of the examples stay as they are, so must those of the description
         parser.description = parser.description.strip()

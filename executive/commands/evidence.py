@@ -10,7 +10,7 @@ from typing import Any
 from executive.campaign.document import Bullets, Heading, Paragraph, ReportPage, Table
 from executive.commands.command_line import add_records_folder
 from executive.errors import UsageError
-from executive.files import installed_trees
+from executive.files import default_name, installed_trees
 from executive.recording.evidence import Evidence, Measured, gather, read_hazards
 from executive.recording.folder import find_record
 from executive.recording.index import records_in
@@ -44,7 +44,7 @@ def main(options: argparse.Namespace) -> int:
     Returns:
         0; 1 when a limit was passed.
     """
-    hazards = read_hazards(options.hazards or installed_trees() / "hazards" / "picking.yaml")
+    hazards = read_hazards(options.hazards or installed_trees() / "hazards" / f"{default_name('hazards')}.yaml")
     records = [record for name in options.runs for record in _records(name, options.record)]
     evidence = gather(list(dict.fromkeys(records)), hazards)
     if not evidence.runs:

@@ -12,7 +12,7 @@ from executive.files import find_cell
 def add(subparsers: Any) -> None:
     """Register the subcommand."""
     parser = subparsers.add_parser("lsp", help="a language server: editors start it by themselves")
-    parser.add_argument("--cell", help="complete and check poses and fruit of this cell")
+    parser.add_argument("--cell", help="complete and check the names that this cell knows")
     parser.set_defaults(main=main)
 
 

@@ -115,10 +115,10 @@ def _order(started: RunStarted, folder: Path) -> RunOrder:
     """The order that was given then, with the contents of then."""
     dry = started.cell == "dry" and started.cell_kind == "mock"
     cell = Path(started.cell_path)
-    if not dry and not cell.parent.is_dir():  # recorded on another machine: robots and fruit are found by the cell
+    if not dry and not cell.parent.is_dir():  # recorded on another machine: what it names is found beside the cell
         cell = installed_trees() / "cells" / cell.name
         if not cell.parent.is_dir():
-            raise UsageError(f"{started.cell_path}: its folder is needed for the robot and the fruit, and is not here")
+            raise UsageError(f"{started.cell_path}: its folder is needed for what it names, and is not here")
     texts = {started.tree_path: started.tree_text, str(cell): started.cell_text, **started.tree_files}
     texts |= {str(cell.parent / name): text for name, text in started.cell_files.items()}
     return RunOrder(

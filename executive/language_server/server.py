@@ -59,7 +59,7 @@ class TreeServer(LanguageServer):
         return {str(service.path): service.text for service in self.open.values()}
 
     def load_skills(self) -> None:
-        """Import the skills themselves, which know more than their declarations: poses, fruit."""
+        """Import the skills themselves, which know more than their declarations: what a cell names."""
         self.skills = Registry.installed()
         for service in self.open.values():
             service.skills = self.skills
@@ -95,7 +95,7 @@ def serve(cell: Path | None = None, *, load: bool = True) -> TreeServer:
     """A server that is ready to be started.
 
     Args:
-        cell: whose poses and fruit are known; an editor may name another one.
+        cell: whose names are known; an editor may name another one.
         load: import the skills once the editor has said hello.
     """
     server = TreeServer(cell)

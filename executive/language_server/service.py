@@ -80,7 +80,7 @@ class TreeService:
 
     Attributes:
         skills: installed skills, or what they declare.
-        cell: of which poses and fruit are known; None without one.
+        cell: whose names are known; None without one.
         others: texts of other open files, by path: they may not be saved yet.
     """
 
@@ -124,7 +124,7 @@ class TreeService:
         return document is not None and any(file.source.path == str(path) for file in document.files)
 
     def use_cell(self, cell: Path | None) -> None:
-        """Know the poses and fruit of a cell from now on."""
+        """Know the names of a cell from now on: its poses, and what its skills look up."""
         self.cell, self.cell_file = cell, None
         if cell is not None:
             self.cell_file = cell_files().judge(cell, Findings(), {}, {})

@@ -105,7 +105,7 @@ class Cell(Protocol):
         """Go on with paused motions.
 
         Raises:
-            Exception: the world is not as it was when it was paused (the arm was moved, the fruit is gone).
+            Exception: the world is not as it was when it was paused (the arm was moved, what it held is gone).
         """
         ...
 

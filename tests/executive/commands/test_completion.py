@@ -11,7 +11,7 @@ import pytest
 
 from executive.commands.command_line import children, make_parser
 from executive.commands.completion import WRITERS
-from executive.commands.examples import EXAMPLES
+from executive.commands.examples import examples
 
 SOME = ("run", "check", "completion", "runs")
 
@@ -24,7 +24,7 @@ def parser() -> argparse.ArgumentParser:
 @pytest.mark.parametrize("name", SOME)
 def test_every_example_is_taken_and_stands_below_the_help(parser: argparse.ArgumentParser, name: str) -> None:
     child = next(child for known, _about, child in children(parser) if known == name)
-    for line, about in EXAMPLES[name]:
+    for line, about in examples(name):
         words = shlex.split(line.partition(">")[0])
         assert words[:2] == ["pomona", name]
         parser.parse_args(words[1:])
