@@ -23,6 +23,8 @@ from executive.values.arrays import Float64
 JOINT_STATE = "sensor_msgs/msg/JointState"
 KEPT = 16
 """Messages that wait to be read; of a flood, only the newest."""
+LARGEST = 65536
+"""Longer messages are not even read [bytes]: a joint takes some 60, and reading a megabyte takes longer than it lasts."""
 EARLY = 0.02
 """Stamps ahead of this machine's clock by more than this are wrong [s]."""
 
@@ -81,6 +83,9 @@ class JointFeed:
 
     def _take(self, raw: bytes) -> None:
         """In the wire's thread: kept as it is."""
+        if len(raw) > LARGEST:
+            self._instead = f"has {len(raw)} bytes, more than {LARGEST}"
+            return
         with self._arrived:
             self._raw.append(raw)
             self._arrived.notify_all()

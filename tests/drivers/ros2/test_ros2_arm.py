@@ -26,7 +26,7 @@ from drivers.ros2 import arm as module
 from drivers.ros2 import outside
 from drivers.ros2.arm import TRAJECTORY, Ros2Arm, Ros2ArmOptions
 from drivers.ros2.gripper import COMMAND
-from drivers.ros2.joints import JOINT_STATE, KEPT, stamped
+from drivers.ros2.joints import JOINT_STATE, KEPT, LARGEST, stamped
 from executive.clock import ManualClock
 from executive.ros2.peer import Ros2Peer
 from executive.ros2.types import coder
@@ -344,6 +344,16 @@ def test_a_flood_costs_no_memory_and_the_newest_counts(setting: Setting) -> None
     setting.arm.step()
     assert setting.arm.state().stamp == pytest.approx(setting.clock.now(), abs=1e-6)
     setting.arm.check()
+
+
+def test_a_message_of_a_megabyte_is_not_read_and_the_arm_is_lost_when_nothing_else_comes(setting: Setting) -> None:
+    setting.controller.silent = True
+    for _ in range(40):
+        setting.controller.take(bytes(LARGEST + 1))
+        setting.serve(STEP)
+    assert not setting.arm._feed._raw
+    with pytest.raises(DeviceLost, match="has 65537 bytes"):
+        setting.arm.check()
 
 
 def test_what_no_arm_may_do_is_refused_and_nothing_is_said(setting: Setting) -> None:
