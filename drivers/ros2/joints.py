@@ -24,7 +24,7 @@ JOINT_STATE = "sensor_msgs/msg/JointState"
 KEPT = 16
 """Messages that wait to be read; of a flood, only the newest."""
 LARGEST = 65536
-"""Longer messages are not even read [bytes]: a joint takes some 60, and reading a megabyte takes longer than it lasts."""
+"""Longer messages are not even read [bytes]: a joint takes some 60, and a megabyte takes longer than a step may."""
 EARLY = 0.02
 """Stamps ahead of this machine's clock by more than this are wrong [s]."""
 
