@@ -51,7 +51,7 @@ def test_candidates_keep_what_they_promise():
         assert SHAPE.lowest(grasp.T_base_grasp, grasp.width)[0] > TABLE_Z + 3e-3
         for q in grasp.q_pre_grasp:
             np.testing.assert_allclose(ROBOT_MODEL.tcp(q), grasp.T_base_pre_grasp, atol=1e-6)
-            assert ROBOT_MODEL.within_limits(q)
+            assert ((ROBOT_MODEL.lower <= q) & (q <= ROBOT_MODEL.upper)).all()
             assert space.at_width(grasp.width).free(q)
 
 
