@@ -22,11 +22,12 @@ import trimesh
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks.refine_orchard import orchard_errors
+from benchmarks.refine_orchard import found_errors, orchard_errors
 from benchmarks.refine_pyrender import render_with_plain_pyrender
 from benchmarks.refine_scenes import CAMERA, View, cell_views, leaf_over, stretched_views
 from benchmarks.refine_searches import SEARCHES, search, timed
 from benchmarks.synthetic_depth import as_d435i, looking_at, standing, true_depth
+from drivers.depth_model import SIMULATED
 from executive.values.arrays import Float64
 from skills.geometry import rot_x, rot_y, transform
 from skills.perception.fruit import FruitModel, load_fruit
@@ -70,8 +71,17 @@ def main() -> None:
             "five stretched models on a table, poses: simulated",
         ),
     }  # fmt: skip
+    figures["intervals"] = intervals(
+        {
+            "rendered": stretched_views(fruit, PAPER, ELEVATIONS, range(options.seeds)),
+            "simulated cell": cell_views(CELL, fruit, ELEVATIONS, range(options.seeds), False),
+        },
+        fruit,
+        console,
+    )
     if options.orchard:
         figures["orchard"] = orchard_errors(options.orchard, fruit, console)
+        figures["orchard, found"] = found_errors(options.orchard, fruit, console)
     if options.json:
         options.json.write_text(json.dumps(figures, indent=1))
 
@@ -94,10 +104,10 @@ def speed(fruit: FruitModel, console: Console) -> dict[str, float]:
         _, box = render_depth(fruit, T, CAMERA, using=using)
         render, exact, paper, paper_box, shape = milliseconds(
             lambda: render_depth(fruit, T, CAMERA, using=using),
-            lambda: refine(depth, CAMERA, T, fruit, method="uniform", using=using),
+            lambda: refine(depth, CAMERA, T, fruit, method="uniform", depth_model=SIMULATED, using=using),
             lambda: fit_scale_by_rendering(depth, fruit, T, CAMERA, whole, using=using),
             lambda: fit_scale_by_rendering(depth[box.slices], fruit, T, CAMERA, box, using=using),
-            lambda: refine(depth, CAMERA, T, fruit, using=using),
+            lambda: refine(depth, CAMERA, T, fruit, depth_model=SIMULATED, using=using),
         )
         return {
             "render_ms": render, "exact_ms": exact, "exact_per_render": exact / render, "paper_ms": paper,
@@ -163,6 +173,41 @@ def bias(console: Console) -> dict[str, float]:
     return figures
 
 
+# -------------------------------------------------------------------------------------------------- intervals
+
+SURELY = 1.645
+"""Standard deviations of a 90 % interval."""
+SILENT_MM, SILENT = 8.0, 3.0
+"""Wrong by more than this and by so many stated standard deviations: wrong, and nothing says so."""
+
+
+def intervals(scenes: dict[str, list[View]], fruit: FruitModel, console: Console) -> dict[str, object]:
+    """How often the stated 90 % intervals of widths and heights hold, and how many are silently wrong."""
+    table = Table("views", "hidden", "mode", "measured", "hold", "silently wrong", title="stated 90 % intervals of sizes")
+    figures: dict[str, object] = {}
+    for name, views in scenes.items():
+        for share in (0.0, 0.5, 0.7):
+            looks = [leaf_over(view, share) if share else view for view in views]
+            for mode in ("shape+plane", "shape", "uniform"):
+                errors, stated = [], []
+                for view in looks:
+                    try:
+                        result = _refine(view, fruit, mode)
+                    except RefineError:
+                        continue
+                    errors.append(1e3 * np.abs(result.dimensions - view.dimensions))
+                    stated.append(1e3 * np.sqrt(np.diag(result.covariance)[3:]))
+                error, deviation = np.array(errors).reshape(-1, 3), np.array(stated).reshape(-1, 3)
+                hold = float((error <= SURELY * deviation).mean()) if len(error) else float("nan")
+                silent = int(((error > SILENT_MM) & (error > SILENT * deviation)).any(axis=1).sum())
+                table.add_row(name, f"{share:.0%}", mode, f"{len(error)} of {len(looks)}", f"{hold:.0%}", str(silent))
+                figures[f"{name}, {share:.0%} hidden, {mode}"] = {
+                    "of": len(looks), "measured": len(error), "hold": hold, "silent": silent,
+                }  # fmt: skip
+    console.print(table)
+    return figures
+
+
 # ------------------------------------------------------------------------------------------------ five apples
 
 
@@ -223,7 +268,8 @@ def _refine(view: View, fruit: FruitModel, mode: str, using: RendererName = "zbu
     on_plane = mode == "shape+plane"
     return refine(
         view.depth, CAMERA, view.T_camera_detected, fruit, method="shape" if on_plane else mode,  # type: ignore[arg-type]
-        support=horizontal_plane(view.T_base_camera, view.table_z) if on_plane else None, using=using,
+        support=horizontal_plane(view.T_base_camera, view.table_z) if on_plane else None, depth_model=SIMULATED,
+        using=using,
     )  # fmt: skip
 
 

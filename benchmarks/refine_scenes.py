@@ -116,8 +116,8 @@ def stretched_views(
     return found
 
 
-def leaf_over(view: View) -> View:
-    """The same look with a flat leaf, 20 mm in front of the apple, over half of its pixels; the pose stays."""
+def leaf_over(view: View, share: float = 0.5) -> View:
+    """The same look with a flat leaf, 20 mm in front of the apple, over a share of its width; the pose stays."""
     rng = np.random.default_rng(int(1e6 * view.T_camera_true[0, 3] % 1e5))
     centre, radius = view.T_camera_true[:3, 3], 0.5 * float(view.dimensions.mean())
     direction = rng.uniform(0.0, 2.0 * np.pi)
@@ -126,7 +126,8 @@ def leaf_over(view: View) -> View:
     across = (u - middle[0]) * np.cos(direction) + (v - middle[1]) * np.sin(direction)
     along = (v - middle[1]) * np.cos(direction) - (u - middle[0]) * np.sin(direction)
     reach = CAMERA.fx * radius / centre[2]
-    leaf = (across < 0.0) & (across > -1.6 * reach) & (np.abs(along) < 1.6 * reach)
+    inside = (2.0 * share - 1.0) * reach
+    leaf = (across < inside) & (across > -1.6 * reach) & (np.abs(along) < 1.6 * reach)
     surface = centre[2] - radius - 0.02 + 1e-4 * across
     noise = gaussian_filter(rng.normal(0.0, 1.0, view.depth.shape), 1.0)
     return replace(view, depth=np.where(leaf, surface + 1e-3 * noise / noise.std(), view.depth).astype(np.float32))

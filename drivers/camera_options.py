@@ -1,14 +1,14 @@
-"""What cell files say of cameras: intrinsics, and how much their depth errs."""
+"""What cell files say of a camera's intrinsics."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from drivers.interfaces import NOMINAL_DEPTH_NOISE, DepthNoise, Intrinsics
+from drivers.interfaces import Intrinsics
 from executive.values.kinds import Measure, Whole
 from executive.values.sections import Problem, value
-from executive.values.units import LENGTH, PIXELS
+from executive.values.units import PIXELS
 
 LARGEST = 100_000
 """No image is wider or higher [px]."""
@@ -39,25 +39,3 @@ class IntrinsicsSection:
         # Pixel centres lie at integers: an image's left edge is at -0.5, however many pixels it has.
         cx, cy = (self.cx + 0.5) * x - 0.5, (self.cy + 0.5) * y - 0.5
         return Intrinsics(self.fx * x, self.fy * y, cx, cy, width, height)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class DepthNoiseSection:
-    """How much a camera's depth errs: a stereo camera by z² · disparity / (f · baseline), any by `floor` besides."""
-
-    disparity: float = value(Measure(PIXELS, "0 px", "10 px"), "0 px", "standard deviation of the disparity")
-    baseline: float = value(Measure(LENGTH, "1 mm", "1 m"), "50 mm", "distance of the two imagers")
-    floor: float = value(Measure(LENGTH, "0 mm", "100 mm"), "0 mm", "standard deviation at any distance")
-
-    def problems(self) -> Iterator[Problem]:
-        if self.disparity == self.floor == 0.0:
-            yield Problem("disparity", "no camera is without noise", "say 'disparity' [px], 'floor' [mm], or both")
-
-    def noise(self) -> DepthNoise:
-        """For the camera's frames."""
-        return DepthNoise(self.disparity, self.baseline, self.floor)
-
-
-def depth_noise_of(said: DepthNoiseSection | None) -> DepthNoise:
-    """What a cell file says of a camera's depth, or what is nominal."""
-    return said.noise() if said else NOMINAL_DEPTH_NOISE

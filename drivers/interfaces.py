@@ -15,6 +15,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
+from drivers.depth_model import D4XX, DepthModel
 from executive.values.arrays import Float64
 
 # ---------------------------------------------------------------------------------------------------- camera
@@ -37,32 +38,6 @@ class Intrinsics:
         return np.array([[self.fx, 0.0, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]])
 
 
-@dataclass(frozen=True, slots=True)
-class DepthNoise:
-    """Standard deviation of a camera's depth.
-
-    Attributes:
-        disparity: of a stereo camera's disparity [px]; 0 for a camera of another kind.
-        baseline: distance of the stereo camera's imagers [m].
-        floor: at any distance [m].
-    """
-
-    disparity: float
-    baseline: float
-    floor: float = 0.0
-
-    def deviation(self, z: Float64, focal: float) -> Float64:
-        """At depths z [m] of any shape, for a focal length [px]: z² · disparity / (f · b), and the floor [m]."""
-        stereo: Float64 = z**2 * self.disparity / (focal * self.baseline)
-        return stereo if self.floor == 0.0 else np.hypot(stereo, self.floor)
-
-
-NOMINAL_DEPTH_NOISE = DepthNoise(disparity=0.08, baseline=0.05)
-"""A RealSense D435's, for frames of which nobody says more. 0.08 px is an empirical number: what A. Grunnet-Jepsen of
-Intel advises for a scene as it comes, beside 0.032 px for a well calibrated camera and a well textured scene
-(librealsense, issue 3904); the law z² · disparity / (f · baseline) follows from z = f · baseline / disparity."""
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Frame:
     """One look: colour and depth registered to it, and where the camera was when it looked.
@@ -76,7 +51,7 @@ class Frame:
         q: joints of the arm at the exposure, shape (dof,) [rad], for a camera that rides on the arm; else None.
         T_mount_camera: pose of the camera in its mount: in tool0 when `q` is given (hand-eye), else in the base frame.
         label: where the frame comes from, for people: a file's name, or the camera's.
-        depth_noise: how much `depth` errs, as the camera's driver knows.
+        depth_model: how `depth` errs, as the camera's driver knows; its offset and scale are taken off already.
     """
 
     stamp: float
@@ -87,7 +62,7 @@ class Frame:
     q: Float64 | None
     T_mount_camera: Float64
     label: str = ""
-    depth_noise: DepthNoise = NOMINAL_DEPTH_NOISE
+    depth_model: DepthModel = D4XX
 
 
 @runtime_checkable

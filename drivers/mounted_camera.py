@@ -9,8 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from drivers.camera_options import DepthNoiseSection, depth_noise_of
-from drivers.interfaces import DepthNoise
+from drivers.depth_model import DepthModel, DepthModelSection, depth_model_of
 from executive.values.arrays import Float64
 from executive.values.kinds import Measure, PathTo
 from executive.values.plain_text import read_plain_text
@@ -34,8 +33,8 @@ class MountedCameraFile:
         PathTo("file", "make it with `pomona calibrate hand-eye`"),
         help="pose of the camera in its mount; `pomona calibrate hand-eye` makes the file",
     )
-    depth_noise: DepthNoiseSection | None = value(
-        Section(DepthNoiseSection), None, "how much depth errs; without it a D435's nominal noise"
+    depth_model: DepthModelSection | None = value(
+        Section(DepthModelSection), None, "how the depth errs; without it as a RealSense D4xx"
     )
     silence: float = value(Measure(TIME, "50 ms", "10 s"), "500 ms", "no image for so long: the camera is lost")
 
@@ -46,9 +45,9 @@ class MountedCameraFile:
             yield Problem("hand_eye", str(error), "make it with `pomona calibrate hand-eye`")
 
     @property
-    def noise(self) -> DepthNoise:
-        """Of its depth: what the file says, or what is nominal."""
-        return depth_noise_of(self.depth_noise)
+    def depth_errs(self) -> DepthModel:
+        """How its depth errs: what the file says, or what is nominal."""
+        return depth_model_of(self.depth_model)
 
 
 def read_hand_eye(path: Path) -> Float64:

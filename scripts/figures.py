@@ -13,7 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from drivers.interfaces import NOMINAL_DEPTH_NOISE, Intrinsics
+from drivers.depth_model import SIMULATED
+from drivers.interfaces import Intrinsics
 from executive.palette import INK, LINE, MUTED, SERIES
 from skills.geometry import rot_x, transform
 from skills.grip.dynamic_term import DynamicSettings, dynamic_force
@@ -43,7 +44,7 @@ def scale() -> Series:
     virtual, box = render_depth(apple, T_camera_object, CAMERA, using="zbuffer")
     depth = draw(apple, moved_and_scaled(T_camera_object, true_sigma), CAMERA, box).astype(np.float64)
     rng = np.random.default_rng(4)
-    depth += rng.normal(size=depth.shape) * NOMINAL_DEPTH_NOISE.deviation(depth, CAMERA.fx)
+    depth += rng.normal(size=depth.shape) * SIMULATED.deviation(depth, CAMERA.fx)
     depth[:, : depth.shape[1] // 4] -= 0.05  # a leaf over the left quarter
     fit = fit_scale(depth.astype(np.float32), virtual)
     tried = true_sigma + np.linspace(-0.06, 0.06, 61)

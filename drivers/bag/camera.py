@@ -11,7 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from drivers.bag.images import COMPRESSED, IMAGE, INFO, UnusableImage, colour_of, depth_of, intrinsics_of
-from drivers.camera_options import DepthNoiseSection, IntrinsicsSection, depth_noise_of
+from drivers.camera_options import IntrinsicsSection
+from drivers.depth_model import DepthModelSection, depth_model_of
 from drivers.device import ConnectContext
 from drivers.driver import Settings, driver
 from drivers.frames.camera import FramesCamera
@@ -147,8 +148,8 @@ class BagFile:
     intrinsics: IntrinsicsSection | None = value(
         Section(IntrinsicsSection), None, "of the camera, instead of the bag's"
     )
-    depth_noise: DepthNoiseSection | None = value(
-        Section(DepthNoiseSection), None, "how much depth errs; without it a D435's nominal noise"
+    depth_model: DepthModelSection | None = value(
+        Section(DepthModelSection), None, "how the depth errs; without it as a RealSense D4xx"
     )
 
 
@@ -175,8 +176,7 @@ def connect(settings: Settings[BagFile], context: ConnectContext) -> FramesCamer
         frames[0].read(intrinsics)
     except UnusableFrames as error:
         raise settings.error(str(error), key) from error
-    noise = depth_noise_of(said.depth_noise)
-    return FramesCamera(frames, intrinsics, context.clock, depth_noise=noise)
+    return FramesCamera(frames, intrinsics, context.clock, depth_model=depth_model_of(said.depth_model))
 
 
 def _check_type(bag: Bag, topic: str, kinds: Sequence[str]) -> None:

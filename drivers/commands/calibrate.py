@@ -8,6 +8,7 @@ from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
 
+from drivers.depth_model import SENSORS
 from drivers.errors import DriverError
 from executive.values.kinds import Measure
 from executive.values.units import LENGTH
@@ -34,6 +35,17 @@ def add(subparsers: Any) -> None:
     hand_eye.add_argument("--square", type=side.option, required=True, help="side of a square, such as 24.5mm")
     hand_eye.add_argument("--out", type=Path, required=True, help="the file to write")
     hand_eye.set_defaults(main=lambda options: _guarded(_hand_eye, options))
+    depth = kinds.add_parser("depth", help="find out how a camera's depth errs, from balls or a wall in recorded frames")
+    depth.add_argument("folder", type=Path, help="NAME_color.jpg or .png, NAME_depth_mm.png and intrinsics.yaml")
+    depth.add_argument("--balls", type=Path, help="table (CSV): frame, name, x, y, w, h [px], diameter_mm")
+    depth.add_argument("--wall", action="store_true", help="the frames show a flat wall or board: noise alone")
+    depth.add_argument("--diameter", default="diameter_mm", metavar="COLUMN", help="column with the diameter in mm")
+    depth.add_argument("--only", default="", metavar="BEGIN", help="rows of the table whose name begins so")
+    depth.add_argument("--intrinsics", type=Path, help="of the camera, where the folder holds none")
+    depth.add_argument("--sensor", default="d4xx", choices=sorted(SENSORS), help="what is thought before (d4xx)")
+    depth.add_argument("--plot", type=Path, help="picture of measured against true distance, before and after")
+    depth.add_argument("--out", type=Path, required=True, help="the depth model file to write")
+    depth.set_defaults(main=lambda options: _guarded(_depth, options))
     for entry in sorted(entry_points(group=GROUP), key=lambda entry: entry.name):
         entry.load()(kinds)
 
@@ -72,3 +84,29 @@ def _hand_eye(options: argparse.Namespace) -> str:
     result = calibrate_folder(options.folder, Chessboard(int(columns), int(rows), options.square))
     result.save(options.out)
     return f"{result}\nwritten to {options.out}"
+
+
+def _depth(options: argparse.Namespace) -> str:
+    from drivers.depth_calibration import UnusableDepth, calibrate_balls, calibrate_wall, read_balls
+    from drivers.frames.folder import INTRINSICS_FILE, folder_intrinsics, list_frames, read_images, read_intrinsics
+
+    if (options.balls is None) == (not options.wall):
+        raise UnusableDepth("say what the frames show: --balls TABLE or --wall")
+    frames = list_frames(options.folder)
+    intrinsics = read_intrinsics(options.intrinsics) if options.intrinsics else folder_intrinsics(options.folder)
+    if intrinsics is None:
+        raise UnusableDepth(f"nothing says the camera's intrinsics: put {INTRINSICS_FILE} into the folder")
+    depths = {frame.label: read_images(frame, intrinsics)[1] for frame in frames}
+    if options.wall:
+        found = calibrate_wall(list(depths.values()), options.sensor)
+    else:
+        balls = read_balls(options.balls, options.diameter, options.only)
+        found = calibrate_balls(balls, depths, intrinsics, options.sensor)
+    found.save(options.out)
+    drawn = ""
+    if options.plot is not None and found.seen:
+        from drivers.depth_plot import draw_calibration  # matplotlib: only for who wants a picture
+
+        draw_calibration(found, options.plot)
+        drawn = f", picture in {options.plot}"
+    return f"{found}\nwritten to {options.out}{drawn}; as depth_model.yaml in a folder of frames it holds for these"

@@ -30,7 +30,7 @@ from pathlib import Path
 
 import numpy as np
 
-from drivers.camera_options import DepthNoiseSection, depth_noise_of
+from drivers.depth_model import SIMULATED, DepthModelSection, depth_model_of
 from drivers.cell import load_cell
 from drivers.cell_file import read_cell_file
 from drivers.device import ConnectContext, Device
@@ -141,8 +141,8 @@ class EmulatedCameraFile:
     robot: Path = value(PathTo("file"), help="MJCF with the site `camera`")
     rate: float = value(Measure(RATE, "0.5 Hz", "60 Hz"), "5 Hz", "frames per second")
     silence: float = value(Measure(TIME, "50 ms", "10 s"), "1 s", "no frame for so long: the camera is lost")
-    depth_noise: DepthNoiseSection | None = value(
-        Section(DepthNoiseSection), None, "how much depth errs; without it a D435's nominal noise"
+    depth_model: DepthModelSection | None = value(
+        Section(DepthModelSection), None, "how the depth errs; without it as a simulated camera"
     )
 
 
@@ -258,14 +258,13 @@ def connect_camera(settings: Settings[EmulatedCameraFile], context: ConnectConte
     arm = context.find(Arm)
     mount = CameraMount(arm, camera_site(said.robot))
     open_link = tcp_opener(host, port, context.wires)
-    noise = depth_noise_of(said.depth_noise)
     camera = StreamingCamera(
         lambda: WireSource(open_link(), said.rate, context.clock),
         mount,
         context.clock,
         silence=said.silence,
         label="emulated",
-        depth_noise=noise,
+        depth_model=depth_model_of(said.depth_model, SIMULATED),
     )
     camera.connect(deadline=20.0)
     camera.start()

@@ -9,7 +9,15 @@ from typing import Protocol
 
 import numpy as np
 
-from drivers.camera_options import DepthNoiseSection, IntrinsicsSection, depth_noise_of
+from drivers.camera_options import IntrinsicsSection
+from drivers.depth_model import (
+    D4XX,
+    DEPTH_MODEL_FILE,
+    DepthModel,
+    DepthModelSection,
+    depth_model_of,
+    folder_depth_model,
+)
 from drivers.device import ConnectContext, Device
 from drivers.driver import Settings, driver
 from drivers.errors import DeviceFault
@@ -20,7 +28,7 @@ from drivers.frames.folder import (
     folder_intrinsics,
     list_frames,
 )
-from drivers.interfaces import NOMINAL_DEPTH_NOISE, Camera, DepthNoise, Frame, FrameSequence, Intrinsics
+from drivers.interfaces import Camera, Frame, FrameSequence, Intrinsics
 from executive.clock import Clock
 from executive.values.arrays import Float64
 from executive.values.kinds import Text
@@ -59,10 +67,10 @@ class FramesCamera(Device):
         clock: Clock,
         T_base_camera: Float64 = LEVEL,
         name: str = "camera",
-        depth_noise: DepthNoise = NOMINAL_DEPTH_NOISE,
+        depth_model: DepthModel = D4XX,
     ) -> None:
         super().__init__(name)
-        self.intrinsics, self._depth_noise = intrinsics, depth_noise
+        self.intrinsics, self._depth_model = intrinsics, depth_model
         self._frames, self._clock, self._T_base_camera = frames, clock, T_base_camera
         self._position = 0
         self._read: tuple[int, Frame] | None = None
@@ -107,7 +115,7 @@ class FramesCamera(Device):
             q=None,
             T_mount_camera=self._T_base_camera,
             label=frame.label,
-            depth_noise=self._depth_noise,
+            depth_model=self._depth_model,
         )
 
     def _load(self, position: int) -> Frame:
@@ -116,6 +124,7 @@ class FramesCamera(Device):
             colour, depth = recorded.read(self.intrinsics)
         except UnusableFrames as error:
             raise DeviceFault(self.name, str(error)) from error
+        depth = self._depth_model.corrected(depth)
         colour.setflags(write=False)
         depth.setflags(write=False)
         return Frame(0.0, position, colour, depth, self.intrinsics, None, self._T_base_camera, recorded.label)
@@ -129,8 +138,8 @@ class FramesFile:
     intrinsics: IntrinsicsSection | None = value(
         Section(IntrinsicsSection), None, f"of the camera, unless {INTRINSICS_FILE} lies in the folder"
     )
-    depth_noise: DepthNoiseSection | None = value(
-        Section(DepthNoiseSection), None, "how much depth errs; without it a D435's nominal noise"
+    depth_model: DepthModelSection | None = value(
+        Section(DepthModelSection), None, f"how the depth errs, unless {DEPTH_MODEL_FILE} lies in the folder; without it as a D4xx"
     )
 
 
@@ -149,8 +158,8 @@ def connect(settings: Settings[FramesFile], context: ConnectContext) -> FramesCa
     except UnusableFrames as error:
         hint = f"put the right {INTRINSICS_FILE} into the folder" if "intrinsics" in str(error) else ""
         raise settings.error(str(error), "folder", hint) from error
-    noise = depth_noise_of(said.depth_noise)
-    return FramesCamera(frames, intrinsics, context.clock, depth_noise=noise)
+    depth_model = folder_depth_model(folder) or depth_model_of(said.depth_model)
+    return FramesCamera(frames, intrinsics, context.clock, depth_model=depth_model)
 
 
 def _resolve(folder: Path, cell_folder: Path) -> Path:

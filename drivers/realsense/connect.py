@@ -48,7 +48,7 @@ def connect(settings: Settings[RealSenseFile], context: ConnectContext) -> Strea
     )
     mount = CameraMount(context.find(Arm), read_hand_eye(said.hand_eye))
     camera = StreamingCamera(
-        lambda: PipelineSource(wanted), mount, context.clock, silence=said.silence, depth_noise=said.noise
+        lambda: PipelineSource(wanted), mount, context.clock, silence=said.silence, depth_model=said.depth_errs
     )
     try:
         camera.connect()

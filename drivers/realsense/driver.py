@@ -11,7 +11,8 @@ from typing import Protocol
 
 from drivers.device import Device
 from drivers.errors import DeviceError, DeviceLost
-from drivers.interfaces import NOMINAL_DEPTH_NOISE, Camera, DepthNoise, Frame
+from drivers.depth_model import D4XX, DepthModel
+from drivers.interfaces import Camera, Frame
 from drivers.owner import Owner
 from drivers.realsense.camera_mount import CameraMount
 from drivers.realsense.source import Pair
@@ -47,13 +48,13 @@ class StreamingCamera(Device):
         clock: Clock,
         *,
         silence: float = 0.5,
-        depth_noise: DepthNoise = NOMINAL_DEPTH_NOISE,
+        depth_model: DepthModel = D4XX,
         label: str = "realsense",
         name: str = "camera",
     ) -> None:
         super().__init__(name)
         self._open_source, self._mount, self._clock = open_source, mount, clock
-        self._silence, self._label, self._depth_noise = silence, label, depth_noise
+        self._silence, self._label, self._depth_model = silence, label, depth_model
         self._stamps, self._guard = Stamps(clock), FrameGuard(clock, silence)
         self._source: ImageSource | None = None
         self._owner = Owner(name, self.step, self._lose, clock)
@@ -157,12 +158,12 @@ class StreamingCamera(Device):
             stamp=stamp,
             sequence=self._sequence,
             colour=pair.colour,
-            depth=pair.depth,
+            depth=self._depth_model.corrected(pair.depth),
             intrinsics=pair.intrinsics,
             q=self._mount.joints(stamp),
             T_mount_camera=self._mount.T_mount_camera,
             label=self._label,
-            depth_noise=self._depth_noise,
+            depth_model=self._depth_model,
         )
         self._sequence += 1
         return frame

@@ -103,7 +103,7 @@ class SimCamera(FaultyDevice):
             q=self._world.state.qpos[self._joints].copy(),
             T_mount_camera=self.T_mount_camera,
             label=self.name,
-            depth_noise=self._stereo.noise(),
+            depth_model=self._stereo.depth_model(),
         )
 
     def _render(self) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:

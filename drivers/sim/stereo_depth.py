@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.interfaces import DepthNoise
+from drivers.depth_model import SIMULATED, DepthModel
 from executive.values.arrays import Float32
 
 SUBPIXEL = 1.0 / 32.0
@@ -30,9 +30,10 @@ class Stereo:
     disparity_noise: float
     nearest: float
 
-    def noise(self) -> DepthNoise:
+    def depth_model(self) -> DepthModel:
         """What such a camera would say of itself; without noise the steps of the disparity remain."""
-        return DepthNoise(max(self.disparity_noise, SUBPIXEL / np.sqrt(12.0)), self.baseline)
+        noise = max(self.disparity_noise, SUBPIXEL / np.sqrt(12.0))
+        return replace(SIMULATED, disparity=noise, baseline=self.baseline)
 
 
 def measure_depth(true_depth: Float32, stereo: Stereo, rng: np.random.Generator) -> Float32:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import lru_cache
 from pathlib import Path
 from typing import Annotated
@@ -20,6 +20,7 @@ from executive.values.reading import Refused
 from executive.values.sections import Problem, Section, value
 from executive.values.units import LENGTH, Array
 from skills.perception.fruit.errors import BadFruitFile, UnknownFruit
+from skills.perception.fruit.sizes import KindSizes
 
 CATALOGUE = Path(__file__).resolve().parents[3] / "trees" / "fruits"
 SHIPPED_WEIGHTS = Path(__file__).resolve().parents[1] / "detection" / "weights"
@@ -51,6 +52,7 @@ class FruitModel:
         weights: the detector's weights for this fruit, None when there are none yet.
         stem: the stem in the object frame, for pictures only; None when the fruit has none.
         colour: typical colour of the flesh, RGB in 0..1.
+        sizes: how large fruit of this kind are and how high for their width, where that was learnt.
     """
 
     name: str
@@ -61,6 +63,7 @@ class FruitModel:
     weights: Path | None = None
     stem: Mesh | None = None
     colour: tuple[float, float, float] = (0.7, 0.1, 0.1)
+    sizes: KindSizes | None = None
 
     @property
     def mesh(self) -> Mesh:
@@ -74,6 +77,22 @@ def known_fruits(catalogue: Path = CATALOGUE) -> tuple[str, ...]:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class SizesSection:
+    """Sizes of a kind, from fruit of it that were measured by hand; each deviation is a share."""
+
+    width: float = value(Measure(LENGTH, "1 mm", "1 m"), help="median of the horizontal dimension")
+    width_deviation: float = value(Number(1e-3, 1.0), help="standard deviation of ln width")
+    height_over_width: float = value(Number(0.1, 10.0), help="median of the proportion")
+    height_over_width_deviation: float = value(Number(1e-3, 1.0), help="standard deviation of its logarithm")
+    looks: float = value(Number(0.2, 5.0), 1.0, "width that a scaled model shows over the true one")
+    looks_deviation: float = value(Number(0.0, 1.0), 0.0, "standard deviation of its logarithm")
+
+    def sizes(self) -> KindSizes:
+        """For the fruit's model."""
+        return KindSizes(**{f.name: getattr(self, f.name) for f in fields(KindSizes)})
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class FruitFileSection:
     """A kind of fruit: its CAD model in the object frame, and the weights of its detector."""
 
@@ -84,6 +103,8 @@ class FruitFileSection:
     symmetry_axis: tuple[float, ...] = value(Row(Number(-1.0, 1.0), 3), help="of revolution, towards the stem")
     colour: tuple[float, ...] = value(Row(Number(0.0, 1.0), 3), (0.7, 0.1, 0.1), "typical, RGB from 0 to 1")
     weights: str | None = value(Text(), None, "of its detector: beside this file, or among those that are shipped")
+
+    sizes: SizesSection | None = value(Section(SizesSection), None, "of this kind, where they were learnt")
 
     def problems(self) -> Iterator[Problem]:
         if np.linalg.norm(self.symmetry_axis) < 1e-9:
@@ -147,6 +168,7 @@ def load_fruit(name_or_path: str | Path, catalogue: Path = CATALOGUE) -> FruitMo
         weights=_find_weights(folder, said.weights),
         stem=None if said.stem is None else _read_mesh(said.stem),
         colour=(said.colour[0], said.colour[1], said.colour[2]),
+        sizes=None if said.sizes is None else said.sizes.sizes(),
     )
 
 

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.interfaces import NOMINAL_DEPTH_NOISE, DepthNoise, Intrinsics
+from drivers.depth_model import D4XX, DepthModel
+from drivers.interfaces import Intrinsics
 from executive.values.arrays import Float64
 from skills.geometry import apply
 from skills.perception.refinement.depth_image import DepthImage, ImageBox
-
-_CORRELATED = 12.0
-"""So many neighbouring pixels err alike, since their matching windows overlap."""
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Cloud:
@@ -24,25 +21,36 @@ class Cloud:
         points: shape (n, 3) [m].
         rays: unit vectors from the camera to them, shape (n, 3).
         deviation: standard deviation along the camera's z axis, shape (n,) [m], enlarged for what neighbours share.
+        beside: standard deviation across the ray, of where the pixel looks, shape (n,) [m], enlarged as well.
+        alike: so many neighbours err alike, by which both are enlarged.
     """
 
     points: Float64
     rays: Float64
     deviation: Float64
+    beside: Float64
+    alike: float
 
     def chosen(self, mask: NDArray[np.bool_]) -> Cloud:
         """The part of the points that a mask picks."""
-        return Cloud(self.points[mask], self.rays[mask], self.deviation[mask])
+        return replace(
+            self,
+            points=self.points[mask],
+            rays=self.rays[mask],
+            deviation=self.deviation[mask],
+            beside=self.beside[mask],
+        )
 
     def moved(self, T_a_b: Float64) -> Cloud:
         """The same points in another frame."""
-        return Cloud(apply(T_a_b, self.points), self.rays @ T_a_b[:3, :3].T, self.deviation)
+        return replace(self, points=apply(T_a_b, self.points), rays=self.rays @ T_a_b[:3, :3].T)
 
     def thinned(self, at_most: int) -> Cloud:
         """Every k-th point; what neighbours share is then less."""
         step = -(-len(self.points) // at_most) if len(self.points) else 1
-        gain = np.sqrt(max(1.0, _CORRELATED / step) / _CORRELATED)
-        return Cloud(self.points[::step], self.rays[::step], self.deviation[::step] * gain)
+        gain = np.sqrt(max(1.0, self.alike / step) / self.alike)
+        few = self.chosen(np.arange(len(self.points)) % step == 0)
+        return replace(few, deviation=few.deviation * gain, beside=few.beside * gain)
 
 
 def cloud(
@@ -50,7 +58,7 @@ def cloud(
     intrinsics: Intrinsics,
     box: ImageBox,
     mask: NDArray[np.bool_] | None = None,
-    noise: DepthNoise = NOMINAL_DEPTH_NOISE,
+    model: DepthModel = D4XX,
 ) -> Cloud:
     """The measured points of a box, in the camera frame.
 
@@ -59,7 +67,7 @@ def cloud(
         intrinsics: of the image.
         box: the part to take.
         mask: pixels of the box to take, shape `box.shape`; all by default.
-        noise: of the depth, as the camera says.
+        model: how the depth errs, as the camera says.
     """
     z = depth[box.slices].astype(np.float64)
     taken = np.isfinite(z) & (z > 0.0)
@@ -75,8 +83,9 @@ def cloud(
         ]
     )
     rays = points / np.linalg.norm(points, axis=1, keepdims=True)
-    deviation = noise.deviation(z, intrinsics.fx)
-    return Cloud(points, rays, deviation * np.sqrt(_CORRELATED))
+    shared = np.sqrt(model.alike)
+    deviation, beside = model.deviation(z, intrinsics.fx), model.beside(z, intrinsics.fx)
+    return Cloud(points, rays, shared * deviation, shared * beside, model.alike)
 
 
 def together(clouds: list[Cloud]) -> Cloud:
@@ -85,4 +94,6 @@ def together(clouds: list[Cloud]) -> Cloud:
         np.concatenate([c.points for c in clouds]),
         np.concatenate([c.rays for c in clouds]),
         np.concatenate([c.deviation for c in clouds]),
+        np.concatenate([c.beside for c in clouds]),
+        max(c.alike for c in clouds),
     )

@@ -8,14 +8,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.interfaces import NOMINAL_DEPTH_NOISE, DepthNoise, Intrinsics
+from drivers.depth_model import D4XX, DepthModel
+from drivers.interfaces import Intrinsics
 from executive.values.arrays import Float64
 from skills.geometry import inverse
 from skills.perception.refinement.cloud import Cloud, cloud, together
 from skills.perception.refinement.depth_image import DepthImage, ImageBox, RendererName, Triangles
 from skills.perception.refinement.errors import RenderFailed, TooFewInliers
 from skills.perception.refinement.render import render_depth
-from skills.perception.refinement.segment import connected_to
+from skills.perception.refinement.segment import connected_to, without_edge
 from skills.perception.refinement.support_plane import Plane, seen_near
 
 _MARGIN = 0.15
@@ -35,13 +36,13 @@ class OtherLook:
         depth: z-depth, shape (h, w) [m]; 0 or not finite where there is none.
         intrinsics: of this depth image.
         T_camera_look: pose of this look's camera in the frame of the look that is refined.
-        depth_noise: how much this depth errs.
+        depth_model: how this depth errs.
     """
 
     depth: DepthImage
     intrinsics: Intrinsics
     T_camera_look: Float64
-    depth_noise: DepthNoise = NOMINAL_DEPTH_NOISE
+    depth_model: DepthModel = D4XX
 
 
 def gather(
@@ -51,7 +52,7 @@ def gather(
     virtual_depth: DepthImage,
     inliers: NDArray[np.bool_],
     known: Plane | None,
-    noise: DepthNoise = NOMINAL_DEPTH_NOISE,
+    model: DepthModel = D4XX,
 ) -> tuple[Cloud, Plane | None]:
     """Points of one look around a fruit that was scaled already, and the plane that it stands on.
 
@@ -61,7 +62,7 @@ def gather(
         virtual_depth: the scaled model's depth, shape `box.shape` [m].
         inliers: pixels that agree with it, shape `box.shape`.
         known: where the support should be, in the camera frame; None if unknown.
-        noise: of the depth.
+        model: how the depth errs.
 
     Returns:
         the points that do not lie on the support, and the support as the camera sees it: the known one where the
@@ -70,7 +71,7 @@ def gather(
     Raises:
         TooFewInliers: what agrees with the model lies on the known support.
     """
-    points = _connected(depth, intrinsics, box, virtual_depth, inliers, noise)
+    points = _connected(depth, intrinsics, box, virtual_depth, inliers, model)
     if known is None:
         return points, None
     around = box.grown(_AROUND, intrinsics)
@@ -106,7 +107,7 @@ def gather_others(
         except RenderFailed:
             continue  # the fruit is not in this picture
         near = np.abs(look.depth[box.slices] - virtual_depth) <= _OTHER_LOOK * band
-        points = _connected(look.depth, look.intrinsics, box, virtual_depth, near, look.depth_noise)
+        points = _connected(look.depth, look.intrinsics, box, virtual_depth, near, look.depth_model)
         points = points.moved(look.T_camera_look)
         if plane is not None:
             points = points.chosen(plane.height(points.points) > _ABOVE_PLANE)
@@ -121,7 +122,7 @@ def _connected(
     box: ImageBox,
     virtual_depth: DepthImage,
     inliers: NDArray[np.bool_],
-    noise: DepthNoise,
+    model: DepthModel,
 ) -> Cloud:
     """Points in and around a box that are connected to the pixels that agree with a model."""
     wide = box.grown(int(_MARGIN * max(box.shape)) + 2, intrinsics)
@@ -129,7 +130,10 @@ def _connected(
     covered, agreeing = np.zeros(wide.shape, dtype=np.bool_), np.zeros(wide.shape, dtype=np.bool_)
     part = slice(top, top + box.shape[0]), slice(left, left + box.shape[1])
     covered[part], agreeing[part] = virtual_depth > 0.0, inliers
-    return cloud(depth, intrinsics, wide, connected_to(agreeing, depth[wide.slices], covered), noise)
+    connected = connected_to(agreeing, depth[wide.slices], covered)
+    if model.edge:
+        connected = without_edge(connected, model.edge)
+    return cloud(depth, intrinsics, wide, connected, model)
 
 
 def near_model(clouds: list[Cloud], mesh: Triangles, T_camera_mesh: Float64) -> Cloud:

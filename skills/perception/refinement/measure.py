@@ -58,11 +58,12 @@ def measure(
         method=method,
         support=None if table_z is None else horizontal_plane(detection.T_base_camera, table_z),
         looks=[
-            OtherLook(f.depth, f.intrinsics, T_camera_base @ T, f.depth_noise) for f, T in past if f.depth is not None
+            OtherLook(f.depth, f.intrinsics, T_camera_base @ T, f.depth_model) for f, T in past if f.depth is not None
         ],
         limits=limits,
-        depth_noise=frame.depth_noise,
-        size_deviation=_size_deviation(detection),
+        depth_model=frame.depth_model,
+        size_deviation=size_deviation(detection),
+        sizes=detection.fruit.sizes,
         using=using,
     )
     turn = np.eye(6)
@@ -95,7 +96,7 @@ def outline(virtual_depth: DepthImage, box: ImageBox) -> Float64:
     return shifted
 
 
-def _size_deviation(detection: Detection) -> float:
+def size_deviation(detection: Detection) -> float:
     """Of the fruit's size in the picture, of that size: the CAD-sized model seems as large as it is near."""
     p = detection.T_camera_object[:3, 3]
     variance = float(p @ detection.covariance[3:, 3:] @ p)

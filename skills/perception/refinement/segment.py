@@ -40,3 +40,9 @@ def connected_to(agreeing: NDArray[np.bool_], depth: DepthImage, covered: NDArra
     kept[0] = False
     chosen: NDArray[np.bool_] = kept[labels]
     return chosen
+
+
+def without_edge(surface: NDArray[np.bool_], pixels: int) -> NDArray[np.bool_]:
+    """A surface of shape (h, w) without its outermost pixels: a camera mixes there what is in front and behind."""
+    inner: NDArray[np.bool_] = ndimage.binary_erosion(surface, iterations=pixels, border_value=1)
+    return inner

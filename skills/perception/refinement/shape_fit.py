@@ -44,7 +44,8 @@ class Priors:
     Attributes:
         place: of the centre against that of the scaled model, in each direction [m].
         size: of the mean of ln stretch against ln mu of the scaled model.
-        aspect: of ln(height / mean width), relative to the model's.
+        aspect: of ln(height / mean width), about `proportion`.
+        proportion: expected ln(height / mean width), relative to the model's.
         roundness: of ln(d_x / d_z), relative to a round fruit when the model is nearly round, else to the model's.
         lean: by how much the height differs at the sides, relative.
         tilt: of the stem axis against the detection, about each horizontal axis [rad].
@@ -55,6 +56,7 @@ class Priors:
     place: float = 0.01
     size: float = 0.15
     aspect: float = 0.12
+    proportion: float = 0.0
     roundness: float = 0.03
     lean: float = 0.04
     tilt: float = 0.17
@@ -199,7 +201,8 @@ def _points_to_surface(
     slant = np.einsum("ij,ij->i", normal, cloud.rays)
     counts = (np.abs(distance) < reach) & (slant < 0.1)  # not the far side of the model
     shared = np.sqrt(max(1.0, np.count_nonzero(counts) / _PATCHES))
-    deviation = np.hypot(cloud.deviation * slant, texture * shared)
+    aside = cloud.beside * np.sqrt(np.maximum(1.0 - slant**2, 0.0))
+    deviation = np.sqrt((cloud.deviation * slant) ** 2 + aside**2 + (texture * shared) ** 2)
     weight = np.where(counts, (1.0 - (distance / reach) ** 2) ** 2, 0.0) / deviation**2
     jacobian = np.concatenate(
         [normal, np.cross(q, n)[:, [0, 2]], n * q, n[:, 1:2] * form.lean_derivative(model)], axis=1
@@ -217,7 +220,8 @@ def _expect_likeness(equations: _Normal, state: _State, start: _State, priors: P
     equations.add(one[3], float(axis[2]), priors.tilt)
     ln_x, ln_y, ln_z = np.log(state.form.stretch / start.form.stretch)
     equations.add((one[5] + one[6] + one[7]) / 3.0, -float(ln_x + ln_y + ln_z) / 3.0, priors.size)
-    equations.add(one[6] - 0.5 * (one[5] + one[7]), 0.5 * float(ln_x + ln_z) - float(ln_y), priors.aspect)
+    higher = priors.proportion - float(ln_y) + 0.5 * float(ln_x + ln_z)
+    equations.add(one[6] - 0.5 * (one[5] + one[7]), higher, priors.aspect)
     model_ratio = float(np.log(state.form.radius[0] / state.form.radius[1]))
     expected = -model_ratio if state.form.nearly_round and priors is not RIGID else 0.0
     equations.add(one[5] - one[7], expected - float(ln_x - ln_z), priors.roundness)

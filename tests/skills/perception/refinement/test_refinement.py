@@ -7,7 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from drivers.depth_model import AZURE_KINECT, D4XX, SIMULATED
 from skills.geometry import inverse, rot_x, rotation_about, transform
+from skills.perception.fruit.sizes import KindSizes
 from skills.perception.refinement import Limits, OtherLook, horizontal_plane, refine
 from skills.perception.refinement.errors import (
     AtBound,
@@ -25,7 +27,7 @@ ELEVATIONS = (32, 50, 68, 84)
 
 
 def measured(scene, apple, **options):
-    return refine(scene.depth, scene.intrinsics, scene.T_camera_detected, apple, **{"using": "zbuffer", **options})
+    return refine(scene.depth, scene.intrinsics, scene.T_camera_detected, apple, **{"using": "zbuffer", "depth_model": SIMULATED, **options})
 
 
 @pytest.fixture(scope="module")
@@ -76,6 +78,25 @@ def test_covariance_is_honest(five_apples, apple, options):
     spread = np.sqrt(np.mean(np.square(normalised)))
     assert 0.3 < spread < 1.3
     assert np.abs(normalised).max() < 4.5
+
+
+def test_a_width_is_not_surer_than_the_pixels_and_the_scale_of_the_depth_allow(scene, apple):
+    s = scene((89, 81, 89), 50, 0)
+    sure = measured(s, apple, method="uniform")
+    for model in (D4XX, AZURE_KINECT):
+        r = measured(s, apple, method="uniform", depth_model=model)
+        z = r.T_camera_object[2, 3]
+        outline, whole = model.outline(z, s.intrinsics.fx), model.of_the_whole(z)
+        assert np.sqrt(r.covariance[3, 3] - 0.9 * sure.covariance[3, 3]) > np.hypot(outline, whole * r.dimensions[0])
+        shape, before = (measured(s, apple, depth_model=m).covariance for m in (model, SIMULATED))
+        assert np.sqrt(shape[2, 2] - before[2, 2]) > 0.9 * whole * z
+
+
+def test_mixed_pixels_beside_a_step_are_left_out(scene, apple):
+    s = scene((89, 81, 89), 50, 0)
+    sharp, mixed = (measured(s, apple, depth_model=replace(SIMULATED, edge=edge)) for edge in (0, 3))
+    assert 0.0 < np.abs(sharp.dimensions - mixed.dimensions).max() < 3e-3
+
 
 
 def leaf(depth, alone):
@@ -293,3 +314,26 @@ def test_plane_is_that_of_the_table(scene):
     assert isinstance(s.table, Plane)
     corner = inverse(s.T_base_camera) @ np.array([0.2, -0.1, 0.0, 1.0])
     assert s.table.height(corner[None, :3]) == pytest.approx(0.0, abs=1e-12)
+
+
+def test_with_its_kinds_sizes_one_scale_gives_width_and_height_apart(scene, apple):
+    """The model is 0.875 as high as wide; a kind that is known to be rounder is not measured with the model's shape."""
+    s = scene((84, 81, 84), 30, 3)
+    kind = KindSizes(0.084, 0.1, 81 / 84, 0.02)
+    alone, known = (
+        measured(s, apple, method="uniform", size_deviation=0.03, sizes=sizes) for sizes in (None, kind)
+    )
+    wrong, right = (np.abs(r.dimensions - s.dimensions).max() for r in (alone, known))
+    assert right < 2.5e-3 < wrong
+    assert known.covariance[3, 3] < alone.covariance[3, 3]
+    assert np.linalg.eigvalsh(known.covariance).min() > -1e-15
+    front = [np.linalg.norm(r.T_camera_object[:3, 3]) - 0.5 * r.dimensions.mean() for r in (alone, known)]
+    assert front[0] == pytest.approx(front[1], abs=1e-9)
+
+
+def test_a_kinds_proportion_is_what_a_shape_falls_back_to_where_depth_does_not_show_it(scene, apple):
+    s = scene((84, 81, 84), 84, 3)  # from above: the height is not seen
+    kind = KindSizes(0.084, 0.1, 81 / 84, 0.02)
+    alone, known = (measured(s, apple, sizes=sizes) for sizes in (None, kind))
+    assert abs(known.dimensions[1] / known.dimensions[0] - 81 / 84) < 0.02
+    assert known.covariance[4, 4] < alone.covariance[4, 4]

@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drivers.interfaces import DepthNoise, Intrinsics
+from drivers.depth_model import DepthModel
+from drivers.interfaces import Intrinsics
 from skills.geometry import rot_x, rot_y, rotation_about, transform
 from skills.perception.fruit import load_fruit
 from skills.perception.refinement.cloud import Cloud, cloud, together
@@ -19,6 +20,12 @@ APPLE = load_fruit("apple")
 UPRIGHT = transform(rot_x(-0.9) @ rot_y(0.3), (0.03, -0.02, 0.6))
 
 
+def seen(points):
+    """Points as a camera at the origin sees them, with a millimetre of noise."""
+    rays = points / np.linalg.norm(points, axis=1, keepdims=True)
+    return Cloud(points, rays, np.full(len(points), 1e-3), np.zeros(len(points)), 12.0)
+
+
 def seen_points(T, stretch, count: int = 2500) -> Cloud:
     """Points of the stretched apple's surface that face the camera, from the faces' centres."""
     stretched = APPLE.vertices * stretch
@@ -27,7 +34,7 @@ def seen_points(T, stretch, count: int = 2500) -> Cloud:
     points = corners.mean(axis=1) @ T[:3, :3].T + T[:3, 3]
     facing = np.sum(normals * points, axis=1) < 0.0
     points = points[facing][:count]
-    return Cloud(points, points / np.linalg.norm(points, axis=1, keepdims=True), np.full(len(points), 1e-3))
+    return seen(points)
 
 
 @settings(max_examples=25)
@@ -86,7 +93,7 @@ def test_points_of_something_else_are_left_out():
     fruit = seen_points(UPRIGHT, stretch)
     rng = np.random.default_rng(0)
     clutter = rng.uniform(-0.06, 0.06, (600, 3)) + UPRIGHT[:3, 3]
-    other = Cloud(clutter, clutter / np.linalg.norm(clutter, axis=1, keepdims=True), np.full(600, 1e-3))
+    other = seen(clutter)
     fit = fit_shape(together([fruit, other]), APPLE, UPRIGHT, 0.92)
     np.testing.assert_allclose(fit.stretch[[0, 2]], 0.9, atol=0.02)
     np.testing.assert_allclose(fit.T_camera_object[:3, 3], UPRIGHT[:3, 3], atol=1.5e-3)
@@ -94,7 +101,7 @@ def test_points_of_something_else_are_left_out():
 
 def test_no_points_leave_the_start():
     nowhere = np.full((200, 3), 9.0)
-    fit = fit_shape(Cloud(nowhere, nowhere / 9.0, np.full(200, 1e-3)), APPLE, UPRIGHT, 0.9)
+    fit = fit_shape(seen(nowhere), APPLE, UPRIGHT, 0.9)
     assert fit.share == 0.0
     np.testing.assert_allclose(fit.T_camera_object, UPRIGHT, atol=1e-3)  # the centre goes to the axis
     assert np.exp(np.log(fit.stretch).mean()) == pytest.approx(0.9, rel=1e-3)
@@ -106,7 +113,7 @@ def test_a_camera_whose_depth_errs_more_leaves_the_fruit_less_surely_known():
     depth, box = render_depth(APPLE, at, camera, using="zbuffer")
     whole = np.zeros((camera.height, camera.width), np.float32)
     whole[box.slices] = depth
-    near, far = (cloud(whole, camera, box, noise=DepthNoise(disparity, 0.05)) for disparity in (0.08, 0.32))
+    near, far = (cloud(whole, camera, box, model=DepthModel(disparity, 0.05)) for disparity in (0.08, 0.32))
     assert far.deviation == pytest.approx(4.0 * near.deviation)
     surely, hardly = (fit_shape(points, APPLE, at, 1.0).covariance for points in (near, far))
     assert np.all(np.sqrt(np.diag(hardly)[:3]) > 1.2 * np.sqrt(np.diag(surely)[:3]))

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from drivers.depth_model import SIMULATED
 from skills.geometry import is_pose, rot_x, rot_y, rotation_about, transform
 from skills.perception.refinement import refine
 from skills.perception.refinement.starts import other_starts
@@ -40,7 +41,7 @@ def test_a_detection_with_a_wrong_axis_is_recovered_from(scene, apple, degrees, 
         T[:3, :3] = T[:3, :3] @ rotation_about((np.sqrt(0.5), 0.0, np.sqrt(0.5)), np.radians(degrees))
         seen = replace(seen, T_camera_detected=T)
         support = seen.table if on_table else None
-        result = refine(seen.depth, seen.intrinsics, T, apple, support=support, using="zbuffer")
+        result = refine(seen.depth, seen.intrinsics, T, apple, support=support, depth_model=SIMULATED, using="zbuffer")
         errors.append(seen.errors(result.T_camera_object, result.dimensions))
     centroid, size = np.median(errors, axis=0)
     assert centroid < (1.5 if on_table else 4.0)
