@@ -183,7 +183,9 @@ SILENT_MM, SILENT = 8.0, 3.0
 
 def intervals(scenes: dict[str, list[View]], fruit: FruitModel, console: Console) -> dict[str, object]:
     """How often the stated 90 % intervals of widths and heights hold, and how many are silently wrong."""
-    table = Table("views", "hidden", "mode", "measured", "hold", "silently wrong", title="stated 90 % intervals of sizes")
+    table = Table(
+        "views", "hidden", "mode", "measured", "hold", "silently wrong", title="stated 90 % intervals of sizes"
+    )
     figures: dict[str, object] = {}
     for name, views in scenes.items():
         for share in (0.0, 0.5, 0.7):

@@ -188,7 +188,9 @@ def look_at_ball(ball: Ball, depth: NDArray[np.float32], intrinsics: Intrinsics)
     if x < 0 or y < 0 or x + w > intrinsics.width or y + h > intrinsics.height:
         raise UnusableDepth(f"{ball.name} in {ball.frame}: its box lies outside the image")
     # A ball off the axis is drawn out away from the middle of the picture: sqrt(1 + x²) wide, sqrt(1 + y²) high.
-    tan = np.array([(x + 0.5 * w - 0.5 - intrinsics.cx) / intrinsics.fx, (y + 0.5 * h - 0.5 - intrinsics.cy) / intrinsics.fy])
+    tan = np.array(
+        [(x + 0.5 * w - 0.5 - intrinsics.cx) / intrinsics.fx, (y + 0.5 * h - 0.5 - intrinsics.cy) / intrinsics.fy]
+    )
     across = ball.diameter * np.array([intrinsics.fx, intrinsics.fy]) * np.sqrt(1.0 + tan**2)
     each = across / np.array([w, h])
     true = math.hypot(float(each.mean()), 0.5 * ball.diameter)  # what is seen of a ball is the cone that touches it
@@ -355,14 +357,18 @@ def calibrate_wall(depths: Sequence[NDArray[np.float32]], sensor: str) -> DepthC
     basis = np.linalg.qr(np.column_stack([np.ones_like(u), u, v]))[0]
     for depth in depths:
         high, wide = (size // side * side for size in depth.shape)
-        squares = depth[:high, :wide].reshape(high // side, side, wide // side, side).swapaxes(1, 2).reshape(-1, side**2)
+        squares = (
+            depth[:high, :wide].reshape(high // side, side, wide // side, side).swapaxes(1, 2).reshape(-1, side**2)
+        )
         squares = squares[(squares > 0.0).all(axis=1) & np.isfinite(squares).all(axis=1)].astype(np.float64)
         inverse = 1.0 / squares  # a plane is linear in 1/z, whatever its slant
         rest = inverse - inverse @ basis @ basis.T
         noise.append(np.sqrt((rest**2).sum(axis=1) / (side**2 - 3)))  # deviation of 1/z is that of z over z²
     all_noise = np.concatenate(noise) if noise else np.empty(0)
     if len(all_noise) < LEAST_POINTS:
-        raise UnusableDepth(f"only {len(all_noise)} squares of {side} px are wholly measured: show a larger or nearer wall")
+        raise UnusableDepth(
+            f"only {len(all_noise)} squares of {side} px are wholly measured: show a larger or nearer wall"
+        )
     growth = float(np.median(all_noise))
     flat = float(np.mean(all_noise < 2.0 * growth))
     if flat < 0.7:

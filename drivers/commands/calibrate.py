@@ -35,7 +35,9 @@ def add(subparsers: Any) -> None:
     hand_eye.add_argument("--square", type=side.option, required=True, help="side of a square, such as 24.5mm")
     hand_eye.add_argument("--out", type=Path, required=True, help="the file to write")
     hand_eye.set_defaults(main=lambda options: _guarded(_hand_eye, options))
-    depth = kinds.add_parser("depth", help="find out how a camera's depth errs, from balls or a wall in recorded frames")
+    depth = kinds.add_parser(
+        "depth", help="find out how a camera's depth errs, from balls or a wall in recorded frames"
+    )
     depth.add_argument("folder", type=Path, help="NAME_color.jpg or .png, NAME_depth_mm.png and intrinsics.yaml")
     depth.add_argument("--balls", type=Path, help="table (CSV): frame, name, x, y, w, h [px], diameter_mm")
     depth.add_argument("--wall", action="store_true", help="the frames show a flat wall or board: noise alone")

@@ -139,7 +139,9 @@ class FramesFile:
         Section(IntrinsicsSection), None, f"of the camera, unless {INTRINSICS_FILE} lies in the folder"
     )
     depth_model: DepthModelSection | None = value(
-        Section(DepthModelSection), None, f"how the depth errs, unless {DEPTH_MODEL_FILE} lies in the folder; without it as a D4xx"
+        Section(DepthModelSection),
+        None,
+        f"how the depth errs, unless {DEPTH_MODEL_FILE} lies in the folder; without it as a D4xx",
     )
 
 

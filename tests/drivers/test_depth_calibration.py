@@ -129,7 +129,9 @@ def folder(tmp_path: Path) -> Path:
     balls, depth = seen(BALLS, 0.03, 0.0, 1e-3)
     cv2.imwrite(str(tmp_path / "f_color.png"), np.zeros((480, 640, 3), np.uint8))
     cv2.imwrite(str(tmp_path / "f_depth_mm.png"), np.round(1e3 * depth).astype(np.uint16))
-    (tmp_path / "intrinsics.yaml").write_text("fx: 600 px\nfy: 600 px\ncx: 320 px\ncy: 240 px\nwidth: 640\nheight: 480\n")
+    (tmp_path / "intrinsics.yaml").write_text(
+        "fx: 600 px\nfy: 600 px\ncx: 320 px\ncy: 240 px\nwidth: 640\nheight: 480\n"
+    )
     rows = [f"f,{b.name},{','.join(map(str, b.box))},{1e3 * b.diameter}" for b in balls]
     (tmp_path / "balls.csv").write_text("\n".join(["frame,name,x,y,w,h,diameter_mm", *rows]) + "\n")
     return tmp_path

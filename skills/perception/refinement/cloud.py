@@ -13,6 +13,7 @@ from executive.values.arrays import Float64
 from skills.geometry import apply
 from skills.perception.refinement.depth_image import DepthImage, ImageBox
 
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Cloud:
     """Points that a depth camera measured.

@@ -184,9 +184,7 @@ def _scaled(
     )
 
 
-def _with_sensor(
-    scaled: RefineResult, fit: ScaleFit, intrinsics: Intrinsics, depth_model: DepthModel
-) -> RefineResult:
+def _with_sensor(scaled: RefineResult, fit: ScaleFit, intrinsics: Intrinsics, depth_model: DepthModel) -> RefineResult:
     """With what the sensor errs by: neighbouring pixels together, all of them together, and either outline."""
     change = np.concatenate([scaled.T_camera_object[:3, 3], scaled.dimensions])
     z = float(scaled.T_camera_object[2, 3])

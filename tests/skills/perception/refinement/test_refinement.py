@@ -27,7 +27,13 @@ ELEVATIONS = (32, 50, 68, 84)
 
 
 def measured(scene, apple, **options):
-    return refine(scene.depth, scene.intrinsics, scene.T_camera_detected, apple, **{"using": "zbuffer", "depth_model": SIMULATED, **options})
+    return refine(
+        scene.depth,
+        scene.intrinsics,
+        scene.T_camera_detected,
+        apple,
+        **{"using": "zbuffer", "depth_model": SIMULATED, **options},
+    )
 
 
 @pytest.fixture(scope="module")
@@ -96,7 +102,6 @@ def test_mixed_pixels_beside_a_step_are_left_out(scene, apple):
     s = scene((89, 81, 89), 50, 0)
     sharp, mixed = (measured(s, apple, depth_model=replace(SIMULATED, edge=edge)) for edge in (0, 3))
     assert 0.0 < np.abs(sharp.dimensions - mixed.dimensions).max() < 3e-3
-
 
 
 def leaf(depth, alone):
@@ -320,9 +325,7 @@ def test_with_its_kinds_sizes_one_scale_gives_width_and_height_apart(scene, appl
     """The model is 0.875 as high as wide; a kind that is known to be rounder is not measured with the model's shape."""
     s = scene((84, 81, 84), 30, 3)
     kind = KindSizes(0.084, 0.1, 81 / 84, 0.02)
-    alone, known = (
-        measured(s, apple, method="uniform", size_deviation=0.03, sizes=sizes) for sizes in (None, kind)
-    )
+    alone, known = (measured(s, apple, method="uniform", size_deviation=0.03, sizes=sizes) for sizes in (None, kind))
     wrong, right = (np.abs(r.dimensions - s.dimensions).max() for r in (alone, known))
     assert right < 2.5e-3 < wrong
     assert known.covariance[3, 3] < alone.covariance[3, 3]
