@@ -5,9 +5,9 @@ that the camera measured on it do, through a sphere of that size. Over several b
 
     measured = offset + (1 + scale) · true,   and outlines that were drawn `outline_growth` pixels too wide,
 
-each with what the sensor's maker says as a prior. What the points scatter by about the sphere is the sensor's noise. Data
-that cannot tell are refused: too few balls, balls that leave the prior as wide as it was, and balls that contradict each
-other, where a correction learnt from the others makes the next one worse.
+each with what the sensor's maker says as a prior. What the points scatter by about the sphere is the sensor's noise.
+Data that cannot tell are refused: too few balls, balls that leave the prior as wide as it was, and balls that
+contradict each other, where a correction learnt from the others makes the next one worse.
 """
 
 from __future__ import annotations
@@ -235,7 +235,7 @@ def _points_of(ball: Ball, depth: NDArray[np.float32], intrinsics: Intrinsics) -
 
 
 def _centre_of_sphere(points: Float64, radius: float, ball: Ball) -> Float64:
-    """Centre (3,) [m] of the sphere of a known radius through most of the points, by Gauss-Newton with Tukey's weights."""
+    """Centre (3,) [m] of the sphere of a known radius through most of the points: Gauss-Newton, Tukey's weights."""
     mean = points.mean(axis=0)
     centre = mean * (1.0 + 0.6 * radius / np.linalg.norm(mean))
     for _ in range(50):
@@ -289,13 +289,13 @@ def calibrate_balls(
     known = math.sqrt(row @ covariance[:2, :2] @ row)
     if known > LEARNT * known_before:
         raise UnusableDepth(
-            f"these balls tell the depth at {middle:.2f} m to ± {1e3 * known:.1f} mm, and ± {1e3 * known_before:.1f} mm "
-            "was known before: show more or larger balls, in boxes that are drawn with care"
+            f"these balls tell the depth at {middle:.2f} m to ± {1e3 * known:.1f} mm, and "
+            f"± {1e3 * known_before:.1f} mm was known before: show more or larger balls, in boxes that are drawn with care"
         )
     if after >= before:
         raise UnusableDepth(
-            f"the balls contradict each other: as the others would correct it the next one is {1e3 * after:.1f} mm off, "
-            f"uncorrected {1e3 * before:.1f} mm; check the diameters and the boxes"
+            f"the balls contradict each other: as the others would correct it the next one is {1e3 * after:.1f} mm "
+            f"off, uncorrected {1e3 * before:.1f} mm; check the diameters and the boxes"
         )
     growth = float(np.sqrt(np.mean([(s.scatter / s.true**2) ** 2 for s in seen])))
     model = replace(

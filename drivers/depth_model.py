@@ -3,7 +3,7 @@
 A depth z [m] differs from the truth by
 
     random     z² · disparity / (f · baseline) of a stereo camera, growth · z² of time of flight, and a floor;
-    slant      lateral · z / f · tan(angle): a pixel looks beside where it should, and a slanted surface is nearer there;
+    slant      lateral · z / f · tan(angle): a pixel looks beside where it should, a slanted surface is nearer there;
     the whole  offset + scale · z, which `corrected` takes away, and what is not known of them;
     edges      pixels beside a step in depth show something between its two sides.
 """
@@ -66,7 +66,7 @@ class DepthModel:
     scale_deviation: float = 0.0
 
     def deviation(self, z: Float64, focal: float) -> Float64:
-        """Random error of one pixel that faces the camera, at depths z [m] of any shape, for a focal length [px] [m]."""
+        """Random error of a pixel that faces the camera [m], at depths z [m] of any shape, for a focal length [px]."""
         grown: Float64 = z**2 * (self.disparity / (focal * self.baseline) + self.growth)
         return grown if self.floor == 0.0 else np.hypot(grown, self.floor)
 
@@ -85,7 +85,7 @@ class DepthModel:
         return apart
 
     def outline(self, z: float, focal: float) -> float:
-        """Standard deviation of a width between two outlines in the picture at a depth z [m], for a focal length [px]."""
+        """Standard deviation of a width between two outlines in the picture [m], at a depth z [m]; focal length [px]."""
         return float(np.sqrt(2.0) * np.hypot(self.lateral, _PIXEL) * z / focal)
 
     def of_the_whole(self, z: float) -> float:
@@ -101,19 +101,19 @@ class DepthModel:
 
 
 D4XX = DepthModel(disparity=0.08, baseline=0.05, lateral=0.5, scale_deviation=0.0115)
-"""RealSense D4xx stereo, as frames of which nobody says more are thought to be. 0.08 px is an empirical number: what A.
-Grunnet-Jepsen of Intel advises for a scene as it comes, beside 0.032 px for a well calibrated camera and a well textured
-scene (librealsense, issue 3904). The scale is within the 2 % at 2 m of the data sheet, evenly spread. `lateral` is half a
-pixel, not measured."""
+"""RealSense D4xx stereo, as frames of which nobody says more are thought to be. 0.08 px is an empirical number: what
+A. Grunnet-Jepsen of Intel advises for a scene as it comes, beside 0.032 px for a well calibrated camera and a well
+textured scene (librealsense, issue 3904). The scale is within the 2 % at 2 m of the data sheet, evenly spread.
+`lateral` is half a pixel, not measured."""
 
 AZURE_KINECT = DepthModel(
     growth=0.8e-3, lateral=0.5, registration=5.0, alike=4.0, edge=2, offset_deviation=6.4e-3, scale_deviation=0.6e-3
 )
-"""Azure Kinect, narrow field unbinned, registered to 1920 x 1080. Growth and `lateral` were measured in two frames of an
-orchard row: residuals of 26 000 smooth patches of 11 x 11 px at 0.9 to 1.8 m are 0.8 mm · z² where they face the camera
-and 0.45 to 0.5 px · z / f · tan(angle) more where they do not. `registration` is what 12 outlines of fruit and balls in
-colour lie beside those in depth (root mean square of either direction). One pixel of its depth is 3.3 of the colour image. Offset
-and scale lie within the maker's 11 mm and 0.1 % of the distance, evenly spread (confirmed by Tölgyessy et al. 2021)."""
+"""Azure Kinect, narrow field unbinned, registered to 1920 x 1080. Growth and `lateral` were measured in two frames of
+an orchard row: residuals of 26 000 smooth patches of 11 x 11 px at 0.9 to 1.8 m are 0.8 mm · z² where they face the
+camera and 0.45 to 0.5 px · z / f · tan(angle) more where they do not. `registration` is what 12 outlines of fruit and
+balls in colour lie beside those in depth (root mean square of either direction). One pixel of its depth is 3.3 of the
+colour image. Offset and scale lie within the maker's 11 mm and 0.1 % of the distance, evenly spread (confirmed by Tölgyessy et al. 2021)."""
 
 SIMULATED = DepthModel(disparity=0.08, baseline=0.05)
 """The simulated cameras': stereo noise alone, since their pixels look where they should."""

@@ -80,3 +80,7 @@ class StopFailed(DeviceFault):
     def __init__(self, device: str, message: str, earlier: DeviceError | None = None) -> None:
         self.earlier: DeviceError | None = earlier.earlier if isinstance(earlier, StopFailed) else earlier
         super().__init__(device, message + (f"; before that it {self.earlier.message}" if self.earlier else ""))
+
+
+class FrameUnreadable(DeviceFault):
+    """A recorded frame that cannot be read; the next one may."""

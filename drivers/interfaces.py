@@ -52,6 +52,8 @@ class Frame:
         T_mount_camera: pose of the camera in its mount: in tool0 when `q` is given (hand-eye), else in the base frame.
         label: where the frame comes from, for people: a file's name, or the camera's.
         depth_model: how `depth` errs, as the camera's driver knows; its offset and scale are taken off already.
+        placed: whether `q` and `T_mount_camera` say where the camera stood; where nobody knows, places in two frames
+            say nothing about each other.
     """
 
     stamp: float
@@ -63,6 +65,7 @@ class Frame:
     T_mount_camera: Float64
     label: str = ""
     depth_model: DepthModel = D4XX
+    placed: bool = True
 
 
 @runtime_checkable

@@ -112,6 +112,7 @@ class Detect(LookingSkill):
             covariance=instance.covariance,
             index=chosen,
             found=sum(i.score >= score for i in instances),
+            visibility=instance.visibility,
         )
         return Detected(detection)
 

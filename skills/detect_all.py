@@ -2,28 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Annotated
 
 from executive.ports import TIME, Outputs, Port, Ratio, Time
 from executive.skill import Work
-from skills.perception.detection.detection import Detection
+from skills.perception.detection.detection import AllDetections, Detection
 from skills.perception.detection.options import DetectorOptions
 from skills.shared.looking import LOOKING_FAILURES, LookingSkill, picture
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class AllDetections:
-    """Every fruit that was found in one frame, by falling score."""
-
-    detections: tuple[Detection, ...]
-
-    @property
-    def sentence(self) -> str:
-        """For people."""
-        count = len(self.detections)
-        label = self.detections[0].frame.label if count else ""
-        return f"{count} fruit found" + (f" in {label}" if label else "")
 
 
 class AllDetected(Outputs):
@@ -48,6 +33,9 @@ class DetectAll(LookingSkill):
         max_places: Annotated[
             int, Port(min=1, max=1000, help="places that are looked at closely, surest first", was="most")
         ] = 100,
+        least: Annotated[
+            int, Port(min=0, help="fewer fail with NOTHING_FOUND; 0: a frame without fruit is one, too")
+        ] = 1,
     ) -> Work[AllDetected]:
         model = self.fruit_model(fruit)
         frame = self.newest_frame(max_age)
@@ -57,13 +45,17 @@ class DetectAll(LookingSkill):
         )
         self.publish("detection", picture(frame, T_base_camera, instances, "", score))
         sure = [i for i in instances if i.score >= score and i.T_camera_object is not None]
-        if not sure:
-            raise self.failure("NOTHING_FOUND", f"no fruit in {frame.label or 'the frame'}", found=len(instances))
+        if len(sure) < least:
+            words = f"{len(sure) or 'no'} fruit in {frame.label or 'the frame'}" + (
+                f", not {least}" if least > 1 else ""
+            )
+            raise self.failure("NOTHING_FOUND", words, found=len(instances))
         detections = tuple(
             Detection(
-                model, frame, T_base_camera, i.T_camera_object, i.keypoints, i.score, i.covariance, k, len(sure)
+                model, frame, T_base_camera, i.T_camera_object, i.keypoints, i.score, i.covariance, k, len(sure),
+                i.visibility,
             )
             for k, i in enumerate(sure)
             if i.T_camera_object is not None and i.covariance is not None
         )  # fmt: skip
-        return AllDetected(AllDetections(detections))
+        return AllDetected(AllDetections(detections, frame, T_base_camera))

@@ -18,7 +18,7 @@ from drivers.driver import Settings, driver
 from drivers.frames.camera import FramesCamera
 from drivers.frames.folder import Images, UnusableFrames
 from drivers.interfaces import Intrinsics
-from executive.values.kinds import Measure, Text
+from executive.values.kinds import Measure, Text, Whole
 from executive.values.sections import Section, value
 from executive.values.units import TIME
 
@@ -139,6 +139,7 @@ class BagFile:
     """A bag with colour and depth images that belong together, and a CameraInfo unless intrinsics stand here."""
 
     bag: str = value(Text(), help="a bag's folder or file: --set bag=PATH")
+    every: int = value(Whole(1, 1_000_000), 1, "of so many frames one is shown")
     colour: str = value(Text(), "/camera/color/image_raw", "topic of sensor_msgs/Image or CompressedImage")
     depth: str = value(Text(), "/camera/aligned_depth_to_color/image_raw", "topic of its depth")
     info: str = value(Text(), "/camera/color/camera_info", "topic of sensor_msgs/CameraInfo")
@@ -169,7 +170,7 @@ def connect(settings: Settings[BagFile], context: ConnectContext) -> FramesCamer
         for key, kinds in (("colour", (IMAGE, COMPRESSED)), ("depth", (IMAGE, COMPRESSED))):
             _check_type(bag, getattr(said, key), kinds)
         key = "bag"
-        frames = _pairs(bag, said)
+        frames = _pairs(bag, said)[:: said.every]
         key = "info"
         intrinsics = said.intrinsics.intrinsics() if said.intrinsics else _intrinsics(bag, said.info)
         key = "bag"

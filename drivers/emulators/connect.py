@@ -30,9 +30,9 @@ from pathlib import Path
 
 import numpy as np
 
-from drivers.depth_model import SIMULATED, DepthModelSection, depth_model_of
 from drivers.cell import load_cell
 from drivers.cell_file import read_cell_file
+from drivers.depth_model import SIMULATED, DepthModelSection, depth_model_of
 from drivers.device import ConnectContext, Device
 from drivers.driver import Settings, driver
 from drivers.emulators.sim_bridge import FRAME_HEADER, FRAME_MAGIC

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import logging
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
@@ -20,19 +21,23 @@ from drivers.depth_model import (
 )
 from drivers.device import ConnectContext, Device
 from drivers.driver import Settings, driver
-from drivers.errors import DeviceFault
+from drivers.errors import FrameUnreadable
 from drivers.frames.folder import (
     INTRINSICS_FILE,
     Images,
     UnusableFrames,
     folder_intrinsics,
+    folder_poses,
     list_frames,
 )
+from drivers.frames.video import list_video
 from drivers.interfaces import Camera, Frame, FrameSequence, Intrinsics
 from executive.clock import Clock
 from executive.values.arrays import Float64
-from executive.values.kinds import Text
+from executive.values.kinds import Text, Whole
 from executive.values.sections import Section, value
+
+logger = logging.getLogger(__name__)
 
 LEVEL = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, -1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
 """T_base_camera of a camera that looks level along the base's y: image x is base x, image down is base down."""
@@ -68,10 +73,17 @@ class FramesCamera(Device):
         T_base_camera: Float64 = LEVEL,
         name: str = "camera",
         depth_model: DepthModel = D4XX,
+        poses: Mapping[str, Float64] | None = None,
     ) -> None:
+        """
+        Args:
+            T_base_camera: of frames of which nobody says where the camera stood.
+            poses: T_base_camera of the others, by their labels.
+        """
         super().__init__(name)
         self.intrinsics, self._depth_model = intrinsics, depth_model
         self._frames, self._clock, self._T_base_camera = frames, clock, T_base_camera
+        self._poses = poses or {}
         self._position = 0
         self._read: tuple[int, Frame] | None = None
 
@@ -100,7 +112,7 @@ class FramesCamera(Device):
         """The frame that is shown, stamped with the present time: a recording is as new as the look at it.
 
         Raises:
-            DeviceFault: one of its images cannot be used.
+            FrameUnreadable: one of its images cannot be used.
         """
         position = self._position
         if self._read is None or self._read[0] != position:
@@ -113,9 +125,10 @@ class FramesCamera(Device):
             depth=frame.depth,
             intrinsics=frame.intrinsics,
             q=None,
-            T_mount_camera=self._T_base_camera,
+            T_mount_camera=self._poses.get(frame.label, self._T_base_camera),
             label=frame.label,
             depth_model=self._depth_model,
+            placed=frame.label in self._poses,
         )
 
     def _load(self, position: int) -> Frame:
@@ -123,7 +136,7 @@ class FramesCamera(Device):
         try:
             colour, depth = recorded.read(self.intrinsics)
         except UnusableFrames as error:
-            raise DeviceFault(self.name, str(error)) from error
+            raise FrameUnreadable(self.name, str(error)) from error
         depth = self._depth_model.corrected(depth)
         colour.setflags(write=False)
         depth.setflags(write=False)
@@ -134,7 +147,8 @@ class FramesCamera(Device):
 class FramesFile:
     """A folder of recorded colour and depth images; intrinsics that lie in it come before those of the cell file."""
 
-    folder: str = value(Text(), help="the folder with the recorded frames: --set folder=PATH")
+    folder: str = value(Text(), help="the folder with the recorded frames, or a video: --set folder=PATH")
+    every: int = value(Whole(1, 1_000_000), 1, "of so many frames one is shown")
     intrinsics: IntrinsicsSection | None = value(
         Section(IntrinsicsSection), None, f"of the camera, unless {INTRINSICS_FILE} lies in the folder"
     )
@@ -147,21 +161,30 @@ class FramesFile:
 
 @driver(FramesCamera, FramesFile)
 def connect(settings: Settings[FramesFile], context: ConnectContext) -> FramesCamera:
-    """Open the folder: from the working folder, else from the cell file's."""
+    """Open the folder or the video: from the working folder, else from the cell file's."""
     said = settings.values
-    folder = _resolve(Path(said.folder).expanduser(), context.cell.parent)
+    path = _resolve(Path(said.folder).expanduser(), context.cell.parent)
+    folder = path if path.is_dir() else path.parent
     try:
-        frames = list_frames(folder)
-        intrinsics = folder_intrinsics(folder) or (said.intrinsics.intrinsics() if said.intrinsics else None)
+        listed: Sequence[Recorded] = list_video(path) if path.is_file() else list_frames(path)
+        frames = listed[:: said.every]
+        intrinsics = folder_intrinsics(folder)
         if intrinsics is None:
-            hint = f"write 'intrinsics:' here, or put {INTRINSICS_FILE} into {folder}"
-            raise settings.error("nothing says the camera's intrinsics", "", hint)
+            if said.intrinsics is None:
+                hint = f"write 'intrinsics:' here, or put {INTRINSICS_FILE} into {folder}"
+                raise settings.error("nothing says the camera's intrinsics", "", hint)
+            intrinsics = said.intrinsics.intrinsics()
+            words = (
+                "%s: no %s there, the cell file's camera is believed (fx %g px at %d x %d): sizes are as true as that"
+            )
+            logger.warning(words, folder, INTRINSICS_FILE, intrinsics.fx, intrinsics.width, intrinsics.height)
         frames[0].read(intrinsics)
+        poses = folder_poses(folder)
     except UnusableFrames as error:
         hint = f"put the right {INTRINSICS_FILE} into the folder" if "intrinsics" in str(error) else ""
         raise settings.error(str(error), "folder", hint) from error
     depth_model = folder_depth_model(folder) or depth_model_of(said.depth_model)
-    return FramesCamera(frames, intrinsics, context.clock, depth_model=depth_model)
+    return FramesCamera(frames, intrinsics, context.clock, depth_model=depth_model, poses=poses)
 
 
 def _resolve(folder: Path, cell_folder: Path) -> Path:

@@ -3,10 +3,15 @@
 121804_color.jpg        colour image, 8 bit
 121804_depth_mm.png     depth registered to it, uint16 [mm], 0 = no measurement
 intrinsics.yaml         fx, fy, cx, cy [px], width, height (optional: the cell file may hold them instead)
+frames.json             label and T_base_camera (4 x 4) of each frame (optional), as `pomona runs frames` writes it
 """
 
 from __future__ import annotations
 
+import difflib
+import json
+import os
+from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,14 +23,19 @@ from numpy.typing import NDArray
 from drivers.camera_options import IntrinsicsSection
 from drivers.errors import CellFileError, DriverError
 from drivers.interfaces import Intrinsics
+from executive.values.arrays import Float64
 from executive.values.documents import read_value_file
 from executive.values.findings import Findings
+from executive.values.plain_text import read_plain_text
 from executive.values.reading import Refused
+from executive.values.rotations import is_rigid
 from executive.values.sections import Section
 
 COLOUR_SUFFIXES = ("_color.jpg", "_color.jpeg", "_color.png")
 DEPTH_SUFFIX = "_depth_mm.png"
 INTRINSICS_FILE = "intrinsics.yaml"
+POSES_FILE = "frames.json"
+NEAREST_MM = 30
 
 
 class UnusableFrames(DriverError):
@@ -61,16 +71,20 @@ def list_frames(folder: Path) -> tuple[RecordedFrame, ...]:
     """
     if not folder.is_dir():
         raise UnusableFrames(folder, "is not a folder" if folder.exists() else "there is no such folder")
+    names = sorted(entry.name for entry in os.scandir(folder))
+    there = set(names)
     frames = []
-    for colour in sorted(folder.iterdir()):
-        suffix = next((suffix for suffix in COLOUR_SUFFIXES if colour.name.endswith(suffix)), None)
+    for name in names:
+        suffix = next((suffix for suffix in COLOUR_SUFFIXES if name.endswith(suffix)), None)
         if suffix is None:
             continue
-        label = colour.name.removesuffix(suffix)
-        depth = folder / f"{label}{DEPTH_SUFFIX}"
-        if not depth.is_file():
-            raise UnusableFrames(colour, f"has no depth image beside it ({depth.name} is missing)")
-        frames.append(RecordedFrame(label, colour, depth))
+        label = name.removesuffix(suffix)
+        depth = f"{label}{DEPTH_SUFFIX}"
+        if depth not in there:
+            raise UnusableFrames(
+                folder / name, f"has no depth image beside it ({depth} is missing{_other(depth, there)})"
+            )
+        frames.append(RecordedFrame(label, folder / name, folder / depth))
     if not frames:
         raise UnusableFrames(folder, f"holds no frame: no file ends with {', '.join(COLOUR_SUFFIXES)}")
     return tuple(frames)
@@ -87,7 +101,33 @@ def read_images(frame: RecordedFrame, intrinsics: Intrinsics) -> Images:
     if depth.dtype != np.uint16 or depth.ndim != 2:
         channels = 1 if depth.ndim == 2 else depth.shape[2]
         raise UnusableFrames(frame.depth, f"holds {channels} x {depth.dtype}, depth in mm is one channel of uint16")
-    return np.ascontiguousarray(colour[..., ::-1]), depth.astype(np.float32) * np.float32(1e-3)
+    return np.ascontiguousarray(colour[..., ::-1]), metres(depth, frame.depth)
+
+
+def metres(depth: NDArray[np.uint16], path: Path) -> NDArray[np.float32]:
+    """Depth in metres of depth in millimetres.
+
+    Raises:
+        UnusableFrames: it holds no such thing: all of it is nearer than any camera measures.
+    """
+    furthest = int(depth.max(initial=0))
+    if 0 < furthest < NEAREST_MM:
+        raise UnusableFrames(
+            path, f"holds depths up to {furthest} mm, nearer than any camera measures: is it in metres?"
+        )
+    return depth.astype(np.float32) * np.float32(1e-3)
+
+
+def _other(depth: str, there: Collection[str]) -> str:
+    """Words about a depth image that was taken alone: colour and depth of two moments are no frame."""
+    alone = sorted(
+        name
+        for name in there
+        if name.endswith(DEPTH_SUFFIX)
+        and not any(f"{name.removesuffix(DEPTH_SUFFIX)}{suffix}" in there for suffix in COLOUR_SUFFIXES)
+    )
+    near = difflib.get_close_matches(depth, alone, 1, 0.0)
+    return f"; {near[0]} has no colour and is of another moment" if near else ""
 
 
 def _read(path: Path, flags: int, intrinsics: Intrinsics) -> NDArray[Any]:
@@ -125,3 +165,24 @@ def folder_intrinsics(folder: Path) -> Intrinsics | None:
     """
     path = folder / INTRINSICS_FILE
     return read_intrinsics(path) if path.is_file() else None
+
+
+def folder_poses(folder: Path) -> dict[str, Float64]:
+    """T_base_camera (4, 4) of the frames of a folder of which it says them, by their labels.
+
+    Raises:
+        UnusableFrames: the file is there and cannot be used.
+    """
+    path = folder / POSES_FILE
+    if not path.is_file():
+        return {}
+    try:
+        entries = json.loads(read_plain_text(path))
+        said = {str(entry["label"]): entry.get("T_base_camera") for entry in entries}
+        poses = {label: np.array(T, np.float64) for label, T in said.items() if T is not None}
+    except (OSError, ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
+        raise UnusableFrames(path, f"is no list of frames with label and T_base_camera: {error}") from error
+    for label, T in poses.items():
+        if T.shape != (4, 4) or not is_rigid(T):
+            raise UnusableFrames(path, f"the pose of '{label}' is no rigid 4 x 4 transform")
+    return poses

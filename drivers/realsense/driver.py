@@ -9,9 +9,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Protocol
 
+from drivers.depth_model import D4XX, DepthModel
 from drivers.device import Device
 from drivers.errors import DeviceError, DeviceLost
-from drivers.depth_model import D4XX, DepthModel
 from drivers.interfaces import Camera, Frame
 from drivers.owner import Owner
 from drivers.realsense.camera_mount import CameraMount

@@ -7,6 +7,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from urllib.parse import quote
 
 from executive.palette import BAD, GOOD, INK, LINE, MUTED
 
@@ -71,7 +72,16 @@ class SvgPlot:
     caption: str
 
 
-Block = Heading | Paragraph | Bullets | Table | Tiles | SvgPlot
+@dataclass(frozen=True, slots=True)
+class Picture:
+    """A picture in a file, by its path from the document; `about` says what it shows to who cannot see it."""
+
+    path: str
+    about: str
+    caption: str = ""
+
+
+Block = Heading | Paragraph | Bullets | Table | Tiles | SvgPlot | Picture
 
 
 @dataclass(slots=True)
@@ -119,6 +129,8 @@ def to_markdown(document: ReportPage, name: str = "report") -> str:
                 parts.append(_markdown_tiles(tiles))
             case SvgPlot():
                 parts.append(f"![{block.caption}]({name}_{block.name}.svg)\n\n{block.caption}")
+            case Picture(path, about, caption):
+                parts.append(f"![{about}]({quote(path)})" + (f"\n\n{caption}" if caption else ""))
     return "\n\n".join(part for part in parts if part) + "\n"
 
 
@@ -157,6 +169,9 @@ def _html(block: Block) -> str:
         case SvgPlot():
             drawn = block.svg[block.svg.index("<svg") :]
             return f"<figure>{drawn}<figcaption>{_inline(block.caption)}</figcaption></figure>"
+        case Picture(path, about, caption):
+            words = f"<figcaption>{_inline(caption)}</figcaption>" if caption else ""
+            return f'<figure><img loading="lazy" src="{quote(path)}" alt="{html.escape(about)}">{words}</figure>'
 
 
 def _html_table(table: Table) -> str:
@@ -230,7 +245,8 @@ table.words td { min-width: 6rem; }
 .tile b { font-size: 1.55rem; line-height: 1.2; } .tile.met b { color: var(--good); }
 .tile.missed b { color: var(--bad); }
 .tile span { font-size: .92rem; } .tile small { color: var(--soft); }
-figure { margin: 1.5rem 0; } figure svg { width: 100%; height: auto; background: #fff; padding: .8rem;
+figure { margin: 1.5rem 0; } figure img { display: block; max-width: 100%; height: auto; border-radius: 6px; }
+figure svg { width: 100%; height: auto; background: #fff; padding: .8rem;
   border: 1px solid var(--line);
   border-radius: 6px; }
 @media print { main { max-width: none; padding: 0; } h2 { break-after: avoid; } figure, table { break-inside: avoid; } }

@@ -15,6 +15,11 @@ _EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = {
         ("pomona run my_tree.yaml --cell lab.yaml", "your own tree on your own cell"),
         ("pomona run my_tree.yaml --dry --watch", "no cell: run it again each time it is saved"),
     ),
+    "measure": (
+        ("pomona measure frames --out row_7", "count and measure the fruit in recorded RGB-D frames"),
+        ("pomona measure row_color.mp4 --every 10", "in a video that has its depth beside it"),
+        ("pomona measure frames --kind lemon --score 0.7", "another fruit, and only what is surer"),
+    ),
     "check": (
         ("pomona check my_tree.yaml", "everything that is wrong with it, with line and column"),
         ("pomona check {tree} --cell lab.yaml", "can it run on this cell?"),

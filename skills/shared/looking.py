@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from drivers.errors import FrameUnreadable
 from drivers.interfaces import Arm, Camera, Frame, FruitKinds
 from executive.skill import CellFacts, Skill
 from executive.values.arrays import Float64
@@ -101,7 +102,10 @@ class LookingSkill(Skill):
 
     def newest_frame(self, max_age: float) -> Frame:
         """The camera's newest frame, not older than `max_age` [s]; fails with NO_FRAME or STALE_FRAME."""
-        frame = self.device(Camera).latest()
+        try:
+            frame = self.device(Camera).latest()
+        except FrameUnreadable as error:
+            raise self.failure("NO_FRAME", error.message) from error
         if frame is None:
             raise self.failure("NO_FRAME", "the camera has not delivered a frame yet")
         age = self.clock.now() - frame.stamp

@@ -98,7 +98,7 @@ def test_what_cannot_tell_is_refused() -> None:
 def test_balls_that_contradict_each_other_are_refused() -> None:
     balls, depth = seen(BALLS, 0.0, 0.0, 1e-3)
     wrong = [Ball(b.frame, b.name, b.box, b.diameter * (1.08 if b.name in "ac" else 0.93)) for b in balls]
-    with pytest.raises(UnusableDepth, match="contradict|was known before"):
+    with pytest.raises(UnusableDepth, match=r"contradict|was known before"):
         calibrate_balls(wrong, {"f": depth}, CAMERA, "d4xx")
 
 

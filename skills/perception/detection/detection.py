@@ -28,6 +28,7 @@ class Detection:
             that the network expects (`rigid_pose`), or of the reprojection with DOPE's full network.
         index: place among the instances of the frame, by decreasing score.
         found: number of instances in the frame.
+        visibility: share of its silhouette that is seen, 0 to 1, as the detector estimates it; NaN where it does not.
     """
 
     fruit: FruitModel
@@ -39,3 +40,18 @@ class Detection:
     covariance: Annotated[Float64, Array(6, 6)]
     index: int
     found: int
+    visibility: float = float("nan")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class AllDetections:
+    """Every fruit that was found in one frame, by falling score; the frame, and where its camera stood."""
+
+    detections: tuple[Detection, ...]
+    frame: Frame
+    T_base_camera: Pose
+
+    @property
+    def sentence(self) -> str:
+        """For people."""
+        return f"{len(self.detections)} fruit found" + (f" in {self.frame.label}" if self.frame.label else "")

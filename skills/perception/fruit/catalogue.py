@@ -18,7 +18,7 @@ from executive.values.kinds import Measure, Number, PathTo, Row, Schema, Text
 from executive.values.plain_text import is_file
 from executive.values.reading import Refused
 from executive.values.sections import Problem, Section, value
-from executive.values.units import LENGTH, Array
+from executive.values.units import LENGTH, MASS, RATIO, Array
 from skills.perception.fruit.errors import BadFruitFile, UnknownFruit
 from skills.perception.fruit.sizes import KindSizes
 
@@ -53,6 +53,8 @@ class FruitModel:
         stem: the stem in the object frame, for pictures only; None when the fruit has none.
         colour: typical colour of the flesh, RGB in 0..1.
         sizes: how large fruit of this kind are and how high for their width, where that was learnt.
+        mass: of a fruit of the model's size [kg]; None where nobody has weighed any.
+        mass_spread: standard deviation of it, as a share, among fruit of one size.
     """
 
     name: str
@@ -64,6 +66,8 @@ class FruitModel:
     stem: Mesh | None = None
     colour: tuple[float, float, float] = (0.7, 0.1, 0.1)
     sizes: KindSizes | None = None
+    mass: Annotated[float, MASS] | None = None
+    mass_spread: Annotated[float, RATIO] = 0.1
 
     @property
     def mesh(self) -> Mesh:
@@ -102,6 +106,8 @@ class FruitFileSection:
     dimensions: tuple[float, ...] = value(Row(Measure(LENGTH, "1 mm", "1 m"), 3), help="of the cuboid along x, y and z")
     symmetry_axis: tuple[float, ...] = value(Row(Number(-1.0, 1.0), 3), help="of revolution, towards the stem")
     colour: tuple[float, ...] = value(Row(Number(0.0, 1.0), 3), (0.7, 0.1, 0.1), "typical, RGB from 0 to 1")
+    mass: float | None = value(Measure(MASS, "1 g", "10 kg"), None, "of a fruit of these dimensions, weighed")
+    mass_spread: float = value(Number(0.0, 1.0), 0.1, "standard deviation of the mass among fruit of one size, a share")
     weights: str | None = value(Text(), None, "of its detector: beside this file, or among those that are shipped")
 
     sizes: SizesSection | None = value(Section(SizesSection), None, "of this kind, where they were learnt")
@@ -169,6 +175,8 @@ def load_fruit(name_or_path: str | Path, catalogue: Path = CATALOGUE) -> FruitMo
         stem=None if said.stem is None else _read_mesh(said.stem),
         colour=(said.colour[0], said.colour[1], said.colour[2]),
         sizes=None if said.sizes is None else said.sizes.sizes(),
+        mass=said.mass,
+        mass_spread=said.mass_spread,
     )
 
 

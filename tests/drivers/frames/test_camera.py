@@ -1,4 +1,6 @@
+import json
 from pathlib import Path
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
@@ -6,8 +8,10 @@ import pytest
 
 from drivers.device import ConnectContext
 from drivers.driver import read_settings
-from drivers.errors import CellFileError, DeviceFault
+from drivers.errors import CellFileError, FrameUnreadable
+from drivers.frames import folder as folder_module
 from drivers.frames.camera import FramesCamera, connect
+from drivers.frames.folder import list_frames
 from drivers.interfaces import Camera, FrameSequence
 from executive.clock import ManualClock
 
@@ -90,6 +94,17 @@ def test_intrinsics_in_the_folder_come_first(cell: Path, folder: Path) -> None:
     [
         (lambda folder: [path.unlink() for path in folder.iterdir()], "holds no frame"),
         (lambda folder: (folder / "b_depth_mm.png").unlink(), "b_depth_mm.png is missing"),
+        (
+            lambda folder: (folder / "b_depth_mm.png").rename(folder / "b2_depth_mm.png"),
+            "b_depth_mm.png is missing; b2_depth_mm.png has no colour and is of another moment",
+        ),
+        (lambda folder: write_frame(folder, "a", depth_mm=2), "up to 2 mm, nearer than any camera measures"),
+        (lambda folder: (folder / "frames.json").write_text("[]}"), "is no list of frames"),
+        (lambda folder: (folder / "frames.json").write_text('[{"T_base_camera": 1}]'), "is no list of frames"),
+        (
+            lambda folder: (folder / "frames.json").write_text('[{"label": "a", "T_base_camera": [[2.0]]}]'),
+            "the pose of 'a' is no rigid 4 x 4 transform",
+        ),
         (lambda folder: write_frame(folder, "a", size=(20, 40)), "is 40 x 20 pixels, the intrinsics are for 40 x 30"),
         (lambda folder: (folder / "a_color.png").write_bytes(b"no image"), "not an image"),
         (
@@ -119,9 +134,63 @@ def test_missing_or_impossible_intrinsics_are_refused(cell: Path, folder: Path) 
         connect_folder(cell, folder, f"intrinsics: {INTRINSICS.replace('cx: 20 ', 'cx: 2000 ')}")
 
 
-def test_a_later_frame_that_cannot_be_used_is_a_fault_of_the_camera(cell: Path, folder: Path) -> None:
+def test_a_later_frame_that_cannot_be_read_is_told_and_the_next_one_is_shown(cell: Path, folder: Path) -> None:
+    write_frame(folder, "c")
     camera = connect_folder(cell, folder)
     write_frame(folder, "b", size=(10, 10))
     camera.advance()
-    with pytest.raises(DeviceFault, match="10 x 10 pixels"):
+    with pytest.raises(FrameUnreadable, match=r"b_color\.png: is 10 x 10 pixels"):
         camera.latest()
+    assert camera.advance()
+    assert camera.latest().label == "c"
+
+
+def test_where_the_camera_stood_is_read_where_the_folder_says_it(cell: Path, folder: Path) -> None:
+    T = np.diag([-1.0, -1.0, 1.0, 1.0])
+    entries = [{"label": "a", "T_base_camera": T.tolist()}, {"label": "b", "T_base_camera": None}]
+    (folder / "frames.json").write_text(json.dumps(entries))
+    camera = connect_folder(cell, folder)
+    first = camera.latest()
+    assert first.placed
+    assert np.array_equal(first.T_mount_camera, T)
+    camera.advance()
+    assert not camera.latest().placed
+
+
+def test_one_of_so_many_frames_is_shown_when_that_is_asked_for(cell: Path, folder: Path) -> None:
+    for label in "cdefg":
+        write_frame(folder, label)
+    camera = connect_folder(cell, folder, f"every: 3\nintrinsics: {INTRINSICS}")
+    labels = [camera.latest().label]
+    while camera.advance():
+        labels.append(camera.latest().label)
+    assert labels == ["a", "d", "g"]
+
+
+def test_a_camera_that_the_folder_does_not_name_is_told(
+    cell: Path, folder: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    connect_folder(cell, folder)
+    assert "no intrinsics.yaml there" in caplog.text
+    caplog.clear()
+    (folder / "intrinsics.yaml").write_text(INTRINSICS)
+    connect_folder(cell, folder)
+    assert not caplog.text
+
+
+@pytest.mark.parametrize("focal", ["0 px", ".nan px", "nan px", "-600 px", "600"])
+def test_a_focal_length_that_is_none_is_refused_with_its_place(cell: Path, folder: Path, focal: str) -> None:
+    (folder / "intrinsics.yaml").write_text(INTRINSICS.replace("600 px", focal))
+    with pytest.raises(CellFileError, match="fx") as caught:
+        connect_folder(cell, folder)
+    assert (caught.value.path.name, caught.value.line) == ("intrinsics.yaml", 1)
+
+
+def test_a_folder_of_a_hundred_thousand_files_is_listed_by_their_names_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    names = [f"{k:06d}_{kind}" for k in range(50_000) for kind in ("color.png", "depth_mm.png")]
+    monkeypatch.setattr(folder_module.os, "scandir", lambda _folder: [SimpleNamespace(name=name) for name in names])
+    monkeypatch.setattr(Path, "is_file", None)  # no look at any of them
+    frames = list_frames(tmp_path)
+    assert (len(frames), frames[-1].label) == (50_000, "049999")

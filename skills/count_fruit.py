@@ -1,0 +1,115 @@
+"""The CountFruit skill."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+
+from drivers.interfaces import Frame
+from executive.ports import Outputs, Port
+from executive.skill import CellFacts, Skill, Work
+from executive.values.arrays import Float64
+from executive.values.sections import Problem
+from skills.geometry import inverse
+from skills.perception.detection.detection import AllDetections
+from skills.perception.inventory.camera_motion import camera_motion
+from skills.perception.inventory.sighting import FrameSightings, label_of
+from skills.shared.fruit_page import Page
+from skills.shared.fruit_report import FruitReport
+
+
+class Counted(Outputs):
+    """What CountFruit gives."""
+
+    fruit: int
+    measured: int
+    unreadable_frames: int
+
+
+class CountFruit(Skill):
+    """Count the fruit of one frame after the other, each once however many frames show it, and write the tables.
+
+    Frames whose cameras' places are known are one scene. Between frames of which nobody says it, the camera's motion
+    is taken from what both show; where it cannot be known, the frame begins a scene of its own and nothing is merged.
+    """
+
+    failures = ("NOT_WRITTEN",)
+    moves = ()
+
+    def __init__(self, name: str = "") -> None:
+        super().__init__(name)
+        self._report = FruitReport()
+        self._before: tuple[Frame, Float64, Float64, float] | None = None
+
+    @classmethod
+    def judge(cls, known: Mapping[str, Any], cell: CellFacts | None) -> Iterator[Problem]:
+        """What is there already is not written over."""
+        if known.get("out"):
+            problem = Page(Path(known["out"])).problem()
+            if problem:
+                yield Problem("out", problem, "name another folder")
+
+    def run(
+        self,
+        looked: Annotated[AllDetections | None, Port(help="what was found in the frame")] = None,
+        finds: Annotated[
+            FrameSightings | None, Port(help="the same as they were measured; another frame's are not used")
+        ] = None,
+        unreadable: Annotated[str, Port(help="why the frame could not be looked at; it keeps its line")] = "",
+        frames: Annotated[int, Port(min=0, help="how many there are in all; 0: nobody knows")] = 0,
+        join: Annotated[bool, Port(help="find the camera's motion between frames of which nobody says it")] = True,
+        out: Annotated[
+            str, Port(help="folder for tables, page and pictures, which must not be there; none without")
+        ] = "",
+    ) -> Work[Counted]:
+        report = self._report
+        if unreadable or looked is None:
+            report.add_unreadable(unreadable or "nobody looked at it")
+        else:
+            sightings = finds.sightings if finds is not None and finds.frame is looked.frame else ()
+            T, deviation, how = yield from self._place(looked, join)
+            report.add(label_of(looked.frame), sightings, T, deviation, how)
+            picture = report.picture(looked.frame.colour)
+            self.publish("overlay", picture)
+            if out:
+                yield from self._guarded(Page(Path(out)).write_picture, report.frames[-1], picture)
+        last = len(report.frames) == frames
+        if report.is_due(last):
+            for topic, table in report.tables().items():
+                self.publish(topic, table)
+            if out:
+                yield from self._guarded(Page(Path(out)).write, report, frames)
+        yield report.sentence(frames)
+        return Counted(len(report.book.fruit), report.measured, sum(bool(entry.unreadable) for entry in report.frames))
+
+    def _place(self, looked: AllDetections, join: bool) -> Work[tuple[Float64 | None, float, str]]:
+        """T_scene_base of a frame, how much that errs [m], and how it is known, for people."""
+        frame, before = looked.frame, self._before
+        T: Float64 | None = None
+        deviation = 0.0
+        if frame.placed:
+            how = "the camera's place is known"
+            T = np.eye(4) if before is not None and before[0].placed else None
+        elif before is None or before[0].placed:
+            how = "nobody says where the camera stood"
+        elif not join:
+            how = "nobody says where the camera stood, and frames are not to be joined"
+        else:
+            earlier, T_base_camera, T_scene_base, so_far = before
+            motion = yield from self.compute(camera_motion, earlier, frame)
+            how = f"the camera's motion is not known: {motion.why}"
+            if motion.T_earlier_later is not None:
+                T = T_scene_base @ T_base_camera @ motion.T_earlier_later @ inverse(looked.T_base_camera)
+                deviation = float(np.hypot(so_far, motion.deviation))
+                how = f"the camera's motion was found from what both frames show, to {1e3 * deviation:.1f} mm"
+        self._before = frame, looked.T_base_camera, np.eye(4) if T is None else T, deviation
+        return T, deviation, how
+
+    def _guarded(self, write: Any, *what: Any) -> Work[None]:
+        try:
+            yield from self.compute(write, *what)
+        except OSError as error:
+            raise self.failure("NOT_WRITTEN", f"{error.filename or 'the tables'}: {error.strerror or error}") from error
