@@ -290,7 +290,8 @@ def calibrate_balls(
     if known > LEARNT * known_before:
         raise UnusableDepth(
             f"these balls tell the depth at {middle:.2f} m to ± {1e3 * known:.1f} mm, and "
-            f"± {1e3 * known_before:.1f} mm was known before: show more or larger balls, in boxes that are drawn with care"
+            f"± {1e3 * known_before:.1f} mm was known before: show more or larger balls, "
+            "in boxes that are drawn with care"
         )
     if after >= before:
         raise UnusableDepth(

@@ -85,7 +85,7 @@ class DepthModel:
         return apart
 
     def outline(self, z: float, focal: float) -> float:
-        """Standard deviation of a width between two outlines in the picture [m], at a depth z [m]; focal length [px]."""
+        """Standard deviation of a width between two outlines in the picture [m], at a depth z [m]; focal [px]."""
         return float(np.sqrt(2.0) * np.hypot(self.lateral, _PIXEL) * z / focal)
 
     def of_the_whole(self, z: float) -> float:
@@ -113,7 +113,8 @@ AZURE_KINECT = DepthModel(
 an orchard row: residuals of 26 000 smooth patches of 11 x 11 px at 0.9 to 1.8 m are 0.8 mm · z² where they face the
 camera and 0.45 to 0.5 px · z / f · tan(angle) more where they do not. `registration` is what 12 outlines of fruit and
 balls in colour lie beside those in depth (root mean square of either direction). One pixel of its depth is 3.3 of the
-colour image. Offset and scale lie within the maker's 11 mm and 0.1 % of the distance, evenly spread (confirmed by Tölgyessy et al. 2021)."""
+colour image. Offset and scale lie within the maker's 11 mm and 0.1 % of the distance, evenly spread (confirmed by
+Tölgyessy et al. 2021)."""
 
 SIMULATED = DepthModel(disparity=0.08, baseline=0.05)
 """The simulated cameras': stereo noise alone, since their pixels look where they should."""
