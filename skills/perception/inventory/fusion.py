@@ -71,8 +71,8 @@ class SizeOfLooks:
 
     def fused(self) -> FusedSize:
         """The size by all looks, of which there must be one at least."""
-        spread = np.linalg.inv(self._information)
-        mean = spread @ self._weighted
+        spread: Float64 = np.linalg.inv(self._information)
+        mean: Float64 = spread @ self._weighted
         if self.looks == 1:
             return FusedSize(mean, spread, 1, True)
         common = spread @ self._common
