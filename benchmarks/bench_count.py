@@ -49,7 +49,7 @@ TABLE = np.array([-0.02, -0.42, -0.08])
 
 
 @dataclass
-class Tally:
+class CountTally:
     """What came out over all scenes."""
 
     scenes: int = 0
@@ -79,7 +79,7 @@ def main() -> None:
     parser.add_argument("--lose-poses", action="store_true")
     parser.add_argument("--json", type=Path)
     options = parser.parse_args()
-    fruit, tally = load_fruit("apple"), Tally()
+    fruit, tally = load_fruit("apple"), CountTally()
     for seed in range(options.seeds):
         cell = load_cell(CELL, seed=seed, overrides={"others": "4", "distractors": "2"})
         try:
@@ -97,7 +97,9 @@ def main() -> None:
         options.json.write_text(json.dumps(figures, indent=1))
 
 
-def _scene(world: SimWorld, fruit: FruitModel, looks: int, method: Method, lose: bool, seed: int, tally: Tally) -> None:
+def _scene(
+    world: SimWorld, fruit: FruitModel, looks: int, method: Method, lose: bool, seed: int, tally: CountTally
+) -> None:
     rng = np.random.default_rng([seed, 78])
     world.looked()
     truths: Any = world.truth()["fruits"]
@@ -171,7 +173,7 @@ def _true_fruit(sighting: Sighting, truths: Any, T_base_camera: Float64) -> int:
     return best if beside[best] < 0.5 * float(np.min(truths[best]["dimensions_m"])) else -1
 
 
-def _count(book: FruitBook, shows: Counter[tuple[int, int]], truths: Any, tally: Tally) -> None:
+def _count(book: FruitBook, shows: Counter[tuple[int, int]], truths: Any, tally: CountTally) -> None:
     tally.scenes += 1
     tally.fruit += len(truths)
     counted = {number: {w for n, w in shows if n == number} for number in (fruit.number for fruit in book.fruit)}
@@ -206,7 +208,7 @@ def _normal(dimensions: Float64, covariance: Float64, truth: Float64) -> Float64
     return np.concatenate([1e3 * error, error / spread])
 
 
-def _figures(t: Tally) -> dict[str, float | int]:
+def _figures(t: CountTally) -> dict[str, float | int]:
     fused, single = np.array(t.errors), np.array(t.single)
     products = [a[2:] * b[2:] for looks in t.looks for i, a in enumerate(looks) for b in looks[:i]]
     correlation = np.mean(products, axis=0) / np.mean(single[:, 2:] ** 2, axis=0)

@@ -21,7 +21,7 @@ from skills.shared.fruit_page import Page
 from skills.shared.fruit_report import FruitReport
 
 
-class Counted(Outputs):
+class FruitCount(Outputs):
     """What CountFruit gives."""
 
     fruit: int
@@ -64,7 +64,7 @@ class CountFruit(Skill):
         out: Annotated[
             str, Port(help="folder for tables, page and pictures, which must not be there; none without")
         ] = "",
-    ) -> Work[Counted]:
+    ) -> Work[FruitCount]:
         report = self._report
         if unreadable or looked is None:
             report.add_unreadable(unreadable or "nobody looked at it")
@@ -83,7 +83,9 @@ class CountFruit(Skill):
             if out:
                 yield from self._guarded(Page(Path(out)).write, report, frames)
         yield report.sentence(frames)
-        return Counted(len(report.book.fruit), report.measured, sum(bool(entry.unreadable) for entry in report.frames))
+        return FruitCount(
+            len(report.book.fruit), report.measured, sum(bool(entry.unreadable) for entry in report.frames)
+        )
 
     def _place(self, looked: AllDetections, join: bool) -> Work[tuple[Float64 | None, float, str]]:
         """T_scene_base of a frame, how much that errs [m], and how it is known, for people."""

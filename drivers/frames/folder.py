@@ -105,7 +105,7 @@ def read_images(frame: RecordedFrame, intrinsics: Intrinsics) -> Images:
 
 
 def metres(depth: NDArray[np.uint16], path: Path) -> NDArray[np.float32]:
-    """Depth in metres of depth in millimetres.
+    """Depth in metres of depth in millimetres, of the same shape (height, width).
 
     Raises:
         UnusableFrames: it holds no such thing: all of it is nearer than any camera measures.

@@ -40,7 +40,7 @@ class Video:
         """How many pictures it says that it holds."""
 
     def read(self, index: int) -> NDArray[Any]:
-        """One picture, counted from 0.
+        """One picture, counted from 0, of shape (height, width, 3) or (height, width).
 
         Raises:
             UnusableFrames: it ends before, or is damaged there.

@@ -73,7 +73,7 @@ class SvgPlot:
 
 
 @dataclass(frozen=True, slots=True)
-class Picture:
+class PagePicture:
     """A picture in a file, by its path from the document; `about` says what it shows to who cannot see it."""
 
     path: str
@@ -81,7 +81,7 @@ class Picture:
     caption: str = ""
 
 
-Block = Heading | Paragraph | Bullets | Table | Tiles | SvgPlot | Picture
+Block = Heading | Paragraph | Bullets | Table | Tiles | SvgPlot | PagePicture
 
 
 @dataclass(slots=True)
@@ -129,7 +129,7 @@ def to_markdown(document: ReportPage, name: str = "report") -> str:
                 parts.append(_markdown_tiles(tiles))
             case SvgPlot():
                 parts.append(f"![{block.caption}]({name}_{block.name}.svg)\n\n{block.caption}")
-            case Picture(path, about, caption):
+            case PagePicture(path, about, caption):
                 parts.append(f"![{about}]({quote(path)})" + (f"\n\n{caption}" if caption else ""))
     return "\n\n".join(part for part in parts if part) + "\n"
 
@@ -169,7 +169,7 @@ def _html(block: Block) -> str:
         case SvgPlot():
             drawn = block.svg[block.svg.index("<svg") :]
             return f"<figure>{drawn}<figcaption>{_inline(block.caption)}</figcaption></figure>"
-        case Picture(path, about, caption):
+        case PagePicture(path, about, caption):
             words = f"<figcaption>{_inline(caption)}</figcaption>" if caption else ""
             return f'<figure><img loading="lazy" src="{quote(path)}" alt="{html.escape(about)}">{words}</figure>'
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from executive.campaign.document import Heading, Paragraph, Picture, ReportPage, Table, Tile, Tiles, to_html
+from executive.campaign.document import Heading, PagePicture, Paragraph, ReportPage, Table, Tile, Tiles, to_html
 from executive.palette import OVERLAY
 from executive.values.arrays import UInt8
 from executive.views import ImageView
@@ -161,7 +161,7 @@ def _add_frame(page: ReportPage, entry: FrameEntry) -> None:
     page.add(Heading(entry.label))
     page.add(Paragraph(f"{len(entry.finds)} found, {entry.measured} measured. Scene {entry.scene}: {entry.how}."))
     about = f"{entry.label} with the outline and number of each fruit"
-    page.add(Picture(f"{PICTURES}/{entry.picture}", about, "Green: measured. Amber: found and not measured."))
+    page.add(PagePicture(f"{PICTURES}/{entry.picture}", about, "Green: measured. Amber: found and not measured."))
     if entry.finds:
         page.add(Table(FIND_WORDS, tuple(find_said(sighting, fruit) for sighting, fruit in entry.finds)))
 
