@@ -71,7 +71,7 @@ class SizeOfLooks:
 
     def fused(self) -> FusedSize:
         """The size by all looks, of which there must be one at least."""
-        spread: Float64 = np.linalg.inv(self._information)
+        spread: Float64 = np.asarray(np.linalg.inv(self._information), np.float64)
         mean: Float64 = spread @ self._weighted
         if self.looks == 1:
             return FusedSize(mean, spread, 1, True)
