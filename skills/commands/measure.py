@@ -55,12 +55,16 @@ def main(options: argparse.Namespace) -> int:
     progress = _Progress()
     order = RunOrder(tree=find_tree(TREE), cell=find_cell("bag" if bag else "frames"), settings=settings)
     result = execute(order, [progress.on_event]).result
-    if result.outcome == "success":
+    if result.outcome == "success" or progress.unreadable:
         sys.stdout.write(f"written to {options.out}: {PAGE}, {FRUIT}, {FINDS} and {PICTURES}\n")
-        return 2 if progress.unreadable else 0
+    if result.outcome == "success":
+        return 0
     if result.interrupted:
         sys.stderr.write(f"interrupted: {options.out} holds what was measured until then\n")
         return 130
+    if progress.unreadable:
+        sys.stderr.write(f"{progress.unreadable} of the frames could not be read: {options.out / PAGE} says why\n")
+        return 2
     why = [reason.message for reason in result.reason.leaves()] if result.reason else [result.outcome]
     sys.stderr.write(f"pomona measure: {why[-1]}\n")
     return 2

@@ -66,7 +66,7 @@ class FruitModel:
     stem: Mesh | None = None
     colour: tuple[float, float, float] = (0.7, 0.1, 0.1)
     sizes: KindSizes | None = None
-    mass: Annotated[float, MASS] | None = None
+    mass: Annotated[float | None, MASS] = None
     mass_spread: Annotated[float, RATIO] = 0.1
 
     @property
