@@ -18,11 +18,11 @@ from skills.perception.measured_fruit import MeasuredFruit
 from skills.perception.refinement.depth_image import RendererName
 from skills.perception.refinement.errors import RefineError
 from skills.perception.refinement.measure import measure, outline
+from skills.perception.refinement.refinement import refine
 from skills.perception.refinement.render import render_depth
 from skills.perception.refinement.result import Limits
-from skills.perception.refinement.scale_fit import fit_scale
 
-_SMALL_CAMERA = Intrinsics(100.0, 100.0, 50.0, 50.0, 101, 101)
+_SMALL_CAMERA = Intrinsics(400.0, 400.0, 100.0, 100.0, 201, 201)
 _SOMETHING = Mesh(
     0.05 * np.array([[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]]),
     np.array([[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]], dtype=np.int32),
@@ -46,8 +46,11 @@ class Refine(Skill):
     def prepare(self) -> None:
         """Importing and compiling what measures takes seconds. A renderer that fails says so when it is used."""
         with suppress(RefineError):
-            depth, _ = render_depth(_SOMETHING, transform(translation=(0.0, 0.0, 0.5)), _SMALL_CAMERA)
-            fit_scale(depth, depth)
+            T = transform(translation=(0.0, 0.0, 0.5))
+            virtual_depth, box = render_depth(_SOMETHING, T, _SMALL_CAMERA)
+            depth = np.zeros((_SMALL_CAMERA.height, _SMALL_CAMERA.width), np.float32)
+            depth[box.slices] = virtual_depth
+            refine(depth, _SMALL_CAMERA, T, _SOMETHING)
 
     def run(
         self,

@@ -51,21 +51,6 @@ class Form:
         leaned[:, 1] *= self.height_factor(model)
         return leaned * self.stretch
 
-    def in_model(self, points: Float64) -> Float64:
-        """The points of the model that are there on the fruit, shape (n, 3) [m]: the inverse of `points`."""
-        model = points / self.stretch
-        model[:, 1] /= self.height_factor(model)
-        return model
-
-    def normals(self, model: Float64, normals: Float64) -> Float64:
-        """Unit normals of the fruit at points of the model with these normals, shape (n, 3)."""
-        up = normals[:, 1] / self.height_factor(model)
-        tilted = normals.copy()
-        tilted[:, 1] = up
-        tilted[:, [0, 2]] -= (up * model[:, 1])[:, None] * (self.lean / self.radius)
-        tilted /= self.stretch
-        return np.asarray(tilted / np.linalg.norm(tilted, axis=1, keepdims=True))
-
     def lean_derivative(self, model: Float64) -> Float64:
         """How the height y of points changes with the lean, shape (n, 2) [m]."""
         derivative: Float64 = (self.stretch[1] * model[:, 1])[:, None] * (model[:, [0, 2]] / self.radius)

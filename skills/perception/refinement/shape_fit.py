@@ -12,14 +12,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from executive.values.arrays import Float64
 from skills.geometry import rotation_about
 from skills.perception.refinement.cloud import Cloud
 from skills.perception.refinement.depth_image import Triangles
 from skills.perception.refinement.form import Form
+from skills.perception.refinement.points_to_surface import Placed, Points, Samples, points_to_surface
 from skills.perception.refinement.support_plane import Plane
-from skills.perception.refinement.surface import surface_of
+from skills.perception.refinement.surface import Surface, surface_of
 
 _NARROWING = (3.0, 3.0, 2.0, 2.0, 1.5, 1.5)
 """The band of the first steps, in final bands."""
@@ -90,14 +92,14 @@ class ShapeFit:
 class _Normal:
     """Normal equations H x = b of weighted residuals, for x = (move 3, tilt about x and z, ln stretch 3, lean 2)."""
 
-    def __init__(self, jacobian: Float64, residual: Float64, weight: Float64) -> None:
-        self.H: Float64 = (jacobian.T * weight) @ jacobian
-        self.b: Float64 = (jacobian.T * weight) @ residual
+    def __init__(self, H: Float64, b: Float64) -> None:
+        self.H, self.b = H, b
 
-    def add(self, row: Float64, value: float, deviation: float) -> None:
-        """Expect row · x = value within a standard deviation."""
-        self.H = self.H + np.outer(row, row) / deviation**2
-        self.b = self.b + row * (value / deviation**2)
+    def expect(self, rows: Float64, values: Float64, deviations: Float64) -> None:
+        """Expect rows · x = values, shapes (k, 10) and (k,), each within its standard deviation."""
+        weighted = rows / (deviations**2)[:, None]
+        self.H = self.H + rows.T @ weighted
+        self.b = self.b + values @ weighted
 
     def solve(self) -> Float64:
         return np.asarray(np.linalg.solve(self.H, self.b), dtype=np.float64)
@@ -125,23 +127,23 @@ def fit_shape(
         priors: what is known beforehand.
     """
     priors = priors or Priors()
-    cloud = cloud.thinned(_MAX_POINTS)
+    measured = _Measured.of(cloud.thinned(_MAX_POINTS), surface_of(mesh), T_camera_object, mu)
     state = _State(T_camera_object.copy(), Form.scaled(mesh, mu))
     start = _State(T_camera_object, state.form)
-    equations, share = _iterate(cloud, mesh, state, start, band, priors, None, _NARROWING)
+    equations, share = _iterate(measured, mesh, state, start, band, priors, None, _NARROWING)
     on_support = False
     if support is not None:
         gap, row = _contact(mesh, state, support)
         doubt = row @ np.linalg.solve(equations.H, row) + (_STANDING * np.ptp(mesh.vertices[:, 1]) * mu) ** 2
         on_support = bool(gap**2 <= 9.0 * doubt)
         if on_support:
-            equations, share = _iterate(cloud, mesh, state, start, band, priors, support, ())
+            equations, share = _iterate(measured, mesh, state, start, band, priors, support, ())
     picked = np.r_[0:3, 5:8]
     covariance = np.linalg.inv(equations.H)[np.ix_(picked, picked)]
     centre, dimensions = state.form.cuboid(mesh)
     if state.form.nearly_round:
         # Where the cuboid's centre lies beside the axis depends on how the fruit is turned, which cannot be known.
-        centre[[0, 2]] = state.form.stretch[[0, 2]] * surface_of(mesh).points[:, [0, 2]].mean(axis=0)
+        centre[[0, 2]] = state.form.stretch[[0, 2]] * surface_of(mesh).samples.points[:, [0, 2]].mean(axis=0)
     T_cuboid = state.T.copy()
     T_cuboid[:3, 3] += T_cuboid[:3, :3] @ centre
     return ShapeFit(T_cuboid, dimensions / np.ptp(mesh.vertices, axis=0), covariance, share, on_support)
@@ -163,8 +165,30 @@ class _State:
         )
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Measured:
+    """Measured points, the model's surface, and the sample of it that each point is next to, shape (n,)."""
+
+    points: Points
+    samples: Samples
+    nearest: NDArray[np.int64]
+
+    @classmethod
+    def of(cls, cloud: Cloud, surface: Surface, T_camera_object: Float64, mu: float) -> _Measured:
+        on_model = (cloud.points - T_camera_object[:3, 3]) @ T_camera_object[:3, :3] / mu
+        points = Points(*map(np.ascontiguousarray, (cloud.points, cloud.rays, cloud.deviation, cloud.beside)))
+        return cls(points, surface.samples, surface.tree.query(on_model)[1])
+
+    def equations(self, state: _State, reach: float, texture: float) -> tuple[_Normal, float]:
+        """Of the points that lie within reach of the surface, and the share of these points."""
+        R, t, form = np.ascontiguousarray(state.T[:3, :3]), state.T[:3, 3].copy(), state.form
+        placed = Placed(R, t, form.stretch, form.lean, form.radius)
+        H, b, share = points_to_surface(self.points, self.samples, placed, self.nearest, reach, texture, _PATCHES)
+        return _Normal(H, b), share
+
+
 def _iterate(
-    cloud: Cloud,
+    measured: _Measured,
     mesh: Triangles,
     state: _State,
     start: _State,
@@ -176,11 +200,11 @@ def _iterate(
     """Step until nothing moves; changes `state`. Returns the last equations and the share of points that count."""
     for count in range(_MAX_STEPS):
         reach = band * (narrowing[count] if count < len(narrowing) else 1.0)
-        equations, share = _points_to_surface(cloud, mesh, state, reach, priors.texture)
+        equations, share = measured.equations(state, reach, priors.texture)
         _expect_likeness(equations, state, start, priors)
         if support is not None:
             gap, row = _contact(mesh, state, support)
-            equations.add(row, -gap, priors.contact)
+            equations.expect(row[None], np.array([-gap]), np.array([priors.contact]))
         step = equations.solve()
         state.move(step)
         if count >= len(narrowing) and np.abs(step[:3]).max() < 5e-5 and np.abs(step[3:]).max() < 5e-4:
@@ -188,45 +212,33 @@ def _iterate(
     return equations, share
 
 
-def _points_to_surface(
-    cloud: Cloud, mesh: Triangles, state: _State, reach: float, texture: float
-) -> tuple[_Normal, float]:
-    surface, form = surface_of(mesh), state.form
-    R, t = state.T[:3, :3], state.T[:3, 3]
-    _, nearest = surface.tree.query(form.in_model((cloud.points - t) @ R))
-    model = surface.points[nearest]
-    q, n = form.points(model), form.normals(model, surface.normals[nearest])
-    normal = n @ R.T
-    distance = np.einsum("ij,ij->i", normal, cloud.points - t) - np.einsum("ij,ij->i", n, q)
-    slant = np.einsum("ij,ij->i", normal, cloud.rays)
-    counts = (np.abs(distance) < reach) & (slant < 0.1)  # not the far side of the model
-    shared = np.sqrt(max(1.0, np.count_nonzero(counts) / _PATCHES))
-    aside = cloud.beside * np.sqrt(np.maximum(1.0 - slant**2, 0.0))
-    deviation = np.sqrt((cloud.deviation * slant) ** 2 + aside**2 + (texture * shared) ** 2)
-    weight = np.where(counts, (1.0 - (distance / reach) ** 2) ** 2, 0.0) / deviation**2
-    jacobian = np.concatenate(
-        [normal, np.cross(q, n)[:, [0, 2]], n * q, n[:, 1:2] * form.lean_derivative(model)], axis=1
-    )
-    return _Normal(jacobian, distance, weight), float(counts.mean())
+_LIKENESS = np.zeros((10, 10))
+"""What fruit of a kind have in common: place 3, tilt about z and x, size, height over width, roundness, lean 2."""
+_LIKENESS[[0, 1, 2, 8, 9], [0, 1, 2, 8, 9]] = 1.0
+_LIKENESS[3, 4], _LIKENESS[4, 3] = -1.0, 1.0
+_LIKENESS[5, 5:8] = 1.0 / 3.0
+_LIKENESS[6, 5:8] = -0.5, 1.0, -0.5
+_LIKENESS[7, 5:8] = 1.0, 0.0, -1.0
 
 
 def _expect_likeness(equations: _Normal, state: _State, start: _State, priors: Priors) -> None:
     """What fruit of a kind have in common, and what the detection and the uniform scale said."""
-    one = np.eye(10)
-    for row, moved in zip(one[:3], state.T[:3, 3] - start.T[:3, 3], strict=True):
-        equations.add(row, -float(moved), priors.place)
     axis = state.T[:3, :3].T @ start.T[:3, 1]  # the detected axis as the present object sees it; (0, 1, 0) if alike
-    equations.add(-one[4], float(axis[0]), priors.tilt)
-    equations.add(one[3], float(axis[2]), priors.tilt)
     ln_x, ln_y, ln_z = np.log(state.form.stretch / start.form.stretch)
-    equations.add((one[5] + one[6] + one[7]) / 3.0, -float(ln_x + ln_y + ln_z) / 3.0, priors.size)
-    higher = priors.proportion - float(ln_y) + 0.5 * float(ln_x + ln_z)
-    equations.add(one[6] - 0.5 * (one[5] + one[7]), higher, priors.aspect)
     model_ratio = float(np.log(state.form.radius[0] / state.form.radius[1]))
-    expected = -model_ratio if state.form.nearly_round and priors is not RIGID else 0.0
-    equations.add(one[5] - one[7], expected - float(ln_x - ln_z), priors.roundness)
-    for row, lean in zip(one[8:], state.form.lean, strict=True):
-        equations.add(row, -float(lean), priors.lean)
+    round_ratio = -model_ratio if state.form.nearly_round and priors is not RIGID else 0.0
+    values = np.empty(10)
+    values[:3] = start.T[:3, 3] - state.T[:3, 3]
+    values[3:5] = axis[0], axis[2]
+    values[5] = -(ln_x + ln_y + ln_z) / 3.0
+    values[6] = priors.proportion - ln_y + 0.5 * (ln_x + ln_z)
+    values[7] = round_ratio - (ln_x - ln_z)
+    values[8:] = -state.form.lean
+    deviations = np.empty(10)
+    deviations[:3], deviations[3:5] = priors.place, priors.tilt
+    deviations[5:8] = priors.size, priors.aspect, priors.roundness
+    deviations[8:] = priors.lean
+    equations.expect(_LIKENESS, values, deviations)
 
 
 def _contact(mesh: Triangles, state: _State, support: Plane) -> tuple[float, Float64]:

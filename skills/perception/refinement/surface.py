@@ -8,18 +8,21 @@ from functools import lru_cache
 import numpy as np
 from scipy.spatial import cKDTree
 
-from executive.values.arrays import Float64
 from skills.perception.refinement.depth_image import Triangles
+from skills.perception.refinement.points_to_surface import Samples
 
 _SAMPLES = 4000
+_NEIGHBOURS = 16
+"""So many neighbours of a sample are tried for one that is nearer to a point. After a step of up to 10 mm a search from
+neighbour to neighbour ends beside the nearest sample for 1 of 10 000 points about the shipped fruit (12:
+1 of 1 000)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Surface:
-    """Evenly spread points of a mesh, shape (n, 3) [m], with outward unit normals, shape (n, 3), and a search tree."""
+    """Evenly spread points of a mesh with outward unit normals and neighbours, and a search tree of them."""
 
-    points: Float64
-    normals: Float64
+    samples: Samples
     tree: cKDTree
 
 
@@ -35,4 +38,6 @@ def surface_of(mesh: Triangles) -> Surface:
     root = np.sqrt(along)
     weights = np.column_stack([1.0 - root, root * (1.0 - across), root * across])
     points = np.einsum("nc,nci->ni", weights, corners[face])
-    return Surface(points, normals[face] / area[face, None], cKDTree(points))
+    tree = cKDTree(points)
+    neighbours = np.ascontiguousarray(tree.query(points, _NEIGHBOURS + 1)[1][:, 1:], dtype=np.int32)
+    return Surface(Samples(points, normals[face] / area[face, None], neighbours), tree)
