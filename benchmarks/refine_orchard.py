@@ -31,7 +31,6 @@ from skills.perception.fruit import FruitModel
 from skills.perception.fruit.sizes import learn_sizes
 from skills.perception.refinement import Limits, RefineResult, refine, render_depth
 from skills.perception.refinement.errors import NoDepth, RefineError
-from skills.perception.refinement.measure import size_deviation
 from skills.shared.looking import find_in_frame
 
 KINECT = Intrinsics(917.12, 916.97, 957.72, 550.79, 1920, 1080)
@@ -115,7 +114,7 @@ class Find:
     @property
     def deviation(self) -> float:
         """Of the logarithm of how large it looks."""
-        return size_deviation(self.detection)
+        return self.detection.size_deviation
 
     @property
     def sine(self) -> float:

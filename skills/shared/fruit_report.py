@@ -24,7 +24,7 @@ _SIZE = (
 )  # fmt: skip
 FIND_COLUMNS = (
     "frame", "row", "fruit", "scene", "score", *_SIZE, "x_mm", "y_mm", "z_mm", "distance_m", "u_px", "v_px", "visible",
-    "agreeing", "not_measured",
+    "agreeing", "shown_mm", "shown_90_mm", "from_side", "method", "not_measured",
 )  # fmt: skip
 FRUIT_COLUMNS = (
     "fruit", "scene", "frames", "looks_that_measured", "score", *_SIZE, "x_mm", "y_mm", "z_mm", "looks_agree",
@@ -207,7 +207,9 @@ def _find_row(entry: FrameEntry, sighting: Sighting, number: int) -> tuple[str, 
         *_sizes(sighting.fruit, sighting.dimensions, sighting.size_covariance),
         *(f"{1e3 * value:.1f}" for value in sighting.p_base), f"{sighting.distance:.3f}",
         *(f"{value:.0f}" for value in sighting.centre),
-        _share(sighting.visibility), _share(sighting.agreeing), sighting.why,
+        _share(sighting.visibility), _share(sighting.agreeing),
+        *("" if np.isnan(value) else f"{value:.2f}" for value in 1e3 * sighting.shown * [1.0, Z_90]),
+        "" if np.isnan(sighting.from_side) else f"{sighting.from_side:.3f}", sighting.method, sighting.why,
     )  # fmt: skip
 
 

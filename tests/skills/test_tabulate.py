@@ -6,6 +6,7 @@ import numpy as np
 from py_trees.common import Status
 
 from executive.skill_testing import drive
+from skills.geometry import transform
 from skills.perception.detection.detection import Detection
 from skills.tabulate import Tabulate
 from tests.skills.picking_scene import apple_at
@@ -18,7 +19,8 @@ def measured(number: int, label: str):
 
 
 def found(apple, keypoints=np.arange(18.0).reshape(9, 2)) -> Detection:
-    return Detection(apple.fruit, apple.frame, np.eye(4), np.eye(4), keypoints, 0.91, np.eye(6), 0, 1, 0.8)
+    T_camera_object = transform(translation=(0.0, 0.0, 0.5))
+    return Detection(apple.fruit, apple.frame, np.eye(4), T_camera_object, keypoints, 0.91, np.eye(6), 0, 1, 0.8)
 
 
 def note(apple, so_far=None, **inputs):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -41,6 +42,13 @@ class Detection:
     index: int
     found: int
     visibility: float = float("nan")
+
+    @property
+    def size_deviation(self) -> float:
+        """Of the fruit's size in the picture, of that size: the CAD-sized model seems as large as it is near."""
+        p = self.T_camera_object[:3, 3]
+        variance = float(p @ self.covariance[3:, 3:] @ p)
+        return math.sqrt(max(variance, 0.0)) / float(p @ p)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

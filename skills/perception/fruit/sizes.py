@@ -23,9 +23,12 @@ from executive.values.arrays import Float64
 LEAST_FRUIT = 6
 """Fewer fruit than this do not tell how a kind's sizes spread."""
 
-
 _AS_SURE_AS_ANY = 0.03
 """Measurements that know better than this share how large a fruit looks count no more for it."""
+
+
+_LEAST_SPREAD = 0.01
+"""No fruit of one kind are more alike than this share."""
 
 
 class TooFewFruit(ValueError):
@@ -77,16 +80,23 @@ class KindSizes:
 
 
 def learn_sizes(
-    sizes: Float64, shown: Float64, deviations: Float64, sines: Float64, model_height_over_width: float
+    sizes: Float64,
+    shown: Float64,
+    deviations: Float64,
+    sines: Float64,
+    model_height_over_width: float,
+    own: Float64 | float = 0.0,
 ) -> KindSizes:
-    """A kind's sizes from fruit that were measured by hand and seen by the camera.
+    """A kind's sizes from fruit that were measured, by hand or by their shape, and seen by the camera.
 
     Args:
-        sizes: true widths and heights, shape (n, 2) [m].
+        sizes: widths and heights, shape (n, 2) [m].
         shown: width that the scaled model had for each, shape (n,) [m].
         deviations: of ln shown, as each measurement knew of itself, shape (n,).
         sines: of the angle between the line of sight and the stem's axis, shape (n,).
         model_height_over_width: the model's proportion.
+        own: standard deviations of ln width and of ln height over width as they were measured, shape (n, 2); 0 where
+            that was by hand. Fruit differ by what is left of their spread.
 
     Raises:
         TooFewFruit: fewer than `LEAST_FRUIT`, or a size that is none.
@@ -101,11 +111,42 @@ def learn_sizes(
     looks = float(weight @ seen / weight.sum())
     beyond = float(weight @ ((seen - looks) ** 2 - deviations**2) / weight.sum())
     wider = math.sqrt(1.0 + 1.0 / len(sizes))  # the medians are only as well known as so many fruit tell
+    told = np.broadcast_to(own, sizes.shape)
+    spread = np.var([ln_width, ln_ratio], axis=1, ddof=1) - np.mean(np.square(told), axis=0)
+    width_deviation, ratio_deviation = wider * np.sqrt(np.maximum(spread, _LEAST_SPREAD**2))
     return KindSizes(
         width=float(np.exp(ln_width.mean())),
-        width_deviation=wider * float(ln_width.std(ddof=1)),
+        width_deviation=float(width_deviation),
         height_over_width=float(np.exp(ln_ratio.mean())),
-        height_over_width_deviation=wider * float(ln_ratio.std(ddof=1)),
+        height_over_width_deviation=float(ratio_deviation),
         looks=math.exp(looks),
         looks_deviation=wider * math.sqrt(max(beyond, 0.0)),
     )
+
+
+def held_out(
+    sizes: Float64,
+    shown: Float64,
+    deviations: Float64,
+    sines: Float64,
+    model_height_over_width: float,
+    own: Float64 | float = 0.0,
+) -> tuple[Float64, Float64]:
+    """Errors of width and height of each fruit with what all others teach; the arguments are those of `learn_sizes`.
+
+    Returns:
+        by the others' mean size, and by that and what is seen of the fruit itself, shape (n, 2) each [m].
+
+    Raises:
+        TooFewFruit: without one of them there are fewer than `LEAST_FRUIT`.
+    """
+    told = np.broadcast_to(own, sizes.shape)
+    by_mean, by_look = np.empty(sizes.shape), np.empty(sizes.shape)
+    for i in range(len(sizes)):
+        others = np.arange(len(sizes)) != i
+        kind = learn_sizes(
+            sizes[others], shown[others], deviations[others], sines[others], model_height_over_width, told[others]
+        )
+        found, _ = kind.given(float(shown[i]), float(deviations[i]), float(sines[i]), model_height_over_width)
+        by_mean[i], by_look[i] = sizes[others].mean(axis=0) - sizes[i], found - sizes[i]
+    return by_mean, by_look

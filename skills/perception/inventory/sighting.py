@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -40,6 +40,10 @@ class Sighting:
         centre: in the image, shape (2,) [px].
         agreeing: share of its depth that agrees with its shape; NaN where it was not measured.
         why: it was not measured; empty where it was.
+        shown: width of the model as it was scaled, and its standard deviation, shape (2,) [m]; NaN where it was not
+            measured.
+        from_side: sine of the angle between the line of sight and the stem's axis.
+        method: by which it was measured; empty where it was not.
     """
 
     frame: str
@@ -57,6 +61,9 @@ class Sighting:
     centre: Float64
     agreeing: float
     why: str
+    shown: Float64 = field(default_factory=lambda: np.full(2, np.nan))
+    from_side: float = float("nan")
+    method: str = ""
 
     def moved(self, T: Float64) -> Sighting:
         """The same, with its place in the frame into which T (4, 4) leads from the base frame."""
@@ -106,11 +113,16 @@ def sighting_of(detection: Detection, measured: MeasuredFruit | None, why: str, 
         )  # fmt: skip
     p_base = measured.T_base_fruit[:3, 3]
     outline = measured.contour
+    shown = measured.mu * float(measured.fruit.dimensions[[0, 2]].mean())
+    away = p_base - measured.T_base_camera[:3, 3]
+    distance = float(np.linalg.norm(away))
     return Sighting(
         label, number, detection.score, detection.visibility, p_base, measured.covariance[:3, :3],
-        float(np.linalg.norm(p_base - measured.T_base_camera[:3, 3])), measured.fruit, measured.T_base_fruit[:3, :3],
+        distance, measured.fruit, measured.T_base_fruit[:3, :3],
         measured.dimensions, measured.covariance[3:, 3:], outline,
         outline.mean(axis=0) if outline.size else detection.keypoints[8], measured.inlier_ratio, "",
+        shown * np.array([1.0, detection.size_deviation]),
+        float(np.linalg.norm(np.cross(away / distance, measured.T_base_fruit[:3, 1]))), measured.method,
     )  # fmt: skip
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Literal
 
 import cv2
@@ -62,7 +61,7 @@ def measure(
         ],
         limits=limits,
         depth_model=frame.depth_model,
-        size_deviation=size_deviation(detection),
+        size_deviation=detection.size_deviation,
         sizes=detection.fruit.sizes,
         using=using,
     )
@@ -94,13 +93,6 @@ def outline(virtual_depth: DepthImage, box: ImageBox) -> Float64:
     longest = max(contours, key=len).reshape(-1, 2).astype(np.float64)
     shifted: Float64 = longest + np.array([box.left, box.top], dtype=np.float64)
     return shifted
-
-
-def size_deviation(detection: Detection) -> float:
-    """Of the fruit's size in the picture, of that size: the CAD-sized model seems as large as it is near."""
-    p = detection.T_camera_object[:3, 3]
-    variance = float(p @ detection.covariance[3:, 3:] @ p)
-    return math.sqrt(max(variance, 0.0)) / float(p @ p)
 
 
 def _unrefined(detection: Detection, using: RendererName) -> MeasuredFruit:

@@ -1,0 +1,168 @@
+"""`pomona calibrate sizes`: what sizes a kind of fruit has, from fruit that were measured."""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from executive.values.arrays import Float64
+from executive.values.plain_text import is_file
+from skills.perception.fruit import load_fruit
+from skills.perception.fruit.errors import FruitError
+from skills.perception.fruit.sizes import KindSizes, TooFewFruit, held_out, learn_sizes
+
+TRUE = "true_width_mm", "true_height_mm"
+"""Columns that a person adds to `finds.csv`, in the rows of fruit that were measured by hand."""
+
+_SEEN = "shown_mm", "shown_90_mm", "from_side"
+_BY_SHAPE = "width_mm", "width_90_mm", "height_mm", "height_90_mm"
+_Z_90 = 1.6449
+
+LEAST_KNOWN = 0.06
+"""Where a shape tells height over width less well than this share, it says what was believed before: fruit of one kind
+differ by as much (52 calipered apples)."""
+
+
+class UnusableTable(ValueError):
+    """A table that cannot be read, or lacks what is needed."""
+
+
+def add(kinds: Any) -> None:
+    """Register `sizes` among the kinds of `pomona calibrate`."""
+    sizes = kinds.add_parser("sizes", help="learn what sizes a kind of fruit has, from fruit that were measured")
+    sizes.add_argument("tables", type=Path, nargs="+", metavar="FINDS", help="finds.csv of pomona measure")
+    sizes.add_argument("--fruit", default="apple", help="name in the catalogue, or a path (apple)")
+    about = "believe what --method shape measured, where its depth told height and width apart: no calipers"
+    sizes.add_argument("--by-shape", action="store_true", help=about)
+    sizes.add_argument("--out", type=Path, required=True, help="the file to write: `sizes: {include: FILE}`")
+    sizes.set_defaults(main=main)
+
+
+def main(options: argparse.Namespace) -> int:
+    """Learn, try on fruit that were left out, write; returns 0, or 2 when the tables cannot be used."""
+    try:
+        if options.out.exists():
+            raise UnusableTable(f"{options.out} is there already: name another file with --out")
+        fruit = load_fruit(options.fruit)
+        proportion = float(fruit.dimensions[1] / fruit.dimensions[[0, 2]].mean())
+        measured = read_measured(options.tables, options.by_shape)
+        given = (measured.sizes, measured.shown, measured.deviations, measured.sines, proportion, measured.own)
+        learnt = learn_sizes(*given)
+        before, after = held_out(*given)
+        options.out.write_text(_written(learnt, measured), encoding="utf-8")
+    except (UnusableTable, TooFewFruit, FruitError, OSError) as error:
+        sys.stderr.write(f"pomona calibrate sizes: {error}\n")
+        return 2
+    sys.stdout.write(
+        f"{len(measured.sizes)} fruit: width {1e3 * learnt.width:.1f} mm ± {learnt.width_deviation:.1%}, height over "
+        f"width {learnt.height_over_width:.3f} ± {learnt.height_over_width_deviation:.1%}\n"
+        f"mean error of width / height, each fruit with what the others teach: {_mm(after)} (their mean size: "
+        f"{_mm(before)})\nwritten to {options.out}: `sizes: {{include: {options.out.name}}}` in fruit.yaml beside it\n"
+    )
+    return 0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Measured:
+    """Fruit that were measured and seen, a row a fruit: the arguments of `learn_sizes`."""
+
+    sizes: Float64
+    shown: Float64
+    deviations: Float64
+    sines: Float64
+    own: Float64
+
+
+def read_measured(tables: Sequence[Path], by_shape: bool) -> Measured:
+    """The fruit of tables of finds; several finds of one fruit are one row.
+
+    Args:
+        tables: as `pomona measure` writes them, with `TRUE` added where a fruit was measured by hand.
+        by_shape: take the sizes that were fitted to the depth instead.
+
+    Raises:
+        UnusableTable: no table, a column is missing, or something is no number.
+    """
+    fruit: dict[tuple[str, str, str], list[list[float]]] = {}
+    for table in tables:
+        for line, row in _rows(table, _SEEN + (_BY_SHAPE if by_shape else TRUE)):
+            values = _by_shape(table, line, row) if by_shape else _by_hand(table, line, row)
+            if values is not None:
+                key = str(table), row.get("scene") or "", row.get("fruit") or str(line)
+                fruit.setdefault(key, []).append(values)
+    if not fruit:
+        what = "no row was measured by --method shape well enough" if by_shape else f"no row has {' and '.join(TRUE)}"
+        raise UnusableTable(f"{', '.join(map(str, tables))}: {what}")
+    rows = np.array([np.mean(looks, axis=0) for looks in fruit.values()])
+    return Measured(rows[:, :2], rows[:, 2], rows[:, 3], rows[:, 4], rows[:, 5:])
+
+
+def _rows(table: Path, needed: Sequence[str]) -> list[tuple[int, dict[str, str]]]:
+    if not is_file(table):
+        raise UnusableTable(f"{table} is no file")
+    try:
+        with table.open(newline="", encoding="utf-8-sig") as file:
+            reader = csv.DictReader(file)
+            rows = [(reader.line_num, row) for row in reader]
+            columns = reader.fieldnames or []
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise UnusableTable(f"{table} is no table of comma-separated values: {error}") from error
+    missing = [name for name in needed if name not in columns]
+    if missing:
+        raise UnusableTable(f"{table}: there is no column {' or '.join(missing)}")
+    return rows
+
+
+def _by_hand(table: Path, line: int, row: dict[str, str]) -> list[float] | None:
+    """Width, height, shown [m], deviation of ln shown, sine, and twice 0; None for what was not measured twice."""
+    if not (row[TRUE[0]] and row[TRUE[1]] and row["shown_mm"]):
+        return None
+    width, height, shown, spread, sine = (_number(table, line, row, name) for name in (*TRUE, *_SEEN))
+    return [width / 1e3, height / 1e3, shown / 1e3, spread / _Z_90 / shown, sine, 0.0, 0.0]
+
+
+def _by_shape(table: Path, line: int, row: dict[str, str]) -> list[float] | None:
+    """The same with what the fit says of its own errors; None for what no shape was fitted to, or hardly any."""
+    if not (row.get("method") or "").startswith("shape"):
+        return None
+    width, width_90, height, height_90 = (_number(table, line, row, name) for name in _BY_SHAPE)
+    shown, spread, sine = (_number(table, line, row, name) for name in _SEEN)
+    wide, high = width_90 / _Z_90 / width, height_90 / _Z_90 / height
+    ratio = float(np.hypot(wide, high))  # taken as independent: what they share makes the proportion surer
+    if ratio > LEAST_KNOWN:
+        return None
+    return [width / 1e3, height / 1e3, shown / 1e3, spread / _Z_90 / shown, sine, wide, ratio]
+
+
+def _number(table: Path, line: int, row: dict[str, str], name: str) -> float:
+    try:
+        value = float(row[name])
+    except (TypeError, ValueError):
+        value = float("nan")
+    if not (np.isfinite(value) and (value > 0.0 or (value == 0.0 and name in ("from_side", "shown_90_mm")))):
+        raise UnusableTable(f"{table}:{line}: {name} is {row[name]!r}: a number is needed")
+    return value
+
+
+def _written(learnt: KindSizes, measured: Measured) -> str:
+    return (
+        f"# Learnt from {len(measured.sizes)} fruit; every deviation is a share.\n"
+        f"width: {1e3 * learnt.width:.2f} mm\n"
+        f"width_deviation: {learnt.width_deviation:.4f}\n"
+        f"height_over_width: {learnt.height_over_width:.4f}\n"
+        f"height_over_width_deviation: {learnt.height_over_width_deviation:.4f}\n"
+        f"looks: {learnt.looks:.4f}\n"
+        f"looks_deviation: {learnt.looks_deviation:.4f}\n"
+    )
+
+
+def _mm(errors: Float64) -> str:
+    width, height = 1e3 * np.abs(errors).mean(axis=0)
+    return f"{width:.1f} / {height:.1f} mm"
