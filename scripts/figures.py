@@ -131,8 +131,8 @@ def draw_scale(n: Series) -> Any:
 def draw_surface(n: Series) -> Any:
     """Share of the torsional limit over share of the tangential one."""
     figure, axes = _axes(5.6, 3.8)
-    for k, colour in (("2", SERIES[0]), ("4", SERIES[2])):
-        axes.plot(n[f"k={k} f"], n[f"k={k} tau"], color=colour, label=f"exact, pressure with k = {k}")
+    for k, colour, line in (("2", SERIES[0], "-"), ("4", SERIES[2], ":")):  # they lie on each other
+        axes.plot(n[f"k={k} f"], n[f"k={k} tau"], color=colour, linestyle=line, label=f"exact, pressure with k = {k}")
     axes.plot(n["ellipsoid f"], n["ellipsoid tau"], color=SERIES[3], linestyle="--", label="ellipsoid")
     axes.set(xlabel="tangential force / (μ f_n)", ylabel="moment / τ_max", xlim=(0.0, 1.05), ylim=(0.0, 1.05))
     axes.legend(loc="lower left")
@@ -160,7 +160,7 @@ def draw_sphere(n: Series) -> Any:
     axes.quiver(x, y, z, *(0.05 * np.array(n[f"approach {a}"]) for a in "xyz"), color=SERIES[0], linewidth=1.0)
     axes.scatter([0.0], [0.0], [0.0], color=SERIES[1], s=220, depthshade=False)
     axes.set(xlabel="x [m]", ylabel="y [m]", zlabel="z [m]", xlim=(-0.1, 0.1), ylim=(-0.1, 0.1), zlim=(-0.05, 0.15))
-    axes.set(xticks=(-0.1, 0.0, 0.1), yticks=(-0.1, 0.0, 0.1), zticks=(0.0, 0.1))
+    axes.set(xticks=(-0.1, 0.0, 0.1), yticks=(0.0, 0.1), zticks=(0.0, 0.1))
     axes.view_init(20.0, -60.0)
     return figure
 
