@@ -15,7 +15,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-ROUNDS = 5
+ROUNDS = 10
 COMMANDS: tuple[tuple[tuple[str, ...], float], ...] = (
     (("--help",), 0.2),
     (("check", "pick_apple"), 0.55),

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
-
-from py_trees.behaviour import Behaviour
-from py_trees.common import Status
+from typing import TYPE_CHECKING
 
 from executive.errors import PomonaError
+
+if TYPE_CHECKING:  # who only reads records needs no behaviours
+    from py_trees.behaviour import Behaviour
 
 DEEPEST_CAUSE, MOST_CAUSES = 90, 10_000
 """How far down, and how many, causes of one reason are recorded and read."""
@@ -92,6 +93,8 @@ def reason_of(node: Behaviour) -> Reason:
         reason = explain()
         assert isinstance(reason, Reason)
         return reason
+    from py_trees.common import Status  # loaded by whoever has a node
+
     failure = getattr(node, "reason", None)
     if failure is not None:
         return Reason(path_of(node), failure.code, failure.message, failure.data)

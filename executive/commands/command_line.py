@@ -110,10 +110,10 @@ def _add_examples(parser: argparse.ArgumentParser, name: str) -> None:
 
 def _help_of(entry: EntryPoint) -> str:
     """What a subcommand's source gives as its help, without importing it."""
-    spec = find_spec(entry.module.rpartition(".")[0])
-    places = spec.submodule_search_locations if spec is not None else None
-    for place in places or ():
-        source = Path(place) / f"{entry.module.rpartition('.')[2]}.py"
+    package, *way = entry.module.split(".")
+    spec = find_spec(package)  # of a package within it, the outer one would be imported
+    for place in (spec.submodule_search_locations if spec is not None else None) or ():
+        source = Path(place, *way).with_suffix(".py")
         if source.is_file():
             found = re.search(rf"""add_parser\(\s*"{entry.name}",\s*help="([^"]*)\"""", source.read_text("utf-8"))
             return found[1] if found is not None else ""

@@ -11,7 +11,6 @@ import os
 from pathlib import Path
 from typing import Any
 
-from executive.encode import encoded
 from executive.recording.json_text import parse_object
 from executive.recording.plain_file import open_plain
 from executive.running.supervise import REPORT
@@ -86,6 +85,8 @@ def _why(record: Path) -> str:
 
 
 def _filled(**facts: Any) -> bytes:
+    from executive.encode import encoded  # only who writes needs numpy
+
     facts = {key: value[:300] if isinstance(value, str) else value for key, value in facts.items()}
     return encoded(facts).ljust(LENGTH - 1)[: LENGTH - 1] + b"\n"
 

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from executive.encode import encoded
 from executive.recording.json_text import parse_object
 from executive.recording.scan import scan
 from executive.running.events import OperatorActed
@@ -40,6 +39,8 @@ class EntryChain:
         return self._entry(True, {})
 
     def _entry(self, closed: bool, act: dict[str, Any]) -> dict[str, Any]:
+        from executive.encode import encoded  # only who writes needs numpy
+
         self.count += 1
         entry = {"number": self.count, "before": self._before, "closed": closed, **act}
         self._before = digest_of(encoded(entry))

@@ -7,16 +7,12 @@ import math
 import re
 from typing import Any
 
-import numpy as np
-
 MOST_DEPTH = 200
 """Objects and lists within one another. A chain of reasons takes two for each node on its way up a tree."""
 
 _STRINGS = re.compile(rb'"(?:[^"\\]|\\.)*"', re.DOTALL)
 _HUGE = re.compile(rb"[eE]\+?\d{3}")
 _HALF = re.compile(rb"\\u[dD][89a-fA-F]")
-_STEP = np.zeros(256, np.int8)
-_STEP[[ord("["), ord("{")]], _STEP[[ord("]"), ord("}")]] = 1, -1
 
 
 def parse(content: bytes | str) -> Any:
@@ -56,7 +52,11 @@ def is_deep(content: bytes) -> bool:
     """Whether a text goes deeper than `MOST_DEPTH`."""
     if content.count(b"{") + content.count(b"[") <= MOST_DEPTH:
         return False
-    steps = _STEP[np.frombuffer(_STRINGS.sub(b"", content), np.uint8)]
+    import numpy as np  # few texts come as far as here, and who lists runs need not load it
+
+    step = np.zeros(256, np.int8)
+    step[[ord("["), ord("{")]], step[[ord("]"), ord("}")]] = 1, -1
+    steps = step[np.frombuffer(_STRINGS.sub(b"", content), np.uint8)]
     return bool(np.cumsum(steps, dtype=np.int64).max(initial=0) > MOST_DEPTH)
 
 

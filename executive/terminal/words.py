@@ -6,7 +6,6 @@ import math
 import re
 from typing import Any
 
-from executive.encode import plain
 from executive.reasons import Reason
 
 ICONS = {"SUCCESS": "✓", "FAILURE": "✗", "RUNNING": "▶", "INVALID": "·"}
@@ -48,6 +47,8 @@ def figure(name: str, value: Any) -> str:
 
     What is smaller than any device or simulation of ours measures is 0.
     """
+    from executive.encode import plain  # with numpy, which a list of runs does not need
+
     value = plain(value)
     if isinstance(value, bool):
         return f"{name.replace('_', ' ')}: {'yes' if value else 'no'}"

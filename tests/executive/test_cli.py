@@ -113,8 +113,12 @@ def test_skills_are_listed_with_ports_units_and_codes(capsys: pytest.CaptureFixt
 SMALL_COMMANDS = """
 import sys
 from executive.cli import main
+from executive.commands.command_line import make_parser
 from executive.language.declared_skills import declared_skills
 from executive.running.runner import Runner
+
+assert "count and measure" in make_parser([]).format_help()
+assert "skills" not in sys.modules, "--help imports the skills"
 
 def loaded(arguments, *heavy):
     assert main(arguments) in (0, 2), arguments
@@ -126,7 +130,7 @@ for arguments in (["check"], ["show"], ["export"]):
     loaded([*arguments, "pick_apple"], *compiled, "numpy", "rich", "executive.execute")
 loaded(["skills"], *compiled, "numpy")
 loaded(["schema"], *compiled, "numpy")
-loaded(["runs", "list", "--record", "nowhere"], *compiled, "executive.execute", "executive.recording.recorder")
+loaded(["runs", "list", "--record", "nowhere"], *compiled, "numpy", "executive.execute", "executive.recording.recorder")
 """
 
 
