@@ -303,5 +303,5 @@ def _command_of(request: Request) -> Command:
             return Command.MOVE
         case SetSoftLimits():
             return Command.SET_SOFT_LIMITS
-        case _:
+        case Plain() | GraspCommand() | SetValue() | Observe() | Script():
             return request.command

@@ -194,7 +194,7 @@ class _TreeStatus:
                 self._change(event)
             case "RunEnded":
                 pass
-            case _:
+            case _:  # says nothing of the tree; what changed before may be due now
                 yield from self.messages(at)
                 return
         self._changed = True

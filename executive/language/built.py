@@ -77,7 +77,6 @@ class BuiltTree:
         parameters: values of the tree's parameters.
         board: what the nodes write to.
         breakpoints: that stand in the file: a node's path, and the side on which the run pauses there.
-        retries: all retries, in drawing order.
     """
 
     name: str
@@ -114,11 +113,6 @@ class BuiltTree:
         return tuple(q for path, q in self.questions.items()
                      if named.intersection((path, path.removesuffix(f":{kinds[path]}"))))  # fmt: skip
 
-    @property
-    def retries(self) -> tuple[Retry, ...]:
-        """All retries of the tree."""
-        return tuple(b for b in self.behaviours.values() if isinstance(b, Retry))
-
     def prepare(self, tell: Callable[[str, int, int], None] = lambda _name, _done, _of: None) -> None:
         """Let every skill load and warm what it needs; `tell(name, done, of)` is called before each."""
         for done, skill in enumerate(self.skills):
@@ -127,5 +121,5 @@ class BuiltTree:
 
     def on_attempt(self, listener: Callable[[str, Attempt, int], None]) -> None:
         """`listener(path, attempt, of)` is called in the tick in which an attempt of a retry ends."""
-        for retry in self.retries:
+        for retry in (b for b in self.behaviours.values() if isinstance(b, Retry)):
             retry.listener = lambda node, attempt: listener(node.path, attempt, node.total)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, assert_never
 
 from executive.language.expression import (
     SPECIAL,
@@ -80,9 +80,11 @@ def _cases(expression: Expression, wanted: bool, known: Mapping[str, Any]) -> tu
             return _comparison(expression, wanted, known)
         case Reference() | Member() | Index():
             return ({said(expression): Possible(among=frozenset({wanted}))},)
-        case _:
+        case Constant() | Items() | Unary() | Binary() | Call():
             value = _fold(expression, known)
             return () if value is (not wanted) else _ANYTHING
+        case _:
+            assert_never(expression)
 
 
 def _comparison(expression: Binary, wanted: bool, known: Mapping[str, Any]) -> tuple[Case, ...]:
@@ -184,7 +186,7 @@ def said(expression: Expression) -> str:
         case Call():
             return f"{expression.function}({', '.join(map(said, expression.arguments))})"
         case _:
-            return ""
+            assert_never(expression)
 
 
 def _looks_inside(expression: Expression) -> bool:

@@ -12,8 +12,8 @@ FUNCTIONS = ("abs", "len", "max", "min")
 
 
 @dataclass(frozen=True, slots=True)
-class Expression:
-    """A node of the syntax tree; `text[offset:end]` is how it is written."""
+class _Written:
+    """What every expression has; `text[offset:end]` is how it is written."""
 
     offset: int
     end: int
@@ -25,7 +25,7 @@ class Expression:
 
 
 @dataclass(frozen=True, slots=True)
-class Constant(Expression):
+class Constant(_Written):
     """A literal; `quantity` is the dimension of a number with a unit, already in SI. A bare word is a `symbol`."""
 
     value: bool | int | float | str | None
@@ -34,14 +34,14 @@ class Constant(Expression):
 
 
 @dataclass(frozen=True, slots=True)
-class Reference(Expression):
+class Reference(_Written):
     """A port's value, or one of the special names."""
 
     name: str
 
 
 @dataclass(frozen=True, slots=True)
-class Member(Expression):
+class Member(_Written):
     """`of.name`: a field of a value."""
 
     of: Expression
@@ -53,7 +53,7 @@ class Member(Expression):
 
 
 @dataclass(frozen=True, slots=True)
-class Index(Expression):
+class Index(_Written):
     """`of[index]`: an item of a value."""
 
     of: Expression
@@ -65,7 +65,7 @@ class Index(Expression):
 
 
 @dataclass(frozen=True, slots=True)
-class Items(Expression):
+class Items(_Written):
     """`[a, b, …]`: a list that is written out."""
 
     items: tuple[Expression, ...]
@@ -76,7 +76,7 @@ class Items(Expression):
 
 
 @dataclass(frozen=True, slots=True)
-class Unary(Expression):
+class Unary(_Written):
     """`-x` or `not x`."""
 
     operator: Literal["-", "not"]
@@ -88,7 +88,7 @@ class Unary(Expression):
 
 
 @dataclass(frozen=True, slots=True)
-class Binary(Expression):
+class Binary(_Written):
     """`left operator right`."""
 
     operator: str
@@ -101,7 +101,7 @@ class Binary(Expression):
 
 
 @dataclass(frozen=True, slots=True)
-class Call(Expression):
+class Call(_Written):
     """`function(arguments)`."""
 
     function: str
@@ -110,6 +110,10 @@ class Call(Expression):
     @property
     def parts(self) -> tuple[Expression, ...]:
         return self.arguments
+
+
+Expression = Constant | Reference | Member | Index | Items | Unary | Binary | Call
+"""A node of the syntax tree. Who tells these apart ends with `assert_never`, so that the types miss none."""
 
 
 def references(expression: Expression) -> list[Reference]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import operator
 from collections.abc import Callable, Mapping
 from enum import Enum
-from typing import Any, Protocol
+from typing import Any, Protocol, assert_never
 
 from executive.language.expression import Binary, Call, Constant, Expression, Index, Items, Member, Reference, Unary
 from executive.reasons import NoValue
@@ -69,7 +69,7 @@ def compile_expression(expression: Expression, scope: RunScope) -> Getter:
         case Binary():
             return _binary(expression, scope)
         case _:
-            raise TypeError(f"{type(expression).__name__} is no expression")
+            assert_never(expression)
 
 
 def compile_condition(expression: Expression, scope: RunScope) -> Callable[[], bool]:

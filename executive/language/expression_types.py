@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from enum import Enum
-from typing import Protocol
+from typing import Protocol, assert_never
 
 from executive.language.expression import Binary, Call, Constant, Expression, Index, Items, Member, Reference, Unary
 from executive.language.value_types import (
@@ -64,7 +64,7 @@ def type_of(expression: Expression, scope: TypeScope) -> ValueType:
         case Call():
             return _call(expression, scope)
         case _:
-            return ANY
+            assert_never(expression)
 
 
 def check_condition(expression: Expression, scope: TypeScope) -> None:
