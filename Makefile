@@ -4,8 +4,12 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 RUNS   := $(VENV)/.runs
 STAMP  := $(VENV)/.installed
-INSTALL = $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile --editable
+INSTALL = $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile
 # Compiling all 19 000 files of all packages takes as long as unpacking them; a run imports a fifth of them, and compiles those.
+TORCH_INDEX ?= https://download.pytorch.org/whl/cpu
+TORCH = $(INSTALL) --no-deps --retries 2 --timeout 10 --index-url $(TORCH_INDEX) $$(grep -o 'torch==[0-9.]*' pyproject.toml) 2>/dev/null \
+  || echo "nothing comes from $(TORCH_INDEX): PyTorch is taken from where pip looks, on Linux with CUDA, four gigabytes more"
+# PyPI's PyTorch for Linux brings CUDA, which nothing here uses.
 
 # Commands and tests start hundreds of processes: what one has compiled, the others read.
 unexport PYTHONDONTWRITEBYTECODE
@@ -24,13 +28,15 @@ $(BIN)/python:
 
 $(RUNS): pyproject.toml scripts/system_libraries.sh | $(BIN)/python
 	@echo "installing what a run needs into $(VENV) (PyTorch, OpenCV, MuJoCo …): a few minutes, once"
-	$(INSTALL) .
+	@$(TORCH)
+	$(INSTALL) --editable .
 	@sh scripts/system_libraries.sh egl
 	@touch $@
 
 $(STAMP): pyproject.toml scripts/system_libraries.sh | $(BIN)/python
 	@echo "installing Pomona and what its tests, benchmarks and documentation need into $(VENV): a few minutes, once"
-	$(INSTALL) '.[dev]'
+	@$(TORCH)
+	$(INSTALL) --editable '.[dev]'
 	@sh scripts/system_libraries.sh egl
 	@touch $(RUNS) $@
 

@@ -83,11 +83,11 @@ def _find(name: str, kind: str, folder: Path) -> Path:
     given = Path(name)
     if is_file(given):
         return given
+    installed = folder / f"{name.removesuffix('.yaml')}.yaml"
+    if given.name == name and is_file(installed):  # also beside a folder of this name: the cell `frames` beside frames
+        return installed
     if exists(given):
         raise UsageError(f"{name}:1:1: a {kind} stands in a regular file, this is {_sort_of(given)}")
-    installed = folder / f"{name.removesuffix('.yaml')}.yaml"
-    if given.name == name and is_file(installed):
-        return installed
     known = sorted(path.stem for path in folder.glob("*.yaml"))
     hint = did_you_mean(given.stem, known) if given.name == name else ""
     raise UsageError(f"no {kind} file '{name}'; {f'{hint} ' if hint else ''}installed: {', '.join(known) or 'none'}")

@@ -3,6 +3,9 @@
 numba keeps the code of a function beside its source and renews it when that file changes, but not when a function from
 another file does that was compiled into it. After an update a checker of collisions could go on with yesterday's
 geometry. So the code is kept in a folder named by what all compiled sources say: a change anywhere compiles afresh.
+
+What is compiled copies rows element by element: for `a[i] = b[j]` between arrays numba compiles how it would word an
+error, too, which is several seconds of the first start.
 """
 
 from __future__ import annotations

@@ -48,7 +48,8 @@ def track_poses(
     error, A, step = np.empty(6), np.empty((6, 6)), np.empty(dof)
     q, q_before = q_start.copy(), np.empty(dof)
     for k in range(poses.shape[0]):
-        q_before[:] = q
+        for i in range(dof):
+            q_before[i] = q[i]
         size = 1.0
         for _ in range(_ROUNDS):
             forward(steps, sliding, q, links)
@@ -77,5 +78,5 @@ def track_poses(
                 return JOINT_LIMIT, k
             if abs(q[i] - q_before[i]) > largest_step:
                 return JUMP, k
-        path[k] = q
+            path[k, i] = q[i]
     return REACHED, poses.shape[0]

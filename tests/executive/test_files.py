@@ -1,9 +1,11 @@
 """Trees and cells by name, and what is taken when nobody names one."""
 
+from pathlib import Path
+
 import pytest
 
 from executive.errors import UsageError
-from executive.files import default_name, find_cell, find_tree
+from executive.files import default_name, find_cell, find_tree, installed_trees
 
 
 def test_what_is_taken_when_nobody_names_one_is_installed() -> None:
@@ -17,3 +19,9 @@ def test_a_name_that_is_nearly_one_is_asked_back_and_a_path_is_not() -> None:
     with pytest.raises(UsageError) as failed:
         find_cell("./sin")
     assert "did you mean" not in str(failed.value)
+
+
+def test_a_folder_of_an_installed_name_hides_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "frames").mkdir()
+    monkeypatch.chdir(tmp_path)
+    assert find_cell("frames") == installed_trees() / "cells" / "frames.yaml"

@@ -131,18 +131,29 @@ def _squared_distances(blocked: NDArray[np.bool_], limit: float, out: Float32) -
     envelope = np.empty(longest, np.float32)
     for i in range(nx):
         for j in range(ny):
-            if out[i, j].min() < limit:
-                line[:nz] = out[i, j]
+            near = False
+            for k in range(nz):
+                line[k] = out[i, j, k]
+                near |= line[k] < limit
+            if near:
                 _lower_envelope(line[:nz], limit, vertex, cut, out[i, j])
     for i in range(nx):
         for k in range(nz):
-            line[:ny] = out[i, :, k]
-            if line[:ny].min() < limit:
+            near = False
+            for j in range(ny):
+                line[j] = out[i, j, k]
+                near |= line[j] < limit
+            if near:
                 _lower_envelope(line[:ny], limit, vertex, cut, envelope)
-                out[i, :, k] = envelope[:ny]
+                for j in range(ny):
+                    out[i, j, k] = envelope[j]
     for j in range(ny):
         for k in range(nz):
-            line[:nx] = out[:, j, k]
-            if line[:nx].min() < limit:
+            near = False
+            for i in range(nx):
+                line[i] = out[i, j, k]
+                near |= line[i] < limit
+            if near:
                 _lower_envelope(line[:nx], limit, vertex, cut, envelope)
-                out[:, j, k] = envelope[:nx]
+                for i in range(nx):
+                    out[i, j, k] = envelope[i]

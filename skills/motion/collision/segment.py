@@ -131,7 +131,8 @@ def write_twists(sliding: NDArray[np.bool_], links: Float64, step: Float64, turn
     for j in range(step.shape[0]):
         zx, zy, zz = step[j] * links[j + 1, 0, 2], step[j] * links[j + 1, 1, 2], step[j] * links[j + 1, 2, 2]
         if sliding[j]:
-            turns[j + 1] = turns[j]
+            for axis in range(3):
+                turns[j + 1, axis] = turns[j, axis]
             shifts[j + 1, 0] = shifts[j, 0] + zx
             shifts[j + 1, 1] = shifts[j, 1] + zy
             shifts[j + 1, 2] = shifts[j, 2] + zz

@@ -53,7 +53,8 @@ def follow_through(
     clearances, closest = np.empty(1), np.empty((1, 2), np.int64)
     verdicts[:] = -1
     for n in range(solutions.shape[0]):
-        witnesses[n] = solutions[n]
+        for j in range(solutions.shape[1]):
+            witnesses[n, j] = solutions[n, j]
         verdicts[n] = START_BLOCKED
         check_states(robot, world, solutions[n : n + 1], width, 0.0, clearances, closest)
         if clearances[0] < 0.0:

@@ -119,7 +119,8 @@ def grow(
     """
     q_all, parent = trees.q, trees.parent
     capacity, dof = q_all.shape[1], q_all.shape[2]
-    count = np.array([1, roots])
+    count = np.empty(2, np.int64)
+    count[0], count[1] = 1, roots
     q_new, q_next, q_random = np.empty(dof), np.empty(dof), np.empty(dof)
     for iteration in range(1, iterations + 1):
         ours = 0 if count[0] <= count[1] else 1
@@ -137,7 +138,8 @@ def grow(
         if count[ours] >= capacity:
             return -1, -1, iteration
         node = count[ours]
-        q_all[ours, node] = q_new
+        for j in range(dof):
+            q_all[ours, node, j] = q_new[j]
         parent[ours, node] = near
         count[ours] += 1
         near, away = _nearest(q_all[theirs], count[theirs], q_new)
@@ -153,7 +155,8 @@ def grow(
                 return (node, near, iteration) if ours == 0 else (near, node, iteration)
             if count[theirs] >= capacity:
                 return -1, -1, iteration
-            q_all[theirs, count[theirs]] = q_next
+            for j in range(dof):
+                q_all[theirs, count[theirs], j] = q_next[j]
             parent[theirs, count[theirs]] = near
             near = count[theirs]
             count[theirs] += 1

@@ -75,13 +75,25 @@ def _nearest_first(
     solutions: Float64, reference: Float64, lower: Float64, upper: Float64, sliding: NDArray[np.bool_]
 ) -> Float64:
     """Solutions with joints turned by whole turns towards the reference where the limits allow, the nearest first."""
-    turned = solutions.copy()
-    squared = np.zeros(solutions.shape[0])
+    turned = np.empty_like(solutions)
+    squared = np.empty(solutions.shape[0])
+    q = np.empty(solutions.shape[1])
     for n in range(solutions.shape[0]):
+        away = 0.0
         for j in range(solutions.shape[1]):
+            q[j] = solutions[n, j]
             if not sliding[j]:
-                whole = 2.0 * np.pi * np.round((reference[j] - solutions[n, j]) / (2.0 * np.pi))
-                if lower[j] <= solutions[n, j] + whole <= upper[j]:
-                    turned[n, j] += whole
-            squared[n] += (turned[n, j] - reference[j]) ** 2
-    return turned[np.argsort(squared, kind="mergesort")]
+                whole = 2.0 * np.pi * np.round((reference[j] - q[j]) / (2.0 * np.pi))
+                if lower[j] <= q[j] + whole <= upper[j]:
+                    q[j] += whole
+            away += (q[j] - reference[j]) ** 2
+        place = n  # among those before it: a few dozen, and np.argsort takes three seconds to compile
+        while place > 0 and squared[place - 1] > away:
+            squared[place] = squared[place - 1]
+            for j in range(solutions.shape[1]):
+                turned[place, j] = turned[place - 1, j]
+            place -= 1
+        squared[place] = away
+        for j in range(solutions.shape[1]):
+            turned[place, j] = q[j]
+    return turned

@@ -145,6 +145,7 @@ def _descend(
         forward(steps, sliding, q, links)
         compose(links[dof], T_link_tcp, T)
         if _pose_error(T, target, error) < _ACCEPTED**2:
-            solutions[count] = q
+            for i in range(q.shape[0]):
+                solutions[count, i] = q[i]
             count += 1
     return count
