@@ -109,7 +109,7 @@ def jitter(seconds: float = 10.0) -> None:
     document = read(tree_text(100, seconds), "spin.yaml")
     cell, computations = RealDryCell(), Computations()
     runner = Runner(lambda context, board: build(document, SKILLS, context=context, board=board), cell, EventStream())
-    computations.warm()  # as a run's preparation does
+    computations.submit("bench", busy_process, (0.0,), True).result()  # its worker is there, as in a prepared run
     computations.submit("bench", busy_thread, (seconds,), False)
     computations.submit("bench", busy_process, (seconds,), True)
     runner.run()

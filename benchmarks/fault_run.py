@@ -342,12 +342,7 @@ def plan_here() -> None:
         self._pending.append((node, f"{function.__module__}.{function.__qualname__}", began, _Computed(future)))  # type: ignore[arg-type]
         return self._pending[-1][3]
 
-    def warm(self: Computations, function: Callable[..., Any] | None = None, *arguments: Any) -> None:
-        if function is not None:
-            function(*arguments)
-
     Computations.submit = submit  # type: ignore[method-assign]
-    Computations.warm = warm  # type: ignore[method-assign]
 
 
 class _Computed:

@@ -12,9 +12,8 @@ JUMP = 0.05
 class SpikeFilter:
     """One per finger; `rejected` counts."""
 
-    def __init__(self, jump: float = JUMP) -> None:
+    def __init__(self) -> None:
         self.rejected = 0
-        self._jump = jump
         self._accepted: NDArray[np.float64] | None = None
         self._suspect: NDArray[np.float64] | None = None
 
@@ -34,4 +33,4 @@ class SpikeFilter:
         self._accepted = self._suspect = None
 
     def _near(self, a: NDArray[np.float64], b: NDArray[np.float64]) -> bool:
-        return bool(np.abs(a - b).max() <= self._jump)
+        return bool(np.abs(a - b).max() <= JUMP)

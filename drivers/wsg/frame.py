@@ -35,9 +35,9 @@ def _table() -> tuple[int, ...]:
 _TABLE = _table()
 
 
-def checksum(chunk: bytes | bytearray, start: int = 0xFFFF) -> int:
+def checksum(chunk: bytes | bytearray) -> int:
     """The WSG's CRC: the table of 0x1021 (most significant bit first), run from the other end. 0 over a whole frame."""
-    crc = start
+    crc = 0xFFFF
     for byte in chunk:
         crc = _TABLE[(crc ^ byte) & 0xFF] ^ crc >> 8
     return crc

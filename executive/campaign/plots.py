@@ -35,6 +35,8 @@ _STYLE = {
     "axes.axisbelow": True,
     "grid.color": LINE,
 }
+_WIDTH = 9.6
+"""Of a figure [in]."""
 
 
 class Plot:
@@ -45,9 +47,9 @@ class Plot:
     text = plot.svg
     """
 
-    def __init__(self, rows: int = 1, columns: int = 1, height: float = 3.2, width: float = 9.6, **grid: Any) -> None:
+    def __init__(self, rows: int = 1, columns: int = 1, height: float = 3.2, **grid: Any) -> None:
         self._context = mpl.rc_context(_STYLE)
-        self._shape, self._size, self._grid = (rows, columns), (width, height), grid
+        self._shape, self._size, self._grid = (rows, columns), (_WIDTH, height), grid
         self.svg = ""
 
     def __enter__(self) -> Plot:

@@ -30,7 +30,7 @@ KEPT = (SCENE_UPDATE.name, CAMERA_CALIBRATION.name, "foxglove.CompressedImage", 
 class FoxgloveView:
     """A server for viewers; a sink of `Live`."""
 
-    def __init__(self, port: int = PORT, name: str = "Pomona") -> None:
+    def __init__(self, port: int = PORT) -> None:
         """
         Raises:
             UsageError: the extra is not installed, or the port is taken.
@@ -43,7 +43,7 @@ class FoxgloveView:
         self._images = Images()
         try:
             self._server = self._sdk.start_server(
-                name=name, host=HOST, port=port, context=self._context, server_listener=_Listener(self._again),
+                name="Pomona", host=HOST, port=port, context=self._context, server_listener=_Listener(self._again),
                 message_backlog_size=BACKLOG,
             )  # fmt: skip
         except Exception as error:

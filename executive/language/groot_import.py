@@ -37,7 +37,6 @@ _AGAIN: Words = {"fail": {"code": "{failure.code}", "message": "{failure.message
 def import_groot(
     text: str,
     path: str | Path,
-    types: NodeTypes | None = None,
     *,
     beside: Sequence[tuple[str, str | Path]] = (),
     nodes: Sequence[tuple[str, str | Path]] = (),
@@ -59,7 +58,7 @@ def import_groot(
     forest.read([(text, path), *beside], main)
     if not forest.main:
         return "", findings.sorted()
-    return _Importer(forest, types or NodeTypes.installed()).file(), findings.sorted()
+    return _Importer(forest, NodeTypes.installed()).file(), findings.sorted()
 
 
 class _Importer:

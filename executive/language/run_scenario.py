@@ -30,8 +30,8 @@ MAX_TICKS = 200_000
 class DryContext:
     """A `SkillContext` without a cell: mocks need nothing but a clock."""
 
-    def __init__(self, clock: Clock | None = None) -> None:
-        self.clock: Clock = clock or ManualClock()
+    def __init__(self) -> None:
+        self.clock: Clock = ManualClock()
 
     def device(self, interface: type[T]) -> T:
         raise SkillError("a mock", f"asks for a {interface.__name__}, and a dry run has no cell")

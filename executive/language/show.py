@@ -25,7 +25,7 @@ class Drawn:
     last: bool
 
 
-def draw(document: Document, *, subtrees: bool = True) -> list[Drawn]:
+def draw(document: Document) -> list[Drawn]:
     """All lines of a drawing, in order.
 
     Args:
@@ -36,7 +36,7 @@ def draw(document: Document, *, subtrees: bool = True) -> list[Drawn]:
     if main is None or main.root is None:
         return []
     lines: list[Drawn] = []
-    _Drawing(document, lines, subtrees).node(main.root, (), True, ())
+    _Drawing(document, lines).node(main.root, (), True, ())
     return lines
 
 
@@ -44,11 +44,10 @@ def draw(document: Document, *, subtrees: bool = True) -> list[Drawn]:
 class _Drawing:
     document: Document
     lines: list[Drawn]
-    subtrees: bool
 
     def node(self, node: TreeNode, rails: tuple[bool, ...], last: bool, calls: tuple[str, ...], lead: str = "") -> None:
         below = [(child, lead, calls) for child, lead in zip(node.children, node.leads, strict=True)]
-        called = self.called(node) if self.subtrees else None
+        called = self.called(node)
         if called is not None and node.key.text not in calls and len(self.lines) < 20_000:
             below.append((called, "", (*calls, node.key.text)))
         below += [(part, f"{slot.replace('_', ' ')}: ", calls) for slot, part in node.parts.items()]
@@ -77,10 +76,10 @@ def _details(node: TreeNode) -> Iterator[str]:
             yield f"{slot} {written(node.modifiers[slot][1])}"
 
 
-def show_text(document: Document, *, subtrees: bool = True, width: int = 120) -> str:
+def show_text(document: Document, *, width: int = 120) -> str:
     """The tree as text, one node a line."""
     lines = [f"{document.main.name}  {document.main.description}".rstrip()]
-    for line in draw(document, subtrees=subtrees):
+    for line in draw(document):
         rails = "".join("│  " if rail else "   " for rail in line.rails[1:])
         joint = "" if line.depth == 0 else ("└─ " if line.last else "├─ ")
         text = f"{rails}{joint}{line.type.symbol} {line.name}"
@@ -95,9 +94,9 @@ def show_text(document: Document, *, subtrees: bool = True, width: int = 120) ->
 _ROW, _INDENT, _TEXT = 26, 22, 13
 
 
-def show_svg(document: Document, *, subtrees: bool = True) -> str:
+def show_svg(document: Document) -> str:
     """The tree as an SVG picture without scripts, styles from outside or links."""
-    lines = draw(document, subtrees=subtrees)
+    lines = draw(document)
     widest = max((_width(line) for line in lines), default=0)
     width, height = max(320, widest + 40), _ROW * (len(lines) + 1) + 20
     title = escape(document.main.name)

@@ -253,8 +253,8 @@ class Wires(Field):
 
     wires = True
 
-    def __init__(self, inputs: Mapping[str, Port], help: str = "") -> None:
-        super().__init__(help)
+    def __init__(self, inputs: Mapping[str, Port]) -> None:
+        super().__init__()
         self.inputs = inputs
 
     def take(self, reading: Reading, node: TreeNode, owner: NodeType, slot: str, written: YamlNode) -> None:

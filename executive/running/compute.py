@@ -195,15 +195,6 @@ class Computations:
         self._on_done = on_done
         self._lock = threading.Lock()
 
-    def warm(self, function: Callable[..., Any] | None = None, *arguments: Any) -> None:
-        """Start the worker now, and let it import and compile what the first call needs."""
-        worker = self._take()
-        if function is None:
-            self._give_back(worker)
-            return
-        worker.connection.send((function, arguments))
-        _Isolated(worker, function.__qualname__, self._give_back).result()
-
     def submit(self, node: str, function: Callable[..., Any], arguments: tuple[Any, ...], isolated: bool) -> Any:
         """Start a computation.
 

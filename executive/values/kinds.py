@@ -392,8 +392,8 @@ class ListOf(Kind[tuple[T, ...]]):
 class MappingOf(Kind[Mapping[str, T]]):
     """A mapping from names to values of one kind; may be empty."""
 
-    def __init__(self, of: Kind[T], name: str = "") -> None:
-        self.of, self.name = of, name
+    def __init__(self, of: Kind[T]) -> None:
+        self.of = of
         self.words = f"a mapping from names to {of.words}"
 
     def read(self, node: YamlNode, reader: Reader) -> Mapping[str, T]:

@@ -70,7 +70,7 @@ def main(options: argparse.Namespace) -> int:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Measured:
+class SizeTable:
     """Fruit that were measured and seen, a row a fruit: the arguments of `learn_sizes`."""
 
     sizes: Float64
@@ -80,7 +80,7 @@ class Measured:
     own: Float64
 
 
-def read_measured(tables: Sequence[Path], by_shape: bool) -> Measured:
+def read_measured(tables: Sequence[Path], by_shape: bool) -> SizeTable:
     """The fruit of tables of finds; several finds of one fruit are one row.
 
     Args:
@@ -101,7 +101,7 @@ def read_measured(tables: Sequence[Path], by_shape: bool) -> Measured:
         what = "no row was measured by --method shape well enough" if by_shape else f"no row has {' and '.join(TRUE)}"
         raise UnusableTable(f"{', '.join(map(str, tables))}: {what}")
     rows = np.array([np.mean(looks, axis=0) for looks in fruit.values()])
-    return Measured(rows[:, :2], rows[:, 2], rows[:, 3], rows[:, 4], rows[:, 5:])
+    return SizeTable(rows[:, :2], rows[:, 2], rows[:, 3], rows[:, 4], rows[:, 5:])
 
 
 def _rows(table: Path, needed: Sequence[str]) -> list[tuple[int, dict[str, str]]]:
@@ -151,7 +151,7 @@ def _number(table: Path, line: int, row: dict[str, str], name: str) -> float:
     return value
 
 
-def _written(learnt: KindSizes, measured: Measured) -> str:
+def _written(learnt: KindSizes, measured: SizeTable) -> str:
     return (
         f"# Learnt from {len(measured.sizes)} fruit; every deviation is a share.\n"
         f"width: {1e3 * learnt.width:.2f} mm\n"

@@ -66,14 +66,18 @@ class Push:
     width: Float64
 
 
+BIAS_SAMPLES = 100
+"""The first samples of a stream, whose mean is the bias."""
+
+
 class PushRecorder:
     """Takes a live stream and makes a push of it: `sensor.subscribe(recorder.on_sample)`.
 
     The first samples are the bias: nothing may touch the fingers until `ready`.
     """
 
-    def __init__(self, width: Callable[[], float] | None = None, bias_samples: int = 100) -> None:
-        self._width, self._bias_samples = width, bias_samples
+    def __init__(self, width: Callable[[], float] | None = None) -> None:
+        self._width = width
         self._wrenches: list[Float64] = []
         self._widths: list[float] = []
         self._bias: Float64 | None = None
@@ -90,7 +94,7 @@ class PushRecorder:
     @property
     def ready(self) -> bool:
         """Whether the bias is taken."""
-        return len(self._wrenches) >= self._bias_samples
+        return len(self._wrenches) >= BIAS_SAMPLES
 
     @property
     def received(self) -> int:
@@ -99,10 +103,10 @@ class PushRecorder:
 
     def grasp_force(self) -> float:
         """2 * min over the fingers of the last few samples, bias removed [N]; 0 before the bias is taken."""
-        if len(self._wrenches) <= self._bias_samples:
+        if len(self._wrenches) <= BIAS_SAMPLES:
             return 0.0
         if self._bias is None:
-            self._bias = np.array(self._wrenches[: self._bias_samples]).mean(axis=0)
+            self._bias = np.array(self._wrenches[:BIAS_SAMPLES]).mean(axis=0)
         pressing = -(np.array(self._wrenches[-FEW:]).mean(axis=0) - self._bias)[:, 2]
         return 2.0 * float(pressing.min())
 
@@ -115,7 +119,7 @@ class PushRecorder:
         if not self.ready:
             raise TooFewPushes(0)
         received, widths = np.array(self._wrenches), np.array(self._widths)
-        n = self._bias_samples
+        n = BIAS_SAMPLES
         first = max(n, start or n)
         return Push(received[first:] - received[:n].mean(axis=0), widths[first:])
 

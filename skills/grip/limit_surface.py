@@ -56,9 +56,9 @@ class SoftContact:
                 raise ValueError(f"{name} of a soft contact must lie in {low:g} … {high:g}, not {value:g}")
 
     @classmethod
-    def with_linear_torsion(cls, mu: float, radius: float, ellipsoid: bool = True) -> SoftContact:
+    def with_linear_torsion(cls, mu: float, radius: float) -> SoftContact:
         """tau_max = radius * f_n: MuJoCo's elliptic cone with the friction (mu, radius) is the ellipsoid with this."""
-        return cls(mu, radius / (2.0 * mu * xi_nu(4.0)), 0.0, 4.0, ellipsoid)
+        return cls(mu, radius / (2.0 * mu * xi_nu(4.0)), 0.0, 4.0, ellipsoid=True)
 
     @property
     def torsion(self) -> float:

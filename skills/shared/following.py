@@ -65,10 +65,10 @@ class MovingSkill(Skill):
         arm = self.device(Arm)
         yield from self._carry_out(lambda: arm.follow(trajectory), watch)
 
-    def move_fingers(self, width: float, speed: float, watch: Callable[[], None] | None = None) -> Watching:
+    def move_fingers(self, width: float, speed: float) -> Watching:
         """Move the fingers to an opening [m] at a speed [m/s]."""
         gripper = self.device(Gripper)
-        yield from self._carry_out(lambda: gripper.move(width, speed), watch)
+        yield from self._carry_out(lambda: gripper.move(width, speed), None)
 
     def _carry_out(self, start: Callable[[], Motion], watch: Callable[[], None] | None) -> Watching:
         try:

@@ -80,9 +80,9 @@ def move_to_pose(
     yield from skill.travel(path if speed >= 1.0 else stretched(path, 1.0 / speed))
 
 
-def gently(robot: RobotModel, path: Trajectory, acceleration: float = CARRIED_ACCELERATION) -> Trajectory:
-    """A path slowed down until the TCP is nowhere accelerated by more than so much [m/s²]."""
+def gently(robot: RobotModel, path: Trajectory) -> Trajectory:
+    """A path slowed down until the TCP is nowhere accelerated by more than `CARRIED_ACCELERATION`."""
     p = np.array([robot.tcp(q)[:3, 3] for q in path.q])
     rate = np.gradient(p, path.t, axis=0)
     largest = float(np.linalg.norm(np.gradient(rate, path.t, axis=0), axis=1).max())
-    return stretched(path, max(1.0, float(np.sqrt(largest / acceleration))))
+    return stretched(path, max(1.0, float(np.sqrt(largest / CARRIED_ACCELERATION))))

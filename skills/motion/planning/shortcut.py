@@ -7,23 +7,25 @@ import numpy as np
 from executive.values.arrays import Float64
 from skills.motion.planning.space import Space
 
+ROUNDS = 60
+"""Random cuts of a polyline."""
+
 
 def path_length(waypoints: Float64) -> float:
     """Length of a joint polyline, shape (n, dof) [rad]."""
     return float(np.linalg.norm(np.diff(waypoints, axis=0), axis=1).sum())
 
 
-def shortcut(space: Space, waypoints: Float64, rng: np.random.Generator, rounds: int = 60) -> Float64:
+def shortcut(space: Space, waypoints: Float64, rng: np.random.Generator) -> Float64:
     """A path with the same ends that is never longer; its new segments are checked.
 
     Args:
         space: collision checks.
         waypoints: free polyline, shape (n, dof) [rad].
         rng: where to cut.
-        rounds: of random cuts.
     """
     path = _leave_out_corners(space, waypoints)
-    for _ in range(rounds):
+    for _ in range(ROUNDS):
         if len(path) < 3:
             break
         along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])

@@ -16,6 +16,7 @@ STRIDE = 8
 IMAGENET_MEAN = (0.485, 0.456, 0.406)
 IMAGENET_STD = (0.229, 0.224, 0.225)
 
+BELIEF_MAPS, AFFINITY_MAPS, STAGES = 9, 16, 6
 _VGG_WIDTHS = (64, 64, 0, 128, 128, 0, 256, 256, 256, 256, 0, 512, 512)  # 0: halving
 
 
@@ -26,21 +27,20 @@ class DopeNetwork(nn.Module):
     belief (n, 9, h/8, w/8) and affinity (n, 16, h/8, w/8).
     """
 
-    def __init__(self, belief_maps: int = 9, affinity_maps: int = 16, stop_at_stage: int = 6) -> None:
+    def __init__(self) -> None:
         super().__init__()
-        self.stop_at_stage = stop_at_stage
         self.vgg = _features()
-        self.m1_2, self.m1_1 = _first_stage(belief_maps), _first_stage(affinity_maps)
-        inputs = 128 + belief_maps + affinity_maps
-        for stage in range(2, 7):
-            self.add_module(f"m{stage}_2", _later_stage(inputs, belief_maps))
-            self.add_module(f"m{stage}_1", _later_stage(inputs, affinity_maps))
+        self.m1_2, self.m1_1 = _first_stage(BELIEF_MAPS), _first_stage(AFFINITY_MAPS)
+        inputs = 128 + BELIEF_MAPS + AFFINITY_MAPS
+        for stage in range(2, STAGES + 1):
+            self.add_module(f"m{stage}_2", _later_stage(inputs, BELIEF_MAPS))
+            self.add_module(f"m{stage}_1", _later_stage(inputs, AFFINITY_MAPS))
 
     def forward(self, x: Tensor) -> tuple[list[Tensor], list[Tensor]]:
         """Belief and affinity maps after each stage, shapes (n, 9, h / 8, w / 8) and (n, 16, h / 8, w / 8)."""
         features = self.vgg(x)
         beliefs, affinities = [self.m1_2(features)], [self.m1_1(features)]
-        for stage in range(2, self.stop_at_stage + 1):
+        for stage in range(2, STAGES + 1):
             joined = torch.cat([beliefs[-1], affinities[-1], features], 1)
             beliefs.append(self.get_submodule(f"m{stage}_2")(joined))
             affinities.append(self.get_submodule(f"m{stage}_1")(joined))

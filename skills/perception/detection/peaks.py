@@ -12,6 +12,8 @@ from skills.perception.detection.close_look import SIZE_OF_BOX
 from skills.perception.detection.errors import BadMaps
 from skills.perception.detection.outputs import FINDER_STRIDE, OFFSET_UNIT
 
+APART = 0.45
+"""Two fruit are at least this part of the larger one's keypoint size apart."""
 MOST_PEAKS = 60
 """Peaks kept, strongest first: adversarial maps must not cost unbounded time."""
 
@@ -41,16 +43,13 @@ class Peak:
         return np.array([*(self.keypoints[8] + 0.5 - 0.5 * side), side, side])
 
 
-def decode_offsets(
-    belief: Float32, offsets: Float32, threshold: float, apart: float = 0.45, reaches: Float32 | None = None
-) -> list[Peak]:
+def decode_offsets(belief: Float32, offsets: Float32, threshold: float, reaches: Float32 | None = None) -> list[Peak]:
     """Fruit in the finder's maps, strongest first.
 
     Args:
         belief: (9, h, w); only the centroid's map, the last, is read.
         offsets: (17, h, w), centroid to corners and log of their mean distance, in units of `OFFSET_UNIT` cells.
         threshold: least belief of a centroid.
-        apart: two fruit are at least this part of the larger one's keypoint size apart.
         reaches: (4, h, w), how far what is seen reaches left, up, right and down [cells]; None: boxes are not known.
 
     Returns:
@@ -73,7 +72,7 @@ def decode_offsets(
         cells = np.vstack([arms + np.array([x, y]), centre])
         points = (cells + 0.5) * FINDER_STRIDE - 0.5
         size = float(np.exp(np.clip(here[16], -3.0, 3.0))) * OFFSET_UNIT * FINDER_STRIDE
-        if all(np.linalg.norm(points[8] - p.keypoints[8]) > apart * max(size, p.size) for p in found):
+        if all(np.linalg.norm(points[8] - p.keypoints[8]) > APART * max(size, p.size) for p in found):
             box = None if reaches is None else _box(reaches[:, y, x], y, x)
             found.append(Peak(points, size, float(centroid[y, x]), box))
     return found

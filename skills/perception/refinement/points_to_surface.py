@@ -35,7 +35,7 @@ class Samples(NamedTuple):
     neighbours: NDArray[np.int32]
 
 
-class Placed(NamedTuple):
+class PlacedForm(NamedTuple):
     """The present object: rotation (3, 3) and place (3,) in the camera's frame; see `Form` for the rest."""
 
     R: Float64
@@ -66,7 +66,7 @@ def walk_to_nearest(samples: Samples, x: float, y: float, z: float, start: int) 
 def points_to_surface(
     measured: Points,
     samples: Samples,
-    placed: Placed,
+    placed: PlacedForm,
     nearest: NDArray[np.int64],
     reach: float,
     texture: float,

@@ -19,7 +19,7 @@ from skills.geometry import rotation_about
 from skills.perception.refinement.cloud import Cloud
 from skills.perception.refinement.depth_image import Triangles
 from skills.perception.refinement.form import Form
-from skills.perception.refinement.points_to_surface import Placed, Points, Samples, points_to_surface
+from skills.perception.refinement.points_to_surface import PlacedForm, Points, Samples, points_to_surface
 from skills.perception.refinement.support_plane import Plane
 from skills.perception.refinement.surface import Surface, surface_of
 
@@ -182,7 +182,7 @@ class _Measured:
     def equations(self, state: _State, reach: float, texture: float) -> tuple[_Normal, float]:
         """Of the points that lie within reach of the surface, and the share of these points."""
         R, t, form = np.ascontiguousarray(state.T[:3, :3]), state.T[:3, 3].copy(), state.form
-        placed = Placed(R, t, form.stretch, form.lean, form.radius)
+        placed = PlacedForm(R, t, form.stretch, form.lean, form.radius)
         H, b, share = points_to_surface(self.points, self.samples, placed, self.nearest, reach, texture, _PATCHES)
         return _Normal(H, b), share
 

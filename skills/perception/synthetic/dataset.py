@@ -61,11 +61,10 @@ def render_dataset(
     fruit: str = "apple",
     options: SceneOptions | None = None,
     workers: int | None = None,
-    first: int = 0,
     progress: Callable[[int, int], None] | None = None,
     engine: Engine | None = None,
 ) -> DatasetReport:
-    """Render frames `first` to `first + frames` of a seed into `folder`: NNNNNN.jpg beside NNNNNN.json.
+    """Render so many frames of a seed into `folder`: NNNNNN.jpg beside NNNNNN.json.
 
     Frame i depends on (seed, i) alone, not on the number of workers or on what was rendered before; frames that are
     there already are kept.
@@ -77,13 +76,12 @@ def render_dataset(
         fruit: name in the catalogue, or path.
         options: what the scenes are made of.
         workers: processes on this machine; None for one per core.
-        first: index of the first frame.
         progress: called with (frames done, frames in all).
         engine: renders elsewhere instead, a Ray cluster for instance; files are written by this process alone.
     """
     options = options or SceneOptions()
     folder.mkdir(parents=True, exist_ok=True)
-    wanted = [i for i in range(first, first + frames) if not frame_paths(folder, i)[1].is_file()]
+    wanted = [i for i in range(frames) if not frame_paths(folder, i)[1].is_file()]
     kept, done = frames - len(wanted), 0
     orders = [(wanted[i : i + CHUNK], seed, fruit, options) for i in range(0, len(wanted), CHUNK)]
     for chunk in _rendered(orders, workers, engine):

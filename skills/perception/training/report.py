@@ -30,6 +30,8 @@ from skills.perception.training.samples import FrameFolder
 
 _EDGES = ((0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7))
 _PICTURES = 6
+FRAMES = 200
+"""Held-out frames that a report measures."""
 
 
 def write_report(
@@ -37,7 +39,6 @@ def write_report(
     held_out: Path,
     out: Path,
     fruit: str = "apple",
-    frames: int = 200,
     photographs: PhotoSet | None = None,
 ) -> Evaluation:
     """Measure weights on held-out frames and write report.md with pictures beside it.
@@ -47,14 +48,13 @@ def write_report(
         held_out: folder of annotated frames that were not trained on.
         out: folder for the report; made when missing.
         fruit: name in the catalogue.
-        frames: how many frames are measured.
         photographs: with boxes; those to measure on get figures and pictures of their own.
     """
     out.mkdir(parents=True, exist_ok=True)
     detector = CompactDetector.load(weights)
     folder = FrameFolder([held_out])
     model = load_fruit(fruit)
-    result = evaluate(detector, folder, model, frames)
+    result = evaluate(detector, folder, model, FRAMES)
     lines = [
         f"# Training report: {fruit}",
         "",

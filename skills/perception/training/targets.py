@@ -18,6 +18,9 @@ SIGMA = 1.5
 OFFSET_RADIUS = 2.0
 """Offsets count this close to a centroid [cells]."""
 
+LEAST_VISIBILITY = 0.3
+"""Fruit of which less is seen is neither asked for nor punished."""
+
 BOX_SPREAD = 0.1
 """Standard deviation of what a box's reaches are learnt from, in parts of its sides."""
 
@@ -77,33 +80,27 @@ def finder_targets(
     height: int,
     width: int,
     boxes: Float64 | None = None,
-    sigma: float = SIGMA,
-    offset_radius: float = OFFSET_RADIUS,
-    least_visibility: float = 0.3,
 ) -> FinderTargets:
     """Maps for one rendered picture.
 
     Args:
         keypoints: (n, 9, 2) in cells.
-        visibility: (n,), 0..1.
+        visibility: (n,), 0..1; less than `LEAST_VISIBILITY` is neither asked for nor punished.
         height, width: of the maps [cells].
         boxes: around what is seen, x, y, w, h (n, 4), from the map's corner [cells]; NaN or without extent: not known.
-        sigma: of the belief's Gaussians [cells].
-        offset_radius: offsets count this close to a centroid [cells].
-        least_visibility: fruit less visible than this is neither asked for nor punished.
     """
     maps = _blank(height, width)
     nearest = np.full((height, width), np.inf)
     for k, (points, seen) in enumerate(zip(keypoints, visibility, strict=True)):
-        if seen < least_visibility:
+        if seen < LEAST_VISIBILITY:
             spread = float(np.abs(points[:8] - points[8]).max())
             rows, columns = _window(points[8], 0.6 * spread + 1.0, height, width)
             maps.weight[0, rows, columns] = 0.0
             continue
         centre = np.clip(points[8], 0.0, (width - 1.0, height - 1.0))
         for corner in range(8):
-            _draw_spot(maps.belief[corner], points[corner], sigma)
-        rows, columns, here = _draw_centre(maps, centre, nearest, sigma, offset_radius)
+            _draw_spot(maps.belief[corner], points[corner])
+        rows, columns, here = _draw_centre(maps, centre, nearest)
         du, dv = np.arange(columns.start, columns.stop), np.arange(rows.start, rows.stop)
         for corner in range(8):
             across, down = (points[corner, 0] - du)[None, :] + 0.0 * dv[:, None], (points[corner, 1] - dv)[:, None]
@@ -125,8 +122,6 @@ def box_targets(
     counted: NDArray[np.bool_],
     height: int,
     width: int,
-    sigma: float = SIGMA,
-    offset_radius: float = OFFSET_RADIUS,
 ) -> FinderTargets:
     """Maps for a photograph, where boxes are all that is known: the centroid's belief, the size and the box.
 
@@ -136,7 +131,6 @@ def box_targets(
         boxes: x, y, w, h (n, 4), from the map's corner [cells].
         counted: whether a box is fruit; nothing is said inside of one that is not, (n,).
         height, width: of the maps [cells].
-        sigma, offset_radius: as in `finder_targets`.
     """
     maps = _blank(height, width)
     maps.cornered[:] = 0.0
@@ -149,7 +143,7 @@ def box_targets(
     nearest = np.full((height, width), np.inf)
     for centre, size, box in zip(centres[counted], sizes[counted], boxes[counted], strict=True):
         centre = np.clip(centre, 0.0, (width - 1.0, height - 1.0))
-        rows, columns, here = _draw_centre(maps, centre, nearest, sigma, offset_radius)
+        rows, columns, here = _draw_centre(maps, centre, nearest)
         if np.isfinite(size):
             maps.offsets[16, rows, columns][here] = np.log(max(float(size), 0.5) / OFFSET_UNIT)
             maps.offset_weight[0, rows, columns][here] = 1.0
@@ -158,25 +152,23 @@ def box_targets(
     return maps
 
 
-def _draw_spot(belief: Float32, point: Float64, sigma: float) -> None:
-    rows, columns = _window(point, 3.5 * sigma, *belief.shape)
+def _draw_spot(belief: Float32, point: Float64) -> None:
+    rows, columns = _window(point, 3.5 * SIGMA, *belief.shape)
     du, dv = np.arange(columns.start, columns.stop) - point[0], np.arange(rows.start, rows.stop) - point[1]
-    spot = np.exp(-(dv[:, None] ** 2 + du[None, :] ** 2) / (2.0 * sigma**2))
+    spot = np.exp(-(dv[:, None] ** 2 + du[None, :] ** 2) / (2.0 * SIGMA**2))
     np.maximum(belief[rows, columns], spot, out=belief[rows, columns])
 
 
-def _draw_centre(
-    maps: FinderTargets, centre: Float64, nearest: Float64, sigma: float, radius: float
-) -> tuple[slice, slice, NDArray[np.bool_]]:
+def _draw_centre(maps: FinderTargets, centre: Float64, nearest: Float64) -> tuple[slice, slice, NDArray[np.bool_]]:
     """The centroid's belief and peak; returns the window about it and which of its cells are nearest to this fruit."""
     height, width = nearest.shape
-    _draw_spot(maps.belief[8], centre, sigma)
+    _draw_spot(maps.belief[8], centre)
     u, v = np.round(centre).astype(int)
     maps.peak[0, v, u] = 1.0
-    rows, columns = _window(centre, radius, height, width)
+    rows, columns = _window(centre, OFFSET_RADIUS, height, width)
     du, dv = np.arange(columns.start, columns.stop) - centre[0], np.arange(rows.start, rows.stop) - centre[1]
     distance = np.hypot(dv[:, None], du[None, :])
-    here = (distance <= radius) & (distance < nearest[rows, columns])
+    here = (distance <= OFFSET_RADIUS) & (distance < nearest[rows, columns])
     nearest[rows, columns][here] = distance[here]
     return rows, columns, here
 
@@ -219,21 +211,19 @@ def dope_targets(
     width: int,
     sigma: float = 0.5,
     radius: float = 1.0,
-    least_visibility: float = 0.1,
 ) -> tuple[Float32, Float32]:
     """DOPE's own maps for one picture: belief (9, h, w), and affinity (16, h, w) as unit vectors to the centroid.
 
     Args:
         keypoints: (n, 9, 2) in cells.
-        visibility: (n,), 0..1; less visible fruit is left out, as DOPE's tools do.
+        visibility: (n,), 0..1; below 0.1 fruit is left out, as DOPE's tools do.
         height, width: of the maps [cells].
         sigma: of the belief's Gaussians [cells].
         radius: of the discs on which affinities are drawn [cells].
-        least_visibility: least visible part that counts.
     """
     belief, affinity = np.zeros((9, height, width), np.float32), np.zeros((16, height, width), np.float32)
     for points, seen in zip(keypoints, visibility, strict=True):
-        if seen < least_visibility:
+        if seen < 0.1:
             continue
         for k, (u, v) in enumerate(points):
             rows, columns = _window((u, v), max(4.0 * sigma, radius) + 1.0, height, width)

@@ -26,9 +26,6 @@ class TestText:
         assert lines[-1] == "   └─ ● on failure: Retreat  # before the next try"
         assert all(len(line) <= 100 for line in lines)
 
-    def test_subtrees_may_stay_closed(self, pick_apple):
-        assert "MoveTo" not in show_text(read(pick_apple, "t.yaml"), subtrees=False)
-
     def test_a_subtree_that_calls_itself_is_drawn_once(self):
         text = show_text(read(HEAD + "root: {a: {}}\nsubtrees: {a: {root: {sequence: [{a: {}}]}}}", "t.yaml"))
         assert text.count("▣ a") == 2
