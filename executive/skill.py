@@ -213,7 +213,11 @@ class Skill(py_trees.behaviour.Behaviour):
         """Load and warm what the first start needs (weights, compiled code); called before the run's clock starts."""
 
     def failure(self, code: str, message: str, **data: object) -> SkillFailure:
-        """A failure to raise; `code` must be one of the class's `failures`."""
+        """A failure to raise.
+
+        Raises:
+            SkillError: the code is none of the class's `failures`.
+        """
         if code not in self.failures:
             raise SkillError(type(self).__name__, f"failure code {code} is not declared in its `failures`")
         return SkillFailure(Failure(code, message, data))
@@ -235,9 +239,12 @@ class Skill(py_trees.behaviour.Behaviour):
         return self.context.clock
 
     def device(self, interface: Callable[..., T]) -> T:
-        """The cell's device; the interface, usually a Protocol, must be one of the class's `devices`.
+        """The cell's device of an interface, usually a Protocol.
 
         (A Protocol is no `type[T]` for type checkers, but a callable that gives a T.)
+
+        Raises:
+            SkillError: the interface is none of the class's `devices`.
         """
         found = cast(type[T], interface)
         if found not in self.devices:

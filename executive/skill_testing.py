@@ -122,11 +122,15 @@ def drive(
         inputs: by port name, in SI; ports that are left out get their declared default.
         devices: by interface.
         clock: advanced by `period` after every tick; a `ManualClock` by default.
-        limit: seconds on the clock after which the skill is interrupted and `TimeoutError` is raised.
+        limit: seconds on the clock after which the skill is interrupted.
         interrupt_after: interrupt it after so many ticks and drive it until it has let go; the status is then INVALID.
         each_tick: called with the number of the tick before it, to script what devices do meanwhile.
         seed: of the run.
         computing: ticks that every computation takes, to interrupt one.
+
+    Raises:
+        KeyError: inputs that the skill does not have.
+        TimeoutError: after `limit` it still runs, or has not let go.
     """
     context = BenchContext(clock=clock or ManualClock(), devices=devices or {}, run_seed=seed, computing=computing)
     given = dict(inputs or {})

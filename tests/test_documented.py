@@ -1,4 +1,4 @@
-"""Every public class, function and method says what it is for; what overrides another may leave it to that one."""
+"""What is public says what it is for, its arrays' shapes and its errors; what overrides may leave it to the other."""
 
 from __future__ import annotations
 
@@ -109,5 +109,37 @@ def test_what_returns_an_array_says_its_shape() -> None:
                     said += 1
                     if not SHAPE.search(text):
                         unsaid.append(f"{path.relative_to(ROOT)}:{node.lineno} {node.name}")
+    assert said > 150, "the functions were not found"
+    assert unsaid == []
+
+
+def raised(function: ast.FunctionDef) -> set[str]:
+    """Classes of the errors that a function's own lines raise."""
+
+    def below(node: ast.AST) -> Iterator[ast.AST]:
+        for child in ast.iter_child_nodes(node):
+            if not isinstance(child, (ast.FunctionDef, ast.Lambda, ast.ClassDef)):
+                yield child
+                yield from below(child)
+
+    calls = [node.exc for node in below(function) if isinstance(node, ast.Raise) and isinstance(node.exc, ast.Call)]
+    names = {ast.unparse(call.func).split(".")[-1] for call in calls}
+    return {name for name in names if name[:1].isupper()}  # else a method makes the error, and says which
+
+
+def test_what_raises_an_error_says_which() -> None:
+    said, unsaid = 0, []
+    for path in (path for package in PACKAGES for path in sorted((ROOT / package).rglob("*.py"))):
+        if path.parent.name == "commands":  # all of them end with a sentence and 2: `executive.cli`
+            continue
+        body = ast.parse(path.read_text("utf-8")).body
+        classes = [node for node in body if isinstance(node, ast.ClassDef) and is_public(node.name)]
+        for node in (*body, *(member for found in classes for member in found.body)):
+            if isinstance(node, ast.FunctionDef) and is_public(node.name):
+                text = ast.get_docstring(node)
+                if text is not None and (errors := raised(node)):  # without one, what it overrides says it
+                    said += 1
+                    if "Raises:" not in text and not all(error in text for error in errors):
+                        unsaid.append(f"{path.relative_to(ROOT)}:{node.lineno} {node.name}: {', '.join(errors)}")
     assert said > 150, "the functions were not found"
     assert unsaid == []

@@ -38,7 +38,11 @@ class FingerReading:
 
 
 def encode(volts: Float64) -> bytes:
-    """The bytes of an answer (a finger's side); voltages [V] are rounded and clipped to 12 bits."""
+    """The bytes of an answer (a finger's side); voltages, shape (25,) [V], are rounded and clipped to 12 bits.
+
+    Raises:
+        ValueError: another number of voltages.
+    """
     counts = np.clip(np.rint(np.asarray(volts) * (COUNTS / VOLTS)), 0, COUNTS - 1).astype("<u2")
     if counts.shape != (TAXELS,):
         raise ValueError(f"a finger has {TAXELS} taxels, not {counts.shape}")

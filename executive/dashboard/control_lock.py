@@ -160,6 +160,9 @@ class ControlLock:
 
         Returns:
             what is confirmed: the cell is in its safe state when this returns, as the run has taken it.
+
+        Raises:
+            RefusedError: the cell did not take it.
         """
         because = f"safe stop by {who}"
         starting, runner = self._starting, self._runner

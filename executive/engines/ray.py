@@ -72,7 +72,11 @@ class RayEngine:
 
 @contextmanager
 def open_ray(workers: int | None, address: str | None) -> Iterator[Engine]:
-    """The engine `ray`."""
+    """The engine `ray`.
+
+    Raises:
+        UsageError: Ray is not installed, or cannot be reached.
+    """
     try:
         import ray
     except ImportError as error:

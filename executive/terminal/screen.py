@@ -45,7 +45,7 @@ class Screen(Console):
         self._file = new_file
 
     def on_broken_pipe(self) -> NoReturn:
-        """Nobody reads any more: an error like any other. Rich's own leaves the process, and a run must end first."""
+        """Nobody reads any more: BrokenPipeError. Rich's own leaves the process, and a run must end first."""
         raise BrokenPipeError(errno.EPIPE, "Broken pipe: nobody reads the output any more")
 
     def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterable[Segment]:

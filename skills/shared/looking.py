@@ -42,7 +42,11 @@ class LookingSkill(Skill):
     moves = ()
 
     def prepare(self) -> None:
-        """Load and warm the detector of the fruit to look for; what only the run tells is loaded at its first use."""
+        """Load and warm the detector of the fruit to look for; what only the run tells is loaded at its first use.
+
+        Raises:
+            BadWeights: those that are shipped are missing or cannot be used.
+        """
         name = self.known("fruit")
         if name is None or self.known("weights"):
             return
