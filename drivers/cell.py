@@ -27,7 +27,7 @@ from drivers.hold_watch import HoldWatch
 from drivers.interfaces import Arm, ForceSensor, Gripper, Workspace
 from drivers.readings import Readings
 from executive.clock import Clock, ManualClock, SystemClock
-from executive.values.documents import Outline
+from executive.values.documents import Outline, with_includes
 from executive.values.findings import Findings
 from executive.values.kinds import Schema
 from executive.values.sentences import sentence_of
@@ -379,7 +379,7 @@ class CellFiles:
 
     def schema(self) -> Schema:
         """The JSON Schema of cell files."""
-        return {"title": "Pomona cell file", **CELL.schema(options=True)}
+        return {"title": "Pomona cell file", **with_includes(CELL.schema(options=True))}
 
 
 CELL_FILES = CellFiles()

@@ -18,7 +18,7 @@ from executive.language.documents import read_document
 from executive.language.model import Document
 from executive.registry import Registry
 from executive.running.cell_files import CellFile, cell_files
-from executive.values.documents import read_value_file
+from executive.values.documents import read_value_file, with_includes
 from executive.values.findings import Findings, did_you_mean, few_hints, format_findings
 from executive.values.kinds import Schema
 from executive.values.plain_text import is_file
@@ -253,7 +253,7 @@ class CampaignKind:
 
     def schema(self) -> Schema:
         """The JSON Schema of campaign files."""
-        return {"title": "Pomona campaign file", **CAMPAIGN.schema()}
+        return {"title": "Pomona campaign file", **with_includes(CAMPAIGN.schema())}
 
 
 CAMPAIGN_FILES = CampaignKind()

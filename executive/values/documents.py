@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 from executive.values.findings import Finding, Findings, Source, did_you_mean
+from executive.values.kinds import Schema
 from executive.values.plain_text import is_file, read_plain_text
 from executive.values.reading import Reader, Refused
 from executive.values.shape import shape_of
@@ -14,6 +16,7 @@ from executive.values.yaml_nodes import YamlMapping, YamlNode, YamlScalar, read_
 
 MAX_INCLUDES = 8
 """A file may include one that includes another, so deep."""
+_INCLUDE = "a file, or a block of one (sim.yaml#world), whose entries hold where this mapping has none of its own"
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,6 +92,23 @@ def read_value_file(
             findings.error(node, "unknown-option", f"the cell has no option '{name}'", hint)
         values[name] = node
     return ValueFile(root, replace(reader, options=values), options, opener.files)
+
+
+def with_includes(schema: Mapping[str, Any]) -> Schema:
+    """The JSON Schema of such files as they are written: in any mapping an `include` may stand for what it needs."""
+    found = dict(schema)
+    for key in ("items", "additionalProperties"):
+        if isinstance(found.get(key), Mapping):
+            found[key] = with_includes(found[key])
+    for key in ("anyOf", "oneOf"):
+        if key in found:  # what is included may be what tells them apart
+            found["anyOf"] = [with_includes(one) for one in found.pop(key)]
+    if "properties" in found:
+        own = {name: with_includes(inner) for name, inner in found["properties"].items()}
+        found["properties"] = {"include": {"type": "string", "description": _INCLUDE}, **own}
+    if "required" in found:
+        found |= {"if": {"required": ["include"]}, "else": {"required": found.pop("required")}}
+    return found
 
 
 def set_scalar(name: str, text: str) -> YamlScalar:

@@ -12,7 +12,7 @@ from zipfile import ZipFile
 import numpy as np
 from numpy.typing import NDArray
 
-from executive.values.documents import read_value_file
+from executive.values.documents import read_value_file, with_includes
 from executive.values.findings import Finding, Findings
 from executive.values.kinds import Measure, Number, PathTo, Row, Schema, Text
 from executive.values.plain_text import is_file
@@ -221,7 +221,7 @@ class FruitKind:
 
     def schema(self) -> Schema:
         """The JSON Schema of fruit files."""
-        return {"title": "Pomona fruit file", **FRUIT.schema()}
+        return {"title": "Pomona fruit file", **with_includes(FRUIT.schema())}
 
 
 FRUIT_FILES = FruitKind()
