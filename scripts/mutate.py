@@ -175,7 +175,6 @@ def run_tests(tests: Sequence[str], change: Change | None, limit: float) -> bool
             if change is not None:
                 sys.meta_path.insert(0, _Changed(change))
             words = [
-                "--noconftest",
                 "-p",
                 "no:xdist",
                 "-p",
