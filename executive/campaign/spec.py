@@ -139,10 +139,8 @@ class _Planner:
             self.check_keys(arm, keys_of(node, "set"))
         alone = all(arm.tree == tree and arm.cell == cell for arm in arms)
         self.check_keys(whole if alone else arms[0], keys_of(node, "vary") if alone else {})
-        if self.findings.errors:
-            return None
         good = [self.judge(arm) for arm in arms]  # all of them, for all findings
-        if not all(good):
+        if self.findings.errors or not all(good):
             return None
         texts = {path: read_text(path) for arm in arms for path in (arm.tree, arm.cell)}
         texts |= {path: "".join(file.files.values()) for path, file in self.cells.items()}
@@ -182,12 +180,16 @@ class _Planner:
 
     def check_keys(self, arm: _Arm, keys: Mapping[str, YamlScalar]) -> None:
         """Every key must be a parameter of the tree or an option of the cell."""
-        known = set(self.document(arm.tree).main.parameters) | self.options_of(arm.cell)
+        known = self.known(arm)
         for name, key in keys.items():
             if name not in known:
                 hint = did_you_mean(name, known) or f"known: {', '.join(sorted(known))}"
                 message = f"neither the tree '{arm.tree.stem}' nor the cell '{arm.cell.stem}' has a setting '{name}'"
                 self.findings.error(key, "unknown-setting", message, hint)
+
+    def known(self, arm: _Arm) -> frozenset[str]:
+        """What can be set there."""
+        return frozenset(self.document(arm.tree).main.parameters) | self.options_of(arm.cell)
 
     def check_only(self, only: Mapping[str, tuple[YamlScalar, ...]], keys: Mapping[str, YamlScalar]) -> None:
         vary = {key: [value.text for value in values] for key, values in self.placed.values.vary.items()}
@@ -201,13 +203,18 @@ class _Planner:
                     self.findings.error(value, "unknown-value", f"'{name}' is never '{value.text}'", hint)
 
     def judge(self, arm: _Arm) -> bool:
-        """Each value of what varies, with the first values of the others, as each run will be judged again."""
+        """Each value of what varies, with the first values of the others, as each run will be judged again.
+
+        What nobody knows, or is never so, has a finding already and is left out.
+        """
         vary = {
-            key: [value for value in values if key not in arm.only or value.text in arm.only[key]]
+            key: [value for value in values if key not in arm.only or value.text in arm.only[key]] or [*values]
             for key, values in self.placed.values.vary.items()
+            if key in self.known(arm)
         }
         good = True
-        first = {**arm.settings, **{key: values[0] for key, values in vary.items()}}
+        settings = {key: value for key, value in arm.settings.items() if key in self.known(arm)}
+        first = {**settings, **{key: values[0] for key, values in vary.items()}}
         for settings in [first, *({**first, key: v} for key, values in vary.items() for v in values[1:])]:
             judged = judge(self.document(arm.tree), _skills(), settings, arm.cell)
             self.findings.extend(found for found in judged.findings.sorted() if found.severity == "error")

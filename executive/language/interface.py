@@ -70,7 +70,7 @@ class InterfaceReader:
         bounds = [None if node is None else self._literal(node, port_type, ()) for node in (declared.min, declared.max)]
         port = Port(port_type, default, declared.help, bounds[0], bounds[1], choices)
         if declared.default is not None and default is not None:
-            problem = self.range_problem(default, port)
+            problem = out_of_range(default, port)
             if problem:
                 message = f"the default of {what} '{declared.key.text}' {problem}"
                 self.findings.error(declared.default, "range", message)
@@ -102,8 +102,3 @@ class InterfaceReader:
             value_type = scalar_type(node) if isinstance(node, YamlScalar) else (ANY if value is None else type(value))
             self.constants[id(declared)] = value, value_type
         return self.constants[id(declared)]
-
-    @staticmethod
-    def range_problem(value: Any, port: Port) -> str:
-        """Why a value is out of a port's range; empty when it is within."""
-        return out_of_range(value, port)

@@ -9,6 +9,7 @@ from typing import Any
 from executive.language.interface import InterfaceReader
 from executive.language.literals import LiteralError, literal
 from executive.language.model import Declared, TreeFile
+from executive.language.values import out_of_range
 from executive.ports import Port
 from executive.values.findings import Finding, Findings, Source, did_you_mean
 from executive.values.yaml_nodes import YamlNode, YamlScalar, read_yaml
@@ -27,7 +28,7 @@ def parameter_values(
         if port is None:
             continue
         if name in given:
-            values[name] = _read(name, given[name], port, reader, findings)
+            values[name] = read_override(name, given[name], port, findings)
         elif parameter.default is not None:
             values[name] = reader.defaults.get(id(parameter))
         else:
@@ -55,7 +56,8 @@ def _named(
     return given
 
 
-def _read(name: str, text: str, port: Port, reader: InterfaceReader, findings: Findings) -> Any:
+def read_override(name: str, text: str, port: Port, findings: Findings) -> Any:
+    """A parameter's value as it is written after `--set name=`; what is wrong is a finding, and the value None."""
     written = f"{name}={text}"
     source = Source(f"--set {written}", text)
     node: YamlNode | None = YamlScalar(source, 1, 1, 1, len(text) + 1, text, True)
@@ -69,7 +71,7 @@ def _read(name: str, text: str, port: Port, reader: InterfaceReader, findings: F
     except LiteralError as error:
         _error(findings, written, error.message, error.hint)
         return None
-    problem = reader.range_problem(value, port)
+    problem = out_of_range(value, port)
     if problem:
         _error(findings, written, f"{name} {problem}")
     return value

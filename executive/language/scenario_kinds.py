@@ -12,12 +12,14 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
+from executive.language.interface import InterfaceReader
 from executive.language.literals import LiteralError, literal
 from executive.language.mocks import MockResult, Placeholder
 from executive.language.model import Document
 from executive.language.names_of_nodes import skills_by_node
+from executive.language.overrides import read_override
 from executive.language.value_types import ANY, ListType, ValueType, describe, fields_of
-from executive.ports import TIME
+from executive.ports import TIME, Port
 from executive.registry import Registry
 from executive.skill import Skill
 from executive.values.findings import Findings, did_you_mean
@@ -40,14 +42,14 @@ class Tested:
         skills: by all that a node may be called, the skill that a mock of it replaces.
         names: of all nodes.
         questions: by the name of a node that asks, the answers that it takes.
-        parameters: of the tree.
+        parameters: of the tree; None for one whose type nobody knows.
     """
 
     registry: Registry
     skills: Mapping[str, str]
     names: Collection[str]
     questions: Mapping[str, tuple[str, ...]]
-    parameters: Collection[str]
+    parameters: Mapping[str, Port | None]
 
     @classmethod
     def of(cls, document: Document, registry: Registry) -> Tested:
@@ -60,7 +62,8 @@ class Tested:
                 if choices := layer.choices(node):
                     questions[node.label] = (*questions.get(node.label, ()), *choices)
         names = {node.label for node in nodes} | set(skills)
-        parameters = tuple(document.main.parameters)
+        declared = InterfaceReader(Findings(), registry)
+        parameters = {name: declared.port(found, "parameter") for name, found in document.main.parameters.items()}
         return cls(registry=registry, skills=skills, names=names, questions=questions, parameters=parameters)
 
 
@@ -139,9 +142,15 @@ class ParameterValues(MappingOf[YamlScalar]):
         found, tree, refused = super().read(node, reader), tree_of(reader), None
         if tree is not None and isinstance(node, YamlMapping):
             for key, _ in node.entries.values():
+                port = tree.parameters.get(key.text)
                 if key.text not in tree.parameters:
                     hint = did_you_mean(key.text, tree.parameters) or f"known: {', '.join(tree.parameters) or 'none'}"
                     refused = reader.refuse(key, f"the tree has no parameter '{key.text}'", hint, "unknown-setting")
+                elif port is not None and key.text in found:
+                    wrong = Findings()
+                    read_override(key.text, found[key.text].text, port, wrong)
+                    for problem in wrong.sorted():
+                        refused = reader.refuse(found[key.text], problem.message, problem.hint, "value")
         if refused is not None:
             raise refused
         return found

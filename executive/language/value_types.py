@@ -13,7 +13,7 @@ from typing import Any
 
 from executive.errors import PomonaError
 from executive.ports import RATIO, Quantity, type_name
-from executive.values.units import Array
+from executive.values.units import Array, with_article
 
 DECLARED_FIELDS = "__declared_fields__"
 """Attribute of a class that stands in for one which is not imported: its fields and their types, if it has any."""
@@ -59,8 +59,7 @@ def describe(value_type: ValueType) -> str:
         if value_type.array:
             return "an array"
         return "a list" if value_type.element is ANY else f"a list of {_bare(value_type.element)}"
-    name = type_name(value_type)
-    return f"{'an' if name[0] in 'aeiou' else 'a'} {name}"
+    return with_article(type_name(value_type))
 
 
 def _bare(value_type: ValueType) -> str:

@@ -14,7 +14,7 @@ from executive.values.findings import did_you_mean
 from executive.values.plain_text import exists
 from executive.values.reading import Reader, Refused, Unfit
 from executive.values.shape import shape_of
-from executive.values.units import Quantity
+from executive.values.units import Quantity, with_article
 from executive.values.yaml_nodes import YamlList, YamlMapping, YamlNode, YamlScalar
 
 T = TypeVar("T")
@@ -155,7 +155,7 @@ class Measure(ScalarKind[float]):
     """A number with its unit, in SI; `low` and `high` are texts with a unit, in the closed range."""
 
     def __init__(self, quantity: Quantity, low: str = "", high: str = "") -> None:
-        self.quantity, self.words = quantity, f"a {quantity.name}"
+        self.quantity, self.words = quantity, with_article(quantity.name)
         self.low = quantity.parse(low) if low else -math.inf
         self.high = quantity.parse(high) if high else math.inf
         self._ends = low, high
@@ -230,7 +230,8 @@ class Row(Kind[tuple[float, ...]]):
         found = reader.filled(node)
         if isinstance(found, YamlScalar) and isinstance(self.of, Measure):
             *numbers, unit = found.text.split() or [""]
-            if not numbers or (self.size is not None and len(numbers) != self.size):
+            bare = not self.of.quantity.bare and re.fullmatch(NUMBER, unit) is not None
+            if bare or not numbers or (self.size is not None and len(numbers) != self.size):
                 raise self._refused(found, reader)
             texts: list[tuple[YamlNode, str]] = [(found, f"{number} {unit}") for number in numbers]
         elif isinstance(found, YamlList) and self.size in (None, len(found.items)) and found.items:

@@ -11,6 +11,11 @@ _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _WRITTEN = re.compile(rf"\s*({_NUMBER})(?:\s*([^\s\d]\S*)|\s+(1/\S+))?\s*", re.ASCII)
 
 
+def with_article(noun: str) -> str:
+    """`a length`, `an angle`."""
+    return f"{'an' if noun[0] in 'aeiou' else 'a'} {noun}"
+
+
 @dataclass(frozen=True, slots=True)
 class Quantity:
     """What a float measures. `units` maps a unit's name to its size in SI; the first is SI itself."""
@@ -37,15 +42,17 @@ class Quantity:
         match = _WRITTEN.fullmatch(text)
         if match is None:
             how = "a number or a percentage" if self.bare else f"a number and a unit, such as '1 {self.si_unit}'"
-            raise ValueError(f"'{text}' is not a {self.name}: write {how}")
+            raise ValueError(f"'{text}' is not {with_article(self.name)}: write {how}")
         unit = match[2] or match[3] or ("1" if self.bare else None)
         if unit is None:
-            raise ValueError(f"'{text.strip()}' lacks a unit: a {self.name} is given in {', '.join(self.units)}")
+            raise ValueError(
+                f"'{text.strip()}' lacks a unit: {with_article(self.name)} is given in {', '.join(self.units)}"
+            )
         if unit not in self.units:
             raise ValueError(f"'{unit}' is no unit of {self.name}: {', '.join(self.units)}")
         value = float(match[1]) * self.units[unit]
         if not math.isfinite(value):
-            raise ValueError(f"'{text.strip()}' is too large for a {self.name}")
+            raise ValueError(f"'{text.strip()}' is too large for {with_article(self.name)}")
         return value
 
     def __call__(self, text: str) -> float:

@@ -82,6 +82,11 @@ def test_what_a_cell_knows_before_it_is_connected():
         ("place: 3 ", "place: 77 ", "it cannot be '77'"),
         ("kind: simulated", "kind: [simulated]", "not a list"),
         ("rate: 30 Hz", "rate: {Hz: 30}", "not a mapping"),
+        (
+            "{include: shared/workspace.yaml}",
+            "{include: shared/workspace.yaml, poses: {home: 0 0 0 0 0 0 0}}",
+            "workspace.poses.home must be a list of numbers with a unit of angle",
+        ),
         ("include: shared/workspace.yaml", "include: shared/workspcae.yaml", "cannot be read"),
         ("include: shared/workspace.yaml", "include: judged.yaml", "includes itself"),
     ],

@@ -277,6 +277,17 @@ def test_every_mistake_of_every_arm_is_found_before_the_first_run(tmp_path: Path
     assert "Nothing was run" in str(error.value)
 
 
+def test_a_setting_that_nobody_knows_hides_no_other_mistake(tmp_path: Path) -> None:
+    text = FILE.replace("{others: 0}", "{others: many, nonsense: 3, jitter: 15}").replace("[2]}", "[9]}")
+    findings = Findings()
+    path = tmp_path / "demo.yaml"
+    path.write_text(text)
+    assert judge_campaign(path, findings) is None
+    found = [(finding.line, finding.code) for finding in findings.sorted()]
+    unknown = (12, "unknown-setting")  # for each of two trees
+    assert found == [(10, "unknown-value"), (12, "value"), unknown, unknown, (12, "value")]
+
+
 def test_a_campaign_counts_what_the_cell_says_unless_its_file_says_otherwise(tmp_path: Path) -> None:
     assert campaign(tmp_path).conditions == ("lifted",)
     assert campaign(tmp_path).score.figures[0] == "position_error_mm"

@@ -121,6 +121,8 @@ class TestReading:
             ("{nam: x}", "unknown-key"),
             ("7", "shape"),
             ("{set: {atempts: 2}}", "unknown-setting"),
+            ("{set: {attempts: 2 mm}}", "value"),
+            ("{set: {attempts: 0}}", "value"),
             ("{mocks: {Plan: {calls: 0}}}", "range"),
             ("{expect: {node: Retreet}}", "unknown-node"),
             ("{answers: {Plan: yes}}", "unknown-node"),

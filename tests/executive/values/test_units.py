@@ -25,6 +25,11 @@ def test_a_bare_number_is_refused_wherever_a_unit_belongs(value, quantity):
         quantity.parse(repr(value))
 
 
+def test_a_refusal_has_the_article_that_its_quantity_has():
+    with pytest.raises(ValueError, match="an angle is given in rad"):
+        QUANTITIES["angle"].parse("10")
+
+
 def test_a_ratio_may_be_bare_or_in_percent():
     assert RATIO.parse("0.25") == RATIO.parse("25 %") == 0.25
 
