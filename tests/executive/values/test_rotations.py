@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from executive.values.rotations import from_quaternion, from_rpy, to_quaternion
+from executive.values.rotations import from_quaternion, from_rpy, is_rigid, to_quaternion
 
 ANGLES = st.floats(-np.pi, np.pi)
 QUATERNIONS = st.lists(st.floats(-1.0, 1.0), min_size=4, max_size=4).filter(lambda q: np.linalg.norm(q) > 1e-3)
@@ -49,3 +49,40 @@ def test_what_is_no_rotation_is_refused() -> None:
         from_quaternion((0.0, 0.0, 0.0, 0.0))
     with pytest.raises(ValueError, match="determinant"):
         to_quaternion(np.diag((1.0, 1.0, -1.0)))
+
+
+def pose(rpy: tuple[float, float, float] = (0.3, -1.2, 2.0)) -> np.ndarray:
+    T = np.eye(4)
+    T[:3, :3], T[:3, 3] = from_rpy(rpy), (1.0, -2.0, 1e6)
+    return T
+
+
+@given(ANGLES, ANGLES, ANGLES)
+def test_a_rotation_and_a_translation_are_rigid(roll: float, pitch: float, yaw: float) -> None:
+    assert is_rigid(pose((roll, pitch, yaw)))
+
+
+def test_a_rotation_may_be_written_with_four_digits() -> None:
+    near, off = np.eye(4), np.eye(4)
+    near[0, 1], off[0, 1] = 0.9e-4, 1.1e-4
+    assert is_rigid(near)
+    assert not is_rigid(off)
+
+
+@pytest.mark.parametrize(
+    ("where", "value"),
+    [
+        ((3, 0), 1e-9), ((3, 3), 1.001), ((3, 3), 0.0), ((0, 3), np.nan), ((1, 3), np.inf), ((0, 0), np.nan),
+    ],
+)  # fmt: skip
+def test_another_last_row_and_what_is_not_finite_are_not_rigid(where: tuple[int, int], value: float) -> None:
+    T = pose()
+    T[where] = value
+    assert not is_rigid(T)
+
+
+def test_what_mirrors_stretches_or_flattens_is_not_rigid() -> None:
+    for scale in ((-1.0, 1.0, 1.0), (-1.0, -1.0, -1.0), (1.001, 1.001, 1.001), (0.999, 1.0, 1.0), (1.0, 1.0, 0.0)):
+        T = pose()
+        T[:3, :3] = T[:3, :3] @ np.diag(scale)
+        assert not is_rigid(T), scale

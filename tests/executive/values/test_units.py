@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from executive.values.units import ANGLE, LENGTH, QUANTITIES, RATE, RATIO, STIFFNESS
+from executive.values.units import ANGLE, LENGTH, QUANTITIES, RATE, RATIO, STIFFNESS, TIME
 
 UNITS = [(quantity, unit) for quantity in QUANTITIES.values() for unit in quantity.units if unit != "1"]
 
@@ -75,3 +75,44 @@ def test_any_text_is_a_length_or_refused_in_words(text):
     else:
         said = "length" if math.isfinite(value) else ""
     assert "length" in said
+
+
+SAME = """
+    1 m = 100 cm; 1 cm = 10 mm; 1 mm = 1000 um; 1 h = 60 min; 1 min = 60 s; 1 s = 1000 ms; 1 ms = 1000 us
+    1 kg = 1000 g; 1 N = 1000 mN
+    1 N·m = 1000 N·mm; 1 Nm = 1 N·m; 1 Nmm = 1 N·mm; 1 N/mm = 1 kN/m; 1 kN/m = 1000 N/m
+    1 MPa = 10 bar; 1 bar = 100 kPa; 1 kPa = 1000 Pa
+    1 m/s = 100 cm/s; 1 cm/s = 10 mm/s; 1 m/s² = 1 m/s^2; 1 m/s² = 1000 mm/s²; 1 mm/s^2 = 1 mm/s²
+    1 kHz = 1000 Hz; 1 Hz = 1 1/s
+    180 deg = 180 °; 180 ° = 3.141592653589793 rad; 180 deg/s = 180 °/s; 180 °/s = 3.141592653589793 rad/s
+"""  # fmt: skip
+
+
+def test_units_are_as_large_as_everybody_knows():
+    seen = {"px"}
+    for equation in SAME.replace("\n", ";").split(";"):
+        if sides := equation.strip():
+            one, other = sides.split(" = ")
+            (quantity,) = (q for q in QUANTITIES.values() if one.split(" ")[1] in q.units)
+            assert quantity.parse(one) == pytest.approx(quantity.parse(other), rel=1e-12), sides
+            seen |= {one.split(" ")[1], other.split(" ")[1]}
+    assert {name for _, name in UNITS} - {"%"} == seen
+
+
+@pytest.mark.parametrize(
+    ("quantity", "si", "text"),
+    [
+        (LENGTH, 0.12, "12 cm"),
+        (LENGTH, -0.12, "-12 cm"),
+        (LENGTH, 1.0, "1 m"),
+        (LENGTH, 1.234, "1.234 m"),
+        (LENGTH, 0.0015, "1.5 mm"),
+        (LENGTH, 1500.0, "1500 m"),
+        (LENGTH, 0.0, "0 m"),
+        (TIME, 600.0, "10 min"),
+        (RATIO, 0.25, "0.25"),
+    ],
+)
+def test_a_value_is_written_in_the_unit_that_keeps_it_short(quantity, si, text):
+    assert quantity.format(si) == text
+    assert quantity.parse(text) == pytest.approx(si)
