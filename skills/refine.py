@@ -41,7 +41,7 @@ class Refine(Skill):
 
     devices = (Workspace,)
     moves = ()
-    failures = ("NO_DEPTH", "TOO_FEW_INLIERS", "SIZE_OUT_OF_RANGE", "AT_BOUND", "RENDER_FAILED")
+    failures = ("NO_DEPTH", "TOO_FEW_INLIERS", "SIZE_OUT_OF_RANGE", "AT_BOUND", "NOT_ITS_SHAPE", "RENDER_FAILED")
 
     def prepare(self) -> None:
         """Importing and compiling what measures takes seconds. A renderer that fails says so when it is used."""
@@ -69,7 +69,7 @@ class Refine(Skill):
         inlier_band: Annotated[
             Length, Port(min="0.5 mm", max="50 mm", help="depth within this agrees; far away, within its noise")
         ] = LENGTH("4 mm"),
-        min_inliers: Annotated[Ratio, Port(min=0.0, max=1.0, help="least share of the depth that must agree")] = 0.25,
+        min_inliers: Annotated[Ratio, Port(min=0.0, max=1.0, help="least share of the depth that must agree")] = 0.3,
         smallest: Annotated[Ratio, Port(min=0.01, max=1.0, help="least accepted size relative to the CAD model")] = 0.4,
         largest: Annotated[
             Ratio, Port(min=1.0, max=10.0, help="greatest accepted size relative to the CAD model")

@@ -40,6 +40,7 @@ WHY = {
     "TOO_FEW_INLIERS": "too little of the depth has a fruit's shape: it is too hidden, or it is no fruit",
     "SIZE_OUT_OF_RANGE": "it would be far larger or smaller than this kind of fruit is",
     "AT_BOUND": "the depth there is not the fruit's: it is hidden, or it is no fruit",
+    "NOT_ITS_SHAPE": "what is there is flat in a direction in which this fruit is round: a leaf, a post or a wall",
     "RENDER_FAILED": "its model could not be drawn where it was seen",
 }
 """What the codes of Refine say to people."""

@@ -9,6 +9,7 @@ RefineError           carries the skill's failure code; the attributes are its d
 ├── TooFewInliers       TOO_FEW_INLIERS
 ├── SizeOutOfRange      SIZE_OUT_OF_RANGE
 ├── AtBound             AT_BOUND
+├── NotItsShape         NOT_ITS_SHAPE
 └── RenderFailed        RENDER_FAILED
 """
 
@@ -88,6 +89,19 @@ class SizeOutOfRange(RefineError):
         super().__init__(
             f"the fruit would have {ratio:.2f} of the model's size, outside {lower:.2f} to {upper:.2f}: "
             "the detection is probably of something else"
+        )
+
+
+class NotItsShape(RefineError):
+    """What agrees with the model is flat in a direction in which the fruit is round: a wall, a post, a leaf."""
+
+    code = "NOT_ITS_SHAPE"
+
+    def __init__(self, curvature: float, needed: float) -> None:
+        self.curvature, self.needed = curvature, needed
+        super().__init__(
+            f"what is seen there has {max(curvature, 0.0):.2f} of the fruit's curvature in one direction, "
+            f"{needed:.2f} is needed: it is a wall, a post or a leaf, or it hides the fruit"
         )
 
 

@@ -25,7 +25,7 @@ class Limits:
     """
 
     inlier_band: float = 4e-3
-    min_inliers: float = 0.25
+    min_inliers: float = 0.3
     size: tuple[float, float] = (0.4, 1.6)
 
 
