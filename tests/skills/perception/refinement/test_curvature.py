@@ -86,7 +86,7 @@ def test_a_leaf_in_front_that_agrees_with_a_smaller_fruit_is_told() -> None:
     depth = np.zeros(U.shape)
     depth[box.slices] = virtual
     left, right = box.left - 5, round(box.left + 0.8 * virtual.shape[1])
-    depth[box.top : box.bottom, left:right] = 0.545
+    depth[box.top : box.bottom, left:right] = 0.53
     measured = noisy(depth, np.random.default_rng(0))
     with pytest.raises(RefineError) as error:
         refine(measured, CAMERA, T, APPLE, limits=Limits(min_inliers=0.2), depth_model=SIMULATED, using="zbuffer")
