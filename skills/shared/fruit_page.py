@@ -106,6 +106,8 @@ def make_page(report: FruitReport, of: int = 0) -> ReportPage:
     if masses and all(masses):
         tiles.append(Tile("what the measured weigh", f"{sum(mass[0] for mass in masses if mass):.2f} kg", "estimated"))
     page.add(Tiles(tuple(tiles)))
+    if report.doubt:
+        page.add(Paragraph(f"Do not believe these sizes yet: {report.doubt}"))
     if any(entry.unreadable for entry in frames):
         page.add(Heading("Frames that could not be looked at"))
         page.add(

@@ -18,6 +18,16 @@ from skills.perception.inventory.sighting import Z_90, Sighting
 CLASS_MM = 5
 """Widths are counted in classes of so many millimetres, as fruit is sorted for sale (UNECE standard FFV-50, apples)."""
 
+LEAST_TELLING = 3
+"""So many fruit tell that all of them are too large or too small; one is just large."""
+
+UNLIKE_MODEL = 0.5, 1.25
+"""Fruit of a kind of which only the model is known are at least and at most so large, beside it, in the middle: the
+orchard's 52 calipered apples are 0.73 of theirs."""
+
+UNLIKE_KIND = 0.15
+"""Where a kind's sizes are known, fruit of another place may differ from them by so much, in the middle: a share."""
+
 _SIZE = (
     "width_mm", "width_90_mm", "height_mm", "height_90_mm", "depth_mm", "depth_90_mm", "mass_g", "mass_90_g",
     "mass_model",
@@ -109,7 +119,30 @@ class FruitReport:
         newest = self.frames[-1]
         done = f"{len(self.frames)} of {of} frames" if of else f"{len(self.frames)} frames"
         here = newest.unreadable or f"{newest.label}: {len(newest.finds)} found, {newest.measured} measured"
-        return f"{done}, {here}; {len(self.book.fruit)} fruit so far, {self.measured} measured"
+        so_far = f"{done}, {here}; {len(self.book.fruit)} fruit so far, {self.measured} measured"
+        return f"{so_far}; {self.doubt}" if self.doubt else so_far
+
+    @property
+    def doubt(self) -> str:
+        """Why no size may be right, for people: all fruit together look larger or smaller than this kind is."""
+        shown = [s.shown[0] / s.fruit.dimensions[[0, 2]].mean() for fruit in self.book.fruit
+                 for s in fruit.sightings[:1] if not np.isnan(s.shown[0])]  # fmt: skip
+        if len(shown) < LEAST_TELLING:
+            return ""
+        kind = self.book.fruit[0].sightings[0].fruit
+        middle, (least, most) = float(np.median(shown)), UNLIKE_MODEL
+        if kind.sizes is not None:
+            usual = kind.sizes.width * kind.sizes.looks / float(kind.dimensions[[0, 2]].mean())
+            spread = float(np.hypot(kind.sizes.width_deviation, kind.sizes.looks_deviation))
+            apart = UNLIKE_KIND + 3.0 * spread / np.sqrt(len(shown))
+            least, most = usual * np.exp(-apart), usual * np.exp(apart)
+        if least <= middle <= most:
+            return ""
+        return (
+            f"the {len(shown)} measured fruit look {middle:.2f} times as large as the model of {kind.name} in the "
+            f"middle, {least:.2f} to {most:.2f} is usual: do the intrinsics belong to these pictures, "
+            "and is the depth right?"
+        )
 
     def tables(self) -> dict[str, TableView]:
         """Finds, fruit and sizes for people, by the topics that they are shown as."""

@@ -17,6 +17,7 @@ from executive.skill_testing import drive
 from skills import count_fruit
 from skills.count_fruit import CountFruit
 from skills.perception.detection.detection import AllDetections
+from skills.perception.fruit.sizes import KindSizes
 from skills.perception.inventory.camera_motion import CameraMotion
 from skills.perception.inventory.sighting import FrameSightings, sighting_of
 from skills.shared.fruit_page import FINDS, FRUIT, PAGE, PICTURES
@@ -199,3 +200,27 @@ def test_what_is_told_stays_in_proportion_to_what_is_found() -> None:
         told += report.is_due(last=False)
     assert 60 < told < 90
     assert report.is_due(last=True)
+
+
+@pytest.mark.parametrize(("factor", "doubted"), [(1.0, False), (1.9, True), (0.4, True)])
+def test_where_all_fruit_look_too_large_or_too_small_the_sizes_are_doubted(
+    factor: float, doubted: bool, tmp_path: Path
+) -> None:
+    inputs = looked("one", {1: 3, 2: 1, 5: 5})
+    seen = inputs["finds"].sightings
+    wrong = tuple(replace(each, shown=factor * each.shown) for each in seen)
+    end = count(inputs | {"finds": FrameSightings(inputs["looked"].frame, wrong)}, out=tmp_path / "o")
+    assert ("do the intrinsics belong to these pictures" in end.feedback) is doubted
+    assert ("Do not believe these sizes yet" in (tmp_path / "o" / PAGE).read_text()) is doubted
+
+
+def test_sizes_of_a_kind_tell_less_of_what_is_usual_than_its_model() -> None:
+    sizes = KindSizes(0.073, 0.07, 0.957, 0.06)
+    inputs = looked("one", {1: 3, 2: 1, 5: 5})
+    seen = inputs["finds"].sightings
+    for factor, doubted in ((0.75, False), (1.1, True)):
+        alike = [
+            replace(s, fruit=replace(s.fruit, sizes=sizes), shown=factor * np.array([0.0967, 0.001])) for s in seen
+        ]
+        end = count(inputs | {"finds": FrameSightings(inputs["looked"].frame, tuple(alike))})
+        assert ("intrinsics" in end.feedback) is doubted

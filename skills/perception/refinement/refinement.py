@@ -43,10 +43,9 @@ _MOST_THROUGH = 0.1
 _UNMODELLED = np.array([0.01, 0.01, 0.01, 0.003, 0.012, 0.003])
 _UNMODELLED_ON_SUPPORT = np.array([0.01, 0.01, 0.01, 0.003, 0.004, 0.003])
 """Standard deviations of what no stretched model explains (lobes, dents, one shoulder higher than the other, the turn
-about the axis) in place and dimensions, of the mean dimension; in dimensions by the share that is seen, more where less
-is."""
+about the axis) in place and dimensions, of the mean dimension; over the share of the fruit that is seen."""
 
-_FIT_VARIANCE = 0.6
+_FIT_VARIANCE = 0.75
 """Of what the fit says of itself: its weights are those that measure best, and as variances they are too large."""
 
 _UNSEEN_DOUBT = 0.6
@@ -341,5 +340,6 @@ def _covariance(fit: ShapeFit, dimensions: Float64, whole: float, seen: float, d
     to_size = np.diag(np.concatenate([np.ones(3), dimensions]))
     covariance: Float64 = _FIT_VARIANCE * to_size @ fit.covariance @ to_size
     unmodelled = (_UNMODELLED_ON_SUPPORT if fit.on_support else _UNMODELLED) * dimensions.mean()
-    unmodelled[3:] = np.hypot(unmodelled[3:] / seen, doubt)
+    unmodelled /= seen
+    unmodelled[3:] = np.hypot(unmodelled[3:], doubt)
     return covariance + np.diag(unmodelled**2) + whole**2 * np.outer(change, change)
