@@ -28,7 +28,7 @@ from executive.ports import REQUIRED, Port, Ports, Quantity
 from executive.registry import GROUP, Registry, replacements
 from executive.skill import Skill
 
-VERSION = 2
+VERSION = 3
 """Of the file's form."""
 
 _PLAIN: Mapping[str, type[Any]] = {
@@ -140,7 +140,10 @@ class _Writer:
         limits = [port.min, port.max]
         if not all(limit is None or isinstance(limit, _SIMPLE) for limit in limits):
             raise _Unsayable
-        found = {"type": self.type_said(port.type), "help": port.help, "limits": limits, "choices": list(port.choices)}
+        found = {
+            "type": self.type_said(port.type), "help": port.help, "limits": limits, "choices": list(port.choices),
+            "was": port.was,
+        }  # fmt: skip
         if not port.required:
             found["default"] = self.value(port.default)
         return found
@@ -216,7 +219,7 @@ class _Reader:
     def port(self, said: Mapping[str, Any]) -> Port:
         default = self.value(said["default"]) if "default" in said else REQUIRED
         low, high = said["limits"]
-        return Port(self.type_said(said["type"]), default, said["help"], low, high, tuple(said["choices"]))
+        return Port(self.type_said(said["type"]), default, said["help"], low, high, tuple(said["choices"]), said["was"])
 
     def value(self, said: Any) -> Any:
         if not isinstance(said, dict):

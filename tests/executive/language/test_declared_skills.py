@@ -60,7 +60,7 @@ class Give(Skill):
 
 class Take(Skill):
     """Takes."""
-    inputs = Ports(outer=Outer, word=Port(str, choices=("a", "b")))
+    inputs = Ports(outer=Outer, word=Port(str, choices=("a", "b"), was="speech"))
 '''
 
 TREE = """\
@@ -74,6 +74,7 @@ root:
 """
 WRONG = [
     TREE.replace("word: a", "word: c"),
+    TREE.replace("word: a", "speech: a"),
     TREE.replace("far: 2 mm", "far: 2 m"),
     TREE.replace("mood: wild", "mood: wil"),
     TREE.replace("n.inner.mood} == CALM", "n.inner.mod} == CALM"),
