@@ -92,6 +92,9 @@ def _packages() -> Iterator[ReportLine]:
         try:
             if name in MODULES:
                 importlib.import_module(MODULES[name])
+        except ModuleNotFoundError as error:  # of another package, which has a line of its own if it is declared
+            missing = (error.name or name).partition(".")[0]
+            yield ReportLine(name, False, f"cannot be imported: {error}", f"{sys.executable} -m pip install {missing}")
         except Exception as error:  # a missing system library shows in many ways
             advice = f"a library of the system is missing, or: {sys.executable} -m pip install --force-reinstall {name}"
             yield ReportLine(name, False, f"cannot be imported: {error}", EGL if name == "pyrender" else advice)

@@ -55,6 +55,14 @@ def test_a_library_of_the_system_that_a_package_lacks_is_said(monkeypatch: pytes
     assert found["numpy"].ok
 
 
+def test_a_package_that_lacks_another_one_is_sent_to_pip_and_not_to_apt(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(name: str) -> object:
+        raise ModuleNotFoundError("No module named 'trimesh.base'", name="trimesh.base")
+
+    monkeypatch.setattr("drivers.machine.importlib.import_module", refuse)
+    assert lines()["pyrender"].advice.endswith("-m pip install trimesh")
+
+
 def test_graphics_that_draw_nothing_are_told_with_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(*_: object) -> object:
         raise DeviceFault("camera", "no EGL display")
