@@ -113,7 +113,7 @@ def test_it_says_which_extras_are_there_and_how_to_install_the_others(monkeypatc
     assert set(machine.EXTRAS) == declared - {"dev"}
 
 
-@pytest.mark.parametrize(("module", "words"), [("numpy", ("runs", "list")), ("yaml", ("check", "pick_apple"))])
+@pytest.mark.parametrize(("module", "words"), [("numpy", ("run", "pick_apple")), ("yaml", ("check", "pick_apple"))])
 def test_where_what_everything_stands_on_is_missing_the_doctor_speaks_and_the_others_send_to_it(
     module: str, words: tuple[str, ...], tmp_path: Path
 ) -> None:
