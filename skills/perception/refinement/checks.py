@@ -39,7 +39,8 @@ def extents(mesh: Triangles) -> Float64:
     """The size of a mesh's cuboid (d_x, d_y, d_z) [m], shape (3,); remembered per mesh object.
 
     Raises:
-        BadMesh: empty, not finite, of zero size in some direction, or not watertight.
+        BadMesh: empty, not finite, or of zero size in some direction. A mesh with holes is none: only what the camera
+            sees is rendered and matched.
     """
     vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
     if vertices.ndim != 2 or vertices.shape[1:] != (3,) or faces.ndim != 2 or faces.shape[1:] != (3,) or not len(faces):
@@ -51,8 +52,6 @@ def extents(mesh: Triangles) -> Float64:
     size: Float64 = np.ptp(vertices[np.unique(faces)], axis=0).astype(np.float64)
     if size.min() <= 0.0:
         raise BadMesh(f"the mesh measures {size.tolist()} m: it must have a size in all three directions")
-    if winding(mesh) == 0:
-        raise BadMesh("the mesh is not watertight: every edge must belong to exactly two faces, wound alike")
     size.flags.writeable = False
     return size
 

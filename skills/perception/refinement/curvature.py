@@ -94,13 +94,12 @@ def least_curvature(
 def _fitted(terms: Float64, values: Float64) -> tuple[Float64, NDArray[np.bool_]]:
     """Coefficients by least squares, a second time without what lies far off, and what was kept."""
     keep = np.ones(len(values), np.bool_)
-    found: Float64
     for _ in range(2):
         found = np.linalg.lstsq(terms[keep], values[keep], rcond=None)[0]
         off = np.abs(values - terms @ found)
         keep = off <= _TRIMMED * np.sqrt(np.mean(off[keep] ** 2))
-    found = np.linalg.lstsq(terms[keep], values[keep], rcond=None)[0]
-    return found, keep
+    coefficients: Float64 = np.asarray(np.linalg.lstsq(terms[keep], values[keep], rcond=None)[0], np.float64)
+    return coefficients, keep
 
 
 def _second_derivatives(coefficients: Float64) -> Float64:

@@ -3,7 +3,7 @@
 RefineError           carries the skill's failure code; the attributes are its data
 ├── BadDepth            NO_DEPTH: not a depth image of this camera
 │   └── DepthNotInMetres  every value is about a thousand times too large
-├── BadMesh             RENDER_FAILED: empty, flat, not finite or not watertight
+├── BadMesh             RENDER_FAILED: empty, flat or not finite
 ├── BadPose             RENDER_FAILED: not a rigid transform
 ├── NoDepth             NO_DEPTH
 ├── TooFewInliers       TOO_FEW_INLIERS
@@ -42,7 +42,7 @@ class DepthNotInMetres(BadDepth):
 
 
 class BadMesh(RefineError):
-    """The mesh encloses no volume."""
+    """The mesh is none of a body."""
 
     code = "RENDER_FAILED"
 

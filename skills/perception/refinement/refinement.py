@@ -91,7 +91,8 @@ def refine(
         depth: z-depth, shape (h, w) [m]; 0 or not finite where the sensor saw nothing.
         intrinsics: of the depth image.
         T_camera_object: the detector's pose of the CAD-sized model (the paper's p_hat and Q_hat).
-        mesh: the CAD model, watertight, its origin in the centre of its cuboid; a `FruitModel` is one.
+        mesh: the CAD model or a scan, its origin in the centre of its cuboid; a `FruitModel` is one. Holes may be where
+            the camera does not look.
         method: shape - height, widths and tilt by themselves, where the depth supports it, else uniform;
             uniform - the closed form with one render; paper - the same optimum by repeated rendering.
         support: the plane that the fruit stands on, in the camera frame, where one is known; used by shape.

@@ -8,6 +8,7 @@ from functools import lru_cache
 import numpy as np
 from scipy.spatial import cKDTree
 
+from skills.perception.refinement.checks import winding
 from skills.perception.refinement.depth_image import Triangles
 from skills.perception.refinement.points_to_surface import Samples
 
@@ -28,9 +29,17 @@ class Surface:
 
 @lru_cache(maxsize=8)
 def surface_of(mesh: Triangles) -> Surface:
-    """Sample a mesh; the same mesh object gives the same samples."""
+    """Sample a mesh; the same mesh object gives the same samples.
+
+    Normals look outwards also where faces are wound inwards, or not alike as in scans with holes: there away from the
+    middle, as every part of a fruit's skin does.
+    """
     corners = mesh.vertices[mesh.faces]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    wound = winding(mesh)
+    middle = 0.5 * (mesh.vertices.min(axis=0) + mesh.vertices.max(axis=0))
+    away = np.einsum("ij,ij->i", normals, corners.mean(axis=1) - middle)
+    normals *= wound if wound else np.where(away < 0.0, -1.0, 1.0)[:, None]
     area = np.linalg.norm(normals, axis=1)
     share = np.cumsum(area) / area.sum()
     face = np.minimum(np.searchsorted(share, (np.arange(_SAMPLES) + 0.5) / _SAMPLES), len(area) - 1)

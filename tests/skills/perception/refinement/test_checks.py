@@ -34,9 +34,6 @@ def test_vertices_that_appear_twice_leave_no_gap():
 @pytest.mark.parametrize(
     ("shape", "reason"),
     [
-        (Shape(BALL.vertices, BALL.faces[:-1]), "watertight"),
-        (Shape(BALL.vertices, np.concatenate([BALL.faces, BALL.faces[:1]])), "watertight"),
-        (Shape(BALL.vertices, np.concatenate([BALL.faces[:1, ::-1], BALL.faces[1:]])), "watertight"),
         (Shape(BALL.vertices * [1.0, 0.0, 1.0], BALL.faces), "size in all three"),
         (Shape(0.0 * BALL.vertices, BALL.faces), "size in all three"),
         (Shape(BALL.vertices * np.nan, BALL.faces), "not finite"),

@@ -9,6 +9,7 @@ import pytest
 
 from drivers.depth_model import AZURE_KINECT, D4XX, SIMULATED
 from skills.geometry import inverse, rot_x, rotation_about, transform
+from skills.perception.fruit import Mesh
 from skills.perception.fruit.sizes import KindSizes
 from skills.perception.refinement import Limits, OtherLook, horizontal_plane, refine
 from skills.perception.refinement.errors import (
@@ -243,6 +244,23 @@ def test_both_renderers_measure_the_same(scene, apple):
     one, other = (measured(s, apple, support=s.table, using=name) for name in ("pyrender", "zbuffer"))
     np.testing.assert_allclose(one.dimensions, other.dimensions, atol=1e-6)
     np.testing.assert_allclose(one.T_camera_object, other.T_camera_object, atol=1e-5)
+
+
+@pytest.mark.parametrize("using", ["pyrender", "zbuffer"])
+@pytest.mark.parametrize("method", ["shape", "uniform"])
+def test_a_scan_with_a_hole_where_nobody_looks_measures_the_same_however_its_faces_are_wound(
+    scene, apple, method, using
+):
+    s = scene((91, 85, 91), 68, 11)
+    closed = measured(s, apple, support=s.table, method=method, using=using)
+    y = apple.vertices[apple.faces].mean(axis=1)[:, 1] / apple.dimensions[1]  # it points down
+    low = (y > 0.25) & (y < 0.45)
+    turned = np.random.default_rng(0).random(len(apple.faces)) < 0.3
+    faces = np.where(turned[:, None], apple.faces[:, ::-1], apple.faces)
+    for scan in (Mesh(apple.vertices, faces[~low]), Mesh(apple.vertices, np.ascontiguousarray(apple.faces[:, ::-1]))):
+        found = measured(s, scan, support=s.table, method=method, using=using)
+        assert found.method == closed.method
+        assert found.dimensions == pytest.approx(closed.dimensions, abs=1e-3)
 
 
 def test_the_same_scene_gives_the_same_result(scene, apple):
