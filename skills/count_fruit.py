@@ -56,14 +56,12 @@ class CountFruit(Skill):
         self,
         looked: Annotated[AllDetections | None, Port(help="what was found in the frame")] = None,
         finds: Annotated[
-            FrameSightings | None, Port(help="the same as they were measured; another frame's are not used")
+            FrameSightings | None, Port(help="the same fruit as measured; those of another frame are not used")
         ] = None,
-        unreadable: Annotated[str, Port(help="why the frame could not be looked at; it keeps its line")] = "",
-        frames: Annotated[int, Port(min=0, help="how many there are in all; 0: nobody knows")] = 0,
-        join: Annotated[bool, Port(help="find the camera's motion between frames of which nobody says it")] = True,
-        out: Annotated[
-            str, Port(help="folder for tables, page and pictures, which must not be there; none without")
-        ] = "",
+        unreadable: Annotated[str, Port(help="why the frame could not be searched; it keeps its row")] = "",
+        frames: Annotated[int, Port(min=0, help="number of frames in all; 0: unknown")] = 0,
+        join: Annotated[bool, Port(help="estimate the camera's motion between frames that do not give it")] = True,
+        out: Annotated[str, Port(help="new folder for tables, page and pictures; nothing is written without it")] = "",
     ) -> Work[FruitCount]:
         report = self._report
         if unreadable or looked is None:

@@ -49,7 +49,8 @@ class Detect(LookingSkill):
         reselect: Annotated[
             Literal["freely", "last", "never"],
             Port(
-                help="fruit chosen before: like any other, only when nothing else is left, or not at all", was="again"
+                help="choose fruit that was chosen before: like any other, as a last choice, or never",
+                was="again",
             ),
         ] = "last",
         max_selections: Annotated[
@@ -61,7 +62,7 @@ class Detect(LookingSkill):
             Port(
                 min=0.0,
                 max=1.0,
-                help="least belief from the second look on, when nothing surer is left that is new; 1: never",
+                help="least belief from the second look on, when no surer new fruit is left; 1: never",
                 was="unsure",
             ),
         ] = 1.0,

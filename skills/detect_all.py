@@ -34,7 +34,7 @@ class DetectAll(LookingSkill):
             int, Port(min=1, max=1000, help="places that are looked at closely, surest first", was="most")
         ] = 100,
         least: Annotated[
-            int, Port(min=0, help="fewer fail with NOTHING_FOUND; 0: a frame without fruit is one, too")
+            int, Port(min=0, help="fewer fail with NOTHING_FOUND; with 0, a frame without fruit succeeds")
         ] = 1,
     ) -> Work[AllDetected]:
         model = self.fruit_model(fruit)

@@ -31,7 +31,7 @@ class KeepTally(Skill):
         ] = None,
         outcome: Annotated[str, Port(help=f"{DONE}, or what else became of it")] = DONE,
         why: Annotated[str, Port(help="the reason, for people")] = "",
-        so_far: Annotated[Tally | None, Port(help="the account to go on with")] = None,
+        so_far: Annotated[Tally | None, Port(help="the tally so far")] = None,
     ) -> Kept:
         if measured is None or measured.frame is not detection.frame:
             p_base, size = (detection.T_base_camera @ detection.T_camera_object)[:3, 3], None

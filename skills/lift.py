@@ -120,7 +120,7 @@ class Lift(MovingSkill):
         height: Annotated[Length, Port(min="1 mm", help="how far up")] = LENGTH("150 mm"),
         hold: Annotated[Hold | None, Port(help="the grip that goes on while lifting")] = None,
         grasp: Annotated[
-            Grasp | None, Port(help="by which the fruit is held: the fruit is then part of the robot for collision")
+            Grasp | None, Port(help="of the held fruit, which is then checked for collision as part of the robot")
         ] = None,
         map: Annotated[OccupancyMap | None, Port(help="what is in the way")] = None,
         clearance: Annotated[
@@ -129,7 +129,7 @@ class Lift(MovingSkill):
         speed: Annotated[Speed, Port(min="1 mm/s", max="1 m/s")] = SPEED("0.25 m/s"),
         acceleration: Annotated[Acceleration, Port(min="0.01 m/s²", max="3 m/s²")] = ACCELERATION("1 m/s²"),
         hold_time: Annotated[
-            Time, Port(min="0 s", help="so long it is watched up there: the grip comes to rest", was="keep")
+            Time, Port(min="0 s", help="how long it is watched at the top while the grip settles", was="keep")
         ] = TIME("0 s"),
     ) -> Work[None]:
         arm = self.device(Arm)

@@ -42,7 +42,7 @@ class Pivot(Skill):
         self,
         hold: Hold,
         plumb: Annotated[
-            Length, Port(min="0.5 mm", help="the fruit's centre may hang so far beside the fingers")
+            Length, Port(min="0.5 mm", help="how far the fruit's centre may hang beside the fingers")
         ] = LENGTH("4 mm"),
         patience: Annotated[Time, Port(min="0.5 s", help="how long it may take")] = TIME("8 s"),
     ) -> Work[None]:

@@ -49,7 +49,7 @@ class Plan(Skill):
 
     def run(
         self,
-        to: Annotated[GraspCandidates, Port(help="where to; any candidate will do")],
+        to: Annotated[GraspCandidates, Port(help="goals; reaching any one of them will do")],
         map: Annotated[OccupancyMap, Port(help="what is in the way; the target is left out of it")],
         planner: Annotated[str, Port(choices=tuple(PLANNERS))] = "RRTConnect",
         improve: Annotated[

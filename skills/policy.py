@@ -39,18 +39,18 @@ class Policy(MovingSkill):
     def run(
         self,
         weights: Annotated[str, Port(help="file of the policy (.npz)")],
-        x: Annotated[Length, Port(help="goal of the tool's point in the base frame")],
+        x: Annotated[Length, Port(help="goal of the tool centre point in the base frame")],
         y: Annotated[Length, Port(help="of the goal")],
         z: Annotated[Length, Port(help="of the goal")],
-        patience: Annotated[Time, Port(min="1 s", help="longer than this it may not take")] = TIME("15 s"),
+        patience: Annotated[Time, Port(min="1 s", help="time limit")] = TIME("15 s"),
         watchdog: Annotated[
-            Time, Port(min="50 ms", max="2 s", help="without a new set-point for so long the arm comes to rest")
+            Time, Port(min="50 ms", max="2 s", help="the arm comes to rest when no set-point arrives for this long")
         ] = TIME("300 ms"),
-        max_age: Annotated[Time, Port(min="10 ms", max="1 s", help="joints older than this decide nothing")] = TIME(
+        max_age: Annotated[Time, Port(min="10 ms", max="1 s", help="joint states older than this are not used")] = TIME(
             "150 ms"
         ),
         still: Annotated[
-            Angle, Port(min="0.01 deg", help="it has arrived when it wants to go no further than this in any joint")
+            Angle, Port(min="0.01 deg", help="it has arrived when no joint is to move further than this")
         ] = ANGLE("0.5 deg"),
     ) -> Work[None]:
         network = self._network(weights)

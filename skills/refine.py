@@ -60,21 +60,22 @@ class Refine(Skill):
         method: Annotated[
             Literal["shape", "uniform", "paper", "none"],
             Port(
-                help="shape: height and widths apart; uniform: one scale; paper: rendered repeatedly; none: as detected"
+                help="shape: height and widths separately; uniform: one scale; paper: rendered again; none: as detected"
             ),
         ] = "shape",
         earlier: Annotated[
             MeasuredFruit | None, Port(help="the same fruit, measured from another place: its looks are fused in")
         ] = None,
         inlier_band: Annotated[
-            Length, Port(min="0.5 mm", max="50 mm", help="depth within this agrees; far away, within its noise")
+            Length,
+            Port(min="0.5 mm", max="50 mm", help="depth agrees within this, or within its noise if larger"),
         ] = LENGTH("4 mm"),
         min_inliers: Annotated[Ratio, Port(min=0.0, max=1.0, help="least share of the depth that must agree")] = 0.3,
         smallest: Annotated[Ratio, Port(min=0.01, max=1.0, help="least accepted size relative to the CAD model")] = 0.4,
         largest: Annotated[
             Ratio, Port(min=1.0, max=10.0, help="greatest accepted size relative to the CAD model")
         ] = 1.6,
-        renderer: Annotated[Literal["pyrender", "zbuffer"], Port(help="what renders virtual depth")] = "pyrender",
+        renderer: Annotated[Literal["pyrender", "zbuffer"], Port(help="renderer of the virtual depth")] = "pyrender",
     ) -> Work[Refined]:
         table_z = self.device(Workspace).table_z
         limits = Limits(inlier_band, min_inliers, (smallest, largest))

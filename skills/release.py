@@ -80,9 +80,7 @@ class Release(MovingSkill):
             str | None, Port(help="a pose of the cell file to go to first, above where the fruit is put")
         ] = None,
         variation: Annotated[int, Port(min=1, help="1 is the pose itself, 2 its pose_2 and so on, around")] = 1,
-        depth: Annotated[Length, Port(min="1 mm", help="how far down to look for something that carries it")] = LENGTH(
-            "150 mm"
-        ),
+        depth: Annotated[Length, Port(min="1 mm", help="how far down to search for a support")] = LENGTH("150 mm"),
         grasp: Annotated[
             Grasp | None, Port(help="the grasp by which the fruit is held: it is then part of the robot on the way")
         ] = None,
@@ -91,13 +89,11 @@ class Release(MovingSkill):
         clearance: Annotated[
             Length, Port(min="0 mm", help="kept by the links; gripper and fingers keep a share")
         ] = LENGTH("5 mm"),
-        contact: Annotated[Force, Port(min="0.1 N", help="change of load that says the fruit is carried")] = FORCE(
-            "0.35 N"
-        ),
-        speed: Annotated[Speed, Port(min="1 mm/s", max="0.1 m/s", help="at which the fruit is put down")] = SPEED(
+        contact: Annotated[Force, Port(min="0.1 N", help="change of load that shows contact")] = FORCE("0.35 N"),
+        speed: Annotated[Speed, Port(min="1 mm/s", max="0.1 m/s", help="at which the fruit is lowered")] = SPEED(
             "0.02 m/s"
         ),
-        fast: Annotated[Speed, Port(min="1 mm/s", max="0.5 m/s", help="as long as nothing known is near")] = SPEED(
+        fast: Annotated[Speed, Port(min="1 mm/s", max="0.5 m/s", help="used while nothing known is near")] = SPEED(
             "0.15 m/s"
         ),
     ) -> Work[None]:

@@ -65,9 +65,7 @@ class Retreat(MovingSkill):
         grasp: Annotated[Grasp | None, Port(help="the grasp that was attempted")] = None,
         speed: Annotated[Speed, Port(min="1 mm/s", max="0.5 m/s")] = SPEED("0.15 m/s"),
         acceleration: Annotated[Acceleration, Port(min="0.01 m/s²", max="3 m/s²")] = ACCELERATION("1 m/s²"),
-        contact: Annotated[Force, Port(min="0.2 N", help="change of force at which a lowered fruit stands")] = FORCE(
-            "0.8 N"
-        ),
+        contact: Annotated[Force, Port(min="0.2 N", help="change of force that shows contact")] = FORCE("0.8 N"),
     ) -> Work[None]:
         if grasp is None:
             return None

@@ -56,7 +56,7 @@ class SampleGrasp(Skill):
         self,
         around: Annotated[MeasuredFruit, Port(help="the refined fruit")],
         map: Annotated[OccupancyMap | None, Port(help="what is in the way; the target is left out of it")] = None,
-        tried: Annotated[Grasp | None, Port(help="the candidate of the attempt before")] = None,
+        tried: Annotated[Grasp | None, Port(help="the candidate of the previous attempt")] = None,
         radius: Annotated[Length, Port(min="20 mm", help="the paper's r_o")] = LENGTH("120 mm"),
         theta_min: Annotated[Angle, Port(min="0 deg", max="90 deg", help="tilt of the approach")] = ANGLE("0 deg"),
         theta_max: Annotated[Angle, Port(min="0 deg", max="90 deg")] = ANGLE("45 deg"),
@@ -68,7 +68,7 @@ class SampleGrasp(Skill):
             Length, Port(min="2 mm", help="kept by the links; gripper and fingers keep a share")
         ] = LENGTH("10 mm"),
         sigmas: Annotated[
-            Ratio, Port(min=0.0, max=10.0, help="standard deviations of the measurement kept as air")
+            Ratio, Port(min=0.0, max=10.0, help="clearance in standard deviations of the measurement")
         ] = 2.0,
         count: Annotated[int, Port(min=0, help="how many candidates to give at most; 0 gives all")] = 0,
         check: Annotated[

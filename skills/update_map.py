@@ -54,7 +54,7 @@ class UpdateMap(Skill):
         resolution: Annotated[Length, Port(min="5 mm", max="50 mm", help="edge of a cell")] = LENGTH("10 mm"),
         max_age: Annotated[Time, Port(min="0 s", help="largest age of the look")] = TIME("5 s"),
         target_margin: Annotated[
-            Length, Port(min="0 mm", max="50 mm", help="what so close to the fruit is its own")
+            Length, Port(min="0 mm", max="50 mm", help="depth this close to the fruit counts as the fruit's")
         ] = LENGTH("10 mm"),
     ) -> Work[Mapped]:
         arm, workspace = self.device(Arm), self.device(Workspace)

@@ -27,7 +27,7 @@ def add_export(subparsers: Any) -> None:
 
 def add_import(subparsers: Any) -> None:
     """Register `pomona import`."""
-    into = subparsers.add_parser("import", help="read such XML and print a tree file")
+    into = subparsers.add_parser("import", help="read XML of Groot2 or BehaviorTree.CPP and print a tree file")
     into.add_argument("xml", type=Path, help="the file whose tree runs; what it includes is read, too")
     into.add_argument("beside", type=Path, nargs="*", metavar="xml", help="further files, whose trees it calls")
     into.add_argument("--nodes", type=Path, action="append", default=[], metavar="FILE", help="models of its nodes")
