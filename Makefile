@@ -70,8 +70,10 @@ docs: $(STAMP) ## the documentation's site, in site/; a broken link is an error
 docs-serve: $(STAMP) ## the same, shown at http://127.0.0.1:8000 while it is written
 	NO_MKDOCS_2_WARNING=1 DISABLE_MKDOCS_2_WARNING=true $(BIN)/python -m mkdocs serve
 
-check: test test-slow ## what CI runs: all tests, then the site, lint, types, layer rules, two at a time
-	$(MAKE) --jobs 2 --output-sync=target types docs kit lint
+check: test ## what CI runs: the quick tests, then the slow ones, and beside them types, site, third parties' view and lint
+	$(MAKE) --jobs 2 --output-sync=line test-slow static
+
+static: types docs kit lint
 
 lint: $(STAMP) ## ruff, and who may import whom
 	$(BIN)/ruff check .
