@@ -9,18 +9,19 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from executive.values.arrays import Float64
 from skills.perception.refinement.depth_image import DepthImage
 from skills.perception.refinement.segment import connected_to
 
-_INNER = 0.75
-"""Share of the silhouette's pixels that are looked at, the innermost: at the outline proportions count, and mixed
-pixels."""
+_INNER = 0.87
+"""Pixels inside the silhouette, made so much smaller about its middle, are looked at: at the outline proportions count,
+and mixed pixels."""
 
 _LEAST_PIXELS = 60
+_MOST_PIXELS = 2000
 _TRIMMED = 3.0
 """Pixels farther from the fitted surface than so many standard deviations are left out once: holes' edges, stems."""
 
@@ -60,46 +61,74 @@ def least_curvature(
         where too little is seen, or the model itself is flat.
     """
     covered = virtual_depth > 0.0
-    inside = ndimage.distance_transform_edt(np.pad(covered, 1))[1:-1, 1:-1]
-    inner = inside > np.quantile(inside[covered], 1.0 - _INNER)
     connected = connected_to(inliers, depth, covered)
-    if not connected.any():
-        return None
-    seen = inner & connected & np.isfinite(depth) & (depth > 0.0)
-    rows, columns = np.nonzero(seen)
+    rows, columns = np.nonzero(connected & _smaller(covered) & np.isfinite(depth) & (depth > 0.0))
     if len(rows) < _LEAST_PIXELS:
         return None
+    step = -(-len(rows) // _MOST_PIXELS)
+    rows, columns = rows[::step], columns[::step]
+    z, z_model = depth[rows, columns].astype(np.float64), virtual_depth[rows, columns].astype(np.float64)
     u, v = columns - columns.mean(), rows - rows.mean()
     scale = max(float(u.std()), float(v.std()))
-    u, v = u / scale, v / scale
-    terms = np.column_stack([np.ones_like(u), u, v, 0.5 * u * u, u * v, 0.5 * v * v])
-    measured, modelled = 1.0 / depth[seen].astype(np.float64), 1.0 / virtual_depth[seen].astype(np.float64)
-    bent, keep = _fitted(terms, measured)
-    model = np.linalg.lstsq(terms[keep], modelled[keep], rcond=None)[0]
-    expected = _second_derivatives(model)
-    strength, directions = np.linalg.eigh(expected)
+    terms = _terms(u / scale, v / scale)
+    normal, right = _normal_equations(terms, 1.0 / z, 1.0 / z_model, np.inf, np.zeros(6))
+    bent = np.linalg.solve(normal, right)[:, 0]
+    spread = float(np.sqrt(np.mean((1.0 / z - terms @ bent) ** 2)))
+    normal, right = _normal_equations(terms, 1.0 / z, 1.0 / z_model, _TRIMMED * spread, bent)
+    bent, model = np.linalg.solve(normal, right).T
+    strength, directions = np.linalg.eigh(_second_derivatives(model))
     if not (strength < 0.0).all() or strength.max() > _CLEARLY_CURVED * strength.min():
         return None
     whiten = directions / np.sqrt(-strength)
     ratios, ways = np.linalg.eigh(-whiten.T @ _second_derivatives(bent) @ whiten)
-    way = whiten @ ways[:, 0]
-    row = np.array([0.0, 0.0, 0.0, way[0] ** 2, 2.0 * way[0] * way[1], way[1] ** 2])
-    left = measured[keep] - terms[keep] @ bent
-    normal = np.linalg.inv(terms[keep].T @ terms[keep])
-    deviation = np.sqrt(alike * float(np.mean(left**2)) * float(row @ normal @ row))
-    explained = np.abs(1.0 / (terms @ bent) - depth[seen]) <= band
-    return Curvature(float(ratios[0]), float(deviation), float(explained.mean()), float(inliers[seen].mean()))
+    x, y = whiten @ ways[:, 0]
+    row = np.array([0.0, 0.0, 0.0, x**2, 2.0 * x * y, y**2])
+    left = 1.0 / z - terms @ bent
+    variance = float(np.mean(left[np.abs(left) <= _TRIMMED * spread] ** 2))
+    deviation = np.sqrt(max(alike / step, 1.0) * variance * float(row @ np.linalg.solve(normal, row)))
+    explained = np.abs(1.0 / (terms @ bent) - z) <= band
+    agreeing = inliers[rows, columns].mean()
+    return Curvature(float(ratios[0]), float(deviation), float(explained.mean()), float(agreeing))
 
 
-def _fitted(terms: Float64, values: Float64) -> tuple[Float64, NDArray[np.bool_]]:
-    """Coefficients by least squares, a second time without what lies far off, and what was kept."""
-    keep = np.ones(len(values), np.bool_)
-    for _ in range(2):
-        found = np.linalg.lstsq(terms[keep], values[keep], rcond=None)[0]
-        off = np.abs(values - terms @ found)
-        keep = off <= _TRIMMED * np.sqrt(np.mean(off[keep] ** 2))
-    coefficients: Float64 = np.asarray(np.linalg.lstsq(terms[keep], values[keep], rcond=None)[0], np.float64)
-    return coefficients, keep
+def _smaller(covered: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """A silhouette, shape (h, w), smaller about its middle."""
+    rows, columns = np.nonzero(covered.any(axis=1))[0], np.nonzero(covered.any(axis=0))[0]
+    places = []
+    for size, seen in zip(covered.shape, (rows, columns), strict=True):
+        middle = 0.5 * (seen[0] + seen[-1])
+        outer = np.rint(middle + (np.arange(size) - middle) / _INNER).astype(np.int64)
+        places.append((np.clip(outer, 0, size - 1), (outer >= 0) & (outer < size)))
+    (down, inside_down), (across, inside_across) = places
+    smaller: NDArray[np.bool_] = covered[np.ix_(down, across)] & inside_down[:, None] & inside_across
+    return smaller
+
+
+def _terms(u: Float64, v: Float64) -> Float64:
+    """Of a quadratic, shape (n, 6)."""
+    terms = np.ones((len(u), 6))
+    terms[:, 1], terms[:, 2], terms[:, 3], terms[:, 4], terms[:, 5] = u, v, 0.5 * u * u, u * v, 0.5 * v * v
+    return terms
+
+
+@njit(cache=True, nogil=True)
+def _normal_equations(
+    terms: Float64, measured: Float64, modelled: Float64, reach: float, before: Float64
+) -> tuple[Float64, Float64]:
+    """Of both quadratics, from the pixels that lie within reach of the one before: shapes (6, 6) and (6, 2)."""
+    normal, right = np.zeros((6, 6)), np.zeros((6, 2))
+    for i in range(len(terms)):
+        off = measured[i]
+        for k in range(6):
+            off -= terms[i, k] * before[k]
+        if abs(off) > reach:
+            continue
+        for k in range(6):
+            right[k, 0] += terms[i, k] * measured[i]
+            right[k, 1] += terms[i, k] * modelled[i]
+            for m in range(6):
+                normal[k, m] += terms[i, k] * terms[i, m]
+    return normal, right
 
 
 def _second_derivatives(coefficients: Float64) -> Float64:
