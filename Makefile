@@ -158,10 +158,10 @@ measured: $(STAMP) ## what a benchmark prints, kept with its commit in docs/repo
 
 coverage: $(STAMP) ## which lines the tests reach, by package; the whole in htmlcov (a quarter longer than the tests)
 	@sh scripts/system_libraries.sh tests
-	$(BIN)/python -m pytest -n 2 --dist worksteal --cov=executive --cov=skills --cov=drivers --cov-report=html --cov-report=term:skip-covered
+	$(BIN)/python -m pytest -n 2 --dist worksteal --cov --cov-report=html --cov-report=term:skip-covered
 
-mutate: $(STAMP) ## small mistakes in the pure mathematics, and how many of them its tests find (half an hour)
-	$(BIN)/python scripts/mutate.py --report docs/reports/mutation/report.md
+mutate: $(STAMP) ## small mistakes in the pure mathematics, and how many of them its tests find (half an hour; MUTATE="--most 15" for a part)
+	$(BIN)/python scripts/mutate.py $(MUTATE) --report docs/reports/mutation/report.md
 
 bench-devices: $(STAMP) ## streams and round trips of the device drivers on emulated devices
 	$(BIN)/python -m benchmarks.bench_devices

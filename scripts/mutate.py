@@ -243,7 +243,12 @@ def main() -> None:
         os.environ["HYPOTHESIS_STORAGE_DIRECTORY"] = scratch
         chosen = {name: tests for name, tests in MATHEMATICS.items() if options.only in name}
         results = {name: judge(name, tests, options.most, options.seed) for name, tests in chosen.items()}
-    page = report(results, "make mutate")
+    chosen_by = " ".join(
+        f"--{word} {getattr(options, word)}"
+        for word in ("most", "seed", "only")
+        if getattr(options, word) != parser.get_default(word)
+    )
+    page = report(results, f'make mutate MUTATE="{chosen_by}"' if chosen_by else "make mutate")
     if options.report is not None:
         options.report.parent.mkdir(parents=True, exist_ok=True)
         options.report.write_text(page, encoding="utf-8")

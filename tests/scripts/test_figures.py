@@ -82,3 +82,27 @@ def test_pictures_are_told_apart_from_afar(pictures: Any, tmp_path: Path) -> Non
     assert pictures.looks_the_same(tmp_path / "a.png", tmp_path / "b.png")
     assert not pictures.looks_the_same(tmp_path / "a.png", tmp_path / "c.png")
     assert not pictures.looks_the_same(tmp_path / "a.png", tmp_path / "d.png")
+
+
+def test_a_picture_that_looks_as_it_was_is_made_anew_only_where_its_figures_changed(
+    pictures: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shade, peak = [200], [6.14]
+
+    def draw(out: Path) -> None:
+        Image.fromarray(np.full((90, 160, 3), shade[0], np.uint8)).save(out)
+
+    monkeypatch.setattr(pictures, "ROOT", tmp_path)
+    monkeypatch.setattr(pictures, "IMAGES", tmp_path)
+    (tmp_path / "source").touch()
+    monkeypatch.setitem(pictures.PICTURES, "a.png", pictures.Picture(draw, ("source",), lambda: {"peak [N]": peak[0]}))
+    entries: dict[str, Any] = {}
+    pictures.make("a.png", entries)
+    first = (tmp_path / "a.png").read_bytes()
+    shade[0] = 201
+    pictures.make("a.png", entries)
+    assert (tmp_path / "a.png").read_bytes() == first
+    peak[0] = 4.98
+    pictures.make("a.png", entries)
+    assert (tmp_path / "a.png").read_bytes() != first
+    assert entries["a.png"]["shows"] == {"peak [N]": 4.98}
