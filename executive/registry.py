@@ -37,6 +37,10 @@ class Registry(Mapping[str, type[Skill]]):
         self._skills = dict(skills)
         self.problems: Mapping[str, str] = dict(problems or {})
         """Skills that are installed and cannot be used, with the reason."""
+        self.renamed_failures: Mapping[str, str] = {
+            old: new for skill in self._skills.values() for old, new in skill.renamed_failures.items()
+        }
+        """Failure codes of the version before, with what each is called now."""
         self.types: dict[str, PortType] = dict(BUILTIN_TYPES)
         for skill in self._skills.values():
             for port in (*skill.inputs.values(), *skill.outputs.values()):

@@ -144,6 +144,8 @@ class Skill(py_trees.behaviour.Behaviour):
             (a mock) says them in the class.
         devices: interfaces of the cell's devices that it uses.
         failures: codes with which it can fail.
+        renamed_failures: codes of the version before, with what each is called now; the checker tells who still
+            writes the old one.
     """
 
     inputs: ClassVar[Ports] = Ports()
@@ -153,6 +155,7 @@ class Skill(py_trees.behaviour.Behaviour):
     """Those of its devices that it moves, of which it must be the only owner; the others it only looks at. By default
     all of them, or none for instant work."""
     failures: ClassVar[tuple[str, ...]] = ()
+    renamed_failures: ClassVar[Mapping[str, str]] = {}
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)

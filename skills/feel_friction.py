@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Generator
 from dataclasses import replace
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 
@@ -57,6 +57,7 @@ class FeelFriction(MovingSkill):
     devices = (Arm, Gripper, ForceSensor, Workspace)
     moves = (Arm, Gripper)
     failures = (*MOTION_FAILURES, "NOT_HELD", "LOST", "LIFT_BLOCKED", "SENSOR_STALE", "SENSOR_SATURATED")
+    renamed_failures: ClassVar = {"NO_WAY_UP": "LIFT_BLOCKED"}
 
     def prepare(self) -> None:
         prepare_moving(self)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 
@@ -111,6 +111,7 @@ class Lift(MovingSkill):
         "LIFT_BLOCKED",
         "MAP_STALE",
     )
+    renamed_failures: ClassVar = {"NO_WAY_UP": "LIFT_BLOCKED"}
 
     def prepare(self) -> None:
         prepare_moving(self)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 
@@ -60,6 +60,7 @@ class Release(MovingSkill):
     devices = (Arm, Gripper, ForceSensor, Workspace)
     moves = (Arm, Gripper)
     failures = (*MOTION_FAILURES, *POSE_FAILURES, "NOT_HELD", "LOST", "NO_CONTACT", "LOWERING_BLOCKED")
+    renamed_failures: ClassVar = {"NO_WAY_DOWN": "LOWERING_BLOCKED"}
 
     @classmethod
     def judge(cls, known: Mapping[str, Any], cell: CellFacts | None) -> Iterator[Problem]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from enum import Enum
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 
@@ -56,6 +56,7 @@ class Retreat(MovingSkill):
     devices = (Arm, Gripper, ForceSensor, Workspace)
     moves = (Arm, Gripper)
     failures = (*MOTION_FAILURES, "RETREAT_BLOCKED")
+    renamed_failures: ClassVar = {"NO_WAY_BACK": "RETREAT_BLOCKED"}
 
     def prepare(self) -> None:
         prepare_moving(self)

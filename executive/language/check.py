@@ -139,7 +139,7 @@ class _Checker:
     # ------------------------------------------------------------------------------------------- definitions
 
     def definition(self, definition: Definition) -> None:
-        scope = self.analysis.scopes[id(definition)] = Scope(definition)
+        scope = self.analysis.scopes[id(definition)] = Scope(definition, renamed_failures=self.skills.renamed_failures)
         self.declared_names(definition, scope)
         checker = NodeChecker(
             self.findings, self.skills, scope, self.document.types, self.called, self.outcomes,

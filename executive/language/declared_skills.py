@@ -28,7 +28,7 @@ from executive.ports import REQUIRED, Port, Ports, Quantity
 from executive.registry import GROUP, Registry, replacements
 from executive.skill import Skill
 
-VERSION = 3
+VERSION = 4
 """Of the file's form."""
 
 _PLAIN: Mapping[str, type[Any]] = {
@@ -134,6 +134,7 @@ class _Writer:
             "devices": [self.type_said(interface, shallow=True) for interface in skill.devices],
             "moves": [skill.devices.index(interface) for interface in skill.claims()],
             "failures": list(skill.failures),
+            "renamed_failures": dict(skill.renamed_failures),
         }
 
     def port(self, port: Port) -> dict[str, Any]:
@@ -213,6 +214,7 @@ class _Reader:
             "devices": devices,
             "moves": tuple(devices[index] for index in said["moves"]),
             "failures": tuple(said["failures"]),
+            "renamed_failures": dict(said["renamed_failures"]),
         }
         return type(said["class"], (Skill,), body)
 

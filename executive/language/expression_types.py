@@ -35,6 +35,10 @@ class TypeScope(Protocol):
         """Codes that `failure.code` can have here; None when any."""
         ...
 
+    def renamed_failures(self) -> Mapping[str, str]:
+        """Failure codes of the version before, with what each is called now."""
+        ...
+
     def report(self, at: Expression, code: str, message: str, hint: str = "") -> None:
         """Report what is wrong with a part of the expression."""
         ...
@@ -217,7 +221,9 @@ def _check_symbols(value: Expression, value_type: ValueType, other: Expression, 
         return
     for word in other.items if isinstance(other, Items) else (other,):
         if isinstance(word, Constant) and isinstance(word.value, str) and word.value not in known:
-            hint = did_you_mean(word.value, known) or "it can be " + ", ".join(sorted(known))
+            new = scope.renamed_failures().get(word.value)
+            renamed = f"it is called '{new}' now" if new in known else ""
+            hint = renamed or did_you_mean(word.value, known) or "it can be " + ", ".join(sorted(known))
             scope.report(word, "unknown-code", f"this is never {word.value}", hint)
 
 

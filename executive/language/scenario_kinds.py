@@ -294,7 +294,9 @@ class _Call(Kind[tuple[MockResult, ...]]):
         """Refuse a code with which the skill never fails."""
         text = code.text if isinstance(code, YamlScalar) else ""
         if text not in self.skill.failures:
-            hint = did_you_mean(text, (*self.skill.failures, *STATUSES)) or f"codes: {', '.join(self.skill.failures)}"
+            new, known = self.skill.renamed_failures.get(text), self.skill.failures
+            renamed = f"it is called '{new}' now" if new else ""
+            hint = renamed or did_you_mean(text, (*known, *STATUSES)) or f"codes: {', '.join(known)}"
             raise reader.refuse(code, f"{self.skill.__name__} never fails with {text}", hint, "unknown-code")
 
     def outputs(self, placed: Placed[MockSection], reader: Reader) -> dict[str, Any]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal, NamedTuple
 
@@ -96,12 +96,14 @@ class Scope:
         around: nodes in which nothing is wrong that a check of themselves finds, by id, with what surrounds them; none
             that calls a subtree.
         looks: whether a node looks at a condition.
+        renamed_failures: failure codes of the version before, with what each is called now.
     """
 
     definition: Definition
     names: dict[str, Named] = field(default_factory=dict)
     around: dict[int, Around] = field(default_factory=dict)
     looks: bool = False
+    renamed_failures: Mapping[str, str] = field(default_factory=dict)
 
     def written(self) -> Iterator[tuple[str, Named]]:
         return ((name, named) for name, named in self.names.items() if named.origin == "written")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from itertools import islice
 from typing import Any
@@ -48,6 +48,9 @@ class _Stand:
     def failure_codes(self) -> Iterable[str] | None:
         codes = self.around.failure
         return None if codes is None or UNKNOWN in codes else codes | ALWAYS_POSSIBLE
+
+    def renamed_failures(self) -> Mapping[str, str]:
+        return self.reader.scope.renamed_failures
 
     def type_of(self, reference: Reference) -> ValueType:
         name = reference.name

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 import pytest
@@ -182,6 +182,7 @@ class Lift(Scripted):
     inputs = Ports(height=Port(LENGTH, default="100 mm", min="0 mm"), hold=Hold)
     devices = (Arm,)
     failures = ("DROPPED",)
+    renamed_failures: ClassVar = {"FELL": "DROPPED"}
 
 
 class Retreat(Scripted):

@@ -343,6 +343,15 @@ class TestStructure:
         body = 'root:\n  fallback:\n    - MoveTo: {pose: a}\n    - Beep: {}\n      when: "failure.code in [NO_PAHT]"'
         assert only(findings_of(body), "unknown-code").hint == "did you mean 'NO_PATH'?"
 
+    def test_a_code_by_its_name_of_the_version_before(self, findings_of):
+        body = 'root:\n  fallback:\n    - Lift: {hold: "{h}"}\n    - Beep: {}\n      when: "failure.code == FELL"'
+        found = [found for found in findings_of(body) if found.code == "unknown-code"]
+        assert [f.hint for f in found] == ["it is called 'DROPPED' now"]
+
+    def test_a_renamed_code_that_the_failure_never_has(self, findings_of):
+        body = 'root:\n  fallback:\n    - MoveTo: {pose: a}\n    - Beep: {}\n      when: "failure.code == FELL"'
+        assert "DROPPED" not in only(findings_of(body), "unknown-code").hint
+
     def test_counter_of_no_retry(self, findings_of):
         only(findings_of('root: {MoveTo: {pose: a, variation: "{retry.attempt}"}}'), "no-counter")
 

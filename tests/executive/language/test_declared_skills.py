@@ -57,6 +57,7 @@ class Give(Skill):
     outputs = Ports(narrow=Narrow)
     devices = (Arm,)
     failures = ("NOT_NOW",)
+    renamed_failures = {"NO": "NOT_NOW"}
 
 class Take(Skill):
     """Takes."""
@@ -81,6 +82,7 @@ WRONG = [
     TREE.replace("== CALM", "== CLAM"),
     TREE.replace('Take: {outer: "{n}"', 'Give: {narrow: "{m}", inner: "{n}"}\n    - Take: {outer: "{m.inner}"'),
     TREE.replace("n.all[0]", "n.inner[0]"),
+    TREE + "  retry: 2\n  retry_if: failure.code == NO\n",
 ]
 
 

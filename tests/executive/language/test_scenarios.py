@@ -131,6 +131,10 @@ class TestReading:
     def test_mistakes_are_findings(self, scenario, case, code):
         assert codes(scenario(f"cases: [{case}]")) == [code]
 
+    def test_a_code_by_its_name_of_the_version_before(self, scenario):
+        found = scenario("cases: [{mocks: {Lift: FELL}}]").findings
+        assert [(f.code, f.hint) for f in found] == [("unknown-code", "it is called 'DROPPED' now")]
+
     def test_a_scenario_with_mistakes_is_not_run(self, scenario, skills):
         with pytest.raises(TreeFileError):
             run_scenario(scenario("cases: [{expect: maybe}]"), skills)
