@@ -102,9 +102,15 @@ def make_page(report: FruitReport, of: int = 0) -> ReportPage:
     if sizes:
         widths = [width_mm(size.dimensions) for size in sizes]
         span = f"{min(widths):.0f} to {max(widths):.0f} mm"
-        tiles.append(Tile("width in the middle of all", f"{np.median(widths):.1f} mm", span))
+        tiles.append(Tile("median width", f"{np.median(widths):.1f} mm", span))
     if masses and all(masses):
-        tiles.append(Tile("what the measured weigh", f"{sum(mass[0] for mass in masses if mass):.2f} kg", "estimated"))
+        tiles.append(
+            Tile(
+                "estimated mass of those measured",
+                f"{sum(mass[0] for mass in masses if mass):.2f} kg",
+                "by their sizes",
+            )
+        )
     page.add(Tiles(tuple(tiles)))
     if report.doubt:
         page.add(Paragraph(f"Do not believe these sizes yet: {report.doubt}"))

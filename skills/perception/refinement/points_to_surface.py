@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from executive.values.arrays import Float64
 
-PARAMETERS = 10
-"""Move 3, tilt about x and z, ln stretch 3, lean 2."""
+PARAMETERS = 11
+"""Move 3, tilt about x and z, ln stretch 3, lean 2, turn about y."""
 
 _FACING = 0.1
 """A surface whose normal makes at least this cosine with the ray looks away: it is the far side of the model."""
@@ -84,7 +84,7 @@ def points_to_surface(
         patches: so many parts of the visible surface deviate independently.
 
     Returns:
-        H, shape (10, 10), b, shape (10,), and the share of the points that count.
+        H, shape (11, 11), b, shape (11,), and the share of the points that count.
     """
     count = len(measured.points)
     jacobian = np.empty((count, PARAMETERS))
@@ -121,6 +121,7 @@ def points_to_surface(
         jacobian[i, 5], jacobian[i, 6], jacobian[i, 7] = a * q[0], b * q[1], c * q[2]
         jacobian[i, 8] = b * stretch[1] * m[1] * m[0] / radius[0]
         jacobian[i, 9] = b * stretch[1] * m[1] * m[2] / radius[1]
+        jacobian[i, 10] = q[2] * a - q[0] * c
         counts[i] = abs(distance[i]) < reach and slant[i] < _FACING
         counted += counts[i]
     shared = math.sqrt(max(1.0, counted / patches))

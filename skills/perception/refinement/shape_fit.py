@@ -1,14 +1,15 @@
 """Height, widths, place and tilt of a fruit from measured points: beyond one scale for all directions.
 
 The model is stretched along its own axes by three factors, made higher on one side than on the other, tilted about its
-two horizontal axes and moved, until the measured points lie on its surface (Gauss-Newton on point-to-plane distances,
-Tukey's weights, a band that narrows). What the points leave open is settled by priors: how far fruit of one kind differ
-in proportions and in tilt from what the detector said, that a fruit is about round, and, where one is known, that it
-stands on its support.
+two horizontal axes, turned about the third one unless it is about round, and moved, until the measured points lie on
+its surface (Gauss-Newton on point-to-plane distances, Tukey's weights, a band that narrows). What the points leave open
+is settled by priors: how far fruit of one kind differ in proportions and in tilt from what the detector said, that a
+fruit is about round, and, where one is known, that it stands on its support.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,7 +20,7 @@ from skills.geometry import rotation_about
 from skills.perception.refinement.cloud import Cloud
 from skills.perception.refinement.depth_image import Triangles
 from skills.perception.refinement.form import Form
-from skills.perception.refinement.points_to_surface import PlacedForm, Points, Samples, points_to_surface
+from skills.perception.refinement.points_to_surface import PARAMETERS, PlacedForm, Points, Samples, points_to_surface
 from skills.perception.refinement.support_plane import Plane
 from skills.perception.refinement.surface import Surface, surface_of
 
@@ -51,6 +52,7 @@ class Priors:
         roundness: of ln(d_x / d_z), relative to a round fruit when the model is nearly round, else to the model's.
         lean: by how much the height differs at the sides, relative.
         tilt: of the stem axis against the detection, about each horizontal axis [rad].
+        turn: about the stem axis against the detection [rad]; nobody can tell it of a model that is about round.
         contact: of the distance between the support and the fruit's lowest point [m].
         texture: of the surface against the stretched model, from patch to patch [m].
     """
@@ -62,11 +64,12 @@ class Priors:
     roundness: float = 0.03
     lean: float = 0.04
     tilt: float = 0.17
+    turn: float = 0.35
     contact: float = 1e-3
     texture: float = 5e-4
 
 
-RIGID = Priors(aspect=1e-4, roundness=1e-4, lean=1e-4, tilt=1e-4)
+RIGID = Priors(aspect=1e-4, roundness=1e-4, lean=1e-4, tilt=1e-4, turn=1e-4)
 """Only the place and one scale for all directions are free."""
 
 
@@ -90,13 +93,13 @@ class ShapeFit:
 
 
 class _Normal:
-    """Normal equations H x = b of weighted residuals, for x = (move 3, tilt about x and z, ln stretch 3, lean 2)."""
+    """Normal equations H x = b of weighted residuals, x as in `points_to_surface`."""
 
     def __init__(self, H: Float64, b: Float64) -> None:
         self.H, self.b = H, b
 
     def expect(self, rows: Float64, values: Float64, deviations: Float64) -> None:
-        """Expect rows · x = values, shapes (k, 10) and (k,), each within its standard deviation."""
+        """Expect rows · x = values, shapes (k, 11) and (k,), each within its standard deviation."""
         weighted = rows / (deviations**2)[:, None]
         self.H = self.H + rows.T @ weighted
         self.b = self.b + values @ weighted
@@ -155,13 +158,13 @@ class _State:
     form: Form
 
     def move(self, step: Float64) -> None:
-        tilt = np.array([step[3], 0.0, step[4]])
-        angle = float(np.linalg.norm(tilt))
+        turn = step[[3, 10, 4]]
+        angle = float(np.linalg.norm(turn))
         if angle > 0.0:
-            self.T[:3, :3] = self.T[:3, :3] @ rotation_about(tilt / angle, min(angle, _MAX_TURN))
+            self.T[:3, :3] = self.T[:3, :3] @ rotation_about(turn / angle, min(angle, _MAX_TURN))
         self.T[:3, 3] += step[:3]
         self.form = self.form.changed(
-            np.clip(step[5:8], -_MAX_STRETCH, _MAX_STRETCH), np.clip(step[8:], -_MAX_LEAN, _MAX_LEAN)
+            np.clip(step[5:8], -_MAX_STRETCH, _MAX_STRETCH), np.clip(step[8:10], -_MAX_LEAN, _MAX_LEAN)
         )
 
 
@@ -212,9 +215,9 @@ def _iterate(
     return equations, share
 
 
-_LIKENESS = np.zeros((10, 10))
-"""What fruit of a kind have in common: place 3, tilt about z and x, size, height over width, roundness, lean 2."""
-_LIKENESS[[0, 1, 2, 8, 9], [0, 1, 2, 8, 9]] = 1.0
+_LIKENESS = np.zeros((11, PARAMETERS))
+"""What fruit of a kind have in common: place 3, tilt about z and x, size, aspect, roundness, lean 2, turn."""
+_LIKENESS[[0, 1, 2, 8, 9, 10], [0, 1, 2, 8, 9, 10]] = 1.0
 _LIKENESS[3, 4], _LIKENESS[4, 3] = -1.0, 1.0
 _LIKENESS[5, 5:8] = 1.0 / 3.0
 _LIKENESS[6, 5:8] = -0.5, 1.0, -0.5
@@ -227,17 +230,20 @@ def _expect_likeness(equations: _Normal, state: _State, start: _State, priors: P
     ln_x, ln_y, ln_z = np.log(state.form.stretch / start.form.stretch)
     model_ratio = float(np.log(state.form.radius[0] / state.form.radius[1]))
     round_ratio = -model_ratio if state.form.nearly_round and priors is not RIGID else 0.0
-    values = np.empty(10)
+    facing = state.T[:3, :3].T @ start.T[:3, 0]
+    values = np.empty(11)
     values[:3] = start.T[:3, 3] - state.T[:3, 3]
     values[3:5] = axis[0], axis[2]
     values[5] = -(ln_x + ln_y + ln_z) / 3.0
     values[6] = priors.proportion - ln_y + 0.5 * (ln_x + ln_z)
     values[7] = round_ratio - (ln_x - ln_z)
-    values[8:] = -state.form.lean
-    deviations = np.empty(10)
+    values[8:10] = -state.form.lean
+    values[10] = math.atan2(-facing[2], facing[0])
+    deviations = np.empty(11)
     deviations[:3], deviations[3:5] = priors.place, priors.tilt
     deviations[5:8] = priors.size, priors.aspect, priors.roundness
-    deviations[8:] = priors.lean
+    deviations[8:10] = priors.lean
+    deviations[10] = RIGID.turn if state.form.nearly_round else priors.turn
     equations.expect(_LIKENESS, values, deviations)
 
 
@@ -250,4 +256,5 @@ def _contact(mesh: Triangles, state: _State, support: Plane) -> tuple[float, Flo
     lowest = on_fruit[index]
     gap = float(support.normal @ (R @ lowest + t) + support.offset)
     leaning = up[1] * state.form.lean_derivative(mesh.vertices[index : index + 1])[0]
-    return gap, np.concatenate([support.normal, np.cross(lowest, up)[[0, 2]], up * lowest, leaning])
+    x, y, z = np.cross(lowest, up)
+    return gap, np.concatenate([support.normal, [x, z], up * lowest, leaning, [y]])

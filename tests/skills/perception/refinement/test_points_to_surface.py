@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from skills.geometry import rotation_about, transform
 from skills.perception.fruit import load_fruit
 from skills.perception.refinement.form import Form
-from skills.perception.refinement.points_to_surface import Placed, Points, points_to_surface, walk_to_nearest
+from skills.perception.refinement.points_to_surface import PlacedForm, Points, points_to_surface, walk_to_nearest
 from skills.perception.refinement.surface import surface_of
 
 BALL = trimesh.creation.icosphere(subdivisions=5, radius=0.05)
@@ -25,24 +25,24 @@ class Object:
     def __init__(self, ln: np.ndarray, lean: np.ndarray, T: np.ndarray) -> None:
         self.form, self.T = Form.scaled(BALL, 1.0).changed(ln, lean), T
 
-    def placed(self) -> Placed:
+    def placed(self) -> PlacedForm:
         R = np.ascontiguousarray(self.T[:3, :3])
-        return Placed(R, self.T[:3, 3].copy(), self.form.stretch, self.form.lean, self.form.radius)
+        return PlacedForm(R, self.T[:3, 3].copy(), self.form.stretch, self.form.lean, self.form.radius)
 
     def moved(self, x: np.ndarray) -> Object:
         """By a step of the fit's parameters, in the order in which the kernel has them."""
         after = Object(np.zeros(3), np.zeros(2), self.T.copy())
-        turn = np.array([x[3], 0.0, x[4]])
+        turn = x[[3, 10, 4]]
         angle = float(np.linalg.norm(turn))
         if angle:
             after.T[:3, :3] = after.T[:3, :3] @ rotation_about(turn / angle, angle)
         after.T[:3, 3] += x[:3]
-        after.form = self.form.changed(x[5:8], x[8:])
+        after.form = self.form.changed(x[5:8], x[8:10])
         return after
 
 
 def felt(thing: Object, point: np.ndarray, nearest: int) -> tuple[np.ndarray, float, int]:
-    """Jacobian (10,) and distance [m] of one point outside of the surface, taken from its normal equations."""
+    """Jacobian (11,) and distance [m] of one point outside of the surface, taken from its normal equations."""
     ray = -thing.T[:3, :3] @ np.array([0.0, 1.0, 0.0])
     ray = np.where(point @ ray > 0, 1.0, -1.0) * ray
     one = Points(point[None], np.zeros((1, 3)), np.array([1e-3]), np.array([1e-3]))
@@ -75,7 +75,7 @@ def test_a_distance_changes_as_its_jacobian_says(ln, lean, about, sample):
     assert distance == pytest.approx(1e-4, rel=1e-6)
     step = 1e-7
     for k, by in enumerate(jacobian):
-        after = felt(thing.moved(step * np.eye(10)[k]), point, sample)[1]
+        after = felt(thing.moved(step * np.eye(11)[k]), point, sample)[1]
         assert (distance - after) / step == pytest.approx(by, abs=2e-4)
 
 

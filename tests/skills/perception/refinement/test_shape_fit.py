@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -17,6 +18,7 @@ from skills.perception.refinement.shape_fit import RIGID, Priors, fit_shape
 from skills.perception.refinement.support_plane import Plane
 
 APPLE = load_fruit("apple")
+CAMERA = Intrinsics(305.3, 305.3, 159.5, 119.5, 320, 240)
 UPRIGHT = transform(rot_x(-0.9) @ rot_y(0.3), (0.03, -0.02, 0.6))
 
 
@@ -117,3 +119,17 @@ def test_a_camera_whose_depth_errs_more_leaves_the_fruit_less_surely_known():
     assert far.deviation == pytest.approx(4.0 * near.deviation)
     surely, hardly = (fit_shape(points, APPLE, at, 1.0).covariance for points in (near, far))
     assert np.all(np.sqrt(np.diag(hardly)[:3]) > 1.2 * np.sqrt(np.diag(surely)[:3]))
+
+
+@pytest.mark.parametrize("turned", [-0.3, 0.25])
+def test_a_fruit_that_is_not_round_is_turned_about_its_stem_until_it_fits(turned):
+    mango = trimesh.creation.icosphere(subdivisions=4, radius=1.0)
+    mango.apply_scale([0.055, 0.04, 0.032])
+    T_true = transform(rot_x(-0.9) @ rot_y(0.5), (0.0, 0.0, 0.5))
+    virtual, box = render_depth(mango, T_true, CAMERA, using="zbuffer")
+    depth = np.zeros((CAMERA.height, CAMERA.width), np.float32)
+    depth[box.slices] = virtual
+    start = T_true @ transform(rot_y(turned))
+    fit = fit_shape(cloud(depth, CAMERA, box, model=DepthModel()), mango, start, 1.0)
+    assert np.degrees(np.arccos(fit.T_camera_object[:3, 0] @ T_true[:3, 0])) < 3.0
+    assert fit.stretch == pytest.approx([1.0, 1.0, 1.0], abs=0.03)
