@@ -171,7 +171,7 @@ class Picture:
         axes.set_ylabel(f"{kind} [{shown}]" if unit else kind)
         axes.grid(alpha=0.25)
         if len(axes.get_legend_handles_labels()[1]) > 1:  # one curve alone has its name at its axis
-            _legend(axes, place="upper left")  # what matters comes late
+            _legend(axes, place="best")  # where it hides the least
 
 
 def _has_drawings(view: ImageView) -> bool:
