@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import argparse
 import sys
+from contextlib import closing
 from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from drivers.depth_model import SENSORS
 from drivers.errors import DriverError
@@ -14,6 +18,10 @@ from executive.values.kinds import Measure
 from executive.values.units import LENGTH
 
 GROUP = "pomona.calibrate"
+
+LIVE_FRAMES = 20
+LIVE_TIMEOUT = 20.0
+"""So many frames of a live camera are taken, within so long [s]."""
 
 
 def add(subparsers: Any) -> None:
@@ -38,7 +46,10 @@ def add(subparsers: Any) -> None:
     depth = kinds.add_parser(
         "depth", help="find out how a camera's depth errs, from balls or a wall in recorded frames"
     )
-    depth.add_argument("folder", type=Path, help="NAME_color.jpg or .png, NAME_depth_mm.png and intrinsics.yaml")
+    recorded = "NAME_color.jpg or .png, NAME_depth_mm.png and intrinsics.yaml; none with --cell"
+    depth.add_argument("folder", type=Path, nargs="?", help=recorded)
+    live = f"with --wall: look now, with this cell's camera, {LIVE_FRAMES} times; nothing moves"
+    depth.add_argument("--cell", metavar="CELL", help=live)
     depth.add_argument("--balls", type=Path, help="table (CSV): frame, name, x, y, w, h [px], diameter_mm")
     depth.add_argument("--wall", action="store_true", help="the frames show a flat wall or board: noise alone")
     depth.add_argument("--diameter", default="diameter_mm", metavar="COLUMN", help="column with the diameter in mm")
@@ -77,6 +88,34 @@ def _fingers(options: argparse.Namespace) -> str:
     return f"{report}\nwritten to {options.out}"
 
 
+def _look_now(name: str) -> list[NDArray[np.float32]]:
+    """Depth images of a cell's camera, one after the other, shape (h, w) each [m].
+
+    Raises:
+        DriverError: the cell cannot be used, it has no camera, or no depth comes.
+    """
+    from drivers.cell import load_cell
+    from drivers.commands.doctor import find_cell
+    from drivers.depth_calibration import UnusableDepth
+    from drivers.interfaces import Camera
+
+    with closing(load_cell(find_cell(name))) as cell:
+        try:
+            camera = cell.device(Camera)
+        except KeyError as missing:
+            raise UnusableDepth(str(missing.args[0])) from missing
+        depths: dict[int, NDArray[np.float32]] = {}
+        end = cell.clock.now() + LIVE_TIMEOUT
+        while len(depths) < LIVE_FRAMES and cell.clock.now() < end:
+            frame = camera.latest()
+            if frame is not None and frame.depth is not None:
+                depths[frame.sequence] = frame.depth
+            cell.clock.advance(0.01)
+    if len(depths) < LIVE_FRAMES:
+        raise UnusableDepth(f"{len(depths)} depth images came in {LIVE_TIMEOUT:.0f} s, {LIVE_FRAMES} are needed")
+    return list(depths.values())
+
+
 def _hand_eye(options: argparse.Namespace) -> str:
     from drivers.hand_eye import Chessboard, UnusableLooks, calibrate_folder
 
@@ -94,6 +133,14 @@ def _depth(options: argparse.Namespace) -> str:
 
     if (options.balls is None) == (not options.wall):
         raise UnusableDepth("say what the frames show: --balls TABLE or --wall")
+    if (options.folder is None) == (options.cell is None):
+        raise UnusableDepth("name a folder of frames, or with --cell a cell whose camera looks now")
+    if options.cell is not None:
+        if not options.wall:
+            raise UnusableDepth("a camera that looks now is shown a wall: balls need frames, to draw boxes in")
+        found = calibrate_wall(_look_now(options.cell), options.sensor)
+        found.save(options.out)
+        return f"{found}\nwritten to {options.out}"
     frames = list_frames(options.folder)
     intrinsics = read_intrinsics(options.intrinsics) if options.intrinsics else folder_intrinsics(options.folder)
     if intrinsics is None:

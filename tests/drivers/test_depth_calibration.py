@@ -8,10 +8,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from drivers.cell import Cell
 from drivers.commands import calibrate
 from drivers.depth_calibration import Ball, UnusableDepth, calibrate_balls, calibrate_wall, look_at_ball, read_balls
 from drivers.depth_model import SENSORS, read_depth_model
-from drivers.interfaces import Intrinsics
+from drivers.interfaces import Frame, Intrinsics
+from drivers.mock.camera import MockCamera
+from drivers.mock.clock import MockClock
 
 CAMERA = Intrinsics(600.0, 600.0, 320.0, 240.0, 640, 480)
 V, U = np.indices((480, 640))
@@ -182,3 +185,39 @@ def test_frames_of_which_nobody_says_what_they_show_are_refused(
 
 def test_only_rows_that_are_asked_for_are_balls(folder: Path) -> None:
     assert [ball.name for ball in read_balls(folder / "balls.csv", only="b")] == ["b"]
+
+
+def test_a_cells_camera_that_looks_at_a_wall_tells_its_noise(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rng = np.random.default_rng(5)
+    wall = 1.0 / (0.8 + 0.3 * RAYS[..., 0] - 0.2 * RAYS[..., 1])
+
+    colour = np.zeros((*wall.shape, 3), np.uint8)
+    looks = []
+    for number in range(calibrate.LIVE_FRAMES):
+        noisy = wall + 7e-4 * wall**2 * rng.normal(size=wall.shape)
+        looks.append(Frame(0.0, number, colour, noisy.astype(np.float32), CAMERA, None, np.eye(4)))
+    clock = MockClock()
+    cell = Cell("lab", "lab", clock, {"camera": MockCamera(*looks)})
+    monkeypatch.setattr("drivers.cell.load_cell", lambda *_: cell)
+    out = tmp_path / "model.yaml"
+    assert run("--cell", "sim", "--wall", "--out", str(out)) == 0
+    assert "noise" in capsys.readouterr().out
+    assert out.exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (("--wall",), "name a folder of frames"),
+        (("somewhere", "--cell", "sim", "--wall"), "name a folder of frames"),
+        (("--cell", "sim", "--balls", "balls.csv"), "balls need frames"),
+        (("--cell", "nothing", "--wall"), "nothing"),
+    ],
+)
+def test_what_a_live_camera_cannot_do_is_said(
+    arguments: tuple[str, ...], says: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(*arguments, "--out", str(tmp_path / "m.yaml")) == 2
+    assert says in capsys.readouterr().err
