@@ -84,6 +84,8 @@ class Refine(Skill):
         except RefineError as problem:
             raise self.failure(problem.code, str(problem), **vars(problem)) from problem
         self.publish("refine", _picture(detection, measured, renderer))
+        if measured.doubt:
+            yield measured.doubt
         return Refined(measured)
 
 
@@ -100,5 +102,6 @@ def _picture(detection: Detection, measured: MeasuredFruit, using: RendererName)
             Line2(detected, "detected", "muted", closed=True),
             Line2(measured.contour, "measured", "refined", closed=True),
         ),
-        caption=f"{measured.method}: {size} mm (± {deviation:.1f}), {measured.inlier_ratio:.0%} of the depth agrees",
+        caption=f"{measured.method}: {size} mm (± {deviation:.1f}), {measured.inlier_ratio:.0%} of the depth agrees"
+        + (f"; {measured.doubt}" if measured.doubt else ""),
     )

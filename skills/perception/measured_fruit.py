@@ -34,6 +34,7 @@ class MeasuredFruit:
         method: which formulation gave the result: none, paper, uniform, shape, shape+plane, and `+views` where earlier
             looks were fused in.
         earlier: those looks: frames with the pose of the camera, T_base_camera.
+        doubt: what was seen around the fruit that contradicts the cell file, for people; empty where nothing was.
     """
 
     fruit: FruitModel
@@ -49,6 +50,7 @@ class MeasuredFruit:
     frame: Frame
     method: str
     earlier: tuple[tuple[Frame, Float64], ...] = ()
+    doubt: str = ""
 
     @property
     def sentence(self) -> str:

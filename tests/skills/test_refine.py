@@ -151,11 +151,36 @@ def test_render_failed_without_opengl(detection, monkeypatch):
     assert measure({"detection": detection, "renderer": "zbuffer"}).status is Status.SUCCESS
 
 
-def test_render_failed_for_an_open_mesh(detection):
-    fruit = replace(detection.fruit, faces=detection.fruit.faces[:-1])
+def test_render_failed_for_a_flat_mesh(detection):
+    fruit = replace(detection.fruit, vertices=detection.fruit.vertices * [1.0, 0.0, 1.0])
     reason = reason_of(replace(detection, fruit=fruit))
     assert reason.code == "RENDER_FAILED"
-    assert "watertight" in reason.message
+    assert "size in all three directions" in reason.message
+
+
+def test_a_wall_is_not_its_shape(detection):
+    v, u = np.indices(detection.frame.depth.shape)
+    wall = (0.62 / (1.0 + 4e-4 * (u - 160) - 3e-4 * (v - 120))).astype(np.float32)
+    reason = reason_of(with_depth(detection, wall), method="uniform", inlier_band=8e-3)
+    assert reason.code == "NOT_ITS_SHAPE"
+    assert reason.data["curvature"] == pytest.approx(0.0, abs=0.05)
+
+
+def test_a_table_that_is_seen_elsewhere_than_the_cell_says_is_told(detection):
+    T_camera_base = inverse(T_BASE_CAMERA)
+    K = detection.frame.intrinsics
+    v, u = np.indices(detection.frame.depth.shape)
+    rays = np.stack([(u - K.cx) / K.fx, (v - K.cy) / K.fy, np.ones(u.shape)], -1)
+    normal = T_camera_base[:3, 2]  # of the table
+    lowest = T_BASE_CAMERA @ np.r_[detection.T_camera_object[:3, 3] * SCALE, 1.0]
+    seen_z, told_z = lowest[2] - 0.035, lowest[2] - 0.06
+    offset = T_camera_base[:3, 3] @ normal + seen_z
+    table = offset / (rays @ normal)
+    depth = np.where(detection.frame.depth < 0.74, detection.frame.depth, table).astype(np.float32)
+    depth = np.where(np.isfinite(depth) & (depth > 0.0) & (depth < 3.0), depth, 0.0).astype(np.float32)
+    end = measure({"detection": with_depth(detection, depth), "method": "uniform"}, table_z=told_z)
+    assert end.status is Status.SUCCESS
+    assert "a surface is seen 25 mm above the table" in end.feedback
 
 
 def test_prepare_starts_the_renderer_and_forgives_a_machine_without_opengl(detection, monkeypatch):

@@ -74,16 +74,21 @@ def gather(
     points = _connected(depth, intrinsics, box, virtual_depth, inliers, model)
     if known is None:
         return points, None
+    plane = seen_near(known, points_around(depth, intrinsics, box, virtual_depth)) or known
+    above = float(np.mean(plane.height(cloud(depth, intrinsics, box, inliers).points) > _ABOVE_PLANE))
+    if above < _LEAST_ABOVE:
+        raise TooFewInliers(above, _LEAST_ABOVE)  # what looks like fruit is the table itself
+    return points.chosen(plane.height(points.points) > _ABOVE_PLANE), plane
+
+
+def points_around(depth: DepthImage, intrinsics: Intrinsics, box: ImageBox, virtual_depth: DepthImage) -> Float64:
+    """What is measured beside a fruit in a box of the image, shape (n, 3) [m], of every fourth pixel."""
     around = box.grown(_AROUND, intrinsics)
     outside = np.zeros(around.shape, dtype=np.bool_)
     outside[::2, ::2] = True
     top, left = box.top - around.top, box.left - around.left
     outside[top : top + box.shape[0], left : left + box.shape[1]] &= virtual_depth <= 0.0
-    plane = seen_near(known, cloud(depth, intrinsics, around, outside).points) or known
-    above = float(np.mean(plane.height(cloud(depth, intrinsics, box, inliers).points) > _ABOVE_PLANE))
-    if above < _LEAST_ABOVE:
-        raise TooFewInliers(above, _LEAST_ABOVE)  # what looks like fruit is the table itself
-    return points.chosen(plane.height(points.points) > _ABOVE_PLANE), plane
+    return cloud(depth, intrinsics, around, outside).points
 
 
 def gather_others(

@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
+import math
 from typing import Literal
 
 import cv2
 import numpy as np
 
+from drivers.interfaces import Intrinsics
 from executive.values.arrays import Float64
 from skills.geometry import inverse
 from skills.perception.detection.detection import Detection
 from skills.perception.measured_fruit import MeasuredFruit
 from skills.perception.refinement.depth_image import DepthImage, ImageBox, RendererName
 from skills.perception.refinement.errors import NoDepth
-from skills.perception.refinement.gather import OtherLook
+from skills.perception.refinement.gather import OtherLook, points_around
 from skills.perception.refinement.refinement import refine
 from skills.perception.refinement.render import render_depth
-from skills.perception.refinement.result import Limits, Method
-from skills.perception.refinement.support_plane import horizontal_plane
+from skills.perception.refinement.result import Limits, Method, RefineResult
+from skills.perception.refinement.support_plane import Plane, horizontal_plane, seen_elsewhere
 
 
 def measure(
@@ -49,13 +51,14 @@ def measure(
         raise NoDepth(0, 0)
     past = () if earlier is None else (*earlier.earlier, (earlier.frame, earlier.T_base_camera))
     T_camera_base = inverse(detection.T_base_camera)
+    support = None if table_z is None else horizontal_plane(detection.T_base_camera, table_z)
     result = refine(
         frame.depth,
         frame.intrinsics,
         detection.T_camera_object,
         detection.fruit,
         method=method,
-        support=None if table_z is None else horizontal_plane(detection.T_base_camera, table_z),
+        support=support,
         looks=[
             OtherLook(f.depth, f.intrinsics, T_camera_base @ T, f.depth_model) for f, T in past if f.depth is not None
         ],
@@ -81,6 +84,21 @@ def measure(
         frame=frame,
         method=result.method,
         earlier=past if result.method.endswith("+views") else (),
+        doubt="" if support is None else _doubt(frame.depth, frame.intrinsics, result, support),
+    )
+
+
+def _doubt(depth: DepthImage, intrinsics: Intrinsics, result: RefineResult, support: Plane) -> str:
+    """What around the fruit contradicts the cell file, for people; empty where nothing does."""
+    elsewhere = seen_elsewhere(support, points_around(depth, intrinsics, result.box, result.virtual_depth))
+    if elsewhere is None:
+        return ""
+    height, tilt = elsewhere
+    side = "above" if height > 0.0 else "below"
+    return (
+        f"around the fruit a surface is seen {1e3 * abs(height):.0f} mm {side} the table and {math.degrees(tilt):.0f}° "
+        "tilted against it: the fruit lies on something, or the table's height, the camera's place or its intrinsics "
+        "are wrong"
     )
 
 

@@ -14,6 +14,9 @@ _LEAST_SHARE = 0.3
 _LEAST_POINTS = 60
 _MAX_SHIFT = 0.015
 _MAX_TURN = np.cos(np.radians(5.0))
+_ELSEWHERE = 0.06
+_MOST_OF_THEM = 0.5
+_ABOUT_PARALLEL = np.cos(np.radians(20.0))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,6 +54,26 @@ def seen_near(known: Plane, points: Float64) -> Plane | None:
     if seen is None or seen.normal @ known.normal < _MAX_TURN:
         return None
     return seen
+
+
+def seen_elsewhere(known: Plane, points: Float64) -> tuple[float, float] | None:
+    """How far above a known plane, and how tilted against it, another one is seen in its place [m], [rad].
+
+    Then the plane's height, the camera's place or its focal length is wrong, or the fruit lies on something.
+
+    Returns:
+        None when most points lie on the known plane, or on none that is about parallel and less than 60 mm away.
+    """
+    near = np.abs(known.height(points)) <= _ELSEWHERE
+    if seen_near(known, points) is not None or np.count_nonzero(near) < _LEAST_POINTS:
+        return None
+    offset = float(np.median(known.height(points[near])))
+    seen = _least_squares(points, near & (np.abs(known.height(points) - offset) <= _MAX_SHIFT))
+    if seen is None or float(np.mean(np.abs(seen.height(points)) <= _BAND)) < _MOST_OF_THEM:
+        return None
+    on_it = points[np.abs(seen.height(points)) <= _BAND].mean(axis=0)
+    height, cosine = float(known.height(on_it[None])[0]), min(float(seen.normal @ known.normal), 1.0)
+    return (height, float(np.arccos(cosine))) if cosine > _ABOUT_PARALLEL else None
 
 
 def _least_squares(points: Float64, chosen: NDArray[np.bool_]) -> Plane | None:

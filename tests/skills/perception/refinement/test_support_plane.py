@@ -7,7 +7,7 @@ import pytest
 
 from benchmarks.synthetic_depth import looking_at
 from skills.geometry import apply, inverse, rotation_about
-from skills.perception.refinement.support_plane import Plane, horizontal_plane, seen_near
+from skills.perception.refinement.support_plane import Plane, horizontal_plane, seen_elsewhere, seen_near
 
 T_BASE_CAMERA = looking_at((0.0, 0.0, 0.0), 0.6, np.radians(55.0))
 
@@ -44,3 +44,30 @@ def test_what_is_far_from_the_known_plane_is_another_one():
     turned = Plane(rotation_about((1.0, 0.0, 0.0), np.radians(8.0)) @ tilted.normal, tilted.offset)
     assert seen_near(turned, table_points(400)) is None
     assert seen_near(horizontal_plane(T_BASE_CAMERA, 0.0), table_points(30)) is None
+
+
+@pytest.mark.parametrize(
+    ("height", "tilt", "told"),
+    [
+        (0.0, 0.0, False),
+        (0.008, 2.0, False),
+        (0.02, 0.0, True),
+        (-0.03, 3.0, True),
+        (0.0, 9.0, True),
+        (0.2, 0.0, False),
+    ],
+)
+def test_a_plane_that_is_not_where_it_is_said_to_be_is_told(height: float, tilt: float, told: bool) -> None:
+    known = Plane(np.array([0.0, -0.6, -0.8]), 0.5)
+    turned = rotation_about(np.array([1.0, 0.0, 0.0]), np.radians(tilt)) @ known.normal
+    rng = np.random.default_rng(0)
+    middle = -(known.offset - height) * known.normal  # a point of the plane that is seen
+    across = np.cross(turned, [1.0, 0.0, 0.0])
+    u, v = rng.uniform(-0.1, 0.1, (2, 800))
+    points = middle + np.outer(u, [1.0, 0.0, 0.0]) + np.outer(v, across)
+    points = np.vstack([points + 1e-3 * rng.normal(size=points.shape), middle + rng.uniform(-0.1, 0.1, (100, 3))])
+    found = seen_elsewhere(known, points)
+    assert (found is not None) is told
+    if found is not None:
+        assert found[0] == pytest.approx(height, abs=4e-3)
+        assert np.degrees(found[1]) == pytest.approx(tilt, abs=1.0)
