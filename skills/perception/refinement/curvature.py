@@ -6,6 +6,7 @@ curvature alone. They are fitted to the same pixels of the measured and of the r
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -21,7 +22,8 @@ _INNER = 0.87
 and mixed pixels."""
 
 _LEAST_PIXELS = 60
-_MOST_PIXELS = 2000
+_MOST_PIXELS = 1500
+"""Of a larger box every second or third pixel of every second or third row is looked at."""
 _TRIMMED = 3.0
 """Pixels farther from the fitted surface than so many standard deviations are left out once: holes' edges, stems."""
 
@@ -54,19 +56,19 @@ def least_curvature(
     Args:
         depth, virtual_depth: measured and of the refined model, shape (h, w) [m]; 0 where there is none.
         inliers: pixels that agree, shape (h, w).
+        band: half-width of the band in which depth agrees [m].
         alike: so many neighbouring pixels err alike.
 
     Returns:
-        0 for a wall, 1 for the model, 0 also where most of the surface on which these pixels lie does not agree; None
-        where too little is seen, or the model itself is flat.
+        None where too little of one connected surface is seen, or the model itself is flat there.
     """
+    step = max(1, math.isqrt(depth.size // _MOST_PIXELS))
+    depth, virtual_depth, inliers = (image[::step, ::step] for image in (depth, virtual_depth, inliers))
     covered = virtual_depth > 0.0
-    connected = connected_to(inliers, depth, covered)
+    connected = connected_to(inliers, depth, covered, step)
     rows, columns = np.nonzero(connected & _smaller(covered) & np.isfinite(depth) & (depth > 0.0))
     if len(rows) < _LEAST_PIXELS:
         return None
-    step = -(-len(rows) // _MOST_PIXELS)
-    rows, columns = rows[::step], columns[::step]
     z, z_model = depth[rows, columns].astype(np.float64), virtual_depth[rows, columns].astype(np.float64)
     u, v = columns - columns.mean(), rows - rows.mean()
     scale = max(float(u.std()), float(v.std()))
@@ -85,7 +87,7 @@ def least_curvature(
     row = np.array([0.0, 0.0, 0.0, x**2, 2.0 * x * y, y**2])
     left = 1.0 / z - terms @ bent
     variance = float(np.mean(left[np.abs(left) <= _TRIMMED * spread] ** 2))
-    deviation = np.sqrt(max(alike / step, 1.0) * variance * float(row @ np.linalg.solve(normal, row)))
+    deviation = np.sqrt(max(alike / step**2, 1.0) * variance * float(row @ np.linalg.solve(normal, row)))
     explained = np.abs(1.0 / (terms @ bent) - z) <= band
     agreeing = inliers[rows, columns].mean()
     return Curvature(float(ratios[0]), float(deviation), float(explained.mean()), float(agreeing))

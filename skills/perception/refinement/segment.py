@@ -16,7 +16,9 @@ _LEAST_SHARE = 0.3
 _LEAST_PIXELS = 20
 
 
-def connected_to(agreeing: NDArray[np.bool_], depth: DepthImage, covered: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def connected_to(
+    agreeing: NDArray[np.bool_], depth: DepthImage, covered: NDArray[np.bool_], stride: int = 1
+) -> NDArray[np.bool_]:
     """The surfaces that mostly agree with a model where the model is.
 
     A leaf or a finger in front of a fruit is cut off by the step in depth around it, even where it touches the band in
@@ -26,17 +28,18 @@ def connected_to(agreeing: NDArray[np.bool_], depth: DepthImage, covered: NDArra
         agreeing: pixels whose depth agrees with the model, shape (h, w).
         depth: z-depth, shape (h, w) [m]; 0 or not finite where there is none.
         covered: pixels that the model covers, shape (h, w).
+        stride: these are every so many pixels of the image, in both directions; steps are so much higher.
     """
     valid = np.isfinite(depth) & (depth > 0.0)
     z = np.where(valid, depth, np.inf)
     nearest = ndimage.minimum_filter(z, size=3, mode="nearest")
     # Of two pixels at a step the far one is given up: what is in front keeps its outline.
     with np.errstate(invalid="ignore"):
-        smooth = valid & (z - nearest <= _STEP * np.maximum(1.0, (nearest / _STEP_DEPTH) ** 2))
+        smooth = valid & (z - nearest <= stride * _STEP * np.maximum(1.0, (nearest / _STEP_DEPTH) ** 2))
     labels, count = ndimage.label(smooth)
     inside = np.bincount(labels[covered], minlength=count + 1)
     supporting = np.bincount(labels[agreeing & covered], minlength=count + 1)
-    kept = (supporting >= _LEAST_PIXELS) & (supporting >= _LEAST_SHARE * inside)
+    kept = (supporting >= _LEAST_PIXELS / stride**2) & (supporting >= _LEAST_SHARE * inside)
     kept[0] = False
     chosen: NDArray[np.bool_] = kept[labels]
     return chosen
