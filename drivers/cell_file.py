@@ -48,7 +48,7 @@ class CellSection:
     kind: str = value(Text(*KINDS), help="what it is, shown wherever the run is shown: " + ", ".join(KINDS))
     record: str = value(Text("required", "optional"), "optional", "'required' ends a run that cannot be recorded")
     heartbeat: float = value(
-        Measure(TIME, "200 ms", "60 s"), "1 s", "a run that hangs for so long has its devices stopped from outside"
+        Measure(TIME, "200 ms", "60 s"), "1 s", "the supervisor stops the devices when a run hangs for this long"
     )
     clock: str = value(Text("system", "manual"), "system", "where time comes from when no world gives it")
     options: Mapping[str, str] = value(MappingOf(Text()), {}, 'what --set may change; "{name}" stands for the value')

@@ -1,4 +1,4 @@
-"""What a driver is beyond its interface: it can be watched, stopped, paused and let go by its cell.
+"""What a driver is beyond its interface: its cell can watch, stop, pause and release it.
 
 A device is a class that derives from `Device` and names in `interfaces` what it offers (`drivers.interfaces.Camera`,
 …). `drivers.driver` says how a cell file connects it. The defaults below suit a device that cannot move.
@@ -25,8 +25,8 @@ class Device:
 
     interfaces: ClassVar[tuple[type, ...]] = ()
     outlives: ClassVar[bool] = False
-    """Whether it moves something that goes on without this process: its cell must then call itself real or emulated,
-    since what a run asks before it begins depends on that."""
+    """Whether it moves something that keeps moving without this process. Its cell must then be declared real or
+    emulated: what is checked before a run depends on that."""
     distrusted = ""
     outside_stop: tuple[str, tuple[Any, ...]] | None = None
     """How another process stops the device when this one is gone: the function `module:name` and its arguments."""
@@ -57,9 +57,9 @@ class Device:
         """
 
     def distrust(self, reason: str) -> None:
-        """What the device says cannot be true: until `acknowledge` the cell's check raises `DeviceFault` with this.
+        """Mark the device's values as implausible: until `acknowledge` the cell's check raises `DeviceFault` with this.
 
-        Called from any thread by who compares its signals with others'. The first reason stays.
+        Called from any thread, by code that compares its signals with others. The first reason stays.
         """
         self.distrusted = self.distrusted or reason
 
@@ -70,17 +70,17 @@ class Device:
         """Release the latch; nothing resumes by itself."""
 
     def pause(self) -> None:
-        """Stop motions on their paths so that they can go on; force control goes on."""
+        """Stop motions on their paths so that they can be resumed; force control goes on."""
 
     def resume(self) -> None:
-        """Go on with the paused motion."""
+        """Resume the paused motion."""
 
     def settled(self) -> bool:
         """True when nothing of the device moves."""
         return True
 
     def close(self) -> None:
-        """Bring the device to rest and let go of it."""
+        """Bring the device to rest and disconnect."""
 
 
 @runtime_checkable
@@ -97,10 +97,10 @@ class World(Protocol):
 
 @dataclass(slots=True)
 class ConnectContext:
-    """What is there when a device is connected: the clock, the seed, and the devices connected before it.
+    """What a device can use when it is connected: the clock, the seed, and the devices connected before it.
 
     Attributes:
-        cell: the cell file; relative paths in it are meant from its folder.
+        cell: the cell file; relative paths in it start at its folder.
         clock: of the whole cell.
         seed: of everything random.
         workspace: what the cell file says about the surroundings, or None.

@@ -1,4 +1,4 @@
-"""Does a gripper do what it was told, and can what it says be true? One supervisor for every gripper.
+"""Checks that a gripper follows its commands and reports plausible states. One supervisor for every gripper.
 
 A driver says what it commanded (`move`, `stream`, `rest`), hands over every state that the gripper reports to `look`,
 and gets back what is wrong, in words. Nothing here talks to a device.
@@ -15,11 +15,11 @@ from executive.values.sections import value
 from executive.values.units import LENGTH, TIME
 
 COASTING = 0.3
-"""So long after a move the fingers come to rest [s]: 0.2 m/s are braked in 0.1 s at 2 m/s²."""
+"""The fingers come to rest within this time after a move [s]: braking from 0.2 m/s at 2 m/s² takes 0.1 s."""
 BEYOND = 5e-3
-"""A width outside the stroke by more than this is none [m]."""
+"""A width outside the stroke by more than this is implausible [m]."""
 FASTER = 5.0
-"""A speed above so many times the greatest is none; fingers that are knocked against a wall reach three (simulated)."""
+"""A speed above this multiple of the largest is implausible; fingers knocked against a wall reach 3 (simulated)."""
 SLOW = 2e-3
 """Fingers slower than this rest [m/s] …"""
 STEADY, STILL = 5e-4, 0.03
@@ -28,18 +28,18 @@ STEADY, STILL = 5e-4, 0.03
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GripperSupervision:
-    """How far a gripper is believed.
+    """How closely a gripper must follow its commands.
 
     Attributes:
-        margin, share: a move may take longer than it should by so much [s] and by this share of its time.
-        stray: fingers that nobody moves stay within this [m]: pads and fruit give way by one or two millimetres.
+        margin, share: a move may take this much [s] and this share of its planned time longer than planned.
+        stray: fingers without a command stay within this [m]: pads and fruit give way by one or two millimetres.
         lag: fingers follow a streamed speed this much later at most [s]: two or three of the 30 … 50 commands a second
             that a WSG takes.
     """
 
-    margin: float = value(Measure(TIME, "50 ms", "30 s"), "500 ms", "a move may take so much longer than it should")
-    share: float = value(Number(0.0, 10.0), "0.5", "and this share of its time")
-    stray: float = value(Measure(LENGTH, "0.2 mm", "50 mm"), "3 mm", "fingers that nobody moves stay within this")
+    margin: float = value(Measure(TIME, "50 ms", "30 s"), "500 ms", "a move may take this much longer than planned")
+    share: float = value(Number(0.0, 10.0), "0.5", "and this share of its planned time")
+    stray: float = value(Measure(LENGTH, "0.2 mm", "50 mm"), "3 mm", "fingers without a command stay within this")
     lag: float = value(Measure(TIME, "10 ms", "2 s"), "100 ms", "they follow a streamed speed this much later at most")
 
 
@@ -47,8 +47,8 @@ class GripperSupervisor:
     """Compares a gripper's states with its commands; times are the cell's [s].
 
     Attributes:
-        at_rest: whether the fingers were measured to stand still.
-        follows: whether they move no faster than a streamed speed told them to, and nowhere else.
+        at_rest: whether the fingers were measured at rest.
+        follows: whether they move within the streamed speeds commanded lately, and do not stray.
         rest_by: fingers that are left alone now do not move beyond this time [s].
     """
 

@@ -40,7 +40,7 @@ class Intrinsics:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Frame:
-    """One look: colour and depth registered to it, and where the camera was when it looked.
+    """One RGB-D image: colour, depth registered to it, and where the camera was at the exposure.
 
     Attributes:
         stamp: time of exposure on the cell's clock [s].
@@ -48,12 +48,12 @@ class Frame:
         colour: RGB, shape (h, w, 3), uint8.
         depth: z-depth, shape (h, w), float32 [m]; 0 where the sensor saw nothing. None for a colour-only camera.
         intrinsics: of both images.
-        q: joints of the arm at the exposure, shape (dof,) [rad], for a camera that rides on the arm; else None.
+        q: joints of the arm at the exposure, shape (dof,) [rad], for a camera mounted on the arm; else None.
         T_mount_camera: pose of the camera in its mount: in tool0 when `q` is given (hand-eye), else in the base frame.
         label: where the frame comes from, for people: a file's name, or the camera's.
-        depth_model: how `depth` errs, as the camera's driver knows; its offset and scale are taken off already.
-        placed: whether `q` and `T_mount_camera` say where the camera stood; where nobody knows, places in two frames
-            say nothing about each other.
+        depth_model: error model of `depth`, from the camera's driver; its offset and scale are corrected already.
+        placed: whether `q` and `T_mount_camera` say where the camera stood; if not, positions in two frames cannot be
+            compared.
     """
 
     stamp: float
@@ -126,7 +126,7 @@ class Trajectory:
 
 
 class MotionState(Enum):
-    """How a started motion stands."""
+    """State of a motion that was started."""
 
     RUNNING = "running"
     PAUSED = "paused"
@@ -141,7 +141,7 @@ class Motion(Protocol):
 
     @property
     def state(self) -> MotionState:
-        """How far it has come: running, paused, stopped, failed or done."""
+        """Running, paused, stopped, failed or done."""
         ...
 
     @property
@@ -214,23 +214,23 @@ class Arm(Protocol):
 
 @runtime_checkable
 class SetPoints(Motion, Protocol):
-    """A motion whose goal comes set-point by set-point; it ends when it is stopped, or fails without them."""
+    """A motion that follows streamed set-points; it ends when it is stopped, and fails when none arrive."""
 
     def aim(self, q: Float64) -> None:
         """Go to these joints, shape (dof,) [rad], from now on, within the arm's limits.
 
         Raises:
-            BadTrajectory: they are no numbers, or outside the limits; they are not taken.
+            BadTrajectory: they are not finite, or outside the limits; they are ignored.
         """
         ...
 
 
 @runtime_checkable
 class StreamedArm(Protocol):
-    """An arm that also goes where it is told from moment to moment, by who sees what it does."""
+    """An arm that also follows set-points streamed to it, for closed-loop control."""
 
     def stream(self, watchdog: float) -> SetPoints:
-        """Begin, standing; without a set-point for `watchdog` [s] it comes to rest and the motion has failed.
+        """Start from rest; without a set-point for `watchdog` [s] the arm comes to rest and the motion has failed.
 
         Raises:
             MotionRefused: the arm is moving or latched.
@@ -258,8 +258,8 @@ class GripperState:
     Attributes:
         width: opening between the pads' faces [m]; speed: its rate, negative closes [m/s].
         moving: a move or a speed is under way.
-        motor_force: what the motor presses with by its current, both fingers together, negative pushes outwards [N];
-            rough. None where the gripper does not tell. A witness for fingers that feel nothing.
+        motor_force: estimated from the motor's current, both fingers together, negative pushes outwards [N]; rough.
+            None where the gripper does not report it. A cross-check for force sensors that read nothing.
     """
 
     stamp: float
@@ -346,9 +346,9 @@ class ForceSensor(Protocol):
         ...
 
     def distrust(self, reason: str) -> None:
-        """What the sensor says cannot be true: until `acknowledge` the cell's check ends a run with this reason.
+        """Mark the sensor's values as implausible: until `acknowledge` the cell's check ends a run with this reason.
 
-        For who compares the samples with other signals. The first reason stays. May be called from any thread.
+        For code that compares the samples with other signals. The first reason stays. May be called from any thread.
         """
         ...
 

@@ -27,32 +27,32 @@ OVERSPEED = 1.5
 JITTER = 0.05
 """What comes over a network comes up to two pushes of 25 ms early or late [s]."""
 BEYOND_RANGE = 0.1
-"""Mechanical stops keep every joint this near to its range [rad]."""
+"""Mechanical stops keep every joint within this distance of its range [rad]."""
 FROZEN_PATH = 0.01
 """A set-point that has moved this far moves an encoder, too [rad]: hundreds of steps of a 17-bit encoder."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Supervision:
-    """How far an arm is believed.
+    """How closely an arm must follow its commands.
 
     Attributes:
-        following_error: most that a joint may be away from its set-points [rad]. The simulated arm lags by up to
-            0.003 rad (measured), and without velocity feed-forward by 0.037 rad: twice that is none of its doing.
-        lag: the arm may stand at any of the set-points of the last so many seconds: a network and a controller's
-            servos delay [s].
-        margin: a motion, a stop or a pause may take so much longer than planned [s].
+        following_error: largest following error of a joint [rad]. The simulated arm lags by up to 0.003 rad
+            (measured), and without velocity feed-forward by 0.037 rad: twice that has another cause.
+        lag: delay of the network and the controller's servos [s]: the arm may be at any of the set-points that are
+            no older than this.
+        margin: a motion, a stop or a pause may take this much longer than planned [s].
         stall: a controller must take the next point of a running motion within this time [s].
-        status: a controller that has not told its status for so long hides an emergency stop [s]: ten pushes of 25 ms.
+        status: a controller without a status for this long may hide an emergency stop [s]: ten updates of 25 ms.
     """
 
     following_error: float = value(
-        Measure(ANGLE, "0.005 rad", "0.5 rad"), "0.08 rad", "most that a joint may be away from its set-points"
+        Measure(ANGLE, "0.005 rad", "0.5 rad"), "0.08 rad", "largest following error of a joint"
     )
     lag: float = value(Measure(TIME, "0 s", "1 s"), "200 ms", "delay of network and servos")
-    margin: float = value(Measure(TIME, "100 ms", "30 s"), "2 s", "a motion may take so much longer than planned")
+    margin: float = value(Measure(TIME, "100 ms", "30 s"), "2 s", "a motion may take this much longer than planned")
     stall: float = value(Measure(TIME, "50 ms", "5 s"), "500 ms", "the next point must be taken within this time")
-    status: float = value(Measure(TIME, "30 ms", "2 s"), "250 ms", "no status for so long: the arm is lost")
+    status: float = value(Measure(TIME, "30 ms", "2 s"), "250 ms", "without a status for this long the arm is lost")
 
 
 @dataclass(slots=True, eq=False)
@@ -121,7 +121,7 @@ class MotionSupervisor:
             self._status_at = now
         silent = now - self._status_at
         if silent > self._supervision.status:
-            raise DeviceLost(self._device, f"the controller has not told its status for {1e3 * silent:.0f} ms")
+            raise DeviceLost(self._device, f"the controller has not sent its status for {1e3 * silent:.0f} ms")
 
     def forget(self) -> None:
         """Begin anew: after a reconnection or an acknowledgement nothing of before is compared with."""

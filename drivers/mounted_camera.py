@@ -36,7 +36,9 @@ class MountedCameraFile:
     depth_model: DepthModelSection | None = value(
         Section(DepthModelSection), None, "how the depth errs; without it as a RealSense D4xx"
     )
-    silence: float = value(Measure(TIME, "50 ms", "10 s"), "500 ms", "no image for so long: the camera is lost")
+    silence: float = value(
+        Measure(TIME, "50 ms", "10 s"), "500 ms", "without an image for this long the camera is lost"
+    )
 
     def problems(self) -> Iterator[Problem]:
         try:

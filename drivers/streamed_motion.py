@@ -1,9 +1,9 @@
-"""A motion whose goal comes set-point by set-point, from who looks and decides while it goes on.
+"""A motion that follows streamed set-points, for closed-loop control.
 
-Each set-point is only where to go: the way there stays within the joints' speed, acceleration and jerk, whatever comes.
-Speeds follow the fastest way that can still stop (v² = 2 a d), and an average over the last `2 a / j` seconds turns its
-steps of acceleration into bounded jerk; an average of what stays within bounds stays within them. Without a new
-set-point within the watchdog's time the joints come to rest and the motion has failed.
+A set-point only says where to go: the way there stays within the joints' limits of speed, acceleration and jerk,
+whatever arrives. Speeds follow the fastest profile that can still stop (v² = 2 a d). A moving average over the last
+`2 a / j` seconds turns its steps of acceleration into bounded jerk; an average of values within limits is within them,
+too. Without a new set-point within the watchdog's time the joints come to rest and the motion has failed.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ class StreamedMotion:
     """A motion towards the newest set-point, stepped by the arm's driver at a fixed period."""
 
     time_left = math.inf
-    """Seconds to its end: only who aims knows."""
+    """Seconds to its end: not known, since set-points may keep arriving."""
 
     def __init__(self, q: Float64, limits: ArmLimits, period: float, watchdog: float) -> None:
         """
         Args:
             q: where the arm stands, shape (dof,) [rad].
-            watchdog: without a new set-point for so long it comes to rest and has failed [s].
+            watchdog: without a new set-point for this long it comes to rest and has failed [s].
         """
         self.state, self.settled, self.problem = MotionState.RUNNING, False, ""
         self.progress = 0.0
@@ -44,7 +44,7 @@ class StreamedMotion:
         self._aimed = 0.0
         self._stopping = False
 
-    # ------------------------------------------------------------------------------------ who aims
+    # ------------------------------------------------------------------------------------ set-points
 
     def aim(self, q: Float64) -> None:
         """Go there from now on.
@@ -53,7 +53,7 @@ class StreamedMotion:
             q: joints, shape (dof,) [rad].
 
         Raises:
-            BadTrajectory: no numbers, or outside the joints' limits; it is not taken, and the watchdog goes on.
+            BadTrajectory: not finite, or outside the joints' limits; it is ignored, and the watchdog runs on.
         """
         target = np.array(q, np.float64)
         if target.shape != self._raw.shape or not np.isfinite(target).all():
@@ -66,7 +66,7 @@ class StreamedMotion:
             raise BadTrajectory(words, 0, joint)
         self._target, self._aimed = target, 0.0
 
-    # ------------------------------------------------------------------------------------ who watches
+    # ------------------------------------------------------------------------------------ supervision
 
     @property
     def phase(self) -> Phase:
@@ -77,12 +77,12 @@ class StreamedMotion:
 
     @property
     def set_point_rests(self) -> bool:
-        """Whether what the arm is told stands still."""
+        """Whether the commanded position stands still."""
         return self._still >= len(self._lately)
 
     @property
     def set_point_arrived(self) -> bool:
-        """Whether it stands where it shall: whoever aims may take their time."""
+        """As `set_point_rests`: streamed set-points have no end to arrive at."""
         return self.set_point_rests
 
     @property
@@ -108,12 +108,12 @@ class StreamedMotion:
             self._rate[:], self._still = 0.0, len(self._lately)
 
     def pause(self) -> None:
-        """Come to rest; set-points count again after `resume`."""
+        """Come to rest; set-points are followed again after `resume`."""
         if self.state is MotionState.RUNNING and not self._stopping:
             self.state = MotionState.PAUSED
 
     def resume(self) -> None:
-        """Go on with the set-points that come."""
+        """Follow the set-points that arrive from now on."""
         if self.state is MotionState.PAUSED and not self._stopping:
             self.state, self._aimed, self._target = MotionState.RUNNING, 0.0, self._raw.copy()
 
@@ -123,7 +123,7 @@ class StreamedMotion:
             self.state = MotionState.FAILED if self.problem else MotionState.STOPPED
             self.settled = resting
 
-    # ------------------------------------------------------------------------------------ who steps
+    # ------------------------------------------------------------------------------------ stepping
 
     def step(self) -> tuple[Float64, Float64]:
         """Advance one period; joint positions [rad] and velocities [rad/s] of the set-point, (dof,) each."""
@@ -140,7 +140,7 @@ class StreamedMotion:
         self._still = self._still + 1 if np.array_equal(self._raw, before) else 0
         self._smooth = self._raw.copy() if self._still >= len(self._lately) else self._sum / len(self._lately)
         if self.set_point_rests:
-            self._sum = self._raw * len(self._lately)  # rounding does not add up
+            self._sum = self._raw * len(self._lately)  # so that rounding errors do not accumulate
             return self._smooth, np.zeros_like(smooth)
         return self._smooth, (self._smooth - smooth) / self._period
 

@@ -37,17 +37,19 @@ FEW_FRAMES, EARLY_FRAME = 2, 0.020
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Belief:
-    """How far the samples of force fingers are believed.
+    """Limits beyond which the samples of force fingers are not trusted.
 
     Attributes:
-        stuck: a finger that says the same to the last bit for so long is stuck [s]: every live sensor has noise, though
-            one of few bits may repeat itself for a while and need more.
-        strongest: a force above this is none [N], nor a torque above so many N·m: no gripper here presses with more
-            than 50 N.
+        stuck: a finger that repeats its value bit for bit for this long is stuck [s]: every live sensor has noise,
+            though one with few bits may repeat itself for a while and need more.
+        strongest: a force above this, or a torque above this number of N·m, is implausible [N]: no gripper here
+            presses with more than 50 N.
     """
 
-    stuck: float = value(Measure(TIME, "5 ms", "10 s"), "30 ms", "the same to the last bit for so long: stuck")
-    strongest: float = value(Measure(FORCE, "1 N", "10000 N"), "200 N", "what is more is no force")
+    stuck: float = value(
+        Measure(TIME, "5 ms", "10 s"), "30 ms", "a finger that repeats its value exactly for this long is stuck"
+    )
+    strongest: float = value(Measure(FORCE, "1 N", "10000 N"), "200 N", "a larger force is not plausible")
 
 
 SIDES = ("the left finger", "the right finger")
@@ -62,11 +64,11 @@ class _Listener:
 
 
 class WrenchStream:
-    """Judges the samples of two fingers and hands those that can be true to every listener.
+    """Checks the samples of two fingers and passes the plausible ones to every listener.
 
-    What cannot be true is left out, and becomes a fault of the device when nothing else comes; a force that is no
-    number, an impossible one and a stuck finger are one at once. A listener that fails is served no more, and is a
-    fault as well: whoever controls the grip by these samples no longer does.
+    Implausible samples are dropped, and are a fault of the device when nothing else arrives; a force that is not finite
+    or impossible, and a stuck finger, are a fault at once. A listener that fails is not called again, and is a fault as
+    well: it may have been the grip's controller.
 
     Attributes:
         newest: the newest sample that was believed, or None.

@@ -49,13 +49,13 @@ from executive.values.sentences import sentence_of
 logger = logging.getLogger(__name__)
 
 RECOVERY_SETTINGS = ("release", "home")
-"""Parameters of the tree `recover`, which `--set` gives to it."""
+"""Parameters of the tree `recover` that `--set` passes to it."""
 
 NO_RECORD = "NO_RECORD"
-"""Why a run ends in an error whose tree has ended: its cell requires a record, and it is not whole."""
+"""Failure code of a run whose tree has ended, but whose record is incomplete although its cell requires one."""
 
 PERIOD = 0.02
-"""Seconds of a tick."""
+"""Tick period [s]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,17 +65,17 @@ class RunOrder:
     Attributes:
         tree, cell: files.
         seed: every random choice comes from it.
-        settings: parameters of the tree, and options of the cell for what the tree does not declare.
-        real_time: pace a simulated cell to the wall's clock.
+        settings: parameters of the tree; names that it does not declare are options of the cell.
+        real_time: pace a simulated cell to wall-clock time.
         record: folder of records, or None for no record.
         past: folder of records in which the last run on this cell is looked for; None: `record`.
-        dry: replace every skill by a mock and the cell by nothing.
+        dry: replace every skill by a mock and the cell by an empty one.
         mocks: a file that says how the mocks behave; without one they all succeed at once.
-        texts: contents of files, by their path, that are not to be read from the disk.
-        recover: after a run on this cell that was cut, run the installed tree `recover` first.
-        cleared: somebody has looked after the cell since.
-        attended: somebody is there to answer questions and to go on after breakpoints.
-        breaks: breakpoints that are set from the start: a node's name, type or path, and its side.
+        texts: contents of files, by path, to use instead of those on the disk.
+        recover: if the last run on this cell was cut off, run the installed tree `recover` first.
+        cleared: somebody has checked the cell since then.
+        attended: an operator is there to answer questions and to resume after breakpoints.
+        breaks: breakpoints to set at the start: a node's name, type or path, and its side.
     """
 
     tree: Path
@@ -96,14 +96,14 @@ class RunOrder:
 
 @dataclass(frozen=True, slots=True)
 class Executed:
-    """How an order went.
+    """The outcome of an order.
 
     Attributes:
-        result: of the run.
+        result: the run's.
         summary: of its events.
-        record: its folder.
+        record: folder of its record.
         problem: what is wrong with the record, if anything.
-        signal: number of the signal that wanted it to end, if one did.
+        signal: number of the signal that asked it to end, if any.
     """
 
     result: RunResult
@@ -129,8 +129,8 @@ def execute(
         listeners: get every event.
         on_ready: gets the runner before it starts: to pause, stop or step it from another thread.
         on_latched: gets the runner after a run that ended in the safe state, while the cell is still connected.
-        starting: is told how the preparation goes, and can cancel it: once there is a cell, as a run that is stopped
-            before its first tick.
+        starting: gets the progress of the preparation and can cancel it; once the cell is connected, that is a run
+            stopped before its first tick.
         readers: get what the cell's devices measure, ten times a second.
 
     Raises:
@@ -144,8 +144,8 @@ def execute(
         return _run_dry(order, followers)
     ready = _read(order, starting)
     if ready.cell.record_required and order.record is None:
-        raise UsageError(f"{ready.cell.name}: its file says `record: required`, and this run would leave none")
-    # Nobody else may begin between the look at what the last run has left and the run itself.
+        raise UsageError(f"{ready.cell.name}: its file says `record: required`, but this run would not be recorded")
+    # No other run may start between the check of what the last one left and this one.
     with alone_on(order.cell, ready.cell.kind, ready.cell.wires()):
         if order.tree.resolve() != _recovery():
             _after_cut(order, followers)
@@ -156,10 +156,10 @@ def execute(
 
 
 def give_back_memory() -> None:
-    """Give what a run has freed back to the system.
+    """Return the memory that a run has freed to the operating system.
 
-    The C library (glibc; others do it themselves) keeps it otherwise, in more and more pieces: after eight picks 305 MB
-    of 1 114, and a process of many runs never stood still.
+    glibc (other C libraries do not) keeps freed memory in ever more fragments: 305 of 1 114 MB after eight picks. A
+    process with many runs kept growing.
     """
     trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
     if trim is not None:
@@ -168,7 +168,7 @@ def give_back_memory() -> None:
 
 @dataclass(frozen=True, slots=True)
 class _Followers:
-    """Who is told of a run; see `execute`."""
+    """Who is told about a run; see `execute`."""
 
     listeners: Sequence[Listener]
     readers: Sequence[Reader]
@@ -179,7 +179,7 @@ class _Followers:
 
 @dataclass(frozen=True, slots=True)
 class _Ready:
-    """An order whose files are read, and in which nothing is wrong."""
+    """An order whose files were read and passed the check."""
 
     order: RunOrder
     registry: Registry
@@ -216,17 +216,17 @@ def _run_dry(order: RunOrder, followers: _Followers) -> Executed:
 
 
 def _run_on_cell(ready: _Ready, followers: _Followers) -> Executed:
-    """Connect the cell, which no other run has, and run."""
+    """Connect the cell, which no other run is using, and run."""
     order, file, starting = ready.order, ready.cell, followers.starting
     with RunSignals() as signals, run_in_progress(), contextlib.ExitStack() as stack:
         starting.refuse_cancelled()
         starting.reach("connecting the cell")
         cell = connect_cell(file, order.seed)
         supervision = RunSupervision(cell)
-        stack.callback(supervision.close)  # last of all: until the cell is closed something could still move
+        stack.callback(supervision.close)  # last of all: until the cell is closed, something could still move
         stack.callback(cell.close)
         stack.callback(leave_if_forked)
-        stack.callback(signals.wait)  # whatever ends the run, the cell is closed without being disturbed
+        stack.callback(signals.wait)  # whatever ends the run, closing the cell is not interrupted
         _refuse_full_hand(order, cell)
         work = _Work(
             order, ready.registry, ready.document, ready.settings, cell, None, signals, supervision, file.files
@@ -239,17 +239,16 @@ def _recovery() -> Path:
 
 
 WHAT_TO_DO = (
-    "`--recover` moves the arm home slowly first, with `--set release=true` it puts down what it "
-    "holds before; `--cleared` says that somebody has looked after the cell; on the page, choose either where the run "
-    "is started."
+    "`--recover` first moves the arm home slowly; with `--set release=true` it puts down what it holds before that. "
+    "`--cleared` says that somebody has checked the cell. On the page, choose either where the run is started."
 )
 
 
 def _refuse_full_hand(order: RunOrder, cell: Cell) -> None:
-    """A tree that takes something begins with empty fingers, however the last run ended and whatever its record says.
+    """A tree that picks starts with empty fingers, however the last run ended and whatever its record says.
 
     Raises:
-        UsageError: something is felt between them, and nobody has said that this is as it should be.
+        UsageError: something is felt between them, and the order does not say `cleared`.
     """
     hand = "" if order.cleared or order.tree.resolve() == _recovery() else cell.in_hand()
     if hand:
@@ -258,11 +257,11 @@ def _refuse_full_hand(order: RunOrder, cell: Cell) -> None:
 
 
 def _after_cut(order: RunOrder, followers: _Followers) -> None:
-    """When the last run on this cell was cut: recover if that is wanted, else refuse a cell that may hold something.
+    """If the last run on this cell was cut off: recover if ordered, else refuse a cell that may hold something.
 
     Raises:
-        UsageError: it may, or the recovery did not succeed; nothing else has moved.
-        KeyboardInterrupt: somebody wanted the process to end meanwhile.
+        UsageError: it may hold something, or the recovery did not succeed; nothing else has moved.
+        KeyboardInterrupt: the process was asked to end meanwhile.
     """
     starting, past = followers.starting, order.past or order.record
     cut = unfinished(past, order.cell) if past is not None and not order.cleared else None
@@ -277,7 +276,7 @@ def _after_cut(order: RunOrder, followers: _Followers) -> None:
         recovered = _run_on_cell(_read(recovery, starting), replace(followers, on_latched=lambda _runner: None))
         if recovered.result.outcome != "success":
             raise UsageError(f"{recovered.summary.sentence()}. Nothing else was run.")
-        if recovered.signal is not None:  # it came while the recovery's record and cell were closed
+        if recovered.signal is not None:  # it came while the recovery's record and cell were being closed
             raise error_of(recovered.signal)
     elif (cut.kind or starting.cell_kind) in ("real", "emulated") and cut.hand != "":
         raise UsageError(f"{words}.\nNothing was run. {WHAT_TO_DO}")
@@ -404,7 +403,7 @@ def connect_cell(file: CellFile, seed: int) -> Cell:
 
 
 def _with_place(error: BaseException) -> str:
-    """What an exception says; of Python's own kinds, which nobody raises for people, with the place in the code."""
+    """An exception's message; for built-in exceptions, which are not written for users, with the place in the code."""
     place = place_of(error) if type(error).__module__ == "builtins" and not isinstance(error, OSError) else ""
     return f"{sentence_of(error)} ({place})" if place else sentence_of(error)
 
@@ -444,7 +443,7 @@ def _text_of(path: Path | None, texts: Mapping[str, str]) -> str:
 
 @cache
 def versions() -> Mapping[str, str]:
-    """What runs here: the commit of Pomona in a git checkout, Python, packages."""
+    """Versions of what runs here: the commit of Pomona in a git checkout, Python, packages."""
     commit = commit_here()
     found = {"git": commit} if commit else {}
     found |= {"python": platform.python_version(), "platform": platform.platform(terse=True)}

@@ -53,12 +53,12 @@ from executive.values.units import RATE, TIME
 START = 120.0
 """The world must be ready within this time [s]."""
 ANSWER = 2.0
-"""Deadline of the world's score [s]."""
+"""Deadline for the world's score [s]."""
 WIRES = ("arm", "controller", "gripper", "fingers", "camera")
 
 
 class PacedClock:
-    """The system's time at a pace: below 1, every real second gives the cell less to do, for a busy computer."""
+    """System time at a pace: below 1 the cell's time runs slower than real time, so that a busy computer keeps up."""
 
     simulated = False
 
@@ -118,19 +118,19 @@ class EmulatedWorldFile:
 
     cell: Path = value(PathTo("file"), help="the simulated cell")
     options: Mapping[str, str] = value(MappingOf(Text()), {}, "of that cell")
-    time: str = value(Text("virtual", "wall"), "virtual", "whose time passes: the world's or the wall's")
+    time: str = value(Text("virtual", "wall"), "virtual", "virtual time in this process, or wall-clock time")
     arm: str = value(Text(), help="HOST:PORT where the arm's driver finds the controller")
-    controller: str = value(Text(*ORDERS), help="which the arm has")
+    controller: str = value(Text(*ORDERS), help="type of the arm's controller")
     gripper: str = value(Text(), help="HOST:PORT of the gripper")
     fingers: str = value(Text(), help="folder with the links finger_left and finger_right")
     camera: str = value(Text(), help="HOST:PORT of the camera")
-    pace: float = value(Number(0.01, 1.0), "1", "of wall time; below 1 the cell's time runs slower")
+    pace: float = value(Number(0.01, 1.0), "1", "share of wall-clock speed; below 1 the cell's time runs slower")
 
     def problems(self) -> Iterator[Problem]:
         try:
             read_cell_file(self.cell, self.options)
         except CellFileError as error:
-            yield Problem("cell", f"{self.cell.name} cannot be used so: {error.message}", error.hint)
+            yield Problem("cell", f"{self.cell.name} cannot be used with these options: {error.message}", error.hint)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -140,9 +140,9 @@ class EmulatedCameraFile:
     address: tuple[str, int] = value(Address(41001), help="HOST:PORT")
     robot: Path = value(PathTo("file"), help="MJCF with the site `camera`")
     rate: float = value(Measure(RATE, "0.5 Hz", "60 Hz"), "5 Hz", "frames per second")
-    silence: float = value(Measure(TIME, "50 ms", "10 s"), "1 s", "no frame for so long: the camera is lost")
+    silence: float = value(Measure(TIME, "50 ms", "10 s"), "1 s", "without a frame for this long the camera is lost")
     depth_model: DepthModelSection | None = value(
-        Section(DepthModelSection), None, "how the depth errs; without it as a simulated camera"
+        Section(DepthModelSection), None, "error model of the depth; by default a simulated camera's"
     )
 
 
@@ -184,14 +184,14 @@ def _start_process(settings: Settings[EmulatedWorldFile], context: ConnectContex
         process.kill()
         _, complaint = process.communicate()
         words = complaint.decode(errors="replace").strip()
-        raise settings.error(f"the emulated world did not start: {words or 'it said nothing'}", "cell")
+        raise settings.error(f"the emulated world did not start: {words or 'it gave no reason'}", "cell")
     assert process.stderr is not None
     process.stderr.close()
     return EmulatedWorld(process, said.pace)
 
 
 def read_line(process: subprocess.Popen[bytes], deadline: float) -> bytes:
-    """A line of the process's standard output, or what came of it within `deadline` [s]."""
+    """A line of the process's standard output, or the part of it that arrived within `deadline` [s]."""
     assert process.stdout is not None
     descriptor, line, end = process.stdout.fileno(), b"", time.monotonic() + deadline
     while not line.endswith(b"\n"):
@@ -204,7 +204,7 @@ def read_line(process: subprocess.Popen[bytes], deadline: float) -> bytes:
 
 
 class WireSource:
-    """Frames from the emulated camera, one for every request, no more than `rate` a second of the cell's time."""
+    """Frames from the emulated camera, one per request, at most `rate` per second of the cell's time."""
 
     def __init__(self, link: Link, rate: float, clock: Clock) -> None:
         self._link, self._period, self._clock = link, 1.0 / rate, clock
@@ -244,7 +244,7 @@ class WireSource:
         colour = np.frombuffer(images, np.uint8, 3 * pixels).reshape(height, width, 3)
         depth = np.frombuffer(images, np.float32, pixels, 3 * pixels).reshape(height, width)
         intrinsics = Intrinsics(fx, fy, cx, cy, width, height)
-        if self._clock.simulated:  # there is no host's clock: the camera counts by its own
+        if self._clock.simulated:  # there is no host clock: the camera uses its own
             return Pair(colour, depth, intrinsics, stamp, False, number)
         pace = self._clock.pace if isinstance(self._clock, PacedClock) else 1.0
         return Pair(colour, depth, intrinsics, time.time() - age * pace, True, number)
@@ -272,7 +272,7 @@ def connect_camera(settings: Settings[EmulatedCameraFile], context: ConnectConte
 
 
 def camera_site(robot: Path) -> Float64:
-    """T_tool0_camera (4, 4) [m] from the robot's description: what a calibration would find."""
+    """T_tool0_camera (4, 4) [m] from the robot's description: what a hand-eye calibration would find."""
     import mujoco
 
     site = mujoco.MjModel.from_xml_path(str(robot)).site("camera")

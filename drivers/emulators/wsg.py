@@ -1,4 +1,4 @@
-"""A WSG gripper that speaks its bytes: refusals, fast stop, blocked axis, automatic updates, finger script."""
+"""A WSG gripper emulated at the level of bytes: refusals, fast stop, blocked axis, automatic updates, finger script."""
 
 from __future__ import annotations
 
@@ -28,23 +28,23 @@ from drivers.wsg.codec import (
 from drivers.wsg.frame import FrameDecoder, encode_frame
 
 SCRIPT_WATCHDOG = 0.1
-"""The finger script stops the fingers when the speed is not renewed for so long [s]."""
+"""The finger script stops the fingers when the speed is not renewed within this time [s]."""
 
 
 class WsgEmulator:
     """The gripper's controller on top of any `Gripper` that moves its fingers.
 
     Attributes:
-        referenced: False until homing, if it is started so: moves are refused.
+        referenced: whether homing was done; moves are refused before.
         has_script: whether the finger script is loaded.
         silent: the cable is pulled: nothing comes in and nothing goes out.
-        faults: bits of faults that the gripper reports besides its own state.
+        faults: fault bits that the gripper reports in addition to its own state.
         refusing: commands that are answered with ACCESS_DENIED and not carried out.
         deaf: commands that are neither answered nor carried out, and updates that do not come.
-        busy: a move is taken on (PENDING), and never begins or ends.
-        runaway: a speed with which the fingers move whatever they are told, until a fast stop [m/s].
-        frozen: width and speed are told as they were when this was set.
-        reported_width: a width that is told instead of the true one [m].
+        busy: a move is accepted (PENDING), but never begins or ends.
+        runaway: speed at which the fingers move regardless of commands, until a fast stop [m/s].
+        frozen: width and speed are reported as they were when this was set.
+        reported_width: width that is reported instead of the true one [m].
     """
 
     def __init__(

@@ -35,7 +35,7 @@ class MockArm(Device):
         clock: that moves it.
         q: where it stands, shape (dof,) [rad]; zeros by default.
         limits, description: of the robot; the shipped one by default.
-        supervision: how far the arm is believed.
+        supervision: how closely the arm must follow its commands.
 
     Attributes:
         followed: every trajectory that was started.

@@ -44,7 +44,9 @@ class MockArmOptions(InMockWorld):
 
     start: str = value(Text(), "", "pose of the workspace in which it stands; zeros without one")
 
-    supervision: Supervision = value(Section(Supervision), Supervision(), "how far the arm is believed")
+    supervision: Supervision = value(
+        Section(Supervision), Supervision(), "how closely the arm must follow its commands"
+    )
 
     def fits(self, around: Surroundings) -> Iterator[Problem]:
         yield from InMockWorld.fits(self, around)

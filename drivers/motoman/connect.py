@@ -42,8 +42,10 @@ class MotomanFile:
     servo_on: bool = value(Flag(), True, "switch the servos on when the run starts")
     point_period: float = value(Measure(TIME, "8 ms", "200 ms"), "20 ms", "time between points that are sent")
     lead: float = value(Measure(TIME, "30 ms", "700 ms"), "150 ms", "how far ahead of the arm points are sent")
-    silence: float = value(Measure(TIME, "30 ms", "1 s"), "90 ms", "no feedback for so long: the arm is lost")
-    supervision: Supervision = value(Section(Supervision), Supervision(), "how far the arm is believed")
+    silence: float = value(Measure(TIME, "30 ms", "1 s"), "90 ms", "without feedback for this long the arm is lost")
+    supervision: Supervision = value(
+        Section(Supervision), Supervision(), "how closely the arm must follow its commands"
+    )
 
     @property
     def on_wire(self) -> tuple[str, ...]:

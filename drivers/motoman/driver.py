@@ -47,7 +47,7 @@ class MotomanOptions:
         point_period: time between points that are sent [s].
         lead: how far ahead of the arm points are sent [s]: a stop takes effect behind them.
         silence: without feedback for so long the arm is lost [s].
-        supervision: how far the arm is believed.
+        supervision: how closely the arm must follow its commands.
     """
 
     order: Order = "<"

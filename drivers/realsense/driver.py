@@ -1,7 +1,7 @@
 """A RealSense camera as a `Camera`: its owner keeps the newest pair of images and where the camera was.
 
-A frame that is old, of the future, repeated or frozen (`drivers.streams.FrameGuard`) is never the newest; a camera that
-gives nothing else is lost, opened again, and stays latched.
+A frame that is old, stamped in the future, repeated or frozen (`drivers.streams.FrameGuard`) is rejected; a camera that
+sends nothing else is lost, is reopened, and stays latched.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from executive.clock import Clock
 RECONNECT = 1.0
 """Pause between attempts to open a lost camera again [s]."""
 PIXELS = 16
-"""Every so many rows and columns a pixel is compared with the frame before."""
+"""Stride in rows and columns of the pixels that are compared with the previous frame."""
 
 
 class ImageSource(Protocol):
@@ -87,7 +87,7 @@ class StreamingCamera(Device):
         self._owner.start()
 
     def step(self) -> None:
-        """Wait for one pair of images; the camera's own thread calls this without end."""
+        """Wait for one pair of images; the camera's own thread calls this in a loop."""
         try:
             if self._source is not None:
                 self._look()
@@ -111,10 +111,10 @@ class StreamingCamera(Device):
         self._owner.check()
 
     def acknowledge(self) -> None:
-        """Accept that the camera had been lost.
+        """Acknowledge that the camera was lost.
 
         Raises:
-            DeviceLost: it still is.
+            DeviceLost: it is still lost.
         """
         if self._source is None:
             raise DeviceLost(self.name, f"is still lost: {_words(self._problem)}")

@@ -45,7 +45,7 @@ class CameraSettings:
         size: width and height of both images [px].
         rate: frames per second.
         preset: name of a depth preset ("High Accuracy", "High Density", …), or "".
-        filters: names out of `FILTERS`, applied in their order.
+        filters: names from `FILTERS`, applied in the order there.
         options: further options of the depth sensor by their names in the library, for instance laser_power.
     """
 
@@ -63,7 +63,7 @@ class Pair:
     """Aligned images: colour (h, w, 3) uint8 RGB, depth (h, w) float32 [m], and when the camera took them.
 
     Attributes:
-        taken: the camera's own time [s], in the domain that `on_host_clock` tells; None for a recording.
+        taken: the camera's own time [s], in the clock domain given by `on_host_clock`; None for a recording.
         on_host_clock: whether `taken` is the host's wall clock; else the camera's hardware counter.
         number: the camera's frame number.
     """
@@ -156,7 +156,7 @@ class PipelineSource:
             raise
 
     def wait(self, timeout: float) -> Pair | None:
-        """The next images, or None when none came in time.
+        """The next images, or None when none arrived in time.
 
         Raises:
             DeviceLost: the camera is gone, or the bag is at its end.
@@ -189,7 +189,7 @@ def _configure(rs: ModuleType, sensor: Any, settings: CameraSettings) -> None:
         try:
             sensor.set_option(option, value)
         except RuntimeError as error:
-            raise DeviceFault("camera", f"does not take {value:g} for '{name}': {error}") from error
+            raise DeviceFault("camera", f"rejects {value:g} for '{name}': {error}") from error
 
 
 def _info(rs: ModuleType, device: Any, name: str) -> str:
@@ -198,7 +198,7 @@ def _info(rs: ModuleType, device: Any, name: str) -> str:
 
 
 def cameras_found() -> list[str]:
-    """Names and serial numbers of the RealSense cameras at this machine."""
+    """Names and serial numbers of the RealSense cameras connected to this machine."""
     rs = load_library()
     return [
         f"{_info(rs, device, 'name')} {_info(rs, device, 'serial_number')}".strip()

@@ -51,8 +51,8 @@ class Ros2ArmOptions:
         joints: of the robot's description, by their names in ROS 2.
         states, commands: topics.
         lead: how far ahead of the arm it is told what to do [s].
-        silence: no joint states for so long: the arm is lost [s].
-        supervision: how far the arm is believed.
+        silence: without joint states for this long the arm is lost [s].
+        supervision: how closely the arm must follow its commands.
     """
 
     joints: tuple[str, ...]
@@ -209,8 +209,12 @@ class Ros2ArmFile:
         Text(), "/joint_trajectory_controller/joint_trajectory", "topic of trajectory_msgs/JointTrajectory"
     )
     lead: float = value(Measure(TIME, "40 ms", "700 ms"), "150 ms", "how far ahead of the arm it is told what to do")
-    silence: float = value(Measure(TIME, "20 ms", "1 s"), "100 ms", "no joint states for so long: the arm is lost")
-    supervision: Supervision = value(Section(Supervision), Supervision(), "how far the arm is believed")
+    silence: float = value(
+        Measure(TIME, "20 ms", "1 s"), "100 ms", "without joint states for this long the arm is lost"
+    )
+    supervision: Supervision = value(
+        Section(Supervision), Supervision(), "how closely the arm must follow its commands"
+    )
 
     @property
     def wires(self) -> tuple[str, ...]:
@@ -238,7 +242,7 @@ def connect(settings: Settings[Ros2ArmFile], context: ConnectContext) -> Ros2Arm
         arm.connect()
     except DeviceLost as error:
         wire.close()
-        hint = "does joint_state_broadcaster run on rmw_zenoh? `ros2 topic echo` shows the names of the joints"
+        hint = "is joint_state_broadcaster running on rmw_zenoh? `ros2 topic echo` shows the joints' names"
         raise settings.error(error.message, "states", hint) from error
     arm.outside_stop = "drivers.ros2.outside:see_rest", (said.address, said.states, list(said.joints), AT_REST)
     arm.start()

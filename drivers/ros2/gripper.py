@@ -1,8 +1,9 @@
 """A parallel gripper behind ros2_control as a `Gripper` (`driver: ros2-gripper`): a joint's state in, its position out.
 
-The controller is a forward_command_controller of a position. Moves and streamed speeds become set-points that run at
-the wanted speed, at most `ahead` of the fingers: this bounds what they press with, and fingers of which nobody speaks
-any more stand still. What cannot be true, silence, and fingers that do not obey stay latched until acknowledged.
+The controller is a forward_command_controller for a position. Moves and streamed speeds become position set-points
+that advance at the commanded speed, at most `ahead` of the measured opening: this bounds the fingers' force, and they
+come to rest when no more set-points arrive. Implausible states, silence, and fingers that do not follow their
+set-points are latched until acknowledged.
 """
 
 from __future__ import annotations
@@ -30,21 +31,21 @@ from executive.values.units import FORCE, LENGTH, SPEED, TIME
 
 COMMAND = "std_msgs/msg/Float64MultiArray"
 PATIENCE = 0.004
-"""The wire is waited for no longer than this at a time [s]."""
-SAY = 0.01
-"""Set-points follow each other no faster than this [s], and as often while anything moves."""
-AGAIN = 0.1
-"""A set-point that rests is said again so often [s]: one that was lost on the way is made up for."""
+"""Receive timeout [s]."""
+SET_POINT_PERIOD = 0.01
+"""Period of the set-points while anything moves [s]."""
+REPEAT_PERIOD = 0.1
+"""Period at which a set-point that does not change is repeated [s], in case one was lost on the way."""
 ARRIVED = 1e-3
-"""Fingers so near to their goal are there [m]."""
+"""Position tolerance: fingers this close to their target have arrived [m]."""
 BLOCKED = 0.2
-"""Fingers that rest so long beside it, after the lag that they may have, do not get there [s]."""
-SPAN = 0.04
-"""Where the topic tells no velocity, it is that of so long [s]: positions come in steps."""
-FIRST = 3.0
-"""Deadline of the first state [s]."""
+"""Fingers at rest off their target for this long, beyond the allowed lag, are blocked [s]."""
+SPEED_WINDOW = 0.04
+"""Without velocities on the topic, the speed is the difference over this window [s]: positions are quantised."""
+FIRST_STATE = 3.0
+"""Deadline for the first joint state [s]."""
 ACCELERATION = 1.0
-"""Of fingers whose set-point begins or ends to move [m/s²], as the supervisor reckons; real ones are quicker."""
+"""What the supervisor assumes when the set-point starts or stops moving [m/s²]; real fingers are quicker."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,12 +53,12 @@ class Ros2GripperOptions:
     """What the cell file says of the gripper.
 
     Attributes:
-        joint: by its name in ROS 2.
-        scale, finger_offset: opening = finger_offset + scale · position; two fingers that each move by the position: 2.
-        states, commands: topics.
-        ahead: how far the set-point may run ahead of the fingers [m].
-        watchdog: a streamed speed that is not renewed for so long becomes zero [s].
-        silence: no state for so long: the gripper is lost [s].
+        joint: its name in ROS 2.
+        scale, finger_offset: opening = finger_offset + scale · position; scale 2 where two fingers each move by it.
+        states, commands: topics of joint states and of position commands.
+        ahead: how far the set-point may lead the measured opening [m].
+        watchdog: a streamed speed that is not renewed within this time becomes zero [s].
+        silence: without a joint state for this long the gripper is lost [s].
     """
 
     joint: str
@@ -72,7 +73,7 @@ class Ros2GripperOptions:
 
 
 class Ros2Gripper(Device):
-    """The gripper. One thread owns the set-point; what others ask is posted to it."""
+    """The gripper. One thread owns the set-point; requests are posted to it."""
 
     interfaces = (Gripper,)
     outlives = True
@@ -89,7 +90,7 @@ class Ros2Gripper(Device):
         super().__init__(name)
         self.limits, self.options = limits, options
         self._wire, self._clock, self._host_time = wire, clock, host_time
-        self._lock = threading.Lock()  # of latched, problem and the move that was asked for
+        self._lock = threading.Lock()  # of latched, problem and the requested move
         self._owner = Owner(name, self.step, self._failed, clock)
         self._feed = JointFeed(name, wire, options.states, (options.joint,), clock, options.silence, host_time)
         self._coder = coder(COMMAND)
@@ -97,23 +98,23 @@ class Ros2Gripper(Device):
         self._state: GripperState | None = None
         self._lost, self._estranged = True, False
         self._widths: list[tuple[float, float]] = []
-        self._set_point: float | None = None  # None: nothing was ever commanded, or what it was is not known any more
+        self._set_point: float | None = None  # None: nothing was commanded yet, or the last command is no longer known
         self._move: GripperMotion | None = None
         self._speed, self._speed_at = 0.0, -math.inf
-        self._stepped_at = self._said_at = clock.now()
-        self._said: float | None = None
-        self._beside_since = math.inf
+        self._stepped_at = self._sent_at = clock.now()
+        self._sent: float | None = None
+        self._off_target_since = math.inf
         self._latched: str | None = None
         self._problem: DeviceError | None = None
 
     # ---------------------------------------------------------------------------------------- connection
 
-    def connect(self, deadline: float = FIRST) -> None:
+    def connect(self, deadline: float = FIRST_STATE) -> None:
         """Wait for the first state; nothing is sent.
 
         Raises:
             DeviceLost: none came.
-            DeviceFault: it cannot be true.
+            DeviceFault: it is implausible.
         """
         end = self._clock.now() + deadline
         self._supervisor.rest(self._clock.now())
@@ -132,7 +133,7 @@ class Ros2Gripper(Device):
         self._owner.start()
 
     def step(self) -> None:
-        """Serve the gripper for a moment; its own thread calls this without end."""
+        """Serve the gripper once; its own thread calls this in a loop."""
         sample = self._feed.newest(PATIENCE)
         now = self._clock.now()
         try:
@@ -160,24 +161,24 @@ class Ros2Gripper(Device):
         if sample.qd is not None:
             speed = options.scale * float(sample.qd[0])
         else:
-            lately = [(t, w) for t, w in self._widths if t >= sample.stamp - SPAN]
+            lately = [(t, w) for t, w in self._widths if t >= sample.stamp - SPEED_WINDOW]
             self._widths = [*(lately or self._widths[-1:]), (sample.stamp, width)]
             then, before = self._widths[0]
             elapsed = sample.stamp - then
-            speed = (width - before) / elapsed if elapsed > 0.5 * SPAN else 0.0
+            speed = (width - before) / elapsed if elapsed > 0.5 * SPEED_WINDOW else 0.0
         state = GripperState(sample.stamp, width, speed, self._move is not None and not self._move.settled)
         wrong = self._supervisor.look(self._clock.now(), state)
         if wrong:
             self._fail(wrong)
             if not (math.isfinite(width) and math.isfinite(speed)):
-                return  # what is no number is no state
+                return  # NaN is no state
         self._lost, self._state = False, state
 
     def _advance(self, now: float, state: GripperState) -> None:
-        """Let the set-point run, and say it."""
+        """Advance the set-point and publish it."""
         if self._set_point is None:
             return
-        elapsed = min(now - self._stepped_at, 2.0 * SAY)  # who was held up makes no jump
+        elapsed = min(now - self._stepped_at, 2.0 * SET_POINT_PERIOD)  # no jump after a stall of this thread
         move = self._move
         if move is not None and move.state is MotionState.RUNNING:
             way = move.width - self._set_point
@@ -193,11 +194,11 @@ class Ros2Gripper(Device):
         elif wanted > self._set_point:
             wanted = max(min(wanted, state.width + ahead), self._set_point)
         self._set_point = wanted
-        if now - self._said_at >= (SAY if wanted != self._said else AGAIN):
-            self._say(wanted)
+        if now - self._sent_at >= (SET_POINT_PERIOD if wanted != self._sent else REPEAT_PERIOD):
+            self._publish(wanted)
 
-    def _say(self, width: float) -> None:
-        self._said, self._said_at = width, self._clock.now()
+    def _publish(self, width: float) -> None:
+        self._sent, self._sent_at = width, self._clock.now()
         position = (width - self.options.finger_offset) / self.options.scale
         coded = self._coder.coded({"data": [position]})
         self._wire.publish(self.options.commands, COMMAND, coded, round(self._host_time() * 1e9))
@@ -216,7 +217,7 @@ class Ros2Gripper(Device):
         if self._move is not None and self._move is not move:
             self._move.end(MotionState.STOPPED)
             self._move.settled = True
-        self._move, self._speed, self._beside_since = move, 0.0, math.inf
+        self._move, self._speed, self._off_target_since = move, 0.0, math.inf
         self._set_point = state.width if self._set_point is None else self._set_point
         self._supervisor.move(self._clock.now(), state.width, move.width, move.speed)
 
@@ -227,7 +228,7 @@ class Ros2Gripper(Device):
                 self._rest()
 
     def _rest(self) -> None:
-        """The set-point stays where it is: fingers that hold something go on to hold it."""
+        """Freeze the set-point: fingers that hold something keep holding it."""
         self._speed = 0.0
         self._supervisor.rest(self._clock.now())
 
@@ -256,40 +257,40 @@ class Ros2Gripper(Device):
             return
         move.measured = state.width
         if move.state is MotionState.RUNNING:
-            beside = abs(state.width - move.width)
-            if beside < ARRIVED and self._set_point == move.width and self._supervisor.at_rest:
+            off_target = abs(state.width - move.width)
+            if off_target < ARRIVED and self._set_point == move.width and self._supervisor.at_rest:
                 move.end(MotionState.DONE)
                 self._rest()
             elif not self._supervisor.at_rest or abs((self._set_point or 0.0) - state.width) < ARRIVED:
-                self._beside_since = math.inf
+                self._off_target_since = math.inf
             else:
-                self._beside_since = min(self._beside_since, state.stamp)
-                if state.stamp - self._beside_since > self.options.supervision.lag + BLOCKED:
+                self._off_target_since = min(self._off_target_since, state.stamp)
+                if state.stamp - self._off_target_since > self.options.supervision.lag + BLOCKED:
                     move.end(MotionState.FAILED, f"the fingers are blocked at {1e3 * state.width:.1f} mm")
                     self._rest()
         if move.ended and self._supervisor.at_rest:
             move.settled = True
 
     def _fail(self, words: str) -> None:
-        """What the gripper does or says is wrong: its move has failed, and the set-point stays."""
+        """The gripper misbehaves: its move has failed, and the set-point is frozen."""
         self._blame(DeviceFault(self.name, words))
         if self._move is not None and not self._move.ended:
             self._move.end(MotionState.FAILED, f"{self.name}: {words}")
         self._rest()
 
     def _lose(self, error: DeviceError) -> None:
-        """Nothing more is said to it: it stands at the last set-point."""
+        """Send nothing more: the controller holds the last set-point."""
         if not self._lost or self._problem is None:
             self._blame(error)
             if self._move is not None:
                 self._move.end(MotionState.FAILED, f"the gripper was lost: {error.message}")
-                self._move.settled = True  # nobody knows better
+                self._move.settled = True  # what it does is unknown
             self._rest()
         self._lost = self._estranged = True
         self._set_point = None
 
     def _blame(self, problem: DeviceError) -> None:
-        """Latch a problem until somebody acknowledges it; the first is kept."""
+        """Latch a problem until it is acknowledged; the first one is kept."""
         with self._lock:
             if self._problem is None:
                 self._problem = problem
@@ -334,10 +335,10 @@ class Ros2Gripper(Device):
         """As the Protocol says; while latched the fingers may close and hold but not open.
 
         Raises:
-            DeviceLost: the gripper is lost, or was and nobody has acknowledged it.
+            DeviceLost: the gripper is lost, or was lost and that is not acknowledged yet.
         """
         if self._lost or self._estranged:
-            raise DeviceLost(self.name, f"was lost; acknowledge that before it moves: {_words(self._problem)}")
+            raise DeviceLost(self.name, f"was lost; acknowledge the loss before it moves: {_words(self._problem)}")
         self._owner.post(lambda: self._take_speed(speed))
 
     # ------------------------------------------------------------------------------------------ the device
@@ -398,7 +399,7 @@ class Ros2Gripper(Device):
             self._begin(self._move)
 
     def settled(self) -> bool:
-        """Whether the fingers were measured to rest. Streamed speeds do not count as motion."""
+        """Whether the fingers were measured at rest. Streamed speeds do not count as motion."""
         if self._lost:
             return self._clock.now() > self._supervisor.rest_by
         move = self._move
@@ -406,7 +407,7 @@ class Ros2Gripper(Device):
         return ended and (self._supervisor.at_rest if not self._speed else self._supervisor.follows)
 
     def close(self) -> None:
-        """The fingers stay where they are."""
+        """Disconnect; the fingers stay where they are."""
         self.safe_stop("closed")
         self._owner.close()
         self._problem = DeviceLost(self.name, "is closed")
@@ -425,21 +426,25 @@ class Ros2GripperFile:
     """A parallel gripper behind a forward_command_controller of ros2_control."""
 
     address: str = value(Text(), ADDRESS, "HOST:PORT of rmw_zenoh's router")
-    joint: str = value(Text(), help="the gripper's joint, by its name in ROS 2")
-    scale: float = value(Number(-1e3, 1e3), 1.0, "metres of the opening for one unit of the joint; two fingers: 2")
-    finger_offset: float = value(Measure(LENGTH, "-200 mm", "500 mm"), "0 mm", "opening where the joint is at zero")
+    joint: str = value(Text(), help="name of the gripper's joint in ROS 2")
+    scale: float = value(Number(-1e3, 1e3), 1.0, "metres of opening per unit of the joint; two fingers: 2")
+    finger_offset: float = value(Measure(LENGTH, "-200 mm", "500 mm"), "0 mm", "opening with the joint at zero")
     opening: tuple[float, float] = value(Span(Measure(LENGTH, "0 mm", "500 mm")), help="least and largest opening")
-    speed_max: float = value(Measure(SPEED, "1 mm/s", "1 m/s"), "50 mm/s", "fastest that the opening changes")
-    force_max: float = value(Measure(FORCE, "0.1 N", "500 N"), "20 N", "of one finger, as its controller is set")
+    speed_max: float = value(Measure(SPEED, "1 mm/s", "1 m/s"), "50 mm/s", "largest speed of the opening")
+    force_max: float = value(Measure(FORCE, "0.1 N", "500 N"), "20 N", "force of one finger, as set in its controller")
     states: str = value(Text(), "/joint_states", "topic of sensor_msgs/JointState")
     commands: str = value(Text(), "/gripper_controller/commands", "topic of std_msgs/Float64MultiArray: a position")
-    ahead: float = value(Measure(LENGTH, "1 mm", "50 mm"), "10 mm", "the set-point runs at most so far ahead of them")
-    watchdog: float = value(
-        Measure(TIME, "30 ms", "1 s"), "100 ms", "a streamed speed that is not renewed for so long becomes zero"
+    ahead: float = value(
+        Measure(LENGTH, "1 mm", "50 mm"), "10 mm", "how far the set-point may lead the measured opening"
     )
-    silence: float = value(Measure(TIME, "20 ms", "1 s"), "100 ms", "no state for so long: the gripper is lost")
+    watchdog: float = value(
+        Measure(TIME, "30 ms", "1 s"), "100 ms", "a streamed speed that is not renewed within this time becomes zero"
+    )
+    silence: float = value(
+        Measure(TIME, "20 ms", "1 s"), "100 ms", "without a joint state for this long the gripper is lost"
+    )
     supervision: GripperSupervision = value(
-        Section(GripperSupervision), GripperSupervision(), "how far the gripper is believed"
+        Section(GripperSupervision), GripperSupervision(), "how closely the gripper must follow its commands"
     )
 
     @property
@@ -468,7 +473,7 @@ def connect(settings: Settings[Ros2GripperFile], context: ConnectContext) -> Ros
         gripper.connect()
     except DeviceError as error:
         wire.close()
-        hint = "does joint_state_broadcaster run on rmw_zenoh? `ros2 topic echo` shows the names of the joints"
+        hint = "is joint_state_broadcaster running on rmw_zenoh? `ros2 topic echo` shows the joints' names"
         raise settings.error(error.message, "states", hint) from error
     slow = 2e-3 / abs(said.scale)
     gripper.outside_stop = "drivers.ros2.outside:see_rest", (said.address, said.states, [said.joint], slow)

@@ -45,6 +45,6 @@ def see_rest(address: str, states: str, joints: Sequence[str], slow: float) -> N
             if sample.stamp - seen[0][0] >= STILL:
                 return
         words = "they move on" if seen else "nothing is heard of them"
-        raise TimeoutError(f"joints on {states} were not seen to rest within {DEADLINE:g} s: {words}")
+        raise TimeoutError(f"joints on {states} were not measured at rest within {DEADLINE:g} s: {words}")
     finally:
         wire.close()

@@ -49,7 +49,9 @@ class OnTable(InWorld):
 class ArmOptions(InWorld):
     """The simulated arm."""
 
-    supervision: Supervision = value(Section(Supervision), Supervision(), "how far the arm is believed")
+    supervision: Supervision = value(
+        Section(Supervision), Supervision(), "how closely the arm must follow its commands"
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -59,10 +61,10 @@ class GripperOptions(InWorld):
     speed_max: float = value(Measure(SPEED, "1 mm/s", "1 m/s"), "200 mm/s", "fastest that the fingers move")
     force_max: float = value(Measure(FORCE, "1 N", "50 N"), "20 N", "largest force of its drive")
     watchdog: float = value(
-        Measure(TIME, "20 ms", "1 s"), "100 ms", "a streamed speed that is not renewed for so long becomes zero"
+        Measure(TIME, "20 ms", "1 s"), "100 ms", "a streamed speed that is not renewed within this time becomes zero"
     )
     supervision: GripperSupervision = value(
-        Section(GripperSupervision), GripperSupervision(), "how far the gripper is believed"
+        Section(GripperSupervision), GripperSupervision(), "how closely the gripper must follow its commands"
     )
 
 
@@ -73,7 +75,7 @@ class FingersOptions(InWorld):
     noise: float = value(Measure(FORCE, "0 N", "1 N"), "0.04 N", "white, per sample")
     bias: float = value(Measure(FORCE, "0 N", "2 N"), "0.08 N", "largest of an axis, drawn for each run")
     range: float = value(Measure(FORCE, "0.5 N", "100 N"), "8 N", "an axis saturates there")
-    belief: Belief = value(Section(Belief), Belief(), "how far the samples are believed")
+    belief: Belief = value(Section(Belief), Belief(), "limits beyond which samples are not trusted")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -33,7 +33,7 @@ MOTOR_STEP = 0.5
 """The grasp force by the motor's current comes in steps of so much [N]."""
 
 
-ESTRANGED = "was lost; acknowledge that before it moves"
+ESTRANGED = "was lost; acknowledge the loss before it moves"
 
 
 class GripperMove:
@@ -151,7 +151,7 @@ class SimGripper(FaultyDevice):
         if self.fault == "lost":
             raise DeviceLost(self.name, "does not answer")
         if now - state.stamp > STALE:
-            raise DeviceLost(self.name, f"has not told its width for {1e3 * (now - state.stamp):.0f} ms")
+            raise DeviceLost(self.name, f"has not sent its width for {1e3 * (now - state.stamp):.0f} ms")
         if self._speed and now - self._commanded_at > self._watchdog:
             self._supervisor.stream(now, 0.0, self._watchdog)
         wrong = self._supervisor.look(now, state)

@@ -128,7 +128,7 @@ class WorldOptions:
             if word not in known:
                 yield Problem(key, f"it cannot be '{word}'", choose(word, known))
         if self.others > len(self.places) - 1:
-            yield Problem("others", f"it is {self.others}, it must lie between 0 and {len(self.places) - 1}")
+            yield Problem("others", f"it is {self.others}, but must be between 0 and {len(self.places) - 1}")
         try:
             read_robot(self.robot)
             read_limits(self.robot)

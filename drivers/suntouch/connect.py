@@ -50,9 +50,11 @@ class SunTouchFile:
     baud: str = value(Text(*BAUDS), BAUDS[0], "of both ports")
     rate: float = value(Measure(RATE, "10 Hz", "1 kHz"), "500 Hz", "samples per second")
     silence: float = value(
-        Measure(TIME, "4 ms", "1 s"), "40 ms", "no sample for so long: the fingers are lost, the gripper stands still"
+        Measure(TIME, "4 ms", "1 s"),
+        "40 ms",
+        "without a sample for this long the fingers are lost and the gripper stops",
     )
-    belief: Belief = value(Section(Belief), Belief(), "how far the samples are believed")
+    belief: Belief = value(Section(Belief), Belief(), "limits beyond which samples are not trusted")
 
     @property
     def wires(self) -> tuple[str, ...]:

@@ -26,33 +26,33 @@ class CanFile:
     interface: str = value(Text(), "socketcan", "of python-can")
     channel: str = value(Text(), "can0", "of the interface")
     bitrate: int = value(Whole(10_000, 1_000_000), 500_000, "bits per second")
-    send_id: int = value(Whole(0, 0x7FF), 1, "id of what is sent to the gripper")
-    reply_id: int = value(Whole(0, 0x7FF), 2, "id of what the gripper sends")
+    send_id: int = value(Whole(0, 0x7FF), 1, "CAN id of messages to the gripper")
+    reply_id: int = value(Whole(0, 0x7FF), 2, "CAN id of messages from the gripper")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WsgFile:
     """A Weiss WSG gripper on TCP or CAN."""
 
-    tcp: tuple[str, int] | None = value(Address(TCP_PORT), None, "HOST or HOST:PORT; or 'can'")
-    can: CanFile | None = value(Section(CanFile), None, "the CAN bus; or 'tcp'")
+    tcp: tuple[str, int] | None = value(Address(TCP_PORT), None, "HOST or HOST:PORT; alternatively 'can'")
+    can: CanFile | None = value(Section(CanFile), None, "the CAN bus; alternatively 'tcp'")
     finger_offset: float = value(
         Measure(LENGTH, "-200 mm", "500 mm"), "0 mm", "opening between the pads' faces when the jaws are closed"
     )
     soft_limits: tuple[float, float] | None = value(Span(Measure(LENGTH)), None, "least and largest opening")
-    acceleration: float | None = value(Measure(ACCELERATION, "0.1 mm/s²", "50 m/s²"), None, "the gripper's own if none")
-    force_limit: float | None = value(Measure(FORCE, "0.1 mN", "500 N"), None, "the gripper's own if none")
-    speed_max: float | None = value(Measure(SPEED, "0.1 mm/s", "1 m/s"), None, "the gripper's own if none")
-    home: bool = value(
-        Flag(), False, "find the reference when the run starts, if the gripper has none: the fingers move"
+    acceleration: float | None = value(
+        Measure(ACCELERATION, "0.1 mm/s²", "50 m/s²"), None, "default: the gripper's own"
     )
-    tare: bool = value(Flag(), False, "zero the gripper's force when the run starts")
+    force_limit: float | None = value(Measure(FORCE, "0.1 mN", "500 N"), None, "default: the gripper's own")
+    speed_max: float | None = value(Measure(SPEED, "0.1 mm/s", "1 m/s"), None, "default: the gripper's own")
+    home: bool = value(Flag(), False, "home the gripper when the run starts, if it is not referenced: the fingers move")
+    tare: bool = value(Flag(), False, "zero the gripper's force sensor when the run starts")
     watchdog: float = value(
-        Measure(TIME, "30 ms", "1 s"), "100 ms", "a streamed speed that is not renewed for so long becomes zero"
+        Measure(TIME, "30 ms", "1 s"), "100 ms", "a streamed speed that is not renewed within this time becomes zero"
     )
-    silence: float = value(Measure(TIME, "15 ms", "1 s"), "45 ms", "no reply for so long: the gripper is lost")
+    silence: float = value(Measure(TIME, "15 ms", "1 s"), "45 ms", "without a reply for this long the gripper is lost")
     supervision: GripperSupervision = value(
-        Section(GripperSupervision), GripperSupervision(), "how far the gripper is believed"
+        Section(GripperSupervision), GripperSupervision(), "how closely the gripper must follow its commands"
     )
 
     @property

@@ -101,7 +101,7 @@ class WsgGripper(Device):
         self._need_link()
         jaws = self._jaws
         if jaws.estranged:
-            raise DeviceLost(self.name, f"was lost; acknowledge that before it moves: {words(jaws.problem)}")
+            raise DeviceLost(self.name, f"was lost; acknowledge the loss before it moves: {words(jaws.problem)}")
         if jaws.identity is None or not jaws.identity.has_script:
             raise DeviceFault(self.name, "has no finger script for streamed speeds: load drivers/wsg/velocity.lua")
         if jaws.bits & SystemState.FAST_STOP:

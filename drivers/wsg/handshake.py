@@ -40,10 +40,10 @@ class WsgOptions:
         speed_max: of moves and streamed speeds [m/s], or None for the gripper's own.
         home: find the reference at the first connection; the fingers move. Never done at a reconnection.
         tare: tare the force sensor at the first connection.
-        watchdog: a streamed speed that is not renewed for so long becomes zero [s].
+        watchdog: a streamed speed that is not renewed within this time becomes zero [s].
         silence: without a reply for so long the gripper is lost [s].
         period: of the automatic updates of state, width and speed [s].
-        supervision: how far the gripper is believed; None for the defaults.
+        supervision: how closely the gripper must follow its commands; None for the defaults.
     """
 
     finger_offset: float = 0.0

@@ -1,8 +1,8 @@
-"""The gripper behind its wire, as the one thread that owns it sees it.
+"""The gripper behind its connection, as seen by the one thread that owns it.
 
-Takes replies and automatic updates, streams the wanted speed, compares what the fingers do with what they were told,
-and notices silence. After a loss the wire is opened again and the whole handshake repeated, with a stop before anything
-else that could move them.
+It takes replies and automatic updates, streams the commanded speed, compares measured with commanded motion, and
+detects silence. After a loss it reconnects and repeats the whole handshake, with a stop before anything that could move
+the fingers.
 """
 
 from __future__ import annotations
@@ -22,21 +22,21 @@ from drivers.wsg.session import GripperSession
 from executive.clock import Clock
 
 RECONNECT = 0.5
-"""Pause between attempts to open a lost wire again [s]."""
+"""Pause between attempts to reconnect [s]."""
 STREAM_PERIOD = 0.018
-"""Set-points of the speed follow each other no faster than this [s]: the finger script manages about 50 Hz."""
+"""Shortest period of the speed set-points [s]: the finger script manages about 50 Hz."""
 PATIENCE = 0.002
-"""The wire is waited for no longer than this at a time [s]: calls of others wait meanwhile."""
+"""Receive timeout [s]: posted calls wait meanwhile."""
 GRACE = 0.3
-"""After an acknowledgement the gripper has this long to clear its fault [s]."""
+"""Time that the gripper has to clear its fault after an acknowledgement [s]."""
 STOPPING = 0.2
-"""Fingers that still move so long after a stop do not obey it [s]: 0.2 m/s are braked in 0.1 s at 2 m/s²."""
+"""Deadline for coming to rest after a stop [s]: braking from 0.2 m/s at 2 m/s² takes 0.1 s."""
 
 ARRIVED, ARRIVAL = 2e-3, 0.1
-"""At the end of a move the measured width is this near to its target [m], after this time [s]: updates take 10 ms."""
+"""Position tolerance at the end of a move [m], and the deadline for measuring it [s]: updates take 10 ms."""
 
 UPDATES = (Command.WIDTH, Command.SPEED, Command.SYSTEM_STATE)
-"""What the gripper sends by itself, and must not cease to send."""
+"""What the gripper sends unasked, and must keep sending."""
 
 FAULTS: dict[SystemState, str] = {
     SystemState.FAST_STOP: "is in fast stop; find out why, then acknowledge",
@@ -49,15 +49,15 @@ FAULTS: dict[SystemState, str] = {
 
 
 class Jaws:
-    """What the owner of a gripper does. Every method is called by the owner; others read the attributes.
+    """The owner's side of a gripper. Only the owner calls its methods; others read the attributes.
 
     Attributes:
         identity: what the gripper said of itself in the last handshake.
         session: None while the gripper is lost.
         limits: the narrower of the hardware's and the cell file's.
-        state: the newest that came.
-        bits: the gripper's own newest state.
-        supervisor: what the fingers were told, and whether they do it.
+        state: newest measurement.
+        bits: newest system state that the gripper has reported.
+        supervisor: compares the fingers' motion with their commands.
         problem: what is wrong, until it is acknowledged.
         estranged: lost since the last acknowledgement: nothing may move.
         latched: reason of a safe stop, until it is acknowledged.
@@ -81,9 +81,9 @@ class Jaws:
         self._motion: GripperMotion | None = None
         self._waiting: GripperMotion | None = None  # to be started when the stop before it is answered
         self._wanted, self._wanted_at, self._sent_at, self._sent = 0.0, -math.inf, -math.inf, 0.0
-        self._arriving: float | None = None  # the gripper has said so; until then its width must, too
+        self._arriving: float | None = None  # the gripper says it has arrived; deadline for its width to confirm it
         self._grace_until = -math.inf
-        self._obey_by: float | None = None  # the fingers were told to stop and must rest then
+        self._obey_by: float | None = None  # deadline for coming to rest after a stop
 
     @property
     def name(self) -> str:
@@ -91,7 +91,7 @@ class Jaws:
         return self._device.name
 
     def step(self) -> None:
-        """Serve the wire for a few milliseconds."""
+        """Serve the connection for a few milliseconds."""
         try:
             if self.session is None:
                 self._reconnect()
@@ -110,10 +110,10 @@ class Jaws:
         self.session = self.open()
 
     def open(self) -> GripperSession:
-        """Open the wire and shake hands.
+        """Connect and shake hands.
 
         Raises:
-            DeviceError: no such gripper there, or it refuses the handshake.
+            DeviceError: no gripper answers there, or it refuses the handshake.
         """
         try:
             session = GripperSession(self.name, self._open_link(), self._clock)
@@ -136,7 +136,7 @@ class Jaws:
         return session
 
     def lose(self, error: BaseException) -> None:
-        """Give the wire up because of an error; the next steps try to open it again."""
+        """Close the connection after an error; the next steps try to reconnect."""
         session, self.session = self.session, None
         if session is not None or self.problem is None:
             said = str(error) if isinstance(error, OSError) else f"the driver failed: {error!r}"
@@ -164,7 +164,7 @@ class Jaws:
         return ""
 
     def begin(self, motion: GripperMotion) -> None:
-        """Start a motion once nothing else moves the fingers any more."""
+        """Stop the fingers, then start a motion."""
         refusal = self.unready()
         if refusal:  # a safe stop or a loss came first
             motion.end(MotionState.FAILED, f"{self.name}: {refusal}")
@@ -188,7 +188,7 @@ class Jaws:
             self._halt()
 
     def stream(self, speed: float) -> None:
-        """Take over the wanted speed [m/s]; while latched the fingers do not open."""
+        """Set the streamed speed [m/s]; while latched the fingers do not open."""
         if self.session is None or self.estranged:
             return
         limit = self.limits.speed_max
@@ -203,7 +203,7 @@ class Jaws:
             self._send_speed(wanted)
 
     def stop_safely(self, reason: str) -> None:
-        """Latch and stop, whatever else is."""
+        """Latch and stop, in whatever state."""
         if self.latched is None:
             self.latched = reason
         if self._motion is not None:
@@ -211,7 +211,7 @@ class Jaws:
         self._halt()
 
     def release(self) -> None:
-        """Release the latch and forget what was wrong.
+        """Release the latch and clear the problem.
 
         Raises:
             DeviceLost: the gripper is still lost.
@@ -227,26 +227,26 @@ class Jaws:
         self.latched, self.problem, self.estranged = None, None, False
 
     def pause(self) -> None:
-        """Stop a motion so that it can go on."""
+        """Stop a motion so that it can be resumed."""
         motion = self._motion
         if motion is not None and motion.state is MotionState.RUNNING:
             motion.state = MotionState.PAUSED
             self._halt()
 
     def resume(self) -> None:
-        """Go on with a paused motion."""
+        """Resume a paused motion."""
         if self._motion is not None and self._motion.state is MotionState.PAUSED:
             self._motion.state = MotionState.RUNNING
             self.begin(self._motion)
 
     def obeys(self) -> bool:
-        """Whether no stop is waited for, and the fingers stand still or do no more than a streamed speed says."""
+        """Whether no stop is pending, and the fingers are at rest or follow the streamed speed."""
         return self._obey_by is None and self._resting()
 
     # -------------------------------------------------------------------------------------------- the wire
 
     def send(self, request: Plain | Move | Script, command: Command) -> None:
-        """Send a request; without a wire it is dropped, and a wire that fails is lost."""
+        """Send a request; it is dropped while disconnected, and a connection that fails is lost."""
         session = self.session
         if session is None:
             return
@@ -276,7 +276,7 @@ class Jaws:
     def _serve(self, session: GripperSession) -> None:
         replies = session.receive(self._patience())
         if not replies and self._clock.now() - session.last_heard > self.options.silence:
-            replies = session.receive(0.0)  # this thread itself may have been held up
+            replies = session.receive(0.0)  # this thread itself may have stalled
         for reply in replies:
             self._take(reply)
         now = self._clock.now()
@@ -288,10 +288,10 @@ class Jaws:
             raise DeviceLost(self.name, f"no answer for {1e3 * (now - session.last_heard):.0f} ms")
         command, came_at = min(self._updated.items(), key=lambda item: item[1])
         if now - came_at > 2.0 * self.options.silence:
-            raise DeviceLost(self.name, f"has not told its {command.name} for {1e3 * (now - came_at):.0f} ms")
+            raise DeviceLost(self.name, f"has not sent its {command.name} for {1e3 * (now - came_at):.0f} ms")
 
     def _patience(self) -> float:
-        """How long the wire may be waited for: until the next set-point at most."""
+        """Receive timeout [s]: at most until the next set-point is due."""
         if self._wanted == self._sent == 0.0:
             return PATIENCE
         return min(max(self._sent_at + STREAM_PERIOD - self._clock.now(), 0.0), PATIENCE)
@@ -300,21 +300,21 @@ class Jaws:
         if now - self._wanted_at > self.options.watchdog:
             self._wanted = 0.0
         changed = self._wanted != self._sent and now - self._sent_at >= STREAM_PERIOD
-        # Renewing keeps the finger script's own watchdog calm.
+        # Renewing feeds the finger script's own watchdog.
         if changed or (self._wanted != 0.0 and now - self._sent_at >= 2.0 * STREAM_PERIOD):
             self._send_speed(self._wanted)
 
     def _supervise(self, session: GripperSession, now: float) -> None:
-        """Compare the fingers with their commands, and see to it that a stop is obeyed."""
+        """Compare measured with commanded motion, and enforce stops."""
         wrong = self.supervisor.look(now, self.state)
         if wrong and (self.problem is None or self._obey_by is None):
             self._fail(wrong)
         if self._obey_by is not None and not session.awaits(Command.STOP):
             if self._resting():
                 self._obey_by = None
-            elif self.state.stamp > self._obey_by:  # not the clock: this thread may have been held up
+            elif self.state.stamp > self._obey_by:  # not the clock: this thread may have stalled
                 width = 1e3 * self.state.width
-                self._disobeyed(f"was not seen to rest {1e3 * STOPPING:.0f} ms after a stop, at {width:.1f} mm")
+                self._disobeyed(f"was not measured at rest {1e3 * STOPPING:.0f} ms after a stop, at {width:.1f} mm")
         motion = self._motion
         if motion is not None:
             self._arrive(motion)
@@ -322,7 +322,7 @@ class Jaws:
             motion.settled = True
 
     def _arrive(self, motion: GripperMotion) -> None:
-        """A move is done when the measured width says so, too."""
+        """A move is done once the measured width confirms it."""
         if self._arriving is None or motion.state is not MotionState.RUNNING:
             return
         if abs(motion.measured - motion.width) < ARRIVED:
@@ -330,22 +330,22 @@ class Jaws:
             motion.end(MotionState.DONE)
         elif self._clock.now() > self._arriving:
             here, there = 1e3 * motion.measured, 1e3 * motion.width
-            self._fail(f"says {here:.1f} mm at the end of a move to {there:.1f} mm")
+            self._fail(f"measures {here:.1f} mm at the end of a move to {there:.1f} mm")
 
     def _resting(self) -> bool:
-        """Whether the fingers stand still, or do no more than a streamed speed says."""
+        """Whether the fingers are at rest, or follow the streamed speed."""
         if self._sent != 0.0:
             return self.supervisor.follows
         return self.supervisor.at_rest and not self.bits & SystemState.MOVING
 
     def _disobeyed(self, words: str) -> None:
-        """A stop that failed is told before anything else that is wrong; what is left is the fast stop."""
+        """Report a failed stop before any other problem, and try the fast stop."""
         self.problem = StopFailed(self.name, words, self.problem)
         self._obey_by = self._clock.now() + STOPPING
         self.send(Plain(Command.FAST_STOP), Command.FAST_STOP)
 
     def _fail(self, words: str) -> None:
-        """Something is wrong with what the gripper does: its move has failed, and it is told to stop."""
+        """The gripper misbehaves: its move has failed, and it is told to stop."""
         if self.problem is None:
             self.problem = DeviceFault(self.name, words)
         if self._motion is not None:
@@ -353,7 +353,7 @@ class Jaws:
         self._halt()
 
     def _take(self, reply: Reply) -> None:
-        """Take in one reply or update, outside or inside the handshake."""
+        """Handle one reply or update, inside or outside the handshake."""
         good = reply.status is Status.SUCCESS
         if good and reply.command in UPDATES:
             self._updated[reply.command] = self._clock.now()
@@ -381,7 +381,7 @@ class Jaws:
             return
         if self._motion is not None and not self._motion.ended:
             self._fail(fault)
-        else:  # whether force control may go on is for the safe stop to say
+        else:  # the safe stop decides whether force control may go on
             self.problem = DeviceFault(self.name, fault)
 
     def _take_width(self, jaw: float) -> None:
@@ -406,11 +406,11 @@ class Jaws:
             self.problem = StopFailed(self.name, words, self.problem)
 
     def _take_outcome(self, status: Status) -> None:
-        """The end of a MOVE. One that was ended from here answers CMD_ABORTED, which says nothing new."""
+        """The end of a MOVE. One that we ended answers CMD_ABORTED, which is no news."""
         motion = self._motion
         if motion is None or status is Status.CMD_PENDING or motion.state is not MotionState.RUNNING:
             return
-        if self._waiting is motion:  # the answer of the move before
+        if self._waiting is motion:  # the reply belongs to the previous move
             return
         self.supervisor.rest(self._clock.now())
         if status is Status.SUCCESS:

@@ -123,7 +123,7 @@ def _module(folder: Path) -> str:
 
 def _words(name: str) -> dict[str, str]:
     if not _NAME.fullmatch(name):
-        raise UsageError(f"'{name}' is no name: letters, digits and _, beginning with a letter")
+        raise UsageError(f"'{name}' is not a valid name: letters, digits and _, beginning with a letter")
     small = re.sub(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", "_", name).lower()
     if keyword.iskeyword(small) or small in ("executive", "skills", "drivers", "trees", "tests"):
         raise UsageError(f"'{small}' means something else already; take another name")

@@ -79,7 +79,7 @@ def _add_beginnings(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument(
         "--cleared", action="store_true",
-        help="somebody has looked after the cell: start although the last run was cut, or something is in the gripper",
+        help="somebody has checked the cell: start although the last run was cut off, or something is in the gripper",
     )  # fmt: skip
 
 

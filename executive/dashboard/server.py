@@ -43,32 +43,32 @@ MOST_RUNS = 2000
 """The newest ones are listed."""
 MOST_BODY = 16_384
 LAST_WORDS = 1.0
-"""Seconds in which viewers may still read when the server ends."""
+"""Seconds that viewers have to receive what is left when the server closes."""
 
 KNOWN_VIEWERS = 50
-"""More viewers that are served when they carry what reads: strangers do not keep an operator from looking."""
+"""Viewers served in addition if they have the reading token: strangers cannot lock an operator out."""
 
 MOST_PRESSES = 16
-"""Presses of one page that may be on their way."""
+"""Button presses of one page that may be pending."""
 
 BODY_DEADLINE = 5.0
-"""Seconds in which what acts must have been sent."""
+"""Seconds within which the body of an acting request must arrive."""
 
 PAGE_SILENT = 4.0
-"""Seconds without a question from the page that holds control after which everybody is told so."""
+"""Seconds without a ping from the page that holds control, after which everybody is told."""
 
-MOST_FAREWELLS = 8
-"""Turns of the loop in which connections that are left may learn of their end."""
+MAX_CLOSING_TURNS = 8
+"""Turns of the event loop in which remaining connections can notice that they are closed."""
 
 BEAT = 0.5
-"""Seconds between two signs of life of a run."""
+"""Period of a run's heartbeat [s]."""
 
 StartRun = Callable[[dict[str, Any]], str]
 """Starts a run from the page's form and returns its tree's name."""
 
 
 SWITCH = 0.0005
-"""Seconds after which Python's threads take turns while the dashboard serves."""
+"""Python's thread switch interval while the dashboard serves [s]."""
 
 
 class Dashboard:
@@ -112,7 +112,7 @@ class Dashboard:
 
     @property
     def link(self) -> str:
-        """The page's address, with what lets it act and what lets it read."""
+        """The page's address, with the tokens that let it act and read."""
         return f"{self.access.address}#token={self.access.token}&read={self.access.reading}"
 
     def _announce(self) -> None:
@@ -124,7 +124,7 @@ class Dashboard:
         )  # fmt: skip
 
     def _is_here(self, page: str) -> bool:
-        """Whether the page that holds control is heard."""
+        """Whether the page that holds control is still heard from."""
         return not page or now() - self.hub.last_seen(page) < PAGE_SILENT
 
     # ------------------------------------------------------------------------------------- its own thread
@@ -145,7 +145,7 @@ class Dashboard:
         except OSError as error:  # ssl.SSLError, too
             raise UsageError(f"the certificate or its key cannot be used: {error}") from error
         listening = _listen_on(self.access.host, self.access.port)
-        # A tick that is due while a batch goes out to many viewers waits so long for the interpreter, not 5 ms.
+        # A tick that is due while a batch goes out to many viewers waits this long for the interpreter, not 5 ms.
         sys.setswitchinterval(min(sys.getswitchinterval(), SWITCH))
         self._server = _Server(config)
         self._server.install_signal_handlers = lambda: None  # type: ignore[attr-defined]
@@ -164,7 +164,7 @@ class Dashboard:
                 raise UsageError(f"the dashboard cannot be served on {self.access.host}:{self.access.port}")
 
     def close(self) -> None:
-        """Stop serving, once the viewers have what was said. Harmless when it was not started."""
+        """Stop serving once the viewers have received everything. Harmless when it was not started."""
         self.hub.close()
         if self._server is not None and self._thread is not None:
             patience = time.monotonic() + LAST_WORDS
@@ -209,14 +209,14 @@ class Dashboard:
         if folder is None:
             return JSONResponse({"error": "no such record"}, 404)
 
-        stretch = _stretch(request.query_params)
+        interval = _interval(request.query_params)
         images = f"/api/runs/{quote(folder.name)}/images/"
 
         def pieces() -> Iterator[bytes]:
             try:
-                if stretch is not None:
+                if interval is not None:
                     part = moment if "standing" in request.query_params else between
-                    yield from part(folder, images, *stretch)
+                    yield from part(folder, images, *interval)
                 elif "overview" in request.query_params:
                     yield from overview(folder, images)
                 else:
@@ -251,7 +251,7 @@ class Dashboard:
         return FileResponse(folder / "picture.png")
 
     def _folder(self, request: Request) -> Path | None:
-        """The record's folder; a name that is not exactly that of a folder of records is none, nor is a link."""
+        """The record's folder, or None: only the exact name of a record counts, and no symbolic link."""
         name = request.path_params["name"]
         known = {path.parent.name: path for path in records_in(self.records)}
         path = known.get(name)
@@ -280,14 +280,14 @@ class Dashboard:
             self._announce()
 
     async def _listen(self, stream: WebSocket, viewer: Viewer) -> None:
-        """What a page says over the live stream, until it leaves: is it heard, may it act, what is pressed."""
+        """Handle a page's messages on the live stream until it leaves: pings, its token, button presses."""
         pressed: set[asyncio.Task[None]] = set()
         with contextlib.suppress(WebSocketDisconnect, RuntimeError):
             while True:
                 said = object_of(await stream.receive_text())
                 if isinstance(said.get("ping"), (int, float)):
                     viewer.last_seen = now()
-                    viewer.tell("Pong", ping=said["ping"], now=viewer.last_seen)  # it follows all that was told before
+                    viewer.tell("Pong", ping=said["ping"], now=viewer.last_seen)  # it follows everything sent before
                 elif "token" in said:
                     viewer.armed = self.access.acts_with(text(said, "token"))
                     viewer.page = text(said, "viewer") if viewer.armed else ""
@@ -354,12 +354,12 @@ class Dashboard:
 
 
 class _Server(uvicorn.Server):
-    """uvicorn's, which leaves no connection open: over TLS each waits for its peer's farewell, longer than the loop."""
+    """uvicorn's server, leaving no connection open: over TLS each waits for its peer's close, longer than the loop."""
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
-        """As uvicorn's."""
+        """As uvicorn's, then abort what is still open."""
         await super().shutdown(sockets)
-        for _turn in range(MOST_FAREWELLS):
+        for _turn in range(MAX_CLOSING_TURNS):
             for connection in list(self.server_state.connections):
                 connection.transport.abort()
             await asyncio.sleep(0)
@@ -415,8 +415,8 @@ _WHY_NOT = {
 }
 
 
-def _stretch(query: Mapping[str, str]) -> tuple[float, float] | None:
-    """The part of a record that is asked for, or None: all of it."""
+def _interval(query: Mapping[str, str]) -> tuple[float, float] | None:
+    """The interval of a record that is requested [s], or None for all of it."""
     try:
         return float(query["begin"]), float(query["end"])
     except (KeyError, ValueError):

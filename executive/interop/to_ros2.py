@@ -1,7 +1,7 @@
-"""What a record holds, and what happens in a run, as messages of ROS 2.
+"""Messages of a record, or of a run that is being recorded, as ROS 2 messages.
 
-One translation for bags and for the live bridge: it takes messages as a record has them (topic, content) and gives
-ROS 2's. docs/interop.md lists every topic with its type and units.
+One translation for bags and for the live bridge: messages of a record in (topic, content), ROS 2 messages out.
+docs/interop.md lists every topic with its type and units.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ from executive.recording.well_known import DEPTH, IMAGES, SERIES_TOPIC
 SECOND = 1_000_000_000
 
 STATUS_PERIOD = SECOND // 10
-"""Of the tree's status [ns]: it changes many times in a tick, and nobody reads faster."""
+"""Shortest period of the tree's status [ns]: it changes many times in a tick, faster than anybody reads."""
 TRACE_PERIOD, TRACE_POINTS = SECOND, 1000
-"""Of the executed path [ns], and how many of its points are told: it grows with every sample."""
+"""Period of the executed path [ns], and the most points published of it: it grows with every sample."""
 
 LEVELS = {2: 20, 3: 30, 4: 40}
-"""Of a log: Foxglove's to ROS 2's info, warning, error."""
+"""Log levels, Foxglove's to ROS 2's: info, warning, error."""
 
 _STATUS = {"INVALID": 1, "RUNNING": 2, "SUCCESS": 3, "FAILURE": 4}
 _KIND = {"sequence": 2, "fallback": 3, "parallel": 4, "choose": 5}
@@ -54,11 +54,11 @@ class ToRos2:
         self._traced = -TRACE_PERIOD
 
     def messages(self, topic: str, content: Mapping[str, Any], stamp: int) -> Iterator[RosMessage]:
-        """What a message of a record is in ROS 2.
+        """The ROS 2 messages for one message of a record.
 
         Args:
             topic, content: of the record's message.
-            stamp: nanoseconds of the run's clock.
+            stamp: time on the run's clock [ns].
         """
         if topic == EVENTS:
             yield from self._event(content, stamp)
@@ -71,7 +71,7 @@ class ToRos2:
                 return
 
     def rest(self, stamp: int) -> Iterator[RosMessage]:
-        """What was held back for its period."""
+        """Messages that were held back by their period."""
         yield from self._tree.messages(self._began + stamp, now=True)
         yield from self._path(self._began + stamp)
 
@@ -157,7 +157,7 @@ def _lines(topic: str, lines: Any, at: int) -> Iterator[RosMessage]:
 
 
 def _maps(topic: str, clouds: Any, at: int) -> Iterator[RosMessage]:
-    """Occupied cells as an octree, beside the cloud that every view of points is."""
+    """Occupied voxels as an octree, in addition to the point cloud."""
     for cloud in clouds:
         if cloud["style"] == "occupied" and cloud["size"] > 0.0:
             fields = {"header": header(at, "base"), **octomap(cloud["points"], float(cloud["size"]))}
@@ -165,7 +165,7 @@ def _maps(topic: str, clouds: Any, at: int) -> Iterator[RosMessage]:
 
 
 def diagnostics(at: int, states: Mapping[str, str]) -> RosMessage:
-    """How devices are, by name: 'ok', or what is wrong."""
+    """The devices' state by name: 'ok', or what is wrong."""
     status = [
         {"level": 0 if state == "ok" else 2, "name": f"pomona: {name}", "message": state, "hardware_id": name}
         for name, state in states.items()
@@ -175,7 +175,7 @@ def diagnostics(at: int, states: Mapping[str, str]) -> RosMessage:
 
 
 class _TreeStatus:
-    """How every node of the tree stands, in a message of ours and in py_trees_ros'."""
+    """The status of every node, as a message of our own and as py_trees_ros's."""
 
     def __init__(self) -> None:
         self._about: dict[str, Any] = {"run": "", "tree": "", "state": "", "because": "", "tick": 0}
@@ -194,14 +194,14 @@ class _TreeStatus:
                 self._change(event)
             case "RunEnded":
                 pass
-            case _:  # says nothing of the tree; what changed before may be due now
+            case _:  # says nothing about the tree; an earlier change may be due now
                 yield from self.messages(at)
                 return
         self._changed = True
         yield from self.messages(at, now=event["event"] != "NodeChanged")
 
     def messages(self, at: int, now: bool = False) -> Iterator[RosMessage]:
-        """Both messages, when something has changed and it is time to say so."""
+        """Both messages, when something has changed and their period is over, or `now`."""
         if not self._changed or (at - self._told < STATUS_PERIOD and not now):
             return
         self._changed, self._told = False, at
@@ -242,7 +242,7 @@ class _TreeStatus:
 
     @staticmethod
     def _id(path: str) -> dict[str, Any]:
-        """The same path has the same id in every run; nothing has the zero."""
+        """The same path has the same id in every run; the empty path has the zero id."""
         return {"uuid": uuid.uuid5(uuid.NAMESPACE_URL, f"pomona:{path}").bytes if path else bytes(16)}
 
 
@@ -264,7 +264,7 @@ def _transforms(_name: str, content: Mapping[str, Any], at: int) -> Translated:
 
 
 def _image(name: str, content: Mapping[str, Any], at: int) -> Translated:
-    """The JPEG as it is."""
+    """The JPEG, unchanged."""
     fields = {
         "header": header(at, content["frame_id"]),
         "format": content["format"],
@@ -411,7 +411,7 @@ def depth_message(name: str, frame: str, depth: Any, at: int) -> tuple[str, str,
 
 
 def colour_message(name: str, frame: str, image: Any, at: int) -> tuple[str, str, int, Mapping[str, Any]]:
-    """An image as it is: RGB, uint8."""
+    """An image, unchanged: RGB, uint8."""
     return f"/camera/{ros_name(name)}/image_raw", *raw_image(frame, image, "rgb8", at)
 
 

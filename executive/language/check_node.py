@@ -137,7 +137,10 @@ class NodeChecker:
         if known is None:
             if not NAME.fullmatch(name):
                 self.findings.error(
-                    target, "bad-name", f"'{name}' is no name for a port", "use small letters, digits and _"
+                    target,
+                    "bad-name",
+                    f"'{name}' is not a valid name for a port",
+                    "use lower-case letters, digits and _",
                 )
             self.scope.names[name] = Named(value_type, "written", target, by)
         elif known.origin != "written":

@@ -25,13 +25,13 @@ from executive.values.yaml_text import YamlText, block, flow
 _ATTRIBUTES = ("name", "ID", "_description", "_autoremap", "_fullpath", "_uid")
 _LOOPS = ("LoopInt", "LoopDouble", "LoopBool", "LoopString")
 _PRECONDITIONS = ("_failureIf", "_successIf", "_skipIf", "_while")
-"""In the order in which BehaviorTree.CPP looks at them."""
+"""In the order in which BehaviorTree.CPP evaluates them."""
 _AFTERWARDS = ("_onSuccess", "_onFailure", "_post")
 _KEY = re.compile(r"\{\w+\}")
-MAX_WRITTEN_OUT = 10_000
-"""Nodes in subtrees that are written out where they are called; as many as can run."""
-_AGAIN: Words = {"fail": {"code": "{failure.code}", "message": "{failure.message}"}}
-"""Fails as what has just failed did."""
+MAX_INLINED = 10_000
+"""Most nodes in inlined subtrees; as many as can run."""
+_SAME_FAILURE: Words = {"fail": {"code": "{failure.code}", "message": "{failure.message}"}}
+"""Fails with the code and message of what has just failed."""
 
 
 def import_groot(
@@ -47,7 +47,7 @@ def import_groot(
     Args:
         beside: further files, texts and paths, whose trees are called.
         nodes: texts and paths of files with models of nodes (`<TreeNodesModel>`).
-        main: ID of the tree that runs, if the file does not say so.
+        main: ID of the tree to run, if the file does not say it.
 
     Raises nothing. Check the text before you run it: other people's nodes may not be installed as skills here.
     """
@@ -67,13 +67,13 @@ class _Importer:
         self.names = tree_names(forest.trees, self.types)
         self.keys = KeyNames(set())
         self.labels: set[str] = set()
-        """What nodes of the tree that is being read are called."""
+        """Names of nodes that are taken in the tree being read."""
         self.inside: list[str] = []
-        self.written_out: set[str] = set()
+        self.inlined: set[str] = set()
         self.calls: set[str] = set()
         self.asked = Asked(forest, self.types)
         self.count = 0
-        """Of nodes in subtrees that are written out."""
+        """Number of nodes in inlined subtrees."""
 
     def file(self) -> str:
         forest, main = self.forest, self.forest.main
@@ -85,9 +85,7 @@ class _Importer:
             for tree_id in forest.trees
             if tree_id != main
         }
-        subtrees = {
-            self.names[i]: found for i, found in subtrees.items() if i in self.calls or i not in self.written_out
-        }
+        subtrees = {self.names[i]: found for i, found in subtrees.items() if i in self.calls or i not in self.inlined}
         if subtrees:
             top["subtrees"] = subtrees
         return "\n".join(block(top)) + "\n"
@@ -119,7 +117,7 @@ class _Importer:
     def tree(self, tree_id: str) -> Words:
         tree = self.forest.trees[tree_id]
         if len(tree.children) != 1:
-            self.findings.error(tree, "xml", f"a <BehaviorTree> has one child, this one {len(tree.children)}")
+            self.findings.error(tree, "xml", f"a <BehaviorTree> must have one child, this one has {len(tree.children)}")
             return {"succeed": {}}
         words = {word for text in self.forest.texts for word in re.findall(r"\w+", text)}
         self.keys, self.labels, self.inside = KeyNames({*words, *SPECIAL}), set(), [tree_id]
@@ -128,7 +126,7 @@ class _Importer:
     # ------------------------------------------------------------------------------------------- nodes
 
     def node(self, element: XmlElement) -> Words:
-        """A node of a tree file; a placeholder when nothing means the same."""
+        """A node of a tree file; a placeholder when there is no equivalent."""
         tag = element.get("ID") if element.tag in ("Action", "Condition", "Control", "Decorator") else element.tag
         self.count += len(self.inside) > 1
         reading = ElementIn(self, element, tag)
@@ -140,7 +138,7 @@ class _Importer:
         return self.conditions(element, found)
 
     def label(self, name: str) -> str:
-        """What a node is called; a name can be taken only once in a tree."""
+        """A node's name, made unique in its tree."""
         start = found = node_name(name)
         number = 1
         while found in self.labels:
@@ -181,31 +179,31 @@ class _Importer:
         return self.skill(element, self.forest.nodes.get(tag))
 
     def skill(self, element: ElementIn, model: XmlElement | None) -> Words:
-        """A node of somebody else's; its model says what stands at ports that are not wired."""
+        """A custom node; its model has the defaults of ports that are not wired."""
         found = SKILL.from_xml(element)
         if model is None or element.tag not in found:
             return found
         if model.tag not in ("Action", "Condition"):
-            return element.refuse(f"is a {model.tag} of somebody else's")
+            return element.refuse(f"is a custom {model.tag} node")
         ports = {port.get("name"): port for port in model.children if port.tag.endswith("_port")}
         unknown = [name for name in found[element.tag] if name not in ports]
         if unknown:
-            return element.refuse(f"has no port '{unknown[0]}': {', '.join(ports) or 'none'}")
+            return element.refuse(f"has no port '{unknown[0]}', its model has {', '.join(ports) or 'none'}")
         defaults = {name: port.get("default") for name, port in ports.items() if port.get("default")}
         wired = {name: f"{{{name}}}" if text == "{=}" else text for name, text in defaults.items()}
         return {element.tag: {**{n: _value(self.keys.wired(text)) for n, text in wired.items()}, **found[element.tag]}}
 
     def subtree(self, element: ElementIn) -> Words:
-        """A call; written out where it stands when the subtree deals in keys that it does not declare."""
+        """A call; inlined when the subtree uses blackboard keys that it does not declare."""
         called = element.get("ID")
         tree, model = self.forest.trees.get(called), self.forest.models.get(called)
         if tree is None:
-            return element.refuse(f"calls '{called}', which is in no file that was read")
-        if called in self.inside or self.count > MAX_WRITTEN_OUT:
-            return element.refuse("calls itself" if called in self.inside else "is too large when it is written out")
+            return element.refuse(f"calls '{called}', which none of the files defines")
+        if called in self.inside or self.count > MAX_INLINED:
+            return element.refuse("calls itself" if called in self.inside else "is too large to be inlined")
         wires = {n: t for n, t in element.attributes.items() if n not in _ATTRIBUTES and not n.startswith("_")}
         declared = model is not None and _own(model) is not None
-        if declared or not (wires or model or self.deals_in_keys(tree)) or len(tree.children) != 1:
+        if declared or not (wires or model or self.uses_keys(tree)) or len(tree.children) != 1:
             self.calls.add(called)
             return {self.names[called]: {name: _value(self.keys.wired(text)) for name, text in wires.items()}}
         shares = element.get("_autoremap") in ("1", "true")
@@ -218,20 +216,20 @@ class _Importer:
         given: dict[str, str | GivenText] = {n: known.get(n) or GivenText(t) for n, t in wires.items()}
         self.keys = KeyNames(outer.taken, outer, given, shares, f"{small(self.names[called])}_")
         self.inside.append(called)
-        self.written_out.add(called)
+        self.inlined.add(called)
         found = self.node(tree.children[0])
         self.inside.pop()
         self.keys = outer
         return {"sequence": [found]}
 
-    def deals_in_keys(self, tree: XmlElement) -> bool:
+    def uses_keys(self, tree: XmlElement) -> bool:
         """Whether anything in a tree reads or writes a blackboard key."""
         for name, text in tree.attributes.items():
             script = name in ("code", "if") or (name.startswith("_") and name not in _ATTRIBUTES)
             if "{" in text or script or name == "output_key":
                 return True
         below = self.forest.trees.get(tree.get("ID")) if tree.tag == "SubTree" else None
-        return below is not None or any(map(self.deals_in_keys, tree.children))
+        return below is not None or any(map(self.uses_keys, tree.children))
 
     def script(self, element: ElementIn) -> Words:
         try:
@@ -260,7 +258,7 @@ class _Importer:
         return {"set": YamlText(flow({key: element.value("value")}))}
 
     def attempt(self, element: ElementIn) -> Words:
-        """`TryCatch`: a sequence; when it fails the last child runs, and it has failed all the same."""
+        """`TryCatch`: a sequence; when it fails, the last child runs, and the node still fails."""
         *tried, caught = element.children() or [{}]
         if not tried or element.get("catch_on_halt") in ("true", "1"):
             return element.refuse("also catches an interruption" if tried else "has too few children")
@@ -268,7 +266,7 @@ class _Importer:
         return _ended({"sequence": tried}, [], [caught])
 
     def loop(self, element: ElementIn) -> Words:
-        """`LoopInt` and its like over a list that is written out; another queue is emptied by who reads it."""
+        """`LoopInt` and the like over a literal list; a queue on the blackboard would be emptied by its readers."""
         children, queue, at_the_end = element.children(), str(element.value("queue")), element.get("if_empty")
         try:
             key = self.keys.target(element.get("value").strip("{}"))
@@ -277,7 +275,7 @@ class _Importer:
         if len(children) != 1 or not NAME.fullmatch(key):
             return element.refuse("has no single child, or no key for its value")
         if "{" in queue or not re.fullmatch(r"[\w.;+ -]*", queue):
-            return element.refuse("empties a queue that others see")
+            return element.refuse("empties a queue that other nodes can see")
         items = [item.strip() for item in queue.split(";") if item.strip()]
         if at_the_end not in ("", "SUCCESS"):
             if items or at_the_end not in ("FAILURE", "SKIPPED"):
@@ -286,7 +284,7 @@ class _Importer:
         return element.wrap(children[0], "for_each", YamlText(f"[{', '.join(items)}]"), {"as": key})
 
     def precondition(self, element: ElementIn) -> Words:
-        """`Precondition`: looks once at its start."""
+        """`Precondition`: evaluated once, at its start."""
         otherwise: dict[str, Words] = {"FAILURE": {"fail": {}}, "SUCCESS": {"succeed": {}}, "SKIPPED": {}}
         children, status = element.children(), element.get("else") or "FAILURE"
         if len(children) != 1 or status not in otherwise:
@@ -331,7 +329,7 @@ class _Importer:
         return {**found, "attributes": attributes} if attributes else found
 
     def modified(self, child: Words, name: str, value: object, more: Words) -> Words:
-        """The child with one more modifier around it; in a sequence of its own when the order would be another."""
+        """The child with one more modifier; first put into a sequence where the order of modifiers would change."""
         order = [modifier.key for modifier in self.types.modifiers]
         inside = [order.index(other) for other in order if other in child]
         if inside and max(inside) >= order.index(name):
@@ -382,9 +380,7 @@ class ElementIn:
         kept = {n: v for n, v in self.found.attributes.items() if n != "name" and not n.startswith("_")}
         if kept.get("ID") == self.tag:
             del kept["ID"]
-        return self.importer.untranslated(
-            self.found, self.tag, kept, self.children(), message or "is not as it should be"
-        )
+        return self.importer.untranslated(self.found, self.tag, kept, self.children(), message or "is not valid")
 
     def wrap(self, child: Words, word: str, value: object, more: Words | None = None) -> Words:
         self.wrapped = True
@@ -406,11 +402,15 @@ def _ended(found: Words, after_success: list[Words], after_failure: list[Words])
     then: Words = {"sequence": after_success} if len(after_success) > 1 else {"succeed": {}}
     if len(after_success) == 1:
         then = after_success[0]
-    return {"if": found, "then": then, "else": {"sequence": [*after_failure, _AGAIN]} if after_failure else _AGAIN}
+    return {
+        "if": found,
+        "then": then,
+        "else": {"sequence": [*after_failure, _SAME_FAILURE]} if after_failure else _SAME_FAILURE,
+    }
 
 
 def _own(model: XmlElement) -> XmlElement | None:
-    """What we have written into a model ourselves."""
+    """The metadata that our own export has written into a model."""
     said = (found for fields in model.all("MetadataFields") for found in fields.all("Metadata"))
     return next((found for found in said if found.get("pomona")), None)
 

@@ -110,8 +110,8 @@ class _Reader:
         if "tree" not in top.entries:
             self.findings.error(_start(top), "missing-key", "the tree has no name", "write 'tree: my_tree'")
         elif name is not None and not _NAME.fullmatch(name.text):
-            hint = "use small letters, digits and _, such as open_the_door"
-            self.findings.error(name, "bad-name", f"'{name.text}' is no name for a tree", hint)
+            hint = "use lower-case letters, digits and _, such as open_the_door"
+            self.findings.error(name, "bad-name", f"'{name.text}' is not a valid name for a tree", hint)
         file.name = name.text if name is not None else resolved.stem
         described = shape.text(top.get("description"))
         file.description = described.text if described is not None else _header(source, top)
@@ -194,8 +194,8 @@ class _Reader:
             self.findings.error(key, "bad-name", f"'{key.text}' means something else in expressions")
             return False
         if not _NAME.fullmatch(key.text):
-            hint = "use small letters, digits and _"
-            self.findings.error(key, "bad-name", f"'{key.text}' is no name for {what}", hint)
+            hint = "use lower-case letters, digits and _"
+            self.findings.error(key, "bad-name", f"'{key.text}' is not a valid name for {what}", hint)
             return False
         return True
 

@@ -150,7 +150,7 @@ class NodeReader:
         name = self.shape.text(value)
         if name is not None and (_BAD_IN_NAMES.search(name.text) or not name.text.strip() or len(name.text) > 80):
             hint = "names make paths: no / : # { }, at most 80 characters"
-            self.findings.error(name, "bad-name", f"'{name.text[:80]}' is no name for a node", hint)
+            self.findings.error(name, "bad-name", f"'{name.text[:80]}' is not a valid name for a node", hint)
             return None
         return name
 

@@ -45,8 +45,8 @@ def schema(skills: Registry, types: NodeTypes | None = None) -> Schema:
             "parameters": {**ports, "description": "values that --set changes"},
             "skills": {"type": ["object", "null"], "additionalProperties": {"type": "string"}},
             "constants": {"type": ["object", "null"], "propertyNames": {"pattern": _NAME}},
-            "in": {**ports, "description": "inputs, for a tree that others call"},
-            "out": {**ports, "description": "outputs, for a tree that others call"},
+            "in": {**ports, "description": "inputs, for a tree that other trees call"},
+            "out": {**ports, "description": "outputs, for a tree that other trees call"},
             "root": _ref("node"),
             "subtrees": {
                 "type": ["object", "null"],

@@ -42,31 +42,31 @@ TOP = {
     "tree": "the tree's name",
     "description": "what the tree is for",
     "parameters": "values that --set changes",
-    "skills": "packages of skills that several offer",
-    "constants": "values with a name",
-    "in": "inputs, for a tree that others call",
-    "out": "outputs, for a tree that others call",
+    "skills": "which package's skill to use where several offer it",
+    "constants": "named values",
+    "in": "inputs, for a tree that other trees call",
+    "out": "outputs, for a tree that other trees call",
     "root": "the tree",
     "subtrees": "parts of the tree that are called by name",
 }
 DECLARED = {
-    "type": "what it carries",
-    "default": "when nothing else is given",
-    "min": "the least that is allowed",
-    "max": "the most that is allowed",
-    "choices": "the only texts that are allowed",
+    "type": "type of its values",
+    "default": "value when none is given",
+    "min": "smallest value allowed",
+    "max": "largest value allowed",
+    "choices": "the texts allowed",
     "help": "one line for people",
 }
 SUBTREE = {"in": "inputs", "out": "outputs", "root": "its nodes", "description": "for people", "file": "another file"}
 MAX_BESIDE = 200
-"""Files beside a renamed one in which callers are looked for."""
+"""Files in the folder of a renamed one that are searched for callers."""
 _PATH = re.compile(r"\s*([A-Za-z_]\w*)((?:\.\w+|\[[^\]]*\])*)\.\w*$")
 _CODES = re.compile(r"failure\.codes?\s*(?:==|!=|in|not in)\s*\[?[^\]]*$")
 
 
 @dataclass(frozen=True, slots=True)
 class Offer:
-    """One completion: the word, what it is, a line about it, and what is written for it."""
+    """One completion: the word, what it is, a line about it, and the text to insert."""
 
     word: str
     kind: str
@@ -76,12 +76,12 @@ class Offer:
 
 @dataclass(slots=True)
 class TreeService:
-    """Knows one file: its newest text, and the newest analysis in which its nodes could be read.
+    """One open file: its current text, and the newest analysis whose nodes could be read.
 
     Attributes:
-        skills: installed skills, or what they declare.
-        cell: whose names are known; None without one.
-        others: texts of other open files, by path: they may not be saved yet.
+        skills: installed skills, or their declarations.
+        cell: the cell file whose names are offered; None without one.
+        others: texts of other open files, by path; they may not be saved yet.
     """
 
     path: Path
@@ -94,7 +94,7 @@ class TreeService:
     cell_file: CellFile | None = None
 
     def update(self, text: str) -> list[Finding]:
-        """Take a new text: everything that is wrong with it."""
+        """Take a new text; returns everything that is wrong with it."""
         self.text = text
         if not is_tree(text):
             self.analysis = None
@@ -124,14 +124,14 @@ class TreeService:
         return document is not None and any(file.source.path == str(path) for file in document.files)
 
     def use_cell(self, cell: Path | None) -> None:
-        """Know the names of a cell from now on: its poses, and what its skills look up."""
+        """Offer the names of a cell from now on: its poses, and what else skills look up in it."""
         self.cell, self.cell_file = cell, None
         if cell is not None:
             self.cell_file = cell_files().judge(cell, Findings(), {}, {})
 
     @property
     def lines(self) -> list[str]:
-        """The newest text's lines."""
+        """The current text's lines."""
         return self.text.split("\n")
 
     @property
@@ -142,7 +142,7 @@ class TreeService:
     # ------------------------------------------------------------------------------------------- completion
 
     def complete(self, row: int, column: int) -> list[Offer]:
-        """What may stand at a position, both from 0: only what fits there."""
+        """Completions at a position (row and column from 0): only what is allowed there."""
         if self.text.strip() and not is_tree(self.text):
             return []
         place = place_at(self.lines, row, column)
@@ -156,7 +156,7 @@ class TreeService:
         return [offer for offer in self.keys(place) if offer.word not in place.siblings]
 
     def keys(self, place: Place) -> Iterator[Offer]:
-        """Words that may stand where a key begins."""
+        """Keys that are allowed here."""
         parent, above = place.parent, place.parents[1] if len(place.parents) > 1 else ""
         if not parent:
             yield from (Offer(word, "word", about, f"{word}: ") for word, about in TOP.items())
@@ -178,7 +178,7 @@ class TreeService:
             yield from self.kinds() if kind is None else self.beside(kind)
 
     def is_node(self, parents: tuple[str, ...]) -> bool:
-        """Whether what stands below these keys is a node."""
+        """Whether a node is expected below these keys."""
         if not parents:
             return False
         if parents[0] == "root":
@@ -191,7 +191,7 @@ class TreeService:
         )
 
     def is_kind(self, word: str) -> bool:
-        """Whether a word says what a node is."""
+        """Whether a word names a node type, a skill or a subtree."""
         found = self.types.get(word)
         return word in self.skills or self.called(word) is not None or (found is not None and found.role != "modifier")
 
@@ -207,7 +207,7 @@ class TreeService:
                 yield Offer(word, "word", found.summary, f"{word}: ")
 
     def beside(self, kind: str) -> Iterator[Offer]:
-        """Modifiers, and the words that belong to a node's type."""
+        """Modifiers, and the keys that belong to a node's type."""
         found = self.types.get(kind)
         for word, taken in (found.fields if found is not None else {}).items():
             yield Offer(word, "word", taken.help, f"{word}: ")
@@ -219,7 +219,7 @@ class TreeService:
         yield Offer("description", "word", "a sentence for the operator", "description: ")
 
     def values(self, place: Place) -> Iterator[Offer]:
-        """Words that may stand behind a key."""
+        """Words that are allowed as a key's value."""
         parent = place.parent
         if place.key == "type" and any(word in ("parameters", "in", "out") for word in place.parents[:2]):
             yield from (Offer(name, "type", "a type") for name in sorted(self.skills.types))
@@ -264,7 +264,7 @@ class TreeService:
     # ------------------------------------------------------------------------------------------- hover, definition
 
     def hover(self, row: int, column: int) -> str:
-        """About the word at a position, as Markdown; empty when there is nothing to say."""
+        """Help on the word at a position, as Markdown; empty when there is none."""
         word, start = word_at(self.lines[row] if row < len(self.lines) else "", column)
         place = place_at(self.lines, row, start)
         if not word:
@@ -290,7 +290,7 @@ class TreeService:
         return ""
 
     def hover_name(self, word: str, place: Place) -> str:
-        """About a name or a field in braces."""
+        """Help on a name or a field in braces."""
         scope, before = self.scope(self.definition_around(place)), place.braces or ""
         path = _PATH.match(before + word)
         if path is not None:
@@ -338,9 +338,9 @@ class TreeService:
         word, start = word_at(self.lines[row] if row < len(self.lines) else "", column)
         place = place_at(self.lines, row, start)
         if self.analysis is None or self.analysis.document.text != self.text:
-            raise RenameRefused("the file cannot be read as it is: mend it first")
+            raise RenameRefused("the file cannot be parsed: correct its errors first")
         if not NAME.fullmatch(new):
-            raise RenameRefused(f"'{new}' is no name: small letters, digits and _")
+            raise RenameRefused(f"'{new}' is not a valid name: use lower-case letters, digits and _")
         definition, around = self.definition_around(place), self.called(place.parent)
         if place.braces is None and around is not None and not place.key and declared_in(around, word) is not None:
             definition = around
@@ -349,12 +349,12 @@ class TreeService:
                 raise RenameRefused(f"'{new}' is taken")
             return sorted(spots_of_subtree(self.analysis.document, word), key=order)
         if definition is None or word not in self.scope(definition):
-            raise RenameRefused(f"'{word}' is no name that this file gives")
+            raise RenameRefused(f"'{word}' is not a name that this file defines")
         if new in self.scope(definition) or new in SPECIAL:
             raise RenameRefused(f"'{new}' is taken")
         path = definition.file.source.path
         if path != str(self.path) and Path(path).resolve().is_relative_to(installed_trees().resolve()):
-            raise RenameRefused(f"'{word}' belongs to {path}, which is installed")
+            raise RenameRefused(f"'{word}' is defined in {path}, which is installed and not to be changed")
         spots = list(spots_of_name(self.analysis, definition, word))
         for caller in self.callers(Path(path)) if definition.main and declared_in(definition, word) else ():
             spots += spots_in_calls(caller, path, word)
@@ -373,7 +373,7 @@ class TreeService:
     # ------------------------------------------------------------------------------------------- what is known
 
     def subtrees(self) -> Mapping[str, Definition]:
-        """The file's subtrees by their names."""
+        """The file's subtrees by name."""
         return self.analysis.document.main.subtrees if self.analysis is not None else {}
 
     def called(self, name: str) -> Definition | None:
@@ -389,7 +389,7 @@ class TreeService:
         return self.analysis.document.main.main
 
     def scope(self, definition: Definition | None) -> Mapping[str, Named]:
-        """Names by what they mean in a definition."""
+        """What each name means in a definition."""
         if self.analysis is None or definition is None or id(definition) not in self.analysis.scopes:
             return {}
         return self.analysis.scopes[id(definition)].names
@@ -405,7 +405,7 @@ class TreeService:
 
 
 def is_tree(text: str) -> bool:
-    """Whether a YAML file is a tree, and not a cell, a scenario or somebody else's."""
+    """Whether a YAML file is a tree, and not a cell, a scenario or another program's file."""
     keys = re.findall(r"^(\w+)\s*:", text, re.MULTILINE)
     if "root" in keys:
         return True

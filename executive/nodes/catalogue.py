@@ -171,7 +171,7 @@ def incomplete(cls: object) -> str:
     if lacking:
         return "does not say " + ", ".join(lacking)
     if not (isinstance(cls.key, str) and NAME.fullmatch(cls.key)):
-        return f"has the word {cls.key!r}: small letters, digits and _"
+        return f"has the word {cls.key!r}: lower-case letters, digits and _"
     if not (isinstance(cls.symbol, str) and len(cls.symbol) == 1):
         return f"has the symbol {cls.symbol!r}: a text of one character"
     if cls.role not in get_args(Role):

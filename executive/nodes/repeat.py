@@ -31,7 +31,7 @@ class Repeat(Wrapper):
     def begin(self) -> Status | None:
         self._of = self._rounds()
         if self._of is not None and self._of < 1:
-            raise NoValue(f"{self.name}: the number of rounds is {self._of}, it must be at least 1")
+            raise NoValue(f"{self.name}: the number of rounds is {self._of}, but must be at least 1")
         self._count.round = 1
         return None
 

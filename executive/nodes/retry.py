@@ -104,7 +104,7 @@ class Retry(Branch):
         self.attempts, self._why, self._recovering, self._last = (), None, False, False
         total = self._total()
         if total < 1:
-            raise NoValue(f"{self.name}: the number of tries is {total}, it must be at least 1")
+            raise NoValue(f"{self.name}: the number of tries is {total}, but must be at least 1")
         self._count.attempt, self._count.of = 1, total
         self._started = self._now()
 

@@ -240,7 +240,7 @@ def _unpacked(content: bytes, at: int) -> tuple[bytes, int, str]:
         packed = content[start:]
         fits = int.from_bytes(content[start - 8 : start], "little") == len(packed) and begin <= end
     except (struct.error, UnicodeDecodeError) as error:
-        raise DamagedError(at, "a chunk has no head") from error
+        raise DamagedError(at, "a chunk is shorter than its header") from error
     if not fits or (not compression and size != len(packed)):
         raise DamagedError(at, "a chunk's head says another length than it has")
     if not compression:

@@ -73,7 +73,7 @@ def copy(source: Path, target: Path, *, compressed: bool) -> Copied:
         compressed: with zstd, for other tools; otherwise as a run writes it.
 
     Raises:
-        UsageError: the source is no MCAP file, or one of the files cannot be used.
+        UsageError: the source is not an MCAP file, or one of the files cannot be used.
     """
     try:
         with open_plain(source) as stream, target.open("wb") as output:

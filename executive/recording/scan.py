@@ -1,7 +1,7 @@
-"""Through a record's messages without decoding them, each checked before it is given away.
+"""Iterate over a record's messages without decoding them; each is checked before it is yielded.
 
-A record is believed as a whole or not at all: `examine` goes through the file once and says whether everything in it is
-as it was written, and `scan` gives messages only of files that are whole, or whole up to where they were cut off.
+A record is trusted as a whole or not at all: `examine` reads the file once and says whether it is as it was written;
+`scan` yields messages only from files that are whole, or whole up to where they were cut off.
 """
 
 from __future__ import annotations
@@ -38,15 +38,15 @@ from executive.recording.plain_file import open_plain
 
 _CHANNEL_HEAD = struct.Struct("<HHI")
 REPAIR = "pomona.repair"
-"""Name of the metadata that say what a repair could not save."""
+"""Name of the metadata that lists what a repair could not save."""
 
 
 class DamagedRecordError(UsageError):
-    """A record fails its checks, so nothing in it is believed."""
+    """A record fails its checks, so nothing in it is trusted."""
 
 
 class Chunk(NamedTuple):
-    """Where a chunk begins, its oldest and its newest time [ns], and how many events are in the chunks before it."""
+    """Offset of a chunk in the file, its oldest and newest stamp [ns], and how many events precede it."""
 
     at: int
     oldest: int
@@ -56,13 +56,13 @@ class Chunk(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class ChunkTable:
-    """The chunks of a file in their order, and its topics by their channels."""
+    """The chunks of a file in order, and its topics by channel number."""
 
     chunks: tuple[Chunk, ...]
     topics: Mapping[int, str]
 
     def within(self, begin: int, end: int) -> list[Chunk]:
-        """Those with messages of a stretch of time [ns]."""
+        """Chunks with messages from an interval of time [ns]."""
         return [chunk for chunk in self.chunks if chunk.oldest <= end and chunk.newest >= begin]
 
 
@@ -71,16 +71,16 @@ class Verdict:
     """What an examination found.
 
     Attributes:
-        state: whole, cut off (everything up to there is), damaged.
+        state: whole, cut off (whole up to there) or damaged.
         why: what is wrong, for people; empty when nothing is.
-        t: seconds of the run up to which it is whole.
-        good: bytes up to which it is whole.
-        checked: everything that was read has a checksum. Not so in files that Pomona wrote before it had them, and in
-            some of other programs.
-        compressed: messages do not stand in the file as they are.
-        lost: what a repair before could not save, for people; empty when there was none.
-        attachments: where they begin.
-        table: of its chunks, if all of them have their indexes and nothing stands outside them.
+        t: run time up to which it is whole [s].
+        good: number of bytes up to which it is whole.
+        checked: whether everything read has a checksum. Files of older versions of Pomona, and of some other programs,
+            have none.
+        compressed: whether any chunk is compressed.
+        lost: what an earlier repair could not save, for people; empty when there was none.
+        attachments: their offsets in the file.
+        table: its chunks, if each has its message indexes and no message lies outside a chunk; else None.
     """
 
     state: str
@@ -98,10 +98,10 @@ class Found(NamedTuple):
     """One message.
 
     Attributes:
-        topic: of its channel.
-        stamp: nanoseconds of the run's clock.
-        content: as it was written.
-        at: where its record begins in the file; -1 in a compressed chunk.
+        topic: its channel's.
+        stamp: time on the run's clock [ns].
+        content: its bytes, as written.
+        at: offset of its record in the file; -1 in a compressed chunk.
     """  # a plain tuple, since a record has 100 000 of them
 
     topic: str
@@ -114,7 +114,7 @@ def examine(path: Path) -> Verdict:
     """Check every byte of a file.
 
     Raises:
-        UsageError: it is no MCAP file, or cannot be read.
+        UsageError: it is not an MCAP file, or cannot be read.
     """
     try:
         with open_plain(path) as stream:
@@ -127,21 +127,21 @@ def is_whole(path: Path) -> bool:
     """Whether an MCAP file was finished and is as it was written.
 
     Raises:
-        UsageError: it is no MCAP file, or cannot be read.
+        UsageError: it is not an MCAP file, or cannot be read.
     """
     return examine(path).state == "whole"
 
 
 def believed(path: Path) -> Verdict:
-    """The verdict on a file that may be believed, as far as it goes.
+    """The verdict on a file that can be trusted, at least up to where it was cut off.
 
     Raises:
         DamagedRecordError: it is damaged.
-        UsageError: it is no MCAP file, or cannot be read.
+        UsageError: it is not an MCAP file, or cannot be read.
     """
     verdict = examine(path)
     if verdict.state == "damaged":
-        raise DamagedRecordError(f"{path}: the record is damaged and is not believed: {verdict.why}. {REMEDY}")
+        raise DamagedRecordError(f"{path}: the record is damaged and is not trusted: {verdict.why}. {REMEDY}")
     return verdict
 
 
@@ -149,15 +149,15 @@ REMEDY = "`pomona runs repair` saves what is whole"
 
 
 def scan(path: Path, verdict: Verdict | None = None) -> Iterator[tuple[str, bytes]]:
-    """(topic, content) of every message. A record that was cut off gives the messages up to there.
+    """(topic, content) of every message; of a record that was cut off, up to there.
 
     Args:
         path: of the MCAP file.
-        verdict: of `believed`, if that was asked just now.
+        verdict: result of `believed`, if it is known already.
 
     Raises:
         DamagedRecordError: something in it is not as it was written.
-        UsageError: it is no MCAP file, or cannot be read.
+        UsageError: it is not an MCAP file, or cannot be read.
     """
     return ((found.topic, found.content) for found in walk(path, verdict))
 
@@ -167,7 +167,7 @@ def walk(path: Path, verdict: Verdict | None = None) -> Iterator[Found]:
 
     Raises:
         DamagedRecordError: something in it is not as it was written.
-        UsageError: it is no MCAP file, or cannot be read.
+        UsageError: it is not an MCAP file, or cannot be read.
     """
     good = (verdict or believed(path)).good
     topics: dict[int, str] = {}
@@ -177,12 +177,12 @@ def walk(path: Path, verdict: Verdict | None = None) -> Iterator[Found]:
                 return
             for piece in Pieces(stream):
                 yield from messages_of(piece, topics)
-                if piece.end >= good:  # what follows was written since it was examined, or is not whole
+                if piece.end >= good:  # the rest was written since the examination, or is incomplete
                     return
     except CutError:
         return
     except DamagedError as error:  # since it was examined
-        raise DamagedRecordError(f"{path}: the record is damaged and is not believed: {error}. {REMEDY}") from error
+        raise DamagedRecordError(f"{path}: the record is damaged and is not trusted: {error}. {REMEDY}") from error
     except OSError as error:
         raise UsageError(f"{path}: {error.strerror}") from error
 
@@ -190,7 +190,7 @@ def walk(path: Path, verdict: Verdict | None = None) -> Iterator[Found]:
 def walk_topics(
     path: Path, wanted: Callable[[str], bool], begin: int = 0, end: int = 2**64, verdict: Verdict | None = None
 ) -> Iterator[Found]:
-    """The messages of some topics, found by the chunks' own indexes; those outside begin ≤ stamp ≤ end without content.
+    """The messages of some topics, found by the chunks' indexes; outside begin ≤ stamp ≤ end their content is empty.
 
     Raises:
         DamagedRecordError, UsageError: as `walk`.
@@ -217,10 +217,10 @@ def walk_topics(
                         break
             except CutError:
                 pass
-            if chunk is not None:  # the last one's indexes may be cut
+            if chunk is not None:  # its indexes may be cut off
                 yield from (found for found in messages_of(chunk, topics) if wanted(found.topic))
     except DamagedError as error:
-        raise DamagedRecordError(f"{path}: the record is damaged and is not believed: {error}. {REMEDY}") from error
+        raise DamagedRecordError(f"{path}: the record is damaged and is not trusted: {error}. {REMEDY}") from error
     except OSError as error:
         raise UsageError(f"{path}: {error.strerror}") from error
 
@@ -262,11 +262,11 @@ def _message_at(chunk: TopLevelRecord, offset: int) -> bytes:
         last = offset + HEAD.size + length
         if opcode == MESSAGE and MESSAGE_HEAD.size <= length and last <= len(chunk.content):
             return chunk.content[offset + HEAD.size + MESSAGE_HEAD.size : last]
-    raise DamagedError(chunk.at, "an index of messages names a place where none begins")
+    raise DamagedError(chunk.at, "a message index points to a place where no message begins")
 
 
 def read_chunks(path: Path, chunks: Iterable[Chunk], table: ChunkTable) -> Iterator[tuple[Chunk, Iterator[Found]]]:
-    """Some chunks of a file that is believed, each with its messages; nothing else of it is read.
+    """Some chunks of a trusted file, each with its messages; nothing else in the file is read.
 
     Raises:
         DamagedRecordError: something in them is not as it was written.
@@ -280,13 +280,13 @@ def read_chunks(path: Path, chunks: Iterable[Chunk], table: ChunkTable) -> Itera
                 pieces.go_to(chunk.at)
                 yield chunk, messages_of(next(iter(pieces)), topics)
     except (CutError, DamagedError) as error:  # since it was examined
-        raise DamagedRecordError(f"{path}: the record is damaged and is not believed: {error}. {REMEDY}") from error
+        raise DamagedRecordError(f"{path}: the record is damaged and is not trusted: {error}. {REMEDY}") from error
     except OSError as error:
         raise UsageError(f"{path}: {error.strerror}") from error
 
 
 def attachment(path: Path, name: str, verdict: Verdict) -> bytes | None:
-    """The newest attachment of this name in a file that is believed, or None.
+    """The newest attachment of this name in a trusted file, or None.
 
     Raises:
         UsageError: the file cannot be read.
@@ -301,7 +301,7 @@ def attachment(path: Path, name: str, verdict: Verdict) -> bytes | None:
                     if length > MOST_BYTES:
                         return None
                     rest = stream.read(length - len(head) - 4)
-                    start = 4 + int.from_bytes(rest[:4], "little") + 8  # behind the media type and the size
+                    start = 4 + int.from_bytes(rest[:4], "little") + 8  # after the media type and the size
                     return rest[start:]
     except (OSError, struct.error) as error:
         raise UsageError(f"{path}: {error}") from error
@@ -312,10 +312,10 @@ _ATTACHMENT_HEAD = 20
 
 
 def messages_of(piece: TopLevelRecord, topics: dict[int, str]) -> Iterator[Found]:
-    """The messages of a piece; `topics` are the channels' by number, and grow.
+    """The messages of a top-level record; channels found in it are added to `topics` (number → topic).
 
     Raises:
-        DamagedError: it holds something else than messages of channels that are known.
+        DamagedError: it holds something other than messages of known channels.
     """
     if piece.opcode == CHUNK:
         offset = -1 if piece.compressed else piece.end - len(piece.content) - HEAD.size
@@ -325,7 +325,7 @@ def messages_of(piece: TopLevelRecord, topics: dict[int, str]) -> Iterator[Found
             elif opcode == CHANNEL:
                 _add_channel(piece, begin, end, topics)
             elif opcode != SCHEMA:
-                raise DamagedError(piece.at, f"a chunk holds a piece of the number {opcode}")
+                raise DamagedError(piece.at, f"a chunk holds a record with the opcode {opcode}")
     elif piece.opcode == CHANNEL:
         _add_channel(piece, 0, len(piece.content), topics)
     elif piece.opcode == MESSAGE:
@@ -334,23 +334,23 @@ def messages_of(piece: TopLevelRecord, topics: dict[int, str]) -> Iterator[Found
 
 def _message(piece: TopLevelRecord, begin: int, end: int, topics: dict[int, str], at: int) -> Found:
     if end - begin < MESSAGE_HEAD.size:
-        raise DamagedError(piece.at, "a message has no head")
+        raise DamagedError(piece.at, "a message is shorter than its header")
     channel, _sequence, stamp, _published = MESSAGE_HEAD.unpack_from(piece.content, begin)
     if channel not in topics:
-        raise DamagedError(piece.at, f"a message belongs to channel {channel}, and there is none")
+        raise DamagedError(piece.at, f"a message belongs to channel {channel}, which is not declared")
     return Found(topics[channel], stamp, piece.content[begin + MESSAGE_HEAD.size : end], at)
 
 
 def _add_channel(piece: TopLevelRecord, begin: int, end: int, topics: dict[int, str]) -> None:
     if end - begin < _CHANNEL_HEAD.size:
-        raise DamagedError(piece.at, "a channel has no head")
+        raise DamagedError(piece.at, "a channel is shorter than its header")
     channel, _schema, size = _CHANNEL_HEAD.unpack_from(piece.content, begin)
     name = piece.content[begin + _CHANNEL_HEAD.size : begin + _CHANNEL_HEAD.size + size]
     topics[channel] = name.decode(errors="replace")
 
 
 def has_begun(path: Path, stream: BinaryIO) -> bool:
-    """Whether the head of an MCAP file stands there; False when the process was killed before that. Rewinds the stream.
+    """Whether the file begins as MCAP; False when the process was killed before it wrote that. Rewinds the stream.
 
     Raises:
         UsageError: it is no MCAP file.
@@ -358,13 +358,13 @@ def has_begun(path: Path, stream: BinaryIO) -> bool:
     start = stream.read(len(MAGIC))
     stream.seek(0)
     if start != MAGIC and not MAGIC.startswith(start):
-        raise UsageError(f"{path}: not a record of a run: it is no MCAP file")
+        raise UsageError(f"{path}: not a record of a run: it is not an MCAP file")
     return start == MAGIC
 
 
 def _examined(path: Path, stream: BinaryIO) -> Verdict:
     if not has_begun(path, stream):
-        return Verdict("cut off", "the file ends before it begins")
+        return Verdict("cut off", "the file ends within its header")
     pieces = Pieces(stream)
     topics: dict[int, str] = {}
     stamp, compressed, lost = 0, False, ""
@@ -380,7 +380,7 @@ def _examined(path: Path, stream: BinaryIO) -> Verdict:
             compressed |= piece.compressed
             stamp = max(stamp, piece.stamp)
             table.take(piece)
-            if piece.opcode in (CHANNEL, MESSAGE):  # what a chunk holds is looked at when it is read
+            if piece.opcode in (CHANNEL, MESSAGE):  # a chunk's content is checked when it is read
                 for found in messages_of(piece, topics):
                     stamp = max(stamp, found.stamp)
             if piece.opcode == ATTACHMENT:
@@ -395,16 +395,16 @@ def _examined(path: Path, stream: BinaryIO) -> Verdict:
             return replace(good, state="cut off", why="its summary is missing")
         if cut:
             return verdict("cut off", f"the file ends after {error.at} bytes")
-        return verdict("damaged", str(DamagedError(error.at, "a piece has a wrong length")))
+        return verdict("damaged", str(DamagedError(error.at, "a record has a wrong length")))
     except DamagedError as error:
         if _zeros_from(stream, error.at):
-            return verdict("cut off", f"only zeros follow after {error.at} bytes, as after a loss of power")
+            return verdict("cut off", f"only zeros follow after {error.at} bytes, as after a power failure")
         return verdict("damaged", f"{error}, at {stamp / 1e9:.2f} s of the run")
     return replace(good, checked=pieces.checked)
 
 
 class _TableMaker:
-    """Makes the table of a file's chunks from its pieces."""
+    """Builds the table of a file's chunks from its top-level records."""
 
     def __init__(self) -> None:
         self._chunks: list[Chunk] = []
@@ -414,7 +414,7 @@ class _TableMaker:
         self._indexed, self._usable = True, True
 
     def take(self, piece: TopLevelRecord) -> None:
-        """The next piece."""
+        """Take the next record."""
         if piece.opcode == CHUNK:
             self._usable &= self._indexed and not piece.compressed
             self._chunks.append(Chunk(piece.at, piece.oldest, piece.stamp, self._events))
@@ -427,7 +427,7 @@ class _TableMaker:
             self._chunk = None
 
     def made(self) -> ChunkTable | None:
-        """The table of what was taken; the last chunk's indexes may be missing, since nothing is counted from them."""
+        """The table of the records taken; the last chunk may lack its indexes, since nothing is counted from them."""
         return ChunkTable(tuple(self._chunks), self._topics) if self._usable and self._chunks else None
 
     def _count(self, chunk: TopLevelRecord, channel: int, messages: int) -> None:
@@ -437,13 +437,13 @@ class _TableMaker:
                 for opcode, begin, end in records_of(chunk.content, chunk.at):
                     if opcode == CHANNEL:
                         _add_channel(chunk, begin, end, self._topics)
-            except DamagedError:  # told when the chunk is read
+            except DamagedError:  # reported when the chunk is read
                 self._usable = False
         self._events += messages if self._topics.get(channel) == EVENTS else 0
 
 
 def _is_cut(stream: BinaryIO, at: int) -> bool:
-    """Whether a file that ends within a piece was cut there; otherwise the piece's length is wrong."""
+    """Whether a file that ends within a record was cut off there; otherwise the record's length is wrong."""
     end = stream.seek(0, os.SEEK_END) - len(MAGIC)
     if end >= len(MAGIC):
         stream.seek(end)
@@ -461,11 +461,11 @@ def _zeros_from(stream: BinaryIO, at: int) -> bool:
 
 
 def metadata_of(piece: TopLevelRecord) -> dict[str, dict[str, str]]:
-    """The metadata of a piece, under their name; empty when they cannot be read."""
+    """The metadata of a record, by name; empty when it cannot be read."""
     words: list[str] = []
     place, content = 0, piece.content
     while place + 4 <= len(content):
         length = int.from_bytes(content[place : place + 4], "little")
         words.append(content[place + 4 : place + 4 + length].decode(errors="replace"))
-        place += 4 + length + (4 if len(words) == 1 else 0)  # behind the name stands how long the map is
+        place += 4 + length + (4 if len(words) == 1 else 0)  # the name is followed by the map's length
     return {words[0]: dict(zip(words[1::2], words[2::2], strict=False))} if words else {}

@@ -2,7 +2,7 @@
 
     idle → running ⇄ pausing → paused
            running → succeeded | failed          the tree ended
-           running → stopping → stopped          somebody stopped it: every skill lets go first
+           running → stopping → stopped          somebody stopped it: every skill is halted first
            any     → faulted                     an exception, a lost device, a safe stop: latched
 
 `Runner.run()` blocks in the caller's thread, which is the tick thread: the only one that touches tree, board, skills.
@@ -59,22 +59,22 @@ STOP_LIMIT = 10.0
 
 
 SETTLING = 2.0
-"""Seconds of the cell's clock within which all must rest once the tree has ended: nobody looks after it any more."""
+"""Settle time after the tree has ended [s of the cell's clock]: what moves longer is watched by no skill."""
 
 READINESS = 1.0
-"""Seconds for which a simulated cell goes on before an acknowledgement: wires that are whole again are open by then."""
+"""Seconds that a simulated cell runs on before an acknowledgement, so that repaired connections are open again."""
 
 
 class ListenerError(PomonaError):
-    """What follows the run (a terminal, a page, a record) failed: nobody may see what happens next."""
+    """A listener of the run (terminal, page, record) failed: what happens next might go unseen."""
 
     def __init__(self, error: BaseException) -> None:
         self.error = error
-        super().__init__(f"what follows the run failed: {sentence_of(error)}")
+        super().__init__(f"a listener of the run failed: {sentence_of(error)}")
 
 
 BLOCKED = 1.0
-"""Seconds that a tick on a simulated clock may really take before that is told: no time limit could interrupt it."""
+"""Wall-clock seconds that a tick may take on a simulated clock before it is reported: no timeout can interrupt it."""
 
 
 Build = Callable[[RunContext, Board], BuiltTree]
@@ -103,10 +103,10 @@ class Runner(Requests):
             cell: connected; the caller closes it.
             events: everything that happens is emitted here, from the tick thread.
             seed: every random choice of the skills comes from it.
-            period: of a tick [s].
-            real_time: pace a simulated cell to the wall's clock; otherwise it runs as fast as the machine allows.
-            attended: whether there is somebody who answers questions and goes on after breakpoints; without, the tree's
-                questions have their defaults, and the breakpoints of its file are left out.
+            period: tick period [s].
+            real_time: pace a simulated cell to wall-clock time; otherwise it runs as fast as the machine allows.
+            attended: whether an operator is there to answer questions and to resume after breakpoints. Otherwise
+                questions get their defaults, and the breakpoints in the tree file are ignored.
             watchers: show what the cell looks like.
             heartbeat: called in every tick, also while paused or coming to rest.
         """
@@ -140,7 +140,7 @@ class Runner(Requests):
 
     @property
     def progress(self) -> tuple[float, int]:
-        """Seconds of the run's clock and the number of the tick: a sign of life."""
+        """Run time [s] and tick number: a sign of life."""
         return self._stamp()
 
     @property
@@ -152,19 +152,19 @@ class Runner(Requests):
     # -------------------------------------------------------------------------------------- the tick thread
 
     def prepare(self, tell: Callable[[str, int, int], None] = lambda _name, _done, _of: None) -> None:
-        """Load and warm what the skills need, before the run's clock starts; `tell(name, done, of)` before each."""
+        """Load and warm up what the skills need before the run's clock starts; `tell(name, done, of)` before each."""
         self.tree.prepare(tell)
-        self._computations.pending()  # what was computed to prepare is accounted for before the run
+        self._computations.pending()  # computations of the preparation do not count as the run's
 
     def look_after(self, name: str, state: Callable[[], str], *, required: bool) -> None:
-        """Watch something beside the cell's devices, too: `state` says 'ok', or what is wrong, and is asked each tick.
+        """Also watch something that is no device of the cell; `state` is called every tick: 'ok', or what is wrong.
 
-        A change is told as a link's; the loss of what is required ends the run in the safe state.
+        A change is reported as `LinkChanged`; losing what is required ends the run in the safe state.
         """
         self._watch.look_after(name, state, required=required)
 
     def run(self) -> RunResult:
-        """Run the tree to its end. Never raises for what goes wrong in the run: that is an outcome."""
+        """Run the tree to its end. Whatever goes wrong in the run is an outcome; it is never raised."""
         started = time.perf_counter()
         try:
             self.board.adopt()
@@ -173,7 +173,7 @@ class Runner(Requests):
             self.breakable = True
             self._loop(started)
             self.breakable = False
-        except BaseException as error:  # SystemExit, too: whatever it is, nothing may go on moving
+        except BaseException as error:  # SystemExit, too: whatever it is, nothing may keep moving
             leave_if_forked()
             self._fault(error)
         with self._telling("", "closing"):
@@ -189,7 +189,7 @@ class Runner(Requests):
     def hold_latched(self) -> None:
         """After the run: keep the cell connected in its safe state until somebody acknowledges the reason.
 
-        A device that is still lost refuses that: this is told, and the safe state stays.
+        A device that is still lost refuses the acknowledgement: that is reported, and the safe state stays latched.
         """
         while (reason := self._cell.latched) is not None and not self._leaving:
             action, who, detail, _asked = self._commands.get()
@@ -203,7 +203,7 @@ class Runner(Requests):
 
     def _acknowledge(self) -> None:
         try:
-            if self._cell.clock.simulated:  # in which time passes only when somebody lets it
+            if self._cell.clock.simulated:  # its time passes only when it is advanced
                 self._cell.clock.advance(READINESS)
             self._cell.acknowledge()
         except KeyboardInterrupt:
@@ -212,7 +212,7 @@ class Runner(Requests):
             self._tell("", "the acknowledgement", error)
 
     def close(self) -> None:
-        """Let go of threads and processes. Harmless when closed already."""
+        """Release threads and processes. Harmless when already closed."""
         self._computations.close()
 
     def _attend(self, attended: bool) -> None:
@@ -281,7 +281,7 @@ class Runner(Requests):
                 continue
             if action in SETS_IN_MOTION and (ago := time.monotonic() - asked) > LATE:
                 what = f"{action} {detail}".strip()
-                self._emit(OperatorActed(*self._stamp(), who, "too_late", f"{what}, asked for {ago:.1f} s before"))
+                self._emit(OperatorActed(*self._stamp(), who, "too_late", f"{what}, requested {ago:.1f} s earlier"))
                 continue
             self._emit(OperatorActed(*self._stamp(), who, action, detail))
             if action == "safe_stop":
@@ -289,7 +289,7 @@ class Runner(Requests):
             if action == "interrupt":
                 raise InterruptRequestedError(detail) if who == "keyboard" else SafeStopRequestedError(detail)
             if action == "stop":
-                if self._state is not RunState.STOPPING:  # its time limit has begun
+                if self._state is not RunState.STOPPING:  # a second stop does not extend the deadline
                     self._stop(f"stopped by {who}")
             elif action == "pause" and self._state is RunState.RUNNING:
                 self._pause(who, detail)
@@ -316,7 +316,7 @@ class Runner(Requests):
         self._set_state(RunState.PAUSING, f"{who} {detail}".strip())
 
     def _resume(self, stepping: bool) -> None:
-        self._cell.resume()  # raises when the world is not as it was: that is a fault
+        self._cell.resume()  # raises when the cell is no longer as it was when paused: that is a fault
         self.context.thaw()
         self._step = stepping
         self._set_state(RunState.RUNNING, "step" if stepping else "resumed")
@@ -335,12 +335,12 @@ class Runner(Requests):
     def _move_on(self) -> None:
         """The transitions that wait for the cell."""
         if self._state is RunState.RUNNING and self._end is not None:
-            if not self.context.halting:  # what the tree's end has interrupted lets go first
+            if not self.context.halting:  # skills that the tree's end interrupted are halted first
                 self._refuse_latched()
                 if self._cell.settled():
                     self._set_state(*self._end)
                 elif self._cell.clock.now() > self._settled_by:
-                    raise PomonaError(f"something still moves {SETTLING:g} s after the tree has ended")
+                    raise PomonaError(f"something still moves {SETTLING:g} s after the end of the tree")
         elif self._state is RunState.PAUSING and self._cell.settled():
             self._set_state(RunState.PAUSED, "at rest")
         elif self._state is RunState.STOPPING:
@@ -355,23 +355,23 @@ class Runner(Requests):
         try:
             self._watch.look()
         except SafeStopRequestedError:
-            self._take_commands()  # it may have been asked for after they were taken: then this says by whom
+            self._take_commands()  # it may have been requested since they were taken: then this says by whom
             raise
 
     def _refuse_latched(self) -> None:
-        """A tree that ends on a cell in its safe state has not ended by itself: skills see their motions stopped.
+        """A tree that ends while the cell is latched did not end by itself: its skills only saw their motions stop.
 
         Raises:
-            SafeStopRequestedError: the safe state came during the tick; with the reason of who asked for it.
+            SafeStopRequestedError: the cell was latched during the tick; with the reason of whoever requested it.
         """
         if self._cell.latched is not None:
             self._take_commands()
             raise SafeStopRequestedError(self._cell.latched)
 
     def _wait_for_computations(self) -> bool:
-        """On a simulated clock, wait for what was started in this tick; True when there was something.
+        """On a simulated clock, wait for the computations that this tick started; True when there were any.
 
-        What was so quick that it has ended already counts, too: a run does not depend on how fast the machine is.
+        Those that have already ended count, too: a run does not depend on how fast the machine is.
         """
         if not self._cell.clock.simulated:
             self._computations.pending()
@@ -397,7 +397,7 @@ class Runner(Requests):
         return next_tick
 
     def _raise_what_failed(self) -> None:
-        """What a skill raised while it let go, or a listener of the run, is a fault like any other."""
+        """What a skill raised while it was halted, or a listener of the run, is a fault like any other."""
         if (failed := self.context.take_failure()) is not None:
             self._culprit, error = failed
             raise error
@@ -407,10 +407,10 @@ class Runner(Requests):
             raise raised
 
     def _fault(self, error: BaseException) -> None:
-        """The one way into the safe state: latch the cell, tell why, halt the tree, drive that as long as it takes."""
+        """The one way into the safe state: latch the cell, report why, halt the tree, wait until all is at rest."""
         self.breakable = False
         self._interrupted = isinstance(error, (KeyboardInterrupt, InterruptRequestedError))
-        code, message = _called(error)
+        code, message = _code_and_message(error)
         node = self._culprit or self._observer.culprit()
         data: dict[str, object] = {}
         with self._telling(node, "the safe stop"):
@@ -424,7 +424,7 @@ class Runner(Requests):
             self.context.thaw()
             self._breakpoints.drop()
             self.tree.root.stop(Status.INVALID)
-        for skill in self.tree.skills:  # below a node that broke in its first tick nobody has asked them yet
+        for skill in self.tree.skills:  # a node that broke in its first tick has not stopped its children
             if skill.status is Status.RUNNING:
                 with self._telling(skill.path, "letting go"):
                     skill.stop(Status.INVALID)
@@ -439,7 +439,7 @@ class Runner(Requests):
         self._set_state(RunState.FAULTED, message)
 
     def _come_to_rest(self) -> None:
-        """Let time pass until every skill has let go and the cell has settled.
+        """Let time pass until every skill is halted and the cell has settled.
 
         Raises:
             PomonaError: it has not within `STOP_LIMIT`.
@@ -456,7 +456,7 @@ class Runner(Requests):
 
     @contextlib.contextmanager
     def _telling(self, node: str, during: str) -> Iterator[None]:
-        """What fails now is told, and keeps nothing that follows from happening: the safe state stands already."""
+        """Report what fails in here instead of raising it: the cell is latched, and what follows must still run."""
         try:
             yield
         except BaseException as error:
@@ -478,7 +478,7 @@ class Runner(Requests):
         )  # fmt: skip
 
     def _take_last_commands(self) -> None:
-        """What was asked for in the last moment is recorded, too."""
+        """Record the commands that came at the last moment, too."""
         while not self._commands.empty():
             action, who, detail, _asked = self._commands.get()
             if action != "leave":
@@ -518,7 +518,7 @@ class Runner(Requests):
         self._events.emit(event)
 
     def _computed(self, node: str, function: str, wall: float) -> None:
-        if self._state is not RunState.IDLE:  # what is prepared before the run is not the run's time
+        if self._state is not RunState.IDLE:  # preparation is not the run's time
             self._emit(Computed(*self._stamp(), node, function, wall))
 
     def _linked(self, name: str, state: str) -> None:
@@ -538,8 +538,8 @@ class Runner(Requests):
         self._emit(Published(*self._stamp(), node, topic, value))
 
 
-def _called(error: BaseException) -> tuple[str, str]:
-    """The code and the sentence of what ends a run."""
+def _code_and_message(error: BaseException) -> tuple[str, str]:
+    """Failure code and sentence of an exception that ends a run."""
     if isinstance(error, SafeStopRequestedError):
         return error.code, str(error)
     if isinstance(error, KeyboardInterrupt):

@@ -1,4 +1,4 @@
-"""Kinds of values in files: how each is read, what its JSON Schema is, and how people call it."""
+"""Kinds of values in files: how each is read, what its JSON Schema is, and what people call it."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ NUMBER = r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?"
 _NUMBER = re.compile(rf"\s*{NUMBER}\s*", re.ASCII)
 _WHOLE = re.compile(r"\s*[-+]?\d{1,18}(\.0*)?\s*", re.ASCII)
 OPTION: Schema = {"type": "string", "pattern": r"\{[^{}]+\}"}
-"""A scalar in which an option is filled in."""
+"""A scalar with a placeholder for an option."""
 
 
 class Kind(ABC, Generic[T]):
@@ -39,23 +39,23 @@ class Kind(ABC, Generic[T]):
         """The value.
 
         Raises:
-            Refused: it is none of this kind; every reason is a finding.
+            Refused: it is not of this kind; every reason is a finding.
         """
 
     @abstractmethod
     def schema(self, options: bool = False) -> Schema:
-        """Its JSON Schema; with `options`, scalars may name them."""
+        """Its JSON Schema; with `options`, a scalar may be a placeholder for one."""
 
 
 class ScalarKind(Kind[T]):
-    """A kind whose values are single texts."""
+    """A kind whose values are single scalars."""
 
     @abstractmethod
     def parse(self, text: str) -> T:
         """The value of a text.
 
         Raises:
-            Unfit: it has none.
+            Unfit: the text is not of this kind.
         """
 
     @abstractmethod
@@ -77,7 +77,7 @@ class ScalarKind(Kind[T]):
 
 
 class Text(ScalarKind[str]):
-    """A text; with `choices`, one of them; with `pattern`, one that matches it whole."""
+    """A text; with `choices`, one of them; with `pattern`, one that matches it from end to end."""
 
     def __init__(self, *choices: str, pattern: str = "", words: str = "") -> None:
         self.choices, self.pattern = choices, pattern
@@ -112,7 +112,7 @@ class Flag(ScalarKind[bool]):
 
 
 class Number(ScalarKind[float]):
-    """A number that has no unit, in a closed range; without the lower end where `above` is said."""
+    """A number without a unit, in a closed range."""
 
     words = "a number"
 
@@ -121,13 +121,13 @@ class Number(ScalarKind[float]):
 
     def parse(self, text: str) -> float:
         if _NUMBER.fullmatch(text) is None or not math.isfinite(value := float(text)):
-            raise Unfit(f"'{text}' is not {self.words}; no unit is meant here")
+            raise Unfit(f"'{text}' is not {self.words}; it takes no unit")
         return self.within(value, text)
 
     def within(self, value: float, text: str) -> float:
         """The value, if it lies in the range; raises Unfit otherwise."""
         if not self.low <= value <= self.high:
-            raise Unfit(f"it is {text.strip()}, it must lie {between(self.low, self.high)}", code="range")
+            raise Unfit(f"it is {text.strip()}, but must be {between(self.low, self.high)}", code="range")
         return value
 
     def plain_schema(self) -> Schema:
@@ -152,7 +152,7 @@ class Whole(ScalarKind[int]):
 
 
 class Measure(ScalarKind[float]):
-    """A number with its unit, in SI; `low` and `high` are texts with a unit, in the closed range."""
+    """A number with its unit, read into SI; `low` and `high`, with a unit each, bound a closed range."""
 
     def __init__(self, quantity: Quantity, low: str = "", high: str = "") -> None:
         self.quantity, self.words = quantity, with_article(quantity.name)
@@ -168,14 +168,14 @@ class Measure(ScalarKind[float]):
         if not self.low - _slack(self.low) <= value <= self.high + _slack(self.high):
             low, high = self._ends
             limits = f"between {low} and {high}" if low and high else f"at least {low}" if low else f"at most {high}"
-            raise Unfit(f"it is {text.strip()}, it must {'lie' if low and high else 'be'} {limits}", code="range")
+            raise Unfit(f"it is {text.strip()}, but must be {limits}", code="range")
         return value
 
     def option(self, text: str) -> float:
-        """A value of the command line, as `type` of an argument.
+        """A value from the command line, as the `type` of an argument.
 
         Raises:
-            argparse.ArgumentTypeError: it lacks its unit, has another one or lies outside; the text says what is known.
+            argparse.ArgumentTypeError: its unit is missing or unknown, or it is out of range; says what is allowed.
         """
         try:
             return self.parse(text)
@@ -199,7 +199,7 @@ class Span(ScalarKind[tuple[float, float]]):
 
     def _ordered(self, low: float, high: float) -> tuple[float, float]:
         if low > high:
-            raise Unfit(f"it is a range from {low:g} down to {high:g}", "the smaller end comes first")
+            raise Unfit(f"it is a range from {low:g} down to {high:g}", "write the smaller end first")
         return low, high
 
     def read(self, node: YamlNode, reader: Reader) -> tuple[float, float]:
@@ -263,7 +263,7 @@ class Row(Kind[tuple[float, ...]]):
 
 
 class Counts(Kind[tuple[int, ...]]):
-    """A list of so many whole numbers: an image's size."""
+    """A list of `size` whole numbers, such as an image's width and height."""
 
     def __init__(self, size: int, low: int, high: int) -> None:
         self.of, self.size, self.words = Whole(low, high), size, f"a list of {size} whole numbers"
@@ -297,7 +297,7 @@ class OrWord(ScalarKind[Any]):
 
 
 class PathTo(ScalarKind[Path]):
-    """A file or a folder; a relative path is meant from the folder of the file in which it is written.
+    """A file or a folder; a relative path starts at the folder of the file in which it is written.
 
     Args:
         what: 'file' or 'folder'.
@@ -318,7 +318,7 @@ class PathTo(ScalarKind[Path]):
         except (OSError, RuntimeError, ValueError):
             path, there = given, False
         if not there:
-            words = f"{reader.title}: {path} does not exist" if not exists(path) else f"{path} is no {self.what}"
+            words = f"{reader.title}: {path} does not exist" if not exists(path) else f"{path} is not a {self.what}"
             raise reader.refuse(reader.filled(node), words, self.hint, "file")
         return path.resolve()
 
@@ -327,7 +327,7 @@ class PathTo(ScalarKind[Path]):
 
 
 class Words(Kind[tuple[str, ...]]):
-    """Words: a list, or a text with blanks between them; with `choices`, these only; each once where `once`."""
+    """Words: a list, or a text with spaces between them; with `choices`, only these; with `once`, no word twice."""
 
     def __init__(self, *choices: str, once: bool = True) -> None:
         self.choices, self.once = choices, once
@@ -360,7 +360,7 @@ class Words(Kind[tuple[str, ...]]):
 
 
 class AsWritten(Kind[YamlScalar]):
-    """A single value whose meaning somebody else knows; it keeps its place."""
+    """A single value that its user will interpret; it keeps its line and column."""
 
     words = "a single value"
 
@@ -378,7 +378,7 @@ class ListOf(Kind[tuple[T, ...]]):
     """A list of values of one kind."""
 
     def __init__(self, of: Kind[T]) -> None:
-        self.of, self.words = of, f"a list, each of it {of.words}"
+        self.of, self.words = of, f"a list, each item {of.words}"
 
     def read(self, node: YamlNode, reader: Reader) -> tuple[T, ...]:
         if not isinstance(node, YamlList):
@@ -411,7 +411,7 @@ class MappingOf(Kind[Mapping[str, T]]):
 
 
 def read_each(kind: Kind[T], items: Iterable[tuple[YamlNode, Reader]]) -> list[T]:
-    """Every item's value; all of them are looked at before the first that is wrong ends it.
+    """Every item's value; all are read, so that each mistake is a finding, before one is raised.
 
     Raises:
         Refused: one of them cannot be read.
@@ -428,7 +428,7 @@ def read_each(kind: Kind[T], items: Iterable[tuple[YamlNode, Reader]]) -> list[T
 
 
 def choose(word: str, known: Iterable[str]) -> str:
-    """A hint: the known word that is meant, or all of them."""
+    """A hint: the known word that is probably meant, or all of them."""
     names = list(known)
     return did_you_mean(word, names) or f"known: {', '.join(names) or 'none'}"
 
@@ -436,8 +436,8 @@ def choose(word: str, known: Iterable[str]) -> str:
 def between(low: float, high: float) -> str:
     """A closed range in words."""
     if math.isinf(high):
-        return f"at or above {low:g}"
-    return f"at or below {high:g}" if math.isinf(low) else f"between {low:g} and {high:g}"
+        return f"at least {low:g}"
+    return f"at most {high:g}" if math.isinf(low) else f"between {low:g} and {high:g}"
 
 
 def quantity_schema(quantity: Quantity) -> Schema:
@@ -466,5 +466,5 @@ def _bounds(low: float, high: float) -> Schema:
 
 
 def _slack(bound: float) -> float:
-    """Rounding of a unit's factor."""
+    """Tolerance for the rounding of a unit's factor."""
     return 1e-9 * abs(bound) if math.isfinite(bound) else 0.0

@@ -106,7 +106,7 @@ def read_measured(tables: Sequence[Path], by_shape: bool) -> SizeTable:
 
 def _rows(table: Path, needed: Sequence[str]) -> list[tuple[int, dict[str, str]]]:
     if not is_file(table):
-        raise UnusableTable(f"{table} is no file")
+        raise UnusableTable(f"{table} is not a file")
     try:
         with table.open(newline="", encoding="utf-8-sig") as file:
             reader = csv.DictReader(file)

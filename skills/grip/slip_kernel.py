@@ -21,10 +21,10 @@ class Filters(NamedTuple):
     """Bias, filters and noise of both fingers; shape (2, 6) each where nothing else is said.
 
     Attributes:
-        bias: what the fingers show with nothing between them.
-        noise_band, fast, slow: of what both fingers feel alike (row 0) and what they feel apart (row 1).
+        bias: what the fingers read with nothing between them.
+        noise_band, fast, slow: of the fingers' common mode (row 0) and differential mode (row 1).
         smoothed: both fingers' wrenches, the right one's in the left pad's frame.
-        variance: of a smoothed channel by noise, shape (6,).
+        variance: of the noise of each smoothed channel, shape (6,).
     """
 
     bias: Float64
@@ -36,7 +36,7 @@ class Filters(NamedTuple):
 
 
 class Shares(NamedTuple):
-    """What a sample adds to each filter, 0 … 1."""
+    """Weight of a new sample in each low-pass filter, 0 … 1."""
 
     fast: float
     normal: float
@@ -45,7 +45,7 @@ class Shares(NamedTuple):
 
 
 class Contact(NamedTuple):
-    """Friction as the kernel takes it, with its limit surface over the table's nodes."""
+    """Friction parameters of the contact, with the limit surface at the nodes of its table."""
 
     mu: float
     torsion: float
@@ -58,7 +58,14 @@ class Contact(NamedTuple):
 
 
 class Unknown(NamedTuple):
-    """What is allowed for: lever of the fruit's centre [m], tangential push [N], farthest centre of rotation [m]."""
+    """Allowances for what is not known.
+
+    Attributes:
+        lever: of the fruit's centre of mass about the fingers' axis [m].
+        push: tangential force that may come on top [N].
+        farthest_centre: limit of the distance of the centre of rotation [m].
+        quiet: force beyond noise up to which the other finger counts as feeling nothing [N].
+    """
 
     lever: float
     push: float
@@ -105,20 +112,20 @@ REST = SlipState(False, 0.0, 0.0, 0.0, 0.0)
 
 
 class Loads(NamedTuple):
-    """What a sample says.
+    """What the fingers bear, by one sample.
 
     Attributes:
         left, right: pressing force of each finger [N].
         tau_left, tau_right: torsional moment on each [N·m].
         f_t: tangential force of both together [N].
         least: least grasp force that holds the load by the limit surface; coulomb: by Coulomb's law [N].
-        cautious: the same if the fruit's centre lay `Unknown.lever` off the axis; reserved: with a push more [N].
-        least_noise_std: standard deviation of what noise alone puts on `least` [N].
+        cautious: the same with the fruit's centre `Unknown.lever` off the axis; reserved: with a push on top [N].
+        least_noise_std: standard deviation of `least` by noise alone [N].
         f_nd: dynamic term [N].
         one_sided_jump: how far one finger's tangential force has jumped beyond noise while the other feels nothing [N].
         one_sided_press: how far the fingers' normal forces have jumped apart, beyond noise [N].
         one_sided_press_jump: as `one_sided_jump`, of the normal force [N].
-        press_jump: how far both fingers' normal forces have jumped alike, beyond noise and their own motion [N].
+        press_jump: how far both fingers' normal forces have jumped together, beyond noise and their own motion [N].
     """
 
     left: float
@@ -158,7 +165,7 @@ class _FingerLoads(NamedTuple):
 
 @njit(cache=True)
 def sense_sample(raw, periods, expected, filters, shares, contact, unknown, observer, state):  # type: ignore[no-untyped-def]
-    """Take one raw sample that stands for so many periods.
+    """Take one raw sample that stands for `periods` sample periods.
 
     Args:
         raw: wrenches, shape (2, 6), as in `WrenchSample`.
@@ -200,11 +207,11 @@ def sense_sample(raw, periods, expected, filters, shares, contact, unknown, obse
 
 @njit(cache=True)
 def _loads_of(wrench, variance, contact, unknown):  # type: ignore[no-untyped-def]
-    """Loads of one finger, and what they need."""
+    """Loads of one finger, and the grasp force that they need."""
     mu, torsion, gamma = contact.mu, contact.torsion, contact.gamma
     f, tau, load = contact.f, contact.tau, contact.load
     f_n, f_x, f_y, tau_n = loads_of_finger(wrench)
-    # Noise makes magnitudes larger than they are: what it adds to their squares is taken off.
+    # Noise biases magnitudes upwards: its variance is subtracted from their squares.
     f_t = math.sqrt(max(f_x * f_x + f_y * f_y - variance[0] - variance[1], 0.0))
     lever = f_t / max(f_n, PRESSING)
     tau_variance = variance[5] + lever * lever * variance[4]
@@ -219,7 +226,7 @@ def _loads_of(wrench, variance, contact, unknown):  # type: ignore[no-untyped-de
     reserved = least_force_of_finger(worst_case_f_t, pushed_tau, mu, torsion, gamma, f, tau, load)[0]
     worst_case_tau = max(abs(tau_n), f_t * unknown.lever)
     cautious = least_force_of_finger(worst_case_f_t, worst_case_tau, mu, torsion, gamma, f, tau, load)[0]
-    # Where the contact would slide, and what friction bears there.
+    # Centre of rotation at the onset of sliding, and what friction bears there.
     pressing = max(f_n, 0.05)
     u = s * (f.size - 1)
     j = min(int(u), f.size - 2)

@@ -1,9 +1,9 @@
-"""Sees slip without believing the friction that was told: where the fruit touches the pads, and how its centre hangs.
+"""Detects slip without relying on the coefficient of friction: by the centre of pressure and the lever arm of the load.
 
-A fruit is round: when it slides, the place where it touches the pads goes along, and each finger's torques over its
-normal force say where that is. When it turns, its centre comes nearer to the fingers' axis or goes farther away: the
-lever, moment over weight, changes, which lifting faster or slower does not do. Neither asks for a friction. Fast and
-slow averages are compared, and count where they differ by more than noise can do.
+When a round fruit slides, its contact with the pads moves along: each finger's torques over its normal force give the
+centre of pressure. When it turns, its centre of mass comes nearer to the fingers' axis or moves away from it: the lever
+arm, moment over load, changes, while accelerating the lift leaves it as it is. Neither needs a coefficient of friction.
+A fast and a slow average are compared, and their difference counts where it is larger than noise can make it.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ from skills.grip.slip_sense import SlipSense
 from skills.grip.tuning import SlipWatchSettings
 
 LEAST_FORCE = 0.15
-"""Below this normal force of both fingers' mean the place of the contact is not known [N]."""
+"""Below this normal force, the mean of both fingers, the centre of pressure is not known [N]."""
 
 
 class SlipWatch:
-    """Watches place and lever of a held fruit.
+    """Watches the centre of pressure and the lever arm of a held fruit.
 
     Attributes:
-        slipped: how far the place of the contact has come since the grip was made or friction was felt [m].
+        slipped: how far the contact has moved since the grip was made or friction was measured [m].
     """
 
     def __init__(self, settings: SlipWatchSettings, rate: float) -> None:
@@ -49,7 +49,7 @@ class SlipWatch:
         self._torque_std = float(np.sqrt(alike[:, 3:5].var(axis=0).max()))
 
     def start(self) -> None:
-        """The fruit is where it shall stay: count from here."""
+        """Take where the fruit is now as the reference."""
         self._samples = 0
         self._carried_for = 0.0
         self._origin[:] = np.nan
@@ -60,8 +60,8 @@ class SlipWatch:
 
         Args:
             wrenches: raw, shape (2, 6).
-            periods: that it stands for.
-            sense: after it.
+            periods: sample periods that it stands for.
+            sense: the loads after it.
             carried: the fruit hangs in the fingers.
         """
         self._samples += periods
@@ -81,7 +81,7 @@ class SlipWatch:
             self._means[1:] = self._means[0]
             self._samples = min(self._samples, round(1.0 / self._shares[0]))
             self._lever_slow = self._lever_fast
-            # What follows counts from here: the fruit comes to rest under a force that rises, and is not to be blamed.
+            # Count from here on: the fruit comes to rest while the force rises, which is no further slip.
             if not math.isnan(self._origin[0]):
                 self._slipped_before += math.hypot(places[0, 0] - self._origin[0], places[0, 1] - self._origin[1])
                 self._origin[:] = places[0]
@@ -123,9 +123,10 @@ class SlipWatch:
 
 @njit(cache=True)
 def _average(raw, bias, mirror, samples, periods, shares, means):  # type: ignore[no-untyped-def]
-    """Averages over three times, of the mean finger: normal force, the same times its place (x, y), tangential force.
+    """Averages with three time constants, of the mean of both fingers: normal force, that times the centre of pressure
+    (x, y), tangential force (x, y); shape (3, 5).
 
-    Shape (3, 5). At first they are plain means: what began a moment ago has no long memory.
+    Each is a plain mean at first, until its time constant has passed.
     """
     alike = np.empty(6)
     for j in range(5):

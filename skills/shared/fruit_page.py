@@ -61,7 +61,7 @@ class Page:
             return f"{self.folder}: {error.strerror}"
         above = next(path for path in (self.folder, *self.folder.absolute().parents) if path.exists())
         if not above.is_dir():
-            return f"{above} is no folder"
+            return f"{above} is not a folder"
         return "" if os.access(above, os.W_OK | os.X_OK) else f"nothing can be written into {above}"
 
     def write_picture(self, entry: FrameEntry, view: ImageView) -> None:

@@ -167,7 +167,7 @@ def test_a_status_that_is_not_told_any_more_is_a_lost_device():
     supervisor.check_status(5.2)
     supervisor.on_status(5.24)
     supervisor.check_status(5.45)
-    with pytest.raises(DeviceLost, match="not told its status for 310 ms"):
+    with pytest.raises(DeviceLost, match="not sent its status for 310 ms"):
         supervisor.check_status(5.55)
     supervisor.forget()
     supervisor.check_status(9.0)

@@ -1,11 +1,11 @@
 """Closed-form inverse kinematics of seven-joint arms with a spherical shoulder and a spherical wrist.
 
-The SIA5 family, KUKA iiwa and their like: axes 1-3 meet in the shoulder point, axes 5-7 in the wrist point, consecutive
+The SIA5 family, KUKA iiwa and the like: axes 1-3 meet in the shoulder point, axes 5-7 in the wrist point, consecutive
 axes of both are perpendicular; the elbow's axis may lie anywhere (the SIA5's has offsets of 85 and 60 mm). The distance
 between shoulder and wrist gives the elbow's two angles; turning the arm about the line between them (the arm angle)
 leaves the tool where it is; shoulder and wrist are then two rotations about three known axes each.
 
-Everything is written with axes and points at q = 0 in the base frame, so it does not depend on how a file names frames.
+All axes and points are given at q = 0 in the base frame, so nothing depends on how a file names frames.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class SphericalArm:
         """All solutions for the given arm angles within limits, shape (n, 7) [rad].
 
         Args:
-            T_base_tcp: where the TCP shall be.
+            T_base_tcp: target pose of the TCP.
             arm_angles: angles of the elbow about the line from shoulder to wrist [rad], shape (m,); 0 puts axis 4
                 horizontal, seen along the first joint's axis.
             lower, upper: limits, shape (7,).
@@ -67,7 +67,7 @@ class SphericalArm:
 
 @lru_cache(maxsize=16)
 def as_spherical_arm(model: RobotModel) -> SphericalArm | None:
-    """The model as a member of this family, or None when its geometry is another."""
+    """The model as a member of this family, or None when its geometry does not fit."""
     if model.dof != 7 or model.sliding.any():
         return None
     links = model.link_poses(np.zeros(7))[1:]
@@ -148,7 +148,7 @@ def _three_axes(a: Vector, b: Vector, c: Vector, rows: Rows, branch: float, angl
     sideways = sqrt(_dot(rest, rest))
     y = atan2(_dot(a, _cross(b, c)), _dot(a, c)) + branch * atan2(sideways, along)
     m = _rotate(b, cos(y), sin(y), c)
-    x = 0.0  # in the singular posture (t parallel to a) x and z turn about one line: all of it goes to z
+    x = 0.0  # singular configuration (t parallel to a): x and z turn about one line, so z takes all of it
     if sideways > 1e-12:
         x = atan2(_dot(a, _cross(m, t)), _dot(m, t) - _dot(a, m) * along)
     start = b  # perpendicular to c

@@ -106,7 +106,7 @@ def test_the_shipped_simulated_cell_loads():
     [
         ({"fruit": "apple_9"}, "did you mean 'apple_"),
         ({"place": "7"}, "cannot be '7'"),
-        ({"others": "9"}, "must lie between 0 and 4"),
+        ({"others": "9"}, "must be between 0 and 4"),
         ({"frut": "apple_1"}, "did you mean 'fruit'"),
         ({"friction": "slippery"}, "not a number"),
         ({"skin": "blue"}, "known: any, red, striped, yellow, green, lemon"),

@@ -65,7 +65,7 @@ def test_every_device_answers_through_its_own_wire(tmp_path: Path) -> None:
 
 
 def test_options_that_the_emulated_world_cannot_have_are_refused_before_it_starts(tmp_path: Path) -> None:
-    with pytest.raises(CellFileError, match="cannot be used so") as caught:
+    with pytest.raises(CellFileError, match="cannot be used with these options") as caught:
         load_cell(CELL, overrides=free_ports(tmp_path) | {"fruit": "apple_9"})
     assert "apple_9" in caught.value.message
     assert caught.value.line > 0

@@ -484,7 +484,7 @@ def test_a_safe_stop_decelerates_and_is_latched() -> None:
         ("frozen", 0.6, DeviceError, "does not follow|although the arm is moved"),
         ("nan", 0.1, Nonsense, "answered nonsense"),
         ("wild", 0.1, DeviceLost, r"at 1e\+30 rad, far outside its range"),
-        ("no_status", 0.4, DeviceLost, "has not told its status for"),
+        ("no_status", 0.4, DeviceLost, "has not sent its status for"),
         ("nonsense", 0.1, Nonsense, "answered nonsense"),
     ],
 )
@@ -560,7 +560,7 @@ def test_an_emergency_stop_is_not_hidden_by_a_status_that_is_not_told() -> None:
     cell.controller.inject_fault("no_status")
     cell.controller.e_stopped = True
     serve(arm, cell, 0.4)
-    with pytest.raises(DeviceLost, match="has not told its status"):
+    with pytest.raises(DeviceLost, match="has not sent its status"):
         arm.check()
 
 

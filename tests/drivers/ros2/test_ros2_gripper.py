@@ -216,7 +216,7 @@ def test_after_a_loss_nothing_moves_until_somebody_acknowledges(setting: Setting
         setting.gripper.acknowledge()
     setting.fingers.silent = False
     setting.serve(0.5)
-    with pytest.raises(DeviceLost, match="acknowledge that before it moves"):
+    with pytest.raises(DeviceLost, match="acknowledge the loss before it moves"):
         setting.gripper.set_speed(-0.02)
     with pytest.raises(DeviceLost):
         setting.gripper.check()

@@ -175,7 +175,7 @@ def test_fingers_that_run_away_are_told_and_are_not_settled_before_they_rest(cel
 
 @pytest.mark.parametrize(
     ("kind", "error", "words"),
-    [("frozen", DeviceLost, "has not told its width for 60 ms"), ("not_a_number", DeviceFault, "a width of nan mm")],
+    [("frozen", DeviceLost, "has not sent its width for 60 ms"), ("not_a_number", DeviceFault, "a width of nan mm")],
 )
 def test_a_state_that_cannot_be_is_told_within_100_ms(cell, gripper, kind, error, words):
     look_after(cell, 0.5)
@@ -189,9 +189,9 @@ def test_after_a_loss_nothing_moves_until_it_is_acknowledged(cell, gripper):
     cell.clock.advance(0.1)
     gripper.clear_fault()
     before = gripper.state().width
-    with pytest.raises(DeviceLost, match="acknowledge that before it moves"):
+    with pytest.raises(DeviceLost, match="acknowledge the loss before it moves"):
         gripper.set_speed(-0.05)
-    with pytest.raises(MotionRefused, match="acknowledge that before it moves"):
+    with pytest.raises(MotionRefused, match="acknowledge the loss before it moves"):
         gripper.move(0.05, 0.1)
     cell.clock.advance(0.1)
     assert gripper.state().width == pytest.approx(before, abs=1e-6)

@@ -499,7 +499,7 @@ def test_an_update_that_ceases_to_come_is_told(wire: Wire, command: Command) -> 
     serve(gripper, wire, 0.1)
     wire.device.deaf = {command}
     assert serve_until(gripper, wire, lambda: gripper.link() != "ok") <= 0.15
-    with pytest.raises(DeviceLost, match=f"has not told its {command.name} for"):
+    with pytest.raises(DeviceLost, match=f"has not sent its {command.name} for"):
         gripper.check()
 
 
@@ -520,7 +520,7 @@ def test_a_width_that_stays_the_same_for_a_whole_move_is_told(wire: Wire) -> Non
     motion = gripper.move(0.100, 0.1)
     serve(gripper, wire, 1.0)
     assert motion.state is MotionState.FAILED
-    with pytest.raises(DeviceFault, match=r"says 65\.0 mm at the end of a move to 100\.0 mm"):
+    with pytest.raises(DeviceFault, match=r"measures 65\.0 mm at the end of a move to 100\.0 mm"):
         gripper.check()
 
 
@@ -534,7 +534,7 @@ def test_no_stream_moves_the_fingers_after_a_loss_until_it_is_acknowledged(wire:
     assert wire.opened == 2
     stood = wire.fingers.state().width
     for _ in range(20):
-        with pytest.raises(DeviceLost, match="acknowledge that before it moves: no answer for"):
+        with pytest.raises(DeviceLost, match="acknowledge the loss before it moves: no answer for"):
             gripper.set_speed(-0.01)
         serve(gripper, wire, 0.02)
     assert wire.fingers.state().width == stood

@@ -111,7 +111,7 @@ def test_a_campaign_that_is_stopped_early_has_as_many_runs_of_every_combination(
         (FILE.replace("{place: [2]}", "{place: [4]}"), "10:61", "'place' is never '4'"),
         (FILE + "score: {sucess: [lifted]}\n", "13:9", "did you mean 'success'"),
         (FILE.replace("[1, 2, 3]", "[77]").replace(", only: {place: [2]}", ""), "7:43", "it cannot be '77'"),
-        (FILE.replace("{others: 0}", "{friction: -1}"), "12:17", "must lie between"),
+        (FILE.replace("{others: 0}", "{friction: -1}"), "12:17", "must be between"),
         (FILE.replace("{others: 0}", "{radius: 12}"), "12:15", "lacks a unit"),
         (FILE.replace("seeds: 2", "seeds: " + "[" * 90 + "]" * 90), r"6:\d+", "levels deep"),
     ],

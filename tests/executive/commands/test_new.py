@@ -67,7 +67,7 @@ def test_a_piece_without_a_package_begins_one(tmp_path: Path) -> None:
     ("arguments", "said"),
     [
         (("skill", "Hover"), "is there already"),
-        (("skill", "1st"), "is no name"),
+        (("skill", "1st"), "is not a valid name"),
         (("node", "while"), "means something else"),
         (("package", "skills"), "means something else"),
     ],

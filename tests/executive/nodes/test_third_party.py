@@ -172,7 +172,7 @@ def test_a_package_that_raises_is_a_problem_and_no_traceback(installed):
         ({"symbol": "x", "value": takes.Nothing()}, "does not say key"),
         ({"key": "x", "value": takes.Nothing()}, "does not say symbol"),
         ({"key": "x", "symbol": "x"}, "does not say value"),
-        ({"key": "X", "symbol": "x", "value": takes.Nothing()}, "small letters"),
+        ({"key": "X", "symbol": "x", "value": takes.Nothing()}, "lower-case letters"),
         ({"key": "x", "symbol": "xy", "value": takes.Nothing()}, "one character"),
         ({"key": "x", "symbol": 5, "value": takes.Nothing()}, "one character"),
         ({"key": "x", "symbol": "x", "value": 3}, "stands behind x"),

@@ -121,7 +121,7 @@ def test_a_file_that_was_killed_at_birth_is_repaired_too(tmp_path: Path, length:
 def test_a_foreign_file_is_not_repaired_and_not_touched(tmp_path: Path) -> None:
     path = tmp_path / EVENTS_FILE
     path.write_bytes(b"something else entirely, and long enough")
-    with pytest.raises(UsageError, match="no MCAP file"):
+    with pytest.raises(UsageError, match="not an MCAP file"):
         repair(tmp_path)
     assert path.read_bytes() == b"something else entirely, and long enough"
     assert list(tmp_path.iterdir()) == [path]

@@ -236,7 +236,7 @@ def test_zeros_at_the_end_are_a_loss_of_power_and_no_damage(tmp_path: Path) -> N
     path.write_bytes(content[: content.index(b"\x0f\x04\x00\x00\x00\x00\x00\x00\x00")] + bytes(4096))
     verdict = examine(path)
     assert verdict.state == "cut off"
-    assert "loss of power" in verdict.why
+    assert "power failure" in verdict.why
     assert len(list(read_events(tmp_path))) == 4
 
 

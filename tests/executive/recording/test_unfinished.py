@@ -232,7 +232,9 @@ def test_a_run_does_not_begin_with_something_between_the_fingers_however_the_las
 
 def test_a_cell_that_requires_a_record_starts_no_run_without_one(order: RunOrder) -> None:
     order.cell.write_text(CELL + "record: required\n")
-    with pytest.raises(UsageError, match=r"bench: its file says `record: required`, and this run would leave none"):
+    with pytest.raises(
+        UsageError, match=r"bench: its file says `record: required`, but this run would not be recorded"
+    ):
         execute(replace(order, record=None))
     assert execute(order).result.outcome == "success"
 
@@ -312,7 +314,7 @@ def test_the_page_begins_after_a_cut_as_its_form_says(
     assert run == []
     assert "was cut after" in problem
     assert HELD in problem
-    assert "on the page" in problem
+    assert "On the page" in problem
     assert start("recover") == ("", ["recover", "t"])
     leave(order, "real", HELD, name="2099-01-01_t")
     assert start("") != ("", ["t"])

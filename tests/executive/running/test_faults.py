@@ -112,7 +112,7 @@ def test_a_tree_that_ends_beside_something_that_still_moves_is_no_success(lost: 
     assert result.outcome == "error"
     assert not cell.wheel.turning
     assert result.reason is not None
-    expected = "the wheel does not answer" if lost else "something still moves 2 s after the tree has ended"
+    expected = "the wheel does not answer" if lost else "something still moves 2 s after the end of the tree"
     assert result.reason.message == cell.latched == expected
 
 

@@ -188,7 +188,11 @@ def test_what_was_asked_for_while_a_tick_hung_does_not_set_the_arm_in_motion_aft
     assert result.outcome == "stopped"
     assert states(events) == ["running", "pausing", "paused", "stopping", "stopped"]
     acts = [(e.who, e.action, e.detail) for e in events if isinstance(e, OperatorActed)]
-    assert acts == [("ada", "pause", ""), ("ada", "too_late", f"{action}, asked for 3.0 s before"), ("bob", "stop", "")]
+    assert acts == [
+        ("ada", "pause", ""),
+        ("ada", "too_late", f"{action}, requested 3.0 s earlier"),
+        ("bob", "stop", ""),
+    ]
 
 
 def test_step_runs_one_tick_and_pauses_again() -> None:

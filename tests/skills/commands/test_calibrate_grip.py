@@ -170,8 +170,8 @@ def test_a_wrong_command_line_is_refused_in_words(
     ("arguments", "words"),
     [
         (("calibrate", "grip", "--out", "x", "--forces", "5"), "'5' lacks a unit: a force is given in N, mN"),
-        (("calibrate", "grip", "--out", "x", "--forces", "40 N"), "it must lie between 0.6 N and 15 N"),
-        (("calibrate", "grip", "--out", "x", "--time", "0 s"), "it must lie between 100 ms and 2 min"),
+        (("calibrate", "grip", "--out", "x", "--forces", "40 N"), "it is 40 N, but must be between 0.6 N and 15 N"),
+        (("calibrate", "grip", "--out", "x", "--time", "0 s"), "it is 0 s, but must be between 100 ms and 2 min"),
         (("calibrate", "hand-eye", "looks", "--out", "x", "--square", "24.5"), "'24.5' lacks a unit"),
         (("emulate", "wsg", "--obstacle", "30"), "'30' lacks a unit"),
         (("emulate", "suntouch", "--press", "3"), "'3' lacks a unit"),

@@ -131,4 +131,4 @@ def test_no_file_is_written_over_and_what_is_no_table_is_told(capsys) -> None:
     assert main(["calibrate", "sizes", "picture.csv", "--out", "new.yaml"]) == 2
     assert "picture.csv is no table" in capsys.readouterr().err
     assert main(["calibrate", "sizes", "nothing.csv", "--out", "new.yaml"]) == 2
-    assert "nothing.csv is no file" in capsys.readouterr().err
+    assert "nothing.csv is not a file" in capsys.readouterr().err
