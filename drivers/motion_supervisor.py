@@ -99,7 +99,7 @@ class MotionSupervisor:
         """
         problem = self._implausible(stamp, q, qd)
         if problem:
-            raise DeviceLost(self._device, f"its feedback cannot be true: {problem}")
+            raise DeviceLost(self._device, f"its feedback is implausible: {problem}")
         self._drop_old(stamp)
         if self._feedback is not None and np.array_equal(q, self._feedback.q):
             self._feedback.stamp = stamp

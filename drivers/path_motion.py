@@ -117,7 +117,7 @@ class PathMotion:
             if resting and beside < ARRIVED:
                 self.state, self.settled = MotionState.DONE, True
             elif now - self._resting_since > HELD_UP:
-                self.fail(f"the arm rests {math.degrees(beside):.1f}° beside the end of its path: something holds it")
+                self.fail(f"the arm rests {math.degrees(beside):.1f}° off the end of its path: something holds it")
         elif self._stopping and self._follower.at_rest:
             self.state = MotionState.FAILED if self.problem else MotionState.STOPPED
             self.settled = resting

@@ -87,7 +87,7 @@ def _find(name: str, kind: str, folder: Path) -> Path:
     if given.name == name and is_file(installed):  # also beside a folder of this name: the cell `frames` beside frames
         return installed
     if exists(given):
-        raise UsageError(f"{name}:1:1: a {kind} stands in a regular file, this is {_sort_of(given)}")
+        raise UsageError(f"{name}:1:1: a {kind} must be a regular file, this is {_sort_of(given)}")
     known = sorted(path.stem for path in folder.glob("*.yaml"))
     hint = did_you_mean(given.stem, known) if given.name == name else ""
     raise UsageError(f"no {kind} file '{name}'; {f'{hint} ' if hint else ''}installed: {', '.join(known) or 'none'}")

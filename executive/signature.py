@@ -121,4 +121,4 @@ def _refuse_contradictions(skill: str, name: str, port: Port) -> None:
     if (least is not None and value < least) or (most is not None and value > most):
         raise SkillError(skill, f"{name}: the default {value!r} is out of its range {port.min} … {port.max}")
     if port.choices and (value.value if isinstance(value, Enum) else value) not in port.choices:
-        raise SkillError(skill, f"{name}: the default {value!r} is none of {', '.join(port.choices)}")
+        raise SkillError(skill, f"{name}: the default {value!r} is not one of {', '.join(port.choices)}")

@@ -164,7 +164,9 @@ class Skill(py_trees.behaviour.Behaviour):
             if ports is not None:
                 said = {"inputs", "outputs"} & vars(cls).keys()
                 if said:
-                    raise SkillError(cls.__name__, f"{', '.join(sorted(said))} stand in the signature of run already")
+                    raise SkillError(
+                        cls.__name__, f"{', '.join(sorted(said))} are declared by the signature of run already"
+                    )
                 cls.inputs, cls.outputs = ports
 
     def __init__(self, name: str = "") -> None:

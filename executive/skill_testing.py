@@ -152,7 +152,7 @@ def drive(
                 context.clock.advance(period)
                 _drive_halting(context)
                 if context.clock.now() - start > limit:
-                    raise TimeoutError(f"{skill.name} was interrupted and has not let go after {limit} s")
+                    raise TimeoutError(f"{skill.name} was interrupted and has not stopped after {limit} s")
             ended = True
         if ended:
             return SkillEnd(

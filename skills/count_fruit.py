@@ -94,9 +94,9 @@ class CountFruit(Skill):
             how = "the camera's place is known"
             T = np.eye(4) if before is not None and before[0].placed else None
         elif before is None or before[0].placed:
-            how = "nobody says where the camera stood"
+            how = "the camera poses are not known"
         elif not join:
-            how = "nobody says where the camera stood, and frames are not to be joined"
+            how = "the camera poses are not known, and frames are not to be joined"
         else:
             earlier, T_base_camera, T_scene_base, so_far = before
             motion = yield from self.compute(camera_motion, earlier, frame)

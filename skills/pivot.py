@@ -42,7 +42,7 @@ class Pivot(Skill):
         self,
         hold: Hold,
         plumb: Annotated[
-            Length, Port(min="0.5 mm", help="how far the fruit's centre may hang beside the fingers")
+            Length, Port(min="0.5 mm", help="how far the fruit's centre may hang off the vertical through the fingers")
         ] = LENGTH("4 mm"),
         patience: Annotated[Time, Port(min="0.5 s", help="how long it may take")] = TIME("8 s"),
     ) -> Work[None]:
@@ -55,7 +55,7 @@ class Pivot(Skill):
             hold.pivot(False)
         show_grip(self, hold, everything=True)
         if lever > plumb:
-            message = f"the fruit stopped turning with its centre {1e3 * lever:.1f} mm beside the fingers"
+            message = f"the fruit stopped turning with its centre {1e3 * lever:.1f} mm off the vertical"
             raise self.failure("NOT_PLUMB", message, lever_m=lever)
         return None
 
@@ -73,7 +73,7 @@ class Pivot(Skill):
             if now - since > STEADY:
                 return lever
             show_grip(self, hold)
-            yield f"turning: {1e3 * lever:.1f} mm beside the fingers, {hold.reading.f_n:.1f} N"
+            yield f"turning: {1e3 * lever:.1f} mm off the vertical, {hold.reading.f_n:.1f} N"
         return lever_of(hold)
 
 

@@ -85,7 +85,7 @@ class Release(MovingSkill):
         grasp: Annotated[
             Grasp | None, Port(help="the grasp by which the fruit is held: it is then part of the robot on the way")
         ] = None,
-        hold: Annotated[Hold | None, Port(help="the grip that goes on until the fruit is let go")] = None,
+        hold: Annotated[Hold | None, Port(help="the grip that goes on until the fruit is released")] = None,
         map: Annotated[OccupancyMap | None, Port(help="what is in the way")] = None,
         clearance: Annotated[
             Length, Port(min="0 mm", help="kept by the links; gripper and fingers keep a share")

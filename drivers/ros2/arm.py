@@ -208,7 +208,7 @@ class Ros2ArmFile:
     commands: str = value(
         Text(), "/joint_trajectory_controller/joint_trajectory", "topic of trajectory_msgs/JointTrajectory"
     )
-    lead: float = value(Measure(TIME, "40 ms", "700 ms"), "150 ms", "how far ahead of the arm it is told what to do")
+    lead: float = value(Measure(TIME, "40 ms", "700 ms"), "150 ms", "how far ahead in time points are sent to the arm")
     silence: float = value(
         Measure(TIME, "20 ms", "1 s"), "100 ms", "without joint states for this long the arm is lost"
     )

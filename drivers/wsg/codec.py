@@ -348,7 +348,7 @@ def decode_reply(frame: WireFrame) -> Reply:
 def _unpack(frame: WireFrame, layout: str, body: bytes, scales: tuple[float, ...]) -> tuple[float, ...]:
     values = struct.unpack(layout, body)
     if not all(map(math.isfinite, values)):
-        raise Malformed(encode_frame(frame), "a message with a value that is no number")
+        raise Malformed(encode_frame(frame), "a message with a value that is not a number")
     return tuple(value / scale for value, scale in zip(values, scales, strict=True))
 
 

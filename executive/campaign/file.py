@@ -134,7 +134,7 @@ class CampaignSection:
     vary: Variations = value(MappingOf(OneOrMore()), {}, "parameters of the tree and options of the cell, with values")
     set: Values = value(MappingOf(AsWritten()), {}, "settings of every run")
     arms: Mapping[str, ArmSection] = value(MappingOf(OrNothing(ArmSection)), {}, "what is compared")
-    score: Score = value(Section(Score), Score(), "what counts, beside what the cell says")
+    score: Score = value(Section(Score), Score(), "what counts, in addition to what the cell says")
 
 
 CAMPAIGN = Section(CampaignSection)

@@ -34,10 +34,10 @@ def add(subparsers: Any) -> None:
     parser = subparsers.add_parser("dashboard", help="serve the operator's page: recorded runs, and new ones")
     add_records_folder(parser)
     parser.add_argument(
-        "--tree", action="append", default=[], metavar="FILE", help="offer this tree, too, beside the installed ones"
+        "--tree", action="append", default=[], metavar="FILE", help="offer this tree in addition to the installed ones"
     )
     parser.add_argument(
-        "--cell", action="append", default=[], metavar="FILE", help="offer this cell, too, beside the installed ones"
+        "--cell", action="append", default=[], metavar="FILE", help="offer this cell in addition to the installed ones"
     )
     add_alerts(parser)
     add_ros2(parser)

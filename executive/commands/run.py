@@ -54,7 +54,7 @@ def add(subparsers: Any) -> None:
     parser.add_argument("--no-record", action="store_true", help="leave no record")
     parser.add_argument(
         "--dry", nargs="?", const="", metavar="MOCKS",
-        help="no cell: mocks stand in for all skills, as a file of mocks says",
+        help="run without a cell: mocks replace all skills, as a mock file says",
     )  # fmt: skip
     parser.add_argument("--json", action="store_true", help="print one JSON object as the last line")
     parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
@@ -125,7 +125,7 @@ def main(options: argparse.Namespace) -> int:
         ),
     )
     if order.breaks and not order.attended:
-        raise UsageError("nobody could go on after a breakpoint: add --dashboard")
+        raise UsageError("nobody could resume after a breakpoint: add --dashboard")
     alerts = alerts_of(options, outcomes_in(options.record, options.alert_over) if options.alert_to else ())
     with contextlib.ExitStack() as stack:
         if alerts is not None:
@@ -258,6 +258,6 @@ def _hold(runner: Runner, dashboard: Dashboard, console: Screen) -> None:
     """Keep the cell in its safe state while there is somebody who can reset it; Ctrl-C lets go, too."""
     if not dashboard.hub.viewers and not sys.stdin.isatty():
         return
-    console.print(f"safe state: {runner.latched}. Reset it on the page, or let go with Ctrl-C.", style="red")
+    console.print(f"safe state: {runner.latched}. Reset it on the page, or leave with Ctrl-C.", style="red")
     with contextlib.suppress(KeyboardInterrupt):
         runner.hold_latched()

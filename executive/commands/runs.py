@@ -281,7 +281,7 @@ def _prune(options: argparse.Namespace) -> int:
 
 def _agreed(question: str) -> bool:
     if not sys.stdin.isatty():
-        raise UsageError("there is nobody to ask: --yes throws them away without asking, --dry only lists them")
+        raise UsageError("there is no terminal to ask on: --yes deletes them without asking, --dry only lists them")
     return input(question).strip().lower() in ("y", "yes")
 
 

@@ -87,7 +87,7 @@ class AskType(Leaf):
         if len(set(choices)) != len(choices):
             at.findings.error(at.written("choices") or at.node.key, "value", "an answer stands twice in 'choices'")
         if isinstance(written, YamlScalar) and isinstance(default, str) and default not in choices:
-            message = f"the default '{default}' is none of the choices: {', '.join(choices)}"
+            message = f"the default '{default}' is not one of the choices: {', '.join(choices)}"
             at.findings.error(written, "value", message)
 
     def choices(self, node: TreeNode) -> tuple[str, ...]:

@@ -100,7 +100,7 @@ class ParallelType(Composite):
             for device, label in at.devices(index).items():
                 first, other = users.setdefault(device, (index, label))
                 if first != index:
-                    message = f"{label} moves the {device}, and so does {other} beside it: one waits for the other"
+                    message = f"{label} moves the {device}, and so does {other}, in parallel: one of them waits"
                     at.findings.warning(child.key, "one-device", message, "put both into a sequence")
 
     def outcome(self, at: Ending) -> Outcome:

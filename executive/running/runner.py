@@ -346,7 +346,7 @@ class Runner(Requests):
         elif self._state is RunState.STOPPING:
             if not self.context.halting and self._cell.settled():
                 self._safe_stop("stopped")
-                self._set_state(RunState.STOPPED, "every skill has let go")
+                self._set_state(RunState.STOPPED, "every skill is halted")
             elif self._cell.clock.now() > self._stop_deadline:
                 still = ", ".join(self.context.halting) or "the cell"
                 raise PomonaError(f"{still} has not come to rest within {STOP_LIMIT:.0f} s of a stop")

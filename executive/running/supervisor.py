@@ -166,7 +166,7 @@ class RunSupervision:
             return
         now = self._cell.clock.now()
         if self._beaten_at is not None and now - self._beaten_at > LATE * self._cell.heartbeat_deadline:
-            still = f"the run stood still for {now - self._beaten_at:.2f} s, in which nobody looked after the cell"
+            still = f"the run stalled for {now - self._beaten_at:.2f} s, during which nothing monitored the cell"
             self._stood_still = self._stood_still or still
         self._beaten_at = now
         self._supervisor.beat()

@@ -23,7 +23,7 @@ def read_plain_arrays(path: Path) -> dict[str, np.ndarray[Any, Any]]:
         UnreadableArraysError: it is no such file, is damaged, too large, or holds objects.
     """
     if path.exists() and not path.is_file():
-        raise UnreadableArraysError("it is no file")
+        raise UnreadableArraysError("it is not a file")
     try:
         with path.open("rb") as stream:
             with ZipFile(stream) as packed:

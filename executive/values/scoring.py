@@ -12,7 +12,9 @@ from executive.values.sections import value
 class Score:
     """Names of the world's truth that count: what must hold for a success, and figures for reports."""
 
-    success: tuple[str, ...] | None = value(Words(), None, "what the world must say, beside the tree's success")
+    success: tuple[str, ...] | None = value(
+        Words(), None, "what the world must report in addition to the tree's success"
+    )
     figures: tuple[str, ...] = value(Words(), (), "numbers of the world's truth, for reports")
 
     def over(self, cells: Score | None) -> Score:

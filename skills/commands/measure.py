@@ -25,7 +25,9 @@ def add(subparsers: Any) -> None:
     parser.add_argument("--width", default="1280", help="width at which a picture is searched [px] (1280)")
     parser.add_argument("--method", default="uniform", help="how size is refined: uniform, shape, paper (uniform)")
     parser.add_argument("--every", default="1", metavar="N", help="look at one of so many frames (1)")
-    parser.add_argument("--no-join", action="store_true", help="each frame whose camera's place nobody says is a scene")
+    parser.add_argument(
+        "--no-join", action="store_true", help="each frame without a known camera pose is a scene of its own"
+    )
     parser.add_argument("--out", type=Path, default=Path("measured"), help="folder for tables, page and pictures")
     parser.set_defaults(main=main)
 

@@ -203,7 +203,7 @@ def _frames(count: int) -> str:
 def _scenes(count: int) -> str:
     if count <= 1:
         return "in one scene"
-    return f"in {count} scenes that nobody has joined: a fruit that two scenes show is counted in both"
+    return f"in {count} scenes that are not joined: a fruit that two scenes show is counted in both"
 
 
 def _csv(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> bytes:

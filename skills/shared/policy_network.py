@@ -107,7 +107,7 @@ def _checked(path: Path, parts: dict[str, Any]) -> PolicyNetwork:
     joints = tuple(str(name) for name in parts["joints"])
     dof, rate = len(joints), float(parts["rate"])
     if not 1.0 <= rate <= 1000.0:
-        raise UnusablePolicy(path, f"a rate of {rate:g} Hz is none")
+        raise UnusablePolicy(path, f"a rate of {rate:g} Hz is not possible")
     size, layers = dof + GOAL, list[tuple[Float64, Float64]]()
     while f"W{len(layers)}" in parts and len(layers) < MOST_LAYERS:
         W, b = (np.asarray(parts[f"{name}{len(layers)}"], np.float64) for name in "Wb")
@@ -124,5 +124,5 @@ def _checked(path: Path, parts: dict[str, Any]) -> PolicyNetwork:
             raise UnusablePolicy(path, f"'{name}' must be {length} numbers")
     numbers = [*scales.values(), *(part for layer in layers for part in layer)]
     if not all(np.isfinite(part).all() for part in numbers) or not (scales["in_scale"] > 0.0).all():
-        raise UnusablePolicy(path, "holds what is no number, or a scale that is not positive")
+        raise UnusablePolicy(path, "holds a value that is not finite, or a scale that is not positive")
     return PolicyNetwork(joints, rate, layers=tuple(layers), **scales)

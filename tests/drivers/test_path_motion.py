@@ -75,4 +75,4 @@ def test_an_arm_that_is_held_up_before_its_end_has_failed_and_says_so(motion: Pa
     motion.look(resting=True, beside=0.04, now=2.51 * HELD_UP)
     assert motion.state is MotionState.FAILED
     assert motion.settled
-    assert "2.3° beside the end" in motion.problem
+    assert "2.3° off the end" in motion.problem

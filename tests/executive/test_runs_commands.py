@@ -183,7 +183,7 @@ def test_prune_lists_asks_and_spares(capsys: pytest.CaptureFixture[str]) -> None
         write(Path("runs") / name, SUCCEEDED)
     assert "say what may go" in say(capsys, "runs", "prune", status=2)
     assert "2 of 3 records" in say(capsys, "runs", "prune", "--keep", "1", "--dry")
-    assert "nobody to ask" in say(capsys, "runs", "prune", "--keep", "1", status=2)
+    assert "no terminal to ask on" in say(capsys, "runs", "prune", "--keep", "1", status=2)
     assert len(list(Path("runs").glob("*/"))) == 3
     assert "threw away 2 records" in say(capsys, "runs", "prune", "--keep", "1", "--yes")
     assert [path.name for path in Path("runs").glob("*/")] == ["c"]

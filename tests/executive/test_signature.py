@@ -128,7 +128,7 @@ def both_ways(self, force: Force) -> Felt: ...
         (wrong_unit, "'mm' is no unit of force"),
         (crossed, "force: min 2 N is above max 1 N"),
         (wrong_type, "count: the default 0.5 is not of its type"),
-        (not_a_choice, "how: the default 'c' is none of a, b"),
+        (not_a_choice, "how: the default 'c' is not one of a, b"),
         (none_for_a_number, "force: the default is None, so its type must be one that may be None"),
         (something_for_none, "basket may be None, so its default must be None"),
         (twice, "force is declared twice"),
@@ -146,7 +146,7 @@ def test_a_mistake_is_an_error_when_the_class_is_made(run, sentence):
 def test_ports_are_not_said_twice():
     def run(self, force: Force) -> None: ...
 
-    with pytest.raises(SkillError, match="inputs stand in the signature of run already"):
+    with pytest.raises(SkillError, match="inputs are declared by the signature of run already"):
         made(run, inputs=Ports(force=FORCE))
 
 

@@ -159,7 +159,7 @@ def test_what_is_there_already_is_not_written_over_and_no_place_to_write_is_told
             for name in ("full", "file", "empty", "file/below", "new/deep")}  # fmt: skip
     assert "is there already" in said["full"][0]
     assert "is there already" in said["file"][0]
-    assert "is no folder" in said["file/below"][0]
+    assert "is not a folder" in said["file/below"][0]
     assert said["empty"] == said["new/deep"] == []
     assert list(CountFruit.judge({"out": ""}, None)) == []
 

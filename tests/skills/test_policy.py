@@ -194,11 +194,11 @@ def damaged(file: Path, content: bytes) -> None:
         (lambda f: np.savez(f, a=np.zeros(3)), "does not say that it is a pomona-policy-1"),
         (lambda f: np.savez(f, format=np.array([object()], object)), "no archive of NumPy"),
         (lambda f: np.savez(f, format="pomona-policy-1"), "is not whole"),
-        (lambda f: write_policy(f, network(rate=0.0)), "a rate of 0 Hz is none"),
+        (lambda f: write_policy(f, network(rate=0.0)), "a rate of 0 Hz is not possible"),
         (lambda f: write_policy(f, network(layers=())), "its last layer gives 0 numbers for 7 joints"),
         (lambda f: write_policy(f, network(layers=((np.zeros((3, 7)), np.zeros(7)),))), "layer 0 does not fit"),
         (lambda f: write_policy(f, network(in_mean=np.zeros(3))), "'in_mean' must be 10 numbers"),
-        (lambda f: write_policy(f, network(out_mean=np.full(DOF, np.nan))), "holds what is no number"),
+        (lambda f: write_policy(f, network(out_mean=np.full(DOF, np.nan))), "holds a value that is not finite"),
         (lambda f: write_policy(f, network(in_scale=np.zeros(DOF + 3))), "a scale that is not positive"),
     ],
     ids=[

@@ -87,7 +87,7 @@ def load_pose_config(path: Path | str) -> PoseConfig:
         thresholds = DecodeThresholds(**{key: float(content[key]) for key in _THRESHOLDS if key in content})
         downscale = int(content.get("downscale_height", 400))
     except (TypeError, ValueError) as error:
-        raise BadPoseConfig(path, f"a threshold is no number: {error}") from error
+        raise BadPoseConfig(path, f"a threshold is not a number: {error}") from error
     return PoseConfig(objects, thresholds, downscale, bool(content.get("input_is_rectified", True)))
 
 

@@ -140,7 +140,7 @@ def _checked(item: _Labelled) -> Photograph:
     content = path.read_bytes()
     picture = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_COLOR) if content else None
     if picture is None:
-        raise BadPhotographs(path, "cannot be read as a picture: it is none, or its end is missing")
+        raise BadPhotographs(path, "cannot be read as a picture: it is not one, or it is truncated")
     height, width = picture.shape[:2]
     if item.size is not None and item.size != (width, height):
         raise BadPhotographs(path, f"is {width} × {height}, {item.says} says {item.size[0]} × {item.size[1]}")

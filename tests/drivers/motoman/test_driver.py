@@ -538,7 +538,7 @@ def test_an_arm_that_still_lies_cannot_be_acknowledged_and_one_that_lied_moves_o
     arm = connected(cell)
     cell.controller.inject_fault("wild")
     serve(arm, cell, 0.2)
-    with pytest.raises(DeviceLost, match="still lost: its feedback cannot be true"):
+    with pytest.raises(DeviceLost, match="still lost: its feedback is implausible"):
         arm.acknowledge()
     cell.controller.clear_fault()
     serve(arm, cell, 0.2)

@@ -140,5 +140,5 @@ def test_an_unknown_status_is_malformed_in_words() -> None:
 
 
 def test_a_value_that_is_no_number_is_malformed() -> None:
-    with pytest.raises(Malformed, match="no number"):
+    with pytest.raises(Malformed, match="not a number"):
         decode_reply(WireFrame(Command.WIDTH, struct.pack("<Hf", 0, math.nan)))

@@ -71,7 +71,7 @@ def test_it_asks_again_at_each_start(built):
 @pytest.mark.parametrize(
     ("node", "message"),
     [
-        ("{ask: Go?, default: maybe}", "the default 'maybe' is none of the choices: yes, no"),
+        ("{ask: Go?, default: maybe}", "the default 'maybe' is not one of the choices: yes, no"),
         ("{ask: Go?, choices: [a, a]}", "an answer stands twice in 'choices'"),
         ("{ask: Go?, choices: a}", "'choices' is a list of texts"),
         ("{ask: Go?, answer: '{a}'}", "'answer' takes a name without braces"),

@@ -73,7 +73,7 @@ def test_bytes_that_are_no_text_have_a_place(tmp_path):
 def test_what_is_no_regular_file_is_called_by_its_name(tmp_path):
     os.mkfifo(tmp_path / "pipe.yaml")
     for name, sort in ((".", "a folder"), ("pipe.yaml", "a pipe")):
-        with pytest.raises(UsageError, match=f"a tree stands in a regular file, this is {sort}"):
+        with pytest.raises(UsageError, match=f"a tree must be a regular file, this is {sort}"):
             find_tree(str(tmp_path / name))
 
 

@@ -210,5 +210,5 @@ def test_a_run_that_stood_still_does_not_go_on_by_itself_and_says_so_before_what
     result = runner.run()
     assert result.outcome == outcome
     if outcome == "stopped":
-        assert (cell.latched or "").startswith(f"the run stood still for {stands_still:.1f}")
+        assert (cell.latched or "").startswith(f"the run stalled for {stands_still:.1f}")
         assert not cell.wheel.turning

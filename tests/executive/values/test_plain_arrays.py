@@ -63,5 +63,5 @@ def test_a_file_that_unpacks_to_more_than_memory_and_a_pipe_are_not_opened(tmp_p
     with pytest.raises(UnreadableArraysError, match="larger than 1024 MiB"):
         read_plain_arrays(tmp_path / "x.npz")
     os.mkfifo(tmp_path / "pipe.npz")
-    with pytest.raises(UnreadableArraysError, match="it is no file"):
+    with pytest.raises(UnreadableArraysError, match="it is not a file"):
         read_plain_arrays(tmp_path / "pipe.npz")

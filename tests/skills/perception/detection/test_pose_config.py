@@ -76,7 +76,7 @@ def test_flat_sixteen_numbers_are_a_transform(tmp_path: Path) -> None:
         ("weights: {a: b}\nsigma: 3\n", "a has weights but no dimensions"),
         ("weights: {a: b}\ndimensions: {a: [1, 2]}\n", "dimensions of a"),
         ("weights: {a: b}\ndimensions: {a: wide}\n", "dimensions of a"),
-        ("weights: {a: b}\ndimensions: {a: [1, 2, 3]}\nsigma: big\n", "no number"),
+        ("weights: {a: b}\ndimensions: {a: [1, 2, 3]}\nsigma: big\n", "not a number"),
         ("weights: [a]\ndimensions: {a: [1, 2, 3]}\n", "must map"),
     ],
 )

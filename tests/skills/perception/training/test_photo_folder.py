@@ -91,7 +91,7 @@ MISTAKES = [
     (tables, _append("images.csv", "b_2.jpg,a,val\n"), r"b_2\.jpg: is labelled in"),
     (tables, _write("images/a_0.jpg", ""), r"a_0\.jpg: cannot be read as a picture"),
     (tables, _write("images/a_0.jpg", "no picture"), r"a_0\.jpg: cannot be read as a picture"),
-    (tables, _cut("images/a_0.jpg", -2), r"a_0\.jpg: cannot be read as a picture: it is none, or its end"),
+    (tables, _cut("images/a_0.jpg", -2), r"a_0\.jpg: cannot be read as a picture: it is not one, or it is truncated"),
     (tables, _write("fruit.csv", "image,x,y,w,h\n"), r"no photograph of its train split has a box"),
     (
         yolo,
