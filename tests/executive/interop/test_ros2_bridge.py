@@ -326,6 +326,8 @@ def test_a_flood_of_requests_is_refused_at_once_and_a_safe_stop_is_taken_beside_
     assert setting.ask("safe_stop")[0]
     with pytest.raises(TimeoutError):
         setting.client.call("/wrong", ACT, {})
+    (last,) = session.get(key, payload=coded, attachment=attachment, timeout=60.0)
+    assert last.ok is None  # requests come in their order, so the flood is in before the first one is answered
     hold.set()
     answers = [reply.ok is not None for replies in flood for reply in replies]
     assert (answers.count(True), answers.count(False)) == (WAITING, 30)
