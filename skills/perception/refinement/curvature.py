@@ -63,7 +63,7 @@ def least_curvature(
         None where too little of one connected surface is seen, or the model itself is flat there.
     """
     step = max(1, math.isqrt(depth.size // _MOST_PIXELS))
-    depth, virtual_depth, inliers = (image[::step, ::step] for image in (depth, virtual_depth, inliers))
+    depth, virtual_depth, inliers = depth[::step, ::step], virtual_depth[::step, ::step], inliers[::step, ::step]
     covered = virtual_depth > 0.0
     connected = connected_to(inliers, depth, covered, step)
     rows, columns = np.nonzero(connected & _smaller(covered) & np.isfinite(depth) & (depth > 0.0))
