@@ -17,12 +17,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.errors import CellFileError
+from drivers.section_file import read_section_file
 from executive.values.arrays import Float64
-from executive.values.documents import read_value_file
-from executive.values.findings import Findings
 from executive.values.kinds import Measure, Number, Text, choose
-from executive.values.reading import Refused
 from executive.values.sections import Problem, Section, value
 from executive.values.units import LENGTH, PIXELS
 
@@ -166,14 +163,8 @@ def read_depth_model(path: Path) -> DepthModel:
     Raises:
         CellFileError: it cannot be used; says where and why.
     """
-    findings = Findings()
-    written = read_value_file(path, findings, "a depth model")
-    try:
-        if written is not None:
-            return Section(DepthModelSection).read(written.root, written.reader).model()
-    except Refused:
-        pass
-    raise CellFileError(findings.sorted())
+    section = Section(DepthModelSection)
+    return read_section_file(path, "a depth model", lambda file: section.read(file.root, file.reader).model())
 
 
 def folder_depth_model(folder: Path) -> DepthModel | None:

@@ -21,10 +21,11 @@ from typing import Any, Generic, Protocol, TypeVar, runtime_checkable
 from drivers.device import ConnectContext, Device
 from drivers.errors import CellFileError
 from drivers.interfaces import Workspace
-from executive.values.documents import read_value_file
+from drivers.section_file import read_section_file
+from executive.values.documents import ValueFile
 from executive.values.findings import Findings
 from executive.values.kinds import Kind, Schema, Text
-from executive.values.reading import Reader, Refused
+from executive.values.reading import Reader
 from executive.values.sections import Placed, Problem, Section
 from executive.values.yaml_nodes import YamlMapping, YamlNode
 
@@ -161,15 +162,12 @@ def read_settings(of: Driver[Options], path: Path) -> Settings[Options]:
     Raises:
         CellFileError: something is wrong; all of it is in the error.
     """
-    findings = Findings()
-    written = read_value_file(path, findings, "a device's settings")
-    try:
-        if written is not None:
-            placed = Section(of.options, ignore=("driver",)).read_placed(written.root, written.reader)
-            return Settings(path.stem, of, placed)
-    except Refused:
-        pass
-    raise CellFileError(findings.sorted())
+    section = Section(of.options, ignore=("driver",))
+
+    def read(file: ValueFile) -> Settings[Options]:
+        return Settings(path.stem, of, section.read_placed(file.root, file.reader))
+
+    return read_section_file(path, "a device's settings", read)
 
 
 @cache

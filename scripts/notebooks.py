@@ -13,6 +13,7 @@ from __future__ import annotations
 import json
 import os
 import re
+import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator
@@ -75,6 +76,13 @@ def notebook(text: str, name: str) -> dict[str, Any]:
     return {"cells": made, "metadata": {"kernelspec": kernel}, "nbformat": 4, "nbformat_minor": 5}
 
 
+def _installed(folder: str) -> str:
+    """Where the commands that are typed in a folder come from."""
+    where = "import pathlib, executive; print(pathlib.Path(executive.__file__).parents[1])"
+    done = subprocess.run([sys.executable, "-c", where], cwd=folder, capture_output=True, text=True, check=True)
+    return done.stdout.strip()
+
+
 def execute(made: dict[str, Any]) -> dict[str, Any]:
     """The notebook with what its cells print, typed in an empty folder; what it installs stays there."""
     import nbformat
@@ -89,7 +97,9 @@ def execute(made: dict[str, Any]) -> dict[str, Any]:
         }  # fmt: skip
         read = nbformat.from_dict(made)
         NotebookClient(read, timeout=LIMIT, coalesce_streams=True, resources={"metadata": {"path": folder}}).execute()
-        text = nbformat.writes(read).replace(f"{folder}/", "").replace(folder, ".").replace(f"{ROOT}/", "")
+        text = (
+            nbformat.writes(read).replace(f"{folder}/", "").replace(folder, ".").replace(f"{_installed(folder)}/", "")
+        )
         done = json.loads(text)
     for cell in done["cells"]:
         cell["metadata"].pop("execution", None)

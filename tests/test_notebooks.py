@@ -37,7 +37,7 @@ def test_a_notebook_is_its_tutorial_carried_out(file: Path, notebooks: ModuleTyp
         if cell["cell_type"] == "code" and notebooks.LONG not in cell["source"]:
             assert cell["execution_count"], cell["source"]
             assert not any(output["output_type"] == "error" for output in cell["outputs"]), cell["source"]
-    assert str(ROOT) not in json.dumps(made)
+    assert not re.search(r"/[\w.-]+(?:/[\w.-]+)*/trees/", json.dumps(made)), "a path of the machine that made it"
 
 
 def test_a_tutorial_becomes_cells(notebooks: ModuleType) -> None:

@@ -21,13 +21,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.camera_options import IntrinsicsSection
-from drivers.errors import CellFileError, DriverError
+from drivers.errors import DriverError
 from drivers.interfaces import Intrinsics
+from drivers.section_file import read_section_file
 from executive.values.arrays import Float64
-from executive.values.documents import read_value_file
-from executive.values.findings import Findings
 from executive.values.plain_text import read_plain_text
-from executive.values.reading import Refused
 from executive.values.rotations import is_rigid
 from executive.values.sections import Section
 
@@ -147,14 +145,10 @@ def read_intrinsics(path: Path) -> Intrinsics:
     Raises:
         CellFileError: it cannot be used; says where and why.
     """
-    findings = Findings()
-    written = read_value_file(path, findings, "a file of intrinsics")
-    try:
-        if written is not None:
-            return Section(IntrinsicsSection).read(written.root, written.reader).intrinsics()
-    except Refused:
-        pass
-    raise CellFileError(findings.sorted())
+    section = Section(IntrinsicsSection)
+    return read_section_file(
+        path, "a file of intrinsics", lambda file: section.read(file.root, file.reader).intrinsics()
+    )
 
 
 def folder_intrinsics(folder: Path) -> Intrinsics | None:

@@ -8,11 +8,9 @@ from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
-from drivers.errors import CellFileError
-from executive.values.documents import read_value_file
-from executive.values.findings import Findings
+from drivers.section_file import read_section_file
+from executive.values.documents import ValueFile
 from executive.values.kinds import AsWritten, MappingOf, Measure, Number, Span, Text
-from executive.values.reading import Refused
 from executive.values.sections import Section, value
 from executive.values.units import ANGLE, FORCE, LENGTH, PRESSURE, RATE, SPEED, STIFFNESS, TORQUE, Quantity
 from executive.values.yaml_nodes import YamlMapping, YamlNode, YamlScalar
@@ -118,15 +116,12 @@ def read_numbers(path: Path) -> tuple[WallNumbers, Mapping[str, Provenance]]:
     Raises:
         CellFileError: something is missing or wrong; all of it is in the error.
     """
-    findings = Findings()
-    written = read_value_file(path, findings, "a wall's numbers")
-    try:
-        if written is not None:
-            origins = MappingOf(Section(Provenance)).read(written.root, written.reader)
-            return Section(WallNumbers).read(_values(written.root), written.reader), origins
-    except Refused:
-        pass
-    raise CellFileError(findings.sorted())
+
+    def read(file: ValueFile) -> tuple[WallNumbers, Mapping[str, Provenance]]:
+        origins = MappingOf(Section(Provenance)).read(file.root, file.reader)
+        return Section(WallNumbers).read(_values(file.root), file.reader), origins
+
+    return read_section_file(path, "a wall's numbers", read)
 
 
 def _values(root: YamlMapping) -> YamlMapping:
