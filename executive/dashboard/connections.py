@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Mapping
+import contextlib
+import socket
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import h11
@@ -28,6 +30,7 @@ class PatientHttp(H11Protocol):
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         """As uvicorn's; makes room."""
         super().connection_made(transport)
+        self.line = transport.get_extra_info("socket")
         self._expect_request()
         others = [c for c in self.connections if isinstance(c, PatientHttp) and c is not self]
         if len(others) >= MOST_CONNECTIONS:
@@ -79,6 +82,7 @@ class LiveWire(WebSocketsSansIOProtocol):
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """As uvicorn's; the application finds this in its scope's state."""
         super().connection_made(transport)
+        self.line = transport.get_extra_info("socket")
         self.app_state = {**self.app_state, WIRE: self}
 
     def take(self, frame: bytes) -> bool:
@@ -89,6 +93,17 @@ class LiveWire(WebSocketsSansIOProtocol):
             return False
         self.transport.write(frame)
         return True
+
+
+def hang_up(connections: Iterable[Any]) -> None:
+    """End connections at once, whatever their peers still have to say.
+
+    The socket, too: a TLS transport that was closed twice has forgotten its protocol, and aborting it does nothing.
+    """
+    for connection in list(connections):
+        connection.transport.abort()
+        with contextlib.suppress(OSError):  # it is closed already
+            connection.line.shutdown(socket.SHUT_RDWR)
 
 
 WIRE = "wire"

@@ -25,7 +25,7 @@ from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from executive.dashboard.choices import Choices
-from executive.dashboard.connections import LiveWire, PatientHttp, wire_of
+from executive.dashboard.connections import LiveWire, PatientHttp, hang_up, wire_of
 from executive.dashboard.control_lock import ControlLock, RefusedError
 from executive.dashboard.hub import Hub, Viewer
 from executive.dashboard.presses import Presses, now, object_of, text
@@ -357,11 +357,18 @@ class _Server(uvicorn.Server):
     """uvicorn's server, leaving no connection open: over TLS each waits for its peer's close, longer than the loop."""
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
-        """As uvicorn's, then abort what is still open."""
+        """As uvicorn's, then abort what is still open.
+
+        uvicorn's tells every connection to close, and raises where a web socket's peer has just closed it (its
+        connection is dropped only when the peer has said so over TLS, too): such a connection is left out.
+        """
+        connections = self.server_state.connections
+        closing = {connection for connection in connections if connection.transport.is_closing()}
+        connections -= closing
+        hang_up(closing)
         await super().shutdown(sockets)
         for _turn in range(MAX_CLOSING_TURNS):
-            for connection in list(self.server_state.connections):
-                connection.transport.abort()
+            hang_up(connections)
             await asyncio.sleep(0)
 
 

@@ -151,6 +151,28 @@ def test_the_end_waits_for_no_farewell_and_leaves_no_connection_open(
         assert dashboard._server.server_state.connections == set()
 
 
+def test_the_end_bears_a_page_that_is_closing_and_has_not_said_farewell(
+    serve: Serve, certificate: list[str], trusting: ssl.SSLContext
+) -> None:
+    dashboard = serve(*certificate)
+    address = (ADDRESS, dashboard.access.port)
+    with socket.create_connection(address, 60.0) as plain, trusting.wrap_socket(plain, server_hostname=ADDRESS) as line:
+        line.sendall(
+            b"GET /live?token=%s HTTP/1.1\r\nHost: 127.0.0.2:%d\r\nConnection: Upgrade\r\nUpgrade: websocket\r\n"
+            b"Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n"
+            % (dashboard.access.reading.encode(), address[1])
+        )
+        assert line.recv(12) == b"HTTP/1.1 101"
+        line.sendall(bytes([0x88, 0x82, 0, 0, 0, 0]) + (1000).to_bytes(2, "big"))  # a close frame, and no TLS farewell
+        assert dashboard._server is not None
+        open_connections = dashboard._server.server_state.connections
+        while not all(connection.transport.is_closing() for connection in list(open_connections)):
+            assert dashboard._server.started
+        assert len(open_connections) == 1
+        dashboard.close()  # an error in the server's thread is an error of this test
+        assert open_connections == set()
+
+
 @pytest.mark.parametrize(("options", "status"), [((), 403), (("--insecure-act",), 200)])
 def test_without_tls_another_address_acts_only_with_the_explicit_flag(
     serve: Serve, options: tuple[str, ...], status: int
