@@ -16,18 +16,25 @@ from executive.values.arrays import Float64
 from executive.values.plain_text import is_file
 from skills.perception.fruit import load_fruit
 from skills.perception.fruit.errors import FruitError
-from skills.perception.fruit.sizes import KindSizes, TooFewFruit, held_out, learn_sizes
+from skills.perception.fruit.sizes import LEAST_FRUIT, KindSizes, TooFewFruit, held_out, learn_sizes
 
 TRUE = "true_width_mm", "true_height_mm"
 """Columns that a person adds to `finds.csv`, in the rows of fruit that were measured by hand."""
 
 _SEEN = "shown_mm", "shown_90_mm", "from_side"
+_FRUIT = "fruit"
 _BY_SHAPE = "width_mm", "width_90_mm", "height_mm", "height_90_mm"
 _Z_90 = 1.6449
 
 LEAST_KNOWN = 0.06
 """Where a shape tells height over width less well than this share, it says what was believed before: fruit of one kind
 differ by as much (52 calipered apples)."""
+
+
+MOST_TIMES = 2.0
+"""A caliper and a camera that differ by more than this factor do not measure the same thing, or not in millimetres."""
+MOST_APART = 0.05
+"""Calipers give a fruit's size the same in all of its rows, but for this share."""
 
 
 class UnusableTable(ValueError):
@@ -50,9 +57,14 @@ def main(options: argparse.Namespace) -> int:
     try:
         if options.out.exists():
             raise UnusableTable(f"{options.out} is there already: name another file with --out")
+        if not options.out.absolute().parent.is_dir():
+            raise UnusableTable(f"{options.out}: there is no folder {options.out.parent}")
         fruit = load_fruit(options.fruit)
         proportion = float(fruit.dimensions[1] / fruit.dimensions[[0, 2]].mean())
         measured = read_measured(options.tables, options.by_shape)
+        count, least = len(measured.sizes), LEAST_FRUIT + 1  # one is left out in turn
+        if count < least:
+            raise TooFewFruit(f"{count} measured fruit do not tell how sizes spread: measure {least} or more")
         given = (measured.sizes, measured.shown, measured.deviations, measured.sines, proportion, measured.own)
         learnt = learn_sizes(*given)
         before, after = held_out(*given)
@@ -88,15 +100,19 @@ def read_measured(tables: Sequence[Path], by_shape: bool) -> SizeTable:
         by_shape: take the sizes that were fitted to the depth instead.
 
     Raises:
-        UnusableTable: no table, a column is missing, or something is no number.
+        UnusableTable: no table, a column is missing or there twice, something is no number or in other units, or the
+            calipers' sizes of one fruit contradict each other.
     """
     fruit: dict[tuple[str, str, str], list[list[float]]] = {}
     for table in tables:
-        for line, row in _rows(table, _SEEN + (_BY_SHAPE if by_shape else TRUE)):
+        for line, row in _rows(table, (_FRUIT, *_SEEN, *(_BY_SHAPE if by_shape else TRUE))):
             values = _by_shape(table, line, row) if by_shape else _by_hand(table, line, row)
-            if values is not None:
-                key = str(table), row.get("scene") or "", row.get("fruit") or str(line)
-                fruit.setdefault(key, []).append(values)
+            if values is None:
+                continue
+            looks = fruit.setdefault((str(table), row.get("scene") or "", row[_FRUIT] or str(line)), [])
+            if looks and not by_shape:
+                _agree(table, line, row, looks[0])
+            looks.append(values)
     if not fruit:
         what = "no row was measured by --method shape well enough" if by_shape else f"no row has {' and '.join(TRUE)}"
         raise UnusableTable(f"{', '.join(map(str, tables))}: {what}")
@@ -115,6 +131,13 @@ def _rows(table: Path, needed: Sequence[str]) -> list[tuple[int, dict[str, str]]
     except (UnicodeDecodeError, csv.Error) as error:
         raise UnusableTable(f"{table} is no table of comma-separated values: {error}") from error
     missing = [name for name in needed if name not in columns]
+    if missing and len(columns) == 1 and any(mark in columns[0] for mark in ";\t"):
+        raise UnusableTable(
+            f"{table}: its columns are not parted by commas: save it with commas, and numbers with a point"
+        )
+    twice = [name for name in needed if columns.count(name) > 1]
+    if twice:
+        raise UnusableTable(f"{table}: the column {' and '.join(twice)} is there twice")
     if missing:
         raise UnusableTable(f"{table}: there is no column {' or '.join(missing)}")
     return rows
@@ -125,6 +148,10 @@ def _by_hand(table: Path, line: int, row: dict[str, str]) -> list[float] | None:
     if not (row[TRUE[0]] and row[TRUE[1]] and row["shown_mm"]):
         return None
     width, height, shown, spread, sine = (_number(table, line, row, name) for name in (*TRUE, *_SEEN))
+    for name, value in zip(TRUE, (width, height), strict=True):
+        if not shown / MOST_TIMES <= value <= shown * MOST_TIMES:
+            seen = f"the camera saw {shown:.1f} mm"
+            raise UnusableTable(f"{table}:{line}: {name} is {row[name]}, but {seen}: is it in mm, and of this fruit?")
     return [width / 1e3, height / 1e3, shown / 1e3, spread / _Z_90 / shown, sine, 0.0, 0.0]
 
 
@@ -141,13 +168,21 @@ def _by_shape(table: Path, line: int, row: dict[str, str]) -> list[float] | None
     return [width / 1e3, height / 1e3, shown / 1e3, spread / _Z_90 / shown, sine, wide, ratio]
 
 
+def _agree(table: Path, line: int, row: dict[str, str], first: Sequence[float]) -> None:
+    """A fruit has one size, in whichever of its rows it is written."""
+    for name, before in zip(TRUE, first[:2], strict=True):
+        if abs(float(row[name]) / (1e3 * before) - 1.0) > MOST_APART:
+            other = f"another row of fruit {row[_FRUIT]} says {1e3 * before:g}"
+            raise UnusableTable(f"{table}:{line}: {name} is {row[name]}, and {other}: a fruit has one size")
+
+
 def _number(table: Path, line: int, row: dict[str, str], name: str) -> float:
     try:
         value = float(row[name])
     except (TypeError, ValueError):
         value = float("nan")
     if not (np.isfinite(value) and (value > 0.0 or (value == 0.0 and name in ("from_side", "shown_90_mm")))):
-        raise UnusableTable(f"{table}:{line}: {name} is {row[name]!r}: a number is needed")
+        raise UnusableTable(f"{table}:{line}: {name} is {row[name]!r}: a number above 0 is needed")
     return value
 
 

@@ -99,8 +99,16 @@ def spoilt(rows: list[dict[str, str]], **values: str) -> list[dict[str, str]]:
 @pytest.mark.parametrize(
     ("spoil", "how", "words"),
     [
-        (lambda rows: rows[:4], (), "4 measured fruit do not tell"),
-        (lambda rows: rows[:6], (), "5 measured fruit do not tell"),
+        (lambda rows: rows[:4], (), "4 measured fruit do not tell how sizes spread: measure 7 or more"),
+        (lambda rows: rows[:6], (), "6 measured fruit do not tell how sizes spread: measure 7 or more"),
+        (lambda rows: without(rows, "fruit"), (), "no column fruit"),
+        (lambda rows: spoilt(rows, true_width_mm="7.1"), (), "finds.csv:5: true_width_mm is 7.1, but the camera saw"),
+        (lambda rows: spoilt(rows, true_height_mm="700"), (), "finds.csv:5: true_height_mm is 700, but the camera saw"),
+        (
+            lambda rows: spoilt(rows, fruit="1", true_width_mm=str(1.1 * float(rows[0]["true_width_mm"]))),
+            (),
+            "another row of fruit 1 says",
+        ),
         (lambda rows: without(rows, "true_width_mm"), (), "no column true_width_mm"),
         (lambda rows: without(rows, "shown_mm"), (), "no column shown_mm"),
         (lambda rows: [{**row, "true_width_mm": ""} for row in rows], (), "no row has true_width_mm"),
@@ -130,5 +138,14 @@ def test_no_file_is_written_over_and_what_is_no_table_is_told(capsys) -> None:
     Path("picture.csv").write_bytes(bytes(range(256)))
     assert main(["calibrate", "sizes", "picture.csv", "--out", "new.yaml"]) == 2
     assert "picture.csv is no table" in capsys.readouterr().err
+    text = Path(write(finds(12))).read_text()
+    Path("parted.csv").write_text(text.replace(",", ";"))
+    assert main(["calibrate", "sizes", "parted.csv", "--out", "new.yaml"]) == 2
+    assert "parted.csv: its columns are not parted by commas" in capsys.readouterr().err
+    Path("twice.csv").write_text("".join(f"{line},{line.rpartition(',')[2]}\n" for line in text.splitlines()))
+    assert main(["calibrate", "sizes", "twice.csv", "--out", "new.yaml"]) == 2
+    assert "twice.csv: the column true_height_mm is there twice" in capsys.readouterr().err
+    assert main(["calibrate", "sizes", "finds.csv", "--out", "nowhere/new.yaml"]) == 2
+    assert "nowhere/new.yaml: there is no folder nowhere" in capsys.readouterr().err
     assert main(["calibrate", "sizes", "nothing.csv", "--out", "new.yaml"]) == 2
     assert "nothing.csv is not a file" in capsys.readouterr().err
