@@ -14,6 +14,10 @@ LARGEST = 100_000
 """No image is wider or higher [px]."""
 
 
+MOST_OBLONG = 1.25
+"""No camera's pixels are higher than wide by this factor, or wider than high."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class IntrinsicsSection:
     """A pinhole camera's intrinsics, and the size of the image for which they hold."""
@@ -29,6 +33,8 @@ class IntrinsicsSection:
         for key, at, size in (("cx", self.cx, self.width), ("cy", self.cy, self.height)):
             if at > size:
                 yield Problem(key, f"it is {at:g} px, outside an image of {size} pixels")
+        if not 1.0 / MOST_OBLONG <= self.fx / self.fy <= MOST_OBLONG:
+            yield Problem("fx", f"it is {self.fx:g} px and fy is {self.fy:g} px: a camera's are nearly the same")
 
     def intrinsics(self, size: tuple[int, ...] | None = None) -> Intrinsics:
         """The intrinsics of the same view in an image of another size (width, height)."""

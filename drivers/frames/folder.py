@@ -25,6 +25,7 @@ from drivers.errors import DriverError
 from drivers.interfaces import Intrinsics
 from drivers.section_file import read_section_file
 from executive.values.arrays import Float64
+from executive.values.jpeg import is_cut_off
 from executive.values.plain_text import read_plain_text
 from executive.values.rotations import is_rigid
 from executive.values.sections import Section
@@ -65,13 +66,14 @@ def list_frames(folder: Path) -> tuple[RecordedFrame, ...]:
     """The frames of a folder in the order of their names.
 
     Raises:
-        UnusableFrames: there is no such folder, it holds no frame, or a colour image has no depth beside it.
+        UnusableFrames: there is no such folder, it holds no frame, or a colour image has no depth beside it, or
+            another colour image.
     """
     if not folder.is_dir():
         raise UnusableFrames(folder, "is not a folder" if folder.exists() else "there is no such folder")
-    names = sorted(entry.name for entry in os.scandir(folder))
+    names = sorted(entry.name for entry in os.scandir(folder) if not entry.name.startswith("."))  # ._a: of a Mac
     there = set(names)
-    frames = []
+    frames: list[RecordedFrame] = []
     for name in names:
         suffix = next((suffix for suffix in COLOUR_SUFFIXES if name.endswith(suffix)), None)
         if suffix is None:
@@ -82,6 +84,8 @@ def list_frames(folder: Path) -> tuple[RecordedFrame, ...]:
             raise UnusableFrames(
                 folder / name, f"has no depth image beside it ({depth} is missing{_other(depth, there)})"
             )
+        if frames and frames[-1].label == label:
+            raise UnusableFrames(folder / name, f"is a second colour image of {depth}, beside {frames[-1].colour.name}")
         frames.append(RecordedFrame(label, folder / name, folder / depth))
     if not frames:
         raise UnusableFrames(folder, f"holds no frame: no file ends with {', '.join(COLOUR_SUFFIXES)}")
@@ -94,8 +98,14 @@ def read_images(frame: RecordedFrame, intrinsics: Intrinsics) -> Images:
     Raises:
         UnusableFrames: a file cannot be read, or its size or type is not what the intrinsics and the format say.
     """
-    colour = _read(frame.colour, cv2.IMREAD_COLOR, intrinsics)
-    depth = _read(frame.depth, cv2.IMREAD_UNCHANGED, intrinsics)
+    colour = _read(frame.colour, cv2.IMREAD_COLOR)
+    depth = _read(frame.depth, cv2.IMREAD_UNCHANGED)
+    if colour.shape[:2] != (intrinsics.height, intrinsics.width):
+        expected = f"{intrinsics.width} x {intrinsics.height}"
+        raise UnusableFrames(frame.colour, f"is {_size(colour)} pixels, the intrinsics are for {expected}")
+    if depth.shape[:2] != colour.shape[:2]:
+        words = f"is {_size(depth)} pixels, and its colour {_size(colour)}: depth must be registered to colour"
+        raise UnusableFrames(frame.depth, f"{words}, pixel by pixel")
     if depth.dtype != np.uint16 or depth.ndim != 2:
         channels = 1 if depth.ndim == 2 else depth.shape[2]
         raise UnusableFrames(frame.depth, f"holds {channels} x {depth.dtype}, depth in mm is one channel of uint16")
@@ -128,15 +138,25 @@ def _other(depth: str, there: Collection[str]) -> str:
     return f"; {near[0]} has no colour and is of another moment" if near else ""
 
 
-def _read(path: Path, flags: int, intrinsics: Intrinsics) -> NDArray[Any]:
-    image: NDArray[Any] | None = cv2.imread(str(path), flags)
+def _read(path: Path, flags: int) -> NDArray[Any]:
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise UnusableFrames(path, f"cannot be read: {error.strerror}") from error
+    if is_cut_off(content):
+        raise UnusableFrames(path, "is not an image that can be read: its end is missing")
+    data = np.frombuffer(content, np.uint8)
+    try:
+        image: NDArray[Any] | None = cv2.imdecode(data, flags) if data.size else None
+    except cv2.error:  # a picture that says it is larger than any memory
+        image = None
     if image is None:
         raise UnusableFrames(path, "is not an image that can be read")
-    height, width = image.shape[:2]
-    if (width, height) != (intrinsics.width, intrinsics.height):
-        expected = f"{intrinsics.width} x {intrinsics.height}"
-        raise UnusableFrames(path, f"is {width} x {height} pixels, the intrinsics are for {expected}")
     return image
+
+
+def _size(image: NDArray[Any]) -> str:
+    return f"{image.shape[1]} x {image.shape[0]}"
 
 
 def read_intrinsics(path: Path) -> Intrinsics:
@@ -172,7 +192,11 @@ def folder_poses(folder: Path) -> dict[str, Float64]:
         return {}
     try:
         entries = json.loads(read_plain_text(path))
+        if not isinstance(entries, list):
+            raise TypeError("it is no list")
         said = {str(entry["label"]): entry.get("T_base_camera") for entry in entries}
+        if len(said) < len(entries):
+            raise ValueError("a label is there twice")
         poses = {label: np.array(T, np.float64) for label, T in said.items() if T is not None}
     except (OSError, ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
         raise UnusableFrames(path, f"is no list of frames with label and T_base_camera: {error}") from error

@@ -112,7 +112,7 @@ def list_video(path: Path) -> Sequence[VideoFrame]:
     beside = path.with_name(f"{_name(path)}{DEPTH_SUFFIX}")
     if not beside.is_file():
         words = f"has no depth beside it ({beside.name} is missing), and without depth nothing is measured"
-        raise UnusableFrames(path, f"{words}: `pomona detect` finds fruit in it")
+        raise UnusableFrames(path, f"{words}: `pomona detect` finds fruit in single pictures that are taken from it")
     depth = Video(beside, raw=True)
     if colour.count != depth.count:
         words = f"holds {colour.count} pictures and {beside.name} {depth.count}"

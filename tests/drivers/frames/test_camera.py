@@ -34,6 +34,13 @@ def connect_folder(cell: Path, folder: object, extra: str = f"intrinsics: {INTRI
     return connect.connect(read_settings(connect, cell), ConnectContext(cell, ManualClock(5.0), 0))
 
 
+def cut_off(folder: Path) -> None:
+    """Half of a JPEG: OpenCV makes the rest grey, and a fruit of the grey half is missed without a word."""
+    (folder / "a_color.png").unlink()
+    content = cv2.imencode(".jpg", np.random.default_rng(0).integers(0, 256, (30, 40, 3)).astype(np.uint8))[1].tobytes()
+    (folder / "a_color.jpg").write_bytes(content[: -len(content) // 3])
+
+
 @pytest.fixture
 def cell(tmp_path: Path) -> Path:
     (tmp_path / "frames").mkdir()
@@ -107,6 +114,21 @@ def test_intrinsics_in_the_folder_come_first(cell: Path, folder: Path) -> None:
         ),
         (lambda folder: write_frame(folder, "a", size=(20, 40)), "is 40 x 20 pixels, the intrinsics are for 40 x 30"),
         (lambda folder: (folder / "a_color.png").write_bytes(b"no image"), "not an image"),
+        (lambda folder: (folder / "a_color.png").write_bytes(b""), "not an image"),
+        (cut_off, "a_color.jpg: is not an image that can be read: its end is missing"),
+        (
+            lambda folder: cv2.imwrite(str(folder / "a_depth_mm.png"), np.zeros((20, 40), np.uint16)),
+            "is 40 x 20 pixels, and its colour 40 x 30: depth must be registered to colour",
+        ),
+        (
+            lambda folder: cv2.imwrite(str(folder / "a_color.jpg"), np.zeros((30, 40, 3), np.uint8)),
+            "a_color.png: is a second colour image of a_depth_mm.png, beside a_color.jpg",
+        ),
+        (lambda folder: (folder / "frames.json").write_text("{}"), "is no list of frames"),
+        (
+            lambda folder: (folder / "frames.json").write_text('[{"label": "a"}, {"label": "a"}]'),
+            "a label is there twice",
+        ),
         (
             lambda folder: cv2.imwrite(str(folder / "a_depth_mm.png"), np.zeros((30, 40), np.uint8)),
             "1 x uint8, depth in mm is one channel of uint16",
@@ -184,6 +206,19 @@ def test_a_focal_length_that_is_none_is_refused_with_its_place(cell: Path, folde
     with pytest.raises(CellFileError, match="fx") as caught:
         connect_folder(cell, folder)
     assert (caught.value.path.name, caught.value.line) == ("intrinsics.yaml", 1)
+
+
+@pytest.mark.parametrize("focal", ["1200 px", "300 px"])
+def test_pixels_twice_as_high_as_wide_are_refused(cell: Path, folder: Path, focal: str) -> None:
+    (folder / "intrinsics.yaml").write_text(INTRINSICS.replace("600 px", focal))
+    with pytest.raises(CellFileError, match=r"fx: it is .* and fy is 601 px: a camera's are nearly the same"):
+        connect_folder(cell, folder)
+
+
+def test_what_a_mac_lays_beside_each_file_is_no_frame(cell: Path, folder: Path) -> None:
+    for name in ("a_color.png", "a_depth_mm.png"):
+        (folder / f"._{name}").write_bytes(b"Mac OS X")
+    assert [frame.label for frame in list_frames(folder)] == ["a", "b"]
 
 
 def test_a_folder_of_a_hundred_thousand_files_is_listed_by_their_names_alone(
