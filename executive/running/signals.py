@@ -91,6 +91,16 @@ def raising() -> Iterator[None]:
         _raised = None
 
 
+def raise_again() -> None:
+    """For long loops: a signal that a library swallowed, as ctypes does in a callback, ends them all the same.
+
+    Raises:
+        KeyboardInterrupt: there was one since `raising` began.
+    """
+    if _raised is not None:
+        raise error_of(_raised)
+
+
 def _tell_unless_signalled(tell: Callable[[sys.UnraisableHookArgs], Any]) -> Callable[[sys.UnraisableHookArgs], Any]:
     """What cannot be raised where it happens is told, but for what follows from a signal: that one is raised again."""
 
@@ -125,8 +135,7 @@ class RunSignals:
         self._before: dict[int, Any] = {}
 
     def __enter__(self) -> RunSignals:
-        if _raised is not None:
-            raise error_of(_raised)
+        raise_again()
         self._before = _install(self._handle, tuple(WORDS))
         return self
 

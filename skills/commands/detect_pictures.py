@@ -7,12 +7,14 @@ import csv
 import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TextIO
 
 import cv2
 import numpy as np
 
+from executive.running.signals import raise_again
 from executive.values.arrays import UInt8
+from executive.values.jpeg import is_cut_off
 from executive.values.plain_text import is_file
 
 if TYPE_CHECKING:
@@ -20,6 +22,8 @@ if TYPE_CHECKING:
     from skills.perception.detection.found_fruit import FoundFruit
 
 ENDINGS = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp")
+DEPTH = "_depth_mm.png"
+"""Of an RGB-D frame, beside its colour: no picture to find fruit in."""
 TABLE = "found.csv"
 COLUMNS = ("picture", "fruit", "score", "left_px", "top_px", "width_px", "height_px", "visible")
 MOST = 200
@@ -44,7 +48,14 @@ def add(subparsers: Any) -> None:
 
 
 def main(options: argparse.Namespace) -> int:
-    """Find, write and count; returns 0, or 2 when a picture, the weights or the folder cannot be used."""
+    """Find, write and count.
+
+    Returns:
+        0; 2 when a picture, the weights or the folder cannot be used.
+
+    Raises:
+        KeyboardInterrupt: it was interrupted; the table holds the pictures that were done.
+    """
     from skills.perception.detection.compact_detector import CompactDetector
     from skills.perception.detection.errors import BadWeights, DetectError
     from skills.perception.detection.options import DetectorOptions
@@ -64,10 +75,14 @@ def main(options: argparse.Namespace) -> int:
         detector = CompactDetector.load(weights, DetectorOptions(working_width=options.width, most_fruit=MOST))
         options.out.mkdir(parents=True, exist_ok=True)
         with table.open("x", newline="", encoding="utf-8") as stream:
-            unusable = _all(files, detector, options.score, options.out, csv.writer(stream))
+            unusable = _all(files, detector, options.score, options.out, stream)
     except (UnusableInput, DetectError, FruitError, OSError) as error:
         sys.stderr.write(f"pomona detect: {error}\n")
         return 2
+    except KeyboardInterrupt:
+        if table.is_file():
+            sys.stderr.write(f"interrupted: {table} holds what was found until then\n")
+        raise
     sys.stdout.write(f"written to {options.out}: {TABLE}, and each picture with its boxes\n")
     return 2 if unusable else 0
 
@@ -86,17 +101,23 @@ def _files(given: Sequence[Path]) -> Iterator[Path]:
                 raise UnusableInput(f"{path}: there is no such file")
             yield path
             continue
-        inside = sorted(file for file in path.iterdir() if file.suffix.lower() in ENDINGS)
+        inside = sorted(file for file in path.iterdir() if _is_picture(file.name))
         if not inside:
             raise UnusableInput(f"{path} holds no pictures ({', '.join(ENDINGS)})")
         yield from inside
 
 
-def _all(files: Sequence[Path], detector: CompactDetector, score: float, out: Path, table: Any) -> int:
-    """Each picture with its line on the screen; how many could not be used."""
+def _is_picture(name: str) -> bool:
+    return name.lower().endswith(ENDINGS) and not name.startswith(".") and not name.endswith(DEPTH)
+
+
+def _all(files: Sequence[Path], detector: CompactDetector, score: float, out: Path, stream: TextIO) -> int:
+    """Each picture with its line on the screen and its rows in the table; how many could not be used."""
+    table = csv.writer(stream)
     table.writerow(COLUMNS)
     unusable = total = 0
     for number, file in enumerate(files):
+        raise_again()
         picture = _read(file)
         if picture is None:
             sys.stderr.write(f"pomona detect: {file} cannot be read as a picture\n")
@@ -107,9 +128,12 @@ def _all(files: Sequence[Path], detector: CompactDetector, score: float, out: Pa
         if not cv2.imwrite(str(drawn), _draw(picture, found)):
             raise UnusableInput(f"{drawn} cannot be written")
         height, width = picture.shape[:2]
-        for k, fruit in enumerate(found):
-            box = (f"{value:.1f}" for value in fruit.outline(width, height))
-            table.writerow((file, k + 1, f"{fruit.score:.3f}", *box, f"{fruit.visibility:.2f}"))
+        table.writerows(
+            (file, k + 1, f"{fruit.score:.3f}", *(f"{value:.1f}" for value in fruit.outline(width, height)),
+             f"{fruit.visibility:.2f}")
+            for k, fruit in enumerate(found)
+        )  # fmt: skip
+        stream.flush()
         total += len(found)
         sys.stdout.write(f"{number + 1}/{len(files)}  {file}: {len(found)} found\n")
         sys.stdout.flush()
@@ -120,9 +144,10 @@ def _all(files: Sequence[Path], detector: CompactDetector, score: float, out: Pa
 
 def _read(file: Path) -> Any:
     """The picture (h, w, 3), BGR, or None; OpenCV's own reading of files complains beside us."""
-    data = np.frombuffer(file.read_bytes(), np.uint8)
+    content = file.read_bytes()
+    data = np.frombuffer(content, np.uint8)
     try:
-        return cv2.imdecode(data, cv2.IMREAD_COLOR) if data.size else None
+        return cv2.imdecode(data, cv2.IMREAD_COLOR) if data.size and not is_cut_off(content) else None
     except cv2.error:  # a picture that says it is larger than any memory
         return None
 

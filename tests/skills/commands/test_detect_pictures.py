@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import csv
+import signal
 import struct
 import zlib
 from pathlib import Path
@@ -12,6 +14,7 @@ import cv2
 import numpy as np
 import pytest
 
+from executive.running.signals import raising
 from skills.commands import detect_pictures
 from skills.commands.detect_pictures import add, find_fruit
 from skills.perception.detection.compact_detector import CompactDetector
@@ -59,6 +62,33 @@ def test_a_folder_of_pictures_becomes_a_table_and_pictures_with_boxes(
     assert "2 fruit in 2 pictures" in capsys.readouterr().out
 
 
+def test_depth_images_and_what_a_mac_lays_beside_pictures_are_no_pictures(pictures: Path, tmp_path: Path) -> None:
+    cv2.imwrite(str(pictures / "a_depth_mm.png"), np.full((120, 160), 900, np.uint16))
+    (pictures / "._a.png").write_bytes(b"Mac OS X")
+    assert run(pictures, "--out", tmp_path / "out") == 0
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["0001_a.jpg", "0002_b.jpg", "found.csv"]
+
+
+def test_ctrl_c_that_a_library_swallowed_ends_it_after_that_picture_and_keeps_its_rows(
+    pictures: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """As a compiled loop does that calls back while it is loaded: without this a thousand pictures went on."""
+
+    def find(*_: object) -> list[FoundFruit]:
+        with contextlib.suppress(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+        return [found(10.0, 0.93)]
+
+    monkeypatch.setattr(detect_pictures, "find_fruit", find)
+    with pytest.raises(KeyboardInterrupt), raising():
+        run(pictures, "--out", tmp_path / "out")
+    said = capsys.readouterr()
+    assert "found.csv holds what was found until then" in said.err
+    assert "b.jpg" not in said.out
+    rows = list(csv.DictReader((tmp_path / "out" / "found.csv").read_text().splitlines()))
+    assert [Path(row["picture"]).name for row in rows] == ["a.png"]
+
+
 def test_doubtful_fruit_is_taken_when_it_is_asked_for(pictures: Path, tmp_path: Path) -> None:
     assert run(pictures / "a.png", "--out", tmp_path / "out", "--score", "0.2") == 0
     assert len(list(csv.DictReader((tmp_path / "out" / "found.csv").read_text().splitlines()))) == 2
@@ -69,12 +99,15 @@ def test_a_file_that_is_no_picture_is_named_and_the_others_are_done(
 ) -> None:
     (pictures / "broken.png").write_bytes(b"not a picture")
     (pictures / "empty.png").touch()
+    cut = cv2.imencode(".jpg", np.random.default_rng(0).integers(0, 256, (60, 80, 3)).astype(np.uint8))[1].tobytes()
+    (pictures / "cut.jpg").write_bytes(cut[: len(cut) // 2])
     parts = ((b"IHDR", struct.pack(">IIBBBBB", 100_000, 100_000, 8, 2, 0, 0, 0)), (b"IDAT", zlib.compress(bytes(1000))))
     huge = b"".join(struct.pack(">I", len(d)) + k + d + struct.pack(">I", zlib.crc32(k + d)) for k, d in parts)
     (pictures / "huge.png").write_bytes(b"\x89PNG\r\n\x1a\n" + huge)
     assert run(pictures, "--out", tmp_path / "out") == 2
     said = capsys.readouterr()
     assert "broken.png cannot be read as a picture" in said.err
+    assert "cut.jpg cannot be read as a picture" in said.err
     assert "empty.png cannot be read as a picture" in said.err
     assert "huge.png cannot be read as a picture" in said.err
     assert "2 fruit in 2 pictures" in said.out
