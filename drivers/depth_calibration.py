@@ -50,6 +50,9 @@ LEAST_POINTS = 100
 LEAST_SQUARE = 11
 """Side of the squares in which a wall's noise is looked for [px]."""
 
+LEAST_NOISE = 1e-5
+"""Whatever measures depth errs by more at 1 m [m]."""
+
 INNER = 2
 """The outermost points of a ball are mixed with what is behind it [px]."""
 
@@ -350,7 +353,7 @@ def calibrate_wall(depths: Sequence[NDArray[np.float32]], sensor: str) -> DepthC
         sensor: name of a known sensor.
 
     Raises:
-        UnusableDepth: no square of the frames is flat.
+        UnusableDepth: no square of the frames is flat, or they are without noise.
     """
     noise = []
     side = LEAST_SQUARE
@@ -371,6 +374,8 @@ def calibrate_wall(depths: Sequence[NDArray[np.float32]], sensor: str) -> DepthC
             f"only {len(all_noise)} squares of {side} px are wholly measured: show a larger or nearer wall"
         )
     growth = float(np.median(all_noise))
+    if growth < LEAST_NOISE:
+        raise UnusableDepth("the wall has no noise at all: its depth was smoothed, or is no camera's")
     flat = float(np.mean(all_noise < 2.0 * growth))
     if flat < 0.7:
         raise UnusableDepth(f"only {flat:.0%} of the frames is flat: let a wall or a board fill them")

@@ -65,6 +65,8 @@ def add(subparsers: Any) -> None:
 
 def _guarded(calibrate: Any, options: argparse.Namespace) -> int:
     try:
+        if options.out.exists():  # what was calibrated before may be in use, and cost somebody a day
+            raise DriverError(f"{options.out} is there already: name another file with --out")
         print(calibrate(options))
     except (DriverError, OSError) as error:
         print(error, file=sys.stderr)

@@ -43,7 +43,7 @@ def add(subparsers: Any) -> None:
     parser.add_argument("--fruit", default="apple", help="name in the catalogue, or a path (apple)")
     parser.add_argument("--score", type=_share, default=0.5, help="least belief that it is fruit, 0 to 1 (0.5)")
     parser.add_argument("--width", type=int, default=1280, help="width at which a picture is searched [px] (1280)")
-    parser.add_argument("--out", type=Path, default=Path("detected"), help="folder for the table and pictures")
+    parser.add_argument("--out", type=Path, default=Path("detected"), help="new folder for all of it (detected)")
     parser.set_defaults(main=main)
 
 

@@ -28,7 +28,7 @@ def add(subparsers: Any) -> None:
     parser.add_argument(
         "--no-join", action="store_true", help="each frame without a known camera pose is a scene of its own"
     )
-    parser.add_argument("--out", type=Path, default=Path("measured"), help="folder for tables, page and pictures")
+    parser.add_argument("--out", type=Path, default=Path("measured"), help="new folder for all of it (measured)")
     parser.set_defaults(main=main)
 
 
@@ -62,7 +62,9 @@ def main(options: argparse.Namespace) -> int:
     if result.outcome == "success":
         return 0
     if result.interrupted:
-        sys.stderr.write(f"interrupted: {options.out} holds what was measured until then\n")
+        there = (options.out / PAGE).is_file()
+        what = f"{options.out} holds what was measured until then" if there else "nothing was measured yet"
+        sys.stderr.write(f"interrupted: {what}\n")
         return 130
     if progress.unreadable:
         sys.stderr.write(f"{progress.unreadable} of the frames could not be read: {options.out / PAGE} says why\n")

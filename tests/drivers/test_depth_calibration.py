@@ -117,6 +117,8 @@ def test_a_wall_gives_the_noise_whatever_its_slant_and_what_is_not_flat_is_refus
         calibrate_wall([rough.astype(np.float32)], "azure_kinect")
     with pytest.raises(UnusableDepth, match="wholly measured"):
         calibrate_wall([np.zeros_like(wall, dtype=np.float32)], "azure_kinect")
+    with pytest.raises(UnusableDepth, match="no noise at all"):  # no depth model without noise can be read
+        calibrate_wall([np.full_like(wall, 1.5, dtype=np.float32)], "azure_kinect")
 
 
 def run(*arguments: str) -> int:
@@ -181,6 +183,14 @@ def test_frames_of_which_nobody_says_what_they_show_are_refused(
     (folder / "intrinsics.yaml").unlink()
     assert run(str(folder), "--wall", "--out", str(folder / "m.yaml")) == 2
     assert "intrinsics" in capsys.readouterr().err
+
+
+def test_a_depth_model_that_is_there_is_not_written_over(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = folder / "depth_model.yaml"
+    out.write_text("mine")
+    assert run(str(folder), "--balls", str(folder / "balls.csv"), "--out", str(out)) == 2
+    assert "depth_model.yaml is there already: name another file" in capsys.readouterr().err
+    assert out.read_text() == "mine"
 
 
 def test_only_rows_that_are_asked_for_are_balls(folder: Path) -> None:

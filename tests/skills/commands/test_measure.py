@@ -5,12 +5,14 @@ from __future__ import annotations
 import csv
 import json
 from pathlib import Path
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
 import pytest
 
 from executive.cli import main
+from skills.commands import measure
 from skills.geometry import transform
 from skills.perception.detection.instances import Instance
 from skills.perception.detection.rigid_pose import cuboid_in_picture
@@ -108,6 +110,24 @@ def test_what_cannot_be_measured_is_refused_in_a_line_and_nothing_is_written(
     assert words in said.err
     assert "Traceback" not in said.err + said.out
     assert not Path("measured").exists()
+
+
+@pytest.mark.parametrize(("there", "words"), [(True, "out holds what was measured"), (False, "nothing was measured")])
+def test_after_ctrl_c_it_says_what_there_is(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], there: bool, words: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    result = SimpleNamespace(outcome="stopped", interrupted=True, reason=None)
+
+    def run(*_: object) -> SimpleNamespace:
+        if there:
+            Path("out").mkdir()
+            Path("out/index.html").touch()
+        return SimpleNamespace(result=result)
+
+    monkeypatch.setattr(measure, "execute", run)
+    assert main(["measure", str(tmp_path), "--out", "out"]) == 130
+    assert words in capsys.readouterr().err
 
 
 def test_a_path_that_is_not_there_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
