@@ -52,6 +52,9 @@ def add(kinds: Any) -> None:
 def main(options: argparse.Namespace) -> int:
     """Calibrate; returns 0, or 2 when the pushes cannot be used."""
     try:
+        for file in filter(None, (options.out, options.keep)):
+            if file.exists():
+                raise ValueError(f"{file} is there already: name another file")
         start = SoftContact(k=options.k)
         pushes, squeeze = _made_now(options) if options.recording is None else read_recording(options.recording)
         found = calibrate_grip(pushes, squeeze, start)

@@ -113,7 +113,7 @@ def make_page(report: FruitReport, of: int = 0) -> ReportPage:
         )
     page.add(Tiles(tuple(tiles)))
     if report.doubt:
-        page.add(Paragraph(f"Do not believe these sizes yet: {report.doubt}"))
+        page.add(Paragraph(f"Do not believe these sizes yet: {report.doubt}" if report.measured else report.doubt))
     if any(entry.unreadable for entry in frames):
         page.add(Heading("Frames that could not be looked at"))
         page.add(

@@ -124,9 +124,14 @@ class FruitReport:
 
     @property
     def doubt(self) -> str:
-        """Why no size may be right, for people: all fruit together look larger or smaller than this kind is."""
+        """Why no size may be right, for people: fruit look larger or smaller than this kind is, or none has a size."""
         shown = [s.shown[0] / s.fruit.dimensions[[0, 2]].mean() for fruit in self.book.fruit
                  for s in fruit.sightings[:1] if not np.isnan(s.shown[0])]  # fmt: skip
+        if not self.measured and len(self.book.fruit) >= LEAST_TELLING:
+            return (
+                f"none of {len(self.book.fruit)} fruit could be measured: is the depth in millimetres, registered to "
+                "colour and of the same moment, and are the fruit as near as the camera measures?"
+            )
         if len(shown) < LEAST_TELLING:
             return ""
         kind = self.book.fruit[0].sightings[0].fruit

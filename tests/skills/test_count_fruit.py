@@ -214,6 +214,18 @@ def test_where_all_fruit_look_too_large_or_too_small_the_sizes_are_doubted(
     assert ("Do not believe these sizes yet" in (tmp_path / "o" / PAGE).read_text()) is doubted
 
 
+@pytest.mark.parametrize(("lost", "doubted"), [((1, 2, 5), True), ((1, 2), False)])
+def test_where_no_fruit_at_all_was_measured_the_depth_is_doubted(
+    lost: tuple[int, ...], doubted: bool, tmp_path: Path
+) -> None:
+    end = count(looked("one", {1: 3, 2: 1, 5: 5}, lost=lost), out=tmp_path / "o")
+    words = "none of 3 fruit could be measured: is the depth in millimetres"
+    assert (words in end.feedback) is doubted
+    page = (tmp_path / "o" / PAGE).read_text()
+    assert (words in page) is doubted
+    assert "Do not believe these sizes" not in page
+
+
 def test_sizes_of_a_kind_tell_less_of_what_is_usual_than_its_model() -> None:
     sizes = KindSizes(0.073, 0.07, 0.957, 0.06)
     inputs = looked("one", {1: 3, 2: 1, 5: 5})

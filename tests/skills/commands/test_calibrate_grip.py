@@ -188,6 +188,16 @@ def test_a_quantity_without_its_unit_is_refused(
     assert words in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("option", ["--out", "--keep"])
+def test_no_file_is_written_over(tmp_path: Path, capsys: pytest.CaptureFixture[str], option: str) -> None:
+    mine = tmp_path / "mine"
+    mine.write_text("mine")
+    more = () if option == "--out" else ("--out", str(tmp_path / "new.yaml"))
+    assert pomona(["calibrate", "grip", "--cell", "nothing", option, str(mine), *more, "--fruit", "apple"]) == 2
+    assert "mine is there already: name another file" in capsys.readouterr().err
+    assert mine.read_text() == "mine"
+
+
 def test_a_file_that_is_no_recording_is_refused_in_words(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "bad.npz").write_text("hello")
     assert pomona(["calibrate", "grip", str(tmp_path / "bad.npz"), "--out", str(tmp_path / "x.yaml")]) == 2
