@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.interfaces import Intrinsics
+from executive.values.jpeg import is_cut_off
 
 IMAGE, COMPRESSED, INFO = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage", "sensor_msgs/msg/CameraInfo"
 
@@ -87,10 +88,11 @@ def _rows(message: Any, dtype: np.dtype[Any], channels: int) -> NDArray[Any]:
 
 
 def _decoded(message: Any, flags: int) -> NDArray[Any]:
+    content = np.ascontiguousarray(message.data).tobytes()
+    if is_cut_off(content):
+        raise UnusableImage("it cannot be decoded: its end is missing")
     try:
-        image: NDArray[Any] | None = cv2.imdecode(
-            np.frombuffer(np.ascontiguousarray(message.data).tobytes(), np.uint8), flags
-        )
+        image: NDArray[Any] | None = cv2.imdecode(np.frombuffer(content, np.uint8), flags)
     except cv2.error as error:
         raise UnusableImage("it cannot be decoded") from error
     if image is None or image.shape[0] * image.shape[1] > MOST_PIXELS:
