@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Annotated, ClassVar
 
 import numpy as np
@@ -19,7 +20,7 @@ from skills.motion.planning.arm_space import arm_space
 from skills.motion.planning.timing import time_curve
 from skills.motion.robot import RobotModel
 from skills.motion.straight_line import straight_line
-from skills.shared.following import MOTION_FAILURES, MovingSkill
+from skills.shared.following import MOTION_FAILURES, MovingSkill, Watching
 from skills.shared.grip_view import show_grip
 from skills.shared.hanging import Hanging, require_truth
 from skills.shared.touch import HELD_FORCE, Touch, load, pressing_forces, something_between
@@ -45,6 +46,10 @@ fruit resists by being heavy is 3 % of it with the acceleration below."""
 
 GENTLE = 0.3
 """Acceleration of the arm near to where the fruit stood [m/s²]."""
+
+STILL, STILL_FOR = 1e-4, 0.15
+"""A grip is at rest when the fruit has slid by less [m] for so long [s]: twice what noise shows, and the time in which
+a fruit that slides at 1 mm/s goes beyond it."""
 
 BACK = 1e-3
 """A fruit that is lower than this above where it stood is back [m]."""
@@ -93,7 +98,8 @@ class Lift(MovingSkill):
     """Lift straight up with a smooth profile while the grip is controlled, and verify that the fruit came along.
 
     With a `hold` its controller says whether the fruit is still there; without one the fingers' force and opening do.
-    A fruit that creeps out of the grip falls later: `hold_time` watches it for a while. What the grip cannot hold is
+    A fruit that creeps out of the grip falls later: `settle_within` watches it until the grip has come to rest, and
+    `hold_time` for a while in any case. What the grip cannot hold is
     put back where it stood, before it falls: TOO_HEAVY when its weight alone needs more force than is allowed, wherever
     it is gripped, FORCE_LIMIT when its moment does, SLIPPED when it slips all the same.
     Interrupted, the arm stops on its line and the grip goes on holding.
@@ -129,8 +135,9 @@ class Lift(MovingSkill):
         ] = LENGTH("5 mm"),
         speed: Annotated[Speed, Port(min="1 mm/s", max="1 m/s")] = SPEED("0.25 m/s"),
         acceleration: Annotated[Acceleration, Port(min="0.01 m/s²", max="3 m/s²")] = ACCELERATION("1 m/s²"),
-        hold_time: Annotated[
-            Time, Port(min="0 s", help="how long it is watched at the top while the grip settles", was="keep")
+        hold_time: Annotated[Time, Port(min="0 s", help="how long it is watched at the top", was="keep")] = TIME("0 s"),
+        settle_within: Annotated[
+            Time, Port(min="0 s", help="wait at the top until the grip has come to rest, at most so long")
         ] = TIME("0 s"),
     ) -> Work[None]:
         arm = self.device(Arm)
@@ -173,6 +180,8 @@ class Lift(MovingSkill):
             while self.context.elapsed() - up_since < hold_time - 1e-9:
                 yield "held up"
                 watch()
+            if hold is not None and hanging is not None:
+                yield from self._settle(hold, settle_within, watch)
         except _TooMuch as much:
             stands = yield from self._put_back(robot, T_base_start, acceleration, hold)
             risen = float(robot.tcp(arm.state().q)[2, 3] - T_base_start[2, 3])
@@ -182,6 +191,16 @@ class Lift(MovingSkill):
         if hold is not None:
             show_grip(self, hold, everything=True)
         return None
+
+    def _settle(self, hold: Hold, within: float, watch: Callable[[], None]) -> Watching:
+        """Wait until the force has come down to what the load needs, and the fruit slides no more."""
+        began = since = self.context.elapsed()
+        slid = hold.controller.slipped
+        while (now := self.context.elapsed()) - began < within - 1e-9 and now - since < STILL_FOR - 1e-9:
+            yield "held up, until the grip has come to rest"
+            watch()
+            if not hold.controller.at_rest or abs(hold.controller.slipped - slid) > STILL:
+                since, slid = self.context.elapsed(), hold.controller.slipped
 
     def _put_back(self, robot: RobotModel, T_base_start: Float64, acceleration: float, hold: Hold | None) -> Work[bool]:
         """Lower the fruit to where it stood, on the line that it came up; where there is no such line, stay.

@@ -18,6 +18,7 @@ from skills.grip.hold import Hold
 from skills.grip.limit_surface import SoftContact, surface_table
 from skills.grip.settings import ForceLaw, GripSettings, check_rate
 from skills.grip.warm import warm_up
+from skills.perception.inventory.mass import mass_of
 from skills.perception.measured_fruit import MeasuredFruit
 from skills.shared.grip_view import show_grip
 
@@ -26,6 +27,12 @@ CLEARANCE = 0.008
 
 NARROWEST = 0.5
 """A fruit is nowhere narrower between the fingers than this share of its least dimension."""
+
+
+GRAVITY = 9.81  # [m/s²]
+
+LIFTED = 1.1
+"""A lift of 1 m/s² adds so much to a fruit's weight."""
 
 
 class Grasped(Outputs):
@@ -103,6 +110,7 @@ class SlipAvoidGrasp(Skill):
                 law=ForceLaw(law),
                 margin=margin,
                 reserve=reserve,
+                expected_load=0.0 if fruit is None else _expected_load(fruit),
                 offset=offset,
                 mu_uncertainty=mu_uncertainty,
                 initial_force=initial_force,
@@ -142,3 +150,9 @@ class SlipAvoidGrasp(Skill):
             reading = hold.reading
             yield f"{reading.phase.value}: {reading.f_n:.1f} N at {1e3 * reading.width:.0f} mm"
         return None
+
+
+def _expected_load(fruit: MeasuredFruit) -> float:
+    """The largest load that a fruit of this size is expected to be while it is lifted [N]; 0 where nobody knows."""
+    known = mass_of(fruit.fruit, fruit.dimensions, fruit.covariance[3:, 3:])
+    return 0.0 if known is None else LIFTED * GRAVITY * (known[0] + 2.0 * known[1])

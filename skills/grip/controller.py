@@ -96,6 +96,17 @@ class GripController:
         return max(self.sense.f_n, highest - apart) if self.phase is GripPhase.SLIDING else self.sense.f_n
 
     @property
+    def at_rest(self) -> bool:
+        """Whether a carried fruit is held as it will be: the force has come down to what it needs, nothing is wrong."""
+        is_held = self.phase is GripPhase.HOLDING and self.problem is None
+        return is_held and self.reference.carried and self.reference.settled
+
+    @property
+    def slipped(self) -> float:
+        """How far the fruit has slid on the pads, as its contact's place says [m]."""
+        return self._slips.slipped
+
+    @property
     def reading(self) -> GripReading:
         """The grip of this moment, for records and viewers."""
         sense = self.sense
@@ -304,6 +315,7 @@ class GripController:
         reached = f_ref >= s.initial_force and sense.f_n >= 0.9 * s.initial_force
         if self._last("reached", reached, self._timing.every) > 1.5 * self._timing.interval:
             self.phase = GripPhase.HOLDING
+            self.reference.stand(self.sense.load)
             self.sense.start_observer()
             self._slips.start()
         elif f_ref >= s.initial_force and not reached and self._stuck():

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 
+from skills.grip.limit_surface import least_force
 from skills.grip.settings import ForceLaw, GripSettings
 from skills.grip.slip_sense import SlipSense
 
@@ -35,12 +36,15 @@ class ForceReference:
         self._loaded_for = 0.0
         self._limit = math.inf
         self.carried = False
+        self._standing: tuple[float, float] | None = None
 
     def set_friction(self, settings: GripSettings) -> None:
         """Take settings with another friction."""
         self.settings, self._tuned = settings, settings.reference
         self._margin = max(settings.margin, self._tuned.least_margin * (1.0 + settings.mu_uncertainty))
         self._bias_stds = self._tuned.bias_stds if self._margin > settings.margin else 0.0
+        load = 0.5 * settings.expected_load
+        self._expected = 2.0 * float(least_force(load, load * settings.offset, settings.contact))
 
     @property
     def settled(self) -> bool:
@@ -56,6 +60,10 @@ class ForceReference:
         self._held = min(self._held + self.settings.ramp_rate * elapsed, self.settings.initial_force)
         self.f_ref = self._held
         return self.f_ref
+
+    def stand(self, load: tuple[float, float]) -> None:
+        """The fruit stands under a tangential load [N]: until that changes, it is none that the grip must bear."""
+        self._standing = load
 
     def freeze(self, reason: str) -> None:
         """Never lower the reference again: the sensor is not to be trusted."""
@@ -79,8 +87,15 @@ class ForceReference:
         if self.sliding is not None:
             self.wanted, self._urgent = self.sliding, 0.0
             lowest = self._held - self._fall(self.sliding) * elapsed
-            self._held = self.f_ref = max(lowest, min(self.sliding, self._held + s.ramp_rate * elapsed))
+            self._held = self.f_ref = max(lowest, min(self.sliding, self._held + tuned.sliding_rate * elapsed))
             return
+        if self._standing is not None:
+            f_x, f_y = sense.load
+            if math.hypot(f_x - self._standing[0], f_y - self._standing[1]) < tuned.load_changed:
+                self.wanted = s.initial_force
+                self._held = self.f_ref = min(s.initial_force, self._held + s.ramp_rate * elapsed)
+                return
+            self._standing = None
         if sense.f_t < tuned.carried_load:
             self._loaded_for = 0.0
         elif sense.rise < tuned.carried_rise * sense.least + sense.normal_noise_band:
@@ -154,6 +169,8 @@ class ForceReference:
             return min(tuned.edge_gain * max(sense.coulomb - tuned.edge * force_coming, 0.0), tuned.most_urgent)
         missing = max(sense.least - tuned.edge * force_coming - sense.normal_noise_band, 0.0)
         coming = tuned.lead * (1.0 + sense.twist) * max(sense.rise - sense.normal_noise_band, 0.0)
+        if sense.f_t < self.settings.expected_load:
+            coming = min(coming, max(self._expected - sense.least, 0.0))
         # What presses beyond the need already is not added again, but where the load twists: its moment is to come.
         spare = max(1.0 - sense.twist, 0.0) * max(force_coming - self._margin * sense.least, 0.0)
         if self.frozen:

@@ -49,6 +49,8 @@ class GripSettings:
             moment has shown.
         reserve: tangential force that is held beyond the load, with its lever, for pushes at the fruit's centre that
             come faster than the fingers [N].
+        expected_load: the largest tangential load that a fruit of this size may be while it is lifted [N]; 0 where
+            nobody knows. A load below it is not answered as if it were to grow beyond it.
         initial_force: grasp force before the fruit is lifted, and of the law CONSTANT [N].
         ramp_rate: of the force from contact to `initial_force` [N/s].
         relax_rate: the reference falls at most this fast while holding [N/s].
@@ -73,6 +75,7 @@ class GripSettings:
     floor: float = 0.5
     offset: float = 0.005
     reserve: float = 0.0
+    expected_load: float = 0.0
     initial_force: float = 2.2
     ramp_rate: float = 6.0
     relax_rate: float = 2.0

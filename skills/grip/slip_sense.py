@@ -119,6 +119,12 @@ class SlipSense:
         return self.loads.f_t
 
     @property
+    def load(self) -> tuple[float, float]:
+        """That force in the left pad's frame, along x and y [N]."""
+        smoothed = self._filters.smoothed
+        return float(smoothed[0, 0] + smoothed[1, 0]), float(smoothed[0, 1] + smoothed[1, 1])
+
+    @property
     def f_nd(self) -> float:
         """Dynamic term [N]."""
         return self.loads.f_nd

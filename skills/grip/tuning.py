@@ -70,10 +70,13 @@ class ReferenceSettings:
             again.
         pivot_margin: while pivoting, on the force that Coulomb's law needs for the weight alone.
         pivot_rate: how slowly it is let go to [N/s].
+        sliding_rate: how fast the force rises while the pads slide [N/s]; twice `ramp_rate`, in a third of a second.
         most_urgent: bound of what is added to the static part [N]; enough for the fingers' full speed.
         urgent_base, urgent_share: a light load is answered with less, this much [N] and this share of the least force.
         doubtful: the bound once the sensor is not to be trusted [N].
         distrusted: fingers that contradict themselves raise the force to so many times what held before, at most.
+        load_changed: the tangential load of a fruit that stands, which what it stands on bears, has changed when it
+            differs by so much [N]; seven times its noise in the simulated cell, reached 5 ms after a lift has begun.
         carried_load, carried_after, carried_rise: a tangential load of so much [N] for so long [s], while the least
             force rises by less than this share beyond noise, is a fruit that is carried: the initial force and the
             caution have done their work.
@@ -97,11 +100,13 @@ class ReferenceSettings:
     lead: float = 1.5
     pivot_margin: float = 1.25
     pivot_rate: float = 1.5
+    sliding_rate: float = 12.0
     most_urgent: float = 10.0
     urgent_base: float = 1.0
     urgent_share: float = 1.0
     doubtful: float = 3.0
     distrusted: float = 2.0
+    load_changed: float = 0.3
     carried_load: float = 0.25
     carried_after: float = 0.1
     carried_rise: float = 0.05

@@ -10,6 +10,7 @@ from drivers.mock.fingers import spring_fruit
 from executive.skill_testing import SkillEnd, drive
 from skills.grip.grip import GripProblem
 from skills.grip.hold import Hold
+from skills.grip.pads import MIRROR
 from skills.lift import Lift
 from skills.motion.straight_line import straight_line
 from skills.shared.touch import something_between
@@ -172,10 +173,9 @@ class Standing:
         assert isinstance(hold, Hold)
         self.hold = hold
 
-    def lift(self, **settings: Any) -> SkillEnd:
-        return drive(
-            Lift(), {"hold": self.hold, "acceleration": 0.5}, self.scene.devices, clock=self.scene.clock, **settings
-        )
+    def lift(self, settle_within: float = 0.0, **settings: Any) -> SkillEnd:
+        inputs = {"hold": self.hold, "acceleration": 0.5, "settle_within": settle_within}
+        return drive(Lift(), inputs, self.scene.devices, clock=self.scene.clock, **settings)
 
     @property
     def risen(self) -> float:
@@ -187,6 +187,30 @@ def test_what_the_grip_can_hold_is_lifted_without_a_stop():
     outcome = fruit.lift()
     assert outcome.status is Status.SUCCESS
     assert len(fruit.scene.arm.followed) == 1
+
+
+def test_at_the_top_it_waits_until_the_grip_has_come_to_rest_and_no_longer():
+    up = Standing(weight=2.0).lift().duration
+    fruit = Standing(weight=2.0)
+    outcome = fruit.lift(settle_within=3.0)
+    assert outcome.status is Status.SUCCESS
+    assert up + 0.1 < outcome.duration < up + 1.5
+    assert fruit.hold.controller.at_rest
+
+
+def test_a_fruit_that_creeps_is_watched_for_as_long_as_is_allowed():
+    up = Standing(weight=2.0).lift().duration
+    fruit = Standing(weight=2.0)
+    feel, since = fruit.scene.fingers.feel, fruit.scene.clock.now()
+
+    def creep(now: float) -> np.ndarray:
+        wrenches = feel(now)
+        place = 2e-3 * (now - since)
+        wrenches[:, 4] += np.array([1.0, MIRROR[4]]) * place * -wrenches[:, 2]
+        return wrenches
+
+    fruit.scene.fingers.feel = creep
+    assert fruit.lift(settle_within=0.8).duration == pytest.approx(up + 0.8, abs=0.05)
 
 
 @pytest.mark.parametrize(("lever", "code"), [(0.0, "TOO_HEAVY"), (0.03, "FORCE_LIMIT")])

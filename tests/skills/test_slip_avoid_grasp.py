@@ -124,7 +124,9 @@ def test_fingers_that_rest_leave_the_next_command_free_for_when_it_is_needed() -
 
 
 def test_a_measured_fruit_lets_the_fingers_move_fast_where_nothing_can_touch() -> None:
-    measured = SimpleNamespace(dimensions=np.array([WIDTH, 0.06, WIDTH]))
+    measured = SimpleNamespace(
+        dimensions=np.array([WIDTH, 0.06, WIDTH]), fruit=SimpleNamespace(mass=None), covariance=np.eye(6)
+    )
     known, unknown = Rig(opening=0.103), Rig(opening=0.103)
     fast = drive(_Ungated(), {"fruit": measured}, known.devices, clock=known.clock)
     slow = unknown.drive()
@@ -133,7 +135,7 @@ def test_a_measured_fruit_lets_the_fingers_move_fast_where_nothing_can_touch() -
 
 
 class _Ungated(SlipAvoidGrasp):
-    """Takes a stand-in for the measured fruit: only its dimensions are read."""
+    """Takes a stand-in for the measured fruit: only its dimensions and its kind's mass are read."""
 
 
 def test_a_load_raises_the_force_and_the_force_follows_it_down() -> None:

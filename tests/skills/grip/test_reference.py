@@ -124,3 +124,38 @@ def test_fingers_that_contradict_themselves_raise_the_force_to_twice_what_held_a
     reference.distrust("again")
     follow(reference, [load(20.0)] * 2000)
     assert reference.f_ref == pytest.approx(2.0 * before, rel=1e-6)
+
+
+def rising(settings: GripSettings, f_t: float) -> float:
+    """The largest reference while a load of which a moment twists the fruit rises for 20 ms [N]."""
+    reference = ForceReference(settings)
+    reference.begin(2.2)
+    highest = 0.0
+    for _ in range(10):
+        reference.follow(load(2.0, share=1.2, rise=3.0, f_t=f_t), 2.6, PERIOD)
+        highest = max(highest, reference.f_ref)
+    return highest
+
+
+def test_a_load_is_not_taken_to_grow_beyond_what_the_fruit_may_weigh() -> None:
+    unknown, known = GripSettings(margin=MARGIN), GripSettings(margin=MARGIN, expected_load=2.0)
+    assert rising(known, f_t=1.5) < rising(unknown, f_t=1.5) - 1.0
+
+
+def test_a_fruit_that_is_heavier_than_its_size_says_is_answered_as_any() -> None:
+    unknown, known = GripSettings(margin=MARGIN), GripSettings(margin=MARGIN, expected_load=2.0)
+    assert rising(known, f_t=2.1) == rising(unknown, f_t=2.1)
+
+
+def test_what_a_fruit_that_stands_is_borne_by_is_no_load_until_it_changes() -> None:
+    reference = ForceReference(GripSettings(margin=MARGIN))
+    reference.begin(2.2)
+    reference.stand((1.5, 0.0))
+    pushed = load(4.0, share=1.5, rise=1.0, load=(1.6, 0.1))
+    follow(reference, [pushed] * 100)
+    assert reference.f_ref == pytest.approx(2.2)
+    assert not reference.carried
+    follow(reference, [load(4.0, share=1.5, rise=1.0, load=(1.9, 0.0))] * 10)
+    assert reference.f_ref > 5.0
+    follow(reference, [pushed] * 10)  # it hangs, and swings: it does not stand again
+    assert reference.f_ref > 5.0

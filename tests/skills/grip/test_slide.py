@@ -63,7 +63,6 @@ def test_a_twist_takes_its_part_of_the_friction():
     [
         (slid(0.7, samples=18), slid(0.7, way=-1.0), "only 18 and 60 samples"),
         (slid(0.7, f_n=(0.05, 0.6)), slid(0.7, f_n=(0.05, 0.6), way=-1.0), "presses with 0.05 N only"),
-        (slid(0.1, load=0.9), slid(0.1, way=-1.0, load=0.9), "came along"),
         (
             np.concatenate([slid(0.3, samples=30), slid(0.7, samples=30)]),
             np.concatenate([slid(0.3, way=-1.0, samples=30), slid(0.7, way=-1.0, samples=30)]),
@@ -74,3 +73,19 @@ def test_a_twist_takes_its_part_of_the_friction():
 def test_where_the_pads_did_not_slide_nothing_is_said(up, down, words):
     with pytest.raises(NoSlideError, match=words):
         friction_of_slides(up, down, CONTACT)
+
+
+@given(mu=st.floats(0.3, 1.2), tilt=st.floats(-0.04, 0.04), f_up=st.floats(0.3, 1.0), f_down=st.floats(0.3, 2.0))
+def test_pads_that_are_not_square_to_the_skin_cancel_whatever_presses_on_either_way(mu, tilt, f_up, f_down):
+    up, down = slid(mu + tilt, (f_up, f_up)), slid(mu - tilt, (f_down, f_down), way=-1.0)
+    found = friction_of_slides(up, down, CONTACT)
+    assert found.mu == pytest.approx(mu, rel=1e-9)
+    assert not found.came_along
+
+
+def test_of_a_fruit_that_came_along_the_way_down_counts_and_is_less_certain():
+    up, down = slid(0.25), slid(0.8, way=-1.0)
+    found = friction_of_slides(up, down, CONTACT)
+    assert found.came_along
+    assert found.mu == pytest.approx(0.8)
+    assert found.uncertainty == pytest.approx(0.05)
