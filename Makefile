@@ -122,6 +122,9 @@ bench-refine: $(STAMP) ## refinement, both methods side by side
 bench-plan: $(STAMP) ## planning over random scenes, beside the paper's way
 	$(BIN)/python -m benchmarks.bench_plan
 
+bench-watch: $(STAMP) ## a hand that comes into the way of the moving arm: 200 paths, and 100 on which nothing is new (half an hour)
+	$(BIN)/python -m benchmarks.bench_watch
+
 bench-grasp: $(STAMP) ## grip control over random lifts, baselines beside it
 	$(BIN)/python -m benchmarks.bench_grasp --plots runs/bench_grasp
 

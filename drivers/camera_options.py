@@ -39,9 +39,14 @@ class IntrinsicsSection:
     def intrinsics(self, size: tuple[int, ...] | None = None) -> Intrinsics:
         """The intrinsics of the same view in an image of another size (width, height)."""
         width, height = size or (self.width, self.height)
-        x, y = width / self.width, height / self.height
-        if (x, y) == (1.0, 1.0):
-            return Intrinsics(self.fx, self.fy, self.cx, self.cy, width, height)
-        # Pixel centres lie at integers: an image's left edge is at -0.5, however many pixels it has.
-        cx, cy = (self.cx + 0.5) * x - 0.5, (self.cy + 0.5) * y - 0.5
-        return Intrinsics(self.fx * x, self.fy * y, cx, cy, width, height)
+        return scaled(Intrinsics(self.fx, self.fy, self.cx, self.cy, self.width, self.height), width, height)
+
+
+def scaled(of: Intrinsics, width: int, height: int) -> Intrinsics:
+    """The intrinsics of the same view in an image of another size [px]."""
+    x, y = width / of.width, height / of.height
+    if (x, y) == (1.0, 1.0):
+        return of
+    # Pixel centres lie at integers: an image's left edge is at -0.5, however many pixels it has.
+    cx, cy = (of.cx + 0.5) * x - 0.5, (of.cy + 0.5) * y - 0.5
+    return Intrinsics(of.fx * x, of.fy * y, cx, cy, width, height)

@@ -24,7 +24,7 @@ from drivers.errors import CellFileError, DeviceFault, DriverError
 from drivers.estimate import estimate_errors
 from drivers.faults import FaultSwitch
 from drivers.hold_watch import HoldWatch
-from drivers.interfaces import Arm, ForceSensor, Gripper, Workspace
+from drivers.interfaces import Arm, Camera, Cameras, ForceSensor, Gripper, Workspace
 from drivers.readings import Readings
 from executive.clock import Clock, ManualClock, SystemClock
 from executive.values.documents import Outline, with_includes
@@ -252,6 +252,9 @@ class Cell:
     def _find(self, interface: type) -> Any:
         if interface is Workspace:
             return self.workspace
+        if interface is Cameras:
+            seeing: Any = [device for device in self.devices.values() if Camera in device.interfaces]
+            return Cameras(tuple(seeing))
         return next((device for device in self.devices.values() if interface in device.interfaces), None)
 
 

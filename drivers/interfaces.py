@@ -78,6 +78,25 @@ class Camera(Protocol):
 
 
 @runtime_checkable
+class DepthCamera(Protocol):
+    """A camera that can be asked for depth alone, where colour costs something that a look at depth need not cost.
+
+    What watches a motion asks for it (`skills.shared.live_watch`); of any other camera it takes `Camera.latest`.
+    """
+
+    def latest_depth(self) -> Frame | None:
+        """The newest frame, perhaps of fewer pixels, its colour black; as `Camera.latest` otherwise."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Cameras:
+    """All cameras of a cell, in the cell file's order: those on the arm, and those that are fixed in the cell."""
+
+    all: tuple[Camera, ...]
+
+
+@runtime_checkable
 class FrameSequence(Protocol):
     """A camera that shows recorded frames one after the other; `Camera.latest` gives the one that is shown."""
 
@@ -390,6 +409,23 @@ class Box:
     half_extents: tuple[float, float, float]
 
 
+@dataclass(frozen=True, slots=True)
+class PathWatchSettings:
+    """How carefully the rest of a path is watched while the arm follows it.
+
+    Attributes:
+        speed: at which what moves is expected to come towards the arm [m/s]; a hand's in ISO 13855.
+        near: what only stands there, unknown, is kept so far away, from the middle of its cell of 20 mm [m].
+        padding: around the robot's shape; what is nearer is taken for the robot itself [m].
+        delay: from a look at a frame to the moment at which the arm begins to brake [s].
+    """
+
+    speed: float = 1.6
+    near: float = 0.03
+    padding: float = 0.03
+    delay: float = 0.05
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Workspace:
     """What the cell file knows about the surroundings of the arm, in the base frame.
@@ -399,6 +435,7 @@ class Workspace:
         lower, upper: corners of the volume that is mapped and moved in, shape (3,) [m].
         obstacles: fixed geometry that no camera needs to see.
         poses: named joint configurations, shape (dof,) [rad] each: home, observe, observe_2, place …
+        watch: how the way is watched while the arm moves; None: it is not.
     """
 
     table_z: float | None
@@ -406,6 +443,7 @@ class Workspace:
     upper: Float64
     obstacles: tuple[Box, ...] = ()
     poses: Mapping[str, Float64] = field(default_factory=dict)
+    watch: PathWatchSettings | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drivers.interfaces import Box, Workspace
+from drivers.interfaces import Box, PathWatchSettings, Workspace
 from executive.values.arrays import Float64
 from executive.values.kinds import ListOf, MappingOf, Measure, Row, Text
 from executive.values.sections import Problem, Section, value
-from executive.values.units import ANGLE, LENGTH
+from executive.values.units import ANGLE, LENGTH, SPEED, TIME
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,6 +43,26 @@ class ObstacleSection:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class WatchSection:
+    """How the rest of a path is compared with what the cameras see while the arm follows it. No safety function."""
+
+    speed: float = value(
+        Measure(SPEED, "0 m/s", "10 m/s"), "1.6 m/s", "at which what moves is expected to come towards the arm"
+    )
+    near: float = value(Measure(LENGTH, "20 mm", "500 mm"), "30 mm", "what stands there unknown is kept so far away")
+    padding: float = value(
+        Measure(LENGTH, "20 mm", "200 mm"), "30 mm", "around the robot; what is nearer is taken for the robot itself"
+    )
+    delay: float = value(
+        Measure(TIME, "0 s", "2 s"), "50 ms", "from a look at a frame until the arm begins to brake; measure yours"
+    )
+
+    def settings(self) -> PathWatchSettings:
+        """For the skills."""
+        return PathWatchSettings(self.speed, self.near, self.padding, self.delay)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class WorkspaceSection:
     """What is known of the surroundings of the arm, in its base frame."""
 
@@ -53,6 +73,10 @@ class WorkspaceSection:
         ListOf(Section(ObstacleSection)), (), "fixed geometry that no camera needs to see"
     )
     poses: Mapping[str, tuple[float, ...]] = value(MappingOf(Row(Measure(ANGLE))), {}, "joints, by the pose's name")
+
+    watch: WatchSection | None = value(
+        Section(WatchSection), None, "watch the way while the arm moves; without it nobody does"
+    )
 
     def problems(self) -> Iterator[Problem]:
         if any(low >= high for low, high in zip(self.lower, self.upper, strict=True)):
@@ -66,6 +90,7 @@ class WorkspaceSection:
             upper=np.array(self.upper),
             obstacles=tuple(box for obstacle in self.obstacles for box in obstacle.boxes()),
             poses={name: np.array(q) for name, q in self.poses.items()},
+            watch=None if self.watch is None else self.watch.settings(),
         )
 
 

@@ -19,6 +19,7 @@ from skills.motion.planning.timing import time_curve
 from skills.motion.robot import RobotModel
 from skills.motion.straight_line import straight_line
 from skills.shared.following import MOTION_FAILURES, MovingSkill
+from skills.shared.live_watch import BLOCKED, KnownAround, prepare_watch
 from skills.shared.touch import Touch
 from skills.shared.usable_map import usable_field
 from skills.shared.warm_motion import prepare_moving
@@ -40,6 +41,7 @@ class Approach(MovingSkill):
     moves = (Arm, Gripper)
     failures = (
         *MOTION_FAILURES,
+        BLOCKED,
         "NOT_AT_PRE_GRASP",
         "NO_STRAIGHT_LINE",
         "IN_COLLISION",
@@ -50,6 +52,7 @@ class Approach(MovingSkill):
 
     def prepare(self) -> None:
         prepare_moving(self)
+        prepare_watch(self)
 
     def run(
         self,
@@ -87,7 +90,8 @@ class Approach(MovingSkill):
             yield from self.move_fingers(width, gripper.limits.speed_max)
         trajectory = time_curve(line.q, line.length, arm.limits, speed, acceleration, acceleration / JERK_TIME)
         with Touch(self.device(ForceSensor)) as touch:
-            yield from self.travel(trajectory, lambda: self._feel(touch, contact, robot, grasp))
+            known = KnownAround(map, (grasp.fruit,))
+            yield from self.travel(trajectory, lambda: self._feel(touch, contact, robot, grasp), known)
         return None
 
     def _require_pre_grasp(self, T_base_tcp: np.ndarray, grasp: Grasp) -> None:

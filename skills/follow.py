@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
 import numpy as np
 
 from drivers.errors import BadTrajectory
 from drivers.interfaces import Arm, Trajectory
 from drivers.trajectory import check_trajectory
+from executive.ports import Port
 from executive.skill import Work
+from skills.motion.grasp import Grasp
+from skills.motion.occupancy import OccupancyMap
 from skills.shared.following import MOTION_FAILURES, MovingSkill
+from skills.shared.live_watch import BLOCKED, KnownAround, prepare_watch
 
 START_TOLERANCE = 0.02
 """How far a joint may stand from the path's start [rad]."""
@@ -17,15 +23,21 @@ START_TOLERANCE = 0.02
 class Follow(MovingSkill):
     """Carry out a planned path.
 
-    Interrupted, the arm stops on its path within its deceleration limits, and stays there.
+    Interrupted, the arm stops on its path within its deceleration limits, and stays there. It does so, too, when a
+    camera sees something new in the way (a cell file with `workspace.watch`), and fails with PATH_BLOCKED.
     """
 
     devices = (Arm,)
-    failures = (*MOTION_FAILURES, "BAD_PATH", "NOT_AT_START")
+    failures = (*MOTION_FAILURES, BLOCKED, "BAD_PATH", "NOT_AT_START")
+
+    def prepare(self) -> None:
+        prepare_watch(self)
 
     def run(
         self,
         path: Trajectory,
+        map: Annotated[OccupancyMap | None, Port(help="what is known to be there, and no news to the cameras")] = None,
+        grasp: Annotated[Grasp | None, Port(help="its fruit is known to be there, too")] = None,
     ) -> Work[None]:
         arm = self.device(Arm)
         try:
@@ -41,5 +53,5 @@ class Follow(MovingSkill):
                 joint=joint + 1,
                 distance_rad=float(away[joint]),
             )
-        yield from self.travel(path)
+        yield from self.travel(path, around=KnownAround(map, () if grasp is None else (grasp.fruit,)))
         return None

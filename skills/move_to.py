@@ -13,6 +13,7 @@ from skills.motion.grasp import Grasp
 from skills.motion.occupancy import OccupancyMap
 from skills.perception.measured_fruit import MeasuredFruit
 from skills.shared.following import MOTION_FAILURES, MovingSkill
+from skills.shared.live_watch import prepare_watch
 from skills.shared.moving import POSE_FAILURES, move_to_pose
 from skills.shared.named_pose import judge_pose, offered_poses
 from skills.shared.warm_motion import prepare_planning
@@ -22,7 +23,8 @@ class MoveTo(MovingSkill):
     """Move to a named pose of the cell file, around what is in the way.
 
     The fixed surroundings and the robot itself are always avoided, what a `map` holds as well, and with `carrying` the
-    fruit between the fingers is part of the robot and is moved gently.
+    fruit between the fingers is part of the robot and is moved gently. When a camera sees something new in the way (a
+    cell file with `workspace.watch`), the arm stops on its path, and the skill fails with PATH_BLOCKED.
     """
 
     devices = (Arm, Gripper, Workspace)
@@ -41,6 +43,7 @@ class MoveTo(MovingSkill):
 
     def prepare(self) -> None:
         prepare_planning(self)
+        prepare_watch(self)
 
     def run(
         self,

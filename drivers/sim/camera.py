@@ -1,15 +1,17 @@
-"""The simulated RGB-D camera on the gripper: pictures are rendered when somebody looks."""
+"""The simulated RGB-D camera, on the gripper or fixed in the cell: pictures are rendered when somebody looks."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from drivers.camera_options import scaled
 from drivers.errors import DeviceLost
-from drivers.interfaces import Camera, Frame, Intrinsics
+from drivers.interfaces import Camera, DepthCamera, Frame, Intrinsics
 from drivers.sim.faults import FaultyDevice
 from drivers.sim.gl import in_gl_thread, load_mujoco, open_renderer
 from drivers.sim.stereo_depth import Stereo, measure_depth
@@ -30,19 +32,34 @@ class SimCamera(FaultyDevice):
     future) or `repeated` (with the number of the one before).
     """
 
-    interfaces = (Camera,)
+    interfaces = (Camera, DepthCamera)
     known_faults = ("freeze", "lost", "old", "early", "repeated")
 
-    def __init__(self, world: PhysicsWorld, intrinsics: Intrinsics, stereo: Stereo, rate: float) -> None:
+    def __init__(
+        self,
+        world: PhysicsWorld,
+        intrinsics: Intrinsics,
+        stereo: Stereo,
+        rate: float,
+        T_base_camera: Float64 | None = None,
+    ) -> None:
+        """
+        Args:
+            T_base_camera: where the camera is fixed in the cell, shape (4, 4); without it, it rides on the gripper.
+        """
         super().__init__("camera")
         self._world, self._intrinsics, self._stereo, self._rate = world, intrinsics, stereo, rate
         model = world.model
-        model.cam_resolution[model.cam("camera").id] = (intrinsics.width, intrinsics.height)
-        _set_projection(model, model.cam("camera").id, intrinsics)
+        self._fixed = T_base_camera is not None
+        if T_base_camera is None:
+            model.cam_resolution[model.cam("camera").id] = (intrinsics.width, intrinsics.height)
+            _set_projection(model, model.cam("camera").id, intrinsics)
         self._joints = model.jnt_qposadr[world.arm_joints]
-        self.T_mount_camera = _pose_in_flange(model)
+        self.T_mount_camera = _pose_in_flange(model) if T_base_camera is None else T_base_camera
         self._renderer: Any = None
+        self._depth_renderer: Any = None
         self._frame: Frame | None = None
+        self._watched: Frame | None = None
         self._fault_since = 0.0
         self._guard = FrameGuard(world.clock, SILENCE)
 
@@ -56,6 +73,20 @@ class SimCamera(FaultyDevice):
         if self._guard.judge(stamp, sequence):
             self._frame = self._expose(stamp, sequence)
         return self._frame
+
+    def latest_depth(self) -> Frame | None:
+        """The depth of this moment with half the pixels each way; not a look that is scored."""
+        if self.fault is not None:
+            return None if self.fault == "lost" else self._watched
+        stamp, sequence = self._next()
+        if self._watched is None or self._watched.sequence != sequence:
+            half = scaled(self._intrinsics, self._intrinsics.width // 2, self._intrinsics.height // 2)
+            depth = in_gl_thread(lambda: self._render_depth(half))
+            rng = np.random.default_rng([self._world.seed, 14, sequence])
+            stereo = replace(self._stereo, focal=half.fx, disparity_noise=self._stereo.disparity_noise / 2.0)
+            colour = np.broadcast_to(np.uint8(0), (half.height, half.width, 3))
+            self._watched = self._frame_of(stamp, sequence, colour, measure_depth(depth, stereo, rng), half, stereo)
+        return self._watched
 
     def _next(self) -> tuple[float, int]:
         """Stamp and number of the frame of this moment."""
@@ -86,36 +117,76 @@ class SimCamera(FaultyDevice):
         self._fault_since = self._world.clock.now()
 
     def close(self) -> None:
-        if self._renderer is not None:
-            in_gl_thread(self._renderer.close)
-            self._renderer = None
+        for renderer in (self._renderer, self._depth_renderer):
+            if renderer is not None:
+                in_gl_thread(renderer.close)
+        self._renderer = self._depth_renderer = None
 
     def _expose(self, now: float, sequence: int) -> Frame:
         self._world.looked()
         colour, depth = in_gl_thread(self._render)
         rng = np.random.default_rng([self._world.seed, 4, sequence])
+        photograph = _photograph(colour, rng)
+        measured = measure_depth(depth, self._stereo, rng)
+        return self._frame_of(now, sequence, photograph, measured, self._intrinsics, self._stereo)
+
+    def _frame_of(
+        self,
+        stamp: float,
+        sequence: int,
+        colour: NDArray[np.uint8],
+        depth: NDArray[np.float32],
+        intrinsics: Intrinsics,
+        stereo: Stereo,
+    ) -> Frame:
         return Frame(
-            stamp=now,
+            stamp=stamp,
             sequence=sequence,
-            colour=_photograph(colour, rng),
-            depth=measure_depth(depth, self._stereo, rng),
-            intrinsics=self._intrinsics,
-            q=self._world.state.qpos[self._joints].copy(),
+            colour=colour,
+            depth=depth,
+            intrinsics=intrinsics,
+            q=None if self._fixed else self._world.state.qpos[self._joints].copy(),
             T_mount_camera=self.T_mount_camera,
             label=self.name,
-            depth_model=self._stereo.depth_model(),
+            depth_model=stereo.depth_model(),
         )
 
     def _render(self) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
         """Ideal colour and z-depth [m]; the far plane counts as nothing seen."""
         renderer = self._open_renderer()
         renderer.disable_depth_rendering()
-        renderer.update_scene(self._world.state, camera="camera")
+        self._aim(renderer, self._intrinsics)
         colour = renderer.render().copy()
         renderer.enable_depth_rendering()
         depth = renderer.render().copy()
         depth[depth > 5.0] = 0.0
         return colour, depth
+
+    def _render_depth(self, intrinsics: Intrinsics) -> NDArray[np.float32]:
+        """Ideal z-depth [m] of an image of another size; 0 where nothing is near."""
+        if self._depth_renderer is None:
+            self._depth_renderer = open_renderer(self._world.model, intrinsics.height, intrinsics.width)
+            self._depth_renderer.enable_depth_rendering()
+        self._aim(self._depth_renderer, intrinsics)
+        depth: NDArray[np.float32] = self._depth_renderer.render().copy()
+        depth[depth > 5.0] = 0.0
+        return depth
+
+    def _aim(self, renderer: Any, intrinsics: Intrinsics) -> None:
+        """Show the world as it is now, from where the camera is."""
+        if not self._fixed:
+            renderer.update_scene(self._world.state, camera="camera")
+            return
+        renderer.update_scene(self._world.state)
+        model, T = self._world.model, self.T_mount_camera
+        near = float(model.vis.map.znear * model.stat.extent)
+        left, right = (near * (u - intrinsics.cx) / intrinsics.fx for u in (-0.5, intrinsics.width - 0.5))
+        top, bottom = (near * (intrinsics.cy - v) / intrinsics.fy for v in (-0.5, intrinsics.height - 0.5))
+        for eye in renderer.scene.camera:
+            eye.pos, eye.forward, eye.up = T[:3, 3], T[:3, 2], -T[:3, 1]
+            eye.frustum_center, eye.frustum_width = (left + right) / 2.0, (right - left) / 2.0
+            eye.frustum_bottom, eye.frustum_top = bottom, top
+            eye.frustum_near, eye.frustum_far = near, float(model.vis.map.zfar * model.stat.extent)
 
     def _open_renderer(self) -> Any:
         if self._renderer is None:

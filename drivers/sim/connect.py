@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+import numpy as np
+
 from drivers.camera_options import LARGEST, IntrinsicsSection
 from drivers.device import ConnectContext
 from drivers.driver import Settings, Surroundings, driver
@@ -21,9 +23,13 @@ from drivers.sim.scene import OFFSCREEN, build_scene
 from drivers.sim.stereo_depth import Stereo
 from drivers.sim.world import PhysicsWorld, SimWorld
 from drivers.streams import Belief
-from executive.values.kinds import Counts, Measure
+from executive.values.arrays import Float64
+from executive.values.kinds import Counts, Measure, Row
 from executive.values.sections import Problem, Section, value
 from executive.values.units import FORCE, LENGTH, PIXELS, RATE, SPEED, TIME
+
+NO_WAY = 1e-6
+"""Two points no further apart give no direction [m]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -79,8 +85,33 @@ class FingersOptions(InWorld):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class FixedSection:
+    """A camera that is fixed in the cell, its image upright."""
+
+    position: tuple[float, ...] = value(Row(Measure(LENGTH, "-10 m", "10 m"), 3), help="in the base frame")
+    looks_at: tuple[float, ...] = value(
+        Row(Measure(LENGTH, "-10 m", "10 m"), 3), help="a point on its optical axis, in the base frame"
+    )
+
+    def problems(self) -> Iterator[Problem]:
+        ahead = np.subtract(self.looks_at, self.position)
+        if np.linalg.norm(ahead) < NO_WAY:
+            yield Problem("looks_at", "it is where the camera itself is", "a point that it looks at")
+
+    def pose(self) -> Float64:
+        """T_base_camera, shape (4, 4): z along the optical axis, y down, or towards +y where it looks straight down."""
+        p, ahead = np.array(self.position), np.subtract(self.looks_at, self.position)
+        z = ahead / np.linalg.norm(ahead)
+        x = np.cross(z, [0.0, 0.0, 1.0])
+        x = np.array([-1.0, 0.0, 0.0]) if np.linalg.norm(x) < NO_WAY else x / np.linalg.norm(x)
+        T = np.eye(4)
+        T[:3, :3], T[:3, 3] = np.stack([x, np.cross(z, x), z], axis=1), p
+        return T
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class CameraOptions(InWorld):
-    """The simulated RGB-D camera on the gripper: a stereo camera."""
+    """The simulated RGB-D camera, on the gripper or fixed in the cell: a stereo camera."""
 
     size: tuple[int, ...] | None = value(
         Counts(2, 1, LARGEST), None, "width and height of the images; the intrinsics are scaled to it"
@@ -92,6 +123,9 @@ class CameraOptions(InWorld):
     )
     nearest: float = value(Measure(LENGTH, "0 mm", "1 m"), "180 mm", "what is nearer has no depth")
     rate: float = value(Measure(RATE, "1 Hz", "1 kHz"), "30 Hz", "frames per second")
+    fixed: FixedSection | None = value(
+        Section(FixedSection), None, "where it is fixed in the cell; without it, it rides on the gripper"
+    )
 
     def problems(self) -> Iterator[Problem]:
         width, height = self.size or (self.intrinsics.width, self.intrinsics.height)
@@ -149,7 +183,8 @@ def connect_camera(settings: Settings[CameraOptions], context: ConnectContext) -
     said = settings.values
     intrinsics = said.intrinsics.intrinsics(said.size)
     stereo = Stereo(intrinsics.fx, said.baseline, said.disparity_noise, said.nearest)
-    return SimCamera(_world(context), intrinsics, stereo, said.rate)
+    pose = None if said.fixed is None else said.fixed.pose()
+    return SimCamera(_world(context), intrinsics, stereo, said.rate, pose)
 
 
 def _world(context: ConnectContext) -> PhysicsWorld:

@@ -14,6 +14,7 @@ from drivers.interfaces import Box, FruitKinds
 from drivers.robot_file import read_limits
 from drivers.sim.fruit_model import UnusableModel, read_model
 from drivers.sim.fruit_shape import APPLES, SKINS
+from drivers.sim.intruder import IntruderSection
 from drivers.sim.robot import read_robot
 from executive.values.arrays import Float64
 from executive.values.kinds import Flag, MappingOf, Measure, Number, OrWord, PathTo, Row, Span, Text, Whole, choose
@@ -64,6 +65,7 @@ class Layout:
         fixed: what the cell file's workspace says is fixed: the robot's pedestal, a crate.
         friction: sliding friction of the pads.
         torsion: torsional friction of the pads [m].
+        intruder: a person's hand that comes into the cell, or None.
     """
 
     robot: Path
@@ -73,6 +75,7 @@ class Layout:
     fixed: tuple[Box, ...]
     friction: float
     torsion: float
+    intruder: IntruderSection | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -122,6 +125,7 @@ class WorldOptions:
     shape_noise: float = value(Number(0.0, 3.0), "1", "how uneven the shape is; 0 gives the CAD model's form")
     tilt: float = value(Measure(ANGLE, "0 rad", "180 deg"), "0.1 rad", "largest tilt of a stem")
     jitter: float = value(Measure(LENGTH, "0 mm", "50 mm"), "0 mm", "of a place, in x and y")
+    intruder: IntruderSection | None = value(Section(IntruderSection), None, "a person's hand that comes into the cell")
 
     def problems(self) -> Iterator[Problem]:
         for key, word, known in (("fruit", self.fruit, self.fruits), ("place", self.place, self.places)):
@@ -195,6 +199,7 @@ def draw_layout(said: WorldOptions, seed: int, fixed: tuple[Box, ...] = ()) -> L
         fixed=fixed,
         friction=float(drawn["friction"].uniform(*(said.friction or FRICTION))),
         torsion=said.torsion,
+        intruder=said.intruder,
     )
 
 

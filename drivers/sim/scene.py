@@ -11,6 +11,7 @@ import numpy as np
 from drivers.interfaces import Box
 from drivers.sim.fruit_shape import FruitShape, make_fruit
 from drivers.sim.gl import load_mujoco
+from drivers.sim.intruder import IntruderSection, add_intruder
 from drivers.sim.layout import Distractor, FruitOnTable, Layout
 from drivers.sim.robot import PADS, read_robot
 from executive.values.arrays import Float64
@@ -36,6 +37,7 @@ class SimScene:
     friction: float
     torsion: float
     table_z: float
+    intruder: IntruderSection | None = None
 
     @property
     def dof(self) -> int:
@@ -66,8 +68,19 @@ def build_scene(layout: Layout, seed: int) -> SimScene:
     for i, distractor in enumerate(layout.distractors):
         _add_distractor(mujoco, spec, f"distractor_{i}", distractor, layout.table_z)
     _add_contact_sensors(mujoco, spec, layout)
+    if layout.intruder is not None:
+        add_intruder(mujoco, spec)
     model = spec.compile()
-    return SimScene(model, layout.fruits, tuple(shapes), layout.fixed, layout.friction, layout.torsion, layout.table_z)
+    return SimScene(
+        model,
+        layout.fruits,
+        tuple(shapes),
+        layout.fixed,
+        layout.friction,
+        layout.torsion,
+        layout.table_z,
+        layout.intruder,
+    )
 
 
 def set_physics(mujoco: Any, spec: Any) -> None:

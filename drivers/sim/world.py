@@ -10,7 +10,9 @@ from typing import Any
 import numpy as np
 
 from drivers.device import Device
+from drivers.faults import FaultSwitch
 from drivers.sim.gl import load_mujoco
+from drivers.sim.intruder import Intruder, Reach
 from drivers.sim.scene import TIMESTEP, SimScene
 from drivers.sim.score import Scorer
 from executive.values.arrays import Float64
@@ -115,10 +117,23 @@ class SimWorld(PhysicsWorld):
         super().__init__(scene.model, description, q_start, seed)
         self.scene = scene
         self.score = Scorer(scene, self.state)
+        self.intruder: Intruder | None = None
+        said = scene.intruder
+        if said is not None:
+            stays = np.inf if said.stays is None else said.stays
+            reach = Reach(np.array(said.start), np.array(said.goal), said.speed, stays)
+            dofs = self.model.jnt_dofadr[self.arm_joints]
+            self.intruder = Intruder(self.mujoco, self.model, self.state, dofs, reach, said.after)
+            self.before_step.append(self.intruder.step)
+
+    @property
+    def switches(self) -> Mapping[str, FaultSwitch]:
+        """What can be made to happen in the world, beside its devices."""
+        return {} if self.intruder is None else {"intruder": self.intruder}
 
     def truth(self) -> Mapping[str, object]:
         """The world's own score; see `score.Scorer.report`."""
-        return self.score.report()
+        return {**self.score.report(), **({} if self.intruder is None else self.intruder.truth())}
 
     def looked(self) -> None:
         """A camera looks now: remember where the fruit truly is."""
@@ -126,3 +141,5 @@ class SimWorld(PhysicsWorld):
 
     def watch(self) -> None:
         self.score.watch()
+        if self.intruder is not None:
+            self.intruder.measure()

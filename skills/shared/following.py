@@ -8,6 +8,7 @@ from typing import ClassVar
 from drivers.errors import MotionRefused
 from drivers.interfaces import Arm, Gripper, Motion, MotionState, Trajectory
 from executive.skill import Skill
+from skills.shared.live_watch import KnownAround, LiveWatch
 
 Watching = Generator["str | None", None, None]
 
@@ -23,7 +24,7 @@ class MotionEnded(Exception):
         super().__init__(problem or f"the motion was {state.value} before its end")
 
 
-def follow_motion(motion: Motion, watch: Callable[[], None] | None = None) -> Watching:
+def follow_motion(motion: Motion, watch: Callable[[], str | None] | None = None) -> Watching:
     """Watch a motion until it is done and nothing moves any more.
 
     When the caller is interrupted, or `watch` raises, the motion is stopped, and the exception passes once all is at
@@ -31,16 +32,16 @@ def follow_motion(motion: Motion, watch: Callable[[], None] | None = None) -> Wa
 
     Args:
         motion: that was just started.
-        watch: called in every tick while it runs; raises what should end the motion.
+        watch: called in every tick while it runs; raises what should end the motion, or gives words for the feedback.
 
     Raises:
         MotionEnded: it was stopped by somebody else, or failed.
     """
     try:
         while motion.state in (MotionState.RUNNING, MotionState.PAUSED):
-            if watch is not None:
-                watch()
-            yield f"{motion.progress:.0%}" if motion.state is MotionState.RUNNING else "paused"
+            said = watch() if watch is not None else None
+            words = f"{motion.progress:.0%}" if motion.state is MotionState.RUNNING else "paused"
+            yield f"{words}, {said}" if said else words
     except GeneratorExit:
         motion.stop()
         raise
@@ -60,17 +61,41 @@ class MovingSkill(Skill):
 
     failures: ClassVar[tuple[str, ...]] = MOTION_FAILURES
 
-    def travel(self, trajectory: Trajectory, watch: Callable[[], None] | None = None) -> Watching:
-        """Let the arm follow a trajectory to its end."""
+    def travel(
+        self,
+        trajectory: Trajectory,
+        watch: Callable[[], str | None] | None = None,
+        around: KnownAround | None = None,
+    ) -> Watching:
+        """Let the arm follow a trajectory to its end.
+
+        Args:
+            trajectory: to follow.
+            watch: as in `follow_motion`.
+            around: what is known to be there; the cell's cameras then watch the way, and what is not known and too near
+                fails with PATH_BLOCKED, which the skill must declare. Without it nobody looks.
+        """
         arm = self.device(Arm)
-        yield from self._carry_out(lambda: arm.follow(trajectory), watch)
+        eyes = None if around is None else LiveWatch.of(self, arm, trajectory, around)
+
+        def start() -> Motion:
+            motion = arm.follow(trajectory)
+            if eyes is not None:
+                eyes.begin(motion)
+            return motion
+
+        def look() -> str | None:
+            said = None if watch is None else watch()
+            return eyes.look() if eyes is not None else said
+
+        yield from self._carry_out(start, look)
 
     def move_fingers(self, width: float, speed: float) -> Watching:
         """Move the fingers to an opening [m] at a speed [m/s]."""
         gripper = self.device(Gripper)
         yield from self._carry_out(lambda: gripper.move(width, speed), None)
 
-    def _carry_out(self, start: Callable[[], Motion], watch: Callable[[], None] | None) -> Watching:
+    def _carry_out(self, start: Callable[[], Motion], watch: Callable[[], str | None] | None) -> Watching:
         try:
             motion = start()
         except MotionRefused as refused:

@@ -16,6 +16,7 @@ from skills.motion.planning.timing import stretched
 from skills.motion.robot import RobotModel
 from skills.perception.measured_fruit import MeasuredFruit
 from skills.shared.following import MovingSkill, Watching
+from skills.shared.live_watch import BLOCKED, KnownAround
 from skills.shared.named_pose import named_pose
 from skills.shared.planning import PLANNING_FAILURES, patience, planned
 from skills.shared.usable_map import usable_field
@@ -26,7 +27,7 @@ POSE_TOLERANCE = 1e-3
 CARRIED_ACCELERATION = 2.0
 """A held fruit is accelerated by no more than this [m/s²]: every bit of it must be held by friction."""
 
-POSE_FAILURES = (*PLANNING_FAILURES, "UNKNOWN_POSE", "MAP_STALE")
+POSE_FAILURES = (*PLANNING_FAILURES, "UNKNOWN_POSE", "MAP_STALE", BLOCKED)
 """Codes of every skill that moves to a named pose."""
 
 
@@ -77,7 +78,8 @@ def move_to_pose(
     )
     result = yield from planned(skill, request)
     path = result.path if carrying is None else gently(RobotModel.load(arm.description), result.path)
-    yield from skill.travel(path if speed >= 1.0 else stretched(path, 1.0 / speed))
+    around = KnownAround(map, () if avoiding is None else (avoiding,), carrying)
+    yield from skill.travel(path if speed >= 1.0 else stretched(path, 1.0 / speed), around=around)
 
 
 def gently(robot: RobotModel, path: Trajectory) -> Trajectory:

@@ -7,6 +7,7 @@ from py_trees.common import Status
 from executive.skill_testing import drive
 from skills.approach import Approach
 from skills.geometry import transform
+from tests.skills.overhead import comes_near, watched
 from tests.skills.picking_scene import PickingScene, a_grasp, seen_map
 
 GRASP = a_grasp(theta=np.pi / 12.0)
@@ -133,3 +134,12 @@ def test_a_stale_map_is_not_free():
     outcome = drive(Approach(), {"grasp": GRASP, "map": seen_map(-1000.0)}, scene.devices, clock=scene.clock)
     assert outcome.reason.code == "MAP_STALE"
     assert scene.arm.followed == []
+
+
+def test_what_a_camera_sees_coming_stops_the_arm():
+    scene = at_pre_grasp()
+    devices, camera = watched(scene)
+    come = comes_near(scene, camera)
+    outcome = drive(Approach(), {"grasp": GRASP}, devices, clock=scene.clock, each_tick=come)
+    assert outcome.reason.code == "PATH_BLOCKED"
+    assert scene.arm.settled()

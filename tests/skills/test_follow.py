@@ -6,6 +6,7 @@ from py_trees.common import Status
 from executive.skill_testing import drive
 from skills.follow import Follow
 from skills.motion.planning.timing import time_polyline
+from tests.skills.overhead import comes_near, frame, watched
 from tests.skills.picking_scene import HOME, OBSERVE, PickingScene
 
 
@@ -71,3 +72,36 @@ def test_interrupted_it_stops_on_the_path_and_stays_there():
     assert min(np.abs(stopped - q).max() for q in planned.q) < 0.01
     scene.clock.advance(0.5)
     np.testing.assert_array_equal(scene.arm.q, stopped)
+
+
+def test_what_a_camera_sees_coming_stops_the_arm_on_its_path_and_is_told():
+    scene = PickingScene()
+    devices, camera = watched(scene)
+    planned = path(scene)
+    outcome = drive(Follow(), {"path": planned}, devices, clock=scene.clock, each_tick=comes_near(scene, camera))
+    assert outcome.reason.code == "PATH_BLOCKED"
+    assert outcome.reason.data["moved"]
+    assert np.linalg.norm(np.array(outcome.reason.data["point_m"]) - camera.balls[0][:3]) < 0.1
+    assert outcome.published[-1][0] == "blocked"
+    assert scene.arm.settled()
+    assert np.abs(scene.arm.q - HOME).max() > 0.1
+    assert min(np.abs(scene.arm.q - q).max() for q in planned.q) < 0.01
+
+
+def test_where_nothing_is_new_a_watched_path_takes_no_longer():
+    ends = []
+    for looked_at in (False, True):
+        scene = PickingScene()
+        devices = watched(scene)[0] if looked_at else scene.devices
+        outcome = drive(Follow(), {"path": path(scene)}, devices, clock=scene.clock)
+        assert outcome.status is Status.SUCCESS
+        ends.append(outcome.duration)
+    assert ends[0] == ends[1]
+
+
+def test_frames_that_are_old_or_repeated_are_not_looked_at():
+    scene = PickingScene()
+    devices, camera = watched(scene)
+    old = frame(-1.0, (*scene.tcp[:3, 3], 0.2))
+    camera.latest_depth = lambda: old
+    assert drive(Follow(), {"path": path(scene)}, devices, clock=scene.clock).status is Status.SUCCESS

@@ -6,6 +6,7 @@ from executive.skill_testing import drive
 from skills.motion.collision import CollisionWorld, Convex
 from skills.move_to import MoveTo
 from skills.shared.named_pose import named_pose
+from tests.skills.overhead import comes_near, watched
 from tests.skills.picking_scene import (
     HOME,
     OBSERVE,
@@ -100,3 +101,12 @@ def test_a_fruit_that_the_map_leaves_out_is_avoided():
     path = scene.arm.followed[0]
     assert world.check_trajectory(path, scene.width) is None
     assert world.check_path(np.array([HOME, OBSERVE]), scene.width) is not None
+
+
+def test_what_a_camera_sees_coming_stops_the_arm():
+    scene = PickingScene()
+    devices, camera = watched(scene)
+    come = comes_near(scene, camera)
+    outcome = drive(MoveTo(), {"pose": "home"}, devices, clock=scene.clock, each_tick=come)
+    assert outcome.reason.code == "PATH_BLOCKED"
+    assert scene.arm.settled()

@@ -6,6 +6,7 @@ from py_trees.common import Status
 
 from executive.skill_testing import drive
 from skills.release import Release
+from tests.skills.overhead import comes_near, watched
 from tests.skills.picking_scene import HOME, WORKSPACE, PickingScene, a_grasp, scene_with_pose, seen_map
 
 
@@ -247,3 +248,12 @@ def test_it_is_quick_until_the_fruit_is_near_to_what_is_known():
     assert [outcome.status for outcome in outcomes] == [Status.SUCCESS] * 2
     assert outcomes[1].duration < 0.6 * outcomes[0].duration
     assert quick.arm.followed[1].duration > 0.5  # the last two centimetres
+
+
+def test_what_a_camera_sees_coming_stops_the_arm():
+    scene = over_ground(None)
+    devices, camera = watched(scene)
+    come = comes_near(scene, camera)
+    outcome = drive(Release(), {"into": "home"}, devices, clock=scene.clock, each_tick=come)
+    assert outcome.reason.code == "PATH_BLOCKED"
+    assert scene.arm.settled()

@@ -49,7 +49,7 @@ class WorldArrays(NamedTuple):
 
 
 @njit(cache=True, nogil=True)
-def _place_spheres(
+def place_spheres(
     spheres: Float64, begin: int, end: int, T: Float64, sx: float, sy: float, sz: float, placed: Float64
 ) -> None:
     """Write the centres of a geom's spheres, shifted by s in the link's frame, in the base frame."""
@@ -231,7 +231,7 @@ def evaluate_clearances(
         if not ignored[MAP, g]:
             nearest, nearest_is = lookup(field, origin, resolution, x, y, z) - around, MAP
             if nearest < enough:
-                _place_spheres(spheres, begin, end, links[n], sx, sy, sz, placed)
+                place_spheres(spheres, begin, end, links[n], sx, sy, sz, placed)
                 ready[g] = True
                 nearest = _map_distance(field, origin, resolution, spheres, begin, end, placed) - margin
         for h in range(half_spaces.shape[0]):
@@ -252,7 +252,7 @@ def evaluate_clearances(
             away -= convex[k, 3] + around
             if away < min(enough, nearest):
                 if not ready[g]:
-                    _place_spheres(spheres, begin, end, links[n], sx, sy, sz, placed)
+                    place_spheres(spheres, begin, end, links[n], sx, sy, sz, placed)
                     ready[g] = True
                 first, last = plane_start[k], plane_start[k + 1]
                 away = _convex_distance(planes, first, last, convex[k], spheres, begin, end, placed) - margin
@@ -278,7 +278,7 @@ def evaluate_clearances(
         if around + enough > 0.0 and squared < (around + enough) ** 2:
             for g in (i, j):
                 if not ready[g]:
-                    _place_spheres(
+                    place_spheres(
                         spheres, start[g], start[g + 1], links[of_geom[g]], opening * slides[g, 0],
                         opening * slides[g, 1], opening * slides[g, 2], placed,
                     )  # fmt: skip

@@ -82,7 +82,7 @@ def integrate(
     points = np.zeros(states.shape, np.uint16)
     own = np.zeros(states.shape, np.bool_)
     if robot is not None and len(robot):
-        _mark_spheres(np.ascontiguousarray(robot), how.robot_padding, previous.origin, previous.resolution, own)
+        mark_spheres(np.ascontiguousarray(robot), how.robot_padding, previous.origin, previous.resolution, own)
     planes = np.empty((0, 4)) if target is None else target.planes
     bound = np.array([0.0, 0.0, 0.0, -1e9]) if target is None else target.bound
     lens = frame.intrinsics
@@ -123,7 +123,7 @@ def _clear_target(states: UInt8, grid: OccupancyMap, target: Convex, margin: flo
 
 
 @njit(cache=True, nogil=True)
-def _mark_spheres(
+def mark_spheres(
     spheres: Float64, padding: float, origin: Float64, resolution: float, marked: NDArray[np.bool_]
 ) -> None:
     """Mark the cells whose centre lies in one of the spheres, shape (n, 4), grown by `padding`."""

@@ -1,0 +1,129 @@
+"""The watch over a path: what is new stops the arm where it would get at it, and nothing else does."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from drivers.interfaces import Frame, Workspace
+from drivers.mock.arm import SIA5F_LIMITS
+from drivers.path_follower import PathFollower
+from executive.values.arrays import Float64
+from skills.motion.collision import Convex, RobotShape
+from skills.motion.occupancy import OccupancyMap
+from skills.motion.planning.timing import time_polyline
+from skills.motion.watch import Braking, PathWatch
+from tests.skills.overhead import LENS, T_BASE_CAMERA, frame
+from tests.skills.picking_scene import HOME, OBSERVE, ROBOT_MODEL, WORKSPACE
+
+SHAPE = RobotShape.of(ROBOT_MODEL)
+FAR = OBSERVE + np.array([1.2, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+PATH = time_polyline(np.array([OBSERVE, FAR]), SIA5F_LIMITS)
+
+
+def robot_at(q: Float64) -> list[tuple[float, float, float, float]]:
+    """The robot itself, as the camera sees it."""
+    return [(x, y, z, r) for x, y, z, r in SHAPE.spheres(q, 0.1)]
+
+
+def on_the_way(share: float) -> Float64:
+    """Where the TCP will be, (3,) [m]."""
+    return ROBOT_MODEL.tcp(OBSERVE + share * (FAR - OBSERVE))[:3, 3]
+
+
+def watch(workspace: Workspace = WORKSPACE, **known: object) -> PathWatch:
+    return PathWatch(SHAPE, PATH, SIA5F_LIMITS, 0.1, workspace, **known)  # type: ignore[arg-type]
+
+
+def test_nothing_new_is_told_though_the_robot_moves_through_the_image() -> None:
+    looking = watch()
+    for t in np.linspace(0.0, PATH.duration, 12):
+        q = np.array([np.interp(t, PATH.t, joint) for joint in PATH.q.T])
+        assert looking.look(frame(t, *robot_at(q)), T_BASE_CAMERA, q, 0.0, float(t)) is None
+
+
+def test_what_moves_in_within_reach_stops_the_arm_and_is_told_where_it_is() -> None:
+    looking = watch()
+    assert looking.look(frame(0.0, *robot_at(OBSERVE)), T_BASE_CAMERA, OBSERVE, 0.0, 0.0) is None
+    x, y, z = on_the_way(0.5)
+    ball = (x, y, z + 0.05, 0.05)
+    told = looking.look(frame(0.03, *robot_at(OBSERVE), ball), T_BASE_CAMERA, OBSERVE, 0.0, 0.3)
+    assert told is not None
+    assert told.stop
+    assert told.moved
+    assert np.linalg.norm(np.array(told.point) - ball[:3]) < 0.1
+
+
+def test_what_moves_in_far_away_stops_nothing() -> None:
+    looking = watch()
+    looking.look(frame(0.0, *robot_at(OBSERVE)), T_BASE_CAMERA, OBSERVE, 0.0, 0.0)
+    far = (-0.55, -0.75, 0.0, 0.05)
+    told = looking.look(frame(0.03, *robot_at(OBSERVE), far), T_BASE_CAMERA, OBSERVE, 0.0, PATH.duration - 0.02)
+    assert told is None
+
+
+def test_what_stands_there_unknown_stops_the_arm_only_where_it_would_get_at_it() -> None:
+    ball = (*on_the_way(0.9), 0.04)
+    looking = watch()
+    early = looking.look(frame(0.0, *robot_at(OBSERVE), ball), T_BASE_CAMERA, OBSERVE, 0.0, 0.0)
+    assert early is not None
+    assert not early.stop  # it is told, and braking can wait
+    assert early.after > 0.2
+    later = 0.6 * PATH.duration
+    q = np.array([np.interp(later, PATH.t, joint) for joint in PATH.q.T])
+    told = looking.look(frame(later, *robot_at(q), ball), T_BASE_CAMERA, q, 0.0, later)
+    assert told is not None
+    assert told.stop
+    assert not told.moved
+
+
+def test_what_the_map_or_the_task_knows_is_no_news() -> None:
+    x, y, z = on_the_way(0.5)
+    ball = (x, y, z, 0.03)
+    empty = OccupancyMap.empty(WORKSPACE.lower, WORKSPACE.upper, 0.01)
+    cells = np.indices(empty.states.shape).reshape(3, -1).T
+    inside = np.linalg.norm(empty.origin + (cells + 0.5) * 0.01 - [x, y, z], axis=1) < 0.03
+    empty.states[tuple(cells[inside].T)] = 2
+    shape = np.array([x, y, z]) + 0.03 * np.array([[a, b, c] for a in (-1, 1) for b in (-1, 1) for c in (-1, 1)])
+    for known in ({"map": empty}, {"known": [Convex.of_points("fruit", shape)]}):
+        looking = watch(**known)
+        assert looking.look(frame(0.0, *robot_at(OBSERVE), ball), T_BASE_CAMERA, OBSERVE, 0.0, 0.2) is None
+    assert watch().look(frame(0.0, *robot_at(OBSERVE), ball), T_BASE_CAMERA, OBSERVE, 0.0, 0.2) is not None
+
+
+def test_a_held_fruit_is_the_robots_own() -> None:
+    held = 0.04 * np.array([[a, b, c] for a in (-1, 1) for b in (-1, 1) for c in (-1, 1)])
+    tcp = ROBOT_MODEL.tcp(OBSERVE)
+    seen = frame(0.0, *robot_at(OBSERVE), (*tcp[:3, 3], 0.05))
+    carrying = PathWatch(SHAPE.holding(held), PATH, SIA5F_LIMITS, 0.1, WORKSPACE)
+    assert carrying.look(seen, T_BASE_CAMERA, OBSERVE, 0.0, 0.0) is None
+
+
+def test_noise_of_depth_and_missing_pixels_are_no_news() -> None:
+    rng = np.random.default_rng(4)
+    looking = watch()
+    for k in range(15):
+        look = frame(k / 30.0, *robot_at(OBSERVE))
+        assert look.depth is not None
+        sigma = look.depth_model.deviation(look.depth, LENS.fx)
+        noisy = (look.depth + sigma * rng.standard_normal(look.depth.shape)).astype(np.float32)
+        noisy[rng.random(noisy.shape) < 0.05] = 0.0
+        look = Frame(look.stamp, k, look.colour, noisy, LENS, None, T_BASE_CAMERA)
+        assert looking.look(look, T_BASE_CAMERA, OBSERVE, 0.0, 0.0) is None
+
+
+@pytest.mark.parametrize("goal", [FAR, HOME, OBSERVE + 0.6])
+def test_the_arm_has_braked_within_the_time_that_is_allowed_for_it(goal: Float64) -> None:
+    path = time_polyline(np.array([OBSERVE, goal]), SIA5F_LIMITS)
+    braking = Braking(path, SIA5F_LIMITS)
+    for share in np.linspace(0.0, 0.98, 25):
+        follower = PathFollower(path, SIA5F_LIMITS, 0.002)
+        while follower.path_time < share * path.duration:
+            follower.step()
+        told = braking.time(follower.path_time)
+        follower.slow_down()
+        took = 0.0
+        while not follower.at_rest:
+            follower.step()
+            took += 0.002
+        assert abs(took - told) < 0.025, f"at {share:.2f} of the way"

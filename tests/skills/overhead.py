@@ -1,0 +1,73 @@
+"""A depth camera above the table of `picking_scene`: it sees the table, and balls that a test puts there."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from drivers.interfaces import Cameras, Frame, Intrinsics, PathWatchSettings, Workspace
+from executive.clock import Clock
+from skills.geometry import inverse
+from tests.skills.picking_scene import TABLE_Z, PickingScene
+
+LENS = Intrinsics(305.0, 305.0, 159.5, 119.5, 320, 240)
+T_BASE_CAMERA = np.eye(4)
+T_BASE_CAMERA[:3, :3] = np.array([[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]])
+T_BASE_CAMERA[:3, 3] = [0.0, -0.3, 1.5]
+BLACK = np.zeros((LENS.height, LENS.width, 3), np.uint8)
+Ball = tuple[float, float, float, float]
+"""Centre in the base frame and radius [m]."""
+
+
+def depth_of(*balls: Ball) -> np.ndarray:
+    """What it measures, shape (240, 320) [m]."""
+    v, u = np.indices((LENS.height, LENS.width))
+    rays = np.stack([(u - LENS.cx) / LENS.fx, (v - LENS.cy) / LENS.fy, np.ones(u.shape)], axis=-1)
+    depth = np.full(u.shape, T_BASE_CAMERA[2, 3] - TABLE_Z)
+    for *centre, radius in balls:
+        c = (inverse(T_BASE_CAMERA) @ np.append(centre, 1.0))[:3]
+        a, b = (rays**2).sum(axis=-1), rays @ c
+        root = b**2 - a * (c @ c - radius**2)
+        near = (b - np.sqrt(np.maximum(root, 0.0))) / a
+        depth = np.where((root > 0.0) & (near < depth), near, depth)
+    return depth.astype(np.float32)
+
+
+def frame(stamp: float, *balls: Ball) -> Frame:
+    return Frame(stamp, round(30 * stamp), BLACK, depth_of(*balls), LENS, None, T_BASE_CAMERA, "above")
+
+
+class Overhead:
+    """A camera that is asked for depth alone; `balls` are what it sees from the next frame on."""
+
+    def __init__(self, clock: Clock) -> None:
+        self.clock = clock
+        self.balls: tuple[Ball, ...] = ()
+        self.frames = 0
+
+    def latest(self) -> Frame | None:
+        raise AssertionError("nobody asks for colour")
+
+    def latest_depth(self) -> Frame | None:
+        self.frames += 1
+        return frame(self.clock.now(), *self.balls)
+
+
+def watched(scene: PickingScene) -> tuple[dict[type, object], Overhead]:
+    """The scene's devices with such a camera, in a cell whose file asks for a watch."""
+    camera = Overhead(scene.clock)
+    workspace = replace(scene.workspace, watch=PathWatchSettings())
+    return {**scene.devices, Workspace: workspace, Cameras: Cameras((camera,))}, camera
+
+
+def comes_near(scene: PickingScene, camera: Overhead) -> Callable[[int], None]:
+    """For `drive(each_tick=…)`: soon after the arm has begun to move, something comes to 12 cm beside the tool."""
+
+    def come(_tick: int) -> None:
+        if scene.arm.followed and camera.frames > 3 and not camera.balls:
+            x, y, z = scene.tcp[:3, 3]
+            camera.balls = ((x + 0.12, y, z, 0.04),)
+
+    return come
