@@ -71,8 +71,9 @@ class Trials:
     def __init__(self, seed: int) -> None:
         self.cell: Cell = load_cell(find_cell("sim_watched"), seed=seed, overrides={"others": "4", "distractors": "0"})
         self.rng = np.random.default_rng([seed, 99])
-        self.arm, self.world = self.cell.device(Arm), self.cell.devices["world"]
-        assert isinstance(self.world, SimWorld)
+        self.arm, world = self.cell.device(Arm), self.cell.devices["world"]
+        assert isinstance(world, SimWorld)
+        self.world: SimWorld = world
         assert self.world.intruder is not None
         self.intruder: Intruder = self.world.intruder
         self.workspace = self.cell.device(Workspace)
@@ -172,7 +173,7 @@ class Trials:
         nearest_moving, nearest = self.intruder.nearest_moving, self.intruder.nearest
         self.intruder.clear_fault()
         code = end.reason.code if end.reason else ""
-        seen, speed = float(np.mean(sights or [0.0])), reach.speed if reach else 0.0
+        seen, speed = float(np.mean(sights or [False])), reach.speed if reach else 0.0
         why = f"after {end.duration:.2f} s: {end.reason.message if end.reason else 'came to its end'}"
         return WatchedPath(code == "PATH_BLOCKED", code, nearest_moving, nearest, speed, seen, why)
 
@@ -213,7 +214,7 @@ def main() -> None:
         took.append(time.perf_counter() - began)
         return found
 
-    path_watch.PathWatch.look = timed  # type: ignore[method-assign]
+    path_watch.PathWatch.look = timed  # type: ignore[method-assign, assignment]
     free = []
     for _ in range(asked.free):
         q = trials.arm.state().q
