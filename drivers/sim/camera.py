@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from drivers.camera_options import scaled
 from drivers.errors import DeviceLost
-from drivers.interfaces import Camera, DepthCamera, Frame, Intrinsics
+from drivers.interfaces import Camera, Frame, Intrinsics
 from drivers.sim.faults import FaultyDevice
 from drivers.sim.gl import in_gl_thread, load_mujoco, open_renderer
 from drivers.sim.stereo_depth import Stereo, measure_depth
@@ -32,7 +32,7 @@ class SimCamera(FaultyDevice):
     future) or `repeated` (with the number of the one before).
     """
 
-    interfaces = (Camera, DepthCamera)
+    interfaces = (Camera,)
     known_faults = ("freeze", "lost", "old", "early", "repeated")
 
     def __init__(
