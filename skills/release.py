@@ -22,6 +22,7 @@ from skills.motion.robot import RobotModel
 from skills.motion.straight_line import straight_line
 from skills.shared.following import MOTION_FAILURES, MovingSkill, Watching
 from skills.shared.grip_view import show_grip
+from skills.shared.live_watch import prepare_watch
 from skills.shared.moving import POSE_FAILURES, move_to_pose
 from skills.shared.named_pose import judge_pose, offered_poses
 from skills.shared.touch import HELD_FORCE, Touch, load, pressing_forces, something_between
@@ -74,6 +75,7 @@ class Release(MovingSkill):
 
     def prepare(self) -> None:
         prepare_planning(self)
+        prepare_watch(self)
 
     def run(
         self,
