@@ -30,13 +30,18 @@ from skills.shared.usable_map import usable_field
 from skills.shared.warm_motion import prepare_planning
 
 ACCELERATION, JERK = 0.5, 5.0
-"""Of lowering and rising [m/s², m/s³]."""
+"""Of lowering [m/s², m/s³]: with twice as much the fruit's own inertia feels like a contact."""
+RISING, RISING_JERK = 1.5, 15.0
+"""Of the empty gripper's way up [m/s², m/s³]."""
 RAISING_SPEED = 0.02
 """Of being raised a little from what carries it [m/s]."""
-OPENING_SPEED = 0.03
+OPENING_SPEED = 0.05
 """Of the opening while the fruit is let go [m/s]."""
-SLOW_WITHIN = 0.02
-"""Distance of the fruit from what is known to be below at which lowering slows down [m]."""
+SLOW_WITHIN = 0.015
+"""Way of the fruit to what it will meet at which lowering slows down [m]: more than its measured height and what it has
+slid in the fingers are wrong together."""
+BESIDE = 0.005
+"""What is nearer than this to the fruit's way may be met [m]; a wall that is farther is passed."""
 RESTING = 0.1
 """So long after the arm has come to rest a fruit that is carried must still weigh less [s]: a jolt is over then."""
 RAISED = 0.002
@@ -97,7 +102,7 @@ class Release(MovingSkill):
             "0.02 m/s"
         ),
         fast: Annotated[Speed, Port(min="1 mm/s", max="0.5 m/s", help="used while nothing known is near")] = SPEED(
-            "0.15 m/s"
+            "0.25 m/s"
         ),
     ) -> Work[None]:
         if not self._held():
@@ -110,7 +115,7 @@ class Release(MovingSkill):
         yield from self._lower((way[: slow_from + 1], fast), (way[slow_from:], speed), hold, contact)
         width = self._opening(map, clearance)
         yield from self.move_fingers(width, min(OPENING_SPEED, gripper.limits.speed_max))
-        yield from self._along(self._vertical(before - self._tcp()[2, 3]), fast)
+        yield from self._along(self._vertical(before - self._tcp()[2, 3]), fast, None, RISING, RISING_JERK)
         return None
 
     def _held(self) -> bool:
@@ -173,13 +178,17 @@ class Release(MovingSkill):
         return touch.gone_back(below, raised) > 0.5 * contact
 
     def _near(self, way: Float64, grasp: Grasp | None, map: OccupancyMap | None, clearance: float) -> int:
-        """From which posture of the way on the fruit is near to something known; 0 when nothing is known of it."""
+        """From which posture of the way on the fruit is near to what it will meet; 0 when nothing is known of that."""
         if grasp is None:
             return 0
         space = self._space(map, clearance, grasp)
-        world = space.world.with_margins(Margins(0.0, 0.0, 0.0, SLOW_WITHIN, 0.0))
-        near = np.flatnonzero(~world.free(way, space.width))
-        return int(near[0]) if len(near) else 0
+        world = space.world.with_margins(Margins(0.0, 0.0, 0.0, BESIDE, 0.0))
+        met = np.flatnonzero(~world.free(way, space.width))
+        if not len(met):
+            return 0
+        robot = RobotModel.load(self.device(Arm).description)
+        heights = np.array([robot.tcp(q)[2, 3] for q in way[: met[0] + 1]])
+        return int(np.flatnonzero(heights <= heights[-1] + SLOW_WITHIN)[0])
 
     def _opening(self, map: OccupancyMap | None, clearance: float) -> float:
         """How wide to open: as much less as it takes not to touch what is beside the fruit."""
@@ -208,13 +217,20 @@ class Release(MovingSkill):
             raise self.failure("LOWERING_BLOCKED", f"the gripper cannot move vertically: {ends}")
         return way
 
-    def _along(self, way: Float64, speed: float, watch: Callable[[], None] | None = None) -> Watching:
+    def _along(
+        self,
+        way: Float64,
+        speed: float,
+        watch: Callable[[], None] | None = None,
+        acceleration: float = ACCELERATION,
+        jerk: float = JERK,
+    ) -> Watching:
         """Follow postures on a straight line of the tool."""
         arm = self.device(Arm)
         robot = RobotModel.load(arm.description)
         length = float(np.linalg.norm(robot.tcp(way[-1])[:3, 3] - robot.tcp(way[0])[:3, 3]))
         if length > 0.0:
-            yield from self.travel(time_curve(way, length, arm.limits, speed, ACCELERATION, JERK), watch)
+            yield from self.travel(time_curve(way, length, arm.limits, speed, acceleration, jerk), watch)
 
     def _space(self, map: OccupancyMap | None, clearance: float, held: Grasp | None = None) -> ArmSpace:
         width = self.device(Gripper).state().width
