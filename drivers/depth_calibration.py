@@ -50,6 +50,14 @@ LEAST_POINTS = 100
 LEAST_SQUARE = 11
 """Side of the squares in which a wall's noise is looked for [px]."""
 
+PLANES = 200
+"""So many planes through three points each are tried: a wall is hit by the first few."""
+
+LEAST_WALL = 0.7
+"""Share of what is measured that must lie on one plane: of two orchard frames 0.27 and 0.28 do."""
+BENT = 0.03
+"""A sensor may bend a flat wall by such a share of the distance."""
+
 LEAST_NOISE = 1e-5
 """Whatever measures depth errs by more at 1 m [m]."""
 
@@ -353,7 +361,7 @@ def calibrate_wall(depths: Sequence[NDArray[np.float32]], sensor: str) -> DepthC
         sensor: name of a known sensor.
 
     Raises:
-        UnusableDepth: no square of the frames is flat, or they are without noise.
+        UnusableDepth: no square of the frames is flat, they are without noise, or they do not show one wall each.
     """
     noise = []
     side = LEAST_SQUARE
@@ -379,5 +387,27 @@ def calibrate_wall(depths: Sequence[NDArray[np.float32]], sensor: str) -> DepthC
     flat = float(np.mean(all_noise < 2.0 * growth))
     if flat < 0.7:
         raise UnusableDepth(f"only {flat:.0%} of the frames is flat: let a wall or a board fill them")
+    wall = min(_share_of_plane(depth, growth) for depth in depths)
+    if wall < LEAST_WALL:
+        raise UnusableDepth(
+            f"only {wall:.0%} of what one frame measures lies on one plane: this is no wall, and its noise none of the "
+            "sensor's; let a flat wall or a board fill the frames"
+        )
     model = replace(SENSORS[sensor], disparity=0.0, floor=0.0, growth=growth)
     return DepthCalibration(sensor, model, 0.0, 0.0, math.nan, math.nan, ())
+
+
+def _share_of_plane(depth: NDArray[np.float32], growth: float) -> float:
+    """Share of the measured pixels that lie on the plane on which most do; a sensor of this noise may bend it."""
+    step = LEAST_SQUARE
+    rows, columns = np.nonzero(depth[::step, ::step] > 0.0)
+    inverse = 1.0 / depth[::step, ::step][rows, columns].astype(np.float64)
+    points = np.column_stack([np.ones_like(inverse), columns, rows])
+    rng, most = np.random.default_rng(0), 0.0
+    for _ in range(PLANES if len(points) >= LEAST_POINTS else 0):
+        chosen = rng.choice(len(points), 3, replace=False)
+        if abs(np.linalg.det(points[chosen])) < 1.0:  # they lie on a line
+            continue
+        plane = points @ np.linalg.solve(points[chosen], inverse[chosen])
+        most = max(most, float(np.mean(np.abs(inverse - plane) < BENT * inverse + 3.0 * growth)))
+    return most

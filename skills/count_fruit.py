@@ -15,10 +15,14 @@ from executive.values.arrays import Float64
 from executive.values.sections import Problem
 from skills.geometry import inverse
 from skills.perception.detection.detection import AllDetections
-from skills.perception.inventory.camera_motion import camera_motion
+from skills.perception.inventory.camera_motion import CameraMotion, camera_motion
+from skills.perception.inventory.registration import misplaced_depth
 from skills.perception.inventory.sighting import FrameSightings, label_of
 from skills.shared.fruit_page import Page
 from skills.shared.fruit_report import FruitReport
+
+MOST_APART = 0.04
+"""What two frames show may lie so far apart by the camera's said places [m]: half an apple, and it is counted once."""
 
 
 class FruitCount(Outputs):
@@ -68,8 +72,12 @@ class CountFruit(Skill):
             report.add_unreadable(unreadable or "nobody looked at it")
         else:
             sightings = finds.sightings if finds is not None and finds.frame is looked.frame else ()
-            T, deviation, how = yield from self._place(looked, join)
-            report.add(label_of(looked.frame), sightings, T, deviation, how)
+            T, deviation, how, doubt = yield from self._place(looked, join)
+            misplaced = (yield from self.compute(misplaced_depth, looked.frame)) if sightings else ""
+            if misplaced:
+                misplaced += ": is it registered to these pictures, and of the same moment?"
+            doubts = "; ".join(filter(None, (misplaced, doubt)))
+            report.add(label_of(looked.frame), sightings, T, deviation, how, doubts)
             picture = report.picture(looked.frame.colour)
             self.publish("overlay", picture)
             if out:
@@ -85,14 +93,18 @@ class CountFruit(Skill):
             len(report.book.fruit), report.measured, sum(bool(entry.unreadable) for entry in report.frames)
         )
 
-    def _place(self, looked: AllDetections, join: bool) -> Work[tuple[Float64 | None, float, str]]:
-        """T_scene_base of a frame, how much that errs [m], and how it is known, for people."""
+    def _place(self, looked: AllDetections, join: bool) -> Work[tuple[Float64 | None, float, str, str]]:
+        """T_scene_base of a frame, how much that errs [m], how it is known and what contradicts it, for people."""
         frame, before = looked.frame, self._before
         T: Float64 | None = None
-        deviation = 0.0
+        deviation, doubt = 0.0, ""
         if frame.placed:
             how = "the camera's place is known"
-            T = np.eye(4) if before is not None and before[0].placed else None
+            if before is not None and before[0].placed:
+                T = np.eye(4)
+                if join:
+                    motion = yield from self.compute(camera_motion, before[0], frame)
+                    doubt = _contradicted(inverse(before[1]) @ looked.T_base_camera, motion, frame)
         elif before is None or before[0].placed:
             how = "the camera poses are not known"
         elif not join:
@@ -106,10 +118,27 @@ class CountFruit(Skill):
                 deviation = float(np.hypot(so_far, motion.deviation))
                 how = f"the camera's motion was found from what both frames show, to {1e3 * deviation:.1f} mm"
         self._before = frame, looked.T_base_camera, np.eye(4) if T is None else T, deviation
-        return T, deviation, how
+        return T, deviation, how, doubt
 
     def _guarded(self, write: Any, *what: Any) -> Work[None]:
         try:
             yield from self.compute(write, *what)
         except OSError as error:
             raise self.failure("NOT_WRITTEN", f"{error.filename or 'the tables'}: {error.strerror or error}") from error
+
+
+def _contradicted(T_earlier_later: Float64, motion: CameraMotion, later: Frame) -> str:
+    """By how much what two frames show contradicts the motion (4, 4) that is said of the camera; empty where not."""
+    if motion.T_earlier_later is None or later.depth is None:
+        return ""
+    optics, z = later.intrinsics, float(np.median(later.depth[later.depth > 0.0]))
+    x, y = 0.25 * z * optics.width / optics.fx, 0.25 * z * optics.height / optics.fy
+    seen = np.array([[i * x, j * y, z, 1.0] for i in (-1.0, 1.0) for j in (-1.0, 1.0)])
+    moved = (seen @ (T_earlier_later - motion.T_earlier_later).T)[:, :3]
+    apart = float(np.sqrt((moved**2).sum(axis=1).mean()))
+    if apart <= MOST_APART + 3.0 * motion.deviation:
+        return ""
+    return (
+        f"by the camera's said places what this frame and the one before show lies {1e3 * apart:.0f} mm apart: are "
+        "they right, in metres, of these frames? Fruit may be counted twice"
+    )

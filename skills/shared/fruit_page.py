@@ -113,7 +113,7 @@ def make_page(report: FruitReport, of: int = 0) -> ReportPage:
         )
     page.add(Tiles(tuple(tiles)))
     if report.doubt:
-        page.add(Paragraph(f"Do not believe these sizes yet: {report.doubt}" if report.measured else report.doubt))
+        page.add(Paragraph(f"Do not believe these figures yet: {report.doubt}" if report.measured else report.doubt))
     if any(entry.unreadable for entry in frames):
         page.add(Heading("Frames that could not be looked at"))
         page.add(
@@ -169,6 +169,8 @@ def draw(view: ImageView) -> UInt8:
 def _add_frame(page: ReportPage, entry: FrameEntry) -> None:
     page.add(Heading(entry.label))
     page.add(Paragraph(f"{len(entry.finds)} found, {entry.measured} measured. Scene {entry.scene}: {entry.how}."))
+    if entry.doubt:
+        page.add(Paragraph(f"In doubt: {entry.doubt}."))
     about = f"{entry.label} with the outline and number of each fruit"
     page.add(PagePicture(f"{PICTURES}/{entry.picture}", about, "Green: measured. Amber: found and not measured."))
     if entry.finds:

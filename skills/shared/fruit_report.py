@@ -34,7 +34,7 @@ _SIZE = (
 )  # fmt: skip
 FIND_COLUMNS = (
     "frame", "row", "fruit", "scene", "score", *_SIZE, "x_mm", "y_mm", "z_mm", "distance_m", "u_px", "v_px", "visible",
-    "agreeing", "shown_mm", "shown_90_mm", "from_side", "method", "not_measured",
+    "agreeing", "shown_mm", "shown_90_mm", "from_side", "method", "not_measured", "doubt",
 )  # fmt: skip
 FRUIT_COLUMNS = (
     "fruit", "scene", "frames", "looks_that_measured", "score", *_SIZE, "x_mm", "y_mm", "z_mm", "looks_agree",
@@ -53,6 +53,7 @@ class FrameEntry:
         how: it is known where the camera stood, or why not.
         finds: what was found in it, places in the scene's frame, each with the number of its fruit.
         unreadable: why it could not be looked at; empty where it could.
+        doubt: why sizes or places in it may be wrong; empty where nothing says so.
     """
 
     number: int
@@ -61,6 +62,7 @@ class FrameEntry:
     how: str
     finds: tuple[tuple[Sighting, int], ...]
     unreadable: str = ""
+    doubt: str = ""
 
     @property
     def picture(self) -> str:
@@ -83,15 +85,21 @@ class FruitReport:
     _told: int = -1
 
     def add(
-        self, label: str, sightings: Sequence[Sighting], T_scene_base: Float64 | None, deviation: float, how: str
+        self,
+        label: str,
+        sightings: Sequence[Sighting],
+        T_scene_base: Float64 | None,
+        deviation: float,
+        how: str,
+        doubt: str = "",
     ) -> None:
-        """One frame more; see `FruitBook.add_frame`."""
+        """One frame more, with what `FrameEntry` says of it; see `FruitBook.add_frame`."""
         numbers = self.book.add_frame(sightings, T_scene_base, deviation)
         T = np.eye(4) if T_scene_base is None else T_scene_base
         finds = tuple((sighting.moved(T), number) for sighting, number in zip(sightings, numbers, strict=True))
         if self.frames and self.frames[-1].finds:  # outlines are for the newest frame's picture alone
             self.frames[-1] = _without_outlines(self.frames[-1])
-        self.frames.append(FrameEntry(len(self.frames) + 1, label, self.book.scenes, how, finds))
+        self.frames.append(FrameEntry(len(self.frames) + 1, label, self.book.scenes, how, finds, doubt=doubt))
         self._finds += len(finds)
 
     def add_unreadable(self, why: str) -> None:
@@ -124,7 +132,19 @@ class FruitReport:
 
     @property
     def doubt(self) -> str:
-        """Why no size may be right, for people: fruit look larger or smaller than this kind is, or none has a size."""
+        """Why sizes and counts may be wrong, for people; empty where nothing says so."""
+        return "; ".join(filter(None, (self._doubt_of_frames(), self._doubt_of_sizes())))
+
+    def _doubt_of_frames(self) -> str:
+        """What the first frame in doubt is doubted for, and how many are."""
+        doubted = [entry for entry in self.frames if entry.doubt]
+        if not doubted:
+            return ""
+        others = f" (frames in doubt: {len(doubted)} of {len(self.frames)})" if len(self.frames) > 1 else ""
+        return f"{doubted[0].label}: {doubted[0].doubt}{others}"
+
+    def _doubt_of_sizes(self) -> str:
+        """Fruit look larger or smaller than this kind is, or none has a size."""
         shown = [s.shown[0] / s.fruit.dimensions[[0, 2]].mean() for fruit in self.book.fruit
                  for s in fruit.sightings[:1] if not np.isnan(s.shown[0])]  # fmt: skip
         if not self.measured and len(self.book.fruit) >= LEAST_TELLING:
@@ -248,6 +268,7 @@ def _find_row(entry: FrameEntry, sighting: Sighting, number: int) -> tuple[str, 
         _share(sighting.visibility), _share(sighting.agreeing),
         *("" if np.isnan(value) else f"{value:.2f}" for value in 1e3 * sighting.shown * [1.0, Z_90]),
         "" if np.isnan(sighting.from_side) else f"{sighting.from_side:.3f}", sighting.method, sighting.why,
+        entry.doubt,
     )  # fmt: skip
 
 

@@ -121,6 +121,36 @@ def test_a_wall_gives_the_noise_whatever_its_slant_and_what_is_not_flat_is_refus
         calibrate_wall([np.full_like(wall, 1.5, dtype=np.float32)], "azure_kinect")
 
 
+def walls(*parts: tuple[int, float, float]) -> NDArray[np.float32]:
+    """Flat pieces beside each other: each up to a column, with its inverse distance and slant, and noise."""
+    depth, left = np.zeros((480, 640)), 0
+    for right, near, slant in parts:
+        depth[:, left:right] = 1.0 / (near + slant * RAYS[:, left:right, 0])
+        left = right
+    return (depth + 7e-4 * depth**2 * np.random.default_rng(3).normal(size=depth.shape)).astype(np.float32)
+
+
+@pytest.mark.parametrize(
+    "view",
+    [
+        pytest.param(walls((300, 0.8, 0.3), (640, 0.8, -0.9)), id="a corner"),
+        pytest.param(walls((400, 1.2, 0.1), (640, 0.4, 0.0)), id="a small board"),
+        pytest.param(walls(*((80 * k, 0.5 + 0.1 * (3 * k % 8), 0.0) for k in range(1, 9))), id="boxes"),
+    ],
+)
+def test_a_view_that_is_not_one_wall_tells_no_noise(view: NDArray[np.float32]) -> None:
+    wall = walls((640, 0.8, 0.3))
+    assert calibrate_wall([wall], "d4xx").model.growth == pytest.approx(7e-4, rel=0.05)
+    with pytest.raises(UnusableDepth, match="lies on one plane: this is no wall"):
+        calibrate_wall([wall, view], "d4xx")
+
+
+def test_a_sensor_that_bends_a_wall_and_a_board_that_nearly_fills_the_frame_are_believed() -> None:
+    bent = walls((640, 0.8, 0.3)) * (1.0 + 0.02 * RAYS[..., 0] ** 2 / RAYS[..., 0].max() ** 2)
+    for view in (bent.astype(np.float32), walls((520, 1.0, 0.1), (640, 0.4, 0.0))):
+        assert calibrate_wall([view], "d4xx").model.growth == pytest.approx(7e-4, rel=0.1)
+
+
 def run(*arguments: str) -> int:
     parser = argparse.ArgumentParser()
     calibrate.add(parser.add_subparsers())
