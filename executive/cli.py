@@ -24,6 +24,8 @@ OURS = ("executive", "skills", "drivers", "trees")
 """Packages that Pomona is made of."""
 PATIENCE = 2.0
 """Seconds that threads and processes may go on when the work is done."""
+INTERRUPTED = 128
+"""A signal ends the process with a status above this."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -136,8 +138,13 @@ def _end_without(left: list[str], status: int) -> None:
     def end() -> None:
         threading.Event().wait(PATIENCE)
         if still := _left():
+            if status > INTERRUPTED:  # Python cannot stop a thread that computes: who interrupted knows that it went on
+                from executive.running.compute import COMPUTING  # not for every command
+
+                still = [name for name in still if not name.startswith(COMPUTING)]
             with contextlib.suppress(OSError):
-                _print_error(f"still running after the end, and ended with the process: {', '.join(still)}")
+                if still:
+                    _print_error(f"still running after the end, and ended with the process: {', '.join(still)}")
             for child in _children():  # Python waits for them no longer then: it has been said before
                 child.kill()
             os._exit(status)

@@ -14,7 +14,7 @@ from executive.registry import Registry
 from executive.running.cell_files import CellFile, cell_files
 from executive.skill import Skill
 from executive.values.documents import set_scalar
-from executive.values.findings import Finding, Findings, Located, did_you_mean, format_findings
+from executive.values.findings import Finding, Findings, Located, TreeFileError, did_you_mean, format_findings
 from executive.values.sections import Problem
 from executive.values.yaml_nodes import YamlScalar
 
@@ -34,7 +34,8 @@ class Judged:
             UsageError: with every finding.
         """
         if self.findings.errors:
-            raise UsageError(f"{format_findings(self.findings.sorted())} Nothing was run.")
+            findings = self.findings.sorted()
+            raise UsageError(f"{format_findings(findings)} Nothing was run.") from TreeFileError(findings)
 
 
 def judge(

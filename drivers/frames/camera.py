@@ -179,7 +179,7 @@ def connect(settings: Settings[FramesFile], context: ConnectContext) -> FramesCa
             )
             logger.warning(words, folder, INTRINSICS_FILE, intrinsics.fx, intrinsics.width, intrinsics.height)
         frames[0].read(intrinsics)
-        poses = folder_poses(folder)
+        poses = folder_poses(folder, [frame.label for frame in listed])
     except UnusableFrames as error:
         hint = f"put the right {INTRINSICS_FILE} into the folder" if "intrinsics" in str(error) else ""
         raise settings.error(str(error), "folder", hint) from error

@@ -181,11 +181,15 @@ def folder_intrinsics(folder: Path) -> Intrinsics | None:
     return read_intrinsics(path) if path.is_file() else None
 
 
-def folder_poses(folder: Path) -> dict[str, Float64]:
+def folder_poses(folder: Path, labels: Collection[str]) -> dict[str, Float64]:
     """T_base_camera (4, 4) of the frames of a folder of which it says them, by their labels.
 
+    Args:
+        folder: of the frames.
+        labels: of the frames that are there.
+
     Raises:
-        UnusableFrames: the file is there and cannot be used.
+        UnusableFrames: the file is there and cannot be used, or names none of the frames.
     """
     path = folder / POSES_FILE
     if not path.is_file():
@@ -200,6 +204,11 @@ def folder_poses(folder: Path) -> dict[str, Float64]:
         poses = {label: np.array(T, np.float64) for label, T in said.items() if T is not None}
     except (OSError, ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
         raise UnusableFrames(path, f"is no list of frames with label and T_base_camera: {error}") from error
+    if said and not any(label in said for label in labels):
+        words = f"names none of the frames that are there: it says '{next(iter(said))}'"
+        raise UnusableFrames(
+            path, f"{words}, and a frame is '{next(iter(labels), '')}'; mend the labels, or take it away"
+        )
     for label, T in poses.items():
         if T.shape != (4, 4) or not is_rigid(T):
             raise UnusableFrames(path, f"the pose of '{label}' is no rigid 4 x 4 transform")

@@ -23,6 +23,9 @@ from executive.errors import PomonaError
 from executive.running.traces import keep_place, place_of, traceback_of
 from executive.values.sentences import sentence_of
 
+COMPUTING = "pomona-compute"
+"""What the names of the threads begin with."""
+
 NICENESS = 10
 """Of computations, beside 0 of the tick. On two busy processors the tick was up to 14 ms late without it."""
 
@@ -189,7 +192,7 @@ class Computations:
     """All work of a run that goes on beside its tick."""
 
     def __init__(self, on_done: Callable[[str, str, float], None] = lambda _node, _function, _wall: None) -> None:
-        self._threads = ThreadPoolExecutor(max_workers=2, thread_name_prefix="pomona-compute", initializer=_give_way)
+        self._threads = ThreadPoolExecutor(max_workers=2, thread_name_prefix=COMPUTING, initializer=_give_way)
         self._idle: list[Worker] = []
         self._pending: list[tuple[str, str, float, _Threaded | _Isolated]] = []
         self._on_done = on_done

@@ -12,8 +12,8 @@ _WRITTEN = re.compile(rf"\s*({_NUMBER})(?:\s*([^\s\d]\S*)|\s+(1/\S+))?\s*", re.A
 
 
 def with_article(noun: str) -> str:
-    """`a length`, `an angle`."""
-    return f"{'an' if noun[0] in 'aeiou' else 'a'} {noun}"
+    """`a length`, `an angle`, `a number of pixels`."""
+    return "a number of pixels" if noun == "pixels" else f"{'an' if noun[0] in 'aeiou' else 'a'} {noun}"
 
 
 @dataclass(frozen=True, slots=True)

@@ -37,6 +37,11 @@ MOST_APART = 0.05
 """Calipers give a fruit's size the same in all of its rows, but for this share."""
 
 
+MOST_UNLIKE = 0.12
+"""Fruit that are high where their model is wide, by more than this share, were written into each other's columns: the
+orchard's apples are 0.08 higher for their width than the model."""
+
+
 class UnusableTable(ValueError):
     """A table that cannot be read, or lacks what is needed."""
 
@@ -62,6 +67,8 @@ def main(options: argparse.Namespace) -> int:
         fruit = load_fruit(options.fruit)
         proportion = float(fruit.dimensions[1] / fruit.dimensions[[0, 2]].mean())
         measured = read_measured(options.tables, options.by_shape)
+        if not options.by_shape:
+            _refuse_exchanged(measured, proportion, fruit.name)
         count, least = len(measured.sizes), LEAST_FRUIT + 1  # one is left out in turn
         if count < least:
             raise TooFewFruit(f"{count} measured fruit do not tell how sizes spread: measure {least} or more")
@@ -174,6 +181,17 @@ def _agree(table: Path, line: int, row: dict[str, str], first: Sequence[float]) 
         if abs(float(row[name]) / (1e3 * before) - 1.0) > MOST_APART:
             other = f"another row of fruit {row[_FRUIT]} says {1e3 * before:g}"
             raise UnusableTable(f"{table}:{line}: {name} is {row[name]}, and {other}: a fruit has one size")
+
+
+def _refuse_exchanged(measured: SizeTable, proportion: float, kind: str) -> None:
+    """Width and height were exchanged where that alone makes the fruit like their kind."""
+    ratio = float(np.median(measured.sizes[:, 1] / measured.sizes[:, 0]))
+    opposite = (ratio - 1.0) * (proportion - 1.0) < 0.0
+    if opposite and abs(np.log(ratio / proportion)) > MOST_UNLIKE:
+        raise UnusableTable(
+            f"the fruit are {ratio:.2f} times as high as wide in the middle, the model of {kind} {proportion:.2f}: "
+            f"are {TRUE[0]} and {TRUE[1]} exchanged? Fruit that truly are so need a model"
+        )
 
 
 def _number(table: Path, line: int, row: dict[str, str], name: str) -> float:

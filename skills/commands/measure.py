@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import argparse
+import re
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +13,7 @@ from executive.errors import UsageError
 from executive.execute import RunOrder, execute
 from executive.files import find_cell, find_tree
 from executive.running.events import Event, NodeChanged, PortWritten
+from executive.values.findings import Finding, format_finding
 from skills.shared.fruit_page import FINDS, FRUIT, PAGE, PICTURES
 
 TREE, BAGS = "measure_fruit", (".bag", ".db3", ".mcap")
@@ -56,7 +59,10 @@ def main(options: argparse.Namespace) -> int:
     }
     progress = _Progress()
     order = RunOrder(tree=find_tree(TREE), cell=find_cell("bag" if bag else "frames"), settings=settings)
-    result = execute(order, [progress.on_event]).result
+    try:
+        result = execute(order, [progress.on_event]).result
+    except UsageError as error:
+        raise UsageError(_in_own_words(error, order)) from error
     if result.outcome == "success" or progress.unreadable:
         sys.stdout.write(f"written to {options.out}: {PAGE}, {FRUIT}, {FINDS} and {PICTURES}\n")
     if result.outcome == "success":
@@ -72,6 +78,25 @@ def main(options: argparse.Namespace) -> int:
     why = [reason.message for reason in result.reason.leaves()] if result.reason else [result.outcome]
     sys.stderr.write(f"pomona measure: {why[-1]}\n")
     return 2
+
+
+def _in_own_words(error: UsageError, order: RunOrder) -> str:
+    """What is wrong, without the tree, the cell and the settings that the person has not written."""
+    findings: Sequence[Finding] = getattr(error.__cause__, "findings", ())
+    ours = str(order.tree), str(order.cell)
+    theirs = [found for found in findings if found.path not in ours]
+    lines = [_line(found, ours) for found in theirs or findings]
+    return "\n".join(dict.fromkeys(lines)) or str(error)
+
+
+def _line(found: Finding, ours: Sequence[str]) -> str:
+    setting = found.path.removeprefix("--set ")
+    if setting == found.path and found.path not in ours:
+        return format_finding(found)
+    name, _, text = setting.partition("=") if setting != found.path else ("", "", "")
+    option = f"--{name} {text}: " if name not in ("", "folder", "bag") else ""
+    said = re.sub(r"^(?:devices\.)?(?:camera|[A-Z]\w+)(?:\.\w+)?: |^[A-Z]\w+\.", "", found.message)
+    return f"{option}{said}" + (f": {found.hint}" if found.hint else "")
 
 
 class _Progress:

@@ -228,9 +228,9 @@ def leave(_words):
         Computations().submit("a", time.sleep, (1e6,), False)
     if what == "pool":
         ThreadPoolExecutor().submit(int).result()
-    return 3
+    return int(status)
 
-what, cli._run = sys.argv.pop(), leave
+status, what, cli._run = sys.argv.pop(), sys.argv.pop(), leave
 sys.exit(cli.main())
 """
 
@@ -240,13 +240,21 @@ sys.exit(cli.main())
     ("what", "name"), [("thread", "a skill's"), ("process", "a skill's"), ("computation", "pomona-compute_0")]
 )
 def test_what_a_skill_has_left_running_is_named_and_does_not_keep_the_process(what: str, name: str) -> None:
-    command = [sys.executable, "-c", LEAVES_BEHIND, what]
+    command = [sys.executable, "-c", LEAVES_BEHIND, what, "3"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=60)
     assert done.returncode == 3
     assert done.stderr == f"still running after the end, and ended with the process: {name}\n"
 
 
+@pytest.mark.parametrize(("what", "said"), [("computation", False), ("thread", True)])
+def test_after_ctrl_c_a_computation_that_was_abandoned_needs_no_word(what: str, said: bool) -> None:
+    command = [sys.executable, "-c", LEAVES_BEHIND, what, "130"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 130
+    assert done.stderr == ("still running after the end, and ended with the process: a skill's\n" if said else "")
+
+
 def test_a_pool_that_waits_for_work_ends_by_itself_and_is_not_named() -> None:
-    command = [sys.executable, "-c", LEAVES_BEHIND, "pool"]
+    command = [sys.executable, "-c", LEAVES_BEHIND, "pool", "3"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=60)
     assert (done.returncode, done.stderr) == (3, "")

@@ -130,6 +130,10 @@ def test_intrinsics_in_the_folder_come_first(cell: Path, folder: Path) -> None:
             "a label is there twice",
         ),
         (
+            lambda folder: (folder / "frames.json").write_text('[{"label": "A"}]'),
+            "names none of the frames that are there: it says 'A', and a frame is 'a'",
+        ),
+        (
             lambda folder: cv2.imwrite(str(folder / "a_depth_mm.png"), np.zeros((30, 40), np.uint8)),
             "1 x uint8, depth in mm is one channel of uint16",
         ),

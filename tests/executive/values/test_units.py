@@ -28,6 +28,8 @@ def test_a_bare_number_is_refused_wherever_a_unit_belongs(value, quantity):
 def test_a_refusal_has_the_article_that_its_quantity_has():
     with pytest.raises(ValueError, match="an angle is given in rad"):
         QUANTITIES["angle"].parse("10")
+    with pytest.raises(ValueError, match="is not a number of pixels"):
+        QUANTITIES["pixels"].parse(".nan px")
 
 
 def test_a_ratio_may_be_bare_or_in_percent():

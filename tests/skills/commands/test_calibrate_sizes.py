@@ -149,3 +149,13 @@ def test_no_file_is_written_over_and_what_is_no_table_is_told(capsys) -> None:
     assert "nowhere/new.yaml: there is no folder nowhere" in capsys.readouterr().err
     assert main(["calibrate", "sizes", "nothing.csv", "--out", "new.yaml"]) == 2
     assert "nothing.csv is not a file" in capsys.readouterr().err
+
+
+def test_width_and_height_that_are_exchanged_are_told_by_the_kinds_proportions(capsys) -> None:
+    rows = finds(30)
+    swapped = [{**row, "true_width_mm": row["true_height_mm"], "true_height_mm": row["true_width_mm"]} for row in rows]
+    assert main(["calibrate", "sizes", write(swapped), "--out", "sizes.yaml"]) == 2
+    assert "are true_width_mm and true_height_mm exchanged?" in capsys.readouterr().err
+    assert not Path("sizes.yaml").exists()
+    high = [{**row, "true_height_mm": f"{0.995 * float(row['true_width_mm']):.1f}"} for row in rows]
+    assert main(["calibrate", "sizes", write(high), "--out", "sizes.yaml"]) == 0

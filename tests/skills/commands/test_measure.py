@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -96,9 +97,11 @@ def test_a_frame_that_is_damaged_is_named_and_the_others_are_measured(
         (lambda folder: [path.unlink() for path in folder.glob("*_color.png")], (), "holds no frame"),
         (lambda folder: (folder / "a_depth_mm.png").unlink(), (), "a_depth_mm.png is missing"),
         (lambda folder: (folder / "a_color.png").write_bytes(b"damaged"), (), "a_color.png: is not an image"),
-        (lambda folder: None, ("--kind", "pear"), "pear"),
-        (lambda folder: None, ("--score", "3"), "score"),
-        (lambda folder: None, ("--every", "0"), "every"),
+        (lambda folder: None, ("--kind", "pear"), "no fruit named 'pear'"),
+        (lambda folder: None, ("--score", "3"), "--score 3: score is at most 1"),
+        (lambda folder: None, ("--every", "0"), "--every 0: it is 0, but must be"),
+        (lambda folder: None, ("--method", "guess"), "method must be one of shape, uniform"),
+        (lambda folder: None, ("--out", "my frames: 7"), "my frames: 7 is there already: name another folder"),
     ],
 )
 def test_what_cannot_be_measured_is_refused_in_a_line_and_nothing_is_written(
@@ -109,6 +112,7 @@ def test_what_cannot_be_measured_is_refused_in_a_line_and_nothing_is_written(
     said = capsys.readouterr()
     assert words in said.err
     assert "Traceback" not in said.err + said.out
+    assert not {"--set", "measure_fruit.yaml", "error[device]", "CountFruit"} & set(re.split(r"[\s:/]+", said.err))
     assert not Path("measured").exists()
 
 
