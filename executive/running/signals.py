@@ -1,7 +1,7 @@
 """Signals that want a process to end: Ctrl-C, SIGTERM, and SIGHUP of a terminal or ssh session that was closed.
 
 While nothing moves they raise, SIGTERM and SIGHUP as KeyboardInterrupt does; where that is swallowed, as in what a
-compiled library calls back, it is raised again before a run begins, and Python prints nothing of it. During a run they
+compiled library calls back, it comes again in a moment, and is raised again before a run begins. During a run they
 ask it for the safe state, and while the record and the cell are closed they wait. A process that was started to ignore
 one (nohup, a shell's background job, a campaign's worker for Ctrl-C) goes on ignoring it. Signals reach the main
 thread only.
@@ -32,6 +32,9 @@ WORDS = {
 
 STUCK = 1.0
 """Seconds after which a signal has visibly had no effect: the next one breaks what hangs."""
+
+AGAIN = 0.1
+"""Seconds after which a signal that was swallowed comes again."""
 
 CLOSING = 5.0
 """Seconds for which closing the record and the cell is not disturbed."""
@@ -80,8 +83,13 @@ def raising() -> Iterator[None]:
         raise error_of(number)
 
     _raised, _came = None, False
+
+    def send_again() -> None:
+        if _raised is not None and signal.getsignal(_raised) is handle:  # a run knows by itself what it has missed
+            signal.pthread_kill(threading.main_thread().ident or 0, _raised)
+
     before = _install(handle, tuple(WORDS))
-    tell, sys.unraisablehook = sys.unraisablehook, _tell_unless_signalled(sys.unraisablehook)
+    tell, sys.unraisablehook = sys.unraisablehook, _tell_unless_signalled(sys.unraisablehook, send_again)
     try:
         yield
     finally:
@@ -101,12 +109,18 @@ def raise_again() -> None:
         raise error_of(_raised)
 
 
-def _tell_unless_signalled(tell: Callable[[sys.UnraisableHookArgs], Any]) -> Callable[[sys.UnraisableHookArgs], Any]:
-    """What cannot be raised where it happens is told, but for what follows from a signal: that one is raised again."""
+def _tell_unless_signalled(
+    tell: Callable[[sys.UnraisableHookArgs], Any], send_again: Callable[[], None]
+) -> Callable[[sys.UnraisableHookArgs], Any]:
+    """What cannot be raised where it happens is told, but for what follows from a signal; a signal is sent again."""
 
     def told(what: sys.UnraisableHookArgs) -> None:
         if not _came:
             tell(what)
+        elif isinstance(what.exc_value, KeyboardInterrupt):
+            later = threading.Timer(AGAIN, send_again)
+            later.daemon = True
+            later.start()
 
     return told
 

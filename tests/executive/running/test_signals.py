@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import os
 import signal
 import threading
@@ -78,6 +79,24 @@ def test_a_signal_that_a_library_swallowed_ends_what_was_to_begin(number: signal
     assert status_of(raised.value) == 128 + number
     assert events == []
     assert cell.wheel.log == []
+
+
+@pytest.mark.parametrize("number", list(module.WORDS))
+def test_a_signal_that_was_swallowed_in_a_callback_ends_whatever_goes_on(number: signal.Signals) -> None:
+    """ctypes hands what is raised in a callback to the unraisable hook, and goes on."""
+    call_back = ctypes.CFUNCTYPE(None)(lambda: send(number))
+    went_on: list[bool] = []
+
+    def compute() -> None:
+        call_back()
+        went_on.append(True)
+        threading.Event().wait(20.0)
+        went_on.append(False)
+
+    with pytest.raises(KeyboardInterrupt) as raised, raising():
+        compute()
+    assert status_of(raised.value) == 128 + number
+    assert went_on == [True]
 
 
 def test_what_fails_because_a_library_swallowed_a_signal_is_still_that_signal() -> None:
