@@ -36,7 +36,7 @@ RISING = 0.5
 """Upwards the pads slide farther by this share of the distance: on it the force rises, so that the fruit's weight comes
 on the fingers gently."""
 
-LIGHT = 0.4
+LIGHT = 0.33
 """A fruit is light when friction comes to this share of the most that it may weigh by its size, which is a good third
 above what the simulated cell's fruit weigh."""
 
@@ -120,7 +120,7 @@ class FeelFriction(MovingSkill):
         # Down at once: closing has pressed more, and while that comes down the pads slide as well.
         felt_down = yield from self._slide(hold, down, distance, distance, speed)
         yield from self._press(hold, force)
-        if _comes_along(felt_down, force, settings.expected_load):
+        if _comes_along(felt_down, hold.controller.sense.force_sum, settings.expected_load):
             hold.slide(force_after)
         felt_up = yield from self._slide(hold, up, (1.0 + RISING) * distance, distance, speed, force_after)
         return friction_of_slides(
@@ -202,7 +202,10 @@ class FeelFriction(MovingSkill):
             raise self.failure("LOST", "the grip is not under control any more")
 
 
-def _comes_along(down: Float64, force: float, expected_load: float) -> bool:
-    """Whether a fruit may come along when pads that press with a force [N] slide up: lightly held, it would turn."""
+def _comes_along(down: Float64, force_sum: float, expected_load: float) -> bool:
+    """Whether a fruit may come along when pads that press with a force [N] slide up: lightly held, it would turn.
+
+    One finger may press more than the other, which alone is tracked: both count.
+    """
     f_n, f_t = -down[:, :, 2].sum(axis=1).mean(), np.linalg.norm(down[:, :, :2], axis=2).sum(axis=1).mean()
-    return expected_load > 0.0 and bool(force * f_t / max(f_n, 0.1) > LIGHT * expected_load)
+    return expected_load > 0.0 and bool(force_sum * f_t / max(f_n, 0.1) > LIGHT * expected_load)
