@@ -28,11 +28,26 @@ def depth_of(*balls: Ball) -> np.ndarray:
     depth = np.full(u.shape, T_BASE_CAMERA[2, 3] - TABLE_Z)
     for *centre, radius in balls:
         c = (inverse(T_BASE_CAMERA) @ np.append(centre, 1.0))[:3]
-        a, b = (rays**2).sum(axis=-1), rays @ c
+        part = _around(c, radius)
+        a, b = (rays[part] ** 2).sum(axis=-1), rays[part] @ c
         root = b**2 - a * (c @ c - radius**2)
         near = (b - np.sqrt(np.maximum(root, 0.0))) / a
-        depth = np.where((root > 0.0) & (near < depth), near, depth)
+        depth[part] = np.where((root > 0.0) & (near < depth[part]), near, depth[part])
     return depth.astype(np.float32)
+
+
+def _around(c: np.ndarray, radius: float) -> tuple[slice, slice]:
+    """Rows and columns in which a ball (centre in the camera's frame [m]) can be seen: a robot is 700 of them."""
+    nearest, farthest = c[2] - radius, c[2] + radius
+    assert nearest > 0.0, "the ball is beside or behind the camera"
+
+    def ends(x: float, f: float, middle: float, size: int) -> slice:
+        low, high = (x - radius, x + radius)
+        first = middle + f * low / (nearest if low < 0.0 else farthest)
+        last = middle + f * high / (nearest if high > 0.0 else farthest)
+        return slice(int(np.clip(np.floor(first), 0, size)), int(np.clip(np.ceil(last) + 1, 0, size)))
+
+    return ends(c[1], LENS.fy, LENS.cy, LENS.height), ends(c[0], LENS.fx, LENS.cx, LENS.width)
 
 
 def frame(stamp: float, *balls: Ball) -> Frame:
