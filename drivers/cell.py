@@ -213,6 +213,31 @@ class Cell:
             device.resume()
 
     @property
+    def full_speed_only(self) -> tuple[str, ...]:
+        """Names of arms whose drivers cannot slow them down."""
+        return tuple(name for name, device in self.devices.items() if device.full_speed_only)
+
+    def set_speed(self, speed: float, of: Collection[type] = ()) -> None:
+        """Let devices move at a share of what is commanded from now on, also what moves already.
+
+        Args:
+            speed: above 0 to 1.
+            of: of the devices with these interfaces only; of all without any.
+
+        Raises:
+            DeviceFault: it is less than 1, and an arm of them cannot be slowed down; nothing has changed.
+            ValueError: it is no such share.
+        """
+        if not 0.0 < speed <= 1.0:
+            raise ValueError(f"a speed is a share above 0 to 1, not {speed}")
+        chosen = [device for device in self.devices.values() if not of or not set(of).isdisjoint(device.interfaces)]
+        for device in chosen:
+            if speed < 1.0 and device.full_speed_only:
+                raise DeviceFault(device.name, "its driver cannot move it more slowly than it is commanded")
+        for device in chosen:
+            device.set_speed(speed)
+
+    @property
     def switches(self) -> Mapping[str, FaultSwitch]:
         """All that can be made to fail on purpose, by name; nothing on a real cell."""
         devices = {name: device for name, device in self.devices.items() if isinstance(device, FaultSwitch)}

@@ -74,7 +74,7 @@ class MotionSupervisor:
         self._status_at: float | None = None
         self._looked_at = -np.inf
         self._set_points: deque[tuple[float, Float64]] = deque()
-        self._phase = Phase.RESTING
+        self._phase, self._speed = Phase.RESTING, 1.0
         self._deadline = np.inf
         self._advanced: tuple[float, float] = (0.0, 0.0)
 
@@ -181,8 +181,8 @@ class MotionSupervisor:
 
     def _watch_time(self, now: float, motion: PathMotion | StreamedMotion, advance: float) -> None:
         supervision = self._supervision
-        if motion.phase is not self._phase:
-            self._phase = motion.phase
+        if motion.phase is not self._phase or motion.speed != self._speed:
+            self._phase, self._speed = motion.phase, motion.speed
             left = motion.time_left if motion.phase is Phase.RUNNING else 0.0
             self._deadline = np.inf if motion.phase is Phase.RESTING else now + left + supervision.margin
             self._advanced = (advance, now)

@@ -82,6 +82,7 @@ class PathArm(Device, ABC):
         self._believed = False  # the newest feedback can be true
         self._doubted = False  # feedback was not, since the last acknowledgement
         self._motion: PathMotion | None = None
+        self._speed = 1.0
         self._latched: str | None = None
         self._problem: DeviceError | None = DeviceLost(name, "was never connected")
 
@@ -212,7 +213,7 @@ class PathArm(Device, ABC):
                 check_trajectory(trajectory, self.limits, q)
             except BadTrajectory as bad:
                 raise MotionRefused(self.name, bad.problem) from bad
-            motion = self._motion = PathMotion(trajectory, self.limits, self._period)
+            motion = self._motion = PathMotion(trajectory, self.limits, self._period, self._speed)
         self._owner.post(lambda: self._begin(motion, trajectory.q[0], q))
         return PostedMotion(motion, self._owner)
 
@@ -271,6 +272,11 @@ class PathArm(Device, ABC):
         motion = self._motion
         if motion is not None:
             self._owner.post(motion.resume)
+
+    def set_speed(self, speed: float) -> None:
+        self._speed, motion = speed, self._motion
+        if motion is not None:
+            self._owner.post(lambda: motion.set_speed(speed))
 
     def settled(self) -> bool:
         motion, stream = self._motion, self._stream

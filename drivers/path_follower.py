@@ -1,7 +1,8 @@
 """Following a timed path, with the right to slow down: path time runs at a rate from 0 to 1.
 
-Stopping and pausing bend time, not the path: the rate falls as fast as the joints' acceleration limits allow (the
-path's own accelerations included), eased in and out so that jerk stays bounded.
+Stopping, pausing and another speed bend time, not the path: the rate changes as fast as the joints' acceleration limits
+allow (the path's own accelerations included), eased in and out so that jerk stays bounded. It is never above 1, so a
+path that is within the limits stays within them.
 """
 
 from __future__ import annotations
@@ -14,18 +15,27 @@ import numpy as np
 from drivers.interfaces import ArmLimits, Trajectory
 from executive.values.arrays import Float64
 
+LEAST = 1e-6
+"""The rate of a path that is followed: one of 0 rests."""
+
 
 class PathFollower:
     """The set-point on a trajectory, stepped at a fixed period."""
 
-    def __init__(self, trajectory: Trajectory, limits: ArmLimits, period: float) -> None:
+    def __init__(self, trajectory: Trajectory, limits: ArmLimits, period: float, speed: float = 1.0) -> None:
+        """
+        Args:
+            period: of the steps [s].
+            speed: share of the path's own pace at which it is followed, above 0 to 1.
+        """
         self._period, self._limits = period, limits
         self._duration = trajectory.duration
         self._q, self._qd, self._qdd = _resample(trajectory, period)
         self.path_time = 0.0
-        self.rate = 1.0
+        self.speed = speed
+        self.rate = speed  # at once: a path begins at rest
         self._rate_change = 0.0
-        self._wanted = 1.0
+        self._wanted = speed
 
     @property
     def progress(self) -> float:
@@ -33,8 +43,8 @@ class PathFollower:
 
     @property
     def time_left(self) -> float:
-        """Seconds to the end at the path's own pace."""
-        return self._duration - self.path_time
+        """Seconds to the end at the present speed."""
+        return (self._duration - self.path_time) / self.speed
 
     @property
     def finished(self) -> bool:
@@ -55,8 +65,14 @@ class PathFollower:
         self.rate = self._rate_change = self._wanted = 0.0
 
     def go_on(self) -> None:
-        """Run the path at its own pace again."""
-        self._wanted = 1.0
+        """Follow the path again."""
+        self._wanted = self.speed
+
+    def set_speed(self, speed: float) -> None:
+        """Follow the path at this share of its own pace from now on, above 0 to 1; what rests or brakes goes on so."""
+        self.speed = speed
+        if self._wanted > 0.0:
+            self._wanted = speed
 
     def braking(self) -> PathFollower:
         """Another that comes to rest on the path from here on; this one stays as it is."""
@@ -80,11 +96,17 @@ class PathFollower:
             self.rate, self._rate_change = self._wanted, 0.0
             return
         towards = math.copysign(1.0, self._wanted - self.rate)
+        back = self._rate_change * towards < 0.0 and self._wanted > 0.0  # a stop waits for nothing
         moving = share > 1e-3
         # qdd rate² + qd change within ± acceleration, joint by joint
-        own = qdd[moving] * self.rate**2 * np.sign(qd[moving]) * towards
+        own = qdd[moving] * self.rate**2 * np.sign(qd[moving]) * (-towards if back else towards)
         room = np.maximum(self._limits.acceleration[moving] - own, 0.0) / speed[moving]
         ease = 0.5 * float((self._limits.jerk[moving] / speed[moving]).min())
+        if back:
+            slower = min(max(abs(self._rate_change) - ease * self._period, 0.0), float(room.min()))
+            self._rate_change = math.copysign(slower, self._rate_change)
+            self.rate = min(max(self.rate + self._rate_change * self._period, LEAST), 1.0)
+            return
         left = abs(self._wanted - self.rate)
         change = min(float(room.min()), math.sqrt(2.0 * ease * left), abs(self._rate_change) + ease * self._period)
         change = max(change, 1e-3)

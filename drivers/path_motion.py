@@ -27,8 +27,8 @@ class Phase(Enum):
 class PathMotion:
     """A `Motion` over a trajectory, stepped by the arm's driver at a fixed period."""
 
-    def __init__(self, trajectory: Trajectory, limits: ArmLimits, period: float) -> None:
-        self._follower = PathFollower(trajectory, limits, period)
+    def __init__(self, trajectory: Trajectory, limits: ArmLimits, period: float, speed: float = 1.0) -> None:
+        self._follower = PathFollower(trajectory, limits, period, speed)
         self.state = MotionState.RUNNING
         self.settled = False
         self.problem = ""
@@ -41,8 +41,13 @@ class PathMotion:
 
     @property
     def time_left(self) -> float:
-        """Seconds to the path's end at its own pace."""
+        """Seconds to the path's end at the present speed."""
         return self._follower.time_left
+
+    @property
+    def speed(self) -> float:
+        """Share of the path's own pace at which it is followed, above 0 to 1."""
+        return self._follower.speed
 
     @property
     def phase(self) -> Phase:
@@ -93,6 +98,10 @@ class PathMotion:
             self.state = MotionState.RUNNING
             self._resting_since = math.inf  # it rested because it was paused
             self._follower.go_on()
+
+    def set_speed(self, speed: float) -> None:
+        """Follow the path at this share of its own pace from now on."""
+        self._follower.set_speed(speed)
 
     def step(self) -> tuple[Float64, Float64]:
         """Advance one period; joint positions [rad] and velocities [rad/s] of the set-point, (dof,) each."""

@@ -24,12 +24,14 @@ class StreamedMotion:
     time_left = math.inf
     """Seconds to its end: not known, since set-points may keep arriving."""
 
-    def __init__(self, q: Float64, limits: ArmLimits, period: float, watchdog: float) -> None:
+    def __init__(self, q: Float64, limits: ArmLimits, period: float, watchdog: float, speed: float = 1.0) -> None:
         """
         Args:
             q: where the arm stands, shape (dof,) [rad].
             watchdog: without a new set-point for this long it comes to rest and has failed [s].
+            speed: share of the joints' largest speeds that is used, above 0 to 1.
         """
+        self.speed = speed
         self.state, self.settled, self.problem = MotionState.RUNNING, False, ""
         self.progress = 0.0
         self._limits, self._period, self._watchdog = limits, period, watchdog
@@ -95,6 +97,10 @@ class StreamedMotion:
         if self.state in (MotionState.RUNNING, MotionState.PAUSED):
             self._stopping = True
 
+    def set_speed(self, speed: float) -> None:
+        """Use this share of the joints' largest speeds from now on."""
+        self.speed = speed
+
     def fail(self, problem: str) -> None:
         """Come to rest and end as FAILED."""
         if self.state in (MotionState.RUNNING, MotionState.PAUSED):
@@ -148,7 +154,7 @@ class StreamedMotion:
         """The speeds towards the target from which each joint can still stop at it."""
         h, a, way = self._period, self._limits.acceleration, self._target - self._raw
         speed = np.sqrt((0.5 * a * h) ** 2 + 2.0 * a * np.abs(way)) - 0.5 * a * h
-        speed = np.minimum(np.minimum(speed, np.abs(way) / h), self._limits.velocity)
+        speed = np.minimum(np.minimum(speed, np.abs(way) / h), self.speed * self._limits.velocity)
         return np.sign(way) * speed
 
     def _advanced(self, wanted: Float64, free: bool) -> Float64:

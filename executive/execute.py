@@ -32,7 +32,7 @@ from executive.running.cell import Cell
 from executive.running.cell_files import CellFile, cell_files
 from executive.running.context import RunContext
 from executive.running.dry_cell import DryCell
-from executive.running.events import EventStream, Listener, RunEnded, RunStarted
+from executive.running.events import EventStream, Listener, OperatorActed, RunEnded, RunStarted
 from executive.running.one_run import alone_on
 from executive.running.run_state import RunResult
 from executive.running.runner import Runner
@@ -76,6 +76,8 @@ class RunOrder:
         cleared: somebody has checked the cell since then.
         attended: an operator is there to answer questions and to resume after breakpoints.
         breaks: breakpoints to set at the start: a node's name, type or path, and its side.
+        speed: share of what is commanded at which the arm goes at first, 0.1 to 1.
+        speeds: changes of that in another run, to repeat at their moments.
     """
 
     tree: Path
@@ -92,6 +94,8 @@ class RunOrder:
     recover: bool = False
     cleared: bool = False
     attended: bool = False
+    speed: float = 1.0
+    speeds: tuple[OperatorActed, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -318,6 +322,8 @@ def _run(work: _Work, followers: _Followers) -> Executed:
         attended=order.attended,
         watchers=[*installed_watchers(cell), session],
         heartbeat=supervision.beat,
+        speed=order.speed,
+        speeds=order.speeds,
     )
     _set_breakpoints(runner, order.breaks)
     for listener in (summary.on_event, *followers.listeners):
@@ -430,6 +436,7 @@ def _started(work: _Work, runner: Runner, folder: Path | None) -> RunStarted:
         wall_time=time.time(),
         period=PERIOD,
         settings=dict(order.settings),
+        speed=order.speed,
         cell_files={name: text for name, text in work.cell_texts.items() if name != order.cell.name},
         tree_files={file.source.path: file.source.text for file in document.files if file is not document.main},
     )

@@ -21,6 +21,7 @@ Its ports are said once: the parameters of `run` are the inputs, the fields of w
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -156,6 +157,9 @@ class Skill(py_trees.behaviour.Behaviour):
     all of them, or none for instant work."""
     failures: ClassVar[tuple[str, ...]] = ()
     renamed_failures: ClassVar[Mapping[str, str]] = {}
+    own_speed: ClassVar[bool] = False
+    """Whether what it moves goes as fast as it says, whatever speed the operator and the tree allow: it measures
+    something that depends on how fast it moves."""
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
@@ -178,6 +182,8 @@ class Skill(py_trees.behaviour.Behaviour):
         self.broke = False  # whether it raised what is no failure: this ends the run
         self.changed: dict[str, object] = {}
         """Inputs to which somebody has given another value while the tree runs; they count from the next start on."""
+        self.slowed_by: list[Callable[[], float]] = []
+        """Shares of the speed that the tree gives it, as they are now."""
         self._work: Work[Any] | None = None
         self._context: SkillContext | None = None
         self._read: Callable[[], Mapping[str, object]] = dict
@@ -189,6 +195,10 @@ class Skill(py_trees.behaviour.Behaviour):
         if cls.moves is not None:
             return cls.moves
         return cls.devices if isgeneratorfunction(getattr(cls, "run", None)) else ()
+
+    def speed(self, allowed: float) -> float:
+        """Share of the speed at which it moves its devices, where the operator allows a share."""
+        return 1.0 if self.own_speed else allowed * math.prod(share() for share in self.slowed_by)
 
     # ------------------------------------------------------------------------------------- for subclasses
 

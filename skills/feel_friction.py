@@ -65,6 +65,7 @@ class FeelFriction(MovingSkill):
 
     devices = (Arm, Gripper, ForceSensor, Workspace)
     moves = (Arm, Gripper)
+    own_speed = True  # friction is felt at one speed of sliding
     failures = (*MOTION_FAILURES, "NOT_HELD", "LOST", "SENSOR_STALE", "SENSOR_SATURATED")
 
     def prepare(self) -> None:

@@ -60,6 +60,7 @@ class MockArm(Device):
         self._qd = np.zeros_like(self.q)
         self.followed: list[Trajectory] = []
         self._motion: PathMotion | StreamedMotion | None = None
+        self._speed = 1.0
         self.says: Callable[[Float64], Float64] = lambda q: q
         self._supervisor = MotionSupervisor(self.name, limits, supervision or Supervision())
         self._steps = 0
@@ -96,13 +97,13 @@ class MockArm(Device):
             raise MotionRefused(self.name, bad.problem) from bad
         self.followed.append(trajectory)
         self._supervisor.end()
-        self._motion = PathMotion(trajectory, self.limits, PERIOD)
+        self._motion = PathMotion(trajectory, self.limits, PERIOD, self._speed)
         return self._motion
 
     def stream(self, watchdog: float) -> SetPoints:
         self._need_ready()
         self._supervisor.end()
-        motion = self._motion = StreamedMotion(self.q, self.limits, PERIOD, watchdog)
+        motion = self._motion = StreamedMotion(self.q, self.limits, PERIOD, watchdog, self._speed)
         return motion
 
     def _need_ready(self) -> None:
@@ -137,6 +138,11 @@ class MockArm(Device):
     def resume(self) -> None:
         if self._motion is not None:
             self._motion.resume()
+
+    def set_speed(self, speed: float) -> None:
+        self._speed = speed
+        if self._motion is not None:
+            self._motion.set_speed(speed)
 
     def settled(self) -> bool:
         return self._motion is None or self._motion.at_rest

@@ -60,6 +60,7 @@ class SimArm(FaultyDevice):
         )
         self._set_point: Float64 = world.state.ctrl[self._actuators].copy()
         self._motion: PathMotion | StreamedMotion | None = None
+        self._speed = 1.0
         self._steps = 0
         self._gives_way = False
         self._rests_since = np.inf
@@ -85,14 +86,14 @@ class SimArm(FaultyDevice):
             raise MotionRefused(self.name, bad.problem) from bad
         self._supervisor.end()
         self._gives_way = False
-        self._motion = PathMotion(trajectory, self.limits, TIMESTEP)
+        self._motion = PathMotion(trajectory, self.limits, TIMESTEP, self._speed)
         return self._motion
 
     def stream(self, watchdog: float) -> SetPoints:
         self._need_ready()
         self._supervisor.end()
         self._gives_way = False
-        motion = self._motion = StreamedMotion(self._set_point, self.limits, TIMESTEP, watchdog)
+        motion = self._motion = StreamedMotion(self._set_point, self.limits, TIMESTEP, watchdog, self._speed)
         return motion
 
     def _need_ready(self) -> None:
@@ -140,6 +141,11 @@ class SimArm(FaultyDevice):
     def resume(self) -> None:
         if self._motion is not None:
             self._motion.resume()
+
+    def set_speed(self, speed: float) -> None:
+        self._speed = speed
+        if self._motion is not None:
+            self._motion.set_speed(speed)
 
     def settled(self) -> bool:
         return self._motion is None or self._motion.at_rest

@@ -22,6 +22,7 @@ from executive.recording.session import Reader
 from executive.running.events import Event, Listener
 from executive.running.runner import Runner
 from executive.running.starting import Starting
+from executive.speed import SpeedRefusedError, speed_of
 from executive.terminal.screen import Screen
 
 if TYPE_CHECKING:
@@ -183,6 +184,10 @@ class Launcher:
             raise UsageError("the seed is a whole number")
         if not isinstance(settings, dict) or not all(isinstance(value, str) for value in settings.values()):
             raise UsageError("settings are texts by name")
+        try:
+            speed = speed_of(str(form.get("speed", "100 %")))
+        except SpeedRefusedError as error:
+            raise UsageError(str(error)) from None
         dry, after_cut = form.get("dry") is True, form.get("after_cut", "")
         return RunOrder(
             tree=self._choices.tree(form.get("tree")),
@@ -193,6 +198,7 @@ class Launcher:
             record=self._record,
             dry=dry,
             attended=True,
+            speed=speed,
             recover=after_cut == "recover",
             cleared=after_cut == "cleared",
         )

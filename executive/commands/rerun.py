@@ -21,6 +21,7 @@ from executive.recording.folder import find_record
 from executive.recording.read import read_events
 from executive.registry import Registry
 from executive.running.events import OperatorActed, RunEnded, RunStarted
+from executive.speed import SpeedRefusedError, checked_speed, speed_of
 from executive.terminal.explain import describe
 from executive.terminal.live import LiveTree
 from executive.terminal.screen import Screen
@@ -51,9 +52,9 @@ def main(options: argparse.Namespace) -> int:
     record = find_record(options.run, options.record)
     trusted(record)
     console = Screen()
-    started, remarks = _beginning(record)
+    started, speeds, remarks = _beginning(record)
     with tempfile.TemporaryDirectory(prefix="pomona-rerun-") as folder:
-        order = _order(started, Path(folder))
+        order = _order(started, speeds, Path(folder))
         _refuse_devices(order)
         with contextlib.closing(LiveTree(console)) as live:
             executed = execute(order, [live.on_event])
@@ -73,8 +74,8 @@ def main(options: argparse.Namespace) -> int:
     return 1
 
 
-def _beginning(record: Path) -> tuple[RunStarted, list[str]]:
-    """How the recorded run began, and what in it nobody can repeat."""
+def _beginning(record: Path) -> tuple[RunStarted, tuple[OperatorActed, ...], list[str]]:
+    """How the recorded run began, which speeds were set in it, and what in it nobody can repeat."""
     started: RunStarted | None = None
     ended = False
     acts: list[OperatorActed] = []
@@ -90,10 +91,15 @@ def _beginning(record: Path) -> tuple[RunStarted, list[str]]:
     kind = started.cell_kind
     if kind not in REPEATABLE:
         raise UsageError(f"{record}: only a simulated run can be repeated, this one was on a cell of kind {kind}")
-    remarks = [f"{act.who} did {act.action} at {act.t:.2f} s: a repetition has no operator" for act in acts]
+    speeds = tuple(act for act in acts if act.action == "speed")
+    remarks = [
+        f"{act.who} did {act.action} at {act.t:.2f} s: a repetition has no operator"
+        for act in acts
+        if act.action != "speed"
+    ]
     if not ended:
         remarks.append("the record was cut off: the repetition goes on where it ends")
-    return started, remarks
+    return started, speeds, remarks
 
 
 def _refuse_devices(order: RunOrder) -> None:
@@ -111,8 +117,18 @@ def _refuse_devices(order: RunOrder) -> None:
         raise UsageError(f"the cell in the record is of kind {judged.cell.kind}, although the run says otherwise")
 
 
-def _order(started: RunStarted, folder: Path) -> RunOrder:
-    """The order that was given then, with the contents of then."""
+def _order(started: RunStarted, speeds: tuple[OperatorActed, ...], folder: Path) -> RunOrder:
+    """The order that was given then, with the contents of then.
+
+    Raises:
+        UsageError: the record names a speed that nobody can have, or a folder that is not here.
+    """
+    try:
+        speed = checked_speed(started.speed)
+        for act in speeds:
+            speed_of(act.detail)
+    except SpeedRefusedError as error:
+        raise UsageError(f"the record is none of a run: {error}") from None
     dry = started.cell == "dry" and started.cell_kind == "mock"
     cell = Path(started.cell_path)
     if not dry and not cell.parent.is_dir():  # recorded on another machine: what it names is found beside the cell
@@ -125,6 +141,8 @@ def _order(started: RunStarted, folder: Path) -> RunOrder:
         tree=Path(started.tree_path),
         cell=cell,
         seed=started.seed,
+        speed=speed,
+        speeds=speeds,
         settings=dict(started.settings),
         record=folder,
         dry=dry,

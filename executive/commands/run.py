@@ -26,6 +26,7 @@ from executive.running.events import Listener
 from executive.running.runner import Runner
 from executive.running.signals import Terminated
 from executive.settings import parse_settings
+from executive.speed import SpeedRefusedError, speed_of
 from executive.terminal.filtered import write_json
 from executive.terminal.keys import Keys
 from executive.terminal.live import LiveTree
@@ -50,6 +51,10 @@ def add(subparsers: Any) -> None:
     parser.add_argument(
         "--pace", choices=("fast", "real"), default="fast", help="a simulated cell as fast as possible, or in real time"
     )
+    parser.add_argument(
+        "--speed", default="100 %", metavar="SHARE",
+        help="the arm goes at this share of what is commanded, 10 %% to 100 %%; the page and ROS 2 change it",
+    )  # fmt: skip
     add_records_folder(parser)
     parser.add_argument("--no-record", action="store_true", help="leave no record")
     parser.add_argument(
@@ -118,6 +123,7 @@ def main(options: argparse.Namespace) -> int:
         mocks=Path(options.dry) if options.dry else None,
         recover=options.recover,
         cleared=options.cleared,
+        speed=_speed(options.speed),
         attended=options.dashboard or _answers_here(options, console),
         breaks=(
             *((name, "before") for name in options.break_before),
@@ -146,6 +152,13 @@ def main(options: argparse.Namespace) -> int:
             with contextlib.suppress(KeyboardInterrupt):
                 threading.Event().wait()
     return status
+
+
+def _speed(text: str) -> float:
+    try:
+        return speed_of(text)
+    except SpeedRefusedError as error:
+        raise UsageError(f"--speed: {error}") from None
 
 
 def _answers_here(options: argparse.Namespace, console: Screen) -> bool:

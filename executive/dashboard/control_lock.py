@@ -13,6 +13,7 @@ from executive.running.breakpoints import BREAK_ACTIONS, UnknownNodeError
 from executive.running.requests import AnswerRefusedError, UnknownFaultError
 from executive.running.runner import Runner
 from executive.running.starting import Starting
+from executive.speed import SpeedRefusedError, speed_of
 
 ACTIONS = ("pause", "resume", "step", "stop")
 
@@ -199,7 +200,7 @@ class ControlLock:
             RefusedError: the viewer does not hold control, nothing runs, or there is no such action or node.
         """
         who = self.require(viewer)
-        if action not in (*ACTIONS, *BREAK_ACTIONS, "answer", "fail", "change"):
+        if action not in (*ACTIONS, *BREAK_ACTIONS, "answer", "fail", "change", "speed"):
             raise RefusedError(f"'{action}' is no action")
         latched = action == "fail" and self._runner is not None and self._runner.latched is not None
         if self._runner is None or (self._runner.state.ended and not latched):  # what was broken can be mended
@@ -216,6 +217,11 @@ class ControlLock:
             try:
                 self._runner.change(path, port.strip(), value.strip(), who)
             except ChangeRefusedError as error:
+                raise RefusedError(str(error)) from None
+        elif action == "speed":
+            try:
+                self._runner.set_speed(speed_of(detail), who)
+            except SpeedRefusedError as error:
                 raise RefusedError(str(error)) from None
         elif action == "fail":
             switch, _, kind = detail.partition(" ")

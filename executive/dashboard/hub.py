@@ -252,6 +252,8 @@ def _key(event: Event) -> Hashable:
             return (LinkChanged, event.device)
         case OperatorActed(action=action) if action in BREAK_ACTIONS:
             return (OperatorActed, BREAK_ACTIONS[action][0], event.detail)
+        case OperatorActed(action="speed"):
+            return (OperatorActed, "speed")
         case Published(value=TableView() | BodiesView() | PosesView()):
             return (type(event.value), event.topic)
         case StateChanged() | SafeStopped() | RunEnded():

@@ -26,7 +26,7 @@ from executive.ros2.types import coder
 from executive.views import ImageView
 
 ACT, RUN_TREE = "pomona_msgs/srv/Act", "pomona_msgs/action/RunTree"
-ACTIONS = ("take", "release", "pause", "resume", "step", "stop", "safe_stop", "acknowledge")
+ACTIONS = ("take", "release", "pause", "resume", "step", "stop", "speed", "safe_stop", "acknowledge")
 AGAIN = 1.0
 """Seconds after which the diagnostics are said again: who comes late knows how the devices are."""
 EXECUTING, SUCCEEDED, CANCELED, ABORTED = 2, 4, 5, 6

@@ -26,6 +26,7 @@ from executive.nodes.recovery import RecoveryType
 from executive.nodes.repeat import RepeatType
 from executive.nodes.retry import RetryType
 from executive.nodes.sequence import ReactiveSequenceType, SequenceType, SequenceWithMemoryType
+from executive.nodes.speed import SpeedType
 from executive.nodes.takes import NAME
 from executive.nodes.timeout import TimeoutType
 from executive.nodes.turns import PipelineSequenceType, RoundRobinType
@@ -39,7 +40,7 @@ BUILTIN: tuple[type[NodeType], ...] = (
     SequenceType, ReactiveSequenceType, SequenceWithMemoryType, FallbackType, ReactiveFallbackType, ParallelType,
     RecoveryType, IfType, ReactiveIfType, SwitchType, RoundRobinType, PipelineSequenceType, UntranslatedType,
     CheckType, WaitUntilType, WaitType, SetType, AskType, SucceedType, FailType,
-    TimeoutType, InvertType, ForceType, DelayType, RateType, RetryType, RepeatType, ForEachType, RunOnceType,
+    SpeedType, TimeoutType, InvertType, ForceType, DelayType, RateType, RetryType, RepeatType, ForEachType, RunOnceType,
     GuardType, WhenType, DisabledType, BreakpointType, ApproveType,
 )  # fmt: skip
 """Modifiers stand in the order in which they wrap, from the inside to the outside."""

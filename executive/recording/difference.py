@@ -52,6 +52,8 @@ def comparable(record: Path) -> Iterator[dict[str, Any]]:
                 continue  # how long something really took belongs to the machine
             for name in OF_THE_MOMENT.get(str(event["event"]), ()):
                 event.pop(name, None)
+            if event["event"] == "RunStarted":
+                event.setdefault("speed", 1.0)  # a record from before there was one
             yield event
         elif topic.startswith(("/images/", "/depth/")):
             yield {"event": "Image", "t": 0.0, "topic": topic, "data": parse_object(content).get("data")}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any, Protocol, TypeVar
 
 from executive.clock import Clock
@@ -106,6 +106,19 @@ class Cell(Protocol):
 
         Raises:
             Exception: the world is not as it was when it was paused (the arm was moved, what it held is gone).
+        """
+        ...
+
+    @property
+    def full_speed_only(self) -> tuple[str, ...]:
+        """Names of devices that should be slowed down by `set_speed`, and cannot be."""
+        ...
+
+    def set_speed(self, speed: float, of: Collection[type] = ()) -> None:
+        """Let devices move at a share (above 0 to 1) of what is commanded from now on; with these interfaces, or all.
+
+        Raises:
+            Exception: it is less than 1, and one of them cannot be slowed down.
         """
         ...
 

@@ -37,6 +37,7 @@ class RunContext:
         self._failures: list[tuple[str, BaseException]] = []
         self._paused_for = 0.0
         self._paused_since: float | None = None
+        self._speed = 1.0
         self._start = cell.clock.now()
 
     # --------------------------------------------------------------------------------------- SkillContext
@@ -71,6 +72,7 @@ class RunContext:
             if owner is not None and owner is not skill:
                 return f"waiting for {owner.name}, which uses the {interface.__name__}"
         self._owners.update(dict.fromkeys(skill.claims(), skill))
+        self._give_speed(skill)
         return None
 
     def release(self, skill: Skill) -> None:
@@ -82,6 +84,22 @@ class RunContext:
             self._halting.append((skill, work, self.clock.now() + HALT_TIMEOUT))
 
     # ------------------------------------------------------------------------------------- for the runner
+
+    @property
+    def speed(self) -> float:
+        """Share of the speed that the operator allows."""
+        return self._speed
+
+    def set_speed(self, speed: float) -> None:
+        """Let everything go at this share of what skills and tree say, from now on, also what moves already."""
+        self._speed = speed
+        self.cell.set_speed(speed)
+        for skill in dict.fromkeys(self._owners.values()):
+            self._give_speed(skill)
+
+    def _give_speed(self, skill: Skill) -> None:
+        if skill.claims():
+            self.cell.set_speed(skill.speed(self._speed), skill.claims())
 
     def start_clock(self) -> None:
         """The run begins now."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any, TypeVar
 
 from executive.clock import ManualClock
@@ -52,6 +52,11 @@ class DryCell:
 
     def resume(self) -> None:
         """Nothing was stopped."""
+
+    full_speed_only: tuple[str, ...] = ()
+
+    def set_speed(self, speed: float, of: Collection[type] = ()) -> None:
+        """Nothing moves."""
 
     def in_hand(self) -> None:
         return None

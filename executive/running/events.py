@@ -26,7 +26,8 @@ class RunStarted(Event):
     """A run begins. `nodes` describes the tree: one mapping per node, in drawing order, with `path` and `parent`.
 
     `tree_files` holds the texts of the files that the tree calls, by their path, `cell_files` those that the cell
-    includes, by their path from its folder; of a dry run `cell_text` is its mocks.
+    includes, by their path from its folder; of a dry run `cell_text` is its mocks. `speed` is the share of what is
+    commanded at which the arm goes at first; an `OperatorActed` with the action `speed` changes it.
     """
 
     run: str
@@ -47,6 +48,7 @@ class RunStarted(Event):
     settings: Mapping[str, str] = field(default_factory=dict)
     tree_files: Mapping[str, str] = field(default_factory=dict)
     cell_files: Mapping[str, str] = field(default_factory=dict)
+    speed: float = 1.0
 
 
 @dataclass(frozen=True, slots=True)

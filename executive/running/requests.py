@@ -12,6 +12,7 @@ from executive.language.changes import changed_input
 from executive.nodes.question import Question
 from executive.running.breakpoints import BREAK_ACTIONS, Breakpoints
 from executive.running.cell import Cell
+from executive.speed import SpeedRefusedError, cannot_slow, checked_speed
 
 LATE = 2.0
 """Seconds of the wall's clock after which nobody still expects that what was asked for sets something in motion."""
@@ -44,6 +45,7 @@ class Requests:
 
     def __init__(self) -> None:
         self._commands: queue.SimpleQueue[tuple[str, str, str, float]] = queue.SimpleQueue()
+        self._speeds: queue.SimpleQueue[tuple[float, str, float]] = queue.SimpleQueue()
         self._leaving = False
         self.breakable = False
         """Whether the run survives an exception that a signal's handler raises in the tick thread now."""
@@ -107,6 +109,17 @@ class Requests:
         """
         changed_input(self.tree, path, port, text)
         self._ask("change", who, f"{port} = {text} ← {path}")
+
+    def set_speed(self, share: float, who: str = "operator") -> None:
+        """Let the arm go at this share of what is commanded, from now on, also on a path that it follows.
+
+        Raises:
+            SpeedRefusedError: it is not from 10 % to 100 %, or the cell cannot be slowed down.
+        """
+        speed = checked_speed(share)
+        if speed < 1.0 and self._cell.full_speed_only:
+            raise SpeedRefusedError(cannot_slow(self._cell.full_speed_only))
+        self._speeds.put((speed, who, time.monotonic()))
 
     @property
     def known_faults(self) -> dict[str, tuple[str, ...]]:

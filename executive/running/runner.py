@@ -15,12 +15,13 @@ import contextlib
 import logging
 import queue
 import time
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 
 from py_trees.common import Status
 
 from executive.board import Board, Entry
-from executive.errors import PomonaError
+from executive.errors import PomonaError, UsageError
 from executive.language import BuiltTree
 from executive.language.changes import change_input
 from executive.one_process import leave_if_forked
@@ -50,6 +51,7 @@ from executive.running.requests import LATE, SETS_IN_MOTION, Requests
 from executive.running.run_state import RunResult, RunState
 from executive.running.traces import place_of, traceback_of
 from executive.running.watching import Watch, Watcher
+from executive.speed import cannot_slow, speed_of, words_of
 from executive.values.sentences import sentence_of
 
 logger = logging.getLogger(__name__)
@@ -96,6 +98,8 @@ class Runner(Requests):
         attended: bool = False,
         watchers: Sequence[Watcher] = (),
         heartbeat: Callable[[], None] = lambda: None,
+        speed: float = 1.0,
+        speeds: Sequence[OperatorActed] = (),
     ) -> None:
         """
         Args:
@@ -109,6 +113,11 @@ class Runner(Requests):
                 questions get their defaults, and the breakpoints in the tree file are ignored.
             watchers: show what the cell looks like.
             heartbeat: called in every tick, also while paused or coming to rest.
+            speed: share of what is commanded at which the arm goes at first.
+            speeds: changes of that, to repeat at the moments of another run.
+
+        Raises:
+            UsageError: the arm shall go slower, or the tree says so, and its driver cannot do that.
         """
         super().__init__()
         self._cell, self._events = cell, events
@@ -118,6 +127,8 @@ class Runner(Requests):
         self.board = Board(cell.clock)
         self.board.subscribe(self._written)
         self.tree = build(self.context, self.board)
+        self._speed, self._repeated = speed, deque(speeds)
+        self._refuse_full_speed_only()
         self._breakpoints = Breakpoints(self.tree.behaviours)
         self._questions = self.tree.questions
         self._attend(attended)
@@ -169,6 +180,7 @@ class Runner(Requests):
         try:
             self.board.adopt()
             self.context.start_clock()
+            self.context.set_speed(self._speed)
             self._set_state(RunState.RUNNING, "started")
             self.breakable = True
             self._loop(started)
@@ -226,6 +238,7 @@ class Runner(Requests):
         while True:
             self._heartbeat()
             self._take_commands()
+            self._take_speeds()
             if self._has_ended():
                 return
             self._look()
@@ -304,6 +317,33 @@ class Runner(Requests):
                 change_input(self.tree, detail)
             elif action in BREAK_ACTIONS:
                 self._breakpoints.change(detail, *BREAK_ACTIONS[action])
+
+    def _take_speeds(self) -> None:
+        """Other speeds: those of another run at its moments, and those that somebody has asked for.
+
+        They are no commands: a computation that is waited for on a simulated clock is waited for all the same, so that
+        a repetition has the same ticks.
+        """
+        while self._repeated and (self._repeated[0].t, self._repeated[0].tick) <= self._stamp():
+            act = self._repeated.popleft()
+            self._change_speed(speed_of(act.detail), act.who)
+        while not self._speeds.empty():
+            speed, who, asked = self._speeds.get()
+            ago = time.monotonic() - asked
+            if speed > self.context.speed and ago > LATE:
+                words = f"speed {words_of(speed)}, requested {ago:.1f} s earlier"
+                self._emit(OperatorActed(*self._stamp(), who, "too_late", words))
+            else:
+                self._change_speed(speed, who)
+
+    def _change_speed(self, speed: float, who: str) -> None:
+        self._emit(OperatorActed(*self._stamp(), who, "speed", words_of(speed)))
+        self.context.set_speed(speed)
+
+    def _refuse_full_speed_only(self) -> None:
+        slow = self._speed < 1.0 or bool(self._repeated) or any(skill.slowed_by for skill in self.tree.skills)
+        if slow and self._cell.full_speed_only:
+            raise UsageError(f"{cannot_slow(self._cell.full_speed_only)}; nothing has moved")
 
     def _switch(self, fault: str) -> None:
         switch, _, kind = fault.partition(" ")

@@ -25,6 +25,7 @@ from executive.running.events import (
     SafeStopped,
     TickOverran,
 )
+from executive.speed import words_of
 from executive.terminal.summary import Summary
 from executive.terminal.words import at_place, figure, seconds
 
@@ -123,6 +124,8 @@ class _Story:
     def _opening(self, started: RunStarted) -> str:
         settings = ", ".join(f"{key} = {value}" for key, value in started.settings.items())
         with_what = f"seed {started.seed}" + (f" and {settings}" if settings else "")
+        if started.speed < 1.0:
+            with_what += f", at {words_of(started.speed)} of the speed"
         kind = {"real": "real", "mock": "mocked"}.get(started.cell_kind, started.cell_kind)
         day = f"{datetime.fromtimestamp(started.wall_time):%d %B %Y at %H:%M}".lstrip("0")
         return f"{started.tree} ran on the {kind} cell {started.cell} with {with_what}, on {day}."

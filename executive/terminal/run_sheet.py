@@ -13,6 +13,7 @@ from executive.recording.digest import Digest
 from executive.recording.folder import events_file, is_being_written
 from executive.recording.interventions import interventions
 from executive.recording.scan import scan
+from executive.speed import words_of
 from executive.terminal.run_list import MARKS, UNCHECKED, ending, how, size, when
 from executive.terminal.screen import Screen
 from executive.terminal.summary import Summary
@@ -35,6 +36,7 @@ def print_sheet(console: Screen, record: Path, run: Digest, summary: Summary) ->
             "tree": f"{run.tree}  {started.tree_path}  ({run.tree_hash})",
             "cell": f"{run.cell}, {run.cell_kind}  {started.cell_path}  ({run.cell_hash})",
             "seed": str(run.seed),
+            "speed": words_of(started.speed) if started.speed < 1.0 else "",
             "settings": "  ".join(f"{key}={value}" for key, value in run.settings.items()) or "none",
             "parameters": "  ".join(f"{k}={json.dumps(v, ensure_ascii=False)}" for k, v in run.parameters.items()),
             "versions": "  ".join(f"{name} {version}" for name, version in started.versions.items()),

@@ -95,3 +95,58 @@ def test_stop_and_go_many_times_ends_at_the_end():
     assert points[-1] == pytest.approx(path.q[-1])
     acceleration = np.abs(np.diff(points, n=2, axis=0)).max(axis=0) / PERIOD**2
     assert np.all(acceleration < 1.1 * LIMITS.acceleration)
+
+
+@settings(max_examples=60)
+@given(
+    st.lists(st.floats(-2.0, 2.0), min_size=3, max_size=3).filter(lambda a: max(map(abs, a)) > 0.2),
+    st.lists(st.tuples(st.integers(0, 700), st.floats(0.1, 1.0)), min_size=1, max_size=5),
+    st.floats(0.1, 1.0),
+)
+def test_another_speed_at_any_time_stays_within_the_limits_and_reaches_the_end(angles, changes, first):
+    path = sweep(angles)
+    follower = PathFollower(path, LIMITS, PERIOD, first)
+    commands = {step: lambda speed=speed: follower.set_speed(speed) for step, speed in changes}
+    points = run(follower, commands)
+    assert follower.finished
+    assert points[-1] == pytest.approx(path.q[-1])
+    lead = int(np.abs(path.q[-1]).argmax())
+    expected = points[:, [lead]] / path.q[-1, lead] * path.q[-1]
+    assert np.abs(points - expected).max() < 1e-6
+    qd = np.diff(points, axis=0) / PERIOD
+    qdd = np.diff(qd, axis=0) / PERIOD
+    assert np.all(np.abs(qd).max(axis=0) < 1.01 * LIMITS.velocity)
+    assert np.all(np.abs(qdd).max(axis=0) < 1.1 * LIMITS.acceleration)
+
+
+def test_a_share_of_the_speed_takes_so_much_longer():
+    path = sweep([1.0, -0.5, 0.3])
+    whole, half = (len(run(PathFollower(path, LIMITS, PERIOD, speed), {})) for speed in (1.0, 0.5))
+    assert half == pytest.approx(2 * whole, abs=3)
+
+
+def test_the_speed_changes_without_jerks():
+    """In the middle of a long sweep, where the path's own jerk is small: back and forth, also within a change."""
+    path = sweep([9.0, 3.0, -5.0], samples=2000)
+    follower = PathFollower(path, LIMITS, PERIOD)
+    middle = int(0.4 * path.duration / PERIOD)
+    steps = {0: 0.3, 40: 0.9, 75: 0.2, 400: 1.0, 430: 0.5}
+    points = run(follower, {middle + at: lambda speed=speed: follower.set_speed(speed) for at, speed in steps.items()})
+    jerk = np.abs(np.diff(points, n=3, axis=0))[middle - 50 : middle + 800] / PERIOD**3
+    assert np.all(jerk.max(axis=0) < 1.1 * LIMITS.jerk), jerk.max(axis=0) / LIMITS.jerk
+
+
+def test_a_stopped_path_keeps_the_new_speed_for_when_it_goes_on():
+    path = sweep([1.0, 0.0, 0.0])
+    follower = PathFollower(path, LIMITS, PERIOD)
+    follower.slow_down()
+    follower.set_speed(0.4)
+    while not follower.at_rest:
+        follower.step()
+    follower.step()
+    assert follower.at_rest
+    follower.go_on()
+    for _ in range(200):
+        follower.step()
+    assert follower.rate == pytest.approx(0.4)
+    assert follower.time_left == pytest.approx((path.duration - follower.path_time) / 0.4)

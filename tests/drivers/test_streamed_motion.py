@@ -109,3 +109,15 @@ def test_abandoned_it_stands_at_once() -> None:
     motion.abandon("the arm does not follow")
     assert motion.state is MotionState.FAILED
     assert motion.set_point_rests
+
+
+def test_a_share_of_the_speed_is_kept_also_while_it_moves() -> None:
+    motion = StreamedMotion(np.zeros(3), LIMITS, PERIOD, 10.0, 0.5)
+    motion.aim(np.array([1.9, -0.9, 1.0]))
+    rates = [np.abs(motion.step()[1]) for _ in range(round(0.4 / PERIOD))]
+    assert np.max(rates, axis=0) == pytest.approx(0.5 * LIMITS.velocity, rel=0.02)
+    motion.set_speed(0.1)
+    rates = [np.abs(motion.step()[1]) for _ in range(round(1.0 / PERIOD))]
+    assert np.all(rates[-1] < 0.101 * LIMITS.velocity)
+    change = np.abs(np.diff(rates, axis=0)).max(axis=0) / PERIOD
+    assert np.all(change < 1.01 * LIMITS.acceleration)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Any, TypeVar, cast
 
 from executive.clock import ManualClock
@@ -54,6 +54,11 @@ class FakeCell:
         self.hand: str | None = None
         self.closed = False
         self.switches: dict[str, Any] = {}
+        self.full_speed_only: tuple[str, ...] = ()
+        self.speeds: list[tuple[float, tuple[type, ...]]] = []
+
+    def set_speed(self, speed: float, of: Collection[type] = ()) -> None:
+        self.speeds.append((speed, tuple(of)))
 
     def interfaces(self) -> tuple[type, ...]:
         return (Wheel,)

@@ -239,3 +239,18 @@ def test_another_programs_mcap_is_refused_in_words(capsys: pytest.CaptureFixture
     assert "'Launched' is no event of a run" in say(capsys, "replay", "foreign.mcap", status=2)
     assert "'Launched' is no event of a run" in say(capsys, "explain", "foreign.mcap", status=2)
     assert say(capsys, "runs", "show", "foreign.mcap", status=2)
+
+
+def test_a_slower_run_is_recorded_as_that_told_and_repeated(capsys: pytest.CaptureFixture[str]) -> None:
+    run("mocks.yaml", "--speed", "30 %")
+    assert "at 30 % of the speed" in say(capsys, "explain", "last")
+    assert "speed 30 %" in say(capsys, "runs", "show", "last")
+    assert "✓ the same" in say(capsys, "rerun", "last")
+
+
+@pytest.mark.parametrize("speed", ["0", "5 %", "150 %", "nan", "30"])
+def test_a_speed_that_nobody_can_have_is_refused(capsys: pytest.CaptureFixture[str], speed: str) -> None:
+    said = say(capsys, "run", "tree.yaml", "--dry", "mocks.yaml", "--speed", speed, status=2)
+    assert said.startswith("--speed: ")
+    assert "30 %" in said or "10 % to 100 %" in said
+    assert not Path("runs").exists()

@@ -230,6 +230,7 @@ document.addEventListener("keydown", (event) => {
   else if (event.key === "l") goLive();
   else if (event.key === "j") tree.jumpToRunning();
   else if (event.key === "f") $("follow").click();
+  else if (event.key === "v") $("arm-speed").focus();
   else if (event.key === "r") $("show-runs").click();
   else if (event.key === "?") $("keys").showModal();
 });

@@ -12,6 +12,21 @@ $("who").value = localStorage.getItem("pomona-who") || "";
 $("who").addEventListener("change", (event) => localStorage.setItem("pomona-who", event.target.value));
 for (const button of document.querySelectorAll("[data-action]")) button.addEventListener("click", () => press(button.dataset.action));
 
+// The speed shown is the one that the run has confirmed; while a hand is on it, what that hand wants.
+let wanted = null;
+$("arm-speed").addEventListener("input", (event) => { wanted = Number(event.target.value); page.dirty = true; });
+$("arm-speed").addEventListener("change", (event) => { wanted = null; press("speed", `${event.target.value} %`); });
+
+function drawSpeed(s, may) {
+  const now = Math.round(100 * s.speed);
+  const asked = link.press?.action === "speed" && ["sent", "accepted"].includes(link.press.state) ? parseInt(link.press.detail, 10) : wanted;
+  $("arm-speed").disabled = !may;
+  $("arm-speed").parentElement.hidden = !may && now === 100; // nobody here changes it, and it says nothing
+  if (wanted === null) $("arm-speed").value = asked ?? now;
+  put($("arm-speed-words"), asked === null || asked === now ? `${now} %` : `${now} % → ${asked} %`);
+  $("arm-speed-words").dataset.slow = now < 100;
+}
+
 export function drawControl(s) {
   drawQuestions(s);
   const live = !page.recorded;
@@ -23,6 +38,7 @@ export function drawControl(s) {
     if (action in enabled) button.disabled = !enabled[action];
     if (action === "take" || action === "release") button.hidden = mine === (action === "take");
   }
+  drawSpeed(s, mine && (running || paused));
   $("control").hidden = !live;
   const { held_by: holder, viewers, holder_here: here } = page.control;
   put($("holder"), mine ? "You hold control." : holder ? `${holder} holds control${here === false ? ", but that page is not heard" : ""}.` : "Nobody holds control.");
@@ -60,7 +76,7 @@ export function drawHeader(s) {
   put($("kind"), `${page.recorded ? "RECORD · " : ""}${KIND[kind] ?? "NO CELL"}`);
   $("kind").dataset.kind = kind;
   put($("run"), s.run ? `${s.run.tree} · seed ${s.run.seed}` : "no run yet");
-  put($("run-facts"), s.run ? `cell ${s.run.cell} · ${s.run.run}` : "");
+  put($("run-facts"), s.run ? `${s.speed < 1 ? `speed ${Math.round(100 * s.speed)} % · ` : ""}cell ${s.run.cell} · ${s.run.run}` : "");
   $("run").parentElement.title = s.run ? `${s.run.run}\ntree ${s.run.tree_path} (${s.run.tree_hash})\ncell ${s.run.cell_path}` : "";
   const start = page.recorded ? null : page.control.start;
   const preparing = Boolean(start && !start.problem);

@@ -8,7 +8,7 @@ const OPENING = 2000; // ms that a connection may take to open
 const CONFIRM = 500; // ms after which a press that is not confirmed is shown as that
 const RETRY = 400; // ms between two tries
 const PATIENCE = { safe_stop: 10000 }; // ms for which a press is tried; the server refuses what comes later
-const FACED = new Set(["pause", "resume", "step", "stop", "acknowledge", "break", "unbreak", "break_after", "unbreak_after", "answer", "change"]); // the run itself confirms them
+const FACED = new Set(["pause", "resume", "step", "stop", "acknowledge", "break", "unbreak", "break_after", "unbreak_after", "answer", "change", "speed"]); // the run itself confirms them
 
 // `known`: up to then (performance.now) the page has heard everything; `clock`: what to add for the server's time [s].
 export const link = { socket: null, known: -Infinity, knownAt: null, armed: null, clock: null, press: null, opened: 0 };

@@ -129,7 +129,7 @@ $("start-form").addEventListener("submit", async (event) => {
   say("starting …");
   starting = true;
   drawStart();
-  const answer = page.token ? await post("/api/start", { tree: $("start-tree").value, cell: $("start-cell").value, seed: Number($("start-seed").value), pace: $("start-pace").value, dry: $("start-dry").checked, after_cut: $("start-after-cut").value, settings }) : { error: "this page may watch but not act: open the link that was printed" };
+  const answer = page.token ? await post("/api/start", { tree: $("start-tree").value, cell: $("start-cell").value, seed: Number($("start-seed").value), pace: $("start-pace").value, speed: $("start-speed").value, dry: $("start-dry").checked, after_cut: $("start-after-cut").value, settings }) : { error: "this page may watch but not act: open the link that was printed" };
   starting = false;
   drawStart();
   if (answer.error) { say(answer.error, "bad"); return; }

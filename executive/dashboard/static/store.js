@@ -17,7 +17,7 @@ export function emptyState() {
     t: 0, tick: 0, seq: 0, run: null, nodes: [], byPath: new Map(), state: "idle", because: "",
     node: new Map(), attempts: new Map(), ports: new Map(), images: new Map(), scenes: new Map(),
     series: new Map(), tables: new Map(), bodies: new Map(), poses: new Map(), spans: [], marks: [], links: new Map(), failures: [], acts: [], ended: null,
-    safeStop: null, unrest: "", hand: null, gap: 1.5, breaks: { before: new Set(), after: new Set() }, changes: new Map(),
+    safeStop: null, unrest: "", hand: null, speed: 1, gap: 1.5, breaks: { before: new Set(), after: new Set() }, changes: new Map(),
   };
 }
 
@@ -34,7 +34,7 @@ export function apply(s, m) {
 const HANDLERS = {
   Overview(s, m) { s.gap = Math.max(s.gap, 3 * m.interval); },
   RunStarted(s, m) {
-    Object.assign(s, emptyState(), { run: m, seq: m.seq, gap: s.gap });
+    Object.assign(s, emptyState(), { run: m, seq: m.seq, gap: s.gap, speed: m.speed ?? 1 });
     s.nodes = m.nodes;
     const parents = new Set(m.nodes.map((n) => n.parent));
     for (const n of m.nodes) s.byPath.set(n.path, { ...n, leaf: !parents.has(n.path) });
@@ -139,6 +139,7 @@ const HANDLERS = {
     if (un) side.delete(m.detail);
     else if (m.action.startsWith("break")) side.add(m.detail);
     else if (m.action === "acknowledge") s.safeStop = null;
+    else if (m.action === "speed") s.speed = parseFloat(m.detail) / 100;
     else if (m.action === "change") {
       const [, port, text, path] = m.detail.match(/^(.*?) = (.*) ← (.*)$/s) ?? [];
       if (path) s.changes.set(path, new Map(s.changes.get(path)).set(port, { text, who: m.who, t: m.t }));

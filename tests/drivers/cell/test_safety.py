@@ -8,7 +8,7 @@ import pytest
 from drivers.cell import Cell
 from drivers.device import Device
 from drivers.errors import DeviceFault, MotionRefused
-from drivers.interfaces import WrenchSample
+from drivers.interfaces import Arm, Gripper, MotionState, Trajectory, WrenchSample
 from drivers.mock import MockArm, MockClock, MockForceSensor, MockGripper
 from executive.clock import SystemClock
 
@@ -234,3 +234,49 @@ def test_a_safe_stop_ends_a_pause_for_good(cell):
     cell.clock.advance(1.0)
     assert cell.settled()
     assert cell.devices["gripper"].width == pytest.approx(0.05)
+
+
+def test_a_slower_cell_slows_the_arm_that_moves_and_the_next_path():
+    clock = MockClock()
+    arm = MockArm(clock)
+    cell = Cell("test", "mock", clock, {"arm": arm, "gripper": MockGripper(clock)})
+    t = np.linspace(0.0, 2.0, 201)
+    x = (t / 2.0)[:, None]
+    change = np.full(7, 0.5)
+    path = Trajectory(
+        t, change * x**3 * (10 - 15 * x + 6 * x**2), change * 15.0 * x**2 * (1 - x) ** 2,
+        change * 15.0 * x * (1 - x) * (1 - 2 * x),
+    )  # fmt: skip
+    motion = arm.follow(path)
+    clock.advance(1.0)
+    cell.set_speed(0.25, (Gripper,))  # not the arm's
+    cell.set_speed(0.5)
+    clock.advance(1.3)
+    assert motion.state is MotionState.RUNNING
+    clock.advance(1.0)
+    assert motion.state is MotionState.DONE
+    back = Trajectory(path.t, path.q[::-1].copy(), -path.qd, path.qdd[::-1].copy())
+    motion = arm.follow(back)
+    clock.advance(3.9)
+    assert motion.state is MotionState.RUNNING
+    clock.advance(0.3)
+    assert motion.state is MotionState.DONE
+
+
+@pytest.mark.parametrize("speed", [0.0, -1.0, 1.01, float("nan")])
+def test_a_cell_never_goes_faster_than_it_is_commanded(cell, speed):
+    with pytest.raises(ValueError, match="share above 0 to 1"):
+        cell.set_speed(speed)
+
+
+def test_an_arm_whose_driver_knows_no_speed_is_named_and_refused():
+    class FixedArm(Device):
+        interfaces = (Arm,)
+
+    arm = FixedArm("arm")
+    cell = Cell("test", "mock", MockClock(), {"arm": arm, "gripper": MockGripper(MockClock())})
+    assert cell.full_speed_only == ("arm",)
+    cell.set_speed(1.0)
+    cell.set_speed(0.5, (Gripper,))
+    with pytest.raises(DeviceFault, match="more slowly"):
+        cell.set_speed(0.5)

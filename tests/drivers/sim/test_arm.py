@@ -245,3 +245,21 @@ def test_an_arm_that_lies_or_does_not_go_on_is_noticed_and_comes_to_rest(
     again = arm.follow(plan_rest_to_rest([arm.state().q, HERE], arm.limits, share=0.3))
     run_out(cell, again)
     assert again.state is MotionState.DONE
+
+
+def test_slowed_down_on_the_way_it_keeps_the_path_and_the_limits_and_arrives(cell, arm, plan_rest_to_rest):
+    path = plan_rest_to_rest([HERE, THERE], arm.limits, share=1.0)
+    motion = arm.follow(path)
+    advance(cell, 0.35)
+    cell.set_speed(0.2)
+    asked = [arm._set_point.copy()]
+    while not motion.settled:
+        cell.clock.advance(0.002)
+        asked.append(arm._set_point.copy())
+        assert distance_to_path(asked[-1], path.q) < 0.01
+        assert cell.clock.now() < 20.0
+    cell.check()
+    assert motion.state is MotionState.DONE
+    assert cell.clock.now() > path.duration + 1.0
+    acceleration = np.diff(asked, n=2, axis=0) / 0.002**2
+    assert np.all(np.abs(acceleration).max(axis=0) < 1.15 * arm.limits.acceleration)

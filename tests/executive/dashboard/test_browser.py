@@ -179,7 +179,7 @@ def test_a_replay_is_scrubbed_played_and_shared(show: Show, open_page: Open) -> 
     expect(page.locator("#state")).to_have_text("▶ running")
     timeline.press("ArrowRight")
     expect(row(page, "The jam").locator(".icon")).to_have_attribute("aria-label", re.compile("failure"))
-    page.get_by_label("speed").select_option("8")
+    page.get_by_label("speed", exact=True).select_option("8")
     page.get_by_role("button", name="play", exact=True).click()
     expect(page.locator("#state")).to_have_text("✓ success")
     page.evaluate("location.hash = 'run=old_1&t=0.1'")
@@ -473,3 +473,24 @@ def test_a_simulated_pick_is_started_from_the_page_and_watched_to_its_end(show: 
     expect(page.locator("#plots .plot").first).to_be_visible()
     assert [path.name for path in Path(show.records).glob("*_pick_apple")]
     launcher.close()
+
+
+def test_the_arm_is_slowed_down_with_the_keyboard_and_every_page_shows_it(show: Show, open_page: Open) -> None:
+    page, other = open_page(), open_page()
+    show.run(HOLD)
+    speed = page.locator("#arm-speed")
+    expect(speed).to_be_disabled()
+    take_control(page, "ada")
+    expect(speed).to_be_enabled()
+    page.locator("#tree").press("v")
+    expect(speed).to_be_focused()
+    for _ in range(7):
+        speed.press("ArrowLeft")
+    expect(page.locator("#arm-speed-words")).to_have_text("30 %")
+    expect(other.locator("#arm-speed-words")).to_have_text("30 %")
+    expect(other.locator("#arm-speed")).to_be_disabled()
+    expect(page.locator("#ack")).to_contain_text("last: speed by ada")
+    later = open_page()
+    expect(later.locator("#arm-speed-words")).to_have_text("30 %")
+    GATE.set()
+    expect(page.locator("#state")).to_have_text("✓ success")
