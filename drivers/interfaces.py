@@ -436,6 +436,8 @@ class Workspace:
         obstacles: fixed geometry that no camera needs to see.
         poses: named joint configurations, shape (dof,) [rad] each: home, observe, observe_2, place …
         watch: how the way is watched while the arm moves; None: it is not.
+        zones: where nothing of the robot, and nothing that it holds, may be, although nothing stands there; named
+            'zone NAME'.
     """
 
     table_z: float | None
@@ -444,6 +446,7 @@ class Workspace:
     obstacles: tuple[Box, ...] = ()
     poses: Mapping[str, Float64] = field(default_factory=dict)
     watch: PathWatchSettings | None = None
+    zones: tuple[Box, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -43,6 +43,26 @@ class ObstacleSection:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class ZoneSection:
+    """A box along the axes of the base frame in which nothing of the robot, and nothing that it holds, may be."""
+
+    name: str = value(Text(), help="refusals call it so: 'window'")
+    lower: tuple[float, ...] = value(Row(Measure(LENGTH), 3), help="corner of the zone")
+    upper: tuple[float, ...] = value(Row(Measure(LENGTH), 3), help="the opposite corner")
+
+    def problems(self) -> Iterator[Problem]:
+        if any(low >= high for low, high in zip(self.lower, self.upper, strict=True)):
+            yield Problem("upper", "it must lie above the zone's lower in x, y and z")
+
+    def box(self) -> Box:
+        """For the skills."""
+        lower, upper = np.array(self.lower), np.array(self.upper)
+        T_base_box = np.eye(4)
+        T_base_box[:3, 3] = (lower + upper) / 2.0
+        return _box(f"zone {self.name}", T_base_box, np.zeros(3), upper - lower)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class WatchSection:
     """How the rest of a path is compared with what the cameras see while the arm follows it. No safety function."""
 
@@ -72,6 +92,9 @@ class WorkspaceSection:
     obstacles: tuple[ObstacleSection, ...] = value(
         ListOf(Section(ObstacleSection)), (), "fixed geometry that no camera needs to see"
     )
+    zones: tuple[ZoneSection, ...] = value(
+        ListOf(Section(ZoneSection)), (), "where nothing of the robot, and nothing that it holds, may be"
+    )
     poses: Mapping[str, tuple[float, ...]] = value(MappingOf(Row(Measure(ANGLE))), {}, "joints, by the pose's name")
 
     watch: WatchSection | None = value(
@@ -81,6 +104,9 @@ class WorkspaceSection:
     def problems(self) -> Iterator[Problem]:
         if any(low >= high for low, high in zip(self.lower, self.upper, strict=True)):
             yield Problem("upper", "it must lie above workspace.lower in x, y and z")
+        names = [zone.name for zone in self.zones]
+        if len(set(names)) < len(names):
+            yield Problem("zones", "two zones have one name: a refusal could not say which")
 
     def workspace(self) -> Workspace:
         """For the skills."""
@@ -90,6 +116,7 @@ class WorkspaceSection:
             upper=np.array(self.upper),
             obstacles=tuple(box for obstacle in self.obstacles for box in obstacle.boxes()),
             poses={name: np.array(q) for name, q in self.poses.items()},
+            zones=tuple(zone.box() for zone in self.zones),
             watch=None if self.watch is None else self.watch.settings(),
         )
 

@@ -174,7 +174,7 @@ class Lift(MovingSkill):
                 raise self._not_held("LOST", f"{words}: {gone}" if gone else words, hold)
 
         try:
-            yield from self.travel(trajectory, watch)
+            yield from self.travel(trajectory, watch, carrying=grasp)
             watch()
             up_since = self.context.elapsed()
             while self.context.elapsed() - up_since < hold_time - 1e-9:

@@ -112,7 +112,7 @@ class Release(MovingSkill):
         gripper, before = self.device(Gripper), self._tcp()[2, 3]
         way = self._vertical(-depth, map, clearance)
         slow_from = self._near(way, grasp, map, clearance)
-        yield from self._lower((way[: slow_from + 1], fast), (way[slow_from:], speed), hold, contact)
+        yield from self._lower((way[: slow_from + 1], fast), (way[slow_from:], speed), hold, grasp, contact)
         width = self._opening(map, clearance)
         yield from self.move_fingers(width, min(OPENING_SPEED, gripper.limits.speed_max))
         yield from self._along(self._vertical(before - self._tcp()[2, 3]), fast, None, RISING, RISING_JERK)
@@ -125,7 +125,12 @@ class Release(MovingSkill):
         return something_between(self.device(Gripper), self.device(ForceSensor))
 
     def _lower(
-        self, quickly: tuple[Float64, float], gently: tuple[Float64, float], hold: Hold | None, contact: float
+        self,
+        quickly: tuple[Float64, float],
+        gently: tuple[Float64, float],
+        hold: Hold | None,
+        grasp: Grasp | None,
+        contact: float,
     ) -> Watching:
         """Down along two ways with their speeds until the load on the pads changes: something carries the fruit."""
         before = float(self._tcp()[2, 3])
@@ -141,8 +146,8 @@ class Release(MovingSkill):
                     raise self.failure("LOST", LOST)
 
             try:
-                yield from self._along(*quickly, watch)
-                yield from self._along(*gently, watch)
+                yield from self._along(*quickly, watch, held=grasp)
+                yield from self._along(*gently, watch, held=grasp)
             except _Grounded:
                 yield from self.wait(RESTING)
                 self._refuse_lost()
@@ -224,13 +229,15 @@ class Release(MovingSkill):
         watch: Callable[[], None] | None = None,
         acceleration: float = ACCELERATION,
         jerk: float = JERK,
+        held: Grasp | None = None,
     ) -> Watching:
         """Follow postures on a straight line of the tool."""
         arm = self.device(Arm)
         robot = RobotModel.load(arm.description)
         length = float(np.linalg.norm(robot.tcp(way[-1])[:3, 3] - robot.tcp(way[0])[:3, 3]))
         if length > 0.0:
-            yield from self.travel(time_curve(way, length, arm.limits, speed, acceleration, jerk), watch)
+            curve = time_curve(way, length, arm.limits, speed, acceleration, jerk)
+            yield from self.travel(curve, watch, carrying=held)
 
     def _space(self, map: OccupancyMap | None, clearance: float, held: Grasp | None = None) -> ArmSpace:
         width = self.device(Gripper).state().width

@@ -8,7 +8,9 @@ from typing import ClassVar
 from drivers.errors import MotionRefused
 from drivers.interfaces import Arm, Gripper, Motion, MotionState, Trajectory
 from executive.skill import Skill
+from skills.motion.grasp import Grasp
 from skills.shared.live_watch import KnownAround, LiveWatch
+from skills.shared.zones import zone_entered
 
 Watching = Generator["str | None", None, None]
 
@@ -66,6 +68,7 @@ class MovingSkill(Skill):
         trajectory: Trajectory,
         watch: Callable[[], str | None] | None = None,
         around: KnownAround | None = None,
+        carrying: Grasp | None = None,
     ) -> Watching:
         """Let the arm follow a trajectory to its end.
 
@@ -74,8 +77,15 @@ class MovingSkill(Skill):
             watch: as in `follow_motion`.
             around: what is known to be there; the cell's cameras then watch the way, and what is not known and too near
                 fails with PATH_BLOCKED, which the skill must declare. Without it nobody looks.
+            carrying: the grasp by which a fruit is held.
+
+        Raises:
+            SkillFailure: REFUSED, where the way leads through a zone of the cell, or begins in one.
         """
         arm = self.device(Arm)
+        entered = zone_entered(self, arm, trajectory, carrying)
+        if entered:
+            raise self.failure("REFUSED", f"{entered}; nothing has moved", device="zones")
         eyes = None if around is None else LiveWatch.of(self, arm, trajectory, around)
 
         def start() -> Motion:

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import TypeVar, cast
+from typing import TypeVar
 
 import numpy as np
 
@@ -39,6 +38,7 @@ from skills.motion.occupancy import OccupancyMap, pose_of_camera
 from skills.motion.robot import RobotModel
 from skills.motion.watch import Ahead, PathWatch
 from skills.perception.measured_fruit import MeasuredFruit
+from skills.shared.optional import found_device
 
 BLOCKED = "PATH_BLOCKED"
 """The code with which a motion fails that was stopped by what a camera saw."""
@@ -77,19 +77,19 @@ class LiveWatch:
         self._stamps: dict[int, float] = {}
         self._states: deque[ArmState] = deque(maxlen=KEPT)
         self._motion: Motion | None = None
-        self._gripper = _found(skill, Gripper)
+        self._gripper = found_device(skill, Gripper)
 
     @staticmethod
     def of(skill: Skill, arm: Arm, trajectory: Trajectory, around: KnownAround) -> LiveWatch | None:
         """The watch of a trajectory; None in a cell that has no camera, or whose file does not ask for a watch."""
-        cameras, workspace = _found(skill, Cameras), _found(skill, Workspace)
+        cameras, workspace = found_device(skill, Cameras), found_device(skill, Workspace)
         if cameras is None or not cameras.all or workspace is None or workspace.watch is None:
             return None
         shape = RobotShape.of(RobotModel.load(arm.description))
         held = around.carrying
         if held is not None:
             shape = shape.holding(apply(inverse(held.T_base_grasp), fruit_points(held.fruit)))
-        gripper = _found(skill, Gripper)
+        gripper = found_device(skill, Gripper)
         width = shape.model.width_max if gripper is None else gripper.state().width
         fruit = [Convex.of_fruit(measured) for measured in around.fruit]
         watch = PathWatch(shape, trajectory, arm.limits, width, workspace, around.map, fruit)
@@ -161,7 +161,7 @@ class LiveWatch:
 
 def prepare_watch(skill: Skill) -> None:
     """For `prepare` of a skill that watches its way: compile the loops, and let every camera look once."""
-    cameras, workspace, arm = _found(skill, Cameras), _found(skill, Workspace), _found(skill, Arm)
+    cameras, workspace, arm = found_device(skill, Cameras), found_device(skill, Workspace), found_device(skill, Arm)
     if cameras is None or not cameras.all or arm is None or workspace is None or workspace.watch is None:
         return
     _warm(arm.description)
@@ -191,12 +191,4 @@ def _newest(camera: Camera) -> Frame | None:
     try:
         return camera.latest_depth() if isinstance(camera, DepthCamera) else camera.latest()
     except FrameUnreadable:
-        return None
-
-
-def _found(skill: Skill, interface: Callable[..., T]) -> T | None:
-    """A device that the skill can do without."""
-    try:
-        return skill.context.device(cast(type[T], interface))
-    except KeyError:
         return None

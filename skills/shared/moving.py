@@ -79,7 +79,7 @@ def move_to_pose(
     result = yield from planned(skill, request)
     path = result.path if carrying is None else gently(RobotModel.load(arm.description), result.path)
     around = KnownAround(map, () if avoiding is None else (avoiding,), carrying)
-    yield from skill.travel(path if speed >= 1.0 else stretched(path, 1.0 / speed), around=around)
+    yield from skill.travel(path if speed >= 1.0 else stretched(path, 1.0 / speed), around=around, carrying=carrying)
 
 
 def gently(robot: RobotModel, path: Trajectory) -> Trajectory:

@@ -62,13 +62,13 @@ class CollisionWorld:
 
         Args:
             robot: its model, or its shape with a held fruit.
-            workspace: table and fixed obstacles of the cell.
+            workspace: table, fixed obstacles and zones of the cell.
             field: of the map (`OccupancyMap.usable_field`); without it only shapes are known.
             obstacles: further shapes, such as the target (`Convex.of_fruit`).
             margins: defaults to `Margins()`.
         """
         shape = RobotShape.of(robot) if isinstance(robot, RobotModel) else robot
-        fixed = tuple(Convex.of_box(box) for box in workspace.obstacles) if workspace else ()
+        fixed = tuple(map(Convex.of_box, (*workspace.obstacles, *workspace.zones))) if workspace else ()
         return _assemble(
             shape,
             field or DistanceField.nothing_blocked(),

@@ -1,0 +1,53 @@
+"""What a cell file says about the surroundings of the arm."""
+
+import numpy as np
+import pytest
+
+from drivers.cell_file import judge_cell_file
+from executive.values.findings import Findings
+
+CELL = "kind: mock\nworkspace:\n  lower: -1 -1 -1 m\n  upper: 1 1 1 m\n{}\ndevices: {{}}\n"
+
+
+@pytest.fixture
+def judge(tmp_path):
+    """The workspace that a cell file with these lines has, and what is found wrong with it."""
+
+    def judged(lines):
+        path = tmp_path / "cell.yaml"
+        path.write_text(CELL.format(lines))
+        findings = Findings()
+        file = judge_cell_file(path, findings)
+        return (None if file is None else file.workspace), findings.sorted()
+
+    return judged
+
+
+def test_a_zone_is_a_box_of_its_own_name_and_no_obstacle(judge):
+    workspace, found = judge("  zones:\n    - {name: window, lower: 0.5 -1 0 m, upper: 0.7 1 0.8 m}")
+    assert found == []
+    (zone,) = workspace.zones
+    assert zone.name == "zone window"
+    assert zone.half_extents == pytest.approx((0.1, 1.0, 0.4))
+    np.testing.assert_allclose(zone.T_base_box[:3, 3], [0.6, 0.0, 0.4])
+    assert workspace.obstacles == ()
+
+
+@pytest.mark.parametrize(
+    ("zones", "says", "line", "column"),
+    [
+        ("[{name: a, lower: 0 0 0 m, upper: 0 1 1 m}]", "must lie above the zone's lower", 5, 44),
+        ("[{name: a, lower: 0 0 0 m, upper: 1 1 m}]", "zones.1.upper must be a list", 5, 44),
+        ("[{name: a, lower: 0 0 nan m, upper: 1 1 1 m}]", "lower", 5, 28),
+        ("[{lower: 0 0 0 m, upper: 1 1 1 m}]", "name", 5, 11),
+        ("[{name: a, lower: 0 0 0 m, upper: 1 1 1 m, box: 3}]", "no setting 'box'", 5, 53),
+        (
+            "[{name: a, lower: 0 0 0 m, upper: 1 1 1 m}, {name: a, lower: 0 0 0 m, upper: 1 1 1 m}]",
+            "two zones have one name", 5, 10,
+        ),
+    ],
+)  # fmt: skip
+def test_a_zone_that_is_none_is_found_at_its_place(judge, zones, says, line, column):
+    _workspace, found = judge(f"  zones: {zones}")
+    assert [f for f in found if says in f.message], [f.message for f in found]
+    assert {(f.line, f.column) for f in found} == {(line, column)}, found
