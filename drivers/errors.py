@@ -42,6 +42,10 @@ class UnusableRobotFile(DriverError):
         super().__init__(f"{path}: {problem}")
 
 
+class UnusableMesh(DriverError):
+    """A mesh file that cannot be read, or that holds nothing that can stand in a cell; says what to do."""
+
+
 class BadTrajectory(DriverError):
     """A trajectory that must not be executed: malformed, or beyond a limit.
 

@@ -409,6 +409,21 @@ class Box:
     half_extents: tuple[float, float, float]
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Hull:
+    """A fixed obstacle: the convex hull of points.
+
+    Attributes:
+        name: for people.
+        points: shape (n, 3) [m].
+        normals: directions in which it has faces, shape (k, 3), unit length: the hull is told by them.
+    """
+
+    name: str
+    points: Float64
+    normals: Float64
+
+
 @dataclass(frozen=True, slots=True)
 class PathWatchSettings:
     """How carefully the rest of a path is watched while the arm follows it.
@@ -438,6 +453,7 @@ class Workspace:
         watch: how the way is watched while the arm moves; None: it is not.
         zones: where nothing of the robot, and nothing that it holds, may be, although nothing stands there; named
             'zone NAME'.
+        hulls: fixed geometry that is no box: parts of meshes, in the base frame.
     """
 
     table_z: float | None
@@ -447,6 +463,7 @@ class Workspace:
     poses: Mapping[str, Float64] = field(default_factory=dict)
     watch: PathWatchSettings | None = None
     zones: tuple[Box, ...] = ()
+    hulls: tuple[Hull, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

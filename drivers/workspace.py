@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
-from drivers.interfaces import Box, PathWatchSettings, Workspace
+from drivers.errors import UnusableMesh
+from drivers.interfaces import Box, Hull, PathWatchSettings, Workspace
+from drivers.scene_mesh import read_parts
 from executive.values.arrays import Float64
-from executive.values.kinds import ListOf, MappingOf, Measure, Row, Text
+from executive.values.kinds import ListOf, MappingOf, Measure, PathTo, Row, Text
 from executive.values.sections import Problem, Section, value
 from executive.values.units import ANGLE, LENGTH, SPEED, TIME
 
@@ -40,6 +44,38 @@ class ObstacleSection:
         if self.wall is None:
             return (_box(self.name, T_base_box, np.zeros(3), size),)
         return _crate(self.name, T_base_box, size, self.wall)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MeshSection:
+    """A mesh of what stands there, as CAD or a scan gives it. Convex hulls of its parts are obstacles."""
+
+    name: str = value(Text(), help="refusals call it so: 'shelf'")
+    file: Path = value(PathTo("file"), help="STL, OBJ or PLY")
+    unit: str = value(Text("m", "mm"), "m", "of the file's numbers, which the file does not say")
+    at: tuple[float, ...] = value(Row(Measure(LENGTH), 3), (0.0, 0.0, 0.0), "where its origin is, in the base frame")
+    rpy: tuple[float, ...] = value(Row(Measure(ANGLE), 3), (0.0, 0.0, 0.0), "turned about the base's x, then y, then z")
+    detail: float | None = value(
+        Measure(LENGTH, "5 mm"), None, "cut the surface into cubes of this edge; without it each body is one hull"
+    )
+
+    def problems(self) -> Iterator[Problem]:
+        try:
+            self.parts()
+        except UnusableMesh as error:
+            yield Problem("file", str(error))
+
+    def parts(self) -> tuple[Hull, ...]:
+        """Its hulls, in the base frame.
+
+        Raises:
+            UnusableMesh: the file holds no mesh that can be used.
+        """
+        R: Float64 = Rotation.from_euler("xyz", self.rpy).as_matrix()
+        return tuple(
+            Hull(self.name, part.points @ R.T + self.at, part.normals @ R.T)
+            for part in read_parts(self.file, {"m": 1.0, "mm": 1e-3}[self.unit], self.detail)
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -92,6 +128,9 @@ class WorkspaceSection:
     obstacles: tuple[ObstacleSection, ...] = value(
         ListOf(Section(ObstacleSection)), (), "fixed geometry that no camera needs to see"
     )
+    meshes: tuple[MeshSection, ...] = value(
+        ListOf(Section(MeshSection)), (), "fixed geometry as meshes; a simulated world does not have it"
+    )
     zones: tuple[ZoneSection, ...] = value(
         ListOf(Section(ZoneSection)), (), "where nothing of the robot, and nothing that it holds, may be"
     )
@@ -117,6 +156,7 @@ class WorkspaceSection:
             obstacles=tuple(box for obstacle in self.obstacles for box in obstacle.boxes()),
             poses={name: np.array(q) for name, q in self.poses.items()},
             zones=tuple(zone.box() for zone in self.zones),
+            hulls=tuple(part for mesh in self.meshes for part in mesh.parts()),
             watch=None if self.watch is None else self.watch.settings(),
         )
 

@@ -26,7 +26,7 @@ def zone_entered(skill: Skill, arm: Arm, trajectory: Trajectory, carrying: Grasp
     if workspace is None or not workspace.zones:
         return ""
     width = RobotModel.load(arm.description).width_max if gripper is None else gripper.state().width
-    only = replace(workspace, table_z=None, obstacles=())
+    only = replace(workspace, table_z=None, obstacles=(), hulls=())
     space = arm_space(arm, only, None, width, 0.0, held=carrying)
     world = space.world.with_margins(replace(space.world.margins, itself=-1.0))
     entered = world.check_path(trajectory.q, width)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import trimesh
 
 from drivers.cell_file import judge_cell_file
 from executive.values.findings import Findings
@@ -51,3 +52,34 @@ def test_a_zone_that_is_none_is_found_at_its_place(judge, zones, says, line, col
     _workspace, found = judge(f"  zones: {zones}")
     assert [f for f in found if says in f.message], [f.message for f in found]
     assert {(f.line, f.column) for f in found} == {(line, column)}, found
+
+
+def test_a_mesh_stands_where_it_is_put(judge, tmp_path):
+    trimesh.creation.box((400.0, 200.0, 20.0)).export(tmp_path / "board.stl")
+    workspace, found = judge(
+        "  meshes:\n    - {name: board, file: board.stl, unit: mm, at: 1 0 0.5 m, rpy: 0 0 90 deg}"
+    )
+    assert found == []
+    (hull,) = workspace.hulls
+    assert hull.name == "board"
+    np.testing.assert_allclose(hull.points.min(axis=0), [0.9, -0.2, 0.49], atol=1e-9)
+    np.testing.assert_allclose(hull.points.max(axis=0), [1.1, 0.2, 0.51], atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("mesh", "says", "column"),
+    [
+        ("{name: a, file: none.stl}", "none.stl does not exist", 28),
+        ("{name: a, file: board.stl}", "400 x 200 x 20 m large: is it written in millimetres? Say `unit: mm`", 28),
+        ("{name: a, file: empty.stl, unit: mm}", "empty.stl", 28),
+        ("{name: a, file: board.stl, unit: inch}", "unit", 45),
+        ("{name: a, file: board.stl, unit: mm, detail: 1 mm}", "detail", 57),
+        ("{name: a, file: board.stl, unit: mm, detail: 5 mm}", "coarser `detail`", 28),
+    ],
+)
+def test_a_mesh_that_cannot_be_used_is_found_at_its_place(judge, tmp_path, mesh, says, column):
+    trimesh.creation.box((400.0, 200.0, 20.0)).export(tmp_path / "board.stl")
+    (tmp_path / "empty.stl").write_bytes(b"")
+    _workspace, found = judge(f"  meshes: [{mesh}]")
+    assert [f for f in found if says in f.message + f.hint], [f.message for f in found]
+    assert {(f.line, f.column) for f in found} == {(5, column)}, found

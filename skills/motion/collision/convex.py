@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from drivers.interfaces import Box
+from drivers.interfaces import Box, Hull
 from executive.values.arrays import Float64
 from skills.motion.collision.cover import fibonacci_sphere
 from skills.perception.measured_fruit import MeasuredFruit
@@ -16,6 +16,7 @@ _CUBE = np.array([[x, y, z] for x in (-1.0, 0.0, 1.0) for y in (-1.0, 0.0, 1.0) 
 _CUBE_DIRECTIONS = np.delete(_CUBE, 13, axis=0) / np.linalg.norm(np.delete(_CUBE, 13, axis=0), axis=1, keepdims=True)
 _RIM_DIRECTIONS = 24
 _ROUND_DIRECTIONS = 162
+_ROUND = fibonacci_sphere(_ROUND_DIRECTIONS)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -67,6 +68,11 @@ class Convex:
     def of_fruit(measured: MeasuredFruit, name: str = "target") -> Convex:
         """A measured fruit: the hull of its refined shape."""
         return Convex.of_points(name, fruit_points(measured))
+
+    @staticmethod
+    def of_hull(hull: Hull) -> Convex:
+        """A part of a mesh: its own faces, and planes all around."""
+        return Convex.of_points(hull.name, hull.points, np.vstack((hull.normals, _CUBE_DIRECTIONS, _ROUND)))
 
     def distance(self, points: ArrayLike) -> Float64:
         """Lower bound of the distance of points, shape (n, 3), in the base frame; negative inside. Shape (n,) [m]."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -62,13 +63,13 @@ class CollisionWorld:
 
         Args:
             robot: its model, or its shape with a held fruit.
-            workspace: table, fixed obstacles and zones of the cell.
+            workspace: table, fixed obstacles, meshes and zones of the cell.
             field: of the map (`OccupancyMap.usable_field`); without it only shapes are known.
             obstacles: further shapes, such as the target (`Convex.of_fruit`).
             margins: defaults to `Margins()`.
         """
         shape = RobotShape.of(robot) if isinstance(robot, RobotModel) else robot
-        fixed = tuple(map(Convex.of_box, (*workspace.obstacles, *workspace.zones))) if workspace else ()
+        fixed = (*standing(workspace), *map(Convex.of_box, workspace.zones)) if workspace else ()
         return _assemble(
             shape,
             field or DistanceField.nothing_blocked(),
@@ -278,6 +279,12 @@ class CollisionWorld:
             away = centres[:, 2]
         deepest: Float64 = centres[int(np.argmin(away - radii))]
         return deepest
+
+
+@lru_cache(maxsize=4)
+def standing(workspace: Workspace) -> tuple[Convex, ...]:
+    """What the cell file says that stands there: boxes and parts of meshes."""
+    return (*map(Convex.of_box, workspace.obstacles), *map(Convex.of_hull, workspace.hulls))
 
 
 def _assemble(

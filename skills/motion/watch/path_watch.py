@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from drivers.interfaces import ArmLimits, Frame, PathWatchSettings, Trajectory, Workspace
 from executive.values.arrays import Float64, UInt8
 from skills.motion.collision import Convex, RobotShape
+from skills.motion.collision.world import standing
 from skills.motion.occupancy import OccupancyMap
 from skills.motion.occupancy.integrate import mark_spheres
 from skills.motion.watch.braking import Braking
@@ -112,8 +113,7 @@ class PathWatch:
         self._origin = workspace.lower - (BEYOND, BEYOND, 0.0)
         shape_of_grid = np.ceil((workspace.upper + BEYOND - self._origin) / CELL).astype(int)
         nx, ny, nz = (int(n) for n in shape_of_grid)
-        boxes = [Convex.of_box(box) for box in workspace.obstacles]
-        self._known = self._mark_known((nx, ny, nz), map, [*boxes, *known])
+        self._known = self._mark_known((nx, ny, nz), map, [*standing(workspace), *known])
         self._states: dict[int, UInt8] = {}  # by camera: two of them never agree to the millimetre at an edge
         self._area = np.zeros((nx, ny, nz), np.float32)
         self._touched = np.empty(nx * ny * nz, np.int64)
