@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import Annotated, Any
 
 from drivers.interfaces import Arm, Gripper, Workspace
-from executive.ports import LENGTH, TIME, Length, Port, Ratio, Time
+from executive.ports import ANGLE, LENGTH, TIME, Angle, Length, Port, Ratio, Time
 from executive.skill import CellFacts, Work
 from executive.values.sections import Problem
 from skills.motion.grasp import Grasp
@@ -23,7 +23,8 @@ class MoveTo(MovingSkill):
     """Move to a named pose of the cell file, around what is in the way.
 
     The fixed surroundings and the robot itself are always avoided, what a `map` holds as well, and with `carrying` the
-    fruit between the fingers is part of the robot and is moved gently. When a camera sees something new in the way (a
+    fruit between the fingers is part of the robot and is moved gently; with `upright` it stays as it was when it was
+    grasped, to within that tilt. When a camera sees something new in the way (a
     cell file with `workspace.watch`), the arm stops on its path, and the skill fails with PATH_BLOCKED.
     """
 
@@ -58,7 +59,10 @@ class MoveTo(MovingSkill):
             Length, Port(min="2 mm", help="kept by the links; gripper and fingers keep a share")
         ] = LENGTH("10 mm"),
         budget: Annotated[Time, Port(min="1 ms", help="planning time")] = TIME("500 ms"),
+        upright: Annotated[
+            Angle, Port(min="1 deg", max="180 deg", help="the fruit is tilted by no more than this on the way")
+        ] = ANGLE("180 deg"),
         speed: Annotated[Ratio, Port(min=0.02, max=1.0, help="share of the speed that the limits allow")] = 1.0,
     ) -> Work[None]:
-        yield from move_to_pose(self, pose, variation, map, carrying, clearance, budget, avoiding, speed)
+        yield from move_to_pose(self, pose, variation, map, carrying, clearance, budget, avoiding, speed, upright)
         return None

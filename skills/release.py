@@ -8,7 +8,7 @@ from typing import Annotated, Any, ClassVar
 import numpy as np
 
 from drivers.interfaces import Arm, ForceSensor, Gripper, Workspace
-from executive.ports import FORCE, LENGTH, SPEED, Force, Length, Port, Speed
+from executive.ports import ANGLE, FORCE, LENGTH, SPEED, Angle, Force, Length, Port, Speed
 from executive.skill import CellFacts, Work
 from executive.values.arrays import Float64
 from executive.values.sections import Problem
@@ -97,6 +97,9 @@ class Release(MovingSkill):
         clearance: Annotated[
             Length, Port(min="0 mm", help="kept by the links; gripper and fingers keep a share")
         ] = LENGTH("5 mm"),
+        upright: Annotated[
+            Angle, Port(min="1 deg", max="180 deg", help="the fruit is tilted by no more than this on the way")
+        ] = ANGLE("180 deg"),
         contact: Annotated[Force, Port(min="0.1 N", help="change of load that shows contact")] = FORCE("0.35 N"),
         speed: Annotated[Speed, Port(min="1 mm/s", max="0.1 m/s", help="at which the fruit is lowered")] = SPEED(
             "0.02 m/s"
@@ -108,7 +111,7 @@ class Release(MovingSkill):
         if not self._held():
             raise self.failure("NOT_HELD", "there is nothing between the fingers to put down")
         if into is not None:
-            yield from move_to_pose(self, into, variation, map, grasp, clearance)
+            yield from move_to_pose(self, into, variation, map, grasp, clearance, upright=upright)
         gripper, before = self.device(Gripper), self._tcp()[2, 3]
         way = self._vertical(-depth, map, clearance)
         slow_from = self._near(way, grasp, map, clearance)

@@ -7,12 +7,14 @@ from dataclasses import replace
 import numpy as np
 
 from drivers.interfaces import Arm, Gripper, Trajectory, Workspace
+from executive.values.arrays import Float64
 from skills.motion.collision import Convex
 from skills.motion.grasp import Grasp
 from skills.motion.occupancy import OccupancyMap
-from skills.motion.planning.arm_space import arm_space
+from skills.motion.planning.arm_space import ArmSpace, arm_space
 from skills.motion.planning.plan import PlanRequest
 from skills.motion.planning.timing import stretched
+from skills.motion.planning.upright_space import UprightSpace
 from skills.motion.robot import RobotModel
 from skills.perception.measured_fruit import MeasuredFruit
 from skills.shared.following import MovingSkill, Watching
@@ -27,7 +29,7 @@ POSE_TOLERANCE = 1e-3
 CARRIED_ACCELERATION = 2.0
 """A held fruit is accelerated by no more than this [m/s²]: every bit of it must be held by friction."""
 
-POSE_FAILURES = (*PLANNING_FAILURES, "UNKNOWN_POSE", "MAP_STALE", BLOCKED)
+POSE_FAILURES = (*PLANNING_FAILURES, "UNKNOWN_POSE", "MAP_STALE", "WOULD_TILT", BLOCKED)
 """Codes of every skill that moves to a named pose."""
 
 
@@ -41,6 +43,7 @@ def move_to_pose(
     budget: float = 0.5,
     avoiding: MeasuredFruit | None = None,
     speed: float = 1.0,
+    upright: float = np.pi,
 ) -> Watching:
     """Plan to a named pose of the cell file and go there.
 
@@ -53,6 +56,8 @@ def move_to_pose(
         budget: of planning [s].
         avoiding: a fruit that was left out of the map and is still there.
         speed: share of the speed that the limits allow, above 0 to 1.
+        upright: by how much the fruit may be tilted on the way [rad], from how it was when it was grasped, or without
+            `carrying` from how it is now; π: as the way has it.
     """
     arm, workspace = skill.device(Arm), skill.device(Workspace)
     try:
@@ -67,11 +72,13 @@ def move_to_pose(
     space = arm_space(arm, workspace, field, skill.device(Gripper).state().width, clearance, held=carrying)
     if avoiding is not None:
         space = replace(space, world=space.world.with_obstacles(Convex.of_fruit(avoiding, "fruit")))
+    keeps = space if upright >= np.pi else _upright(skill, space, upright, q, q_goal, carrying)
     request = PlanRequest(
-        space,
+        keeps,
         q,
         q_goal[None],
         arm.limits,
+        improve="" if upright < np.pi else "InformedRRTstar",  # it would draw postures that tilt it
         budget=budget,
         seed=skill.context.seed(skill.path),
         patience=patience(skill, budget),
@@ -80,6 +87,20 @@ def move_to_pose(
     path = result.path if carrying is None else gently(RobotModel.load(arm.description), result.path)
     around = KnownAround(map, () if avoiding is None else (avoiding,), carrying)
     yield from skill.travel(path if speed >= 1.0 else stretched(path, 1.0 / speed), around=around, carrying=carrying)
+
+
+def _upright(
+    skill: MovingSkill, space: ArmSpace, most: float, q: Float64, q_goal: Float64, carrying: Grasp | None
+) -> UprightSpace:
+    """The space in which the fruit stays upright."""
+    now = RobotModel.load(skill.device(Arm).description).tcp(q) if carrying is None else carrying.T_base_grasp
+    keeps = UprightSpace(space, now[2, :3].copy(), most)
+    for where, there in (("where the arm stands", q), ("at the pose", q_goal)):
+        tilt = keeps.tilt(there)
+        if tilt > most:
+            words = f"{where} the fruit would be tilted by {np.degrees(tilt):.0f}°, {np.degrees(most):.0f}° are allowed"
+            raise skill.failure("WOULD_TILT", f"{words}; nothing has moved", tilt_rad=tilt, allowed_rad=most)
+    return keeps
 
 
 def gently(robot: RobotModel, path: Trajectory) -> Trajectory:

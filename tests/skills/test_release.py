@@ -257,3 +257,12 @@ def test_what_a_camera_sees_coming_stops_the_arm():
     outcome = drive(Release(), {"into": "home"}, devices, clock=scene.clock, each_tick=come)
     assert outcome.reason.code == "PATH_BLOCKED"
     assert scene.arm.settled()
+
+
+def test_a_pose_that_would_tilt_the_fruit_is_told_and_it_stays_held():
+    scene = over_ground(None)
+    inputs = {"into": "home", "grasp": a_grasp(), "upright": np.radians(2.0)}
+    outcome = drive(Release(), inputs, scene.devices, clock=scene.clock)
+    assert outcome.reason.code == "WOULD_TILT"
+    assert scene.arm.followed == []
+    assert scene.gripper.moves == []
