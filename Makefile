@@ -52,7 +52,7 @@ test: $(STAMP) ## run the tests, without the slow ones (five minutes)
 
 test-slow: $(STAMP) ## the slow ones: whole picks, the operator's page in a browser, tutorials as they are written
 	@sh scripts/system_libraries.sh tests
-	$(PYTEST) -m '$(WHOLE) and slow'
+	$(PYTEST) -m '$(WHOLE) and slow' --durations 8
 
 test-realtime: $(STAMP) ## the whole pick through emulated devices and wires; needs a machine with nothing else to do
 	$(BIN)/python -m pytest -m realtime

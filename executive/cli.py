@@ -35,6 +35,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         the exit status.
     """
     words = list(sys.argv[1:] if arguments is None else arguments)
+    # A notebook names a backend for all its processes that may not be installed here; figures go into files alone.
+    os.environ["MPLBACKEND"] = "agg"
     try:
         with raising():
             status = _run(words)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -258,3 +259,10 @@ def test_a_pool_that_waits_for_work_ends_by_itself_and_is_not_named() -> None:
     command = [sys.executable, "-c", LEAVES_BEHIND, "pool", "3"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=60)
     assert (done.returncode, done.stderr) == (3, "")
+
+
+def test_figures_are_drawn_where_a_notebook_names_a_backend_that_is_not_here() -> None:
+    script = "from executive.cli import main\nmain(['completion', 'bash'])\nimport matplotlib\n"
+    environment = os.environ | {"MPLBACKEND": "module://matplotlib_inline.backend_inline"}
+    done = subprocess.run([sys.executable, "-c", script], env=environment, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, done.stderr
