@@ -235,7 +235,7 @@ class Cell:
             if speed < 1.0 and device.full_speed_only:
                 raise DeviceFault(device.name, "its driver cannot move it more slowly than it is commanded")
         for device in chosen:
-            device.set_speed(speed)
+            device.go_at(speed)
 
     @property
     def switches(self) -> Mapping[str, FaultSwitch]:

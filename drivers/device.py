@@ -75,7 +75,7 @@ class Device:
     def resume(self) -> None:
         """Resume the paused motion."""
 
-    def set_speed(self, speed: float) -> None:
+    def go_at(self, speed: float) -> None:
         """Move at this share of what is commanded from now on, above 0 to 1, also what moves already.
 
         For an arm: its paths take so much longer, within its limits while that changes. An arm whose driver leaves
@@ -85,7 +85,7 @@ class Device:
     @property
     def full_speed_only(self) -> bool:
         """Whether it is an arm whose driver cannot slow it down."""
-        return Arm in self.interfaces and type(self).set_speed is Device.set_speed
+        return Arm in self.interfaces and type(self).go_at is Device.go_at
 
     def settled(self) -> bool:
         """True when nothing of the device moves."""

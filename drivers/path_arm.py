@@ -273,7 +273,7 @@ class PathArm(Device, ABC):
         if motion is not None:
             self._owner.post(motion.resume)
 
-    def set_speed(self, speed: float) -> None:
+    def go_at(self, speed: float) -> None:
         self._speed, motion = speed, self._motion
         if motion is not None:
             self._owner.post(lambda: motion.set_speed(speed))

@@ -139,7 +139,7 @@ class MockArm(Device):
         if self._motion is not None:
             self._motion.resume()
 
-    def set_speed(self, speed: float) -> None:
+    def go_at(self, speed: float) -> None:
         self._speed = speed
         if self._motion is not None:
             self._motion.set_speed(speed)

@@ -280,3 +280,15 @@ def test_an_arm_whose_driver_knows_no_speed_is_named_and_refused():
     cell.set_speed(0.5, (Gripper,))
     with pytest.raises(DeviceFault, match="more slowly"):
         cell.set_speed(0.5)
+
+
+def test_a_slower_cell_moves_no_finger():
+    """A gripper has a `set_speed` of its own, which streams a rate of its opening."""
+    clock = MockClock()
+    gripper = MockGripper(clock)
+    cell = Cell("test", "mock", clock, {"arm": MockArm(clock), "gripper": gripper})
+    before = gripper.state().width
+    cell.set_speed(0.5)
+    cell.set_speed(1.0, (Arm, Gripper))
+    clock.advance(0.2)
+    assert gripper.state().width == before

@@ -623,14 +623,14 @@ def test_many_threads_at_once_never_touch_the_wire_and_never_break_the_driver() 
 def test_a_slower_arm_takes_longer_and_a_change_on_the_way_keeps_the_path_and_the_limits() -> None:
     cell = Cell()
     arm = connected(cell)
-    arm.set_speed(0.5)
+    arm.go_at(0.5)
     seen = []
     drive = cell.joints.drive
     cell.joints.drive = lambda q, qd: (seen.append(q), drive(q, qd))[1]  # type: ignore[method-assign,func-returns-value]
     motion = arm.follow(swing(START, CHANGE))
     serve(arm, cell, 1.0)
     assert 0.3 < motion.progress < 0.6
-    arm.set_speed(0.1)
+    arm.go_at(0.1)
     serve(arm, cell, 8.0, lambda: motion.settled)  # far beyond the time that was planned, and no fault
     arm.check()
     assert (motion.state, motion.progress) == (MotionState.DONE, 1.0)

@@ -500,13 +500,13 @@ def test_supervision_is_the_cell_file_s(monkeypatch: pytest.MonkeyPatch) -> None
 
 
 def test_a_slower_arm_takes_longer_and_a_change_on_the_way_is_no_jolt(setting: Setting) -> None:
-    setting.arm.set_speed(0.5)
+    setting.arm.go_at(0.5)
     motion = setting.arm.follow(swing(START, CHANGE))
     setting.serve(1.0)
     assert 0.3 < motion.progress < 0.6
     fastest = setting.controller.fastest
     assert fastest < 0.55 * np.abs(swing(START, CHANGE).qd).max()
-    setting.arm.set_speed(0.1)
+    setting.arm.go_at(0.1)
     began = setting.clock.now()
     setting.serve(8.0, lambda: motion.settled)
     assert (motion.state, motion.progress) == (MotionState.DONE, 1.0)
