@@ -36,9 +36,11 @@ RISING = 0.5
 """Upwards the pads slide farther by this share of the distance: on it the force rises, so that the fruit's weight comes
 on the fingers gently."""
 
-LIGHT = 0.33
+LIGHT, LIGHT_NOW = 0.4, 0.65
 """A fruit is light when friction comes to this share of the most that it may weigh by its size, which is a good third
-above what the simulated cell's fruit weigh."""
+above what the simulated cell's fruit weigh: the first with the force that is tracked, the second with what both fingers
+press with now. One of them may press much more than the other, which alone is tracked; but with a force that rises a
+fruit that does not come along slides farther (docs/decisions/pick-pace.md)."""
 
 SETTLING = 0.1
 """Within so many newtons of what is wanted the grasp force has come down or up."""
@@ -121,7 +123,7 @@ class FeelFriction(MovingSkill):
         # Down at once: closing has pressed more, and while that comes down the pads slide as well.
         felt_down = yield from self._slide(hold, down, distance, distance, speed)
         yield from self._press(hold, force)
-        if _comes_along(felt_down, hold.controller.sense.force_sum, settings.expected_load):
+        if _comes_along(felt_down, force, hold.controller.sense.force_sum, settings.expected_load):
             hold.slide(force_after)
         felt_up = yield from self._slide(hold, up, (1.0 + RISING) * distance, distance, speed, force_after)
         return friction_of_slides(
@@ -203,10 +205,8 @@ class FeelFriction(MovingSkill):
             raise self.failure("LOST", "the grip is not under control any more")
 
 
-def _comes_along(down: Float64, force_sum: float, expected_load: float) -> bool:
-    """Whether a fruit may come along when pads that press with a force [N] slide up: lightly held, it would turn.
-
-    One finger may press more than the other, which alone is tracked: both count.
-    """
+def _comes_along(down: Float64, force: float, force_sum: float, expected_load: float) -> bool:
+    """Whether a fruit may come along when pads slide up that press with a force [N], and with another one now [N]."""
     f_n, f_t = -down[:, :, 2].sum(axis=1).mean(), np.linalg.norm(down[:, :, :2], axis=2).sum(axis=1).mean()
-    return expected_load > 0.0 and bool(force_sum * f_t / max(f_n, 0.1) > LIGHT * expected_load)
+    share = f_t / max(f_n, 0.1) / max(expected_load, 1e-3)
+    return expected_load > 0.0 and bool(force * share > LIGHT or force_sum * share > LIGHT_NOW)
