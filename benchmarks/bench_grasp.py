@@ -13,6 +13,7 @@ the theoretical least force where that lies above the 0.5 N floor. No apple brui
 from __future__ import annotations
 
 import argparse
+import math
 import time
 import tracemalloc
 from collections.abc import Sequence
@@ -21,14 +22,23 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.grasp_mujoco import TORSION, MujocoGrasp
-from benchmarks.grasp_patch import Fruit, PatchGrasp
+from benchmarks.grasp_mujoco import TORSION, MujocoGrasp, least_grasp_force_of_cone
+from benchmarks.grasp_patch import GRAVITY, Fruit, PatchGrasp
 from benchmarks.grasp_picture import draw
 from benchmarks.grasp_trial import Lifting, TrialResult, least_grasp_force, run_trial
 from skills.grip.controller import GripController
 from skills.grip.force_loop import ForceLoopSettings
 from skills.grip.limit_surface import SoftContact
 from skills.grip.settings import ForceLaw, GripSettings
+
+BUMP, BUMP_TIME = 5.0, 0.05
+"""A bump pulls at the fruit with so much [N] for so long [s]; it is there within a sample."""
+
+WRONG = 0.5
+"""Friction that is told wrong is so much too high or too low."""
+
+FORESEEN_AFTER = 0.002
+"""Fingers that know of a bump one sample after it began, and what it needs: nothing that feels can do more [s]."""
 
 MAX_FORCE = 40.0
 NOISE = 0.2
@@ -70,10 +80,13 @@ def draw_tasks(count: int, seed: int = 7) -> tuple[list[Draw], int]:
     return tasks, too_heavy
 
 
-def settings_for(task: Draw, world: type, law: ForceLaw, uncertain: bool, constant: float) -> GripSettings:
-    """What the controller is told: friction as it is, or wrong by the draw's error."""
+def settings_for(
+    task: Draw, world: type, law: ForceLaw, uncertain: bool, constant: float, wrong: float = 0.0
+) -> GripSettings:
+    """What the controller is told: friction as it is, or wrong by the draw's error, or by `wrong` in its direction."""
     fruit = task.fruit
-    mu = fruit.mu * (1.0 + task.mu_error) if uncertain else fruit.mu
+    error = math.copysign(wrong, task.mu_error) if wrong else task.mu_error if uncertain else 0.0
+    mu = fruit.mu * (1.0 + error)
     contact = SoftContact(mu, fruit.delta, fruit.gamma, fruit.k)
     if world is MujocoGrasp:
         contact = SoftContact.with_linear_torsion(mu, TORSION)
@@ -95,12 +108,13 @@ def lift_all(
     constant: float = 10.0,
     pull: float = 0.0,
     reserve: float = 0.0,
+    wrong: float = 0.0,
 ) -> list[TrialResult]:
     """Every task under one law."""
     return [
         run_trial(
             task.fruit,
-            replace(settings_for(task, world, law, uncertain, constant), reserve=reserve),
+            replace(settings_for(task, world, law, uncertain, constant, wrong), reserve=reserve),
             Lifting(acceleration=task.acceleration, pull=pull),
             noise=NOISE,
             seed=task.seed,
@@ -108,6 +122,48 @@ def lift_all(
         )
         for task in tasks
     ]
+
+
+def bump_all(tasks: Sequence[Draw], world: type, reserve: float = 0.0, foreseen: bool = False) -> list[TrialResult]:
+    """Every task with a bump while it is held, friction known; with fingers that foresee it, or with the controller."""
+    results = []
+    for task in tasks:
+        settings = replace(settings_for(task, world, ForceLaw.SLIP_AVOIDANCE, False, 0.0), reserve=reserve)
+        lifting = Lifting(acceleration=task.acceleration, pull=BUMP, pull_rise=0.002, pull_time=BUMP_TIME)
+        watch = Foresight(1.1 * least_in_bump(task.fruit, world), settings.loop) if foreseen else None
+        results.append(run_trial(task.fruit, settings, lifting, NOISE, task.seed, world=world, watch=watch))
+    return results
+
+
+def least_in_bump(fruit: Fruit, world: type) -> float:
+    """Theoretical least grasp force for the fruit's weight and a bump at its centre together [N]."""
+    heavier = replace(fruit, mass=fruit.mass + BUMP / GRAVITY)
+    return least_grasp_force(heavier) if world is PatchGrasp else least_grasp_force_of_cone(heavier)
+
+
+class Foresight:
+    """Fingers that close on a fruit as fast as they can, as soon as a bump can be known of: the bound of any answer.
+
+    They take a rate as often as the gripper does, and keep to its fastest.
+    """
+
+    def __init__(self, needed: float, loop: ForceLoopSettings) -> None:
+        """`needed` is the grasp force that the bump asks for [N]."""
+        self._needed, self._loop = needed, loop
+        self._began = self._told = math.nan
+        self._rate = 0.0
+
+    def __call__(self, t: float, controller: GripController, grasp: PatchGrasp | MujocoGrasp) -> None:
+        """See `run_trial`'s `watch`."""
+        if math.isnan(self._began):
+            self._began = t if grasp.pull[1] < 0.0 else math.nan
+            return
+        if not FORESEEN_AFTER <= t - self._began < 0.3:
+            return
+        if math.isnan(self._told) or t - self._told >= self._loop.command_period - 1e-9:
+            rate = (grasp.f_n - self._needed) / (self._loop.stiffness.linear * self._loop.command_period)
+            self._rate, self._told = max(min(rate, 0.0), -self._loop.closing_speed), t
+        grasp.command = self._rate
 
 
 HEADER = (
@@ -127,6 +183,26 @@ def row(name: str, results: Sequence[TrialResult]) -> str:
         f"{np.median(turn):9.1f}{np.percentile(turn, 95):7.1f}{np.median([r.steady for r in held]):10.2f}"
         f"{np.median(ratio):11.3f}{np.percentile(ratio, 95):6.2f}{np.percentile([r.peak for r in held], 95):9.1f}"
         f"{max(r.pressure for r in held) / 1e6:8.3f}"
+    )
+
+
+def about_bumps(
+    tasks: Sequence[Draw],
+    bumped: Sequence[TrialResult],
+    expected: Sequence[TrialResult],
+    foreseen: Sequence[TrialResult],
+    world: type,
+) -> str:
+    """What a bump costs where it is expected, and what was saved where not, beside what could be."""
+    pairs = zip(tasks, expected, strict=True)
+    ratio = [r.steady / least_in_bump(task.fruit, world) for task, r in pairs if r.held]
+    saved, could = sum(r.held for r in bumped), sum(r.held for r in foreseen)
+    silent = sum(not r.told for r in (*bumped, *expected))
+    reaction = np.nanpercentile([1e3 * r.reaction for r in bumped if r.grasped], [50, 95])
+    return (
+        f"  expected: steady over least for both p50 {np.median(ratio):.3f}, p95 {np.percentile(ratio, 95):.2f}; "
+        f"unexpected: {saved} of {len(bumped)} saved, "
+        f"{could} by fingers that foresee it ({saved / max(could, 1):.0%}); answer p50 {reaction[0]:.0f}, p95 {reaction[1]:.0f} ms; lost without a code within 50 ms: {silent}"
     )
 
 
@@ -222,6 +298,12 @@ def main() -> None:
         results = lift_all(tasks, world, law)
         tell("slip avoidance, mu known", results)
         tell("slip avoidance, mu ± 15 %", lift_all(tasks, world, law, uncertain=True))
+        tell(f"told wrong by ± {WRONG:.0%}", lift_all(tasks, world, law, uncertain=True, wrong=WRONG))
+        bumped = bump_all(tasks, world)
+        tell(f"bump of {BUMP:.0f} N, {1e3 * BUMP_TIME:.0f} ms", bumped)
+        expected = bump_all(tasks, world, reserve=BUMP)
+        tell(f"the same, reserve {BUMP:.0f} N", expected)
+        print(about_bumps(tasks, bumped, expected, bump_all(tasks, world, foreseen=True), world), flush=True)
         for baseline in () if arguments.ours else (ForceLaw.STATIC, ForceLaw.COULOMB):
             tell(f"{baseline.value} only, mu known", lift_all(tasks, world, baseline))
         for constant in () if arguments.ours else (5.0, 10.0, 20.0):

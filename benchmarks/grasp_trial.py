@@ -22,6 +22,12 @@ TORQUE_LEVER = 0.005
 GRASPED_WITHIN = 8.0
 """A grasp that takes longer has failed [s]; 20 N take 3.3 s to build up, a bias in noise 1.6 s."""
 
+LOST_AFTER = 0.01
+"""A fruit that has moved so far on the pads is lost [m]."""
+
+TOLD_WITHIN = 0.05
+"""A fruit that is lost must be told so soon [s]."""
+
 Corrupt = Callable[[int, float, Float64], list[tuple[int, float, Float64]]]
 Watch = Callable[[float, GripController, PatchGrasp | MujocoGrasp], None]
 
@@ -33,7 +39,7 @@ class Lifting:
     Attributes:
         height [m], acceleration: peak of the lift [m/s²]; reached within `jerk_time` [s].
         hold: time after the lift [s].
-        pull: downward force [N] that grows within `pull_rise` [s] and stays for 0.3 s; 0 for none.
+        pull: downward force [N] that grows within `pull_rise` [s] and has gone after `pull_time` [s]; 0 for none.
     """
 
     height: float = 0.15
@@ -42,6 +48,7 @@ class Lifting:
     hold: float = 2.0
     pull: float = 0.0
     pull_rise: float = 0.05
+    pull_time: float = 0.3
 
     @property
     def _speeding(self) -> float:
@@ -93,6 +100,7 @@ class TrialResult:
         grasp_time: from the first sample to the hold [s].
         pull_slip: motion of the fruit on the pads through the pull [m].
         reaction: from the start of the pull to a faster closing [s]; nan without a pull.
+        told: a fruit that was lost was told with a code within `TOLD_WITHIN` of it; True where none was.
     """
 
     grasped: bool
@@ -107,6 +115,7 @@ class TrialResult:
     grasp_time: float
     pull_slip: float
     reaction: float
+    told: bool
     trace: Trace
 
 
@@ -151,7 +160,7 @@ def run_trial(
     least = least_grasp_force(fruit) if world is PatchGrasp else least_grasp_force_of_cone(fruit)
     controller = GripController(replace(settings, width_min=0.02))
     trace = Trace()
-    held_at = pull_at = reaction = math.nan
+    held_at = pull_at = reaction = lost_at = told_at = math.nan
     origin, turn_0 = (0.0, 0.0), 0.0
     contact_peak = peak = 0.0
     commanded_at = 0.0
@@ -178,7 +187,7 @@ def run_trial(
             if controller.phase is GripPhase.HOLDING:
                 held_at, origin, turn_0 = t, grasp.place, grasp.turn
             elif controller.phase is GripPhase.FAILED or t > GRASPED_WITHIN:
-                return TrialResult(False, False, 0, 0, 0, 0, least, 0, contact_peak, t, 0, math.nan, trace)
+                return TrialResult(False, False, 0, 0, 0, 0, least, 0, contact_peak, t, 0, math.nan, True, trace)
         else:
             since = t - held_at - 0.04
             grasp.acceleration = lifting.acceleration_at(since + 0.5 * period)
@@ -186,12 +195,16 @@ def run_trial(
             if lifting.pull and pulled >= 0.0:
                 if math.isnan(pull_at):
                     pull_at, quiet = t, min(trace.speed[-round(0.12 / period) :])
-                share = min(pulled / lifting.pull_rise, 1.0) if pulled < 0.3 else 0.0
+                share = min(pulled / lifting.pull_rise, 1.0) if pulled < lifting.pull_time else 0.0
                 grasp.pull = (0.0, -lifting.pull * share)
                 if math.isnan(reaction) and grasp.command < min(quiet, 0.0) - 0.002:
                     reaction = t - pull_at
             peak = max(peak, f_n)
             slip = math.hypot(grasp.place[0] - origin[0], grasp.place[1] - origin[1])
+            if math.isnan(lost_at) and (slip > LOST_AFTER or f_n < 0.05):
+                lost_at = t
+            if math.isnan(told_at) and controller.problem is not None:
+                told_at = t
             trace.t.append(t)
             trace.f_n.append(f_n)
             trace.f_ref.append(controller.reference.f_ref)
@@ -205,7 +218,7 @@ def run_trial(
         n += 1
     return TrialResult(
         grasped=True,
-        held=grasp.off_table and trace.f_n[-1] > 0.05 and trace.slip[-1] < 0.01,
+        held=grasp.off_table and trace.f_n[-1] > 0.05 and trace.slip[-1] < LOST_AFTER,
         slip=max(trace.slip),
         turn=float(np.abs(trace.turn).max()),
         steady=float(np.mean(trace.f_n[-round(0.3 / period) :])),
@@ -216,5 +229,6 @@ def run_trial(
         grasp_time=held_at,
         pull_slip=0.0 if math.isnan(pull_at) else float(np.ptp(trace.slip[round((pull_at - trace.t[0]) / period) :])),
         reaction=reaction,
+        told=math.isnan(lost_at) or told_at <= lost_at + TOLD_WITHIN,
         trace=trace,
     )

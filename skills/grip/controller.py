@@ -50,6 +50,7 @@ class GripController:
         self._sensors = SensorWatch(settings.sensors, settings.rate)
         self._slips = SlipWatch(settings.slips, settings.rate)
         self.friction_share = 1.0
+        self._hit_for = 0
         self._bias: list[Float64] = []
         self._dropped = 0
         self._timing = CommandTiming(settings.rate, settings.loop.command_period, settings.command)
@@ -177,6 +178,7 @@ class GripController:
             expected = 0.0
             if touching:
                 expected = self._tracker.expected(self.speed, self.sense.f_n, self.settings.period, periods)
+            self.sense.carries = self.phase is GripPhase.HOLDING and self.reference.carried
             self.sense.advance(wrenches, periods, expected)
             self._last("saturated", self._saturated, periods)
             elapsed = periods * self.settings.period
@@ -188,9 +190,12 @@ class GripController:
             if self.phase in IN_HAND:
                 self._watch_hold(periods)
             sound = self.phase is GripPhase.HOLDING and not self._sensors.reason
-            if sound and self._slips.look(wrenches, periods, self.sense, carried):
+            slides = sound and self._slips.look(wrenches, periods, self.sense, carried)
+            # A fruit that is hit bears more than friction for a moment, and moves in soft pads without sliding.
+            if slides and self.sense.hit == 0.0 and not self.reference.catching:
                 self._learn_friction()
-        if not self._timing.pass_time(periods):
+        hit_begins = self._hit_begins()
+        if not self._timing.pass_time(periods) or hit_begins:
             return None
         if self.phase is not GripPhase.BIAS:
             self._sensors.compare_with_motor(self.sense.force_sum, self.motor_force, self._timing.interval)
@@ -206,6 +211,14 @@ class GripController:
         """For how long a condition has lasted now [s]."""
         self._lasting[condition] = self._lasting[condition] + periods * self.settings.period if true else 0.0
         return self._lasting[condition]
+
+    def _hit_begins(self) -> bool:
+        """Whether something has just begun to push at the fruit: the first sample of it says too little to answer.
+
+        The gripper takes the next rate only `command_period` later, so one is kept until the push has shown.
+        """
+        self._hit_for = self._hit_for + 1 if self.sense.hit > 0.0 else 0
+        return 0 < self._hit_for < self.settings.command.hit_samples
 
     def _take_bias(self, wrenches: Float64) -> None:
         s, rate = self.settings.bias, self.settings.rate

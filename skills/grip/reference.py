@@ -31,7 +31,7 @@ class ForceReference:
         self.pivoting = False
         self.sliding: float | None = None
         self.set_friction(settings)
-        self._held = self._urgent = self._averaged = 0.0
+        self._held = self._urgent = self._averaged = self._caught = 0.0
         self._steady = self._share_fast = self._share_slow = math.nan
         self._loaded_for = 0.0
         self._limit = math.inf
@@ -50,6 +50,11 @@ class ForceReference:
     def settled(self) -> bool:
         """Whether the held part has come down to what is wanted."""
         return self._held <= max(self.wanted, self.settings.floor) * 1.05
+
+    @property
+    def catching(self) -> bool:
+        """Whether something has just hit the fruit."""
+        return self._caught > self.settings.floor
 
     def begin(self, f_n: float) -> None:
         """Start from the force that is there at contact."""
@@ -117,7 +122,8 @@ class ForceReference:
         elif not self.frozen:
             self._held = max(target, self._held - self._fall(target) * elapsed)
         self._urgent += share * (self._answer(sense, force_coming) - self._urgent)
-        self.f_ref = min(self._held + self._urgent, self._limit, s.loop.max_force)
+        f_ref = max(self._held + self._urgent, self._catch(sense, elapsed))
+        self.f_ref = min(f_ref, self._limit, s.loop.max_force)
 
     def _fall(self, target: float) -> float:
         """How fast the held part comes down to what is wanted [N/s]."""
@@ -135,7 +141,15 @@ class ForceReference:
             return self._margin * sense.coulomb
         if s.law is ForceLaw.STATIC:
             return self._margin * sense.least
-        return self._margin * (sense.reserved if self.carried else sense.cautious) + self._bias_stds * sense.bias_std
+        if not self.carried:
+            return self._margin * sense.cautious + self._bias_stds * sense.bias_std
+        reserve = sense.reserved - sense.least
+        uncertain = 1.0 + s.mu_uncertainty
+        return (
+            self._margin * sense.least
+            + self._tuned.reserve_margin * uncertain * reserve
+            + self._bias_stds * sense.bias_std
+        )
 
     def _average(self, static: float, sense: SlipSense, elapsed: float) -> float:
         """The static part without the noise of light fruit [N]."""
@@ -178,3 +192,19 @@ class ForceReference:
         else:
             bound = min(tuned.urgent_base + tuned.urgent_share * sense.least, tuned.most_urgent)
         return min(sense.f_nd + max(coming - spare, 0.0) + tuned.edge_gain * missing, bound)
+
+    def _catch(self, sense: SlipSense, elapsed: float) -> float:
+        """The force with which a carried fruit that something has hit is caught [N].
+
+        One that slides shows no more of the push than friction bears, so more is pressed than its load needs, and as
+        long as it slides the more the longer. That is not let go before the push has passed.
+        """
+        tuned = self._tuned
+        if self.frozen or self.settings.law is not ForceLaw.SLIP_AVOIDANCE:
+            return 0.0
+        if sense.hit > 0.0 and sense.least > tuned.slides * sense.f_n:
+            more = min(tuned.hit * sense.hit / self.settings.contact.mu, tuned.most_urgent)
+            self._caught = max(self._caught, sense.f_n + more)
+        elif sense.hit == 0.0:
+            self._caught -= min(tuned.excess_relaxing * elapsed, 1.0) * self._caught
+        return self._caught

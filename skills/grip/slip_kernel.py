@@ -62,13 +62,14 @@ class Unknown(NamedTuple):
 
     Attributes:
         lever: of the fruit's centre of mass about the fingers' axis [m].
-        push: tangential force that may come on top [N].
+        push: tangential force that may come on top [N], at the load's own lever `push_lever` [m].
         farthest_centre: limit of the distance of the centre of rotation [m].
         quiet: force beyond noise up to which the other finger counts as feeling nothing [N].
     """
 
     lever: float
     push: float
+    push_lever: float
     farthest_centre: float
     quiet: float
 
@@ -222,7 +223,7 @@ def _loads_of(wrench, variance, contact, unknown):  # type: ignore[no-untyped-de
     by_moment = least_force_of_finger(f_t, noisy_tau, mu, torsion, gamma, f, tau, load)[0]
     least_variance = (by_force - least) ** 2 + (by_moment - least) ** 2
     worst_case_f_t = f_t + 0.5 * unknown.push
-    pushed_tau = abs(tau_n) * worst_case_f_t / max(f_t, 0.1)
+    pushed_tau = abs(tau_n) + 0.5 * unknown.push * unknown.push_lever
     reserved = least_force_of_finger(worst_case_f_t, pushed_tau, mu, torsion, gamma, f, tau, load)[0]
     worst_case_tau = max(abs(tau_n), f_t * unknown.lever)
     cautious = least_force_of_finger(worst_case_f_t, worst_case_tau, mu, torsion, gamma, f, tau, load)[0]

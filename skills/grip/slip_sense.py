@@ -22,6 +22,7 @@ class SlipSense:
         loads: what the newest sample says; the properties below are the ones that are asked for most.
         f_n: grasp force, twice the smaller finger's, freed of what noise puts between them [N].
         tau_n: torsional moment on both fingers together [N·m].
+        carries: told by who steps it: the fruit hangs in the fingers, and a load that grows fast is a push.
         one_sided_press: one finger's normal force has just changed alone: the larger one counts in `f_n` meanwhile.
     """
 
@@ -45,7 +46,7 @@ class SlipSense:
             reserve: tangential push that `cautious` and `reserved` allow for [N].
         """
         self._settings = filters or FilterSettings()
-        self._unknown = Unknown(offset, reserve, self._settings.farthest_centre, self._settings.quiet)
+        self._unknown = Unknown(offset, reserve, offset, self._settings.farthest_centre, self._settings.quiet)
         self.set_friction(contact)
         substeps = steps_in_a_sample(rate)
         self._observer = Observer(
@@ -64,8 +65,11 @@ class SlipSense:
         self._filters = Filters(bias, band, fast_state, slow_state, smoothed, np.zeros(6))
         self._state = REST
         self.loads: Loads = NO_LOADS
-        self.one_sided_press = False
+        self.one_sided_press = self.carries = False
         self.f_n = self.tau_n = 0.0
+        self._calm_share = 1.0 - math.exp(-1.0 / (rate * self._settings.calm_lag))
+        self._f_t_before = self._f_t_calm = self._tau_calm = self._pushed_for = 0.0
+        self._period = 1.0 / rate
         self._least_before = self._normal_noise_band = self._bias_std = self._difference_variance = 0.0
 
     def set_friction(self, contact: SoftContact) -> None:
@@ -145,6 +149,17 @@ class SlipSense:
         return self.loads.least - self._least_before
 
     @property
+    def hit(self) -> float:
+        """How much the tangential force has just grown [N], beyond noise and what a lift does: something hit the fruit.
+
+        A fruit that slides bears no more than friction gives, so this is the least that came.
+        """
+        if not self.carries:
+            return 0.0
+        noise = self._settings.hit_stds * math.sqrt(float(self._filters.variance[0] + self._filters.variance[1]))
+        return max(self.loads.f_t - (1.0 + self._settings.hit_share) * self._f_t_before - noise, 0.0)
+
+    @property
     def twist(self) -> float:
         """How much more force the moment asks for than the weight alone, as a share of that; 0 … `twist_bound`."""
         return min(max(self.loads.least / max(self.loads.coulomb, 0.1) - 1.0, 0.0), self._settings.twist_bound)
@@ -214,12 +229,39 @@ class SlipSense:
         In each of them the fingers' own motion is expected to change the grasp force by `expected` [N].
         """
         self.loads, self._state = sense_sample(
-            raw, periods, expected, self._filters, self._shares, self._contact, self._unknown, self._observer,
+            raw, periods, expected, self._filters, self._shares, self._contact, self._left_unknown(), self._observer,
             self._state,
         )  # fmt: skip
         loads = self.loads
+        self._f_t_before += min(periods * self._rise_share, 1.0) * (loads.f_t - self._f_t_before)
+        self._tell_push_from_load(periods)
         self.one_sided_press = loads.one_sided_press > self._settings.jump
         difference = math.sqrt(max((loads.left - loads.right) ** 2 - self._difference_variance, 0.0))
         self.f_n = max(loads.left + loads.right + (difference if self.one_sided_press else -difference), 0.0)
         self.tau_n = loads.tau_left + loads.tau_right
         self._least_before += min(periods * self._rise_share, 1.0) * (loads.least - self._least_before)
+
+    def _tell_push_from_load(self, periods: int) -> None:
+        """Average the load while nothing pushes; a push ends when the load is back, or counts as load in the end."""
+        loads, s = self.loads, self._settings
+        if self.hit > 0.0:
+            self._pushed_for = s.longest_push
+        elif loads.f_t < (1.0 + s.hit_share) * self._f_t_calm:
+            self._pushed_for = 0.0
+        if self._pushed_for > 0.0:
+            self._pushed_for -= periods * self._period
+            return
+        share = min(periods * self._calm_share, 1.0)
+        self._f_t_calm += share * (loads.f_t - self._f_t_calm)
+        self._tau_calm += share * (abs(loads.tau_left + loads.tau_right) - self._tau_calm)
+
+    def _left_unknown(self) -> Unknown:
+        """What is still not known: a push that is there has used up its part of the reserve, and is not held twice.
+
+        A light fruit's lever is drowned in noise sample by sample, and a push at its centre is many times its weight.
+        """
+        if self._unknown.push == 0.0 or self._f_t_calm < self._settings.calm_load:
+            return self._unknown
+        pushed = max(self.loads.f_t - self._f_t_calm, 0.0) if self._pushed_for > 0.0 else 0.0
+        lever = self._tau_calm / self._f_t_calm
+        return self._unknown._replace(push=max(self._unknown.push - pushed, 0.0), push_lever=lever)

@@ -36,6 +36,11 @@ class FilterSettings:
         fast_lag, normal_lag, load_lag: time constants of the fast filter, and of the slow ones of the normal force and
             of everything else [s].
         rise_lag: the rise of the least force is what it is beyond itself through a low-pass of this time constant [s].
+        calm_lag, calm_load: the load and its lever are averaged over so long [s] while nothing pushes; below such an
+            average [N] there is no lever.
+        longest_push: a push that lasts longer counts as load [s].
+        hit_stds, hit_share: a load that grows by less than so many standard deviations of its noise and this share of
+            itself within `rise_lag` is not hit; a lift that reaches 3 m/s² within 0.2 s makes it grow by 0.05.
         noise_share: the fast filter counts where it differs from the slow one by so many of its standard deviations.
         farthest_centre: the centre of rotation is taken to be at most so far away [m]; it lies at infinity for a fruit
             that only translates.
@@ -49,6 +54,11 @@ class FilterSettings:
     normal_lag: float = 0.06
     load_lag: float = 0.08
     rise_lag: float = 0.03
+    calm_lag: float = 0.2
+    calm_load: float = 0.2
+    longest_push: float = 1.0
+    hit_stds: float = 4.0
+    hit_share: float = 0.1
     noise_share: float = 2.5
     farthest_centre: float = 0.02
     centre_lag: float = 0.1
@@ -68,9 +78,12 @@ class ReferenceSettings:
         lead: so many times the rise of the least force beyond noise is added while it rises, and more where the load
             twists the fruit: what it will be when the fingers answer, and no more, since they would have to be opened
             again.
+        reserve_margin: on what the reserve asks for, which no noise touches.
         pivot_margin: while pivoting, on the force that Coulomb's law needs for the weight alone.
         pivot_rate: how slowly it is let go to [N/s].
         sliding_rate: how fast the force rises while the pads slide [N/s]; twice `ramp_rate`, in a third of a second.
+        hit, slides: so many times what hits a carried fruit is pressed with, over the friction, while the least force
+            is beyond this share of the measured one: friction shows no more than the beginning of a push.
         most_urgent: bound of what is added to the static part [N]; enough for the fingers' full speed.
         urgent_base, urgent_share: a light load is answered with less, this much [N] and this share of the least force.
         doubtful: the bound once the sensor is not to be trusted [N].
@@ -98,9 +111,12 @@ class ReferenceSettings:
     edge: float = 0.95
     edge_gain: float = 5.0
     lead: float = 1.5
+    reserve_margin: float = 1.09
     pivot_margin: float = 1.25
     pivot_rate: float = 1.5
     sliding_rate: float = 12.0
+    hit: float = 16.0
+    slides: float = 0.8
     most_urgent: float = 10.0
     urgent_base: float = 1.0
     urgent_share: float = 1.0
@@ -157,13 +173,15 @@ class CommandSettings:
         keep_alive: a rate that goes on is commanded again this often, well within the driver's watchdog [s].
         heartbeat: rest is commanded again this often [s]: the driver's watchdog can but stop fingers that stand.
         trim: a rate that differs by less from the last one trims [m/s].
+        hit_samples: the first samples of a push say too little: a rate waits until so many of them have come.
         calm_after: trims wait once there has been nothing else for so long [s]: in a lift every correction counts.
     """
 
     keep_alive: float = 0.06
     heartbeat: float = 0.5
     trim: float = 2e-3
-    calm_after: float = 0.3
+    calm_after: float = 0.15
+    hit_samples: int = 2
 
 
 @dataclass(frozen=True, slots=True)

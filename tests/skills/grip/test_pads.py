@@ -144,3 +144,40 @@ def test_a_push_that_is_reserved_for_has_the_lever_of_the_load() -> None:
     assert plumb.reserved == pytest.approx(3.0 * plumb.least, rel=1e-3)
     assert aside.reserved > 2.2 * aside.least
     assert aside.reserved - plumb.reserved > 2.0 * (aside.least - plumb.least)
+
+
+def test_a_push_that_has_come_is_not_reserved_for_twice_until_it_lasts() -> None:
+    sense = SlipSense(SoftContact(mu=0.6), ObserverSettings(), DynamicSettings(), reserve=2.0)
+    sense.calibrate_bias(np.zeros((100, 2, 6)))
+    sense.carries = True
+    wrenches = np.zeros((2, 6))
+    wrenches[:, 2] = -8.0
+
+    def bear(f_t: float, seconds: float) -> None:
+        wrenches[:, 0] = 0.5 * f_t
+        for _ in range(round(500 * seconds)):
+            sense.advance(wrenches)
+
+    bear(1.0, 2.5)
+    calm = sense.reserved
+    assert calm == pytest.approx(3.0 * sense.least, rel=1e-3)
+    bear(2.5, 0.02)
+    assert sense.hit > 0.5
+    assert sense.reserved == pytest.approx(calm, rel=0.05)
+    bear(2.5, 3.0)  # a load after all
+    assert sense.hit == 0.0
+    assert sense.reserved == pytest.approx(4.5 / 2.5 * sense.least, rel=1e-3)
+
+
+def test_a_lift_is_no_push() -> None:
+    sense = SlipSense(SoftContact(mu=0.6), ObserverSettings(), DynamicSettings(), reserve=2.0)
+    sense.calibrate_bias(np.zeros((100, 2, 6)))
+    sense.carries = True
+    wrenches = np.zeros((2, 6))
+    wrenches[:, 2] = -8.0
+    hits = []
+    for t in np.arange(1000) / 500:
+        wrenches[:, 0] = 0.5 * (1.0 + 0.3 * min(max((t - 1.0) / 0.2, 0.0), 1.0))  # 3 m/s² within 0.2 s
+        sense.advance(wrenches)
+        hits.append(sense.hit)
+    assert max(hits[400:]) == 0.0

@@ -21,7 +21,7 @@ def load(coulomb: float, share: float = 1.0, noise: float = 0.0, rise: float = 0
     felt = {
         "coulomb": coulomb, "least": least, "reserved": least, "cautious": 1.5 * least, "f_t": 0.6 * coulomb,
         "rise": rise, "normal_noise_band": 0.0, "least_noise_std": noise, "bias_std": 0.0,
-        "twist": share - 1.0, "f_nd": 0.0,
+        "twist": share - 1.0, "f_nd": 0.0, "hit": 0.0, "f_n": least,
     }  # fmt: skip
     return SimpleNamespace(**{**felt, **changes})
 
@@ -159,3 +159,35 @@ def test_what_a_fruit_that_stands_is_borne_by_is_no_load_until_it_changes() -> N
     assert reference.f_ref > 5.0
     follow(reference, [pushed] * 10)  # it hangs, and swings: it does not stand again
     assert reference.f_ref > 5.0
+
+
+def test_a_fruit_that_is_hit_and_slides_is_pressed_harder_as_long_as_it_slides() -> None:
+    reference = carrying()
+    before = reference.f_ref
+    follow(reference, [load(2.0, hit=0.5, f_n=2.2)] * 2)
+    first = reference.f_ref
+    assert first > 2.0 * before
+    assert reference.catching
+    follow(reference, [load(4.0, hit=0.5, f_n=4.0)] * 2)  # what friction bears grows with the force: it still slides
+    assert reference.f_ref > first + 1.0
+    follow(reference, [load(2.0, hit=0.5, f_n=8.0)] * 10)  # held: nothing is added, nothing let go
+    held = reference.f_ref
+    assert held == pytest.approx(reference.f_ref)
+    follow(reference, [load(2.0, f_n=8.0)] * 2000)
+    assert not reference.catching
+    assert reference.f_ref == pytest.approx(MARGIN * 2.0, rel=0.02)
+
+
+def test_a_hit_at_a_fruit_that_is_held_well_is_not_answered() -> None:
+    reference = carrying()
+    before = reference.f_ref
+    follow(reference, [load(2.0, hit=0.5, f_n=4.0)] * 10)
+    assert reference.f_ref == pytest.approx(before)
+
+
+def test_what_the_reserve_asks_for_has_a_margin_of_its_own() -> None:
+    reference = ForceReference(GripSettings(margin=1.2))
+    reference.begin(2.2)
+    follow(reference, [load(2.0, reserved=6.0)] * 3000)
+    own = GripSettings().reference.reserve_margin
+    assert reference.wanted == pytest.approx(1.2 * 2.0 + own * 4.0)
