@@ -202,7 +202,8 @@ def about_bumps(
     return (
         f"  expected: steady over least for both p50 {np.median(ratio):.3f}, p95 {np.percentile(ratio, 95):.2f}; "
         f"unexpected: {saved} of {len(bumped)} saved, "
-        f"{could} by fingers that foresee it ({saved / max(could, 1):.0%}); answer p50 {reaction[0]:.0f}, p95 {reaction[1]:.0f} ms; lost without a code within 50 ms: {silent}"
+        f"{could} by fingers that foresee it ({saved / max(could, 1):.0%}), "
+        f"answer p50 {reaction[0]:.0f}, p95 {reaction[1]:.0f} ms; lost without a code within 50 ms: {silent}"
     )
 
 
