@@ -90,7 +90,7 @@ def test_calls_of_many_threads_break_nothing_and_the_gripper_works_afterwards() 
         if motion.state is MotionState.DONE:
             break
         # Held up for long, the driver's thread rightly takes a move for one that went wrong: the next one must not.
-        reasons.append(motion.reason)
+        reasons.append(motion.problem)
     assert motion.state is MotionState.DONE, reasons
     assert len(wire.used_by) == 1
     assert threading.get_ident() not in wire.used_by
