@@ -19,10 +19,10 @@ from skills.motion.occupancy import OccupancyMap
 from skills.motion.planning.arm_space import arm_space
 from skills.motion.planning.timing import time_curve
 from skills.motion.robot import RobotModel
-from skills.motion.straight_line import straight_line
+from skills.motion.straight_line import StraightLine, straight_line
 from skills.shared.following import MOTION_FAILURES, MovingSkill, Watching
 from skills.shared.grip_view import show_grip
-from skills.shared.hanging import Hanging, require_truth
+from skills.shared.hanging import LEAST, Hanging, require_truth
 from skills.shared.touch import HELD_FORCE, Touch, load, pressing_forces, something_between
 from skills.shared.usable_map import usable_field
 from skills.shared.warm_motion import prepare_moving
@@ -67,9 +67,26 @@ class _Grounded(Exception):
 class _TooMuch(Exception):
     """The grip cannot hold what it has begun to lift."""
 
-    def __init__(self, problem: GripProblem) -> None:
-        self.problem = problem
+    def __init__(self, problem: GripProblem, borne: _Borne) -> None:
+        self.problem, self.borne = problem, borne
         super().__init__(problem.message)
+
+
+class _Borne:
+    """What the pads bear of the fruit's weight, along the load that was too much for them."""
+
+    def __init__(self, hold: Hold) -> None:
+        self._hold = hold
+        self._along = np.array(hold.controller.sense.load)
+        self._along /= max(float(np.linalg.norm(self._along)), 1e-9)
+
+    @property
+    def nothing(self) -> bool:
+        """Whether nothing hangs on them: the fruit stands, and pads that go on downwards only press it there.
+
+        One that has slid so far that the pads close over its top is pressed down, and lifts the pads.
+        """
+        return float(self._along @ self._hold.controller.sense.load) < LEAST
 
 
 class _Bearable:
@@ -91,7 +108,7 @@ class _Bearable:
         if math.isnan(self._since):
             self._since = problem.stamp
         if problem.stamp - self._since > TOO_MUCH_FOR:
-            raise _TooMuch(problem)
+            raise _TooMuch(problem, _Borne(self._hold))
 
 
 class Lift(MovingSkill):
@@ -183,7 +200,7 @@ class Lift(MovingSkill):
             if hold is not None and hanging is not None:
                 yield from self._settle(hold, settle_within, watch)
         except _TooMuch as much:
-            stands = yield from self._put_back(robot, T_base_start, acceleration, hold)
+            stands = yield from self._put_back(robot, T_base_start, acceleration, hold, much.borne)
             risen = float(robot.tcp(arm.state().q)[2, 3] - T_base_start[2, 3])
             raise self._cannot_hold(much.problem, hold, 0.0 if stands else risen) from much
         if hanging is not None and (missing := hanging.missing()):
@@ -202,7 +219,9 @@ class Lift(MovingSkill):
             if not hold.controller.at_rest or abs(hold.controller.slipped - slid) > STILL:
                 since, slid = self.context.elapsed(), hold.controller.slipped
 
-    def _put_back(self, robot: RobotModel, T_base_start: Float64, acceleration: float, hold: Hold | None) -> Work[bool]:
+    def _put_back(
+        self, robot: RobotModel, T_base_start: Float64, acceleration: float, hold: Hold | None, borne: _Borne
+    ) -> Work[bool]:
         """Lower the fruit to where it stood, on the line that it came up; where there is no such line, stay.
 
         Returns:
@@ -217,12 +236,27 @@ class Lift(MovingSkill):
             return way < BACK
 
         def watch() -> None:
+            if borne.nothing:
+                take_over(self.device(Gripper))
+                raise _Grounded
             if hold is not None:
                 show_grip(self, hold)
                 require_truth(hold)
             if not self._held(hold):
                 raise self._not_held("LOST", LOST_PUT_BACK, hold)
 
+        try:
+            watch()
+            yield from self._lower(line, way, acceleration, watch)
+        except _Grounded:
+            yield from self.wait(RESTING)
+            if max(pressing_forces(self.device(ForceSensor))) <= HELD_FORCE:
+                raise self._not_held("LOST", LOST_PUT_BACK, hold) from None
+        return True
+
+    def _lower(self, line: StraightLine, way: float, acceleration: float, watch: Callable[[], None]) -> Watching:
+        """Go down a line [m] until the fruit touches down, which ends it by _Grounded, or to its end."""
+        arm = self.device(Arm)
         steps = len(line.q) - 1
         split = steps - min(math.ceil(NEAR / way * steps), steps)
         split = 0 if min(split, steps - split) < 3 else split
@@ -244,14 +278,8 @@ class Lift(MovingSkill):
                     raise _Grounded
                 watch()
 
-            try:
-                yield from self.travel(curve, feel)
-                feel()
-            except _Grounded:
-                yield from self.wait(RESTING)
-                if max(pressing_forces(self.device(ForceSensor))) <= HELD_FORCE:
-                    raise self._not_held("LOST", LOST_PUT_BACK, hold) from None
-        return True
+            yield from self.travel(curve, feel)
+            feel()
 
     def _cannot_hold(self, problem: GripProblem, hold: Hold | None, risen: float) -> Exception:
         code = problem.code

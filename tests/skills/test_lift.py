@@ -305,6 +305,30 @@ def test_what_slid_down_in_the_fingers_is_not_pressed_into_the_table():
     assert max(pressed) < pressed[0] + 0.5
 
 
+def test_pads_that_have_slid_up_over_a_fruit_that_stands_are_not_driven_down_over_it():
+    fruit = Standing(weight=20.0)
+    feel, last, highest = fruit.scene.fingers.feel, 0.0, 0.0
+
+    def slid_up(now: float) -> np.ndarray:
+        """The pads' edges close over the fruit's top: they press it down, and it presses them up."""
+        wrenches = feel(now)
+        wrenches[:, 0] = -1.0
+        return wrenches
+
+    def slide(_tick: int) -> None:
+        nonlocal last, highest
+        if highest > 2e-3 and fruit.risen - last < 2e-4:  # the arm stops
+            fruit.scene.fingers.feel = slid_up
+        last, highest = fruit.risen, max(highest, fruit.risen)
+
+    outcome = fruit.lift(each_tick=slide)
+    assert fruit.scene.fingers.feel is slid_up
+    assert outcome.reason.code == "TOO_HEAVY"
+    assert "put back where it stood" in outcome.reason.message
+    assert highest - fruit.risen < 1e-3
+    assert fruit.scene.arm.settled()
+
+
 def test_what_a_fruit_resists_while_the_arm_speeds_up_is_no_table():
     fruit = Standing(weight=2.0)
     feel, highest, down = fruit.scene.fingers.feel, 0.0, False

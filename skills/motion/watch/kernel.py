@@ -74,12 +74,12 @@ def see(
         i, j, k = number // (ny * nz), (number // nz) % ny, number % nz
         if known[i, j, k] or own[i, j, k] or area[i, j, k] < least_area:
             continue
-        beside = False
+        beside = False  # something, or what nobody has seen free
         if state[i, j, k] == FREE:
             for a in range(max(i - 1, 0), min(i + 2, nx)):
                 for b in range(max(j - 1, 0), min(j + 2, ny)):
                     for c in range(max(k - 1, 0), min(k + 2, nz)):
-                        beside |= state[a, b, c] == STANDING
+                        beside |= state[a, b, c] != FREE
         if new < most:
             found[new, 0] = origin[0] + (i + 0.5) * resolution
             found[new, 1] = origin[1] + (j + 0.5) * resolution

@@ -127,3 +127,13 @@ def test_the_arm_has_braked_within_the_time_that_is_allowed_for_it(goal: Float64
             follower.step()
             took += 0.002
         assert abs(took - told) < 0.025, f"at {share:.2f} of the way"
+
+
+@pytest.mark.parametrize("share", [0.0, 0.1, 0.2])
+def test_what_the_hand_has_left_and_rolls_a_little_has_not_come_in(share: float) -> None:
+    x, y, z = ROBOT_MODEL.tcp(OBSERVE)[:3, 3]
+    looking, later = watch(), share * PATH.duration
+    q = np.array([np.interp(later, PATH.t, joint) for joint in PATH.q.T])
+    looking.look(frame(0.0, *robot_at(OBSERVE), (x, y, z + 0.02, 0.04)), T_BASE_CAMERA, OBSERVE, 0.0, 0.0)
+    told = looking.look(frame(later, *robot_at(q), (x, y - 0.05, z + 0.02, 0.04)), T_BASE_CAMERA, q, 0.0, later)
+    assert told is None or not told.moved
