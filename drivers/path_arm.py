@@ -274,7 +274,8 @@ class PathArm(Device, ABC):
             self._owner.post(motion.resume)
 
     def go_at(self, speed: float) -> None:
-        self._speed, motion = speed, self._motion
+        with self._lock:  # or a motion that begins meanwhile would keep the speed that was
+            self._speed, motion = speed, self._motion
         if motion is not None:
             self._owner.post(lambda: motion.set_speed(speed))
 

@@ -20,14 +20,16 @@ which are 8 px of 320 wide beside an arm half a metre before a table."""
 
 @njit(cache=True, nogil=True)
 def see(
-    depth: Float32, lens: Float64, T: Float64, origin: Float64, resolution: float, lowest: float, spread: float,
-    known: NDArray[np.bool_], own: NDArray[np.bool_], least_area: float, state: UInt8, area: Float32,
+    depth: Float32, room: bool, lens: Float64, T: Float64, origin: Float64, resolution: float, lowest: float,
+    spread: float, known: NDArray[np.bool_], own: NDArray[np.bool_], least_area: float, state: UInt8, area: Float32,
     touched: Int64, found: Float64, moved: NDArray[np.bool_],
 ) -> int:  # fmt: skip
     """Find the cells of a depth image that hold something which nobody knows, and note which cells are free.
 
     Args:
         depth: z-depth, shape (h, w) [m]; 0 where nothing was measured.
+        room: where nothing was measured far around, there is nothing as far as the camera sees; else what is there may
+            as well be too near to it, as what the hand has just left is for a camera beside the hand.
         lens: fx, fy, cx, cy [px].
         T: T_base_camera, shape (3, 4).
         origin, resolution: lower corner of the cells, shape (3,), and their edge [m].
@@ -74,12 +76,12 @@ def see(
         i, j, k = number // (ny * nz), (number // nz) % ny, number % nz
         if known[i, j, k] or own[i, j, k] or area[i, j, k] < least_area:
             continue
-        beside = False  # something, or what nobody has seen free
+        beside = False
         if state[i, j, k] == FREE:
             for a in range(max(i - 1, 0), min(i + 2, nx)):
                 for b in range(max(j - 1, 0), min(j + 2, ny)):
                     for c in range(max(k - 1, 0), min(k + 2, nz)):
-                        beside |= state[a, b, c] != FREE
+                        beside |= state[a, b, c] == STANDING
         if new < most:
             found[new, 0] = origin[0] + (i + 0.5) * resolution
             found[new, 1] = origin[1] + (j + 0.5) * resolution
@@ -88,7 +90,7 @@ def see(
             new += 1
         if state[i, j, k] == UNSEEN:
             state[i, j, k] = STANDING
-    _note_free(depth, fx, fy, cx, cy, T, origin, resolution, lowest, own, area, state)
+    _note_free(depth, room, fx, fy, cx, cy, T, origin, resolution, lowest, own, area, state)
     for n in range(count):
         number = touched[n]
         area[number // (ny * nz), (number // nz) % ny, number % nz] = 0.0
@@ -97,14 +99,14 @@ def see(
 
 @njit(cache=True, nogil=True)
 def _note_free(
-    depth: Float32, fx: float, fy: float, cx: float, cy: float, T: Float64, origin: Float64, resolution: float,
-    lowest: float, own: NDArray[np.bool_], area: Float32, state: UInt8,
+    depth: Float32, room: bool, fx: float, fy: float, cx: float, cy: float, T: Float64, origin: Float64,
+    resolution: float, lowest: float, own: NDArray[np.bool_], area: Float32, state: UInt8,
 ) -> None:  # fmt: skip
     """Mark the cells well in front of what is seen at their pixel, and in which nothing is seen, as free.
 
-    So are those before nothing at all: a room too deep for the camera. A stereo camera's shadows, where it measures
-    nothing either, are narrow. What was standing in a cell may go: it stays marked, since at the edge of what stands
-    there noise comes and goes.
+    So are those before nothing at all, where that is a room too deep for the camera. A stereo camera's shadows, where
+    it measures nothing either, are narrow. What was standing in a cell may go: it stays marked, since at the edge of
+    what stands there noise comes and goes.
     """
     nx, ny, nz = own.shape
     height, width = depth.shape
@@ -131,7 +133,7 @@ def _note_free(
                     continue
                 if area[i, j, k] == 0.0 and not own[i, j, k]:
                     d = depth[v, u]
-                    if d > z + clear or (d == 0.0 and _nothing_near(depth, u, v)):
+                    if d > z + clear or (room and d == 0.0 and _nothing_near(depth, u, v)):
                         state[i, j, k] = FREE
 
 

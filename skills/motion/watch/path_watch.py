@@ -4,8 +4,7 @@ Three things are told apart, cell by cell of a coarse grid. What is *known* (the
 fruit that was measured, the robot itself with what it holds) is no news. What was *seen free* during this motion and is
 taken now has moved in: it may go on moving, so it stops the arm when it could meet it before the arm rests. What is
 seen for the first time and is not known only stands there: it stops the arm when the arm would come near to it while it
-brakes. So does what shows beside a cell that nobody has seen free: a fruit that the hand has left, and which rolls a
-little, was hidden in the hand. Further along the path either is told, and stops nothing yet.
+brakes. Further along the path either is told, and stops nothing yet.
 """
 
 from __future__ import annotations
@@ -172,9 +171,9 @@ class PathWatch:
         spread = SURE * (errs.disparity / (lens.fx * errs.baseline) + errs.growth)
         state = self._states.setdefault(camera, np.zeros(self._known.shape, np.uint8))
         new: int = see(
-            depth, np.array([lens.fx, lens.fy, lens.cx, lens.cy]) / step, np.ascontiguousarray(T_base_camera[:3]),
-            self._origin, CELL, self._lowest + SURE * errs.floor, spread, self._known, own, LEAST_AREA, state,
-            self._area, self._touched, self._found, self._moved,
+            depth, frame.q is None, np.array([lens.fx, lens.fy, lens.cx, lens.cy]) / step,
+            np.ascontiguousarray(T_base_camera[:3]), self._origin, CELL, self._lowest + SURE * errs.floor, spread,
+            self._known, own, LEAST_AREA, state, self._area, self._touched, self._found, self._moved,
         )  # fmt: skip
         return new
 

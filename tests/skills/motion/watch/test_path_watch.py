@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -129,11 +131,17 @@ def test_the_arm_has_braked_within_the_time_that_is_allowed_for_it(goal: Float64
         assert abs(took - told) < 0.025, f"at {share:.2f} of the way"
 
 
-@pytest.mark.parametrize("share", [0.0, 0.1, 0.2])
-def test_what_the_hand_has_left_and_rolls_a_little_has_not_come_in(share: float) -> None:
-    x, y, z = ROBOT_MODEL.tcp(OBSERVE)[:3, 3]
-    looking, later = watch(), share * PATH.duration
-    q = np.array([np.interp(later, PATH.t, joint) for joint in PATH.q.T])
-    looking.look(frame(0.0, *robot_at(OBSERVE), (x, y, z + 0.02, 0.04)), T_BASE_CAMERA, OBSERVE, 0.0, 0.0)
-    told = looking.look(frame(later, *robot_at(q), (x, y - 0.05, z + 0.02, 0.04)), T_BASE_CAMERA, q, 0.0, later)
-    assert told is None or not told.moved
+@pytest.mark.parametrize(("mounted", "moved"), [(False, True), (True, False)])
+def test_where_nothing_is_measured_a_fixed_camera_sees_an_empty_room_and_one_on_the_hand_perhaps_a_near_thing(
+    mounted: bool, moved: bool
+) -> None:
+    x, y, z = on_the_way(0.5)
+    blind = replace(frame(0.0), depth=np.zeros_like(frame(0.0).depth))
+    ball = frame(0.03, (x, y, z + 0.05, 0.05))
+    looking = watch()
+    told = None
+    for seen in (blind, ball):
+        seen = replace(seen, q=OBSERVE if mounted else None)
+        told = looking.look(seen, T_BASE_CAMERA, OBSERVE, 0.0, 0.3)
+    assert told is not None
+    assert told.moved is moved
