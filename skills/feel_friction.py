@@ -8,6 +8,7 @@ from typing import Annotated
 
 import numpy as np
 
+from drivers.errors import DeviceFault
 from drivers.interfaces import Arm, ForceSensor, Gripper, Workspace, WrenchSample
 from executive.ports import FORCE, LENGTH, SPEED, Force, Length, Outputs, Port, Ratio, Speed
 from executive.skill import Work
@@ -166,6 +167,9 @@ class FeelFriction(MovingSkill):
 
         Returns:
             The wrenches while the pads slid over the distance, bias removed, shape (n, 2, 6).
+
+        Raises:
+            DeviceFault: the arm says that it has arrived, and its joints that it has hardly moved.
         """
         arm = self.device(Arm)
         trajectory = time_curve(line, way, arm.limits, speed, ACCELERATION, ACCELERATION / JERK_TIME)
@@ -192,6 +196,9 @@ class FeelFriction(MovingSkill):
             watch()
         finally:
             subscription.close()
+        if max(shares) < SLIDING[0]:
+            words = f"its joints say that it has gone {1e3 * distance * max(shares):.1f} mm of {1e3 * way:.1f} mm"
+            raise DeviceFault("arm", f"{words}, and its driver that it has arrived")
         first, last = np.interp(SLIDING, np.maximum.accumulate(shares), stamps)
         samples = [wrenches for stamp, wrenches in samples_in if first <= stamp <= last]
         return np.array(samples).reshape(-1, 2, 6) - hold.controller.sense.bias
@@ -207,6 +214,8 @@ class FeelFriction(MovingSkill):
 
 def _comes_along(down: Float64, force: float, force_sum: float, expected_load: float) -> bool:
     """Whether a fruit may come along when pads slide up that press with a force [N], and with another one now [N]."""
+    if not len(down):
+        return False
     f_n, f_t = -down[:, :, 2].sum(axis=1).mean(), np.linalg.norm(down[:, :, :2], axis=2).sum(axis=1).mean()
     share = f_t / max(f_n, 0.1) / max(expected_load, 1e-3)
     return expected_load > 0.0 and bool(force * share > LIGHT or force_sum * share > LIGHT_NOW)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from py_trees.common import Status
 
+from drivers.errors import DeviceFault
 from drivers.interfaces import Workspace
 from drivers.mock.fingers import spring_fruit
 from executive.skill_testing import drive
@@ -76,6 +77,17 @@ def test_it_feels_the_friction_and_holds_for_it(mu):
     assert hold.reading.f_n == pytest.approx(2.2, abs=0.2)
     np.testing.assert_allclose(scene.tcp[:3, 3], a_grasp().T_base_grasp[:3, 3] + [0.0, 0.0, 0.001], atol=1e-4)
     assert outcome.duration < 1.3
+
+
+def test_an_arm_that_has_arrived_and_whose_joints_stand_still_is_not_believed():
+    scene = Standing()
+    hold = scene.grasp()
+    before = scene.arm.state()
+    scene.arm.state = lambda: replace(before, stamp=scene.clock.now())  # type: ignore[method-assign]
+    with pytest.raises(DeviceFault, match=r"gone 0\.0 mm of 2\.0 mm"):
+        scene.feel_friction(hold)
+    assert hold.holds
+    assert len(scene.arm.followed) == 1
 
 
 def test_a_light_fruit_comes_along_and_the_way_down_alone_counts():
