@@ -6,6 +6,7 @@ and not a boolean, and `1:30` is not 90.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -18,6 +19,9 @@ MAX_CHARACTERS = 512 * 1024
 MAX_DEPTH = 80
 MAX_NODES = 100_000
 
+_TOO_DEEP = f"nested more than {MAX_DEPTH} levels deep"
+_FLOW = re.compile(r"""(?<!\w)"(?:\\.|[^"\\])*(?:"|\Z)|(?<!\w)'(?:''|[^'])*(?:'|\Z)|(?<!\S)#.*|[\[\]{}]""")
+"""A quoted scalar (closed or not), a comment, or a bracket of a flow collection."""
 _SCALAR, _MAPPING_END = yaml.ScalarEvent, yaml.MappingEndEvent
 LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
@@ -112,6 +116,10 @@ def read_yaml(source: Source, findings: Findings, what: str = "a tree file") -> 
             where = YamlScalar(source, line, tab, line, tab + 1, "", True)
             findings.error(where, "tab", message, "put spaces in its place; your editor can show it")
             return None
+        deep = _too_deep_at(source.text)
+        if deep is not None:
+            findings.error(YamlScalar(source, *deep, deep[0], deep[1] + 1, "", True), "too-deep", _TOO_DEEP)
+            return None
         context = f"{error.context}, " if error.context else ""
         where = YamlScalar(source, line, column, line, column + 1, "", True)
         hint = 'values with braces, colons or # stand in quotes: "{name}"' if "{" in source.excerpt(line) else ""
@@ -121,6 +129,20 @@ def read_yaml(source: Source, findings: Findings, what: str = "a tree file") -> 
     finally:
         if loader is not None:
             loader.dispose()
+    return None
+
+
+def _too_deep_at(text: str) -> tuple[int, int] | None:
+    """Return line and column of the first flow bracket below `MAX_DEPTH`, or None.
+
+    libyaml reads ahead of the events that it delivers and refuses 1 000 nested flows itself since PyYAML 6.0.4.
+    """
+    depth = 0
+    for match in _FLOW.finditer(text):
+        depth += {"[": 1, "{": 1, "]": -1, "}": -1}.get(match[0], 0)
+        if depth > MAX_DEPTH:
+            line_start = text.rfind("\n", 0, match.start()) + 1
+            return text.count("\n", 0, line_start) + 1, match.start() - line_start + 1
     return None
 
 
@@ -170,7 +192,7 @@ class Composer:
         if kind is _SCALAR and event.tag is None and self.count < MAX_NODES and depth <= MAX_DEPTH:
             return self._scalar(event)  # nearly every node is one
         if depth > MAX_DEPTH:
-            raise self._refuse(event, "too-deep", f"nested more than {MAX_DEPTH} levels deep")
+            raise self._refuse(event, "too-deep", _TOO_DEEP)
         if self.count >= MAX_NODES:
             raise self._refuse(event, "too-large", f"more than {MAX_NODES} values in one file")
         if kind is yaml.AliasEvent:

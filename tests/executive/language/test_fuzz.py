@@ -7,6 +7,7 @@ import importlib.util
 from pathlib import Path
 
 import pytest
+import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -15,6 +16,7 @@ from executive.language.expression_parser import ExpressionSyntaxError, parse_ex
 from executive.language.groot_export import export_groot
 from executive.language.read import read_file
 from executive.skill_testing import BenchContext
+from executive.values import yaml_nodes
 
 SPEC = importlib.util.spec_from_file_location("fuzz", Path(__file__).with_name("fuzz.py"))
 fuzzer = importlib.util.module_from_spec(SPEC)
@@ -126,6 +128,15 @@ class TestHostileFiles:
     @pytest.mark.parametrize("text", ["[" * 5000, "{a: " * 5000, "- " * 5000, "? " * 3000])
     def test_deep_nesting(self, text):
         assert self.codes(text) == ["too-deep"]
+
+    @pytest.mark.parametrize("loader", ["CSafeLoader", "SafeLoader"])
+    def test_deep_nesting_is_found_at_the_same_place_by_both_parsers(self, monkeypatch, loader):
+        monkeypatch.setattr(yaml_nodes, "LOADER", getattr(yaml, loader))
+        (finding,) = read('a: "[["\n# [[[\nb: [ ]\nc: ' + "[" * 5000, "t.yaml").findings
+        assert (finding.code, finding.line, finding.column) == ("too-deep", 4, 84)
+
+    def test_an_unclosed_list_is_not_reported_as_deep_nesting(self):
+        assert self.codes("[" * 60 + '"' + "[" * 60) == ["yaml"]
 
     def test_many_values(self):
         assert self.codes("[" + "1," * 150_000 + "1]") == ["too-large"]
