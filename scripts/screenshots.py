@@ -113,7 +113,8 @@ def photograph_live(photographer: Photographer, dashboard: Dashboard) -> None:
     photographer.take("paused")
     page.get_by_role("button", name="Resume").click()
     expect(page.locator("#state")).to_have_text("▶ running")
-    page.keyboard.press("Escape")
+    for _ in range(2):
+        page.keyboard.press("Escape")
     expect(page.locator("#latched")).to_be_visible(timeout=20_000)
     expect(page.locator("#state")).to_have_text("■ stopped", timeout=20_000)
     photographer.take("stopped")

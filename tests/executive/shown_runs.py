@@ -107,6 +107,12 @@ class Rest(Skill):
 REGISTRY = Registry({"Hold": Hold, "Look": Look, "Jam": Jam, "Rest": Rest})
 
 
+def press_stop(page: Any) -> None:
+    """Stop with the keys: Esc twice."""
+    page.keyboard.press("Escape")
+    page.keyboard.press("Escape")
+
+
 class Wire:
     """What lies between a page and its server; `open` says whether anything passes."""
 

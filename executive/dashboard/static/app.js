@@ -2,9 +2,9 @@
 import { $, put, seconds } from "./dom.js";
 import { apply, emptyState } from "./store.js";
 import { newCursor, newFeed, page, readAddress, say, withToken } from "./page.js";
-import { connect, isStale, press } from "./link.js";
+import { connect, isStale, link, press, TWICE } from "./link.js";
 import { drawTrust } from "./trust.js";
-import "./layout.js";
+import { closeLarge } from "./layout.js";
 import { TreeView } from "./tree.js";
 import { CameraView, PlotsView, drawTables } from "./pictures.js";
 import { SceneView } from "./scene.js";
@@ -216,11 +216,13 @@ $("share").addEventListener("click", () => {
   const told = `link to ${seconds(page.at ?? page.whole.t)} copied`;
   if (navigator.clipboard) navigator.clipboard.writeText(link).then(() => say(told), () => say(link)); else say(link);
 });
-// What is open or written in closes first: whoever leaves a search does not mean the robot.
+// Esc closes an open list, a field, an enlarged picture first. With nothing open, two presses or a held key stop.
 function escape(event) {
-  if (event.repeat || $("keys").open) return;
-  if (event.target.matches("input, select, textarea")) event.target.blur();
-  else press("safe_stop");
+  if ($("keys").open) return;
+  if (link.escaped > performance.now() - TWICE) { link.escaped = -Infinity; press("safe_stop"); }
+  else if (event.repeat) return;
+  else if (event.target.matches("input, select, textarea")) event.target.blur();
+  else if (!closeLarge()) link.escaped = performance.now();
 }
 document.addEventListener("keydown", (event) => {
   if (event.key === "Escape") { escape(event); return; }

@@ -45,5 +45,12 @@ const [tree, side, time] = [".tree-panel", ".side", ".timeline-panel"].map((name
 handle(tree, "left", "width of the tree", true, (e) => e.clientX - tree.getBoundingClientRect().left);
 handle(side, "right", "width of the details", true, (e) => side.getBoundingClientRect().right - e.clientX);
 handle(time, "lanes", "height of the timeline", false, (e) => $("timeline").parentElement.getBoundingClientRect().bottom - e.clientY - 40);
+
+// Make the enlarged picture small again; returns whether there was one.
+export function closeLarge() {
+  const open = Boolean(kept.large) && !$("run-view").hidden;
+  if (open) keep("large", null);
+  return open;
+}
 for (const button of document.querySelectorAll("[data-enlarge]")) button.addEventListener("click", () => keep("large", kept.large === button.dataset.enlarge ? null : button.dataset.enlarge));
 apply();

@@ -6,12 +6,13 @@ const STALE = 1300; // ms without an answer after which what is shown is no long
 const DEAD = 4000; // ms after which the connection is given up, and another one is tried
 const OPENING = 2000; // ms that a connection may take to open
 const CONFIRM = 500; // ms after which a press that is not confirmed is shown as that
+export const TWICE = 1500; // ms within which Esc must be pressed again, or held, to stop
 const RETRY = 400; // ms between two tries
 const PATIENCE = { safe_stop: 10000 }; // ms for which a press is tried; the server refuses what comes later
 const FACED = new Set(["pause", "resume", "step", "stop", "acknowledge", "break", "unbreak", "break_after", "unbreak_after", "answer", "change", "speed"]); // the run itself confirms them
 
 // `known`: up to then (performance.now) the page has heard everything; `clock`: what to add for the server's time [s].
-export const link = { socket: null, known: -Infinity, knownAt: null, armed: null, clock: null, press: null, opened: 0 };
+export const link = { socket: null, known: -Infinity, knownAt: null, armed: null, clock: null, press: null, opened: 0, escaped: -Infinity };
 
 // Time that has passed, also while the machine slept: its wall clock went on then.
 const elapsed = () => Math.max(performance.now() - link.known, link.knownAt === null ? Infinity : Date.now() - link.knownAt);

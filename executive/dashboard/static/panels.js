@@ -2,7 +2,7 @@
 import { $, h, seconds, show } from "./dom.js";
 import { press } from "./link.js";
 import { holdsControl, page } from "./page.js";
-import { lastResult, leavesOf, STATUS } from "./store.js";
+import { lastResult, leavesOf, standing, STATUS } from "./store.js";
 
 let goTo = () => {};
 export function onMoment(handler) { goTo = handler; }
@@ -87,8 +87,7 @@ export function drawNode(s, onBreak) {
   nodeKey = key;
   const about = path && s.byPath.get(path);
   if (!about) { $("node").replaceChildren(h("p", { class: "empty" }, "Choose a node in the tree.")); return; }
-  const { icon, word, rank } = STATUS[node?.status ?? "INVALID"];
-  const last = lastResult(node);
+  const { icon, words, rank } = standing(node), last = lastResult(node);
   const { line: from, end_line: to } = about;
   const source = from && s.run.tree_text ? s.run.tree_text.split("\n").slice(from - 1, Math.min(to ?? from, from + 14)).map((text, i) => `${String(from + i).padStart(3)}  ${text}`).join("\n").trimEnd() : "";
   const wires = (title, ports) => (Object.keys(ports ?? {}).length ? [h("h3", {}, title), h("dl", { class: "wires" }, Object.entries(ports).flatMap(([port, wired]) => [h("dt", {}, port), h("dd", {}, String(wired), written(s, wired))]))] : []);
@@ -96,7 +95,7 @@ export function drawNode(s, onBreak) {
   $("node").replaceChildren(...[
     h("p", { class: "about" }, h("strong", {}, about.name), ` ${about.type === about.name ? about.kind : about.type} `, h("span", { class: "muted" }, path)),
     about.description || about.comment ? h("p", {}, about.description || about.comment) : null,
-    h("div", { class: `status ${rank}` }, h("b", {}, `${icon} ${word}`), h("span", {}, [node?.feedback, last ? `last result: ${STATUS[last.status].word}, ${ago(s, last.t)}` : "", node?.starts ? `started ${node.starts}×` : ""].filter(Boolean).join(" · "))),
+    h("div", { class: `status ${rank}` }, h("b", {}, `${icon} ${words}`), h("span", {}, [node?.feedback, last ? ago(s, last.t) : "", node?.starts ? `started ${node.starts}×` : ""].filter(Boolean).join(" · "))),
     page.recorded ? null : h("div", { class: "group joined", role: "group", "aria-label": "breakpoints of this node" }, breakButton("before", before, "b"), breakButton("after", after, "a")),
     ...wires("Reads", about.inputs), ...changed(s, about), ...wires("Writes", about.outputs),
     ...(node?.history.length ? [h("h3", {}, "Last results"), h("ol", { class: "history" }, node.history.slice(-8).reverse().map((e) => h("li", {}, moment(e.t), h("span", { class: e.status === "FAILURE" ? "bad" : "" }, `${STATUS[e.status].icon} ${STATUS[e.status].word}`, e.reason ? ` ${e.reason.code}: ${e.reason.message}` : ""))))] : []),

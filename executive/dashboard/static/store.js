@@ -4,9 +4,11 @@ export const STATUS = {
   SUCCESS: { icon: "✓", word: "success", rank: "good" },
   FAILURE: { icon: "✗", word: "failure", rank: "bad" },
   RUNNING: { icon: "▶", word: "running", rank: "busy" },
+  INTERRUPTED: { icon: "■", word: "interrupted", rank: "cut" },
   INVALID: { icon: "·", word: "idle", rank: "idle" },
 };
 
+const STOPS = new Set(["stop", "safe_stop", "interrupt"]); // what they interrupt stands red until it starts again
 const MOST_SAMPLES = 40000; // of a series; older ones are thinned, so that an hour of samples stays small
 const MOST_KEPT = 4000; // spans, marks, failures, acts
 const GROUP = 4; // samples of which thinning leaves two, the least and the greatest
@@ -17,7 +19,7 @@ export function emptyState() {
     t: 0, tick: 0, seq: 0, run: null, nodes: [], byPath: new Map(), state: "idle", because: "",
     node: new Map(), attempts: new Map(), ports: new Map(), images: new Map(), scenes: new Map(),
     series: new Map(), tables: new Map(), bodies: new Map(), poses: new Map(), spans: [], marks: [], links: new Map(), failures: [], acts: [], ended: null,
-    safeStop: null, unrest: "", hand: null, speed: 1, gap: 1.5, breaks: { before: new Set(), after: new Set() }, changes: new Map(),
+    safeStop: null, halted: false, unrest: "", hand: null, speed: 1, gap: 1.5, breaks: { before: new Set(), after: new Set() }, changes: new Map(),
   };
 }
 
@@ -49,12 +51,14 @@ const HANDLERS = {
     if (!node) { node = { status: "INVALID", history: [], since: m.t, starts: undefined }; s.node.set(m.path, node); }
     const before = { status: node.status, history: node.history };
     const changed = node.status !== m.status || node.starts !== m.starts;
+    const result = before.status === "RUNNING" && m.status === "INVALID" ? "INTERRUPTED" : m.status;
+    const halted = s.halted && result === "INTERRUPTED";
     node.status = m.status; node.feedback = m.feedback; node.starts = m.starts; node.tick = m.tick; node.reason = m.reason;
     const leaf = s.byPath.get(m.path)?.leaf;
     if (changed) {
       node.since = m.t;
       if (m.status === "RUNNING" || before.status !== "RUNNING") node.computed = 0;
-      node.history = [...before.history.slice(-19), { t: m.t, status: m.status, reason: m.reason }];
+      node.history = [...before.history.slice(-19), { t: m.t, status: result, reason: m.reason, halted }];
       if (m.status === "RUNNING" || (before.status !== "RUNNING" && m.status !== "INVALID")) {
         if (leaf) s.spans.push({ path: m.path, start: m.t, end: null, status: "RUNNING" });
       }
@@ -62,7 +66,7 @@ const HANDLERS = {
         for (let i = s.spans.length - 1; i >= 0; i--) {
           if (s.spans[i].path === m.path && s.spans[i].end === null) {
             s.spans[i].end = m.t;
-            s.spans[i].status = m.status;
+            Object.assign(s.spans[i], { status: result, halted });
             break;
           }
         }
@@ -73,6 +77,8 @@ const HANDLERS = {
       } else if (m.status === "RUNNING" && leaf) {
         const last = s.failures[s.failures.length - 1];
         if (last && !last.next && m.path !== last.path) last.next = m.path;
+      } else if (halted && leaf) {
+        s.marks.push({ t: m.t, kind: "bad", text: `${s.byPath.get(m.path).name} interrupted${m.feedback ? `: ${m.feedback}` : ""}` });
       }
     }
   },
@@ -134,6 +140,7 @@ const HANDLERS = {
   HandChanged(s, m) { s.hand = m.what; },
   OperatorActed(s, m) {
     s.acts.push(m);
+    if (STOPS.has(m.action)) s.halted = true;
     const [, un, after] = m.action.match(/^(un)?break(_after)?$/) ?? [null];
     const side = s.breaks[after ? "after" : "before"];
     if (un) side.delete(m.detail);
@@ -148,6 +155,7 @@ const HANDLERS = {
   },
   SafeStopped(s, m) {
     s.safeStop = m.reason;
+    s.halted = true;
     s.marks.push({ t: m.t, kind: "bad", text: `safe stop: ${m.reason}` });
   },
   ErrorRaised(s, m) {
@@ -198,5 +206,12 @@ export function leavesOf(reason) {
 
 // The last result of a node that is idle again, or null.
 export function lastResult(node) {
-  return node?.status === "INVALID" ? node.history.findLast((e) => e.status === "SUCCESS" || e.status === "FAILURE") ?? null : null;
+  return node?.status === "INVALID" ? node.history.findLast((e) => e.status !== "RUNNING" && e.status !== "INVALID") ?? null : null;
+}
+
+// How a node is shown: in its state, or, idle, dimmed in its last result. A stop's interruption is not dimmed.
+export function standing(node) {
+  const last = lastResult(node), shown = STATUS[last?.status ?? node?.status ?? "INVALID"];
+  const past = Boolean(last) && !last.halted;
+  return { ...shown, rank: past ? "past" : shown.rank, words: past ? `idle, last result ${shown.word}` : shown.word };
 }

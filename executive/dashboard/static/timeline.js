@@ -114,9 +114,10 @@ export class Timeline {
       const i = lane.get(span.path);
       const end = span.end ?? whole.t;
       if (i === undefined || end < from || span.start > to) continue;
-      g.fillStyle = colour(RANK[span.status] ?? "--muted");
+      g.fillStyle = colour(span.halted ? "--bad" : RANK[span.status] ?? "--muted");
       const wide = Math.max(2.5, x(end) - x(span.start));
       g.fillRect(x(span.start), laneTop(i) + 2, wide, LANE - 4);
+      if (span.halted) g.fillRect(x(end) - 3, laneTop(i), 6, LANE);
       if (span.status === "FAILURE" && wide > 8) { g.strokeStyle = colour("--panel"); g.lineWidth = 1.5; g.beginPath(); g.moveTo(x(end) - 7, laneTop(i) + 4.5); g.lineTo(x(end) - 2, laneTop(i) + LANE - 4.5); g.moveTo(x(end) - 2, laneTop(i) + 4.5); g.lineTo(x(end) - 7, laneTop(i) + LANE - 4.5); g.stroke(); }
     }
     for (const span of page.over?.whole.spans ?? []) { // the second run's, thin, below those of the same name

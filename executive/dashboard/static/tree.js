@@ -1,6 +1,6 @@
 // The behaviour tree as rows: one row a node, updated in place so that a thousand nodes stay smooth.
 import { $, h, seconds } from "./dom.js";
-import { lastResult, leavesOf, STATUS } from "./store.js";
+import { leavesOf, standing } from "./store.js";
 
 export class TreeView {
   constructor(onSelect, onBreak) {
@@ -56,9 +56,7 @@ export class TreeView {
     for (const [path, row] of this.rows) {
       const node = state.node.get(path);
       const status = node?.status ?? "INVALID";
-      const past = lastResult(node); // what an idle node came to before: told apart from what it is in this tick
-      const { icon, word } = STATUS[past?.status ?? status];
-      const rank = past ? "past" : STATUS[status].rank;
+      const { icon, rank, words } = standing(node);
       const fresh = node && node.tick === state.tick && status !== "INVALID";
       const leaf = state.byPath.get(path).leaf;
       if (status === "RUNNING" && leaf) running = path;
@@ -66,14 +64,14 @@ export class TreeView {
       const n = attempts?.length ? `${attempts.at(-1).number}/${attempts.at(-1).of}` : "";
       const age = status === "RUNNING" ? seconds(Math.max(0, state.t - node.since)) : duration(node);
       const stops = [state.breaks.before.has(path) ? "before" : "", state.breaks.after.has(path) ? "after" : ""].filter(Boolean).join(", ");
-      const signature = `${status}|${icon}|${fresh}|${node?.feedback}|${n}|${age}|${stops}|${path === this.selected}|${row.hidden}`;
+      const signature = `${status}|${icon}|${rank}|${fresh}|${node?.feedback}|${n}|${age}|${stops}|${path === this.selected}|${row.hidden}`;
       if (signature === row.last) continue;
       row.last = signature;
       row.row.className = `row ${rank}${leaf ? " leaf" : ""}${fresh ? " fresh" : ""}${path === this.selected ? " selected" : ""}${row.hidden ? " hidden" : ""}`;
       row.row.setAttribute("aria-selected", path === this.selected);
       row.icon.textContent = icon;
-      row.icon.setAttribute("aria-label", past ? `idle, last result ${word}` : word);
-      row.icon.title = past ? `idle; last result: ${word}` : `${word}${fresh ? " in this tick" : ""}`;
+      row.icon.setAttribute("aria-label", words);
+      row.icon.title = `${words}${fresh ? " in this tick" : ""}`;
       row.detail.textContent = n ? "" : node?.feedback ?? ""; // the feedback of a retry says the same
       row.detail.title = node?.feedback ?? "";
       row.attempt.textContent = n ? `attempt ${n}` : "";

@@ -2,7 +2,7 @@
 // act at all, what is being prepared, and what the live cell does while a record is looked at.
 import { $, seconds } from "./dom.js";
 import { page } from "./page.js";
-import { age, isStale, isUnconfirmed, link, press } from "./link.js";
+import { age, isStale, isUnconfirmed, link, press, TWICE } from "./link.js";
 
 const SHOWN = 4000; // ms for which a confirmed stop is shown
 const WORD = { running: "▶ running", paused: "❚❚ paused", pausing: "❚❚ pausing", stopping: "■ stopping" };
@@ -36,7 +36,9 @@ function drawLink(live) {
   button.classList.toggle("unsure", !disarmed && (stale || link.armed === null));
   button.setAttribute("aria-disabled", disarmed);
   document.body.classList.toggle("disarmed", disarmed);
-  set("safe-stop-words", !page.token ? "this page only watches" : link.armed === false ? "this page is of another start" : disarmed ? "no connection" : stale ? "the link is silent" : link.armed === null ? "connecting" : page.recorded ? "acts on the live cell" : "not the emergency stop");
+  const again = performance.now() - link.escaped < TWICE;
+  button.classList.toggle("again", again);
+  set("safe-stop-words", again ? "Esc again stops" : !page.token ? "this page only watches" : link.armed === false ? "this page is of another start" : disarmed ? "no connection" : stale ? "the link is silent" : link.armed === null ? "connecting" : page.recorded ? "acts on the live cell" : "not the emergency stop");
 }
 
 function drawPress() {

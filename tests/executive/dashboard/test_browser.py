@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from fake_cell import FakeCell
-from shown_runs import GATE, Show
+from shown_runs import GATE, Show, press_stop
 
 from executive.commands.dashboard import Launcher
 from executive.dashboard import record_messages
@@ -129,15 +129,21 @@ def test_pause_and_resume_show_what_is_acknowledged(show: Show, open_page: Open)
     assert not show.cell.paused
 
 
-def test_escape_is_a_safe_stop_that_stays_until_it_is_reset(show: Show, open_page: Open) -> None:
+def test_a_safe_stop_by_keys_stays_until_it_is_reset_and_the_skill_stands_interrupted(
+    show: Show, open_page: Open
+) -> None:
     page, other = open_page(), open_page()
     show.run(HOLD)
     expect(page.locator("#state")).to_have_text("▶ running")
-    page.keyboard.press("Escape")  # nobody needs control for this, and nothing asks back
+    press_stop(page)  # nobody needs control for this, and nothing asks back
     expect(page.locator("#latched-reason")).to_have_text("safe stop by operator")
     expect(other.locator("#latched")).to_be_visible()
     expect(page.locator("#state")).to_have_text("■ stopped")
     assert show.cell.latched == "safe stop by operator"
+    for seen in (page, other):
+        expect(row(seen, "Hold").locator(".icon")).to_have_attribute("aria-label", "interrupted")
+        expect(row(seen, "Hold")).to_have_class(re.compile(r"\bcut\b"))
+    expect(row(page, "Look").locator(".icon")).to_have_attribute("aria-label", "idle, last result success")
     reset = page.get_by_role("button", name="Acknowledge and reset")
     expect(reset).to_be_disabled()
     take_control(page, "ada")
@@ -148,6 +154,19 @@ def test_escape_is_a_safe_stop_that_stays_until_it_is_reset(show: Show, open_pag
     show.close()
     acts = [(e.who, e.action) for e in read_events(show.records / "demo_1") if isinstance(e, OperatorActed)]
     assert acts == [("operator", "safe_stop"), ("ada", "take"), ("ada", "acknowledge")]
+
+
+def test_a_replay_of_a_stopped_run_shows_the_skill_interrupted(show: Show, open_page: Open) -> None:
+    runner = show.run(HOLD.replace("- Look", "- Rest: {}\n      name: Hold once more\n    - Look"))
+    page = open_page()
+    expect(row(page, "Hold").locator(".icon")).to_have_attribute("aria-label", "running")
+    runner.safe_stop("a test", "ada")
+    expect(row(page, "Hold").locator(".icon")).to_have_attribute("aria-label", "interrupted")
+    runner.leave()
+    replay = open_page("run=demo_1")
+    expect(replay.locator("#connection")).to_have_text("recorded run")
+    expect(row(replay, "Hold").locator(".icon")).to_have_attribute("aria-label", "interrupted")
+    expect(row(replay, "Hold once more").locator(".icon")).to_have_attribute("aria-label", "idle, last result success")
 
 
 def test_a_failed_run_is_explained_in_words_with_data(show: Show, open_page: Open) -> None:

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
-from shown_runs import GATE, HOLD, Show
+from shown_runs import GATE, HOLD, Show, press_stop
 
 pytestmark = pytest.mark.browser
 
@@ -138,7 +138,7 @@ def test_a_proxy_that_writes_a_host_of_its_own_is_told_what_is_missing(show: Sho
     page = behind("/orchard/", streams=True, own_host=True)
     expect(page.locator("#safe-stop-words")).to_have_text("no connection")
     expect(page.locator("#safe-stop")).to_have_class(re.compile("disarmed"))
-    page.keyboard.press("Escape")
+    press_stop(page)
     expect(page.locator("#press-what")).to_have_text("SAFE STOP NOT CARRIED OUT")
     expect(page.locator("#press-words")).to_contain_text("--served-as NAME")
 
@@ -149,7 +149,7 @@ def test_where_no_stream_passes_the_page_says_so_and_a_stop_still_arrives(
     page = behind("/", streams=False)
     show.run(HOLD)
     expect(page.locator("#connection")).to_have_text("no live stream: does a proxy in between pass WebSockets?")
-    page.keyboard.press("Escape")
+    press_stop(page)
     expect(page.locator("#press-what")).to_have_text(re.compile(r"✓ SAFE STOP confirmed after \d+ ms"))
     assert show.cell.latched == "safe stop by operator"
     GATE.set()

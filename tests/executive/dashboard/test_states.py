@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from shown_runs import APPROVED, GATE, HOLD, SIZES, Show, Wire
+from shown_runs import APPROVED, GATE, HOLD, SIZES, Show, Wire, press_stop
 
 from executive.running.events import ErrorRaised, LinkChanged, SafeStopped
 
@@ -69,7 +69,7 @@ def test_while_a_run_is_prepared_runs_is_paused_and_is_stopped(show: Show, open_
     page.get_by_role("button", name="Pause").click()
     expect(page.locator("#state")).to_have_text("❚❚ paused")
     problems += in_sight(page, "paused")
-    page.keyboard.press("Escape")
+    press_stop(page)
     expect(page.locator("#latched")).to_be_visible()
     problems += in_sight(page, "stopped")
     hear = show.dashboard.hub.on_event
@@ -124,7 +124,7 @@ def test_when_nothing_is_heard_and_when_the_page_cannot_act(show: Show, chromium
     wire.open = False
     expect(page.locator("#not-live")).to_be_visible()
     problems = in_sight(page, "stale")
-    page.keyboard.press("Escape")
+    press_stop(page)
     expect(page.locator("#press-what")).to_have_text("SAFE STOP NOT CONFIRMED")
     problems += in_sight(page, "stale_and_stop_not_confirmed")
     page.close()
@@ -132,7 +132,7 @@ def test_when_nothing_is_heard_and_when_the_page_cannot_act(show: Show, chromium
     page.goto(show.dashboard.access.address)
     expect(page.locator("#safe-stop-words")).to_have_text("this page only watches")
     problems += in_sight(page, "disarmed")
-    page.keyboard.press("Escape")
+    press_stop(page)
     expect(page.locator("#press-what")).to_have_text("SAFE STOP NOT CARRIED OUT")
     problems += in_sight(page, "disarmed_and_stop_refused")
     page.close()

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
-from shown_runs import APPROVED, GATE, HOLD, Show, Wire
+from shown_runs import APPROVED, GATE, HOLD, Show, Wire, press_stop
 
 from executive.running.events import Computed, ErrorRaised, LinkChanged, NodeChanged, OperatorActed, SafeStopped
 
@@ -42,7 +42,7 @@ def test_a_page_that_hears_nothing_says_so_within_two_seconds_and_a_stop_is_trie
     expect(page.locator("#state")).to_have_text("? last known: running")
     expect(page.locator("#ack")).to_have_text(re.compile("^Last known: running"))
     expect(page.locator("body")).to_have_class(re.compile("stale"))
-    page.keyboard.press("Escape")
+    press_stop(page)
     expect(page.locator("#press-what")).to_have_text("SAFE STOP NOT CONFIRMED")
     expect(page.locator("#press-words")).to_contain_text("press the EMERGENCY STOP")
     expect(page.locator("#press-words")).to_contain_text(re.compile(r"tried ([2-9]|\d\d)"))
@@ -101,7 +101,7 @@ def test_the_live_cell_stays_in_sight_and_can_be_stopped_over_a_record(show: Sho
     expect(page.locator("#strip-words")).to_contain_text("demo on fake")
     expect(page.locator("#run")).to_have_text("old · seed 0")  # still the record
     assert "Nothing here moves" not in page.locator("body").inner_text()
-    page.keyboard.press("Escape")
+    press_stop(page)
     expect(page.locator("#strip-state")).to_have_text("LIVE: ■ safe state, latched")
     expect(page.locator("#latched")).to_be_visible()
     assert show.cell.latched == "safe stop by operator"
@@ -110,7 +110,7 @@ def test_the_live_cell_stays_in_sight_and_can_be_stopped_over_a_record(show: Sho
     expect(page.locator("#strip")).to_be_hidden()
 
 
-def test_escape_leaves_a_field_or_a_dialog_and_does_not_stop_the_robot(show: Show, open_page: Open) -> None:
+def test_escape_closes_what_is_open_and_stops_when_pressed_twice(show: Show, open_page: Open) -> None:
     page = open_page()
     show.run(HOLD)
     expect(page.locator("#state")).to_have_text("▶ running")
@@ -121,6 +121,14 @@ def test_escape_leaves_a_field_or_a_dialog_and_does_not_stop_the_robot(show: Sho
     page.keyboard.press("?")
     page.keyboard.press("Escape")
     expect(page.locator("#keys")).to_be_hidden()
+    page.locator("[data-enlarge=camera]").click()
+    page.keyboard.press("Escape")
+    expect(page.locator("body")).to_have_attribute("data-large", "")
+    assert show.cell.latched is None
+    page.keyboard.press("Escape")
+    expect(page.locator("#safe-stop-words")).to_have_text("Esc again stops")
+    expect(page.locator("#safe-stop-words")).to_have_text("not the emergency stop")  # too late for the second
+    page.keyboard.press("Escape")
     assert show.cell.latched is None
     page.keyboard.press("Escape")
     expect(page.locator("#latched")).to_be_visible()
@@ -136,7 +144,7 @@ def test_a_run_that_is_prepared_is_shown_with_its_progress_and_is_stopped(show: 
     expect(page.locator("#kind")).to_have_text("SIMULATED")
     expect(page.locator("#preparing-what")).to_have_text("◌ Preparing pick_apple")
     expect(page.locator("#preparing-words")).to_contain_text("preparing Detect, 3 of 9")
-    page.keyboard.press("Escape")
+    press_stop(page)
     expect(page.locator("#press-words")).to_have_text("the run that was being prepared does not begin")
     expect(page.locator("#preparing-words")).to_contain_text("Cancelled (safe stop by operator)")
     desk.clear("safe stop by operator")
