@@ -139,25 +139,27 @@ class Cell:
         # A simulated world is no place for threads, and nothing in it hangs.
         if self.clock.simulated:
             for name in self.devices:
-                self._stop(name, failed)
+                self._stop(name, self._latched, failed)
         else:
-            failed = self._stop_side_by_side()
+            failed = self._stop_side_by_side(self._latched)
         for name, what in failed.items():
             self.devices[name].distrusted = what
         return failed
 
-    def _stop_side_by_side(self) -> dict[str, str]:
+    def _stop_side_by_side(self, reason: str) -> dict[str, str]:
         """One device that does not answer must not keep the others moving."""
         failed: dict[str, str] = {}
         stops = {
-            name: threading.Thread(target=self._stop, args=(name, failed), name=f"pomona-stop-{name}", daemon=True)
+            name: threading.Thread(
+                target=self._stop, args=(name, reason, failed), name=f"pomona-stop-{name}", daemon=True
+            )
             for name in self.devices
         }
         for name, stop in stops.items():
             try:
                 stop.start()
             except (RuntimeError, MemoryError):  # no more threads can be had: one after the other, then
-                self._stop(name, failed)
+                self._stop(name, reason, failed)
         end = time.monotonic() + STOPPING
         for stop in stops.values():
             if stop.ident is not None:
@@ -165,10 +167,10 @@ class Cell:
         late = {name: f"has not taken the safe stop within {STOPPING:g} s" for name in stops if stops[name].is_alive()}
         return {**failed, **late}
 
-    def _stop(self, name: str, failed: dict[str, str]) -> None:
-        """One that fails to stop must not either."""
+    def _stop(self, name: str, reason: str, failed: dict[str, str]) -> None:
+        """One that fails to stop must not either. A stop that is late keeps its reason, also after a reset."""
         try:
-            self.devices[name].safe_stop(self._latched or "")
+            self.devices[name].safe_stop(reason)
         except BaseException as error:
             failed[name] = f"did not take the safe stop: {sentence_of(error)}"
 

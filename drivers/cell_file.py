@@ -17,7 +17,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from drivers.driver import DriverSection, Fitting, Settings, Surroundings, TellsOfCell, Wired
+from drivers.driver import DriverSection, Emulating, Fitting, Settings, Surroundings, TellsOfCell, Wired
 from drivers.errors import CellFileError, DriverError
 from drivers.interfaces import ArmLimits, Workspace
 from drivers.workspace import WorkspaceSection
@@ -104,9 +104,12 @@ class CellFile:
         return tuple(dict.fromkeys([*world, *devices, *([Workspace] if self.workspace else [])]))
 
     def wires(self) -> tuple[str, ...]:
-        """Where its devices are reached outside this process."""
+        """Addresses at which the cell reaches devices outside this process."""
         options = [device.values for device in self.section.devices.values()]
-        return tuple(dict.fromkeys(wire for said in options if isinstance(said, Wired) for wire in said.wires))
+        world = None if self.section.world is None else self.section.world.values
+        inside = world.inner_wires if isinstance(world, Emulating) else ()
+        wires = dict.fromkeys(wire for said in options if isinstance(said, Wired) for wire in said.wires)
+        return tuple(wire for wire in wires if wire not in inside)
 
     def known(self, what: type[T]) -> T | None:
         """What the file says about something before anything is connected: its workspace, limits of its arm …"""

@@ -115,6 +115,16 @@ class Wired(Protocol):
 
 
 @runtime_checkable
+class Emulating(Protocol):
+    """Options of a simulated world whose devices are at the other end of wires."""
+
+    @property
+    def inner_wires(self) -> tuple[str, ...]:
+        """Names of the wires that end in this process, as `Wired.wires` has them."""
+        ...
+
+
+@runtime_checkable
 class TellsOfCell(Protocol):
     """Options that tell something about the cell before it is connected: limits of the arm, what lies on the table."""
 

@@ -126,6 +126,15 @@ class EmulatedWorldFile:
     camera: str = value(Text(), help="HOST:PORT of the camera")
     pace: float = value(Number(0.01, 1.0), "1", "share of wall-clock speed; below 1 the cell's time runs slower")
 
+    @property
+    def inner_wires(self) -> tuple[str, ...]:
+        """Wires that end in this process: all of them on virtual time, none of them on wall time."""
+        if self.time != "virtual":
+            return ()
+        addresses = (Address(0).parse(text) for text in (self.arm, self.gripper, self.camera))
+        fingers = (str(Path(self.fingers) / f"finger_{side}") for side in ("left", "right"))
+        return (*(f"{host}:{port}" for host, port in addresses), *fingers)
+
     def problems(self) -> Iterator[Problem]:
         try:
             read_cell_file(self.cell, self.options)

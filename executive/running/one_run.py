@@ -1,4 +1,4 @@
-"""One run at a time on a real cell, whoever starts it: a bus or a controller may well take two masters."""
+"""One run at a time on a real cell and on each wire: a bus or a controller may accept two masters."""
 
 from __future__ import annotations
 
@@ -24,24 +24,22 @@ class CellInUseError(UsageError):
 
 @contextlib.contextmanager
 def alone_on(cell: Path, kind: str, wires: Iterable[str] = ()) -> Iterator[None]:
-    """Keep other processes from this cell for as long as it lasts; simulated and mock ones are as many as runs.
+    """Keep other processes from a real cell, and from the wires of any cell, for as long as it lasts.
 
-    The locks are the system's, on the file itself and on a name for each wire: they end with their process, however
-    that ends, and never grow stale. Who reaches the same device by another name for it is not found.
+    The locks are the system's, on the file of a real cell and on a name for each wire: they end with their process,
+    however that ends, and never grow stale. A second name of the same device is not recognised.
 
     Args:
         cell: its file.
-        kind: of the cell.
-        wires: where its devices are reached.
+        kind: of the cell; the file of a simulated, emulated or mock cell may serve several runs at once.
+        wires: addresses at which the cell reaches devices outside this process.
 
     Raises:
         CellInUseError: another run has one of them.
     """
-    if kind != "real":
-        yield
-        return
     with contextlib.ExitStack() as stack:
-        stack.enter_context(_alone_with_file(cell))
+        if kind == "real":
+            stack.enter_context(_alone_with_file(cell))
         for wire in wires:
             stack.enter_context(_alone_on_wire(cell, wire))
         yield

@@ -136,6 +136,7 @@ class Runner(Requests):
         self._state = RunState.IDLE
         self._ticks = 0
         self._step = False
+        self._next: tuple[str, str, float] | None = None
         self._end: tuple[RunState, str] | None = None
         self._stop_deadline = self._settled_by = 0.0
         self._reason: Reason | None = None
@@ -292,9 +293,7 @@ class Runner(Requests):
                 return
             if action == "leave":
                 continue
-            if action in SETS_IN_MOTION and (ago := time.monotonic() - asked) > LATE:
-                what = f"{action} {detail}".strip()
-                self._emit(OperatorActed(*self._stamp(), who, "too_late", f"{what}, requested {ago:.1f} s earlier"))
+            if action in SETS_IN_MOTION and self._is_late(action, who, detail, asked):
                 continue
             self._emit(OperatorActed(*self._stamp(), who, action, detail))
             if action == "safe_stop":
@@ -304,10 +303,14 @@ class Runner(Requests):
             if action == "stop":
                 if self._state is not RunState.STOPPING:  # a second stop does not extend the deadline
                     self._stop(f"stopped by {who}")
-            elif action == "pause" and self._state is RunState.RUNNING:
-                self._pause(who, detail)
+            elif action == "pause":
+                self._next = None
+                if self._state is RunState.RUNNING:
+                    self._pause(who, detail)
             elif action in ("resume", "step") and self._state is RunState.PAUSED:
                 self._resume(stepping=action == "step")
+            elif action in ("resume", "step") and self._state is RunState.PAUSING:
+                self._next = action, who, asked  # the cell comes to rest first
             elif action == "answer":
                 choice, _, path = detail.rpartition(" ← ")
                 self._questions[path].answer(choice)
@@ -317,6 +320,14 @@ class Runner(Requests):
                 change_input(self.tree, detail)
             elif action in BREAK_ACTIONS:
                 self._breakpoints.change(detail, *BREAK_ACTIONS[action])
+
+    def _is_late(self, action: str, who: str, detail: str, asked: float) -> bool:
+        """Refuse, in the record, a request that is too old to set something in motion."""
+        ago = time.monotonic() - asked
+        if ago > LATE:
+            what = f"{action} {detail}".strip()
+            self._emit(OperatorActed(*self._stamp(), who, "too_late", f"{what}, requested {ago:.1f} s earlier"))
+        return ago > LATE
 
     def _take_speeds(self) -> None:
         """Other speeds: those of another run at its moments, and those that somebody has asked for.
@@ -383,6 +394,10 @@ class Runner(Requests):
                     raise PomonaError(f"something still moves {SETTLING:g} s after the end of the tree")
         elif self._state is RunState.PAUSING and self._cell.settled():
             self._set_state(RunState.PAUSED, "at rest")
+            if self._next is not None:
+                (action, who, asked), self._next = self._next, None
+                if not self._is_late(action, who, "", asked):
+                    self._resume(stepping=action == "step")
         elif self._state is RunState.STOPPING:
             if not self.context.halting and self._cell.settled():
                 self._safe_stop("stopped")

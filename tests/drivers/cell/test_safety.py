@@ -168,6 +168,27 @@ def test_on_a_real_clock_a_device_that_does_not_answer_keeps_no_other_from_being
     silent.free.set()
 
 
+def test_a_stop_that_comes_after_an_acknowledgement_latches_its_device_with_the_reason(monkeypatch):
+    monkeypatch.setattr("drivers.cell.STOPPING", 0.05)
+    clock = MockClock()
+    gripper, free, stopped = MockGripper(clock), threading.Event(), threading.Event()
+    stop = gripper.safe_stop
+
+    def late(reason):
+        free.wait(5.0)
+        stop(reason)
+        stopped.set()
+
+    gripper.safe_stop = late
+    cell = Cell("test", "real", SystemClock(), {"gripper": gripper})
+    assert "gripper" in cell.safe_stop("fire")
+    cell.acknowledge()
+    free.set()
+    assert stopped.wait(5.0)
+    with pytest.raises(MotionRefused, match="fire"):
+        gripper.move(0.05, 0.01)
+
+
 def test_without_another_thread_devices_are_stopped_one_after_the_other(monkeypatch):
     def none_left(_thread):
         raise RuntimeError("can't start new thread")

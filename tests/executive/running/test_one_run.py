@@ -12,6 +12,7 @@ import pytest
 
 from drivers.cell_file import read_cell_file
 from executive.execute import RunOrder, execute
+from executive.files import find_cell
 from executive.recording.session import RecordingSession
 from executive.running.one_run import CellInUseError, alone_on
 
@@ -85,6 +86,23 @@ def test_a_copy_of_the_cell_file_leads_to_the_same_devices(tmp_path: Path) -> No
 def test_a_simulated_cell_has_as_many_runs_as_one_wants(order: RunOrder) -> None:
     with alone_on(order.cell, "simulated"), alone_on(order.cell, "simulated"):
         pass
+
+
+def test_an_emulated_cell_is_locked_at_the_addresses_outside_its_process(tmp_path: Path) -> None:
+    def wires(**options: str) -> tuple[str, ...]:
+        return read_cell_file(find_cell("emulated"), options).wires()
+
+    assert wires() == ()
+    assert len(wires(time="wall")) == 4
+    real = tmp_path / "mixed.yaml"
+    real.write_text("kind: emulated\ndevices:\n  gripper: {driver: wsg, tcp: 192.0.2.7}\n")
+    there = read_cell_file(real).wires()
+    assert there == ("192.0.2.7:1000",)
+    with alone_on(real, "emulated", there):
+        with pytest.raises(CellInUseError, match=r"192.0.2.7:1000"), alone_on(real, "emulated", there):
+            pass
+        with alone_on(find_cell("emulated"), "emulated", wires()), alone_on(find_cell("emulated"), "emulated", wires()):
+            pass
 
 
 def test_a_process_that_is_killed_leaves_no_lock(order: RunOrder) -> None:

@@ -195,6 +195,52 @@ def test_what_was_asked_for_while_a_tick_hung_does_not_set_the_arm_in_motion_aft
     ]
 
 
+def brakes_for_long(_runner: Runner, cell: FakeCell) -> None:
+    """From now on a pause takes 100 ms until all is at rest."""
+    pause, settled = cell.pause, cell.settled
+    since: list[float] = []
+    cell.pause = lambda: (pause(), since.append(cell.clock.now()))[0]  # type: ignore[method-assign]
+    cell.settled = lambda: settled() and cell.clock.now() >= (since or [0.0])[-1] + 0.1  # type: ignore[method-assign]
+
+
+@pytest.mark.parametrize("action", ["resume", "step"])
+def test_a_resume_during_braking_is_carried_out_once_all_is_at_rest(action: str) -> None:
+    script = {1: brakes_for_long, 4: lambda runner, _cell: runner.pause("ada")}
+    script[6] = lambda runner, _cell: getattr(runner, action)("ada")
+    script[30] = lambda runner, _cell: runner.resume("bob")
+    runner, _cell, events = make(TURN, script)
+    assert runner.run().outcome == "success"
+    after = ["pausing", "paused", "running"] if action == "step" else []
+    assert states(events) == ["running", "pausing", "paused", "running", *after, "succeeded"]
+    resumed = [event for event in events if isinstance(event, StateChanged) and event.state == "running"][1]
+    assert resumed.because == ("step" if action == "step" else "resumed")
+
+
+def test_a_pause_after_a_resume_during_braking_stays_a_pause() -> None:
+    script = {1: brakes_for_long, 4: lambda runner, _cell: runner.pause("ada")}
+    script[5] = lambda runner, _cell: (runner.resume("ada"), runner.pause("bob"))
+    script[40] = lambda runner, _cell: runner.stop("bob")
+    runner, _cell, events = make(TURN, script)
+    assert runner.run().outcome == "stopped"
+    assert states(events) == ["running", "pausing", "paused", "stopping", "stopped"]
+
+
+def test_a_resume_during_a_braking_that_lasts_too_long_sets_nothing_in_motion(monkeypatch: pytest.MonkeyPatch) -> None:
+    def ask_and_wait(runner: Runner, _cell: FakeCell) -> None:
+        runner.resume("ada")
+
+    script = {1: brakes_for_long, 4: lambda runner, _cell: runner.pause("ada"), 5: ask_and_wait}
+    script[7] = lambda _runner, _cell: monkeypatch.setattr(
+        time, "monotonic", lambda now=time.monotonic: now() + LATE + 1.0
+    )
+    script[40] = lambda runner, _cell: runner.stop("bob")
+    runner, _cell, events = make(TURN, script)
+    assert runner.run().outcome == "stopped"
+    assert states(events) == ["running", "pausing", "paused", "stopping", "stopped"]
+    acts = [(e.who, e.action) for e in events if isinstance(e, OperatorActed)]
+    assert acts == [("ada", "pause"), ("ada", "resume"), ("ada", "too_late"), ("bob", "stop")]
+
+
 def test_step_runs_one_tick_and_pauses_again() -> None:
     ticks: list[int] = []
 
