@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -95,3 +95,99 @@ def curve(pictures: Iterable[tuple[Float64, Float64, Float64]], least: float = 0
     return BoxCurve(
         all_scores[order], hits / np.maximum(1, np.arange(1, len(hits) + 1)), hits / max(1, labelled), labelled
     )
+
+
+IOUS = np.linspace(0.5, 0.95, 10)
+"""Intersections over union over which COCO's mean average precision is the mean."""
+
+PRECISION = 0.9
+"""Recall is reported where precision is at least this."""
+
+RECALLS = np.linspace(0.0, 1.0, 101)
+"""Recalls at which COCO reads precision."""
+
+ROUNDS = 300
+"""Draws of an interval."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class JudgedPicture:
+    """Detections of one picture against its labels.
+
+    Attributes:
+        scores: of the detections, (n,).
+        right: whether each is right, by `IOUS`, (10, n).
+        labelled: number of labels.
+        group: pictures of one group show the same place.
+    """
+
+    scores: Float64
+    right: NDArray[np.bool_]
+    labelled: int
+    group: str = ""
+
+
+def judge(found: Float64, scores: Float64, labelled: Float64, group: str = "") -> JudgedPicture:
+    """Match the boxes of one picture, x, y, w, h (n, 4), to labels (m, 4) at each of `IOUS`."""
+    right = np.array([match_boxes(found, scores, labelled, float(least)) for least in IOUS])
+    return JudgedPicture(scores, right, len(labelled), group)
+
+
+@dataclass(frozen=True, slots=True)
+class BoxFigures:
+    """Figures of many pictures.
+
+    Attributes:
+        recall: at precision `PRECISION` and IoU 0.5.
+        ap50, ap75: average precision at IoU 0.5 and 0.75, over 101 recalls as COCO's.
+        ap: mean of it over `IOUS`, COCO's mAP50:95.
+        threshold: score from which on `recall` is reached; NaN where it never is.
+    """
+
+    recall: float
+    ap50: float
+    ap75: float
+    ap: float
+    threshold: float
+
+
+def box_figures(pictures: Sequence[JudgedPicture]) -> BoxFigures:
+    """Figures of these pictures together."""
+    scores = np.concatenate([np.empty(0), *(picture.scores for picture in pictures)])
+    right = np.concatenate([np.empty((len(IOUS), 0), np.bool_), *(picture.right for picture in pictures)], axis=1)
+    order = np.argsort(-scores, kind="stable")
+    labelled = max(1, sum(picture.labelled for picture in pictures))
+    hits = np.cumsum(right[:, order], axis=1)
+    precision, recall = hits / np.arange(1, len(order) + 1), hits / labelled
+    best = np.maximum.accumulate(precision[:, ::-1], axis=1)[:, ::-1]
+    areas = []
+    for k in range(len(IOUS)):
+        first = np.searchsorted(recall[k], RECALLS)
+        areas.append(float(np.append(best[k], 0.0)[np.minimum(first, len(order))].mean()))
+    good = np.nonzero(precision[0] >= PRECISION)[0]
+    last = good[-1] if len(good) else None
+    return BoxFigures(
+        0.0 if last is None else float(recall[0, last]),
+        areas[0],
+        areas[5],
+        float(np.mean(areas)),
+        float("nan") if last is None else float(scores[order[last]]),
+    )
+
+
+def box_intervals(pictures: Sequence[JudgedPicture], seed: int = 0) -> dict[str, tuple[float, float]]:
+    """Bounds of 95 % of each figure, from groups drawn again: pictures of one group are alike."""
+    groups: dict[str, list[JudgedPicture]] = {}
+    for picture in pictures:
+        groups.setdefault(picture.group, []).append(picture)
+    places, rng = list(groups.values()), np.random.default_rng(seed)
+    drawn = [
+        box_figures([picture for k in rng.integers(0, len(places), len(places)) for picture in places[int(k)]])
+        for _ in range(ROUNDS)
+    ]
+    bounds = {}
+    for field in fields(BoxFigures):
+        values = np.array([getattr(figures, field.name) for figures in drawn])
+        low, high = np.nanquantile(values, (0.025, 0.975)) if np.isfinite(values).any() else (np.nan, np.nan)
+        bounds[field.name] = float(low), float(high)
+    return bounds

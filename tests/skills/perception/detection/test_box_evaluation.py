@@ -3,7 +3,15 @@
 import numpy as np
 import pytest
 
-from skills.perception.detection.box_evaluation import curve, iou, match_boxes
+from skills.perception.detection.box_evaluation import (
+    JudgedPicture,
+    box_figures,
+    box_intervals,
+    curve,
+    iou,
+    judge,
+    match_boxes,
+)
 
 
 def boxes(*rows: tuple[float, float, float, float]) -> np.ndarray:
@@ -41,3 +49,52 @@ def test_recall_and_score_at_a_precision_are_those_counted_by_hand() -> None:
 def test_nothing_found_is_recall_zero_and_no_score() -> None:
     result = curve([(boxes(), np.empty(0), boxes((0, 0, 1, 1)))])
     assert (result.recall_at(0.5), result.score_for(0.5), result.average_precision) == (0.0, None, 0.0)
+
+
+def drawn_pictures(seed: int) -> list[JudgedPicture]:
+    rng, pictures = np.random.default_rng(seed), []
+    for number in range(60):
+        count = int(rng.integers(0, 12))
+        labelled = np.column_stack([rng.uniform(0, 500, (count, 2)), rng.uniform(20, 120, (count, 2))])
+        kept = labelled[rng.random(count) < 0.8]
+        near, extra = kept + rng.normal(0, 6, kept.shape), int(rng.integers(0, 6))
+        wrong = np.column_stack([rng.uniform(0, 500, (extra, 2)), rng.uniform(20, 120, (extra, 2))])
+        found = np.vstack([near, wrong, kept[:2] + rng.normal(0, 10, kept[:2].shape)])
+        found[:, 2:] = np.maximum(found[:, 2:], 2)
+        pictures.append(judge(found, rng.random(len(found)), labelled, f"tree {number % 7}"))
+    return pictures
+
+
+@pytest.mark.parametrize(
+    ("seed", "ap", "ap50", "ap75"),
+    [(0, 0.12917275, 0.33848277, 0.0536711), (3, 0.15871059, 0.42289406, 0.08260612)],
+)
+def test_average_precisions_are_those_of_pycocotools(seed: int, ap: float, ap50: float, ap75: float) -> None:
+    # Expected: COCOeval.stats[:3] of pycocotools 2.0 for the same boxes.
+    figures = box_figures(drawn_pictures(seed))
+    assert (figures.ap, figures.ap50, figures.ap75) == pytest.approx((ap, ap50, ap75), abs=1e-7)
+
+
+def test_recall_is_read_where_precision_last_reaches_ninety_percent() -> None:
+    # Ten right, one wrong (10/11 = 0.909), one right (11/12), then wrong ones only.
+    labelled = np.array([[40.0 * k, 0.0, 30.0, 30.0] for k in range(12)])
+    wrong = np.array([[0.0, 300.0, 30.0, 30.0]])
+    found = np.vstack([labelled[:10], wrong, labelled[10:11], wrong + 50.0, wrong + 90.0])
+    figures = box_figures([judge(found, np.linspace(0.9, 0.1, 14), labelled)])
+    assert figures.recall == pytest.approx(11 / 12)
+    assert figures.threshold == pytest.approx(np.linspace(0.9, 0.1, 14)[11])
+
+
+def test_intervals_draw_groups_and_not_pictures() -> None:
+    pictures = drawn_pictures(0)
+    low, high = box_intervals(pictures)["ap50"]
+    assert low < box_figures(pictures).ap50 < high
+    one_group = [JudgedPicture(p.scores, p.right, p.labelled, "all") for p in pictures]
+    low, high = box_intervals(one_group)["ap50"]
+    assert low == high == pytest.approx(box_figures(pictures).ap50)
+
+
+def test_figures_of_no_detection_are_zero() -> None:
+    figures = box_figures([judge(np.empty((0, 4)), np.empty(0), np.array([[0.0, 0.0, 9.0, 9.0]]))])
+    assert (figures.recall, figures.ap50, figures.ap) == (0.0, 0.0, 0.0)
+    assert np.isnan(figures.threshold)
