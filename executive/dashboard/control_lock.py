@@ -193,11 +193,17 @@ class ControlLock:
             raise RefusedError("the cell is still coming to rest")
         self._runner.acknowledge(who)
 
-    def act(self, viewer: str, action: str, detail: str = "") -> None:
+    def act(self, viewer: str, action: str, detail: str = "", number: int = 0) -> None:
         """Pass an action to the runner.
 
+        Args:
+            viewer: id of the page or program that acts.
+            action, detail: as `OperatorActed` has them.
+            number: of the question that `answer` answers, or of the pause that `resume` and `step` end.
+
         Raises:
-            RefusedError: the viewer does not hold control, nothing runs, or there is no such action or node.
+            RefusedError: the viewer does not hold control, nothing runs, there is no such action or node, or the
+                question or pause of this number is not open.
         """
         who = self.require(viewer)
         if action not in (*ACTIONS, *BREAK_ACTIONS, "answer", "fail", "change", "speed"):
@@ -208,7 +214,12 @@ class ControlLock:
         if action == "answer":
             choice, _, path = detail.rpartition(" ← ")
             try:
-                self._runner.answer(path, choice, who)
+                self._runner.answer(path, number, choice, who)
+            except AnswerRefusedError as error:
+                raise RefusedError(str(error)) from None
+        elif action in ("resume", "step"):
+            try:
+                self._runner.resume(number, who) if action == "resume" else self._runner.step(number, who)
             except AnswerRefusedError as error:
                 raise RefusedError(str(error)) from None
         elif action == "change":

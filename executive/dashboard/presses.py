@@ -64,12 +64,12 @@ class Presses:
             loop = asyncio.get_running_loop()
             confirmed = await loop.run_in_executor(self._stopping, self._lock.safe_stop, who)
         else:
-            self._decide(action, viewer)(who, text(body, "detail"))
+            self._decide(action, viewer, number_of(body))(who, text(body, "detail"))
         held = self._lock.holder
         yours = bool(viewer) and held.viewer == viewer
         return {"held_by": held.who, "grant": held.grant, "yours": yours, "confirmed": confirmed}
 
-    def _decide(self, action: str, viewer: str) -> Callable[[str, str], None]:
+    def _decide(self, action: str, viewer: str, number: int) -> Callable[[str, str], None]:
         lock = self._lock
         if action == "take":
             return lambda who, _detail: lock.take(viewer, who)
@@ -77,7 +77,7 @@ class Presses:
             return lambda _who, _detail: lock.release(viewer)
         if action == "acknowledge":
             return lambda _who, _detail: lock.acknowledge(viewer)
-        return lambda _who, detail: lock.act(viewer, action, detail)
+        return lambda _who, detail: lock.act(viewer, action, detail, number)
 
 
 def now() -> float:
@@ -101,6 +101,12 @@ def text(body: dict[str, Any], key: str) -> str:
     """A text of a message; empty when there is none, or something else stands there."""
     value = body.get(key, "")
     return value if isinstance(value, str) else ""
+
+
+def number_of(body: dict[str, Any]) -> int:
+    """Number of the question or pause that a message names; 0, which none has, when it names none."""
+    value = body.get("number", 0)
+    return value if isinstance(value, int) and not isinstance(value, bool) else 0
 
 
 def object_of(said: str) -> dict[str, Any]:

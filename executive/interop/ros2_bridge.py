@@ -133,6 +133,8 @@ class Ros2Bridge:
             return self._control.safe_stop(who)
         elif action == "acknowledge":
             self._control.acknowledge(viewer)
+        elif action in ("resume", "step"):
+            self._control.act(viewer, action, number=_number(detail))
         else:
             self._control.act(viewer, action, detail)
         return ""
@@ -258,6 +260,11 @@ class Ros2Bridge:
         stamp = {"sec": now // 10**9, "nanosec": now % 10**9}
         fields = {"stamp": stamp, "level": 30, "name": "pomona.ros2", "msg": text}
         self._publish(RosMessage("/rosout", "rcl_interfaces/msg/Log", now, fields))
+
+
+def _number(detail: str) -> int:
+    """The number of a pause; 0, which none has, when it is none."""
+    return int(detail) if len(detail) < 10 and detail.isdecimal() else 0
 
 
 def _form(asked: Any, viewer: str, who: str) -> dict[str, Any]:

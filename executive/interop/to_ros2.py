@@ -178,7 +178,7 @@ class _TreeStatus:
     """The status of every node, as a message of our own and as py_trees_ros's."""
 
     def __init__(self) -> None:
-        self._about: dict[str, Any] = {"run": "", "tree": "", "state": "", "because": "", "tick": 0}
+        self._about: dict[str, Any] = {"run": "", "tree": "", "state": "", "because": "", "pause": 0, "tick": 0}
         self._nodes: dict[str, dict[str, Any]] = {}
         self._children: dict[str, list[str]] = {}
         self._told, self._changed = -STATUS_PERIOD, False
@@ -189,7 +189,7 @@ class _TreeStatus:
             case "RunStarted":
                 self._begin(event)
             case "StateChanged":
-                self._about |= {"state": event["state"], "because": event["because"]}
+                self._about |= {key: event[key] for key in ("state", "because")} | {"pause": event.get("pause", 0)}
             case "NodeChanged":
                 self._change(event)
             case "RunEnded":

@@ -171,7 +171,7 @@ def _run_case(case: ScenarioCase, tree: BuiltTree, clock: Clock, coverage: Cover
             break
         for question, answers in asked:
             if question.open:
-                question.answer(next(answers))
+                question.answer(question.starts, next(answers))
         clock.advance(PERIOD)
     status = tree.root.status
     reason = reason_of(tree.root) if status is Status.FAILURE else None

@@ -26,7 +26,8 @@ class Approve(Question, Wrapper):
 
     def tick(self) -> Iterator[Behaviour]:
         if self.status is not Status.RUNNING:
-            self.given, self.why = None, None
+            self.ask()
+            self.why = None
         if self.given == APPROVE:
             yield from super().tick()
             return

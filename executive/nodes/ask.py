@@ -42,7 +42,8 @@ class Ask(Question, LeafBehaviour):
         self._asked, self._end = "", float("inf")
 
     def begin(self) -> None:
-        self.given, self._asked = None, self._question()
+        self._asked = self._question()
+        self.ask()
         self._end = float("inf") if self._within is None else self._now() + self._within()
 
     def act(self) -> Status:

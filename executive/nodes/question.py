@@ -1,4 +1,4 @@
-"""What a node that asks a person is, for all who show questions and hand over answers."""
+"""The base class of nodes that ask the operator, and the number that ties an answer to its question."""
 
 from __future__ import annotations
 
@@ -9,26 +9,41 @@ from py_trees.common import Status
 
 
 class Question(Behaviour):
-    """Runs until a person has answered; to be inherited beside a leaf or a wrapper.
+    """A node that runs until the operator has answered; inherit it beside a leaf or a wrapper.
 
     Attributes:
-        choices: the answers that there are.
-        attended: whether there is somebody to answer; set by who runs the tree.
-        given: the answer; a new start takes it back.
+        choices: the possible answers.
+        attended: True while an operator can answer; set by the runner.
+        starts: number of questions that the node has asked, which is also the number of the newest one.
     """
 
     choices: Sequence[str] = ()
     attended = False
-    given: str | None = None
+    starts = 0
+    _given: str | None = None
+
+    def ask(self) -> None:
+        """Begin a new question. Call it at each start of the node: earlier answers no longer count."""
+        self.starts += 1
+        self._given = None
+
+    @property
+    def given(self) -> str | None:
+        """Answer to the newest question; None while there is none."""
+        return self._given
 
     @property
     def open(self) -> bool:
-        """Whether it waits for an answer now."""
-        return self.status is Status.RUNNING and self.given is None
+        """True while the newest question waits for its answer."""
+        return self.status is Status.RUNNING and self.starts > 0 and self._given is None
 
-    def answer(self, choice: str) -> bool:
-        """Answer it; the next tick goes on. False for what is no choice, or when nothing is asked now."""
-        if not self.open or choice not in self.choices:
+    def answer(self, number: int, choice: str) -> bool:
+        """Answer question `number`; the next tick goes on.
+
+        Returns:
+            False, and changes nothing, when another question or none is open, or when the choice is unknown.
+        """
+        if not self.open or number != self.starts or choice not in self.choices:
             return False
-        self.given = choice
+        self._given = choice
         return True

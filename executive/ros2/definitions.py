@@ -27,6 +27,7 @@ string run
 string tree
 string state
 string because
+uint32 pause
 uint32 tick
 pomona_msgs/NodeStatus[] nodes
 """,

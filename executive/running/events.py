@@ -53,15 +53,19 @@ class RunStarted(Event):
 
 @dataclass(frozen=True, slots=True)
 class StateChanged(Event):
-    """The runner's state machine moved on."""
+    """The runner's state machine moved on. `pause` numbers the pause in the states pausing and paused, otherwise 0."""
 
     state: str
     because: str
+    pause: int = 0
 
 
 @dataclass(frozen=True, slots=True)
 class NodeChanged(Event):
-    """A node's status or feedback changed in this tick. `starts` counts its starts; `reason` is there on failure."""
+    """A node's status or feedback changed in this tick; `reason` is there on failure.
+
+    `starts` counts the starts of a skill and the questions of a node that asks: it is the number of its question.
+    """
 
     path: str
     status: str

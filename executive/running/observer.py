@@ -9,6 +9,7 @@ from py_trees.common import Status
 
 from executive.language import BuiltTree
 from executive.nodes import Attempt
+from executive.nodes.question import Question
 from executive.reasons import Reason, reason_of
 from executive.running.events import AttemptEnded, Event, NodeChanged
 from executive.skill import Skill
@@ -26,7 +27,7 @@ class TreeObserver:
     def after_tick(self) -> None:
         """Emit what has changed."""
         for path, behaviour in self._nodes:
-            starts = behaviour.starts if isinstance(behaviour, Skill) else 0
+            starts = behaviour.starts if isinstance(behaviour, (Skill, Question)) else 0
             before = self._known[path]
             if behaviour.status is before[0] and behaviour.feedback_message == before[1] and starts == before[2]:
                 continue

@@ -5,6 +5,7 @@ from __future__ import annotations
 import queue
 import time
 from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 from executive.errors import PomonaError
 from executive.language.built import BuiltTree, Side
@@ -18,11 +19,27 @@ LATE = 2.0
 """Seconds of the wall's clock after which nobody still expects that what was asked for sets something in motion."""
 
 SETS_IN_MOTION = ("resume", "step", "answer")
-"""What is carried out at once or not at all: a tick may have hung in between."""
+"""Actions that are carried out within `LATE` and for the pause or question that they name, or not at all."""
 
 
 class AnswerRefusedError(PomonaError):
-    """An answer to what nobody asks, or one that is no choice."""
+    """An answer that names no open question, a resume that names no current pause, or an unknown choice."""
+
+
+class Request(NamedTuple):
+    """One request to the run.
+
+    Attributes:
+        action, who, detail: as `OperatorActed` has them.
+        number: of the question that it answers or the pause that it ends; 0 for any other action.
+        at: monotonic time of the request [s].
+    """
+
+    action: str
+    who: str
+    detail: str
+    number: int
+    at: float
 
 
 class UnknownFaultError(PomonaError):
@@ -42,9 +59,11 @@ class Requests:
     _breakpoints: Breakpoints
     tree: BuiltTree
     _questions: Mapping[str, Question]
+    pause_number = 0
+    """Number of the pause that has begun and not ended, 0 without one. `resume` and `step` name it. From any thread."""
 
     def __init__(self) -> None:
-        self._commands: queue.SimpleQueue[tuple[str, str, str, float]] = queue.SimpleQueue()
+        self._commands: queue.SimpleQueue[Request] = queue.SimpleQueue()
         self._speeds: queue.SimpleQueue[tuple[float, str, float]] = queue.SimpleQueue()
         self._leaving = False
         self.breakable = False
@@ -54,13 +73,23 @@ class Requests:
         """Stop motions on their paths and hold; force control goes on."""
         self._ask("pause", who, "")
 
-    def resume(self, who: str = "operator") -> None:
-        """Go on in place, after checking that the world is as it was."""
-        self._ask("resume", who, "")
+    def resume(self, number: int, who: str = "operator") -> None:
+        """End pause `number` and go on in place, after checking that the world is as it was.
 
-    def step(self, who: str = "operator") -> None:
-        """Run one tick, then pause again."""
-        self._ask("step", who, "")
+        Raises:
+            AnswerRefusedError: the run is not in this pause.
+        """
+        self._refuse_other_pause(number)
+        self._ask("resume", who, "", number)
+
+    def step(self, number: int, who: str = "operator") -> None:
+        """End pause `number`, run one tick, then pause again.
+
+        Raises:
+            AnswerRefusedError: the run is not in this pause.
+        """
+        self._refuse_other_pause(number)
+        self._ask("step", who, "", number)
 
     def stop(self, who: str = "operator") -> None:
         """Halt every running skill, wait until each has let go, end the run."""
@@ -88,18 +117,20 @@ class Requests:
         action = next(action for action, change in BREAK_ACTIONS.items() if change == (side, on))
         self._ask(action, who, path)
 
-    def answer(self, path: str, choice: str, who: str = "operator") -> None:
-        """Answer the question that the node at this path asks. An answer that comes too late changes nothing.
+    def answer(self, path: str, number: int, choice: str, who: str = "operator") -> None:
+        """Answer question `number` of the node at this path (`NodeChanged.starts`).
 
         Raises:
-            AnswerRefusedError: nothing is asked there now, or this is no choice.
+            AnswerRefusedError: this question is not open, or this is no choice.
         """
         asked = self._questions.get(path)
         if asked is None or not asked.open:
             raise AnswerRefusedError(f"nothing is asked at {path} now")
+        if number != asked.starts:
+            raise AnswerRefusedError(f"{path} now asks question {asked.starts}; the answer names question {number}")
         if choice not in asked.choices:
             raise AnswerRefusedError(f"'{choice}' is no answer: {', '.join(asked.choices)}")
-        self._ask("answer", who, f"{choice} ← {path}")
+        self._ask("answer", who, f"{choice} ← {path}", number)
 
     def change(self, path: str, port: str, text: str, who: str = "operator") -> None:
         """Give an input of the skill at this path another value, as in a tree file, from its next start on.
@@ -150,8 +181,14 @@ class Requests:
         self._leaving = True
         self._ask("leave", "", "")
 
-    def _ask(self, action: str, who: str, detail: str) -> None:
-        self._commands.put((action, who, detail, time.monotonic()))
+    def _ask(self, action: str, who: str, detail: str, number: int = 0) -> None:
+        self._commands.put(Request(action, who, detail, number, time.monotonic()))
+
+    def _refuse_other_pause(self, number: int) -> None:
+        if not self.pause_number:
+            raise AnswerRefusedError("the run is not paused")
+        if number != self.pause_number:
+            raise AnswerRefusedError(f"the run is in pause {self.pause_number}; the request names pause {number}")
 
     @property
     def latched(self) -> str | None:

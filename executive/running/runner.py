@@ -47,7 +47,7 @@ from executive.running.events import (
     TickOverran,
 )
 from executive.running.observer import TreeObserver
-from executive.running.requests import LATE, SETS_IN_MOTION, Requests
+from executive.running.requests import LATE, SETS_IN_MOTION, Request, Requests
 from executive.running.run_state import RunResult, RunState
 from executive.running.traces import place_of, traceback_of
 from executive.running.watching import Watch, Watcher
@@ -136,7 +136,8 @@ class Runner(Requests):
         self._state = RunState.IDLE
         self._ticks = 0
         self._step = False
-        self._next: tuple[str, str, float] | None = None
+        self._next: Request | None = None
+        self._pauses = 0
         self._end: tuple[RunState, str] | None = None
         self._stop_deadline = self._settled_by = 0.0
         self._reason: Reason | None = None
@@ -205,7 +206,7 @@ class Runner(Requests):
         A device that is still lost refuses the acknowledgement: that is reported, and the safe state stays latched.
         """
         while (reason := self._cell.latched) is not None and not self._leaving:
-            action, who, detail, _asked = self._commands.get()
+            action, who, detail, _number, _at = self._commands.get()
             if action == "leave":
                 return
             self._emit(OperatorActed(*self._stamp(), who, action, detail or reason))
@@ -288,12 +289,13 @@ class Runner(Requests):
     def _take_commands(self) -> None:
         while True:
             try:
-                action, who, detail, asked = self._commands.get_nowait()
+                request = self._commands.get_nowait()
             except queue.Empty:
                 return
+            action, who, detail, number, _at = request
             if action == "leave":
                 continue
-            if action in SETS_IN_MOTION and self._is_late(action, who, detail, asked):
+            if action in SETS_IN_MOTION and self._is_late(request):
                 continue
             self._emit(OperatorActed(*self._stamp(), who, action, detail))
             if action == "safe_stop":
@@ -310,10 +312,10 @@ class Runner(Requests):
             elif action in ("resume", "step") and self._state is RunState.PAUSED:
                 self._resume(stepping=action == "step")
             elif action in ("resume", "step") and self._state is RunState.PAUSING:
-                self._next = action, who, asked  # the cell comes to rest first
+                self._next = request  # the cell comes to rest first
             elif action == "answer":
                 choice, _, path = detail.rpartition(" ← ")
-                self._questions[path].answer(choice)
+                self._questions[path].answer(number, choice)
             elif action == "fail":
                 self._switch(detail)
             elif action == "change":
@@ -321,13 +323,19 @@ class Runner(Requests):
             elif action in BREAK_ACTIONS:
                 self._breakpoints.change(detail, *BREAK_ACTIONS[action])
 
-    def _is_late(self, action: str, who: str, detail: str, asked: float) -> bool:
-        """Refuse, in the record, a request that is too old to set something in motion."""
-        ago = time.monotonic() - asked
-        if ago > LATE:
-            what = f"{action} {detail}".strip()
-            self._emit(OperatorActed(*self._stamp(), who, "too_late", f"{what}, requested {ago:.1f} s earlier"))
-        return ago > LATE
+    def _is_late(self, request: Request) -> bool:
+        """Refuse, in the record, a request that must not set anything in motion any more."""
+        action, who, detail, _number, at = request
+        if (ago := time.monotonic() - at) > LATE:
+            why = f"requested {ago:.1f} s earlier"
+        elif action == "answer":
+            question = self._questions[detail.rpartition(" ← ")[2]]
+            why = "" if question.open and question.starts == request.number else "question answered or gone"
+        else:
+            why = "" if request.number == self.pause_number else "pause already over"
+        if why:
+            self._emit(OperatorActed(*self._stamp(), who, "too_late", f"{action} {detail}".strip() + f", {why}"))
+        return bool(why)
 
     def _take_speeds(self) -> None:
         """Other speeds: those of another run at its moments, and those that somebody has asked for.
@@ -394,10 +402,9 @@ class Runner(Requests):
                     raise PomonaError(f"something still moves {SETTLING:g} s after the end of the tree")
         elif self._state is RunState.PAUSING and self._cell.settled():
             self._set_state(RunState.PAUSED, "at rest")
-            if self._next is not None:
-                (action, who, asked), self._next = self._next, None
-                if not self._is_late(action, who, "", asked):
-                    self._resume(stepping=action == "step")
+            request, self._next = self._next, None
+            if request is not None and not self._is_late(request):
+                self._resume(stepping=request.action == "step")
         elif self._state is RunState.STOPPING:
             if not self.context.halting and self._cell.settled():
                 self._safe_stop("stopped")
@@ -535,7 +542,7 @@ class Runner(Requests):
     def _take_last_commands(self) -> None:
         """Record the commands that came at the last moment, too."""
         while not self._commands.empty():
-            action, who, detail, _asked = self._commands.get()
+            action, who, detail, _number, _at = self._commands.get()
             if action != "leave":
                 self._emit(OperatorActed(*self._stamp(), who, action, detail))
 
@@ -563,8 +570,10 @@ class Runner(Requests):
     # ------------------------------------------------------------------------------------------- events
 
     def _set_state(self, state: RunState, because: str) -> None:
+        self._pauses += state is RunState.PAUSING
         self._state = state
-        self._emit(StateChanged(*self._stamp(), state.value, because))
+        self.pause_number = self._pauses if state in (RunState.PAUSING, RunState.PAUSED) else 0
+        self._emit(StateChanged(*self._stamp(), state.value, because, self.pause_number))
 
     def _stamp(self) -> tuple[float, int]:
         return self.context.elapsed(), self._ticks

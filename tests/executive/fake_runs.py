@@ -79,7 +79,7 @@ def make(
         if action is not None:
             action(runner, cell)
         if go_on and runner.state is RunState.PAUSED:
-            runner.resume()
+            runner.resume(runner.pause_number)
         check()
 
     cell.check = scripted_check  # type: ignore[method-assign]

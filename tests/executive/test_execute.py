@@ -33,7 +33,7 @@ def test_breakpoints_of_an_order_hold_the_run_from_its_start() -> None:
         if isinstance(event, StateChanged) and event.state == "pausing":
             held.append(event.because)
         if isinstance(event, StateChanged) and event.state == "paused":
-            runners[0].resume("ada")
+            runners[0].resume(event.pause, "ada")
 
     executed = execute(order(("Refine", "before"), ("Refine", "after")), [resume_when_paused], on_ready=runners.append)
     assert executed.result.outcome == "success"

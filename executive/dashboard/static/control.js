@@ -10,7 +10,8 @@ const OLD = 1; // seconds without a word from a device that look wrong
 
 $("who").value = localStorage.getItem("pomona-who") || "";
 $("who").addEventListener("change", (event) => localStorage.setItem("pomona-who", event.target.value));
-for (const button of document.querySelectorAll("[data-action]")) button.addEventListener("click", () => press(button.dataset.action));
+let shownPause = 0; // number of the pause on the screen: resume and step end this one
+for (const button of document.querySelectorAll("[data-action]")) button.addEventListener("click", (click) => { if (button.dataset.action !== "resume" || click.detail < 2) press(button.dataset.action, "", shownPause); });
 
 // The speed shown is the one that the run has confirmed; while a hand is on it, what that hand wants.
 let wanted = null;
@@ -29,6 +30,7 @@ function drawSpeed(s, may) {
 
 export function drawControl(s) {
   drawQuestions(s);
+  shownPause = s.pause;
   const live = !page.recorded;
   const mine = holdsControl(), armed = link.armed === true;
   const running = s.state === "running" && !s.ended, paused = s.state === "paused" && !s.ended;

@@ -83,8 +83,9 @@ document.addEventListener("visibilitychange", ping);
 // -------------------------------------------------------------------------------------------------- presses
 
 // Press a button: { id, action, detail, at, state, words }. States: sent, accepted, confirmed, refused, lost.
-export function press(action, detail = "") {
-  const made = { id: randomId(), action, detail, at: performance.now(), tries: 0, state: "sent", words: "", took: 0, ended: 0 };
+// `number`: of the question or pause that was on the screen, which the press answers or ends.
+export function press(action, detail = "", number = 0) {
+  const made = { id: randomId(), action, detail, number, at: performance.now(), tries: 0, state: "sent", words: "", took: 0, ended: 0 };
   if (link.press?.state === "sent" && link.press.action === "safe_stop" && action !== "safe_stop") return link.press; // first things first
   link.press = made;
   page.dirty = true;
@@ -95,10 +96,10 @@ export function press(action, detail = "") {
 
 function send(made) {
   if (made !== link.press || made.state !== "sent") return;
-  const { action, detail } = made;
+  const { action, detail, number } = made;
   if (performance.now() - made.at > (PATIENCE[action] ?? 2000)) { settle(made, "lost", ""); return; }
   made.tries += 1;
-  const body = { press: made.id, action, detail, pressed: link.clock === null ? null : made.at / 1000 + link.clock, ...me() };
+  const body = { press: made.id, action, detail, number, pressed: link.clock === null ? null : made.at / 1000 + link.clock, ...me() };
   const open = link.socket?.readyState === WebSocket.OPEN && link.armed;
   if (open) link.socket.send(JSON.stringify(body));
   if (!open || action === "safe_stop") post("/api/act", body, 1500).then((answer) => { if (answer.status) answered(made.id, answer); });

@@ -7,14 +7,19 @@ export function drawQuestions(s) {
   const open = s.ended ? [] : s.nodes.filter((node) => isOpen(s, node));
   document.body.classList.toggle("approving", open.some((node) => inside(s, node).length) && !page.recorded); // what is planned is seen in large
   const mine = holdsControl();
-  const key = JSON.stringify([open.map((node) => [node.path, s.node.get(node.path).feedback]), mine]);
+  const key = JSON.stringify([open.map((node) => [node.path, s.node.get(node.path).starts, s.node.get(node.path).feedback]), mine]);
   if ($("questions").dataset.key === key) return;
   $("questions").dataset.key = key;
   $("questions").hidden = !open.length;
-  $("questions").replaceChildren(...open.map((node) => h("div", { class: "question" },
-    h("b", {}, s.node.get(node.path).feedback || node.name),
-    ...node.choices.map((choice) => h("button", { disabled: !mine, title: mine ? "" : "Take control to answer.", onclick: () => press("answer", `${choice} ← ${node.path}`) }, choice === "approve" ? "✓ Approve" : choice === "refuse" ? "✗ Refuse" : choice)),
-    mine ? null : h("span", { class: "muted" }, "Take control to answer."))));
+  $("questions").replaceChildren(...open.map((node) => question(node, s.node.get(node.path), mine)));
+}
+
+// Its buttons answer this question, not the one that may stand here when the press arrives; the second click of a double click was meant for the first.
+function question(node, { starts, feedback }, mine) {
+  return h("div", { class: "question" },
+    h("b", {}, feedback || node.name),
+    ...node.choices.map((choice) => h("button", { disabled: !mine, title: mine ? "" : "Take control to answer.", onclick: (click) => { if (click.detail < 2) press("answer", `${choice} ← ${node.path}`, starts); } }, choice === "approve" ? "✓ Approve" : choice === "refuse" ? "✗ Refuse" : choice)),
+    mine ? null : h("span", { class: "muted" }, "Take control to answer."));
 }
 
 // What waits before a node asks as long as that node has not been started.

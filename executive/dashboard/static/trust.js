@@ -9,7 +9,7 @@ const WORD = { running: "▶ running", paused: "❚❚ paused", pausing: "❚❚
 const KIND = { real: "REAL CELL", simulated: "simulated cell", emulated: "emulated cell", frames: "recorded frames", mock: "mock" };
 let dismissed = null; // a start's problem that was read
 
-$("press-again").addEventListener("click", () => press(link.press.action, link.press.detail));
+$("press-again").addEventListener("click", () => press(link.press.action, link.press.detail, link.press.number));
 $("press-close").addEventListener("click", () => { link.press = null; drawPress(); });
 $("problem-close").addEventListener("click", () => { dismissed = page.control.start; drawStartBar(); });
 

@@ -255,6 +255,26 @@ def test_a_question_of_the_tree_is_answered_by_who_holds_control(show: Show, ope
     expect(page.locator("#ack")).to_contain_text("last: answer by ada")
 
 
+def test_a_double_click_answers_one_question(show: Show, open_page: Open, monkeypatch: pytest.MonkeyPatch) -> None:
+    page = open_page()
+    told, on_event = [], show.dashboard.hub.on_event
+    monkeypatch.setattr(show.dashboard.hub, "on_event", lambda event: (told.append(event), on_event(event))[1])
+    runner = show.run("pomona: 1\ntree: demo\nroot:\n  ask: Is it ripe?\n  repeat: 2\n")
+    take_control(page, "ada")
+    question = page.locator("#questions")
+    box = question.get_by_role("button", name="yes").bounding_box()
+    page.mouse.move(box["x"] + 5, box["y"] + 5)
+    for clicks in (1, 2):
+        page.mouse.down(click_count=clicks)
+        page.mouse.up(click_count=clicks)
+        page.wait_for_function("() => document.getElementById('questions').dataset.key.includes('\"demo\",2,')")
+    question.get_by_role("button", name="no").click()
+    expect(page.locator("#state")).to_have_text("✓ success")
+    answers = [event.detail for event in told if isinstance(event, OperatorActed) and event.action == "answer"]
+    assert answers == ["yes ← demo", "no ← demo"]
+    assert runner.tree.questions["demo"].starts == 2
+
+
 def test_a_breakpoint_after_a_node_holds_when_it_has_ended(show: Show, open_page: Open) -> None:
     page = open_page()
     show.run(HOLD)

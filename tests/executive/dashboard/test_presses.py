@@ -21,7 +21,7 @@ from executive.dashboard.security import Access
 from executive.dashboard.server import Dashboard
 from executive.language import build, read
 from executive.registry import Registry
-from executive.running.events import EventStream, SafeStopped
+from executive.running.events import EventStream, OperatorActed, SafeStopped
 from executive.running.runner import Runner
 from executive.running.starting import StartCancelledError
 
@@ -187,3 +187,47 @@ def test_the_live_stream_answers_pings_arms_a_page_and_takes_its_presses(tmp_pat
         assert answer(socket, "Pressed")["confirmed"] == "nothing was running"
         socket.send_json(press(press="p2", action="pause"))
         assert "take it first" in answer(socket, "Pressed")["error"]
+
+
+def test_a_double_click_and_a_second_page_answer_one_question_once() -> None:
+    """Each press names the question that was on its screen, whenever it arrives."""
+    desk, cell, events = ControlLock(), FakeCell(), EventStream()
+    document = read("pomona: 1\ntree: asked\nroot: {ask: Is it ripe?, repeat: 2}\n", "tree.yaml")
+    runner = Runner(
+        lambda context, board: build(document, Registry({}), context=context, board=board), cell, events, attended=True
+    )
+    desk.serve(runner)
+    desk.take("v", "ada")
+    served, refused = Presses(desk), []
+
+    async def send(number: int, viewer: str, name: str) -> None:
+        try:
+            asked = press(press=name, action="answer", viewer=viewer, detail="yes ← asked", number=number)
+            await served.answer(asked)
+        except RefusedError as error:
+            refused.append(str(error))
+
+    def act() -> None:
+        open_ = runner.tree.questions["asked"].starts if runner.tree.questions["asked"].open else 0
+        if open_ == 1:
+            run(send(1, "v", "first click"))
+            run(send(1, "v", "second click"))  # in the same tick
+        elif open_ == 2:
+            run(send(1, "v", "third click"))  # on a slow link
+            desk.take("w", "bob")
+            run(send(2, "v", "without control"))
+            run(send(True, "w", "no number"))
+            run(send(2, "w", "bob's"))
+
+    check = cell.check
+    cell.check = lambda: (act(), check())[1]  # type: ignore[method-assign]
+    told: list[Any] = []
+    events.subscribe(told.append)
+    assert runner.run().outcome == "success"
+    acts = [(e.action, e.who) for e in told if isinstance(e, OperatorActed) and "←" in e.detail]
+    assert acts == [("answer", "ada"), ("too_late", "ada"), ("answer", "bob")]
+    assert refused == [
+        "asked now asks question 2; the answer names question 1",
+        "bob holds control; take it first",
+        "asked now asks question 2; the answer names question 0",
+    ]

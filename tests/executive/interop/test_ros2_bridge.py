@@ -73,7 +73,7 @@ class Robot:
     """What control acts on: notes what it is told."""
 
     def __init__(self) -> None:
-        self.told: list[tuple[str, ...]] = []
+        self.told: list[tuple[object, ...]] = []
         self.latched: str | None = None
         self.state = type("State", (), {"ended": False})()
 
@@ -85,7 +85,7 @@ class Robot:
         self.told.append(("safe_stop", who))
 
     def __getattr__(self, action: str) -> Any:
-        return lambda who: self.told.append((action, who))
+        return lambda *what: self.told.append((action, *what))
 
 
 def free_port() -> int:
@@ -121,8 +121,8 @@ class Setting:
         self.control.serve(self.robot)  # type: ignore[arg-type]
         return str(form["tree"])
 
-    def ask(self, action: str, who: str = "anna", token: str = TOKEN) -> tuple[bool, str]:
-        answer = self.client.call(f"/pomona/{action}", ACT, {"token": token, "who": who})
+    def ask(self, action: str, who: str = "anna", token: str = TOKEN, detail: str = "") -> tuple[bool, str]:
+        answer = self.client.call(f"/pomona/{action}", ACT, {"token": token, "who": who, "detail": detail})
         return answer.success, answer.message
 
     def close(self) -> None:
@@ -205,12 +205,13 @@ def test_acting_needs_the_token_and_control_and_anybody_with_the_token_stops(set
     assert setting.ask("pause") == (False, "nobody holds control; take it first")
     assert setting.ask("take")[0]
     assert setting.ask("pause")[0]
-    assert setting.ask("resume")[0]
+    assert setting.ask("resume", detail="3")[0]  # the number of the pause, as /pomona/tree has it
+    assert setting.ask("step")[0]
     assert setting.ask("resume", who="bert") == (False, "anna holds control; take it first")
     assert setting.ask("safe_stop", who="bert") == (True, "safe state: safe stop by bert")
     assert not setting.ask("safe_stop", who="eve", token="")[0]
     assert setting.robot.told == [
-        ("take", "anna"), ("pause", "anna"), ("resume", "anna"), ("safe_stop", "bert")
+        ("take", "anna"), ("pause", "anna"), ("resume", 3, "anna"), ("step", 0, "anna"), ("safe_stop", "bert")
     ]  # fmt: skip
 
 

@@ -20,7 +20,7 @@ def test_an_answer_is_written_and_ends_it(built):
     run, question = asking(built)
     assert run.tick(5) == "RUNNING"
     assert (question.feedback_message, question.choices, question.open) == ("Clear?", ("yes", "no"), True)
-    assert question.answer("yes")
+    assert question.answer(question.starts, "yes")
     assert run.run() == "SUCCESS"
     assert run.value("/a") == "yes"
 
@@ -28,7 +28,7 @@ def test_an_answer_is_written_and_ends_it(built):
 def test_the_answer_decides_what_follows(built):
     run, question = asking(built)
     run.tick()
-    question.answer("no")
+    question.answer(question.starts, "no")
     assert run.run() == "FAILURE"
 
 
@@ -51,11 +51,11 @@ def test_without_an_answer(built, rest, attended, code, answer):
 
 def test_what_is_no_choice_is_no_answer(built):
     run, question = asking(built)
-    assert not question.answer("yes")  # nothing is asked yet
+    assert not question.answer(question.starts, "yes")  # nothing is asked yet
     run.tick()
-    assert not question.answer("perhaps")
-    assert question.answer("yes")
-    assert not question.answer("no")  # it was answered already
+    assert not question.answer(question.starts, "perhaps")
+    assert question.answer(question.starts, "yes")
+    assert not question.answer(question.starts, "no")  # it was answered already
 
 
 def test_it_asks_again_at_each_start(built):
@@ -64,7 +64,7 @@ def test_it_asks_again_at_each_start(built):
     question.attended = True
     for choice in ("a", "b"):
         assert run.tick(2) == "RUNNING"
-        assert question.answer(choice)
+        assert question.answer(question.starts, choice)
     assert run.run() == "SUCCESS"
 
 

@@ -146,7 +146,7 @@ def test_a_question_of_theirs_is_asked_and_shown_with_its_answers(installed):
     assert tree.nodes[0].facts()["choices"] == ["signed"]
     (question,) = tree.asked_by("t")
     tree.root.tick_once()
-    assert question.answer("signed")
+    assert question.answer(question.starts, "signed")
 
 
 def test_a_half_declared_type_is_refused_and_named(installed):

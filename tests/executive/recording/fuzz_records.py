@@ -287,6 +287,7 @@ class Desk:
             lambda context, board: build(document, Registry({}), context=context, board=board), DryCell(), EventStream()
         )
         for asked in self.runner.tree.questions.values():
+            asked.ask()
             asked.status = Status.RUNNING
         self.path = next(iter(self.runner.tree.questions))
         self.lock = ControlLock()

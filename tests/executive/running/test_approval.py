@@ -9,6 +9,7 @@ from executive.dashboard.control_lock import ControlLock, RefusedError
 from executive.language.changes import ChangeRefusedError
 from executive.registry import Registry
 from executive.running.events import NodeChanged, OperatorActed, RunStarted
+from executive.running.requests import AnswerRefusedError
 from executive.terminal.explain import explain
 
 TEXT = """
@@ -35,7 +36,7 @@ def starts(events, path):
 
 def test_a_node_waits_until_somebody_approves():
     runner, _, events = make(
-        TEXT, SKILLS, {9: lambda runner, _: runner.answer(PATH, "approve", "Ada")}, attended=True, go_on=True
+        TEXT, SKILLS, {9: lambda runner, _: runner.answer(PATH, 1, "approve", "Ada")}, attended=True, go_on=True
     )
     assert runner.run().outcome == "success"
     assert min(starts(events, TURN)) >= 9
@@ -46,16 +47,36 @@ def test_a_node_waits_until_somebody_approves():
 
 def test_each_start_is_approved_anew():
     text = TEXT.replace("approve: true", "approve: true\n      repeat: 2")
-    answered = {tick: lambda runner, _: runner.answer("careful/Turn:approve", "approve") for tick in (5, 30)}
+    answered = {
+        tick: lambda runner, _, number=number: runner.answer("careful/Turn:approve", number, "approve")
+        for number, tick in ((1, 5), (2, 30))
+    }
     runner, _, events = make(text, SKILLS, answered, attended=True, go_on=True)
     assert runner.run().outcome == "success"
     first, second = (tick for tick in sorted(set(starts(events, TURN))) if tick in (5, 6, 30, 31))
     assert first < 30 <= second
 
 
+def test_a_second_press_on_the_first_approval_does_not_approve_the_next_start():
+    text = TEXT.replace("approve: true", "approve: true\n      repeat: 2")
+    refused = []
+
+    def press_again(runner, _cell):
+        with pytest.raises(AnswerRefusedError, match="now asks question 2; the answer names question 1") as error:
+            runner.answer(PATH, 1, "approve", "Ada")
+        refused.append(error)
+        runner.answer(PATH, 2, "refuse", "Ada")
+
+    script = {5: lambda runner, _: runner.answer(PATH, 1, "approve", "Ada"), 30: press_again}
+    runner, _, events = make(text, SKILLS, script, attended=True)
+    assert runner.run().outcome == "failure"
+    assert refused
+    assert {e.starts for e in events if isinstance(e, NodeChanged) and e.path == TURN} == {1}
+
+
 def test_what_is_not_approved_does_not_start():
     runner, _, events = make(
-        TEXT, SKILLS, {5: lambda runner, _: runner.answer(PATH, "refuse")}, attended=True, go_on=True
+        TEXT, SKILLS, {5: lambda runner, _: runner.answer(PATH, 1, "refuse")}, attended=True, go_on=True
     )
     result = runner.run()
     assert result.reason is not None
@@ -74,7 +95,7 @@ def test_where_nobody_is_there_nothing_starts_and_a_code_says_why():
 def test_an_input_is_changed_before_the_next_start_and_who_did_it_is_recorded():
     def act(runner, _cell):
         runner.change(AGAIN, "duration", "200 ms", "Ada")
-        runner.answer(PATH, "approve")
+        runner.answer(PATH, 1, "approve")
 
     runner, _, events = make(TEXT, SKILLS, {3: act}, attended=True, go_on=True)
     assert runner.run().outcome == "success"
@@ -88,7 +109,7 @@ def test_an_input_is_changed_before_the_next_start_and_who_did_it_is_recorded():
 def test_the_explanation_says_who_changed_what():
     def act(runner, _cell):
         runner.change(AGAIN, "duration", "60 ms", "Ada")
-        runner.answer(PATH, "approve", "Ada")
+        runner.answer(PATH, 1, "approve", "Ada")
 
     runner, _, events = make(TEXT, SKILLS, {3: act}, attended=True, go_on=True)
     runner.run()
@@ -128,7 +149,7 @@ def test_on_the_page_who_holds_control_changes():
             lock.act("page 1", "change", f"speed = 1 ← {AGAIN}")
         refused.append(str(error.value))
         lock.act("page 1", "change", f"duration = 60 ms ← {AGAIN}")
-        runner.answer(PATH, "approve")
+        runner.answer(PATH, 1, "approve")
 
     runner, _, events = make(TEXT, SKILLS, {3: act}, attended=True, go_on=True)
     assert runner.run().outcome == "success"

@@ -118,7 +118,10 @@ def test_a_pause_while_the_end_lets_go_is_a_pause() -> None:
     runner, cell, _events = make(
         "pomona: 1\ntree: t\nroot:\n  parallel: [{Turn: {duration: 9 s}}, {wait: 60 ms}]\n  success_on: one",
         REGISTRY,
-        {5: lambda runner, _cell: runner.pause("ada"), 30: lambda runner, _cell: runner.resume("ada")},
+        {
+            5: lambda runner, _cell: runner.pause("ada"),
+            30: lambda runner, _cell: runner.resume(runner.pause_number, "ada"),
+        },
     )
     assert runner.run().outcome == "success"
     assert runner.state is RunState.SUCCEEDED

@@ -2,20 +2,13 @@
 
 from __future__ import annotations
 
-import io
-import os
-import threading
-import time
-
 import pytest
 from fake_runs import Turn, make
 
 from executive.dashboard.control_lock import ControlLock, RefusedError
 from executive.registry import Registry
-from executive.running.events import OperatorActed, PortWritten, StateChanged
+from executive.running.events import NodeChanged, OperatorActed, PortWritten, StateChanged
 from executive.running.requests import AnswerRefusedError
-from executive.terminal.keys import Keys
-from executive.terminal.screen import Screen
 
 TEXT = """
 pomona: 1
@@ -35,7 +28,7 @@ SKILLS = Registry({"Turn": Turn})
 
 def test_who_answered_is_in_the_events():
     runner, _, events = make(
-        TEXT, SKILLS, {5: lambda runner, _: runner.answer(PATH, "not yet", "Ada")}, attended=True, go_on=True
+        TEXT, SKILLS, {5: lambda runner, _: runner.answer(PATH, 1, "not yet", "Ada")}, attended=True, go_on=True
     )
     assert runner.run().outcome == "success"
     acted = [event for event in events if isinstance(event, OperatorActed) and event.action == "answer"]
@@ -44,7 +37,7 @@ def test_who_answered_is_in_the_events():
 
 
 def test_breakpoints_of_the_file_hold_when_somebody_is_there():
-    answer = {3: lambda runner, _: runner.answer(PATH, "not yet")}
+    answer = {3: lambda runner, _: runner.answer(PATH, 1, "not yet")}
     runner, _, events = make(TEXT, SKILLS, answer, attended=True, go_on=True)
     runner.run()
     because = [event.because for event in events if isinstance(event, StateChanged)]
@@ -63,13 +56,15 @@ def test_answers_that_are_none_are_refused():
     def try_it(runner, _cell):
         for path, choice in ((PATH, "rotten"), ("asking/Turn", "ripe")):
             with pytest.raises(AnswerRefusedError) as error:
-                runner.answer(path, choice)
+                runner.answer(path, 1, choice)
             refused.append(str(error.value))
-        runner.answer(PATH, "not yet")
-        runner.answer(PATH, "ripe")  # too late: the first one counts
+        runner.answer(PATH, 1, "not yet")
+        runner.answer(PATH, 1, "ripe")  # too late: the first one counts
 
-    runner, _, _ = make(TEXT, SKILLS, {3: try_it}, attended=True, go_on=True)
+    runner, _, events = make(TEXT, SKILLS, {3: try_it}, attended=True, go_on=True)
     assert runner.run().outcome == "success"
+    acts = [(e.action, e.detail) for e in events if isinstance(e, OperatorActed) and "←" in e.detail]
+    assert acts == [("answer", f"not yet ← {PATH}"), ("too_late", f"answer ripe ← {PATH}, question answered or gone")]
     assert refused == ["'rotten' is no answer: ripe, not yet", "nothing is asked at asking/Turn now"]
 
 
@@ -79,12 +74,12 @@ def test_on_the_page_who_holds_control_answers():
     def act(runner, _cell):
         lock.serve(runner)
         with pytest.raises(RefusedError):
-            lock.act("page 1", "answer", f"not yet ← {PATH}")
+            lock.act("page 1", "answer", f"not yet ← {PATH}", 1)
         lock.take("page 1", "Ada")
         with pytest.raises(RefusedError) as error:
-            lock.act("page 1", "answer", f"green ← {PATH}")
+            lock.act("page 1", "answer", f"green ← {PATH}", 1)
         refused.append(str(error.value))
-        lock.act("page 1", "answer", f"not yet ← {PATH}")
+        lock.act("page 1", "answer", f"not yet ← {PATH}", 1)
 
     runner, _, events = make(TEXT, SKILLS, {3: act}, attended=True, go_on=True)
     assert runner.run().outcome == "success"
@@ -92,30 +87,49 @@ def test_on_the_page_who_holds_control_answers():
     assert [e.who for e in events if isinstance(e, OperatorActed) and e.action == "answer"] == ["Ada"]
 
 
-def test_at_the_terminal_the_first_letters_do_and_enter_goes_on():
-    reading, writing = os.pipe()
-    shown = io.StringIO()
-    console = Screen()
-    console.file = shown
-    with open(reading) as lines, open(writing, "wb", buffering=0) as keyboard:
-        keys = Keys(console, lines)
-        patience = dict.fromkeys(range(1, 2_000), lambda _runner, _cell: threading.Event().wait(0.002))
-        runner, _, events = make(TEXT, SKILLS, patience, attended=True, listeners=[keys.on_event])
-        keys.serve(runner)
+REPEATED = """
+pomona: 1
+tree: asking
+root:
+  ask: Is it ripe?
+  repeat: 2
+"""
 
-        def person() -> None:
-            for sign, line in (("ripe/not yet", b"green\nNO\n"), ("Enter goes on", b"\n")):
-                until = time.monotonic() + 5.0
-                while sign not in shown.getvalue() and time.monotonic() < until:
-                    threading.Event().wait(0.005)
-                keyboard.write(line)
 
-        typing = threading.Thread(target=person)
-        typing.start()
-        result = runner.run()
-        assert result.outcome == "success", result.reason
-        typing.join()
-        keys.close()
-    assert "? Is it ripe? [ripe/not yet]" in shown.getvalue()
-    assert "one of: ripe, not yet" in shown.getvalue()
-    assert {e.who for e in events if isinstance(e, OperatorActed)} == {"terminal"}
+def test_an_answer_to_the_question_before_is_refused_although_the_same_node_asks_again():
+    """A press on a slow link, or the second click of a double click, arrives when the next question is open."""
+    lock, refused = ControlLock(), []
+
+    def late(_runner, _cell):
+        with pytest.raises(RefusedError) as error:
+            lock.act("page 1", "answer", "yes ← asking", 1)
+        refused.append(str(error.value))
+
+    def first(runner, _cell):
+        lock.serve(runner)
+        lock.take("page 1", "Ada")
+        lock.act("page 1", "answer", "yes ← asking", 1)
+
+    script = {3: first, 9: late, 12: lambda runner, _cell: runner.answer("asking", 2, "yes", "Bob")}
+    runner, _, events = make(REPEATED, SKILLS, script, attended=True)
+    assert runner.run().outcome == "success"
+    assert refused == ["asking now asks question 2; the answer names question 1"]
+    assert [e.who for e in events if isinstance(e, OperatorActed) and e.action == "answer"] == ["Ada", "Bob"]
+    asked = [e for e in events if isinstance(e, NodeChanged) and (e.path, e.status) == ("asking", "RUNNING")]
+    assert [e.starts for e in asked] == [1, 2]
+
+
+def test_an_answer_that_names_no_question_is_refused():
+    lock, refused = ControlLock(), []
+
+    def act(runner, _cell):
+        lock.serve(runner)
+        lock.take("page 1", "Ada")
+        with pytest.raises(RefusedError) as error:
+            lock.act("page 1", "answer", f"ripe ← {PATH}")
+        refused.append(str(error.value))
+        runner.stop()
+
+    runner, _, _ = make(TEXT, SKILLS, {3: act}, attended=True)
+    assert runner.run().outcome == "stopped"
+    assert refused == [f"{PATH} now asks question 1; the answer names question 0"]

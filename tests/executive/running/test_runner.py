@@ -27,7 +27,7 @@ from executive.running.events import (
     SafeStopped,
     StateChanged,
 )
-from executive.running.requests import LATE
+from executive.running.requests import LATE, AnswerRefusedError
 from executive.running.run_state import RunState
 from executive.running.runner import Runner
 from executive.skill import Interrupted, Skill, Work
@@ -152,7 +152,11 @@ def test_stop_lets_the_skill_come_to_rest_over_several_ticks() -> None:
 
 def test_pause_freezes_the_runs_time_and_resume_goes_on_in_place() -> None:
     runner, cell, events = make(
-        TURN, {4: lambda runner, _cell: runner.pause("ada"), 60: lambda runner, _cell: runner.resume("ada")}
+        TURN,
+        {
+            4: lambda runner, _cell: runner.pause("ada"),
+            60: lambda runner, _cell: runner.resume(runner.pause_number, "ada"),
+        },
     )
     result = runner.run()
     assert result.outcome == "success"
@@ -162,10 +166,42 @@ def test_pause_freezes_the_runs_time_and_resume_goes_on_in_place() -> None:
     assert cell.wheel.log.count("start") == 2
 
 
+def test_a_resume_ends_the_pause_that_it_names_and_no_other() -> None:
+    refused: list[str] = []
+
+    def resume(number: int) -> Callable[[Runner, FakeCell], None]:
+        def act(runner: Runner, _cell: FakeCell) -> None:
+            with pytest.raises(AnswerRefusedError) as error:
+                runner.resume(number, "ada")
+            refused.append(str(error.value))
+
+        return act
+
+    def pause(runner: Runner, _cell: FakeCell) -> None:
+        runner.pause("ada")
+
+    def press_twice(runner: Runner, _cell: FakeCell) -> None:
+        runner.resume(1, "ada")
+        runner.resume(1, "bob")  # another page, in the same moment
+
+    script = {3: resume(0), 4: pause, 20: resume(0), 40: press_twice, 44: pause, 80: resume(1)}
+    script[84] = lambda runner, _cell: runner.resume(2, "ada")
+    runner, _cell, events = make(TURN, script)
+    assert runner.run().outcome == "success"
+    assert refused == [
+        "the run is not paused",
+        "the run is in pause 1; the request names pause 0",
+        "the run is in pause 2; the request names pause 1",
+    ]
+    acts = [(e.who, e.action, e.detail) for e in events if isinstance(e, OperatorActed) and e.action != "pause"]
+    assert acts == [("ada", "resume", ""), ("bob", "too_late", "resume, pause already over"), ("ada", "resume", "")]
+    assert [e.pause for e in events if isinstance(e, StateChanged)] == [0, 1, 1, 0, 2, 2, 0, 0]
+
+
 def test_resume_into_a_changed_world_is_refused_and_safe() -> None:
     def change(runner: Runner, cell: FakeCell) -> None:
         cell.changed = True
-        runner.resume("ada")
+        runner.resume(runner.pause_number, "ada")
 
     runner, cell, _events = make(TURN, {4: lambda runner, _cell: runner.pause("ada"), 12: change})
     result = runner.run()
@@ -178,7 +214,7 @@ def test_what_was_asked_for_while_a_tick_hung_does_not_set_the_arm_in_motion_aft
     action: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def ask_and_hang(runner: Runner, _cell: FakeCell) -> None:
-        getattr(runner, action)("ada")
+        getattr(runner, action)(runner.pause_number, "ada")
         monkeypatch.setattr(time, "monotonic", lambda now=time.monotonic: now() + LATE + 1.0)
 
     script = {4: lambda runner, _cell: runner.pause("ada"), 20: ask_and_hang}
@@ -206,8 +242,8 @@ def brakes_for_long(_runner: Runner, cell: FakeCell) -> None:
 @pytest.mark.parametrize("action", ["resume", "step"])
 def test_a_resume_during_braking_is_carried_out_once_all_is_at_rest(action: str) -> None:
     script = {1: brakes_for_long, 4: lambda runner, _cell: runner.pause("ada")}
-    script[6] = lambda runner, _cell: getattr(runner, action)("ada")
-    script[30] = lambda runner, _cell: runner.resume("bob")
+    script[6] = lambda runner, _cell: getattr(runner, action)(runner.pause_number, "ada")
+    script[30] = lambda runner, _cell: runner.resume(runner.pause_number, "bob") if action == "step" else None
     runner, _cell, events = make(TURN, script)
     assert runner.run().outcome == "success"
     after = ["pausing", "paused", "running"] if action == "step" else []
@@ -218,7 +254,7 @@ def test_a_resume_during_braking_is_carried_out_once_all_is_at_rest(action: str)
 
 def test_a_pause_after_a_resume_during_braking_stays_a_pause() -> None:
     script = {1: brakes_for_long, 4: lambda runner, _cell: runner.pause("ada")}
-    script[5] = lambda runner, _cell: (runner.resume("ada"), runner.pause("bob"))
+    script[5] = lambda runner, _cell: (runner.resume(runner.pause_number, "ada"), runner.pause("bob"))
     script[40] = lambda runner, _cell: runner.stop("bob")
     runner, _cell, events = make(TURN, script)
     assert runner.run().outcome == "stopped"
@@ -227,7 +263,7 @@ def test_a_pause_after_a_resume_during_braking_stays_a_pause() -> None:
 
 def test_a_resume_during_a_braking_that_lasts_too_long_sets_nothing_in_motion(monkeypatch: pytest.MonkeyPatch) -> None:
     def ask_and_wait(runner: Runner, _cell: FakeCell) -> None:
-        runner.resume("ada")
+        runner.resume(runner.pause_number, "ada")
 
     script = {1: brakes_for_long, 4: lambda runner, _cell: runner.pause("ada"), 5: ask_and_wait}
     script[7] = lambda _runner, _cell: monkeypatch.setattr(
@@ -246,7 +282,7 @@ def test_step_runs_one_tick_and_pauses_again() -> None:
 
     def note(runner: Runner, _cell: FakeCell) -> None:
         ticks.append(runner._ticks)
-        runner.step("ada")
+        runner.step(runner.pause_number, "ada")
 
     script = {4: lambda runner, _cell: runner.pause("ada"), **dict.fromkeys((10, 20, 30), note)}
     script[40] = lambda runner, _cell: runner.stop("ada")
@@ -256,7 +292,7 @@ def test_step_runs_one_tick_and_pauses_again() -> None:
 
 
 def test_a_breakpoint_holds_a_skill_before_it_starts() -> None:
-    runner, cell, events = make(TURN, {60: lambda runner, _cell: runner.resume("ada")})
+    runner, cell, events = make(TURN, {60: lambda runner, _cell: runner.resume(runner.pause_number, "ada")})
     second = [path for path in runner.tree.behaviours if "Turn" in path][1]
     runner.break_at(second)
     result = runner.run()
@@ -274,7 +310,7 @@ def test_a_breakpoint_before_a_skill_stops_a_run_before_it_has_started() -> None
 
 
 def test_a_breakpoint_after_a_skill_holds_before_the_next_one_starts() -> None:
-    runner, cell, events = make(TURN, {60: lambda runner, _cell: runner.resume("ada")})
+    runner, cell, events = make(TURN, {60: lambda runner, _cell: runner.resume(runner.pause_number, "ada")})
     first = next(path for path in runner.tree.behaviours if "Turn" in path)
     runner.break_at(first, "after", who="ada")
     result = runner.run()

@@ -112,6 +112,8 @@ class Signed(Question, Wrapper):
     choices = ("signed",)
 
     def tick(self) -> Iterator[Behaviour]:
+        if self.status is not Status.RUNNING:
+            self.ask()
         if self.given is not None:
             yield from super().tick()
             return
