@@ -114,7 +114,7 @@ bench-tree: $(STAMP) ## the executive beside bare py_trees: ticks, recording, ji
 	$(BIN)/python -m benchmarks.bench_runner
 
 train-detect: $(STAMP) ## train the detector from nothing and replace the shipped weights (four hours on two cores)
-	$(BIN)/pomona train detect --out skills/perception/detection/weights/apple.pt
+	$(BIN)/pomona train detect --out skills/pomona/skills/perception/detection/weights/apple.pt
 
 bench-start: $(STAMP) ## what the small commands cost: --help, check, skills, show, export, runs list
 	$(BIN)/python -m benchmarks.bench_start

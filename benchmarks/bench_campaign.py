@@ -15,10 +15,10 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from executive.campaign.run import RUN_LIMIT, run_order
-from executive.engine import Engine, open_engine
-from executive.execute import RunOrder
-from executive.files import find_cell, find_tree
+from pomona.executive.campaign.run import RUN_LIMIT, run_order
+from pomona.executive.engine import Engine, open_engine
+from pomona.executive.execute import RunOrder
+from pomona.executive.files import find_cell, find_tree
 
 
 def loop(count: int) -> int:

@@ -24,23 +24,23 @@ from rich.table import Table
 
 from benchmarks.refine_scenes import CAMERA, DETECTOR_WIDTH, _render
 from benchmarks.synthetic_depth import as_d435i, looking_at
-from drivers.cell import load_cell
-from drivers.interfaces import Frame
-from drivers.sim.gl import in_gl_thread
-from drivers.sim.world import SimWorld
-from executive.values.arrays import Float64
-from skills.geometry import inverse
-from skills.perception.detection.detection import Detection
-from skills.perception.detection.options import DetectorOptions
-from skills.perception.fruit import FruitModel, load_fruit
-from skills.perception.inventory.book import FruitBook
-from skills.perception.inventory.camera_motion import camera_motion
-from skills.perception.inventory.sighting import Z_90, Sighting, sighting_of
-from skills.perception.measured_fruit import MeasuredFruit
-from skills.perception.refinement.errors import RefineError
-from skills.perception.refinement.measure import measure
-from skills.perception.refinement.result import Method
-from skills.shared.looking import find_in_frame
+from pomona.drivers.cell import load_cell
+from pomona.drivers.interfaces import Frame
+from pomona.drivers.sim.gl import in_gl_thread
+from pomona.drivers.sim.world import SimWorld
+from pomona.executive.values.arrays import Float64
+from pomona.skills.geometry import inverse
+from pomona.skills.perception.detection.detection import Detection
+from pomona.skills.perception.detection.options import DetectorOptions
+from pomona.skills.perception.fruit import FruitModel, load_fruit
+from pomona.skills.perception.inventory.book import FruitBook
+from pomona.skills.perception.inventory.camera_motion import camera_motion
+from pomona.skills.perception.inventory.sighting import Z_90, Sighting, sighting_of
+from pomona.skills.perception.measured_fruit import MeasuredFruit
+from pomona.skills.perception.refinement.errors import RefineError
+from pomona.skills.perception.refinement.measure import measure
+from pomona.skills.perception.refinement.result import Method
+from pomona.skills.shared.looking import find_in_frame
 
 CELL = Path("trees/cells/sim.yaml")
 SCORE = 0.6

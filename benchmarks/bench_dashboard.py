@@ -25,11 +25,11 @@ from rich.table import Table
 
 from benchmarks.dashboard_links import bench_presses, bench_stale
 from benchmarks.dashboard_viewers import watch
-from executive.dashboard.security import Access
-from executive.dashboard.server import Dashboard
-from executive.recording.recorder import Recorder
-from executive.running.events import Event, NodeChanged, Published, RunEnded, RunStarted
-from executive.views import BodiesView, ImageView, Mesh3, Points3, PosesView, SceneView, SeriesView
+from pomona.executive.dashboard.security import Access
+from pomona.executive.dashboard.server import Dashboard
+from pomona.executive.recording.recorder import Recorder
+from pomona.executive.running.events import Event, NodeChanged, Published, RunEnded, RunStarted
+from pomona.executive.views import BodiesView, ImageView, Mesh3, Points3, PosesView, SceneView, SeriesView
 
 PERIOD = 0.02
 TURNS = 4

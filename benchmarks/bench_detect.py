@@ -25,21 +25,21 @@ import torch
 from rich.console import Console
 from rich.progress import Progress
 
-from skills.perception.detection.box_evaluation import match_boxes
-from skills.perception.detection.compact_detector import CompactDetector
-from skills.perception.detection.dope_decode import decode_maps
-from skills.perception.detection.dope_network import DopeNetwork, dope_input
-from skills.perception.detection.errors import BadPhotographs
-from skills.perception.detection.evaluation import evaluate, table
-from skills.perception.detection.instances import Instance, find_instances
-from skills.perception.detection.options import DetectorOptions
-from skills.perception.fruit import FruitModel, load_fruit
-from skills.perception.synthetic.dataset import render_dataset
-from skills.perception.synthetic.options import WITHOUT_TREES, SceneOptions
-from skills.perception.training.photo_figures import calibration_table, find_boxes, judged, photo_table
-from skills.perception.training.photo_folder import read_photographs
-from skills.perception.training.photographs import camera_of, fruit_scale
-from skills.perception.training.samples import FrameFolder
+from pomona.skills.perception.detection.box_evaluation import match_boxes
+from pomona.skills.perception.detection.compact_detector import CompactDetector
+from pomona.skills.perception.detection.dope_decode import decode_maps
+from pomona.skills.perception.detection.dope_network import DopeNetwork, dope_input
+from pomona.skills.perception.detection.errors import BadPhotographs
+from pomona.skills.perception.detection.evaluation import evaluate, table
+from pomona.skills.perception.detection.instances import Instance, find_instances
+from pomona.skills.perception.detection.options import DetectorOptions
+from pomona.skills.perception.fruit import FruitModel, load_fruit
+from pomona.skills.perception.synthetic.dataset import render_dataset
+from pomona.skills.perception.synthetic.options import WITHOUT_TREES, SceneOptions
+from pomona.skills.perception.training.photo_figures import calibration_table, find_boxes, judged, photo_table
+from pomona.skills.perception.training.photo_folder import read_photographs
+from pomona.skills.perception.training.photographs import camera_of, fruit_scale
+from pomona.skills.perception.training.samples import FrameFolder
 
 BENCH_SEED = 777_001
 """Neither trained nor validated on."""

@@ -19,20 +19,20 @@ from pathlib import Path
 
 import numpy as np
 
-from drivers.emulators.free_gripper import FreeGripper
-from drivers.emulators.server import CanPort, Server
-from drivers.emulators.wsg import WsgEmulator
-from drivers.interfaces import ArmLimits, Trajectory, WrenchSample
-from drivers.motoman.driver import MotomanArm, MotomanOptions
-from drivers.suntouch.calibration import FingerCalibration
-from drivers.suntouch.driver import SunTouchFingers
-from drivers.suntouch.finger import Finger
-from drivers.suntouch.transport import SerialLink
-from drivers.wire import Link, TcpLink, raise_priority
-from drivers.wsg.codec import Command, Observe
-from drivers.wsg.session import GripperSession
-from drivers.wsg.transport import CanLink
-from executive.clock import SystemClock
+from pomona.drivers.emulators.free_gripper import FreeGripper
+from pomona.drivers.emulators.server import CanPort, Server
+from pomona.drivers.emulators.wsg import WsgEmulator
+from pomona.drivers.interfaces import ArmLimits, Trajectory, WrenchSample
+from pomona.drivers.motoman.driver import MotomanArm, MotomanOptions
+from pomona.drivers.suntouch.calibration import FingerCalibration
+from pomona.drivers.suntouch.driver import SunTouchFingers
+from pomona.drivers.suntouch.finger import Finger
+from pomona.drivers.suntouch.transport import SerialLink
+from pomona.drivers.wire import Link, TcpLink, raise_priority
+from pomona.drivers.wsg.codec import Command, Observe
+from pomona.drivers.wsg.session import GripperSession
+from pomona.drivers.wsg.transport import CanLink
+from pomona.executive.clock import SystemClock
 
 CALIBRATIONS = Path(__file__).resolve().parents[1] / "trees" / "cells" / "emulated_fingers"
 CLOCK = SystemClock()
@@ -41,7 +41,7 @@ CLOCK = SystemClock()
 @contextlib.contextmanager
 def emulated(*arguments: str) -> Iterator[list[str]]:
     """An emulator's process; the addresses that it serves."""
-    command = [sys.executable, "-m", "drivers.commands.emulate", *arguments]
+    command = [sys.executable, "-m", "pomona.drivers.commands.emulate", *arguments]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, start_new_session=True)
     ports = {"wsg": 1, "suntouch": 1, "motoman": 3}[arguments[0]]
     assert process.stdout is not None

@@ -21,18 +21,18 @@ import numpy as np
 
 from benchmarks.planning_oracle import PlanningOracle
 from benchmarks.planning_scenes import OBSERVE, PEDESTAL, TABLE_Z, WORKSPACE, PlanningScene, random_scene, table_look
-from drivers.interfaces import ArmLimits
-from drivers.trajectory import check_trajectory
-from executive.values.arrays import Float64
-from skills.motion.grasp import Grasp
-from skills.motion.grasps.sample import GraspRules, sample_pre_grasps
-from skills.motion.grasps.sphere import Sphere
-from skills.motion.occupancy import OccupancyMap, integrate
-from skills.motion.planning.errors import PlanningFailed
-from skills.motion.planning.plan import PlanRequest, PlanResult, plan
-from skills.motion.robot import RobotModel
-from skills.motion.straight_line import straight_line
-from skills.sample_grasp import FINER
+from pomona.drivers.interfaces import ArmLimits
+from pomona.drivers.trajectory import check_trajectory
+from pomona.executive.values.arrays import Float64
+from pomona.skills.motion.grasp import Grasp
+from pomona.skills.motion.grasps.sample import GraspRules, sample_pre_grasps
+from pomona.skills.motion.grasps.sphere import Sphere
+from pomona.skills.motion.occupancy import OccupancyMap, integrate
+from pomona.skills.motion.planning.errors import PlanningFailed
+from pomona.skills.motion.planning.plan import PlanRequest, PlanResult, plan
+from pomona.skills.motion.robot import RobotModel
+from pomona.skills.motion.straight_line import straight_line
+from pomona.skills.sample_grasp import FINER
 
 EXHAUSTIVE = GraspRules(solutions=1, tried_solutions=10_000, arm_angles=72)
 PAPER = GraspRules(solutions=1, check=False)

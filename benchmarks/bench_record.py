@@ -17,14 +17,14 @@ import time
 from collections import Counter
 from pathlib import Path
 
-from executive.execute import RunOrder, execute
-from executive.files import find_cell, find_tree
-from executive.recording.folder import EVENTS_FILE
-from executive.recording.picture import Picture
-from executive.recording.read import read_events
-from executive.recording.recorder import Recorder
-from executive.recording.scan import scan
-from executive.running.events import Event, RunEnded, RunStarted
+from pomona.executive.execute import RunOrder, execute
+from pomona.executive.files import find_cell, find_tree
+from pomona.executive.recording.folder import EVENTS_FILE
+from pomona.executive.recording.picture import Picture
+from pomona.executive.recording.read import read_events
+from pomona.executive.recording.recorder import Recorder
+from pomona.executive.recording.scan import scan
+from pomona.executive.running.events import Event, RunEnded, RunStarted
 
 Times = tuple[float, float, float]
 

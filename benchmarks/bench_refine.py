@@ -27,15 +27,15 @@ from benchmarks.refine_pyrender import render_with_plain_pyrender
 from benchmarks.refine_scenes import CAMERA, View, cell_views, leaf_over, stretched_views
 from benchmarks.refine_searches import SEARCHES, search, timed
 from benchmarks.synthetic_depth import as_d435i, looking_at, standing, true_depth
-from drivers.depth_model import SIMULATED
-from executive.values.arrays import Float64
-from skills.geometry import rot_x, rot_y, transform
-from skills.perception.fruit import FruitModel, load_fruit
-from skills.perception.refinement import RefineResult, horizontal_plane, refine, render_depth
-from skills.perception.refinement.depth_image import ImageBox, RendererName
-from skills.perception.refinement.errors import RefineError
-from skills.perception.refinement.paper import fit_scale_by_rendering
-from skills.perception.refinement.scale_fit import fit_scale
+from pomona.drivers.depth_model import SIMULATED
+from pomona.executive.values.arrays import Float64
+from pomona.skills.geometry import rot_x, rot_y, transform
+from pomona.skills.perception.fruit import FruitModel, load_fruit
+from pomona.skills.perception.refinement import RefineResult, horizontal_plane, refine, render_depth
+from pomona.skills.perception.refinement.depth_image import ImageBox, RendererName
+from pomona.skills.perception.refinement.errors import RefineError
+from pomona.skills.perception.refinement.paper import fit_scale_by_rendering
+from pomona.skills.perception.refinement.scale_fit import fit_scale
 
 CELL = Path("trees/cells/sim.yaml")
 ELEVATIONS = (30.0, 45.0, 60.0, 75.0, 85.0)
@@ -116,7 +116,7 @@ def speed(fruit: FruitModel, console: Console) -> dict[str, float]:
         }  # fmt: skip
 
     measured = {"pyrender": times("pyrender"), "zbuffer": times("zbuffer")}
-    with mock.patch("skills.perception.refinement.gl.render_with_gl", render_with_plain_pyrender):
+    with mock.patch("pomona.skills.perception.refinement.gl.render_with_gl", render_with_plain_pyrender):
         measured["pyrender as it comes"] = times("pyrender")
     for name, row in measured.items():
         table.add_row(name, *(f"{value:.2f}" for value in row.values()))

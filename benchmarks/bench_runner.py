@@ -18,14 +18,14 @@ from pathlib import Path
 import torch
 
 from benchmarks.bench_tree import Spin, bare_tree, seconds_per_tick
-from executive.clock import SystemClock
-from executive.language import build, read
-from executive.recording.recorder import Recorder
-from executive.registry import Registry
-from executive.running.compute import Computations
-from executive.running.dry_cell import DryCell
-from executive.running.events import EventStream
-from executive.running.runner import Runner
+from pomona.executive.clock import SystemClock
+from pomona.executive.language import build, read
+from pomona.executive.recording.recorder import Recorder
+from pomona.executive.registry import Registry
+from pomona.executive.running.compute import Computations
+from pomona.executive.running.dry_cell import DryCell
+from pomona.executive.running.events import EventStream
+from pomona.executive.running.runner import Runner
 
 SKILLS = Registry({"Spin": Spin})
 ROUNDS = 5

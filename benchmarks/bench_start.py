@@ -31,7 +31,7 @@ COMMANDS: tuple[tuple[tuple[str, ...], float], ...] = (
 def seconds(arguments: tuple[str, ...], environment: dict[str, str], folder: str) -> float:
     """Processor time of one process, with its children."""
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    command = [sys.executable, "-m", "executive.cli", *arguments]
+    command = [sys.executable, "-m", "pomona.executive.cli", *arguments]
     subprocess.run(command, env=environment, cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime

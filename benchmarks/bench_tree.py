@@ -28,13 +28,13 @@ import py_trees
 from py_trees.behaviour import Behaviour
 from py_trees.common import ParallelPolicy, Status
 
-from executive.language import build, check, read
-from executive.language.declared_skills import declared_skills
-from executive.language.expression_parser import parse_expression
-from executive.language_server.service import TreeService
-from executive.registry import Registry
-from executive.skill import Skill, Work
-from executive.skill_testing import BenchContext
+from pomona.executive.language import build, check, read
+from pomona.executive.language.declared_skills import declared_skills
+from pomona.executive.language.expression_parser import parse_expression
+from pomona.executive.language_server.service import TreeService
+from pomona.executive.registry import Registry
+from pomona.executive.skill import Skill, Work
+from pomona.executive.skill_testing import BenchContext
 
 SIZES = (10, 100, 1000)
 ROUNDS = 15
@@ -168,7 +168,7 @@ class Editor:
     """An editor that speaks with `pomona lsp` over its streams."""
 
     def __init__(self) -> None:
-        words = [sys.executable, "-c", "from executive.cli import main; main(['lsp'])"]
+        words = [sys.executable, "-c", "from pomona.executive.cli import main; main(['lsp'])"]
         self.server = subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
         self.asked = 0
 

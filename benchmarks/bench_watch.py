@@ -18,21 +18,21 @@ from typing import Any
 
 import numpy as np
 
-from drivers.cell import Cell, load_cell
-from drivers.interfaces import Arm, Camera, Cameras, Gripper, Trajectory, Workspace
-from drivers.sim.intruder import BODY, Intruder, Reach
-from drivers.sim.world import SimWorld
-from executive.files import find_cell
-from executive.skill_testing import SkillEnd, drive
-from executive.values.arrays import Float64
-from skills.follow import Follow
-from skills.geometry import inverse
-from skills.motion.collision import RobotShape
-from skills.motion.occupancy import OccupancyMap, integrate, pose_of_camera
-from skills.motion.planning.arm_space import ArmSpace, arm_space
-from skills.motion.planning.timing import time_polyline
-from skills.motion.robot import RobotModel
-from skills.motion.watch import path_watch
+from pomona.drivers.cell import Cell, load_cell
+from pomona.drivers.interfaces import Arm, Camera, Cameras, Gripper, Trajectory, Workspace
+from pomona.drivers.sim.intruder import BODY, Intruder, Reach
+from pomona.drivers.sim.world import SimWorld
+from pomona.executive.files import find_cell
+from pomona.executive.skill_testing import SkillEnd, drive
+from pomona.executive.values.arrays import Float64
+from pomona.skills.follow import Follow
+from pomona.skills.geometry import inverse
+from pomona.skills.motion.collision import RobotShape
+from pomona.skills.motion.occupancy import OccupancyMap, integrate, pose_of_camera
+from pomona.skills.motion.planning.arm_space import ArmSpace, arm_space
+from pomona.skills.motion.planning.timing import time_polyline
+from pomona.skills.motion.robot import RobotModel
+from pomona.skills.motion.watch import path_watch
 
 TICK = 0.02
 REST = 0.8

@@ -18,11 +18,11 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.interfaces import Box, Workspace
-from executive.values.arrays import Float64
-from skills.geometry import rotation_about, transform
-from skills.motion.collision import CollisionWorld, DistanceField, Margins
-from skills.motion.robot import RobotModel
+from pomona.drivers.interfaces import Box, Workspace
+from pomona.executive.values.arrays import Float64
+from pomona.skills.geometry import rotation_about, transform
+from pomona.skills.motion.collision import CollisionWorld, DistanceField, Margins
+from pomona.skills.motion.robot import RobotModel
 
 TOUCHING = 1e-6
 """MuJoCo's distances are good to about this [m]."""

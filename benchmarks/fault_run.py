@@ -21,21 +21,21 @@ import numpy as np
 
 from benchmarks.fault_table import Case, CaseVerdict
 from benchmarks.strands import use_strands
-from drivers.faults import FaultPlan, PlannedFault
-from drivers.interfaces import Arm, Gripper
-from drivers.sim.world import SimWorld
-from executive import one_process
-from executive.execute import Executed, RunOrder, execute
-from executive.files import find_cell, find_tree
-from executive.language import build
-from executive.language.documents import read_document
-from executive.recording.read import read_events
-from executive.recording.recorder import Recorder
-from executive.registry import Registry
-from executive.running.compute import Computations
-from executive.running.events import Event, EventStream, NodeChanged, RunEnded, SafeStopped
-from executive.running.runner import Runner
-from skills.grip.hold import take_over
+from pomona.drivers.faults import FaultPlan, PlannedFault
+from pomona.drivers.interfaces import Arm, Gripper
+from pomona.drivers.sim.world import SimWorld
+from pomona.executive import one_process
+from pomona.executive.execute import Executed, RunOrder, execute
+from pomona.executive.files import find_cell, find_tree
+from pomona.executive.language import build
+from pomona.executive.language.documents import read_document
+from pomona.executive.recording.read import read_events
+from pomona.executive.recording.recorder import Recorder
+from pomona.executive.registry import Registry
+from pomona.executive.running.compute import Computations
+from pomona.executive.running.events import Event, EventStream, NodeChanged, RunEnded, SafeStopped
+from pomona.executive.running.runner import Runner
+from pomona.skills.grip.hold import take_over
 
 TREE = Path(__file__).with_name("fault_pick.yaml")
 SETTINGS = {"fruit": "apple_4", "place": "2", "distractors": "0"}
@@ -483,7 +483,7 @@ def prepare_to_fork() -> None:
     """Have all that is computed and drawn in this thread: a fork has no other."""
     import torch
 
-    from drivers.sim import camera
+    from pomona.drivers.sim import camera
 
     plan_here()
     use_strands()

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import yaml
 
-from executive.values.units import TIME
+from pomona.executive.values.units import TIME
 
 TABLE = Path(__file__).with_name("fault_matrix.yaml")
 ENDS = ("safe", "failure", "success", "recovered")

@@ -17,11 +17,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drivers.motoman import codec as motoman
-from drivers.suntouch import codec as suntouch
-from drivers.wire import Malformed
-from drivers.wsg import codec as wsg
-from drivers.wsg import frame as wsg_frame
+from pomona.drivers.motoman import codec as motoman
+from pomona.drivers.suntouch import codec as suntouch
+from pomona.drivers.wire import Malformed
+from pomona.drivers.wsg import codec as wsg, frame as wsg_frame
 
 
 @dataclass(slots=True)

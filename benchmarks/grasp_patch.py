@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from executive.values.arrays import Float64
+from pomona.executive.values.arrays import Float64
 
 SAMPLE, STEP = 0.002, 1e-4
 """Of the sensor [s], and the longest step of the integration; shorter ones where the bristles' damping on a light

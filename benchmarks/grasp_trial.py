@@ -10,11 +10,11 @@ import numpy as np
 
 from benchmarks.grasp_mujoco import MujocoGrasp, least_grasp_force_of_cone
 from benchmarks.grasp_patch import GRAVITY, Fruit, PatchGrasp
-from executive.values.arrays import Float64
-from skills.grip.controller import GripController
-from skills.grip.grip import GripPhase
-from skills.grip.limit_surface import SoftContact, least_force, xi
-from skills.grip.settings import GripSettings
+from pomona.executive.values.arrays import Float64
+from pomona.skills.grip.controller import GripController
+from pomona.skills.grip.grip import GripPhase
+from pomona.skills.grip.limit_surface import SoftContact, least_force, xi
+from pomona.skills.grip.settings import GripSettings
 
 TORQUE_LEVER = 0.005
 """Noise of a torque is the noise of a force at this lever [m]."""

@@ -20,17 +20,17 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from executive.language import check, read
-from executive.language.groot_export import export_groot
-from executive.language.groot_import import import_groot
-from executive.language.model import Document
-from executive.language.xml_nodes import XmlElement, read_xml
-from executive.nodes.calls import SKILL
-from executive.ports import Port, Ports
-from executive.registry import Registry
-from executive.skill import Skill
-from executive.values.findings import Finding, Findings, Source, TreeFileError
-from executive.values.yaml_nodes import YamlScalar
+from pomona.executive.language import check, read
+from pomona.executive.language.groot_export import export_groot
+from pomona.executive.language.groot_import import import_groot
+from pomona.executive.language.model import Document
+from pomona.executive.language.xml_nodes import XmlElement, read_xml
+from pomona.executive.nodes.calls import SKILL
+from pomona.executive.ports import Port, Ports
+from pomona.executive.registry import Registry
+from pomona.executive.skill import Skill
+from pomona.executive.values.findings import Finding, Findings, Source, TreeFileError
+from pomona.executive.values.yaml_nodes import YamlScalar
 
 _CPP = re.compile(
     r'(?P<skip>//[^\n]*|/\*.*?\*/|\s+)|R"(?P<mark>[^()\s\\"]{0,16})\((?P<raw>.*?)\)(?P=mark)"'

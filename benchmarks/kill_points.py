@@ -89,7 +89,7 @@ def run_one(folder: str, witness: str, stdout: Any, cell: str) -> None:
     sys.stdout, sys.stderr = os.fdopen(1, "w"), os.fdopen(2, "w")
     _add_skills()
     _add_witness(witness)
-    from executive.cli import main
+    from pomona.executive.cli import main
 
     sys.argv = ["pomona", "run", f"{folder}/tree.yaml", "--cell", cell, "--pace", "real", "--record", f"{folder}/runs"]
     Path(folder, "listening").touch()  # what comes before is this file's, not the command's
@@ -98,14 +98,14 @@ def run_one(folder: str, witness: str, stdout: Any, cell: str) -> None:
 
 def _add_skills() -> None:
     from benchmarks.kill_points_skills import Compute, Sway
-    from executive.registry import Registry
+    from pomona.executive.registry import Registry
 
     Registry.installed = classmethod(lambda cls: Registry({"Sway": Sway, "Compute": Compute}))  # type: ignore
 
 
 def _add_witness(path: str) -> None:
     """Note the time of every event in shared memory, which a killed process cannot lose."""
-    from executive.running.events import EventStream
+    from pomona.executive.running.events import EventStream
 
     with open(path, "r+b") as stream:
         memory = mmap.mmap(stream.fileno(), 16)
@@ -202,8 +202,8 @@ ALLOWED = {
 def _judge(
     point: Point, phase: str, status: int | None, folder: Path, witness: Path, seen: float
 ) -> tuple[list[str], float]:
-    from executive.recording.read import read_events
-    from executive.running.events import RunEnded, SafeStopped
+    from pomona.executive.recording.read import read_events
+    from pomona.executive.running.events import RunEnded, SafeStopped
 
     problems, lost = [], 0.0
     if status not in ALLOWED[point.way]:
@@ -286,7 +286,9 @@ def main() -> int:
     options = parser.parse_args()
     context = multiprocessing.get_context("forkserver")
     # Loaded once, forked for each point: what is tested is the run, not Python's imports.
-    context.set_forkserver_preload(["benchmarks.kill_points_skills", "executive.commands.run", "drivers.sim.connect"])
+    context.set_forkserver_preload(
+        ["benchmarks.kill_points_skills", "pomona.executive.commands.run", "pomona.drivers.sim.connect"]
+    )
     found = []
     for point in points(options.points, options.seed, options.way or WAYS):
         left = end_one(point, options.cell, context)

@@ -6,9 +6,9 @@ import time
 
 import numpy as np
 
-from drivers.interfaces import Arm, Trajectory
-from executive.skill import Work
-from skills.shared.following import MOTION_FAILURES, MovingSkill
+from pomona.drivers.interfaces import Arm, Trajectory
+from pomona.executive.skill import Work
+from pomona.skills.shared.following import MOTION_FAILURES, MovingSkill
 
 
 class Sway(MovingSkill):

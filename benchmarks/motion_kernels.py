@@ -14,12 +14,12 @@ from pathlib import Path
 import numpy as np
 from scipy.ndimage import distance_transform_edt
 
-from drivers.interfaces import Frame, Intrinsics, Workspace
-from skills.geometry import rot_x, rot_y, rot_z, transform
-from skills.motion.collision import CollisionWorld, DistanceField
-from skills.motion.occupancy import OccupancyMap, integrate
-from skills.motion.robot import RobotModel, inverse_kinematics
-from skills.motion.robot.numeric_ik import descend, spread_starts
+from pomona.drivers.interfaces import Frame, Intrinsics, Workspace
+from pomona.skills.geometry import rot_x, rot_y, rot_z, transform
+from pomona.skills.motion.collision import CollisionWorld, DistanceField
+from pomona.skills.motion.occupancy import OccupancyMap, integrate
+from pomona.skills.motion.robot import RobotModel, inverse_kinematics
+from pomona.skills.motion.robot.numeric_ik import descend, spread_starts
 
 ROBOT = Path(__file__).resolve().parents[1] / "trees" / "robots" / "sia5f_wsg32.xml"
 ROUNDS = 7

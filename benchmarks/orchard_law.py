@@ -22,15 +22,15 @@ import matplotlib as mpl
 import numpy as np
 from scipy.stats import ks_2samp
 
-from drivers.orchard.connect import wall_shapes
-from drivers.orchard.model import WallModel, build_wall_model
-from drivers.orchard.numbers import Provenance, WallNumbers, read_numbers
-from drivers.orchard.stems import TORN, Stems
-from drivers.orchard.wall import Wall, draw_wall
-from drivers.sim.gl import load_mujoco
-from drivers.sim.scene import TIMESTEP
-from executive.source_commit import commit_here
-from executive.values.arrays import Float64
+from pomona.drivers.orchard.connect import wall_shapes
+from pomona.drivers.orchard.model import WallModel, build_wall_model
+from pomona.drivers.orchard.numbers import Provenance, WallNumbers, read_numbers
+from pomona.drivers.orchard.stems import TORN, Stems
+from pomona.drivers.orchard.wall import Wall, draw_wall
+from pomona.drivers.sim.gl import load_mujoco
+from pomona.drivers.sim.scene import TIMESTEP
+from pomona.executive.source_commit import commit_here
+from pomona.executive.values.arrays import Float64
 
 mpl.use("Agg")
 import matplotlib.pyplot as plt

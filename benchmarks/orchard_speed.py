@@ -14,10 +14,10 @@ from typing import Any
 
 import numpy as np
 
-from drivers.cell import load_cell
-from drivers.interfaces import ForceSensor
-from drivers.orchard.world import FruitWallWorld
-from drivers.sim.scene import TIMESTEP
+from pomona.drivers.cell import load_cell
+from pomona.drivers.interfaces import ForceSensor
+from pomona.drivers.orchard.world import FruitWallWorld
+from pomona.drivers.sim.scene import TIMESTEP
 
 CELL = Path(__file__).parents[1] / "trees" / "cells" / "orchard.yaml"
 PARTS = ("mj_kinematics", "mj_comPos", "mj_makeM", "mj_factorM", "mj_collision", "mj_fwdVelocity", "mj_fwdConstraint")

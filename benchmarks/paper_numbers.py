@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from executive.values.arrays import Float64
+from pomona.executive.values.arrays import Float64
 
 CAD_DEPLOYED: Float64 = np.array([0.09756, 0.08539, 0.09590])
 """What the model that the authors published measures; mu times this gives their printed dimensions."""

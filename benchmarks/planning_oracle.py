@@ -7,11 +7,11 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from drivers.interfaces import Box
-from executive.values.arrays import Float64
-from skills.geometry import transform
-from skills.motion.robot import RobotModel
-from skills.perception.measured_fruit import MeasuredFruit
+from pomona.drivers.interfaces import Box
+from pomona.executive.values.arrays import Float64
+from pomona.skills.geometry import transform
+from pomona.skills.motion.robot import RobotModel
+from pomona.skills.perception.measured_fruit import MeasuredFruit
 
 PENETRATION = 1e-6
 """MuJoCo's contacts are good to about this [m]."""

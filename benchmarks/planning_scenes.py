@@ -7,14 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.interfaces import Box, Frame, Intrinsics, Workspace
-from executive.values.arrays import Float64
-from skills.geometry import rot_z, rotation_about, transform
-from skills.motion.collision import CollisionWorld, Convex, DistanceField, Margins
-from skills.motion.planning.arm_space import TARGET, ArmSpace
-from skills.motion.robot import RobotModel
-from skills.perception.fruit import load_fruit
-from skills.perception.measured_fruit import MeasuredFruit
+from pomona.drivers.interfaces import Box, Frame, Intrinsics, Workspace
+from pomona.executive.values.arrays import Float64
+from pomona.skills.geometry import rot_z, rotation_about, transform
+from pomona.skills.motion.collision import CollisionWorld, Convex, DistanceField, Margins
+from pomona.skills.motion.planning.arm_space import TARGET, ArmSpace
+from pomona.skills.motion.robot import RobotModel
+from pomona.skills.perception.fruit import load_fruit
+from pomona.skills.perception.measured_fruit import MeasuredFruit
 
 TABLE_Z = -0.12
 CELL = 0.01

@@ -19,19 +19,19 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
-from drivers.depth_model import AZURE_KINECT
-from drivers.frames.camera import LEVEL
-from drivers.frames.folder import list_frames
-from drivers.interfaces import Frame, Intrinsics
-from executive.values.arrays import Float64
-from skills.geometry import transform
-from skills.perception.detection.detection import Detection
-from skills.perception.detection.options import DetectorOptions
-from skills.perception.fruit import FruitModel
-from skills.perception.fruit.sizes import learn_sizes
-from skills.perception.refinement import Limits, RefineResult, refine, render_depth
-from skills.perception.refinement.errors import NoDepth, RefineError
-from skills.shared.looking import find_in_frame
+from pomona.drivers.depth_model import AZURE_KINECT
+from pomona.drivers.frames.camera import LEVEL
+from pomona.drivers.frames.folder import list_frames
+from pomona.drivers.interfaces import Frame, Intrinsics
+from pomona.executive.values.arrays import Float64
+from pomona.skills.geometry import transform
+from pomona.skills.perception.detection.detection import Detection
+from pomona.skills.perception.detection.options import DetectorOptions
+from pomona.skills.perception.fruit import FruitModel
+from pomona.skills.perception.fruit.sizes import learn_sizes
+from pomona.skills.perception.refinement import Limits, RefineResult, refine, render_depth
+from pomona.skills.perception.refinement.errors import NoDepth, RefineError
+from pomona.skills.shared.looking import find_in_frame
 
 KINECT = Intrinsics(917.12, 916.97, 957.72, 550.79, 1920, 1080)
 LITERATURE_MM = 2.93

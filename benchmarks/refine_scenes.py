@@ -14,16 +14,16 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
 from benchmarks.synthetic_depth import as_d435i, looking_at, standing, true_depth
-from drivers.cell import load_cell
-from drivers.interfaces import Frame, Intrinsics
-from drivers.sim.gl import in_gl_thread, load_mujoco, open_renderer
-from drivers.sim.world import SimWorld
-from executive.values.arrays import Float64
-from skills.geometry import apply, inverse, rot_y, transform
-from skills.perception.detection.cuboid import cuboid_keypoints
-from skills.perception.detection.options import DetectorOptions
-from skills.perception.fruit import FruitModel
-from skills.shared.looking import find_in_frame
+from pomona.drivers.cell import load_cell
+from pomona.drivers.interfaces import Frame, Intrinsics
+from pomona.drivers.sim.gl import in_gl_thread, load_mujoco, open_renderer
+from pomona.drivers.sim.world import SimWorld
+from pomona.executive.values.arrays import Float64
+from pomona.skills.geometry import apply, inverse, rot_y, transform
+from pomona.skills.perception.detection.cuboid import cuboid_keypoints
+from pomona.skills.perception.detection.options import DetectorOptions
+from pomona.skills.perception.fruit import FruitModel
+from pomona.skills.shared.looking import find_in_frame
 
 CAMERA = Intrinsics(610.6, 610.6, 319.5, 239.5, 640, 480)
 ROBOT_GROUP = 1

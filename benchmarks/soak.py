@@ -19,9 +19,9 @@ import threading
 import time
 from pathlib import Path
 
-from executive.execute import RunOrder, execute, give_back_memory
-from executive.files import find_cell, find_tree
-from executive.running.compute import keep_workers_warm
+from pomona.executive.execute import RunOrder, execute, give_back_memory
+from pomona.executive.files import find_cell, find_tree
+from pomona.executive.running.compute import keep_workers_warm
 
 GROWTH = 0.01
 """Share by which a quantity may grow over the second half."""

@@ -15,11 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, map_coordinates
 
-from drivers.interfaces import Intrinsics
-from executive.values.arrays import Float64
-from skills.geometry import inverse, rot_x, rot_z, transform
-from skills.perception.refinement.depth_image import DepthImage, ImageBox, Triangles
-from skills.perception.refinement.zbuffer import render_with_zbuffer
+from pomona.drivers.interfaces import Intrinsics
+from pomona.executive.values.arrays import Float64
+from pomona.skills.geometry import inverse, rot_x, rot_z, transform
+from pomona.skills.perception.refinement.depth_image import DepthImage, ImageBox, Triangles
+from pomona.skills.perception.refinement.zbuffer import render_with_zbuffer
 
 D435I = Intrinsics(610.6, 610.6, 322.3, 241.9, 640, 480)
 

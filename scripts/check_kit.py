@@ -17,15 +17,15 @@ import venv
 import zipfile
 from pathlib import Path
 
-from executive.cli import main
+from pomona.executive.cli import main
 
 ROOT = Path(__file__).resolve().parents[1]
 IMPORTS = """from typing import Annotated
 
 import numpy as np
-from drivers.interfaces import ForceSensor
-from executive.ports import TIME, Mass, Outputs, Port, Time
-from executive.skill import Skill, Work
+from pomona.drivers.interfaces import ForceSensor
+from pomona.executive.ports import TIME, Mass, Outputs, Port, Time
+from pomona.executive.skill import Skill, Work
 from numpy.typing import NDArray
 
 

@@ -13,37 +13,37 @@ from pathlib import Path
 
 import mkdocs_gen_files
 
-from executive.commands.command_line import children, command_names, make_parser
-from executive.language.declared_skills import declared_skills
-from executive.nodes import Composite, Leaf, Modifier, NodeType, NodeTypes
-from executive.registry import SkillListing
+from pomona.executive.commands.command_line import children, command_names, make_parser
+from pomona.executive.language.declared_skills import declared_skills
+from pomona.executive.nodes import Composite, Leaf, Modifier, NodeType, NodeTypes
+from pomona.executive.registry import SkillListing
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"
 
 MODULES = (
-    "executive.skill",
-    "executive.ports",
-    "executive.skill_testing",
-    "executive.execute",
-    "executive.views",
-    "executive.recording.read",
-    "drivers.interfaces",
-    "drivers.errors",
-    "skills.geometry",
-    "skills.motion.robot.model",
-    "skills.motion.collision.world",
-    "skills.motion.planning.plan",
-    "skills.motion.planning.planners",
-    "skills.motion.grasps.sphere",
-    "skills.motion.occupancy.occupancy_map",
-    "skills.grip.limit_surface",
-    "skills.grip.controller",
-    "skills.grip.hold",
-    "skills.grip.settings",
-    "skills.perception.detection.compact_detector",
-    "skills.perception.refinement.refinement",
-    "skills.perception.fruit.catalogue",
+    "pomona.executive.skill",
+    "pomona.executive.ports",
+    "pomona.executive.skill_testing",
+    "pomona.executive.execute",
+    "pomona.executive.views",
+    "pomona.executive.recording.read",
+    "pomona.drivers.interfaces",
+    "pomona.drivers.errors",
+    "pomona.skills.geometry",
+    "pomona.skills.motion.robot.model",
+    "pomona.skills.motion.collision.world",
+    "pomona.skills.motion.planning.plan",
+    "pomona.skills.motion.planning.planners",
+    "pomona.skills.motion.grasps.sphere",
+    "pomona.skills.motion.occupancy.occupancy_map",
+    "pomona.skills.grip.limit_surface",
+    "pomona.skills.grip.controller",
+    "pomona.skills.grip.hold",
+    "pomona.skills.grip.settings",
+    "pomona.skills.perception.detection.compact_detector",
+    "pomona.skills.perception.refinement.refinement",
+    "pomona.skills.perception.fruit.catalogue",
 )
 """What an integrator calls."""
 

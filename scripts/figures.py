@@ -13,18 +13,18 @@ from typing import Any
 
 import numpy as np
 
-from drivers.depth_model import SIMULATED
-from drivers.interfaces import Intrinsics
-from executive.palette import INK, LINE, MUTED, SERIES
-from skills.geometry import rot_x, transform
-from skills.grip.dynamic_term import DynamicSettings, dynamic_force
-from skills.grip.limit_surface import limit_surface
-from skills.grip.observer import ObserverSettings, observe_slip
-from skills.motion.grasps.sphere import Sphere, pre_grasp_pose
-from skills.perception.fruit import load_fruit
-from skills.perception.refinement.paper import moved_and_scaled
-from skills.perception.refinement.render import render_depth, renderer
-from skills.perception.refinement.scale_fit import fit_scale
+from pomona.drivers.depth_model import SIMULATED
+from pomona.drivers.interfaces import Intrinsics
+from pomona.executive.palette import INK, LINE, MUTED, SERIES
+from pomona.skills.geometry import rot_x, transform
+from pomona.skills.grip.dynamic_term import DynamicSettings, dynamic_force
+from pomona.skills.grip.limit_surface import limit_surface
+from pomona.skills.grip.observer import ObserverSettings, observe_slip
+from pomona.skills.motion.grasps.sphere import Sphere, pre_grasp_pose
+from pomona.skills.perception.fruit import load_fruit
+from pomona.skills.perception.refinement.paper import moved_and_scaled
+from pomona.skills.perception.refinement.render import render_depth, renderer
+from pomona.skills.perception.refinement.scale_fit import fit_scale
 
 IMAGES = Path(__file__).resolve().parents[1] / "docs" / "images"
 NUMBERS = IMAGES / "method.json"

@@ -32,23 +32,23 @@ os.environ["NUMBA_DISABLE_JIT"] = "1"  # what is changed would be compiled anew 
 import numpy as np  # noqa: F401  (loaded once, for all processes)
 import pytest
 
-from executive.source_commit import commit_here
+from pomona.executive.source_commit import commit_here
 
 ROOT = Path(__file__).resolve().parents[1]
 
 MATHEMATICS: dict[str, tuple[str, ...]] = {
-    "executive.values.units": ("tests/executive/values/test_units.py",),
-    "executive.values.rotations": ("tests/executive/values/test_rotations.py",),
-    "executive.campaign.statistics": ("tests/executive/campaign/test_statistics.py",),
-    "drivers.trajectory": ("tests/drivers/test_trajectory.py",),
-    "skills.geometry": ("tests/skills/test_geometry.py",),
-    "skills.grip.dynamic_term": ("tests/skills/grip/test_observer_and_dynamic_term.py",),
-    "skills.grip.observer": ("tests/skills/grip/test_observer_and_dynamic_term.py",),
-    "skills.grip.limit_surface": ("tests/skills/grip/test_limit_surface.py",),
-    "skills.grip.pads": ("tests/skills/grip/test_pads.py",),
-    "skills.motion.grasps.sphere": ("tests/skills/motion/grasps/test_sphere.py",),
-    "skills.motion.planning.timing": ("tests/skills/motion/planning/test_timing.py",),
-    "skills.perception.detection.cuboid": ("tests/skills/perception/detection/test_cuboid.py",),
+    "pomona.executive.values.units": ("tests/executive/values/test_units.py",),
+    "pomona.executive.values.rotations": ("tests/executive/values/test_rotations.py",),
+    "pomona.executive.campaign.statistics": ("tests/executive/campaign/test_statistics.py",),
+    "pomona.drivers.trajectory": ("tests/drivers/test_trajectory.py",),
+    "pomona.skills.geometry": ("tests/skills/test_geometry.py",),
+    "pomona.skills.grip.dynamic_term": ("tests/skills/grip/test_observer_and_dynamic_term.py",),
+    "pomona.skills.grip.observer": ("tests/skills/grip/test_observer_and_dynamic_term.py",),
+    "pomona.skills.grip.limit_surface": ("tests/skills/grip/test_limit_surface.py",),
+    "pomona.skills.grip.pads": ("tests/skills/grip/test_pads.py",),
+    "pomona.skills.motion.grasps.sphere": ("tests/skills/motion/grasps/test_sphere.py",),
+    "pomona.skills.motion.planning.timing": ("tests/skills/motion/planning/test_timing.py",),
+    "pomona.skills.perception.detection.cuboid": ("tests/skills/perception/detection/test_cuboid.py",),
 }
 """Modules and the tests that should find what is wrong in them."""
 

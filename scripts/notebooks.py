@@ -20,7 +20,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from executive.source_commit import commit_here
+from pomona.executive.source_commit import commit_here
 
 ROOT = Path(__file__).resolve().parents[1]
 TUTORIALS = ROOT / "docs" / "tutorials"
@@ -78,7 +78,7 @@ def notebook(text: str, name: str) -> dict[str, Any]:
 
 def _installed(folder: str) -> str:
     """Where the commands that are typed in a folder come from."""
-    where = "import pathlib, executive; print(pathlib.Path(executive.__file__).parents[1])"
+    where = "from pomona.executive.values.shipped import installed_trees; print(installed_trees().parent)"
     done = subprocess.run([sys.executable, "-c", where], cwd=folder, capture_output=True, text=True, check=True)
     return done.stdout.strip()
 

@@ -12,6 +12,7 @@ stays as it is, byte for byte: only its entry says that it was looked at.
 from __future__ import annotations
 
 import argparse
+import ast
 import atexit
 import hashlib
 import json
@@ -27,10 +28,10 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from executive.execute import RunOrder, execute
-from executive.files import find_cell, find_tree
-from executive.recording.digest import digest
-from executive.source_commit import commit_here
+from pomona.executive.execute import RunOrder, execute
+from pomona.executive.files import find_cell, find_tree
+from pomona.executive.recording.digest import digest
+from pomona.executive.source_commit import commit_here
 
 ROOT = Path(__file__).resolve().parents[1]
 IMAGES = ROOT / "docs" / "images"
@@ -111,10 +112,10 @@ def figures_of_grip() -> dict[str, Any]:
 
 def rendered_frames(out: Path) -> None:
     """Two frames of each kind that the detector learns from."""
-    from skills.perception.fruit import load_fruit
-    from skills.perception.synthetic.dataset import frame_seed
-    from skills.perception.synthetic.options import SceneOptions
-    from skills.perception.synthetic.scene import render_scene
+    from pomona.skills.perception.fruit import load_fruit
+    from pomona.skills.perception.synthetic.dataset import frame_seed
+    from pomona.skills.perception.synthetic.options import SceneOptions
+    from pomona.skills.perception.synthetic.scene import render_scene
 
     apple = load_fruit("apple")
     rows = []
@@ -130,12 +131,12 @@ def rendered_frames(out: Path) -> None:
 
 def found_in_a_frame(out: Path) -> None:
     """A held-out frame with what the detector finds, and the finder's belief."""
-    from skills.perception.detection.compact_detector import CompactDetector
-    from skills.perception.fruit import load_fruit
-    from skills.perception.synthetic.dataset import frame_seed
-    from skills.perception.synthetic.options import SceneOptions
-    from skills.perception.synthetic.scene import render_scene
-    from skills.perception.training.report import draw
+    from pomona.skills.perception.detection.compact_detector import CompactDetector
+    from pomona.skills.perception.fruit import load_fruit
+    from pomona.skills.perception.synthetic.dataset import frame_seed
+    from pomona.skills.perception.synthetic.options import SceneOptions
+    from pomona.skills.perception.synthetic.scene import render_scene
+    from pomona.skills.perception.training.report import draw
 
     apple, options = load_fruit("apple"), SceneOptions(kinds=(1.0, 0.0, 0.0, 0.0))
     assert apple.weights is not None
@@ -146,31 +147,56 @@ def found_in_a_frame(out: Path) -> None:
     Image.fromarray(drawn).save(out, quality=88)
 
 
-PAGE = "executive/dashboard/static/"
+PAGE = "executive/pomona/executive/dashboard/static/"
 PICTURES: dict[str, Picture] = {
-    "pick.png": Picture(run_picture, ("executive/recording/picture.py", "executive/palette.py"), figures_of_pick),
+    "pick.png": Picture(
+        run_picture,
+        ("executive/pomona/executive/recording/picture.py", "executive/pomona/executive/palette.py"),
+        figures_of_pick,
+    ),
     "pick.webp": Picture(
         page_animation,
         tuple(PAGE + file for file in ("index.html", "style.css", "scene.js", "timeline.js", "pictures.js")),
         figures_of_pick,
     ),
     "grip.png": Picture(grip_picture, ("benchmarks/grasp_picture.py",), figures_of_grip),
-    "rendered.jpg": Picture(rendered_frames, ("skills/perception/synthetic/*.py",)),
+    "rendered.jpg": Picture(rendered_frames, ("skills/pomona/skills/perception/synthetic/*.py",)),
     "detect.jpg": Picture(
-        found_in_a_frame, tuple(f"skills/perception/detection/{file}" for file in ("compact_*.py", "weights/apple.pt"))
+        found_in_a_frame,
+        tuple(f"skills/pomona/skills/perception/detection/{file}" for file in ("compact_*.py", "weights/apple.pt")),
     ),
 }
 
 
 def digest_of(picture: Picture) -> str:
-    """Of all that the picture is made from; a pattern that finds nothing is an error."""
+    """Return a digest of the picture's sources. A pattern without files is an error."""
     sum_of_all = hashlib.sha256()
     for pattern in picture.sources:
         found = sorted(ROOT.glob(pattern))
         assert found, f"{pattern}: there is no such file"
         for path in found:
-            sum_of_all.update(path.relative_to(ROOT).as_posix().encode() + b"\0" + path.read_bytes() + b"\0")
+            sum_of_all.update(path.name.encode() + b"\0" + drawn_by(path) + b"\0")
     return sum_of_all.hexdigest()[:16]
+
+
+def drawn_by(path: Path) -> bytes:
+    """Return the part of a file that can change a picture: of Python all but comments, docstrings and imports."""
+    content = path.read_bytes()
+    if path.suffix != ".py":
+        return content
+    tree = ast.parse(content)
+    for node in ast.walk(tree):
+        body = getattr(node, "body", None)
+        if isinstance(body, list):
+            node.body = [each for each in body if not is_silent(each)]  # type: ignore[attr-defined]
+    return ast.dump(tree).encode()
+
+
+def is_silent(node: ast.AST) -> bool:
+    """Return True for an import and for a text that stands alone."""
+    return isinstance(node, (ast.Import, ast.ImportFrom)) or (
+        isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)
+    )
 
 
 def ledger() -> dict[str, dict[str, Any]]:

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from executive.commands.command_line import command_names
+from pomona.executive.commands.command_line import command_names
 
 ROOT = Path(__file__).resolve().parents[1]
 README = (ROOT / "README.md").read_text("utf-8")

@@ -29,13 +29,13 @@ def test_a_public_class_has_a_name_of_its_own() -> None:
     for name in SEEN_FROM_BOTH_SIDES:
         assert [where.split("/")[0] for where in shared[name]] == ["executive", "drivers"], shared[name]
     for name in WITH_THEIR_MODULE:
-        assert "executive/nodes/takes.py" in shared[name]
+        assert "executive/pomona/executive/nodes/takes.py" in shared[name]
 
 
 def test_what_a_tree_file_takes_is_named_with_its_module() -> None:
     for package in ("executive", "skills", "drivers", "benchmarks", "tests"):
         for path in sorted((ROOT / package).rglob("*.py")):
             text = path.read_text("utf-8")
-            for node in ast.walk(ast.parse(text)) if "executive.nodes.takes import" in text else ():
-                if isinstance(node, ast.ImportFrom) and node.module == "executive.nodes.takes":
+            for node in ast.walk(ast.parse(text)) if "pomona.executive.nodes.takes import" in text else ():
+                if isinstance(node, ast.ImportFrom) and node.module == "pomona.executive.nodes.takes":
                     assert not WITH_THEIR_MODULE & {name.name for name in node.names}, path

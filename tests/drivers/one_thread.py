@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from drivers.errors import DeviceError
+from pomona.drivers.errors import DeviceError
 
 PATIENCE = 60.0
 """Nothing here takes long; a loaded machine may let a thread wait [s]."""

@@ -4,9 +4,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from drivers.commands import calibrate
-from drivers.emulators.suntouch import Pad, random_wrenches
-from drivers.suntouch.calibration import FingerCalibration
+from pomona.drivers.commands import calibrate
+from pomona.drivers.emulators.suntouch import Pad, random_wrenches
+from pomona.drivers.suntouch.calibration import FingerCalibration
 
 
 def run(*arguments: str) -> int:

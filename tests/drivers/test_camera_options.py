@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from drivers.camera_options import IntrinsicsSection
+from pomona.drivers.camera_options import IntrinsicsSection
 
 D435 = IntrinsicsSection(fx=610.6, fy=608.1, cx=317.7, cy=238.1, width=640, height=480)
 

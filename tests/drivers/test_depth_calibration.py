@@ -8,13 +8,20 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from drivers.cell import Cell
-from drivers.commands import calibrate
-from drivers.depth_calibration import Ball, UnusableDepth, calibrate_balls, calibrate_wall, look_at_ball, read_balls
-from drivers.depth_model import SENSORS, read_depth_model
-from drivers.interfaces import Frame, Intrinsics
-from drivers.mock.camera import MockCamera
-from drivers.mock.clock import MockClock
+from pomona.drivers.cell import Cell
+from pomona.drivers.commands import calibrate
+from pomona.drivers.depth_calibration import (
+    Ball,
+    UnusableDepth,
+    calibrate_balls,
+    calibrate_wall,
+    look_at_ball,
+    read_balls,
+)
+from pomona.drivers.depth_model import SENSORS, read_depth_model
+from pomona.drivers.interfaces import Frame, Intrinsics
+from pomona.drivers.mock.camera import MockCamera
+from pomona.drivers.mock.clock import MockClock
 
 CAMERA = Intrinsics(600.0, 600.0, 320.0, 240.0, 640, 480)
 V, U = np.indices((480, 640))
@@ -240,7 +247,7 @@ def test_a_cells_camera_that_looks_at_a_wall_tells_its_noise(
         looks.append(Frame(0.0, number, colour, noisy.astype(np.float32), CAMERA, None, np.eye(4)))
     clock = MockClock()
     cell = Cell("lab", "lab", clock, {"camera": MockCamera(*looks)})
-    monkeypatch.setattr("drivers.cell.load_cell", lambda *_: cell)
+    monkeypatch.setattr("pomona.drivers.cell.load_cell", lambda *_: cell)
     out = tmp_path / "model.yaml"
     assert run("--cell", "sim", "--wall", "--out", str(out)) == 0
     assert "noise" in capsys.readouterr().out

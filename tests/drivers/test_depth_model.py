@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from drivers.depth_model import (
+from pomona.drivers.depth_model import (
     AZURE_KINECT,
     D4XX,
     SENSORS,
@@ -17,7 +17,7 @@ from drivers.depth_model import (
     folder_depth_model,
     read_depth_model,
 )
-from drivers.errors import CellFileError
+from pomona.drivers.errors import CellFileError
 
 Z = np.array([0.3, 0.6, 1.2])
 

@@ -7,10 +7,10 @@ import cv2
 import numpy as np
 import pytest
 
-from drivers.cell import Cell, load_cell
-from drivers.commands.doctor import add, find_cell
-from drivers.doctor import examine
-from drivers.machine import ReportLine
+from pomona.drivers.cell import Cell, load_cell
+from pomona.drivers.commands.doctor import add, find_cell
+from pomona.drivers.doctor import examine
+from pomona.drivers.machine import ReportLine
 
 
 @pytest.fixture
@@ -83,9 +83,9 @@ def test_lines_are_printed_as_they_come(frames_cell: Path, monkeypatch: pytest.M
         return load_cell(*words, **more)
 
     first = ReportLine("first", True, "")
-    monkeypatch.setattr("drivers.commands.doctor.examine_machine", lambda _records: iter([first]))
+    monkeypatch.setattr("pomona.drivers.commands.doctor.examine_machine", lambda _records: iter([first]))
     monkeypatch.setattr("builtins.print", lambda *words, **_: printed.append(str(words[0])))
-    monkeypatch.setattr("drivers.doctor.load_cell", connect)
+    monkeypatch.setattr("pomona.drivers.doctor.load_cell", connect)
     parser = argparse.ArgumentParser()
     add(parser.add_subparsers())
     options = parser.parse_args(["doctor", "--cell", str(frames_cell)])

@@ -1,6 +1,6 @@
 """A plan of faults turns its switches when it is time, once."""
 
-from drivers.faults import FaultPlan, FaultSwitch, PlannedFault
+from pomona.drivers.faults import FaultPlan, FaultSwitch, PlannedFault
 
 
 class Lamp(FaultSwitch):

@@ -6,8 +6,8 @@ import math
 
 import pytest
 
-from drivers.gripper_supervisor import COASTING, GripperSupervision, GripperSupervisor
-from drivers.interfaces import GripperLimits, GripperState
+from pomona.drivers.gripper_supervisor import COASTING, GripperSupervision, GripperSupervisor
+from pomona.drivers.interfaces import GripperLimits, GripperState
 
 PERIOD = 0.01
 LIMITS = GripperLimits(0.0, 0.068, 0.4, 50.0)

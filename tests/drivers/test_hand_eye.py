@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from drivers.hand_eye import Chessboard, UnusableLooks, calibrate_folder, calibrate_hand_eye, find_board
-from drivers.interfaces import Intrinsics
+from pomona.drivers.hand_eye import Chessboard, UnusableLooks, calibrate_folder, calibrate_hand_eye, find_board
+from pomona.drivers.interfaces import Intrinsics
 
 INTRINSICS = Intrinsics(600.0, 602.0, 319.0, 241.0, 640, 480)
 BOARD = Chessboard(8, 5, 0.03)

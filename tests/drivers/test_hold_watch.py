@@ -7,10 +7,10 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from drivers.errors import DeviceLost
-from drivers.hold_watch import GIVE, HoldWatch
-from drivers.interfaces import GripperState
-from drivers.mock import MockClock, MockForceSensor, MockGripper
+from pomona.drivers.errors import DeviceLost
+from pomona.drivers.hold_watch import GIVE, HoldWatch
+from pomona.drivers.interfaces import GripperState
+from pomona.drivers.mock import MockClock, MockForceSensor, MockGripper
 
 HELD_AT = 0.087
 SURE, HARDLY, NOTHING = "something is between the fingers", "something was held, and is hardly felt now", ""

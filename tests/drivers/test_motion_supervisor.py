@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from drivers.errors import DeviceFault, DeviceLost
-from drivers.interfaces import ArmLimits, Trajectory
-from drivers.motion_supervisor import MotionSupervisor, Supervision
-from drivers.path_motion import PathMotion
+from pomona.drivers.errors import DeviceFault, DeviceLost
+from pomona.drivers.interfaces import ArmLimits, Trajectory
+from pomona.drivers.motion_supervisor import MotionSupervisor, Supervision
+from pomona.drivers.path_motion import PathMotion
 
 DOF = 3
 LIMITS = ArmLimits(-np.full(DOF, 3.0), np.full(DOF, 3.0), np.full(DOF, 3.0), np.full(DOF, 10.0), np.full(DOF, 200.0))

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from drivers.mounted_camera import UnusableHandEye, read_hand_eye
+from pomona.drivers.mounted_camera import UnusableHandEye, read_hand_eye
 
 
 def changed(row: int, column: int, number: float) -> str:

@@ -15,8 +15,8 @@ from pathlib import Path
 
 import pytest
 
-from drivers.cell import load_cell
-from drivers.interfaces import Arm, Gripper
+from pomona.drivers.cell import load_cell
+from pomona.drivers.interfaces import Arm, Gripper
 
 pytestmark = pytest.mark.slow
 
@@ -33,10 +33,10 @@ devices:
 RUN = """
 import sys, time
 from benchmarks.kill_points_skills import _quintic
-from drivers.interfaces import Arm, Gripper
-from executive.cli import main
-from executive.registry import Registry
-from executive.skill import Skill, Work
+from pomona.drivers.interfaces import Arm, Gripper
+from pomona.executive.cli import main
+from pomona.executive.registry import Registry
+from pomona.executive.skill import Skill, Work
 
 
 class Move(Skill):
@@ -83,7 +83,7 @@ def place(tmp_path: Path) -> Iterator[Place]:
     orders = [["motoman", "--port", str(arm)], ["wsg", "--tcp", f"127.0.0.1:{gripper}"]]
     with contextlib.ExitStack() as stack:
         for order in orders:
-            command = [sys.executable, "-m", "drivers.commands.emulate", *order]
+            command = [sys.executable, "-m", "pomona.drivers.commands.emulate", *order]
             process = stack.enter_context(subprocess.Popen(command, stdout=subprocess.PIPE, text=True))
             stack.callback(process.terminate)
             assert process.stdout is not None

@@ -7,10 +7,10 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-import drivers.owner
-from drivers.errors import DeviceFault, DeviceLost
-from drivers.owner import Owner
-from executive.clock import ManualClock, SystemClock
+from pomona.drivers import owner as owner_module
+from pomona.drivers.errors import DeviceFault, DeviceLost
+from pomona.drivers.owner import Owner
+from pomona.executive.clock import ManualClock, SystemClock
 
 PATIENCE = 20.0
 """Nothing here takes long; a loaded machine may let a thread wait [s]."""
@@ -126,7 +126,7 @@ def test_a_call_that_fails_is_told_and_the_next_is_made(served: Served) -> None:
 def test_a_thread_that_hangs_is_found(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
     served.owner.start()
     served.owner.check()
-    monkeypatch.setattr(drivers.owner, "HUNG", -1.0)  # as if so much time had passed
+    monkeypatch.setattr(owner_module, "HUNG", -1.0)  # as if so much time had passed
     with pytest.raises(DeviceLost, match="its thread hangs"):
         served.owner.check()
 
@@ -174,6 +174,6 @@ def test_a_clock_that_takes_turns_gives_the_thread() -> None:
     assert made == []
     with pytest.raises(DeviceLost, match="did nothing"):  # waits on the cell's clock, not on the wall's
         owner.ask(lambda: None)
-    assert clock.now() >= drivers.owner.ANSWER
+    assert clock.now() >= owner_module.ANSWER
     owner.close()
     assert made == ["call"]

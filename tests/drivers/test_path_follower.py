@@ -2,11 +2,10 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
-from drivers.interfaces import ArmLimits, Trajectory
-from drivers.path_follower import PathFollower
+from pomona.drivers.interfaces import ArmLimits, Trajectory
+from pomona.drivers.path_follower import PathFollower
 
 LIMITS = ArmLimits(
     lower=np.full(3, -10.0),

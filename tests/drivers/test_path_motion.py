@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from drivers.interfaces import ArmLimits, MotionState, Trajectory
-from drivers.path_motion import HELD_UP, PathMotion
+from pomona.drivers.interfaces import ArmLimits, MotionState, Trajectory
+from pomona.drivers.path_motion import HELD_UP, PathMotion
 
 PERIOD = 0.01
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from drivers.cell import Cell, load_cell
-from drivers.errors import CellFileError
+from pomona.drivers.cell import Cell, load_cell
+from pomona.drivers.errors import CellFileError
 
 MOCK = """\
 name: bench

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 import trimesh
 
-from drivers import scene_mesh
-from drivers.errors import UnusableMesh
-from drivers.interfaces import Hull
-from drivers.scene_mesh import read_parts
+from pomona.drivers import scene_mesh
+from pomona.drivers.errors import UnusableMesh
+from pomona.drivers.interfaces import Hull
+from pomona.drivers.scene_mesh import read_parts
 
 POINT = b"""solid p
 facet normal 0 0 1

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from drivers.errors import BadTrajectory
-from drivers.interfaces import ArmLimits, MotionState, SetPoints
-from drivers.streamed_motion import StreamedMotion
+from pomona.drivers.errors import BadTrajectory
+from pomona.drivers.interfaces import ArmLimits, MotionState, SetPoints
+from pomona.drivers.streamed_motion import StreamedMotion
 
 LIMITS = ArmLimits(
     np.array([-2.0, -1.0, -3.0]), np.array([2.0, 1.0, 3.0]), np.array([3.0, 2.0, 1.0]), np.array([8.0, 10.0, 20.0]),

@@ -7,10 +7,10 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from drivers.errors import DeviceFault
-from drivers.interfaces import WrenchSample
-from drivers.streams import FEW, SILENCE, Belief, WrenchStream
-from executive.clock import ManualClock
+from pomona.drivers.errors import DeviceFault
+from pomona.drivers.interfaces import WrenchSample
+from pomona.drivers.streams import FEW, SILENCE, Belief, WrenchStream
+from pomona.executive.clock import ManualClock
 
 PERIOD = 0.002
 

@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from drivers.errors import BadTrajectory, MotionRefused
-from drivers.interfaces import ArmLimits, Trajectory, Workspace
-from drivers.mock import MockArm, MockClock
-from drivers.mock.arm import ROBOT, SIA5F_LIMITS
-from drivers.trajectory import REST, SHARE, check_trajectory
-from skills.motion.collision import CollisionWorld
-from skills.motion.planning.timing import time_polyline
-from skills.motion.robot import RobotModel
+from pomona.drivers.errors import BadTrajectory, MotionRefused
+from pomona.drivers.interfaces import ArmLimits, Trajectory, Workspace
+from pomona.drivers.mock import MockArm, MockClock
+from pomona.drivers.mock.arm import ROBOT, SIA5F_LIMITS
+from pomona.drivers.trajectory import REST, SHARE, check_trajectory
+from pomona.skills.motion.collision import CollisionWorld
+from pomona.skills.motion.planning.timing import time_polyline
+from pomona.skills.motion.robot import RobotModel
 
 LIMITS = ArmLimits(np.full(2, -2.0), np.full(2, 2.0), np.full(2, 3.0), np.full(2, 10.0), np.full(2, 200.0))
 GOOD = time_polyline(np.array([[-1.0, 0.0], [0.0, 1.0], [1.0, 0.0]]), LIMITS)

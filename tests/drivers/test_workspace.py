@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from drivers.cell_file import judge_cell_file
-from executive.values.findings import Findings
+from pomona.drivers.cell_file import judge_cell_file
+from pomona.executive.values.findings import Findings
 
 CELL = "kind: mock\nworkspace:\n  lower: -1 -1 -1 m\n  upper: 1 1 1 m\n{}\ndevices: {{}}\n"
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from executive.running import compute
+from pomona.executive.running import compute
 
 
 @pytest.fixture(autouse=True, scope="package")

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from executive.execute import Executed, RunOrder, execute
-from executive.files import find_cell, find_tree
-from executive.running.events import Event
+from pomona.executive.execute import Executed, RunOrder, execute
+from pomona.executive.files import find_cell, find_tree
+from pomona.executive.running.events import Event
 
 pytestmark = pytest.mark.slow
 

@@ -8,10 +8,10 @@ import sys
 import pytest
 
 from benchmarks.fault_table import read_table
-from drivers.sim.arm import SimArm
-from drivers.sim.camera import SimCamera
-from drivers.sim.fingers import SimFingers
-from drivers.sim.gripper import SimGripper
+from pomona.drivers.sim.arm import SimArm
+from pomona.drivers.sim.camera import SimCamera
+from pomona.drivers.sim.fingers import SimFingers
+from pomona.drivers.sim.gripper import SimGripper
 
 TRIED = [
     "arm.frozen@following",

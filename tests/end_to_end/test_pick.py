@@ -11,12 +11,12 @@ from typing import Any
 
 import pytest
 
-from executive.cli import main
-from executive.execute import Executed, RunOrder, execute
-from executive.files import find_cell, find_tree
-from executive.recording.read import read_events
-from executive.running.events import Event, HandChanged, Published, RunEnded
-from executive.running.runner import Runner
+from pomona.executive.cli import main
+from pomona.executive.execute import Executed, RunOrder, execute
+from pomona.executive.files import find_cell, find_tree
+from pomona.executive.recording.read import read_events
+from pomona.executive.running.events import Event, HandChanged, Published, RunEnded
+from pomona.executive.running.runner import Runner
 
 pytestmark = pytest.mark.slow
 
@@ -107,7 +107,7 @@ def test_a_safe_stop_in_the_lift_keeps_the_apple_held() -> None:
 def test_ctrl_c_closes_a_readable_record_and_exits_with_130(tmp_path: Path) -> None:
     # What is started in the background, as tests may be, begins with Ctrl-C ignored.
     listening = "import signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler)"
-    script = f"{listening}; from executive.cli import main; sys.exit(main())"
+    script = f"{listening}; from pomona.executive.cli import main; sys.exit(main())"
     command = [sys.executable, "-c", script, "run", "pick_apple", "--pace", "real", "--record", str(tmp_path)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as process:
         assert process.stdout is not None

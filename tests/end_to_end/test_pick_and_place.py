@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from executive.execute import RunOrder, execute
-from executive.files import find_cell, find_tree
-from executive.running.events import Event, Published
-from executive.views import TableView
+from pomona.executive.execute import RunOrder, execute
+from pomona.executive.files import find_cell, find_tree
+from pomona.executive.running.events import Event, Published
+from pomona.executive.views import TableView
 
 pytestmark = pytest.mark.slow
 

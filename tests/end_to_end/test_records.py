@@ -11,12 +11,12 @@ from pathlib import Path
 
 import pytest
 
-from executive.cli import main
-from executive.execute import RunOrder, execute
-from executive.files import find_cell, find_tree
-from executive.recording.digest import digest
-from executive.recording.folder import EVENTS_FILE
-from executive.recording.scan import is_whole
+from pomona.executive.cli import main
+from pomona.executive.execute import RunOrder, execute
+from pomona.executive.files import find_cell, find_tree
+from pomona.executive.recording.digest import digest
+from pomona.executive.recording.folder import EVENTS_FILE
+from pomona.executive.recording.scan import is_whole
 
 pytestmark = pytest.mark.slow
 
@@ -80,7 +80,17 @@ def test_a_pick_travels_in_one_file(record: Path, tmp_path: Path, capsys: pytest
 
 @pytest.mark.long
 def test_a_pick_whose_process_is_killed_is_recovered(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    command = [sys.executable, "-m", "executive.cli", "run", "pick_apple", "--pace", "real", "--record", str(tmp_path)]
+    command = [
+        sys.executable,
+        "-m",
+        "pomona.executive.cli",
+        "run",
+        "pick_apple",
+        "--pace",
+        "real",
+        "--record",
+        str(tmp_path),
+    ]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as process:
         assert process.stdout is not None
         for line in process.stdout:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from typing import Any, TypeVar, cast
 
-from executive.clock import ManualClock
+from pomona.executive.clock import ManualClock
 
 T = TypeVar("T")
 
@@ -38,7 +38,7 @@ class Wheel:
 
 
 class FakeCell:
-    """What `executive.running.cell.Cell` asks for."""
+    """What `pomona.executive.running.cell.Cell` asks for."""
 
     name, kind = "fake", "mock"
     record_required = False

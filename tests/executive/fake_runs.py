@@ -7,13 +7,13 @@ from typing import Any
 
 from fake_cell import FakeCell, Wheel
 
-from executive.language import build, read
-from executive.ports import Outputs, Time
-from executive.registry import Registry
-from executive.running.events import Event, EventStream, Listener
-from executive.running.run_state import RunState
-from executive.running.runner import Runner
-from executive.skill import Interrupted, Skill, Work
+from pomona.executive.language import build, read
+from pomona.executive.ports import Outputs, Time
+from pomona.executive.registry import Registry
+from pomona.executive.running.events import Event, EventStream, Listener
+from pomona.executive.running.run_state import RunState
+from pomona.executive.running.runner import Runner
+from pomona.executive.skill import Interrupted, Skill, Work
 
 
 class Turned(Outputs):

@@ -12,11 +12,11 @@ from mcap.reader import make_reader
 from mcap.writer import CompressionType
 from scipy.spatial.transform import Rotation
 
-from executive.encode import encoded
-from executive.reasons import Reason
-from executive.recording.folder import EVENTS_FILE
-from executive.recording.recorder import Recorder, message_of, new_writer
-from executive.running.events import (
+from pomona.executive.encode import encoded
+from pomona.executive.reasons import Reason
+from pomona.executive.recording.folder import EVENTS_FILE
+from pomona.executive.recording.recorder import Recorder, message_of, new_writer
+from pomona.executive.running.events import (
     AttemptEnded,
     Event,
     LinkChanged,
@@ -29,7 +29,7 @@ from executive.running.events import (
     SafeStopped,
     StateChanged,
 )
-from executive.views import (
+from pomona.executive.views import (
     BodiesView,
     ImageView,
     Line3,

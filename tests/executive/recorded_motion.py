@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from recorded_events import pose, started
 
-from executive.recording.recorder import Recorder
-from executive.running.events import NodeChanged, Published, RunEnded
-from executive.views import ImageView, Pinhole
+from pomona.executive.recording.recorder import Recorder
+from pomona.executive.running.events import NodeChanged, Published, RunEnded
+from pomona.executive.views import ImageView, Pinhole
 
 LOOKS = (0.3, 1.2)
 """Seconds of the run."""

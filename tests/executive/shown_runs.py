@@ -11,16 +11,16 @@ from typing import Any
 import numpy as np
 from fake_cell import FakeCell, Wheel
 
-from executive.dashboard.security import Access
-from executive.dashboard.server import Dashboard
-from executive.language import build, read
-from executive.ports import Outputs, Time
-from executive.recording.recorder import Recorder
-from executive.registry import Registry
-from executive.running.events import EventStream, RunStarted
-from executive.running.runner import Runner
-from executive.skill import Interrupted, Skill, Work
-from executive.views import BodiesView, ImageView, Line2, Line3, Mesh3, Points3, PosesView, SceneView, SeriesView
+from pomona.executive.dashboard.security import Access
+from pomona.executive.dashboard.server import Dashboard
+from pomona.executive.language import build, read
+from pomona.executive.ports import Outputs, Time
+from pomona.executive.recording.recorder import Recorder
+from pomona.executive.registry import Registry
+from pomona.executive.running.events import EventStream, RunStarted
+from pomona.executive.running.runner import Runner
+from pomona.executive.skill import Interrupted, Skill, Work
+from pomona.executive.views import BodiesView, ImageView, Line2, Line3, Mesh3, Points3, PosesView, SceneView, SeriesView
 
 GATE = threading.Event()
 """`Hold` waits for it: a test decides when a run goes on."""

@@ -6,8 +6,8 @@ import threading
 
 import pytest
 
-from executive.board import Board, Entry, WrongThread
-from executive.clock import ManualClock
+from pomona.executive.board import Board, Entry, WrongThread
+from pomona.executive.clock import ManualClock
 
 
 @pytest.fixture

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from executive.cli import main
-from executive.language.declared_skills import declared_skills
-from executive.running.runner import Runner
+from pomona.executive.cli import main
+from pomona.executive.language.declared_skills import declared_skills
+from pomona.executive.running.runner import Runner
 
 
 def refused(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
@@ -113,13 +113,13 @@ def test_skills_are_listed_with_ports_units_and_codes(capsys: pytest.CaptureFixt
 
 SMALL_COMMANDS = """
 import sys
-from executive.cli import main
-from executive.commands.command_line import make_parser
-from executive.language.declared_skills import declared_skills
-from executive.running.runner import Runner
+from pomona.executive.cli import main
+from pomona.executive.commands.command_line import make_parser
+from pomona.executive.language.declared_skills import declared_skills
+from pomona.executive.running.runner import Runner
 
 assert "count and measure" in make_parser([]).format_help()
-assert "skills" not in sys.modules, "--help imports the skills"
+assert "pomona.skills" not in sys.modules, "--help imports the skills"
 
 def loaded(arguments, *heavy):
     assert main(arguments) in (0, 2), arguments
@@ -128,10 +128,11 @@ def loaded(arguments, *heavy):
 
 compiled = ("torch", "numba", "mujoco", "matplotlib", "scipy", "trimesh", "cv2", "ompl")
 for arguments in (["check"], ["show"], ["export"]):
-    loaded([*arguments, "pick_apple"], *compiled, "numpy", "rich", "executive.execute")
+    loaded([*arguments, "pick_apple"], *compiled, "numpy", "rich", "pomona.executive.execute")
 loaded(["skills"], *compiled, "numpy")
 loaded(["schema"], *compiled, "numpy")
-loaded(["runs", "list", "--record", "nowhere"], *compiled, "numpy", "executive.execute", "executive.recording.recorder")
+running = "pomona.executive.execute", "pomona.executive.recording.recorder"
+loaded(["runs", "list", "--record", "nowhere"], *compiled, "numpy", *running)
 """
 
 
@@ -143,7 +144,7 @@ def test_small_commands_load_only_what_they_need() -> None:
 
 
 def test_what_skills_declare_is_asked_without_loading_their_networks() -> None:
-    script = "import sys; from executive.registry import Registry; assert len(Registry.installed()) > 10"
+    script = "import sys; from pomona.executive.registry import Registry; assert len(Registry.installed()) > 10"
     heavy = "; print([name for name in ('torch', 'trimesh', 'matplotlib', 'scipy.stats') if name in sys.modules])"
     done = subprocess.run([sys.executable, "-c", script + heavy], capture_output=True, text=True, timeout=60)
     assert done.stdout.splitlines()[-1] == "[]", done.stderr
@@ -189,7 +190,7 @@ def test_a_quiet_run_that_ends_in_the_safe_state_says_why(
 def test_a_reader_that_is_gone_ends_a_run_in_the_safe_state(tmp_path: Path) -> None:
     tree = tmp_path / "t.yaml"
     tree.write_text("pomona: 1\ntree: t\nroot: {repeat: 500, sequence: [{wait: 20 ms}, {succeed: {}}]}\n")
-    command = [sys.executable, "-m", "executive.cli", "run", str(tree), "--dry", "--pace", "real"]
+    command = [sys.executable, "-m", "pomona.executive.cli", "run", str(tree), "--dry", "--pace", "real"]
     with subprocess.Popen(
         [*command, "--record", str(tmp_path / "runs")], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     ) as process:
@@ -209,7 +210,7 @@ def test_a_signal_that_a_compiled_module_turned_into_an_error_gives_no_traceback
     def interrupted(_words: object) -> int:
         raise ImportError("initialization failed") from KeyboardInterrupt()
 
-    monkeypatch.setattr("executive.cli._run", interrupted)
+    monkeypatch.setattr("pomona.executive.cli._run", interrupted)
     assert main(["skills"]) == 130
     assert "Traceback" not in capsys.readouterr().err
 
@@ -217,8 +218,8 @@ def test_a_signal_that_a_compiled_module_turned_into_an_error_gives_no_traceback
 LEAVES_BEHIND = """
 import multiprocessing, sys, threading, time
 from concurrent.futures import ThreadPoolExecutor
-from executive import cli
-from executive.running.compute import Computations
+from pomona.executive import cli
+from pomona.executive.running.compute import Computations
 
 def leave(_words):
     if what == "thread":
@@ -262,7 +263,7 @@ def test_a_pool_that_waits_for_work_ends_by_itself_and_is_not_named() -> None:
 
 
 def test_figures_are_drawn_where_a_notebook_names_a_backend_that_is_not_here() -> None:
-    script = "from executive.cli import main\nmain(['completion', 'bash'])\nimport matplotlib\n"
+    script = "from pomona.executive.cli import main\nmain(['completion', 'bash'])\nimport matplotlib\n"
     environment = os.environ | {"MPLBACKEND": "module://matplotlib_inline.backend_inline"}
     done = subprocess.run([sys.executable, "-c", script], env=environment, capture_output=True, text=True, timeout=60)
     assert done.returncode == 0, done.stderr

@@ -6,7 +6,7 @@ import time
 
 import pytest
 
-from executive.clock import SystemClock
+from pomona.executive.clock import SystemClock
 
 
 def test_the_systems_clock_goes_on_while_the_computer_sleeps(monkeypatch: pytest.MonkeyPatch) -> None:

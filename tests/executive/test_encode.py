@@ -7,13 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from hypothesis.extra import numpy as hnp
 
-from executive.encode import encoded, plain
-from executive.reasons import DEEPEST_CAUSE, MOST_CAUSES, Reason
-from executive.recording.decode import reason_from
+from pomona.executive.encode import encoded, plain
+from pomona.executive.reasons import DEEPEST_CAUSE, MOST_CAUSES, Reason
+from pomona.executive.recording.decode import reason_from
 
 
 @dataclass(frozen=True)

@@ -6,14 +6,14 @@ from pathlib import Path
 
 import pytest
 
-from executive.errors import UsageError
-from executive.execute import RunOrder, execute
-from executive.files import find_cell, find_tree
-from executive.recording.read import read_events
-from executive.running.breakpoints import Side
-from executive.running.events import Event, OperatorActed, StateChanged
-from executive.running.runner import Runner
-from executive.running.starting import Starting
+from pomona.executive.errors import UsageError
+from pomona.executive.execute import RunOrder, execute
+from pomona.executive.files import find_cell, find_tree
+from pomona.executive.recording.read import read_events
+from pomona.executive.running.breakpoints import Side
+from pomona.executive.running.events import Event, OperatorActed, StateChanged
+from pomona.executive.running.runner import Runner
+from pomona.executive.running.starting import Starting
 
 
 def order(*breaks: tuple[str, Side]) -> RunOrder:

@@ -4,8 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from executive.errors import UsageError
-from executive.files import default_name, find_cell, find_tree, installed_trees
+from pomona.executive.errors import UsageError
+from pomona.executive.files import default_name, find_cell, find_tree
+from pomona.executive.values.shipped import installed_trees
 
 
 def test_what_is_taken_when_nobody_names_one_is_installed() -> None:

@@ -6,17 +6,17 @@ from pathlib import Path
 
 import pytest
 
-import executive
-from drivers.cell import CellFiles
-from executive.cli import main as pomona
-from executive.errors import UsageError
-from executive.execute import RunOrder, execute
-from executive.files import find_cell
-from executive.judging import judge
-from executive.language.documents import read_document
-from executive.registry import Registry
-from executive.values.findings import Finding
-from executive.values.sections import Problem
+from pomona.drivers.cell import CellFiles
+from pomona.executive.cli import main as pomona
+from pomona.executive.errors import UsageError
+from pomona.executive.execute import RunOrder, execute
+from pomona.executive.files import find_cell
+from pomona.executive.judging import judge
+from pomona.executive.language.documents import read_document
+from pomona.executive.registry import Registry
+from pomona.executive.values.findings import Finding
+from pomona.executive.values.sections import Problem
+from pomona.executive.values.shipped import installed_trees
 
 TREE = """pomona: 1
 tree: look
@@ -171,7 +171,7 @@ def test_every_installed_cell_is_checked_as_one_and_so_is_what_builds_on_it(
         own.write_text(text)
         assert pomona(["check", str(own)]) == 2
         assert "'3' lacks a unit" in capsys.readouterr().out
-    files = sorted((Path(executive.__file__).parents[1] / "trees" / "cells").glob("*.yaml"))
+    files = sorted((installed_trees() / "cells").glob("*.yaml"))
     assert len(files) > 5
     pomona(["check", *map(str, files)])
     said = capsys.readouterr().out

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from executive.palette import BAD, GOOD, INK, LINE, MUTED, OVERLAY, SCENE, SERIES, WARN, rgb
+from pomona.executive.palette import BAD, GOOD, INK, LINE, MUTED, OVERLAY, SCENE, SERIES, WARN, rgb
 
-STATIC = Path(__file__).resolve().parents[2] / "executive" / "dashboard" / "static"
+STATIC = Path(__file__).resolve().parents[2] / "executive" / "pomona" / "executive" / "dashboard" / "static"
 STYLE = (STATIC / "style.css").read_text("utf-8")
 LIGHT = dict(re.findall(r"--([a-z0-9-]+): (#[0-9a-f]+);", STYLE[: STYLE.index("@media")]))
 

@@ -7,12 +7,12 @@ from typing import Annotated
 
 import pytest
 
-from executive import registry
-from executive.commands.command_line import make_parser
-from executive.language import check, read
-from executive.ports import LENGTH, Length, Outputs, Port
-from executive.registry import Registry
-from executive.skill import Skill, Work
+from pomona.executive import registry
+from pomona.executive.commands.command_line import make_parser
+from pomona.executive.language import check, read
+from pomona.executive.ports import LENGTH, Length, Outputs, Port
+from pomona.executive.registry import Registry
+from pomona.executive.skill import Skill, Work
 
 
 class Basket:

@@ -5,12 +5,12 @@ from __future__ import annotations
 import pytest
 from recorded_events import started
 
-from executive.reasons import Reason
-from executive.running.events import AttemptEnded, Event, HandChanged, RunEnded
-from executive.terminal.explain import explain
-from executive.terminal.screen import Screen
-from executive.terminal.summary import Summary
-from executive.terminal.words import figure
+from pomona.executive.reasons import Reason
+from pomona.executive.running.events import AttemptEnded, Event, HandChanged, RunEnded
+from pomona.executive.terminal.explain import explain
+from pomona.executive.terminal.screen import Screen
+from pomona.executive.terminal.summary import Summary
+from pomona.executive.terminal.words import figure
 
 NODES = (
     {"path": "pick", "parent": None, "name": "pick", "type": "sequence"},

@@ -9,10 +9,10 @@ from pathlib import Path
 import pytest
 from recorded_events import FAILED, SUCCEEDED, write
 
-from executive.cli import main
-from executive.recording import recorder as recorder_module
-from executive.recording.folder import EVENTS_FILE
-from executive.recording.recorder import Recorder
+from pomona.executive.cli import main
+from pomona.executive.recording import recorder as recorder_module
+from pomona.executive.recording.folder import EVENTS_FILE
+from pomona.executive.recording.recorder import Recorder
 
 TREE = """\
 pomona: 1

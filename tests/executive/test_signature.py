@@ -5,14 +5,26 @@ from __future__ import annotations
 from typing import Annotated, Any, Literal
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from py_trees.common import Status
 
-from executive.errors import SkillError
-from executive.ports import FORCE, LENGTH, MASS, RATIO, REQUIRED, Force, Length, Mass, Outputs, Port, Ports, Ratio
-from executive.skill import Skill, Work
-from executive.skill_testing import drive
+from pomona.executive.errors import SkillError
+from pomona.executive.ports import (
+    FORCE,
+    LENGTH,
+    MASS,
+    RATIO,
+    REQUIRED,
+    Force,
+    Length,
+    Mass,
+    Outputs,
+    Port,
+    Ports,
+    Ratio,
+)
+from pomona.executive.skill import Skill, Work
+from pomona.executive.skill_testing import drive
 
 
 class Basket:

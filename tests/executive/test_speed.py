@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from executive.speed import SpeedRefusedError, checked_speed, speed_of, words_of
+from pomona.executive.speed import SpeedRefusedError, checked_speed, speed_of, words_of
 
 
 def test_a_share_is_read_and_written() -> None:

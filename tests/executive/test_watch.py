@@ -8,7 +8,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from executive.commands.watch import run_on_save
+from pomona.executive.commands.watch import run_on_save
 
 TREE = "pomona: 1\ntree: t\nroot:\n  sequence:\n    - wait: 1 s\n"
 

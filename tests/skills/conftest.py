@@ -11,11 +11,11 @@ import pytest
 from numpy.typing import NDArray
 
 from benchmarks.synthetic_depth import StandingFruit, as_d435i, looking_at, standing, true_depth
-from drivers.interfaces import Intrinsics
-from executive.values.arrays import Float64
-from skills.geometry import apply, inverse, rot_y, transform
-from skills.perception.fruit import FruitModel, load_fruit
-from skills.perception.refinement.support_plane import Plane, horizontal_plane
+from pomona.drivers.interfaces import Intrinsics
+from pomona.executive.values.arrays import Float64
+from pomona.skills.geometry import apply, inverse, rot_y, transform
+from pomona.skills.perception.fruit import FruitModel, load_fruit
+from pomona.skills.perception.refinement.support_plane import Plane, horizontal_plane
 
 PAPER_APPLES = ((89, 81, 89), (91, 85, 91), (93, 73, 93), (73, 64, 73), (62, 47, 62))
 """True dimensions of the paper's five apples [mm]."""

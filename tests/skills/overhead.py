@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from drivers.interfaces import Cameras, Frame, Intrinsics, PathWatchSettings, Workspace
-from executive.clock import Clock
-from skills.geometry import inverse
+from pomona.drivers.interfaces import Cameras, Frame, Intrinsics, PathWatchSettings, Workspace
+from pomona.executive.clock import Clock
+from pomona.skills.geometry import inverse
 from tests.skills.picking_scene import TABLE_Z, PickingScene
 
 LENS = Intrinsics(305.0, 305.0, 159.5, 119.5, 320, 240)

@@ -7,19 +7,19 @@ from typing import Any
 
 import numpy as np
 
-from drivers.interfaces import Arm, Box, ForceSensor, Frame, Gripper, Intrinsics, Workspace
-from drivers.mock import MockArm, MockClock, MockForceSensor, MockGripper
-from drivers.mock.arm import ROBOT
-from skills.geometry import rot_z, transform
-from skills.motion.grasp import Grasp
-from skills.motion.grasps.sample import sample_pre_grasps
-from skills.motion.grasps.sphere import Sphere
-from skills.motion.occupancy import OccupancyMap
-from skills.motion.planning.arm_space import ArmSpace
-from skills.motion.robot import RobotModel
-from skills.motion.straight_line import straight_line
-from skills.perception.fruit import load_fruit
-from skills.perception.measured_fruit import MeasuredFruit
+from pomona.drivers.interfaces import Arm, Box, ForceSensor, Frame, Gripper, Intrinsics, Workspace
+from pomona.drivers.mock import MockArm, MockClock, MockForceSensor, MockGripper
+from pomona.drivers.mock.arm import ROBOT
+from pomona.skills.geometry import rot_z, transform
+from pomona.skills.motion.grasp import Grasp
+from pomona.skills.motion.grasps.sample import sample_pre_grasps
+from pomona.skills.motion.grasps.sphere import Sphere
+from pomona.skills.motion.occupancy import OccupancyMap
+from pomona.skills.motion.planning.arm_space import ArmSpace
+from pomona.skills.motion.robot import RobotModel
+from pomona.skills.motion.straight_line import straight_line
+from pomona.skills.perception.fruit import load_fruit
+from pomona.skills.perception.measured_fruit import MeasuredFruit
 
 TABLE_Z = -0.12
 OBSERVE = np.array([-1.36, -0.316, -0.264, -0.234, 0.065, -1.294, 0.048])
@@ -63,7 +63,7 @@ def apple_at(number: int, place: int, yaw: float = 0.0, sigma: float = 1e-3) -> 
 @cache
 def a_grasp(number: int = 1, place: int = 3, theta: float = 0.0) -> Grasp:
     """A grasp that can be approached on an empty table."""
-    from skills.motion.collision import CollisionWorld
+    from pomona.skills.motion.collision import CollisionWorld
 
     space = ArmSpace(CollisionWorld.build(ROBOT_MODEL, WORKSPACE), 0.1)
     sphere = Sphere(theta=(theta, theta), tilts=1, turns=8)

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from py_trees.common import Status
 
-from executive.skill_testing import drive
-from skills.approach import Approach
-from skills.geometry import transform
+from pomona.executive.skill_testing import drive
+from pomona.skills.approach import Approach
+from pomona.skills.geometry import transform
 from tests.skills.overhead import comes_near, watched
 from tests.skills.picking_scene import PickingScene, a_grasp, seen_map
 

@@ -9,14 +9,14 @@ from pathlib import Path
 
 import pytest
 
-from skills.compiled_code import FIRST, PLACE
+from pomona.skills.compiled_code import FIRST, PLACE
 
 INNER = "import numba\n@numba.njit(cache=True)\ndef inner(): return {}\n"
 OUTER = "import numba\nfrom inner import inner\n@numba.njit(cache=True)\ndef outer(): return inner()\n"
 SCRIPT = """
 from pathlib import Path
 
-from skills.compiled_code import PLACE, keep_apart
+from pomona.skills.compiled_code import PLACE, keep_apart
 import os
 del os.environ[PLACE]
 keep_apart(Path.cwd())
@@ -57,7 +57,7 @@ def test_a_place_that_a_person_has_chosen_is_left(tmp_path: Path) -> None:
 
 
 def test_the_first_start_is_told_and_no_later_one(tmp_path: Path) -> None:
-    script = "from skills.compiled_code import tell_the_first as tell; tell(); tell()"
+    script = "from pomona.skills.compiled_code import tell_the_first as tell; tell(); tell()"
 
     def said() -> str:
         done = subprocess.run(
@@ -72,7 +72,7 @@ def test_the_first_start_is_told_and_no_later_one(tmp_path: Path) -> None:
 
 
 def test_where_the_sources_cannot_be_written_it_is_kept_in_the_users_cache(tmp_path: Path) -> None:
-    script = f"import os; os.access = lambda *_: False; import skills; print(os.environ['{PLACE}'])"
+    script = f"import os; os.access = lambda *_: False; import pomona.skills; print(os.environ['{PLACE}'])"
     environment = {name: value for name, value in os.environ.items() if name != PLACE}
     done = subprocess.run(
         [sys.executable, "-c", script], env=environment | {"XDG_CACHE_HOME": str(tmp_path)}, capture_output=True,

@@ -12,16 +12,16 @@ import numpy as np
 import pytest
 from py_trees.common import Status
 
-from drivers.interfaces import Frame
-from executive.skill_testing import drive
-from skills import count_fruit
-from skills.count_fruit import CountFruit
-from skills.perception.detection.detection import AllDetections
-from skills.perception.fruit.sizes import KindSizes
-from skills.perception.inventory.camera_motion import CameraMotion
-from skills.perception.inventory.sighting import FrameSightings, sighting_of
-from skills.shared.fruit_page import FINDS, FRUIT, PAGE, PICTURES
-from skills.shared.fruit_report import FruitReport
+from pomona.drivers.interfaces import Frame
+from pomona.executive.skill_testing import drive
+from pomona.skills import count_fruit
+from pomona.skills.count_fruit import CountFruit
+from pomona.skills.perception.detection.detection import AllDetections
+from pomona.skills.perception.fruit.sizes import KindSizes
+from pomona.skills.perception.inventory.camera_motion import CameraMotion
+from pomona.skills.perception.inventory.sighting import FrameSightings, sighting_of
+from pomona.skills.shared.fruit_page import FINDS, FRUIT, PAGE, PICTURES
+from pomona.skills.shared.fruit_report import FruitReport
 from tests.skills.picking_scene import apple_at
 from tests.skills.test_tabulate import found
 

@@ -8,18 +8,18 @@ import numpy as np
 import pytest
 from py_trees.common import Status
 
-from drivers.interfaces import Camera, Frame, Intrinsics
-from executive.clock import ManualClock
-from executive.skill_testing import SkillEnd, drive
-from skills.detect import Detect
-from skills.geometry import rotation_about, transform
-from skills.perception.detection.cuboid import cuboid_keypoints
-from skills.perception.detection.errors import BadFrame
-from skills.perception.detection.instances import Instance, rank
-from skills.perception.detection.options import DetectorOptions, DopeFiles
-from skills.perception.fruit import FruitModel, catalogue, load_fruit
-from skills.refine import Refine
-from skills.shared import looking
+from pomona.drivers.interfaces import Camera, Frame, Intrinsics
+from pomona.executive.clock import ManualClock
+from pomona.executive.skill_testing import SkillEnd, drive
+from pomona.skills.detect import Detect
+from pomona.skills.geometry import rotation_about, transform
+from pomona.skills.perception.detection.cuboid import cuboid_keypoints
+from pomona.skills.perception.detection.errors import BadFrame
+from pomona.skills.perception.detection.instances import Instance, rank
+from pomona.skills.perception.detection.options import DetectorOptions, DopeFiles
+from pomona.skills.perception.fruit import FruitModel, catalogue, load_fruit
+from pomona.skills.refine import Refine
+from pomona.skills.shared import looking
 
 INTRINSICS = Intrinsics(610.6, 610.6, 317.7, 238.1, 640, 480)
 T_BASE_CAMERA = transform(rotation_about((1.0, 0.0, 0.0), np.pi), (0.0, -0.4, 0.6))

@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 from py_trees.common import Status
 
-from drivers.interfaces import Camera, Frame, Intrinsics
-from executive.clock import ManualClock
-from executive.skill_testing import SkillEnd, drive
-from skills.detect_all import DetectAll
-from skills.geometry import transform
-from skills.perception.detection.errors import BadFrame
-from skills.perception.detection.instances import Instance
-from skills.perception.fruit import load_fruit
-from skills.shared import looking
+from pomona.drivers.interfaces import Camera, Frame, Intrinsics
+from pomona.executive.clock import ManualClock
+from pomona.executive.skill_testing import SkillEnd, drive
+from pomona.skills.detect_all import DetectAll
+from pomona.skills.geometry import transform
+from pomona.skills.perception.detection.errors import BadFrame
+from pomona.skills.perception.detection.instances import Instance
+from pomona.skills.perception.fruit import load_fruit
+from pomona.skills.shared import looking
 
 FRAME = Frame(
     0.0, 0, np.zeros((48, 64, 3), np.uint8), None, Intrinsics(61.0, 61.0, 31.5, 23.5, 64, 48), None, np.eye(4), "look"

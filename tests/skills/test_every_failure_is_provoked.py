@@ -8,7 +8,7 @@ import pytest
 
 HERE = Path(__file__).resolve().parent
 SHIPPED = sorted(
-    (entry for entry in entry_points(group="pomona.skills") if entry.value.startswith("skills.")),
+    (entry for entry in entry_points(group="pomona.skills") if entry.value.startswith("pomona.skills.")),
     key=lambda entry: entry.name,
 )
 

@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 from py_trees.common import Status
 
-from drivers.errors import DeviceFault
-from drivers.interfaces import Workspace
-from drivers.mock.fingers import spring_fruit
-from executive.skill_testing import drive
-from skills.feel_friction import FeelFriction
-from skills.grip.grip import GripPhase
-from skills.grip.hold import Hold, take_over
-from skills.grip.pads import MIRROR
-from skills.slip_avoid_grasp import SlipAvoidGrasp
+from pomona.drivers.errors import DeviceFault
+from pomona.drivers.interfaces import Workspace
+from pomona.drivers.mock.fingers import spring_fruit
+from pomona.executive.skill_testing import drive
+from pomona.skills.feel_friction import FeelFriction
+from pomona.skills.grip.grip import GripPhase
+from pomona.skills.grip.hold import Hold, take_over
+from pomona.skills.grip.pads import MIRROR
+from pomona.skills.slip_avoid_grasp import SlipAvoidGrasp
 from tests.skills.picking_scene import WORKSPACE, PickingScene, a_grasp, q_at_grasp
 
 TOLD = {"mu": 0.6, "mu_uncertainty": 0.15}

@@ -3,9 +3,9 @@ from dataclasses import replace
 import numpy as np
 from py_trees.common import Status
 
-from executive.skill_testing import drive
-from skills.follow import Follow
-from skills.motion.planning.timing import time_polyline
+from pomona.executive.skill_testing import drive
+from pomona.skills.follow import Follow
+from pomona.skills.motion.planning.timing import time_polyline
 from tests.skills.overhead import comes_near, frame, watched
 from tests.skills.picking_scene import HOME, OBSERVE, PickingScene
 

@@ -6,7 +6,17 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from skills.geometry import angle_between, apply, inverse, is_pose, rot_x, rot_y, rot_z, rotation_about, transform
+from pomona.skills.geometry import (
+    angle_between,
+    apply,
+    inverse,
+    is_pose,
+    rot_x,
+    rot_y,
+    rot_z,
+    rotation_about,
+    transform,
+)
 
 
 @pytest.fixture

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from py_trees.common import Status
 
-from drivers.interfaces import Frame
-from executive.skill_testing import drive
-from executive.views import TableView
-from skills.geometry import transform
-from skills.keep_tally import KeepTally
-from skills.perception.detection.detection import Detection
-from skills.shared.tally import Tally
+from pomona.drivers.interfaces import Frame
+from pomona.executive.skill_testing import drive
+from pomona.executive.views import TableView
+from pomona.skills.geometry import transform
+from pomona.skills.keep_tally import KeepTally
+from pomona.skills.perception.detection.detection import Detection
+from pomona.skills.shared.tally import Tally
 from tests.skills.picking_scene import apple_at
 
 

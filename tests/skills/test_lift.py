@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 from py_trees.common import Status
 
-from drivers.mock.fingers import spring_fruit
-from executive.skill_testing import SkillEnd, drive
-from skills.grip.grip import GripProblem
-from skills.grip.hold import Hold
-from skills.grip.pads import MIRROR
-from skills.lift import Lift
-from skills.motion.straight_line import straight_line
-from skills.shared.touch import something_between
-from skills.slip_avoid_grasp import SlipAvoidGrasp
+from pomona.drivers.mock.fingers import spring_fruit
+from pomona.executive.skill_testing import SkillEnd, drive
+from pomona.skills.grip.grip import GripProblem
+from pomona.skills.grip.hold import Hold
+from pomona.skills.grip.pads import MIRROR
+from pomona.skills.lift import Lift
+from pomona.skills.motion.straight_line import straight_line
+from pomona.skills.shared.touch import something_between
+from pomona.skills.slip_avoid_grasp import SlipAvoidGrasp
 from tests.skills.picking_scene import ROBOT_MODEL, PickingScene, a_grasp, q_at_grasp, seen_map
 
 
@@ -359,7 +359,7 @@ def test_where_there_is_no_way_back_it_says_that_the_fruit_is_still_up(monkeypat
         line = straight_line(robot, q, T_base_goal)
         return line if T_base_goal[2, 3] > robot.tcp(q)[2, 3] else replace(line, reason="a limit is reached")
 
-    monkeypatch.setattr("skills.lift.straight_line", only_up)
+    monkeypatch.setattr("pomona.skills.lift.straight_line", only_up)
     outcome = fruit.lift()
     assert outcome.reason.code == "TOO_HEAVY"
     assert "mm up, with no straight way back" in outcome.reason.message

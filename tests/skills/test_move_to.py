@@ -4,12 +4,11 @@ import numpy as np
 import pytest
 from py_trees.common import Status
 
-from executive.skill_testing import drive
-from skills.motion.collision import CollisionWorld, Convex
-from skills.move_to import MoveTo
-from skills.shared.named_pose import named_pose
-from tests.skills.motion.planning.test_upright_space import GOAL as UPRIGHT
-from tests.skills.motion.planning.test_upright_space import tilts
+from pomona.executive.skill_testing import drive
+from pomona.skills.motion.collision import CollisionWorld, Convex
+from pomona.skills.move_to import MoveTo
+from pomona.skills.shared.named_pose import named_pose
+from tests.skills.motion.planning.test_upright_space import GOAL as UPRIGHT, tilts
 from tests.skills.overhead import comes_near, watched
 from tests.skills.picking_scene import (
     HOME,

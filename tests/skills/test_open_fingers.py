@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from py_trees.common import Status
 
-from drivers.interfaces import Box, MotionState, Trajectory
-from executive.skill_testing import drive
-from skills.geometry import transform
-from skills.open_fingers import OpenFingers
+from pomona.drivers.interfaces import Box, MotionState, Trajectory
+from pomona.executive.skill_testing import drive
+from pomona.skills.geometry import transform
+from pomona.skills.open_fingers import OpenFingers
 from tests.skills.picking_scene import OBSERVE, WORKSPACE, PickingScene, a_grasp, seen_map
 
 

@@ -5,14 +5,14 @@ import numpy as np
 import pytest
 from py_trees.common import Status
 
-from drivers.trajectory import check_trajectory
-from executive.skill_testing import drive
-from executive.views import SceneView
-from skills.motion.collision import CollisionWorld
-from skills.motion.grasp import GraspCandidates
-from skills.motion.occupancy import OccupancyMap
-from skills.motion.occupancy.occupancy_map import OCCUPIED
-from skills.plan import Plan
+from pomona.drivers.trajectory import check_trajectory
+from pomona.executive.skill_testing import drive
+from pomona.executive.views import SceneView
+from pomona.skills.motion.collision import CollisionWorld
+from pomona.skills.motion.grasp import GraspCandidates
+from pomona.skills.motion.occupancy import OccupancyMap
+from pomona.skills.motion.occupancy.occupancy_map import OCCUPIED
+from pomona.skills.plan import Plan
 from tests.skills.picking_scene import OBSERVE, ROBOT_MODEL, WORKSPACE, PickingScene, RealTimeClock, a_grasp, seen_map
 
 GRASPS = (a_grasp(1, 3), a_grasp(1, 3, theta=np.pi / 6.0))

@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 from py_trees.common import Status
 
-from drivers.errors import DeviceLost
-from drivers.interfaces import Arm, ArmState, StreamedArm
-from drivers.mock import MockArm, MockClock
-from executive.skill_testing import SkillEnd, drive
-from skills.policy import Policy
-from skills.shared import policy_network
-from skills.shared.policy_network import PolicyNetwork, UnusablePolicy, read_policy, write_policy
+from pomona.drivers.errors import DeviceLost
+from pomona.drivers.interfaces import Arm, ArmState, StreamedArm
+from pomona.drivers.mock import MockArm, MockClock
+from pomona.executive.skill_testing import SkillEnd, drive
+from pomona.skills.policy import Policy
+from pomona.skills.shared import policy_network
+from pomona.skills.shared.policy_network import PolicyNetwork, UnusablePolicy, read_policy, write_policy
 
 DOF = 7
 JOINTS = tuple(f"arm_joint_{k + 1}" for k in range(DOF))
@@ -56,7 +56,7 @@ class Setting:
 
     @property
     def clock_step(self) -> float:
-        from drivers.mock.clock import PERIOD
+        from pomona.drivers.mock.clock import PERIOD
 
         return PERIOD
 

@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 from py_trees.common import Status
 
-from drivers.interfaces import FrameSequence
-from executive.skill_testing import drive
-from skills.recorded_frames import FirstFrame, NextFrame
+from pomona.drivers.interfaces import FrameSequence
+from pomona.executive.skill_testing import drive
+from pomona.skills.recorded_frames import FirstFrame, NextFrame
 
 
 @dataclass

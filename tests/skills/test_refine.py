@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 from py_trees.common import Status
 
-from drivers.interfaces import Frame, Workspace
-from executive.skill_testing import SkillEnd, drive
-from executive.views import ImageView
-from skills.geometry import inverse, rot_x, rot_y, transform
-from skills.perception.detection.detection import Detection
-from skills.perception.refinement.depth_image import ImageBox
-from skills.perception.refinement.errors import RenderFailed
-from skills.perception.refinement.paper import moved_and_scaled
-from skills.perception.refinement.render import render_depth
-from skills.refine import Refine
+from pomona.drivers.interfaces import Frame, Workspace
+from pomona.executive.skill_testing import SkillEnd, drive
+from pomona.executive.views import ImageView
+from pomona.skills.geometry import inverse, rot_x, rot_y, transform
+from pomona.skills.perception.detection.detection import Detection
+from pomona.skills.perception.refinement.depth_image import ImageBox
+from pomona.skills.perception.refinement.errors import RenderFailed
+from pomona.skills.perception.refinement.paper import moved_and_scaled
+from pomona.skills.perception.refinement.render import render_depth
+from pomona.skills.refine import Refine
 
 T_BASE_CAMERA = transform(rot_x(2.8), (-0.04, -0.25, 0.60))
 SCALE = 0.85
@@ -146,7 +146,7 @@ def test_render_failed_without_opengl(detection, monkeypatch):
     def broken(*_: object) -> None:
         raise RenderFailed("pyrender cannot use EGL")
 
-    monkeypatch.setattr("skills.perception.refinement.gl._render", broken)
+    monkeypatch.setattr("pomona.skills.perception.refinement.gl._render", broken)
     assert reason_of(detection).code == "RENDER_FAILED"
     assert measure({"detection": detection, "renderer": "zbuffer"}).status is Status.SUCCESS
 
@@ -189,7 +189,7 @@ def test_prepare_starts_the_renderer_and_forgives_a_machine_without_opengl(detec
     def broken(*_: object) -> None:
         raise RenderFailed("pyrender cannot use EGL")
 
-    monkeypatch.setattr("skills.perception.refinement.gl._render", broken)
+    monkeypatch.setattr("pomona.skills.perception.refinement.gl._render", broken)
     Refine().prepare()
 
 

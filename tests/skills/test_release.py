@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from py_trees.common import Status
 
-from executive.skill_testing import drive
-from skills.release import Release
+from pomona.executive.skill_testing import drive
+from pomona.skills.release import Release
 from tests.skills.overhead import comes_near, watched
 from tests.skills.picking_scene import HOME, WORKSPACE, PickingScene, a_grasp, scene_with_pose, seen_map
 

@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 from py_trees.common import Status
 
-from drivers.interfaces import Box
-from executive.skill_testing import drive
-from skills.geometry import transform
-from skills.motion.straight_line import straight_line
-from skills.retreat import Retreat
+from pomona.drivers.interfaces import Box
+from pomona.executive.skill_testing import drive
+from pomona.skills.geometry import transform
+from pomona.skills.motion.straight_line import straight_line
+from pomona.skills.retreat import Retreat
 from tests.skills.picking_scene import HOME, OBSERVE, ROBOT_MODEL, WORKSPACE, PickingScene, a_grasp
 
 GRASP = a_grasp(theta=np.pi / 6.0)

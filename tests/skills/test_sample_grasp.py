@@ -3,10 +3,10 @@ from typing import Any
 import pytest
 from py_trees.common import Status
 
-from executive.skill_testing import drive
-from executive.views import SceneView
-from skills.motion.occupancy import OccupancyMap
-from skills.sample_grasp import SampleGrasp
+from pomona.executive.skill_testing import drive
+from pomona.executive.views import SceneView
+from pomona.skills.motion.occupancy import OccupancyMap
+from pomona.skills.sample_grasp import SampleGrasp
 from tests.skills.picking_scene import WORKSPACE, PickingScene, apple_at, seen_map
 
 

@@ -11,18 +11,18 @@ import numpy as np
 import pytest
 from py_trees.common import Status
 
-from drivers.errors import DeviceLost
-from drivers.interfaces import ForceSensor, Gripper, WrenchSample
-from drivers.mock.clock import MockClock
-from drivers.mock.fingers import MockForceSensor, spring_fruit
-from drivers.mock.gripper import MockGripper
-from executive.skill_testing import SkillEnd, drive
-from executive.views import SeriesView
-from skills.grip.errors import UnusableRate
-from skills.grip.grip import GripPhase
-from skills.grip.hold import Hold, current_hold, take_over
-from skills.pivot import Pivot
-from skills.slip_avoid_grasp import SlipAvoidGrasp
+from pomona.drivers.errors import DeviceLost
+from pomona.drivers.interfaces import ForceSensor, Gripper, WrenchSample
+from pomona.drivers.mock.clock import MockClock
+from pomona.drivers.mock.fingers import MockForceSensor, spring_fruit
+from pomona.drivers.mock.gripper import MockGripper
+from pomona.executive.skill_testing import SkillEnd, drive
+from pomona.executive.views import SeriesView
+from pomona.skills.grip.errors import UnusableRate
+from pomona.skills.grip.grip import GripPhase
+from pomona.skills.grip.hold import Hold, current_hold, take_over
+from pomona.skills.pivot import Pivot
+from pomona.skills.slip_avoid_grasp import SlipAvoidGrasp
 
 WIDTH = 0.08
 

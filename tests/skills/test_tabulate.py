@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 from py_trees.common import Status
 
-from executive.skill_testing import drive
-from skills.geometry import transform
-from skills.perception.detection.detection import Detection
-from skills.tabulate import Tabulate
+from pomona.executive.skill_testing import drive
+from pomona.skills.geometry import transform
+from pomona.skills.perception.detection.detection import Detection
+from pomona.skills.tabulate import Tabulate
 from tests.skills.picking_scene import apple_at
 
 

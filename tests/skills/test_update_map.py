@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from py_trees.common import Status
 
-from drivers.interfaces import (
+from pomona.drivers.interfaces import (
     Arm,
     ArmState,
     Camera,
@@ -18,16 +18,16 @@ from drivers.interfaces import (
     Intrinsics,
     Workspace,
 )
-from executive.clock import ManualClock
-from executive.skill_testing import SkillEnd, drive
-from executive.views import SceneView
-from skills.geometry import transform
-from skills.motion.collision import fruit_points
-from skills.motion.occupancy import OccupancyMap
-from skills.motion.robot import RobotModel
-from skills.perception.fruit import load_fruit
-from skills.perception.measured_fruit import MeasuredFruit
-from skills.update_map import UpdateMap
+from pomona.executive.clock import ManualClock
+from pomona.executive.skill_testing import SkillEnd, drive
+from pomona.executive.views import SceneView
+from pomona.skills.geometry import transform
+from pomona.skills.motion.collision import fruit_points
+from pomona.skills.motion.occupancy import OccupancyMap
+from pomona.skills.motion.robot import RobotModel
+from pomona.skills.perception.fruit import load_fruit
+from pomona.skills.perception.measured_fruit import MeasuredFruit
+from pomona.skills.update_map import UpdateMap
 
 SIA5F = Path(__file__).resolve().parents[2] / "trees" / "robots" / "sia5f_wsg32.xml"
 OBSERVE = np.array([-1.36, -0.316, -0.264, -0.234, 0.065, -1.294, 0.048])

@@ -15,12 +15,12 @@ pytest.importorskip("rosbags", reason="the extra ros2 is not installed")
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from drivers.bag.camera import connect
-from drivers.device import ConnectContext
-from drivers.driver import read_settings
-from drivers.errors import CellFileError, DeviceFault
-from drivers.frames.camera import FramesCamera
-from executive.clock import ManualClock
+from pomona.drivers.bag.camera import connect
+from pomona.drivers.device import ConnectContext
+from pomona.drivers.driver import read_settings
+from pomona.drivers.errors import CellFileError, DeviceFault
+from pomona.drivers.frames.camera import FramesCamera
+from pomona.executive.clock import ManualClock
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 IMAGE, COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"

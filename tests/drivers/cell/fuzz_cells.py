@@ -14,8 +14,8 @@ import traceback
 from pathlib import Path
 from types import ModuleType
 
-from drivers.cell_file import judge_cell_file
-from executive.values.findings import Findings, format_findings
+from pomona.drivers.cell_file import judge_cell_file
+from pomona.executive.values.findings import Findings, format_findings
 
 REPOSITORY = Path(__file__).resolve().parents[3]
 TOKENS = (

@@ -6,16 +6,15 @@ from pathlib import Path
 import jsonschema
 import pytest
 import yaml
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
-from drivers.cell import CELL_FILES
-from drivers.cell_file import judge_cell_file, outline_cell, read_cell_file
-from drivers.driver import installed_drivers
-from drivers.errors import CellFileError
-from drivers.interfaces import Arm, ArmLimits, Camera, FruitKinds, Gripper, Workspace
-from executive.values.findings import Findings
-from executive.values.sections import declared
+from pomona.drivers.cell import CELL_FILES
+from pomona.drivers.cell_file import judge_cell_file, outline_cell, read_cell_file
+from pomona.drivers.driver import installed_drivers
+from pomona.drivers.errors import CellFileError
+from pomona.drivers.interfaces import Arm, ArmLimits, Camera, FruitKinds, Gripper, Workspace
+from pomona.executive.values.findings import Findings
+from pomona.executive.values.sections import declared
 
 CELLS = Path(__file__).resolve().parents[3] / "trees" / "cells"
 SIM = (CELLS / "sim.yaml").read_text()

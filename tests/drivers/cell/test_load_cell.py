@@ -6,18 +6,17 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
-from drivers import driver as driver_module
-from drivers.cell import known_drivers, load_cell
-from drivers.device import ConnectContext, Device
-from drivers.driver import Driver, NoOptions
-from drivers.errors import CellFileError, DeviceLost
-from drivers.interfaces import Arm, Camera, ForceSensor, Gripper, Hands, StreamedArm, Workspace
-from executive.clock import ManualClock, SystemClock
-from executive.values.kinds import Text
-from executive.values.sections import value
+from pomona.drivers import driver as driver_module
+from pomona.drivers.cell import known_drivers, load_cell
+from pomona.drivers.device import ConnectContext, Device
+from pomona.drivers.driver import Driver, NoOptions
+from pomona.drivers.errors import CellFileError, DeviceLost
+from pomona.drivers.interfaces import Arm, Camera, ForceSensor, Gripper, Hands, StreamedArm, Workspace
+from pomona.executive.clock import ManualClock, SystemClock
+from pomona.executive.values.kinds import Text
+from pomona.executive.values.sections import value
 
 CELLS = Path(__file__).resolve().parents[3] / "trees" / "cells"
 

@@ -11,14 +11,14 @@ import numpy as np
 import pytest
 import serial
 
-from drivers.commands.emulate import main
-from drivers.suntouch.codec import SIZE, decode
-from drivers.suntouch.fit import read_recording
+from pomona.drivers.commands.emulate import main
+from pomona.drivers.suntouch.codec import SIZE, decode
+from pomona.drivers.suntouch.fit import read_recording
 
 
 @contextlib.contextmanager
 def emulated(*arguments: str) -> Iterator[str]:
-    command = [sys.executable, "-m", "drivers.commands.emulate", *arguments]
+    command = [sys.executable, "-m", "pomona.drivers.commands.emulate", *arguments]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
         try:

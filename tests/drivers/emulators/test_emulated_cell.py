@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from drivers.cell import load_cell
-from drivers.errors import CellFileError
-from drivers.interfaces import Arm, Camera, ForceSensor, Gripper
+from pomona.drivers.cell import load_cell
+from pomona.drivers.errors import CellFileError
+from pomona.drivers.interfaces import Arm, Camera, ForceSensor, Gripper
 
 CELL = Path(__file__).resolve().parents[3] / "trees" / "cells" / "emulated.yaml"
 PACE = "0.2"
@@ -74,7 +74,17 @@ def test_options_that_the_emulated_world_cannot_have_are_refused_before_it_start
 @pytest.mark.realtime
 def test_the_whole_pick_goes_through_the_wires(tmp_path: Path) -> None:
     settings = [f"--set={key}={value}" for key, value in (free_ports(tmp_path) | {"pace": PACE}).items()]
-    command = [sys.executable, "-m", "executive.cli", "run", "pick_apple", "--cell", str(CELL), "--json", "--quiet"]
+    command = [
+        sys.executable,
+        "-m",
+        "pomona.executive.cli",
+        "run",
+        "pick_apple",
+        "--cell",
+        str(CELL),
+        "--json",
+        "--quiet",
+    ]
     record = ["--record", str(tmp_path / "runs")]
     result = subprocess.run([*command, *record, *settings], capture_output=True, text=True, timeout=600)
     report = json.loads(result.stdout.splitlines()[-1])

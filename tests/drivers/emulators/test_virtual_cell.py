@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from drivers.cell import Cell, load_cell
-from drivers.errors import DeviceError, DeviceFault, DeviceLost, MotionRefused
-from drivers.faults import FaultPlan, PlannedFault
-from drivers.interfaces import Arm, Camera, ForceSensor, Gripper, MotionState
-from skills.motion.planning.timing import time_polyline
+from pomona.drivers.cell import Cell, load_cell
+from pomona.drivers.errors import DeviceError, DeviceFault, DeviceLost, MotionRefused
+from pomona.drivers.faults import FaultPlan, PlannedFault
+from pomona.drivers.interfaces import Arm, Camera, ForceSensor, Gripper, MotionState
+from pomona.skills.motion.planning.timing import time_polyline
 
 pytestmark = pytest.mark.slow
 

@@ -3,10 +3,10 @@
 import threading
 import time
 
-from drivers.emulators.pipes import LATE, Pipe
-from drivers.emulators.virtual_time import VirtualTime
-from drivers.owner import Owner, TurnTaking
-from executive.clock import ManualClock
+from pomona.drivers.emulators.pipes import LATE, Pipe
+from pomona.drivers.emulators.virtual_time import VirtualTime
+from pomona.drivers.owner import Owner, TurnTaking
+from pomona.executive.clock import ManualClock
 
 PERIOD = 0.002
 

@@ -6,9 +6,9 @@ import cv2
 import numpy as np
 import pytest
 
-from drivers.frames.folder import UnusableFrames
-from drivers.frames.video import Video, list_video
-from drivers.interfaces import Intrinsics
+from pomona.drivers.frames.folder import UnusableFrames
+from pomona.drivers.frames.video import Video, list_video
+from pomona.drivers.interfaces import Intrinsics
 
 CAMERA = Intrinsics(60.0, 60.0, 31.5, 23.5, 64, 48)
 COUNT = 7

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from drivers.errors import DeviceLost, MotionRefused
-from drivers.interfaces import Arm, Camera, ForceSensor, Frame, Gripper, Intrinsics, MotionState, Trajectory
-from drivers.mock import MockArm, MockCamera, MockClock, MockGripper, spring_fruit
+from pomona.drivers.errors import DeviceLost, MotionRefused
+from pomona.drivers.interfaces import Arm, Camera, ForceSensor, Frame, Gripper, Intrinsics, MotionState, Trajectory
+from pomona.drivers.mock import MockArm, MockCamera, MockClock, MockGripper, spring_fruit
 
 
 def sweep(joint=0, angle=0.5, duration=2.0):

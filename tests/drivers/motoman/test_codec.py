@@ -4,11 +4,10 @@ import struct
 import typing
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
-from drivers.motoman import codec
-from drivers.motoman.codec import (
+from pomona.drivers.motoman import codec
+from pomona.drivers.motoman.codec import (
     Communication,
     Control,
     JointFeedback,
@@ -23,8 +22,8 @@ from drivers.motoman.codec import (
     Valid,
     encode,
 )
-from drivers.motoman.words import fault, refusal
-from drivers.wire import Malformed
+from pomona.drivers.motoman.words import fault, refusal
+from pomona.drivers.wire import Malformed
 
 numbers = st.floats(-10.0, 10.0, width=32)
 ten = st.lists(numbers, min_size=10, max_size=10).map(tuple)

@@ -5,16 +5,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from drivers.device import ConnectContext
-from drivers.driver import read_settings
-from drivers.emulators.motoman import FreeJoints, MotomanEmulator
-from drivers.emulators.server import Server, TcpPort
-from drivers.errors import CellFileError, UnusableRobotFile
-from drivers.interfaces import MotionState, Trajectory
-from drivers.motoman.connect import connect
-from drivers.motoman.driver import MotomanArm
-from drivers.robot_file import read_limits
-from executive.clock import SystemClock
+from pomona.drivers.device import ConnectContext
+from pomona.drivers.driver import read_settings
+from pomona.drivers.emulators.motoman import FreeJoints, MotomanEmulator
+from pomona.drivers.emulators.server import Server, TcpPort
+from pomona.drivers.errors import CellFileError, UnusableRobotFile
+from pomona.drivers.interfaces import MotionState, Trajectory
+from pomona.drivers.motoman.connect import connect
+from pomona.drivers.motoman.driver import MotomanArm
+from pomona.drivers.robot_file import read_limits
+from pomona.executive.clock import SystemClock
 
 ROBOT = Path(__file__).resolve().parents[3] / "trees" / "robots" / "sia5f_wsg32.xml"
 

@@ -11,14 +11,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from drivers.emulators.motoman import FreeJoints, MotomanEmulator
-from drivers.errors import DeviceError, DeviceFault, DeviceLost, MotionRefused
-from drivers.interfaces import ArmLimits, Motion, MotionState, Trajectory
-from drivers.motion_supervisor import Supervision
-from drivers.motoman.codec import Communication, Message, RobotStatus, encode
-from drivers.motoman.driver import RECONNECT, MotomanArm, MotomanOptions
-from drivers.wire import Nonsense
-from executive.clock import ManualClock, SystemClock
+from pomona.drivers.emulators.motoman import FreeJoints, MotomanEmulator
+from pomona.drivers.errors import DeviceError, DeviceFault, DeviceLost, MotionRefused
+from pomona.drivers.interfaces import ArmLimits, Motion, MotionState, Trajectory
+from pomona.drivers.motion_supervisor import Supervision
+from pomona.drivers.motoman.codec import Communication, Message, RobotStatus, encode
+from pomona.drivers.motoman.driver import RECONNECT, MotomanArm, MotomanOptions
+from pomona.drivers.wire import Nonsense
+from pomona.executive.clock import ManualClock, SystemClock
 
 DOF = 7
 LIMITS = ArmLimits(-np.full(DOF, 3.0), np.full(DOF, 3.0), np.full(DOF, 3.0), np.full(DOF, 10.0), np.full(DOF, 200.0))

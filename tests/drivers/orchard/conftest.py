@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from drivers.orchard.connect import wall_shapes
-from drivers.orchard.model import WallModel, build_wall_model
-from drivers.orchard.numbers import WallNumbers, read_numbers
-from drivers.orchard.strength import Strength
-from drivers.orchard.wall import HangingFruit, Lateral, Spur, Wall
+from pomona.drivers.orchard.connect import wall_shapes
+from pomona.drivers.orchard.model import WallModel, build_wall_model
+from pomona.drivers.orchard.numbers import WallNumbers, read_numbers
+from pomona.drivers.orchard.strength import Strength
+from pomona.drivers.orchard.wall import HangingFruit, Lateral, Spur, Wall
 
 TREES = Path(__file__).resolve().parents[3] / "trees"
 NUMBERS = TREES / "walls" / "apple_wall.yaml"

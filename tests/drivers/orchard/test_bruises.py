@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from drivers.orchard.bruises import impact_force, peak_pressure
+from pomona.drivers.orchard.bruises import impact_force, peak_pressure
 
 
 def test_peak_pressure_is_one_and_a_half_times_the_mean_over_hertzs_circle():

@@ -1,7 +1,7 @@
 import pytest
 
-from drivers.errors import CellFileError
-from drivers.orchard.numbers import read_numbers
+from pomona.drivers.errors import CellFileError
+from pomona.drivers.orchard.numbers import read_numbers
 
 from .conftest import NUMBERS
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from drivers.cell import load_cell
-from drivers.interfaces import Arm, Camera, ForceSensor, Gripper, Trajectory
-from drivers.orchard.reachable import GraspSearch, grasp_pose
+from pomona.drivers.cell import load_cell
+from pomona.drivers.interfaces import Arm, Camera, ForceSensor, Gripper, Trajectory
+from pomona.drivers.orchard.reachable import GraspSearch, grasp_pose
 
 from .test_world import BARE, CELL
 

@@ -2,11 +2,11 @@ import mujoco
 import numpy as np
 import pytest
 
-from drivers.orchard.model import SEGMENTS
-from drivers.orchard.stems import AT_SPUR, HANGS, TORN, Stems
-from drivers.orchard.strength import Strength
-from drivers.orchard.wall import draw_wall
-from drivers.orchard.wind import Wind
+from pomona.drivers.orchard.model import SEGMENTS
+from pomona.drivers.orchard.stems import AT_SPUR, HANGS, TORN, Stems
+from pomona.drivers.orchard.strength import Strength
+from pomona.drivers.orchard.wall import draw_wall
+from pomona.drivers.orchard.wind import Wind
 
 from .conftest import STRONG, branch, build, hanging, one_fruit
 

@@ -1,9 +1,8 @@
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
-from drivers.orchard.strength import Strength, draw_strength, used
+from pomona.drivers.orchard.strength import Strength, draw_strength, used
 
 BEARS = Strength(pull=20.0, twist=0.15, bend=0.12, stiffness=0.08, tear=30.0)
 ROW = BEARS.row()

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from drivers.orchard.wall import _beside, draw_wall
+from pomona.drivers.orchard.wall import _beside, draw_wall
 
 
 @pytest.mark.parametrize("seed", range(6))

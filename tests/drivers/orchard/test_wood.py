@@ -2,7 +2,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from drivers.orchard.wood import bending_stress, hinge_chain, second_moment, spur_stiffness
+from pomona.drivers.orchard.wood import bending_stress, hinge_chain, second_moment, spur_stiffness
 
 from .conftest import branch, build
 

@@ -4,12 +4,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from drivers.cell import load_cell
-from drivers.cell_file import read_cell_file
-from drivers.errors import CellFileError
-from drivers.interfaces import Arm, Camera, ForceSensor, Gripper
-from drivers.orchard.bruises import impact_force
-from drivers.orchard.stems import AT_SPUR
+from pomona.drivers.cell import load_cell
+from pomona.drivers.cell_file import read_cell_file
+from pomona.drivers.errors import CellFileError
+from pomona.drivers.interfaces import Arm, Camera, ForceSensor, Gripper
+from pomona.drivers.orchard.bruises import impact_force
+from pomona.drivers.orchard.stems import AT_SPUR
 
 from .conftest import TREES
 

@@ -3,9 +3,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from drivers.errors import DeviceLost
-from drivers.interfaces import ArmState
-from drivers.realsense.camera_mount import CameraMount
+from pomona.drivers.errors import DeviceLost
+from pomona.drivers.interfaces import ArmState
+from pomona.drivers.realsense.camera_mount import CameraMount
 
 
 class ScriptedArm:

@@ -4,13 +4,13 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from drivers.errors import DeviceFault, DeviceLost
-from drivers.interfaces import Intrinsics
-from drivers.realsense.camera_mount import CameraMount
-from drivers.realsense.driver import RECONNECT, StreamingCamera
-from drivers.realsense.source import Pair
-from drivers.realsense.stamps import LATENCY
-from executive.clock import ManualClock
+from pomona.drivers.errors import DeviceFault, DeviceLost
+from pomona.drivers.interfaces import Intrinsics
+from pomona.drivers.realsense.camera_mount import CameraMount
+from pomona.drivers.realsense.driver import RECONNECT, StreamingCamera
+from pomona.drivers.realsense.source import Pair
+from pomona.drivers.realsense.stamps import LATENCY
+from pomona.executive.clock import ManualClock
 
 INTRINSICS = Intrinsics(600.0, 600.0, 3.5, 2.5, 8, 6)
 

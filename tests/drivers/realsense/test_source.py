@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from drivers.errors import DeviceFault
-from drivers.realsense.source import Aligner, load_library
+from pomona.drivers.errors import DeviceFault
+from pomona.drivers.realsense.source import Aligner, load_library
 
 WIDTH, HEIGHT, UNIT = 64, 48, 0.001
 

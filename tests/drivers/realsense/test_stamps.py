@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from drivers.interfaces import Intrinsics
-from drivers.realsense.source import Pair
-from drivers.realsense.stamps import LATENCY, STARTING, Stamps
-from executive.clock import ManualClock
+from pomona.drivers.interfaces import Intrinsics
+from pomona.drivers.realsense.source import Pair
+from pomona.drivers.realsense.stamps import LATENCY, STARTING, Stamps
+from pomona.executive.clock import ManualClock
 
 IMAGES = np.zeros((2, 2, 3), np.uint8), np.ones((2, 2), np.float32), Intrinsics(1.0, 1.0, 0.5, 0.5, 2, 2)
 

@@ -7,11 +7,11 @@ import time
 
 import numpy as np
 
-from drivers.interfaces import Intrinsics
-from drivers.realsense.camera_mount import CameraMount
-from drivers.realsense.driver import StreamingCamera
-from drivers.realsense.source import Pair
-from executive.clock import SystemClock
+from pomona.drivers.interfaces import Intrinsics
+from pomona.drivers.realsense.camera_mount import CameraMount
+from pomona.drivers.realsense.driver import StreamingCamera
+from pomona.drivers.realsense.source import Pair
+from pomona.executive.clock import SystemClock
 from tests.drivers.one_thread import PATIENCE, OneThread, hammer
 
 

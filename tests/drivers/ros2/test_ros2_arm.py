@@ -18,18 +18,17 @@ pytest.importorskip("zenoh", reason="the extra ros2 is not installed")
 
 from rosbags.typesys import Stores, get_typestore
 
-from drivers.cell import load_cell
-from drivers.errors import CellFileError, DeviceError, DeviceFault, DeviceLost, MotionRefused
-from drivers.interfaces import Arm, ArmLimits, Gripper, MotionState, Trajectory
-from drivers.motion_supervisor import Supervision
-from drivers.ros2 import arm as module
-from drivers.ros2 import outside
-from drivers.ros2.arm import TRAJECTORY, Ros2Arm, Ros2ArmOptions
-from drivers.ros2.gripper import COMMAND
-from drivers.ros2.joints import JOINT_STATE, KEPT, LARGEST, stamped
-from executive.clock import ManualClock
-from executive.ros2.peer import Ros2Peer
-from executive.ros2.types import coder
+from pomona.drivers.cell import load_cell
+from pomona.drivers.errors import CellFileError, DeviceError, DeviceFault, DeviceLost, MotionRefused
+from pomona.drivers.interfaces import Arm, ArmLimits, Gripper, MotionState, Trajectory
+from pomona.drivers.motion_supervisor import Supervision
+from pomona.drivers.ros2 import arm as module, outside
+from pomona.drivers.ros2.arm import TRAJECTORY, Ros2Arm, Ros2ArmOptions
+from pomona.drivers.ros2.gripper import COMMAND
+from pomona.drivers.ros2.joints import JOINT_STATE, KEPT, LARGEST, stamped
+from pomona.executive.clock import ManualClock
+from pomona.executive.ros2.peer import Ros2Peer
+from pomona.executive.ros2.types import coder
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 JOINTS = ("shoulder", "elbow", "wrist")

@@ -16,17 +16,17 @@ pytest.importorskip("zenoh", reason="the extra ros2 is not installed")
 
 from rosbags.typesys import Stores, get_typestore
 
-from drivers.bag.images import COMPRESSED, IMAGE, INFO
-from drivers.device import ConnectContext
-from drivers.driver import read_settings
-from drivers.errors import CellFileError, DeviceError, DeviceFault, DeviceLost
-from drivers.interfaces import Camera
-from drivers.realsense.camera_mount import CameraMount
-from drivers.realsense.driver import StreamingCamera
-from drivers.ros2 import camera as module
-from drivers.ros2.camera import KEPT, CameraTopics, Ros2Images, connect
-from executive.clock import ManualClock, SystemClock
-from executive.ros2.peer import Ros2Peer
+from pomona.drivers.bag.images import COMPRESSED, IMAGE, INFO
+from pomona.drivers.device import ConnectContext
+from pomona.drivers.driver import read_settings
+from pomona.drivers.errors import CellFileError, DeviceError, DeviceFault, DeviceLost
+from pomona.drivers.interfaces import Camera
+from pomona.drivers.realsense.camera_mount import CameraMount
+from pomona.drivers.realsense.driver import StreamingCamera
+from pomona.drivers.ros2 import camera as module
+from pomona.drivers.ros2.camera import KEPT, CameraTopics, Ros2Images, connect
+from pomona.executive.clock import ManualClock, SystemClock
+from pomona.executive.ros2.peer import Ros2Peer
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 W, H = 40, 30

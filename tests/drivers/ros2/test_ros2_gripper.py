@@ -13,12 +13,12 @@ pytest.importorskip("zenoh", reason="the extra ros2 is not installed")
 
 from rosbags.typesys import Stores, get_typestore
 
-from drivers.errors import DeviceError, DeviceFault, DeviceLost, MotionRefused
-from drivers.interfaces import Gripper, GripperLimits, MotionState
-from drivers.ros2 import gripper as module
-from drivers.ros2.gripper import COMMAND, Ros2Gripper, Ros2GripperOptions
-from drivers.ros2.joints import JOINT_STATE
-from executive.clock import ManualClock
+from pomona.drivers.errors import DeviceError, DeviceFault, DeviceLost, MotionRefused
+from pomona.drivers.interfaces import Gripper, GripperLimits, MotionState
+from pomona.drivers.ros2 import gripper as module
+from pomona.drivers.ros2.gripper import COMMAND, Ros2Gripper, Ros2GripperOptions
+from pomona.drivers.ros2.joints import JOINT_STATE
+from pomona.executive.clock import ManualClock
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 LIMITS = GripperLimits(0.01, 0.08, 0.1, 20.0)

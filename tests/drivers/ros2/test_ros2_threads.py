@@ -15,11 +15,11 @@ import pytest
 pytest.importorskip("rosbags", reason="the extra ros2 is not installed")
 pytest.importorskip("zenoh", reason="the extra ros2 is not installed")
 
-from drivers.interfaces import GripperLimits, Motion, MotionState
-from drivers.motion_supervisor import Supervision
-from drivers.ros2.arm import Ros2Arm, Ros2ArmOptions
-from drivers.ros2.gripper import Ros2Gripper, Ros2GripperOptions
-from executive.clock import SystemClock
+from pomona.drivers.interfaces import GripperLimits, Motion, MotionState
+from pomona.drivers.motion_supervisor import Supervision
+from pomona.drivers.ros2.arm import Ros2Arm, Ros2ArmOptions
+from pomona.drivers.ros2.gripper import Ros2Gripper, Ros2GripperOptions
+from pomona.executive.clock import SystemClock
 from tests.drivers.one_thread import PATIENCE, OneThread, hammer
 from tests.drivers.ros2.test_ros2_arm import LIMITS, WALL, Controller, swing
 from tests.drivers.ros2.test_ros2_gripper import Fingers

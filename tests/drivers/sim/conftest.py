@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from drivers.cell import Cell, load_cell
-from drivers.interfaces import Arm, ArmLimits, ForceSensor, Gripper, Motion, Trajectory, WrenchSample
-from drivers.sim.gl import load_mujoco
-from drivers.sim.world import SimWorld
-from executive.values.arrays import Float64
+from pomona.drivers.cell import Cell, load_cell
+from pomona.drivers.interfaces import Arm, ArmLimits, ForceSensor, Gripper, Motion, Trajectory, WrenchSample
+from pomona.drivers.sim.gl import load_mujoco
+from pomona.drivers.sim.world import SimWorld
+from pomona.executive.values.arrays import Float64
 
 TICK = 0.02
 SIM = Path(__file__).resolve().parents[3] / "trees" / "cells" / "sim.yaml"

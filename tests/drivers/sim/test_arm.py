@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from drivers.errors import DeviceError, DeviceFault, DeviceLost, MotionRefused
-from drivers.interfaces import Arm, MotionState, Trajectory
-from drivers.trajectory import START_TOLERANCE
+from pomona.drivers.errors import DeviceError, DeviceFault, DeviceLost, MotionRefused
+from pomona.drivers.interfaces import Arm, MotionState, Trajectory
+from pomona.drivers.trajectory import START_TOLERANCE
 
 HERE = np.array([-1.36, -0.316, -0.264, -0.234, 0.065, -1.294, 0.048])
 THERE = HERE + np.array([0.8, 0.3, -0.2, 0.3, 0.4, 0.5, -0.9])

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from drivers.errors import DeviceFault, DeviceLost
-from drivers.interfaces import Camera, Intrinsics, Workspace
-from drivers.sim.camera import _set_projection
-from drivers.sim.gl import in_gl_thread, load_mujoco, open_renderer
-from drivers.sim.stereo_depth import Stereo, measure_depth
+from pomona.drivers.errors import DeviceFault, DeviceLost
+from pomona.drivers.interfaces import Camera, Intrinsics, Workspace
+from pomona.drivers.sim.camera import _set_projection
+from pomona.drivers.sim.gl import in_gl_thread, load_mujoco, open_renderer
+from pomona.drivers.sim.stereo_depth import Stereo, measure_depth
 
 D435I = Intrinsics(610.6, 610.6, 317.7, 238.1, 640, 480)
 STEREO = Stereo(focal=610.6, baseline=0.05, disparity_noise=0.08, nearest=0.18)

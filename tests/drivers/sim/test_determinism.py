@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from drivers.interfaces import Camera
+from pomona.drivers.interfaces import Camera
 
 
 def story(open_cell, probe_of, pick_with, seed):

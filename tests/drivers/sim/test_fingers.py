@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from drivers.errors import DeviceFault, DeviceLost
-from drivers.interfaces import ForceSensor, WrenchSample
-from drivers.sim.finger_faults import LIES
-from drivers.sim.fingers import SimFingers
-from drivers.sim.gl import load_mujoco
+from pomona.drivers.errors import DeviceFault, DeviceLost
+from pomona.drivers.interfaces import ForceSensor, WrenchSample
+from pomona.drivers.sim.finger_faults import LIES
+from pomona.drivers.sim.fingers import SimFingers
+from pomona.drivers.sim.gl import load_mujoco
 
 
 def contact_sum(world, pad):

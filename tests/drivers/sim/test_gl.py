@@ -12,8 +12,8 @@ pytestmark = pytest.mark.slow
 ROOT = Path(__file__).resolve().parents[3]
 
 MUJOCO = """
-from drivers.cell import load_cell
-from drivers.interfaces import Camera
+from pomona.drivers.cell import load_cell
+from pomona.drivers.interfaces import Camera
 
 cell = load_cell("trees/cells/sim.yaml", seed=1)
 def look():
@@ -23,10 +23,10 @@ def look():
 """
 PYRENDER = """
 import numpy as np
-from drivers.interfaces import Intrinsics
-from skills.perception.fruit import load_fruit
-from skills.perception.refinement.gl import render_with_gl
-from skills.perception.refinement.depth_image import ImageBox
+from pomona.drivers.interfaces import Intrinsics
+from pomona.skills.perception.fruit import load_fruit
+from pomona.skills.perception.refinement.gl import render_with_gl
+from pomona.skills.perception.refinement.depth_image import ImageBox
 fruit = load_fruit("apple")
 T = np.eye(4); T[2, 3] = 0.5
 def draw():

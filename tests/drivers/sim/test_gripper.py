@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from drivers.errors import DeviceFault, DeviceLost, MotionRefused
-from drivers.interfaces import Gripper, MotionState
+from pomona.drivers.errors import DeviceFault, DeviceLost, MotionRefused
+from pomona.drivers.interfaces import Gripper, MotionState
 
 
 @pytest.fixture

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from drivers.cell import load_cell
-from drivers.interfaces import ForceSensor, Gripper, Hands, HandTask
-from executive.files import find_cell
+from pomona.drivers.cell import load_cell
+from pomona.drivers.interfaces import ForceSensor, Gripper, Hands, HandTask
+from pomona.executive.files import find_cell
 
 
 def test_hands_hold_a_fruit_that_the_fingers_feel_and_pull_it_until_it_slides() -> None:

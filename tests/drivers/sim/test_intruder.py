@@ -7,14 +7,14 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from drivers.cell import Cell, load_cell
-from drivers.errors import CellFileError
-from drivers.interfaces import Arm, Camera, Cameras
-from drivers.sim.camera import SimCamera
-from drivers.sim.intruder import BODY, Reach
-from executive.files import find_cell
-from skills.geometry import inverse
-from skills.motion.robot import RobotModel
+from pomona.drivers.cell import Cell, load_cell
+from pomona.drivers.errors import CellFileError
+from pomona.drivers.interfaces import Arm, Camera, Cameras
+from pomona.drivers.sim.camera import SimCamera
+from pomona.drivers.sim.intruder import BODY, Reach
+from pomona.executive.files import find_cell
+from pomona.skills.geometry import inverse
+from pomona.skills.motion.robot import RobotModel
 
 
 @pytest.fixture

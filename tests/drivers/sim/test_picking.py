@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from drivers.errors import DeviceFault
+from pomona.drivers.errors import DeviceFault
 
 
 @pytest.mark.parametrize(("fruit", "place"), [("apple_3", "3"), ("apple_5", "5")])

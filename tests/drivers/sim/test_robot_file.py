@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from drivers.cell import load_cell
-from drivers.cell_file import read_cell_file
-from drivers.errors import CellFileError
-from drivers.sim.gl import load_mujoco
-from skills.motion.robot import RobotModel
+from pomona.drivers.cell import load_cell
+from pomona.drivers.cell_file import read_cell_file
+from pomona.drivers.errors import CellFileError
+from pomona.drivers.sim.gl import load_mujoco
+from pomona.skills.motion.robot import RobotModel
 
 ROBOT = Path(__file__).resolve().parents[3] / "trees" / "robots" / "sia5f_wsg32.xml"
 CELLS = ROBOT.parents[1] / "cells"

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from drivers.errors import CellFileError
-from drivers.sim.fruit_shape import make_fruit
-from drivers.sim.held_force import HeldForce
+from pomona.drivers.errors import CellFileError
+from pomona.drivers.sim.fruit_shape import make_fruit
+from pomona.drivers.sim.held_force import HeldForce
 
 
 def target(open_cell, seed=5, **options):

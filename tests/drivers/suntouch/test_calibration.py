@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from drivers.emulators.suntouch import Pad, random_wrenches
-from drivers.suntouch.calibration import FingerCalibration, UnusableCalibration
-from drivers.suntouch.codec import decode, encode
-from drivers.suntouch.fit import UnusableRecording, fit_calibration, read_recording
+from pomona.drivers.emulators.suntouch import Pad, random_wrenches
+from pomona.drivers.suntouch.calibration import FingerCalibration, UnusableCalibration
+from pomona.drivers.suntouch.codec import decode, encode
+from pomona.drivers.suntouch.fit import UnusableRecording, fit_calibration, read_recording
 
 
 def small_network() -> FingerCalibration:

@@ -2,11 +2,10 @@ import itertools
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
-from drivers.suntouch.codec import REQUEST, SIZE, Assembler, decode, encode
-from drivers.wire import Malformed
+from pomona.drivers.suntouch.codec import REQUEST, SIZE, Assembler, decode, encode
+from pomona.drivers.wire import Malformed
 
 volts = st.lists(st.floats(0.01, 3.29), min_size=25, max_size=25).map(np.array)
 

@@ -2,11 +2,11 @@ from pathlib import Path
 
 import pytest
 
-from drivers.device import ConnectContext
-from drivers.driver import read_settings
-from drivers.errors import CellFileError
-from drivers.suntouch.connect import connect
-from executive.clock import ManualClock
+from pomona.drivers.device import ConnectContext
+from pomona.drivers.driver import read_settings
+from pomona.drivers.errors import CellFileError
+from pomona.drivers.suntouch.connect import connect
+from pomona.executive.clock import ManualClock
 
 CALIBRATION = Path(__file__).resolve().parents[3] / "trees" / "cells" / "emulated_fingers" / "left.json"
 RIGHT = f"right: {{port: p, calibration: {CALIBRATION.with_name('right.json')}}}"

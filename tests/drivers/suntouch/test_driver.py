@@ -10,15 +10,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from drivers.emulators.server import PtyPort, Server
-from drivers.emulators.suntouch import SunTouchEmulator
-from drivers.errors import DeviceFault, DeviceLost
-from drivers.interfaces import WrenchSample
-from drivers.suntouch.calibration import FingerCalibration
-from drivers.suntouch.driver import RECONNECT, SunTouchFingers
-from drivers.suntouch.finger import Finger
-from drivers.suntouch.transport import SerialLink
-from executive.clock import ManualClock, SystemClock
+from pomona.drivers.emulators.server import PtyPort, Server
+from pomona.drivers.emulators.suntouch import SunTouchEmulator
+from pomona.drivers.errors import DeviceFault, DeviceLost
+from pomona.drivers.interfaces import WrenchSample
+from pomona.drivers.suntouch.calibration import FingerCalibration
+from pomona.drivers.suntouch.driver import RECONNECT, SunTouchFingers
+from pomona.drivers.suntouch.finger import Finger
+from pomona.drivers.suntouch.transport import SerialLink
+from pomona.executive.clock import ManualClock, SystemClock
 
 CALIBRATION = FingerCalibration(
     "test",

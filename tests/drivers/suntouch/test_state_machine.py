@@ -10,15 +10,14 @@ import contextlib
 
 import numpy as np
 import pytest
-from hypothesis import Phase, settings
-from hypothesis import strategies as st
+from hypothesis import Phase, settings, strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
-from drivers.emulators.suntouch import NOISE
-from drivers.errors import DeviceError
-from drivers.interfaces import WrenchSample
-from drivers.suntouch.codec import TAXELS
-from drivers.suntouch.driver import RECONNECT
+from pomona.drivers.emulators.suntouch import NOISE
+from pomona.drivers.errors import DeviceError
+from pomona.drivers.interfaces import WrenchSample
+from pomona.drivers.suntouch.codec import TAXELS
+from pomona.drivers.suntouch.driver import RECONNECT
 from tests.drivers.suntouch.test_driver import Line, Rig
 
 TOLD = 0.1

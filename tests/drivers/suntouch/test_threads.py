@@ -7,11 +7,11 @@ import time
 
 import numpy as np
 
-from drivers.emulators.suntouch import SunTouchEmulator
-from drivers.interfaces import WrenchSample
-from drivers.suntouch.driver import SunTouchFingers
-from drivers.suntouch.finger import Finger
-from executive.clock import SystemClock
+from pomona.drivers.emulators.suntouch import SunTouchEmulator
+from pomona.drivers.interfaces import WrenchSample
+from pomona.drivers.suntouch.driver import SunTouchFingers
+from pomona.drivers.suntouch.finger import Finger
+from pomona.executive.clock import SystemClock
 from tests.drivers.one_thread import PATIENCE, OneThread, hammer
 from tests.drivers.suntouch.test_driver import CALIBRATION
 

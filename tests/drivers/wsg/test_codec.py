@@ -3,11 +3,10 @@ import math
 import struct
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
-from drivers.wire import Malformed
-from drivers.wsg.codec import (
+from pomona.drivers.wire import Malformed
+from pomona.drivers.wsg.codec import (
     Command,
     GraspCommand,
     Homing,
@@ -26,7 +25,7 @@ from drivers.wsg.codec import (
     encode,
     encode_reply,
 )
-from drivers.wsg.frame import FrameDecoder, WireFrame, checksum, encode_frame
+from pomona.drivers.wsg.frame import FrameDecoder, WireFrame, checksum, encode_frame
 
 
 @pytest.mark.parametrize(

@@ -7,16 +7,16 @@ from typing import Any
 
 import pytest
 
-from drivers.emulators.free_gripper import FreeGripper
-from drivers.emulators.wsg import WsgEmulator
-from drivers.errors import DeviceFault, DeviceLost, MotionRefused, StopFailed
-from drivers.interfaces import GripperState, MotionState
-from drivers.wire import Nonsense
-from drivers.wsg.codec import Command, Plain, SystemState, encode
-from drivers.wsg.driver import WsgGripper
-from drivers.wsg.handshake import WsgOptions
-from drivers.wsg.jaws import RECONNECT
-from executive.clock import ManualClock
+from pomona.drivers.emulators.free_gripper import FreeGripper
+from pomona.drivers.emulators.wsg import WsgEmulator
+from pomona.drivers.errors import DeviceFault, DeviceLost, MotionRefused, StopFailed
+from pomona.drivers.interfaces import GripperState, MotionState
+from pomona.drivers.wire import Nonsense
+from pomona.drivers.wsg.codec import Command, Plain, SystemState, encode
+from pomona.drivers.wsg.driver import WsgGripper
+from pomona.drivers.wsg.handshake import WsgOptions
+from pomona.drivers.wsg.jaws import RECONNECT
+from pomona.executive.clock import ManualClock
 
 OFFSET = 0.035
 
@@ -190,7 +190,7 @@ def test_a_speed_ends_a_move(wire: Wire) -> None:
 def test_without_the_finger_script_streaming_is_refused_in_words(wire: Wire) -> None:
     wire.device.has_script = False
     gripper = connected(wire)
-    with pytest.raises(DeviceFault, match=r"load drivers/wsg/velocity\.lua"):
+    with pytest.raises(DeviceFault, match=r"load drivers/pomona/drivers/wsg/velocity\.lua"):
         gripper.set_speed(-0.01)
 
 
@@ -308,7 +308,7 @@ def test_noise_on_the_wire_is_survived(wire: Wire) -> None:
 
 
 def test_a_frame_that_the_protocol_does_not_know_is_nonsense_with_its_bytes(wire: Wire) -> None:
-    from drivers.wsg.frame import WireFrame, encode_frame
+    from pomona.drivers.wsg.frame import WireFrame, encode_frame
 
     gripper = connected(wire)
     wire.noise = encode_frame(WireFrame(0x99, b"\x00\x00"))

@@ -9,17 +9,16 @@ from __future__ import annotations
 import contextlib
 
 import pytest
-from hypothesis import Phase, settings
-from hypothesis import strategies as st
+from hypothesis import Phase, settings, strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
 
-from drivers.errors import DeviceError, DeviceLost
-from drivers.gripper_motion import GripperMotion
-from drivers.interfaces import MotionState
-from drivers.wsg.codec import SystemState
-from drivers.wsg.driver import WsgGripper
-from drivers.wsg.handshake import WsgOptions
-from drivers.wsg.jaws import RECONNECT
+from pomona.drivers.errors import DeviceError, DeviceLost
+from pomona.drivers.gripper_motion import GripperMotion
+from pomona.drivers.interfaces import MotionState
+from pomona.drivers.wsg.codec import SystemState
+from pomona.drivers.wsg.driver import WsgGripper
+from pomona.drivers.wsg.handshake import WsgOptions
+from pomona.drivers.wsg.jaws import RECONNECT
 from tests.drivers.wsg.test_driver import OFFSET, Wire
 
 OBEYED = 0.15

@@ -7,12 +7,12 @@ import time
 
 import pytest
 
-from drivers.emulators.free_gripper import FreeGripper
-from drivers.emulators.wsg import WsgEmulator
-from drivers.interfaces import MotionState
-from drivers.wsg.driver import WsgGripper
-from drivers.wsg.handshake import WsgOptions
-from executive.clock import SystemClock
+from pomona.drivers.emulators.free_gripper import FreeGripper
+from pomona.drivers.emulators.wsg import WsgEmulator
+from pomona.drivers.interfaces import MotionState
+from pomona.drivers.wsg.driver import WsgGripper
+from pomona.drivers.wsg.handshake import WsgOptions
+from pomona.executive.clock import SystemClock
 from tests.drivers.one_thread import PATIENCE, OneThread, hammer
 
 

@@ -6,19 +6,19 @@ from pathlib import Path
 import can
 import pytest
 
-from drivers.device import ConnectContext
-from drivers.driver import read_settings
-from drivers.emulators.free_gripper import FreeGripper
-from drivers.emulators.server import CanPort, Endpoint, Server, TcpPort
-from drivers.emulators.wsg import WsgEmulator
-from drivers.errors import CellFileError
-from drivers.interfaces import MotionState
-from drivers.wsg.codec import Move, encode
-from drivers.wsg.connect import connect
-from drivers.wsg.driver import WsgGripper
-from drivers.wsg.outside import stop_on_can
-from drivers.wsg.transport import CanLink, can_channels
-from executive.clock import SystemClock
+from pomona.drivers.device import ConnectContext
+from pomona.drivers.driver import read_settings
+from pomona.drivers.emulators.free_gripper import FreeGripper
+from pomona.drivers.emulators.server import CanPort, Endpoint, Server, TcpPort
+from pomona.drivers.emulators.wsg import WsgEmulator
+from pomona.drivers.errors import CellFileError
+from pomona.drivers.interfaces import MotionState
+from pomona.drivers.wsg.codec import Move, encode
+from pomona.drivers.wsg.connect import connect
+from pomona.drivers.wsg.driver import WsgGripper
+from pomona.drivers.wsg.outside import stop_on_can
+from pomona.drivers.wsg.transport import CanLink, can_channels
+from pomona.executive.clock import SystemClock
 
 
 def serving(port: Endpoint, device: WsgEmulator) -> Iterator[str]:

@@ -14,17 +14,16 @@ from typing import Any
 import jsonschema
 import pytest
 import yaml
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
-from executive.campaign.document import to_html, to_markdown
-from executive.campaign.report import report
-from executive.campaign.run import RESULTS, finished_runs, read_results, run_campaign, succeeded
-from executive.campaign.spec import CAMPAIGN_FILES, Campaign, judge_campaign, read_campaign
-from executive.commands.campaign import subset
-from executive.engine import OrderLost, OrderTooLong
-from executive.errors import UsageError
-from executive.values.findings import Findings
+from pomona.executive.campaign.document import to_html, to_markdown
+from pomona.executive.campaign.report import report
+from pomona.executive.campaign.run import RESULTS, finished_runs, read_results, run_campaign, succeeded
+from pomona.executive.campaign.spec import CAMPAIGN_FILES, Campaign, judge_campaign, read_campaign
+from pomona.executive.commands.campaign import subset
+from pomona.executive.engine import OrderLost, OrderTooLong
+from pomona.executive.errors import UsageError
+from pomona.executive.values.findings import Findings
 
 FILE = """
 pomona: 1

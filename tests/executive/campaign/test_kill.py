@@ -14,7 +14,7 @@ from typing import Any
 
 import pytest
 
-from executive.campaign.run import RESULTS
+from pomona.executive.campaign.run import RESULTS
 
 pytestmark = pytest.mark.slow
 
@@ -56,7 +56,7 @@ def start() -> Iterator[Start]:
     started = []
 
     def begin(*arguments: object) -> subprocess.Popen[str]:
-        command = [sys.executable, "-m", "executive.cli", "campaign", *map(str, arguments)]
+        command = [sys.executable, "-m", "pomona.executive.cli", "campaign", *map(str, arguments)]
         process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
         started.append(process)
         return process

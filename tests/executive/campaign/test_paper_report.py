@@ -12,9 +12,9 @@ import pytest
 from benchmarks import paper_numbers as printed
 from benchmarks.paper_cells import Cells
 from benchmarks.paper_report import paper_report
-from executive.campaign.document import to_html, to_markdown
-from executive.campaign.spec import read_campaign
-from skills.grip.bruise import pressure
+from pomona.executive.campaign.document import to_html, to_markdown
+from pomona.executive.campaign.spec import read_campaign
+from pomona.skills.grip.bruise import pressure
 
 PAPER = Path(__file__).resolve().parents[3] / "benchmarks" / "paper.yaml"
 

@@ -6,10 +6,9 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
-from executive.campaign.statistics import mean, median, paired_p, wilson
+from pomona.executive.campaign.statistics import mean, median, paired_p, wilson
 
 
 @given(of=st.integers(1, 5000), data=st.data())

@@ -9,9 +9,9 @@ import subprocess
 
 import pytest
 
-from executive.commands.command_line import children, make_parser
-from executive.commands.completion import WRITERS
-from executive.commands.examples import examples
+from pomona.executive.commands.command_line import children, make_parser
+from pomona.executive.commands.completion import WRITERS
+from pomona.executive.commands.examples import examples
 
 SOME = ("run", "check", "completion", "runs")
 

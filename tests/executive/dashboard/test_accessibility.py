@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from shown_runs import Show
 
-from executive.dashboard.choices import Choices
+from pomona.executive.dashboard.choices import Choices
 
 pytestmark = pytest.mark.browser
 

@@ -13,14 +13,14 @@ from typing import Any
 
 import pytest
 
-from executive.cli import main
-from executive.commands.alerting import outcomes_in
-from executive.dashboard import alerts as module
-from executive.dashboard.alerts import AlertRule, Alerts
-from executive.errors import UsageError
-from executive.reasons import Reason
-from executive.recording.recorder import Recorder
-from executive.running.events import RunEnded, RunStarted
+from pomona.executive.cli import main
+from pomona.executive.commands.alerting import outcomes_in
+from pomona.executive.dashboard import alerts as module
+from pomona.executive.dashboard.alerts import AlertRule, Alerts
+from pomona.executive.errors import UsageError
+from pomona.executive.reasons import Reason
+from pomona.executive.recording.recorder import Recorder
+from pomona.executive.running.events import RunEnded, RunStarted
 
 LONG = 60.0
 """Seconds that a busy machine may take."""

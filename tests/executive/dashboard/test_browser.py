@@ -12,15 +12,14 @@ import pytest
 from fake_cell import FakeCell
 from shown_runs import GATE, Show, press_stop
 
-from executive.commands.dashboard import Launcher
-from executive.dashboard import record_messages
-from executive.dashboard.choices import Choices
-from executive.reasons import Reason
-from executive.recording import overview as thinning
-from executive.recording import recorder as recording
-from executive.recording.read import read_events
-from executive.recording.recorder import Recorder
-from executive.running.events import (
+from pomona.executive.commands.dashboard import Launcher
+from pomona.executive.dashboard import record_messages
+from pomona.executive.dashboard.choices import Choices
+from pomona.executive.reasons import Reason
+from pomona.executive.recording import overview as thinning, recorder as recording
+from pomona.executive.recording.read import read_events
+from pomona.executive.recording.recorder import Recorder
+from pomona.executive.running.events import (
     LinkChanged,
     NodeChanged,
     OperatorActed,
@@ -31,7 +30,7 @@ from executive.running.events import (
     SafeStopped,
     StateChanged,
 )
-from executive.views import ImageView, Line2, Points3, SceneView, SeriesView, TableView
+from pomona.executive.views import ImageView, Line2, Points3, SceneView, SeriesView, TableView
 
 pytestmark = pytest.mark.browser
 

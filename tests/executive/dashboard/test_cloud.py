@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from executive.dashboard import cloud as module
-from executive.dashboard.cloud import cloud_of
-from executive.dashboard.messages import encode
-from executive.dashboard.record_messages import cloud, overview
-from executive.recording.recorder import Recorder
-from executive.running.events import Published, RunEnded
-from executive.views import ImageView, Pinhole
+from pomona.executive.dashboard import cloud as module
+from pomona.executive.dashboard.cloud import cloud_of
+from pomona.executive.dashboard.messages import encode
+from pomona.executive.dashboard.record_messages import cloud, overview
+from pomona.executive.recording.recorder import Recorder
+from pomona.executive.running.events import Published, RunEnded
+from pomona.executive.views import ImageView, Pinhole
 
 T = np.array([[1.0, 0.0, 0.0, 0.1], [0.0, -1.0, 0.0, 0.2], [0.0, 0.0, -1.0, 0.9], [0.0, 0.0, 0.0, 1.0]])
 LENS = Pinhole(40.0, 40.0, 15.5, 11.5, T)

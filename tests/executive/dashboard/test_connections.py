@@ -12,8 +12,8 @@ import pytest
 from shown_runs import Show
 from websockets.sync.client import connect
 
-from executive.dashboard import connections, server
-from executive.errors import UsageError
+from pomona.executive.dashboard import connections, server
+from pomona.executive.errors import UsageError
 
 LONG = 60.0
 """Seconds that a busy machine may take; whoever is kept out waits longer."""

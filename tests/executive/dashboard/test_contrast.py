@@ -7,7 +7,9 @@ from pathlib import Path
 
 import pytest
 
-STYLE = (Path(__file__).resolve().parents[3] / "executive" / "dashboard" / "static" / "style.css").read_text("utf-8")
+STYLE = (
+    Path(__file__).resolve().parents[3] / "executive" / "pomona" / "executive" / "dashboard" / "static" / "style.css"
+).read_text("utf-8")
 SCHEMES = {
     scheme: dict(re.findall(r"--([\w-]+): (#[0-9a-f]+);", block))
     for scheme, block in zip(("light", "dark"), re.findall(r":root \{(.*?)\}", STYLE, re.DOTALL), strict=False)

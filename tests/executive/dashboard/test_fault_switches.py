@@ -8,10 +8,10 @@ import pytest
 from fake_cell import FakeCell
 from fake_runs import Turn, make
 
-from executive.dashboard.control_lock import ControlLock, RefusedError
-from executive.registry import Registry
-from executive.running.events import OperatorActed
-from executive.running.requests import UnknownFaultError
+from pomona.executive.dashboard.control_lock import ControlLock, RefusedError
+from pomona.executive.registry import Registry
+from pomona.executive.running.events import OperatorActed
+from pomona.executive.running.requests import UnknownFaultError
 
 TREE = "pomona: 1\ntree: t\nroot: {Turn: {duration: 9 s}}"
 

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from executive.dashboard import hub as hub_module
-from executive.dashboard.hub import BACKLOG, Hub, Viewer
-from executive.running.events import NodeChanged, Published, RunStarted, StateChanged
-from executive.views import ImageView
+from pomona.executive.dashboard import hub as hub_module
+from pomona.executive.dashboard.hub import BACKLOG, Hub, Viewer
+from pomona.executive.running.events import NodeChanged, Published, RunStarted, StateChanged
+from pomona.executive.views import ImageView
 
 
 def started() -> RunStarted:

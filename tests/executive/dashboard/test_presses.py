@@ -14,16 +14,16 @@ import pytest
 from fake_cell import FakeCell
 from starlette.testclient import TestClient
 
-from executive.dashboard import presses
-from executive.dashboard.control_lock import ControlLock, RefusedError
-from executive.dashboard.presses import PATIENCE, SAFE_STOP_PATIENCE, Presses, TooLateError, now
-from executive.dashboard.security import Access
-from executive.dashboard.server import Dashboard
-from executive.language import build, read
-from executive.registry import Registry
-from executive.running.events import EventStream, OperatorActed, SafeStopped
-from executive.running.runner import Runner
-from executive.running.starting import StartCancelledError
+from pomona.executive.dashboard import presses
+from pomona.executive.dashboard.control_lock import ControlLock, RefusedError
+from pomona.executive.dashboard.presses import PATIENCE, SAFE_STOP_PATIENCE, Presses, TooLateError, now
+from pomona.executive.dashboard.security import Access
+from pomona.executive.dashboard.server import Dashboard
+from pomona.executive.language import build, read
+from pomona.executive.registry import Registry
+from pomona.executive.running.events import EventStream, OperatorActed, SafeStopped
+from pomona.executive.running.runner import Runner
+from pomona.executive.running.starting import StartCancelledError
 
 T = TypeVar("T")
 HOST = "127.0.0.1:8420"

@@ -8,17 +8,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from executive.dashboard import record_messages as reading
-from executive.dashboard.messages import encode
-from executive.dashboard.record_messages import between, image, moment, overview, record_messages
-from executive.errors import UsageError
-from executive.reasons import Reason
-from executive.recording import overview as thinning
-from executive.recording import recorder
-from executive.recording.recorder import Recorder
-from executive.recording.scan import attachment, believed, walk, walk_topics
-from executive.running.events import Event, NodeChanged, PortWritten, Published, RunEnded, StateChanged
-from executive.views import ImageView, Line2, Points3, SceneView, SeriesView
+from pomona.executive.dashboard import record_messages as reading
+from pomona.executive.dashboard.messages import encode
+from pomona.executive.dashboard.record_messages import between, image, moment, overview, record_messages
+from pomona.executive.errors import UsageError
+from pomona.executive.reasons import Reason
+from pomona.executive.recording import overview as thinning, recorder
+from pomona.executive.recording.recorder import Recorder
+from pomona.executive.recording.scan import attachment, believed, walk, walk_topics
+from pomona.executive.running.events import Event, NodeChanged, PortWritten, Published, RunEnded, StateChanged
+from pomona.executive.views import ImageView, Line2, Points3, SceneView, SeriesView
 
 REASON = Reason("a/b", "JAMMED", 'stuck \u2028 "here"', {"angle": 0.5}, (Reason("c", "X", "y"),))
 EVENTS: tuple[Event, ...] = (

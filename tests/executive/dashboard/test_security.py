@@ -16,15 +16,15 @@ from starlette.websockets import WebSocketDisconnect
 from websockets.exceptions import ConnectionClosedError
 from websockets.sync.client import connect
 
-from executive.commands.dashboard import Launcher, add_address, make_access
-from executive.dashboard import server
-from executive.dashboard.choices import Choices
-from executive.dashboard.security import Access
-from executive.dashboard.server import Dashboard
-from executive.errors import UsageError
-from executive.recording.folder import EVENTS_FILE
-from executive.recording.recorder import Recorder
-from executive.running.events import StateChanged
+from pomona.executive.commands.dashboard import Launcher, add_address, make_access
+from pomona.executive.dashboard import server
+from pomona.executive.dashboard.choices import Choices
+from pomona.executive.dashboard.security import Access
+from pomona.executive.dashboard.server import Dashboard
+from pomona.executive.errors import UsageError
+from pomona.executive.recording.folder import EVENTS_FILE
+from pomona.executive.recording.recorder import Recorder
+from pomona.executive.running.events import StateChanged
 
 HOST = "127.0.0.1:8420"
 
@@ -261,7 +261,7 @@ def test_hostile_text_from_a_run_travels_as_json_only(client: TestClient, tmp_pa
 
 
 def test_the_page_builds_no_markup_from_text() -> None:
-    static = Path(__file__).parents[3] / "executive" / "dashboard" / "static"
+    static = Path(__file__).parents[3] / "executive" / "pomona" / "executive" / "dashboard" / "static"
     for script in static.glob("*.js"):
         text = script.read_text(encoding="utf-8")
         for sink in ("innerHTML", "outerHTML", "insertAdjacentHTML", "document.write", "eval("):

@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 from shown_runs import APPROVED, GATE, HOLD, SIZES, Show, Wire, press_stop
 
-from executive.running.events import ErrorRaised, LinkChanged, SafeStopped
+from pomona.executive.running.events import ErrorRaised, LinkChanged, SafeStopped
 
 pytestmark = pytest.mark.browser
 

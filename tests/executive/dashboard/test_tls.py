@@ -22,8 +22,8 @@ import trustme
 from websockets.asyncio.client import connect
 from websockets.exceptions import InvalidStatus
 
-from executive.commands.dashboard import add_address, make_access
-from executive.dashboard.server import Dashboard
+from pomona.executive.commands.dashboard import add_address, make_access
+from pomona.executive.dashboard.server import Dashboard
 
 ADDRESS = "127.0.0.2"
 Serve = Callable[..., Dashboard]

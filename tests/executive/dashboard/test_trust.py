@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from shown_runs import APPROVED, GATE, HOLD, Show, Wire, press_stop
 
-from executive.running.events import Computed, ErrorRaised, LinkChanged, NodeChanged, OperatorActed, SafeStopped
+from pomona.executive.running.events import Computed, ErrorRaised, LinkChanged, NodeChanged, OperatorActed, SafeStopped
 
 pytestmark = pytest.mark.browser
 
@@ -184,7 +184,7 @@ def test_skills_that_compute_show_their_time_and_what_is_old_is_not_called_stale
 def test_a_page_that_holds_control_and_falls_silent_is_told_to_the_others(
     show: Show, open_page: Open, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("executive.dashboard.server.PAGE_SILENT", 0.9)
+    monkeypatch.setattr("pomona.executive.dashboard.server.PAGE_SILENT", 0.9)
     page, other = open_page(), open_page()
     page.get_by_label("your name").fill("ada")
     page.get_by_role("button", name="Take control").click()

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from executive.engine import ONE_THREAD, OrderLost, OrderTooLong, open_engine
-from executive.engines.local import LocalEngine
-from executive.errors import UsageError
+from pomona.executive.engine import ONE_THREAD, OrderLost, OrderTooLong, open_engine
+from pomona.executive.engines.local import LocalEngine
+from pomona.executive.errors import UsageError
 
 
 def half(number: int) -> int:

@@ -9,8 +9,8 @@ import pytest
 from recorded_events import FAILED, write
 from recorded_motion import END, JOINTS, LOOKS, PARTS, joints, record_motion, wrenches
 
-from executive.errors import UsageError
-from executive.interop.episode import Episode, read_episode
+from pomona.executive.errors import UsageError
+from pomona.executive.interop.episode import Episode, read_episode
 
 
 @pytest.fixture(scope="module")

@@ -14,9 +14,9 @@ pytest.importorskip("pyarrow", reason="the extra lerobot (pyarrow, 55 MB) is not
 
 from pyarrow import parquet
 
-from executive.cli import main
-from executive.interop.episode import read_episode
-from executive.interop.lerobot import export_lerobot
+from pomona.executive.cli import main
+from pomona.executive.interop.episode import read_episode
+from pomona.executive.interop.lerobot import export_lerobot
 
 
 @pytest.fixture(scope="module")

@@ -14,8 +14,8 @@ from recorded_motion import record_motion
 
 pytest.importorskip("pyarrow", reason="the extra lerobot (pyarrow, 55 MB) is not installed")
 
-from executive.interop.episode import read_episode
-from executive.interop.lerobot import export_lerobot
+from pomona.executive.interop.episode import read_episode
+from pomona.executive.interop.lerobot import export_lerobot
 
 HOME = Path(__file__).parents[3]
 THEIRS = HOME / ".lerobot" / "bin"

@@ -17,13 +17,13 @@ import numpy as np
 import pytest
 from recorded_events import contents, everything, record, started
 
-from executive.cli import main
-from executive.errors import UsageError
-from executive.interop import live as live_module
-from executive.interop.live import MOST, Live, plain_content
-from executive.recording.schemas import Schema
-from executive.running.events import NodeChanged
-from executive.views import ImageView
+from pomona.executive.cli import main
+from pomona.executive.errors import UsageError
+from pomona.executive.interop import live as live_module
+from pomona.executive.interop.live import MOST, Live, plain_content
+from pomona.executive.recording.schemas import Schema
+from pomona.executive.running.events import NodeChanged
+from pomona.executive.views import ImageView
 
 BEGAN = 10**18
 
@@ -117,7 +117,7 @@ def test_foxglove_gets_schemas_and_messages_and_who_comes_late_what_stays() -> N
     pytest.importorskip("foxglove", reason="the extra foxglove is not installed")
     from websockets.sync.client import connect
 
-    from executive.interop.foxglove_view import FoxgloveView
+    from pomona.executive.interop.foxglove_view import FoxgloveView
 
     view = FoxgloveView(free_port())
     live = Live([view])
@@ -149,7 +149,7 @@ def test_foxglove_gets_schemas_and_messages_and_who_comes_late_what_stays() -> N
 
 def test_a_taken_port_is_said_in_words() -> None:
     pytest.importorskip("foxglove", reason="the extra foxglove is not installed")
-    from executive.interop.foxglove_view import FoxgloveView
+    from pomona.executive.interop.foxglove_view import FoxgloveView
 
     view = FoxgloveView(free_port())
     with pytest.raises(UsageError, match="no live view at"):
@@ -175,7 +175,7 @@ def test_a_mesh_of_any_size_stays_whole_for_a_viewer_that_takes_lists() -> None:
 
 def test_rerun_s_file_holds_the_run_and_is_never_overwritten(tmp_path: Path) -> None:
     pytest.importorskip("rerun", reason="the extra rerun (170 MB) is not installed")
-    from executive.interop.rerun_view import RerunView
+    from pomona.executive.interop.rerun_view import RerunView
 
     path = tmp_path / "run.rrd"
     live = Live([RerunView(str(path))])
@@ -200,14 +200,14 @@ def test_rerun_s_file_holds_the_run_and_is_never_overwritten(tmp_path: Path) -> 
 
 # ------------------------------------------------------------------------------------------------- commands
 
-EXTRAS = ("rosbags", "zenoh", "foxglove", "rerun", "pyarrow", "executive.interop", "executive.ros2")
+EXTRAS = ("rosbags", "zenoh", "foxglove", "rerun", "pyarrow", "pomona.executive.interop", "pomona.executive.ros2")
 
 
 def test_a_run_that_does_not_ask_imports_nothing_of_it(tmp_path: Path) -> None:
     (tmp_path / "tree.yaml").write_text("pomona: 1\ntree: rest\nroot:\n  wait: 100 ms\n")
     program = (
-        "import sys; from executive.cli import main; status = main(['run', 'tree.yaml', '--dry', '--quiet']);"
-        "import drivers.cell, executive.commands.runs;"
+        "import sys; from pomona.executive.cli import main; status = main(['run', 'tree.yaml', '--dry', '--quiet']);"
+        "import pomona.drivers.cell, pomona.executive.commands.runs;"
         f"found = [n for n in sys.modules if n.startswith({EXTRAS!r})]; print(found); sys.exit(status)"
     )
     done = subprocess.run([sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True, check=False)
@@ -218,7 +218,7 @@ def test_a_run_shows_itself_where_it_is_asked_to(tmp_path: Path, monkeypatch: py
     shown = Shown()
     monkeypatch.chdir(tmp_path)
     (tmp_path / "tree.yaml").write_text("pomona: 1\ntree: rest\nroot:\n  wait: 100 ms\n")
-    from executive.interop import rerun_view
+    from pomona.executive.interop import rerun_view
 
     monkeypatch.setattr(rerun_view, "RerunView", lambda _target: shown)
     assert main(["run", "tree.yaml", "--dry", "--quiet", "--rerun", "x.rrd"]) == 0

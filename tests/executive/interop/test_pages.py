@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 from recorded_events import REASON, SUCCEEDED, everything, pose, started, write
 
-from executive.cli import main
-from executive.recording.scan import scan
-from executive.running.events import NodeChanged, Published, RunEnded
-from executive.views import ImageView, Line2, TableView
+from pomona.executive.cli import main
+from pomona.executive.recording.scan import scan
+from pomona.executive.running.events import NodeChanged, Published, RunEnded
+from pomona.executive.views import ImageView, Line2, TableView
 
 EVIL = "<script>alert('x')</script>"
 

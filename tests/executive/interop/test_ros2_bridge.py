@@ -22,14 +22,14 @@ pytest.importorskip("zenoh", reason="the extra ros2 is not installed")
 import zenoh
 from rosbags.typesys import Stores, get_typestore
 
-from executive.cli import main
-from executive.dashboard.control_lock import ControlLock
-from executive.errors import UsageError
-from executive.interop.live import Live
-from executive.interop.ros2_bridge import ABORTED, ACT, CANCELED, EXECUTING, SUCCEEDED, Ros2Bridge
-from executive.ros2.peer import WAITING, Ros2Peer, type_hash
-from executive.ros2.types import coder, service_types, typestore
-from executive.running.events import NodeChanged, RunEnded
+from pomona.executive.cli import main
+from pomona.executive.dashboard.control_lock import ControlLock
+from pomona.executive.errors import UsageError
+from pomona.executive.interop.live import Live
+from pomona.executive.interop.ros2_bridge import ABORTED, ACT, CANCELED, EXECUTING, SUCCEEDED, Ros2Bridge
+from pomona.executive.ros2.peer import WAITING, Ros2Peer, type_hash
+from pomona.executive.ros2.types import coder, service_types, typestore
+from pomona.executive.running.events import NodeChanged, RunEnded
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 """Types of ROS 2 as rosbags ships them: nothing of ours."""

@@ -20,17 +20,17 @@ from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
 from scipy.spatial.transform import Rotation
 
-from executive.cli import main
-from executive.errors import UsageError
-from executive.interop.octomap import octomap
-from executive.interop.rosbag2 import export_rosbag2
-from executive.interop.to_ros2 import RosMessage, ToRos2
-from executive.recording.folder import DEVICES, EVENTS_FILE
-from executive.recording.read import decode_image
-from executive.ros2.definitions import ACTIONS, POMONA, SERVICES
-from executive.ros2.types import coder, typestore
-from skills.motion.occupancy.occupancy_map import OCCUPIED, UNKNOWN, OccupancyMap
-from skills.motion.occupancy.octomap import to_bt
+from pomona.executive.cli import main
+from pomona.executive.errors import UsageError
+from pomona.executive.interop.octomap import octomap
+from pomona.executive.interop.rosbag2 import export_rosbag2
+from pomona.executive.interop.to_ros2 import RosMessage, ToRos2
+from pomona.executive.recording.folder import DEVICES, EVENTS_FILE
+from pomona.executive.recording.read import decode_image
+from pomona.executive.ros2.definitions import ACTIONS, POMONA, SERVICES
+from pomona.executive.ros2.types import coder, typestore
+from pomona.skills.motion.occupancy.occupancy_map import OCCUPIED, UNKNOWN, OccupancyMap
+from pomona.skills.motion.occupancy.octomap import to_bt
 
 BEGAN = 10**18
 """Nanoseconds since 1970 when the recorded run began."""

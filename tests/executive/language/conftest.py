@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from executive.language import BuiltTree, Finding, build, check, read
-from executive.ports import LENGTH, TIME, Port, Ports, optional
-from executive.registry import Registry
-from executive.skill import Skill, Work
-from executive.skill_testing import BenchContext
+from pomona.executive.language import BuiltTree, Finding, build, check, read
+from pomona.executive.ports import LENGTH, TIME, Port, Ports, optional
+from pomona.executive.registry import Registry
+from pomona.executive.skill import Skill, Work
+from pomona.executive.skill_testing import BenchContext
 
 
 class Arm:

@@ -18,14 +18,14 @@ import traceback
 from collections.abc import Callable
 from pathlib import Path
 
-from executive.language import TreeFileError, build, check, format_findings, read
-from executive.language.groot_export import export_groot
-from executive.language.groot_import import import_groot
-from executive.language.run_scenario import run_scenario
-from executive.language.scenario import read_scenario
-from executive.language.show import show_svg, show_text
-from executive.registry import Registry
-from executive.skill_testing import BenchContext
+from pomona.executive.language import TreeFileError, build, check, format_findings, read
+from pomona.executive.language.groot_export import export_groot
+from pomona.executive.language.groot_import import import_groot
+from pomona.executive.language.run_scenario import run_scenario
+from pomona.executive.language.scenario import read_scenario
+from pomona.executive.language.show import show_svg, show_text
+from pomona.executive.registry import Registry
+from pomona.executive.skill_testing import BenchContext
 
 REPOSITORY = Path(__file__).resolve().parents[3]
 SLOW = 2.0
@@ -156,7 +156,7 @@ def fuzz(
     return broken
 
 
-def shipped_trees() -> list[str]:
+def installed_trees() -> list[str]:
     """All tree files that come with the package."""
     return [path.read_text() for path in sorted((REPOSITORY / "trees").glob("*.yaml"))]
 
@@ -180,7 +180,7 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=0)
     order = parser.parse_args()
     skills = dummy_skills()
-    trees = [sys.modules[DUMMIES].PICK_APPLE, *shipped_trees()]
+    trees = [sys.modules[DUMMIES].PICK_APPLE, *installed_trees()]
     xml = [export_groot(read(text, "t.yaml"), skills) for text in trees]
     started = time.perf_counter()
     broken = fuzz(order.cases * 9 // 10, order.seed, trees, skills, lambda text: try_tree(text, skills), SLOW)

@@ -18,12 +18,12 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
-from executive.language import build, read
-from executive.registry import Registry
-from executive.running.compute import Computations
-from executive.running.context import RunContext
-from executive.running.dry_cell import DryCell
-from executive.skill import Interrupted, Skill, Work
+from pomona.executive.language import build, read
+from pomona.executive.registry import Registry
+from pomona.executive.running.compute import Computations
+from pomona.executive.running.context import RunContext
+from pomona.executive.running.dry_cell import DryCell
+from pomona.executive.skill import Interrupted, Skill, Work
 
 PERIOD = 0.02
 TICKS = 80

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from executive.reasons import reason_of
+from pomona.executive.reasons import reason_of
 
 ASK = "root: {sequence: [{ask: 'Clear?', answer: a%s}, {check: '{a} == yes'}]}"
 PATH = "t/ask"

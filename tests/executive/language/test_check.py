@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from executive.language import check, format_finding, read
-from executive.ports import FORCE, LENGTH, Ports
-from executive.registry import Registry
-from executive.skill import Skill
-from executive.values import findings
-from executive.values.units import Array
+from pomona.executive.language import check, format_finding, read
+from pomona.executive.ports import FORCE, LENGTH, Ports
+from pomona.executive.registry import Registry
+from pomona.executive.skill import Skill
+from pomona.executive.values import findings
+from pomona.executive.values.units import Array
 
 HEAD = "pomona: 1\ntree: t\n"
 DETECT = 'Detect: {fruit: apple, detection: "{detection}"}'
@@ -356,8 +356,8 @@ class TestStructure:
         only(findings_of('root: {MoveTo: {pose: a, variation: "{retry.attempt}"}}'), "no-counter")
 
     def test_broken_skill(self, skills):
-        from executive.language import check, read
-        from executive.registry import Registry
+        from pomona.executive.language import check, read
+        from pomona.executive.registry import Registry
 
         broken = Registry(dict(skills), {"Weigh": "scale:Weigh cannot be imported: ImportError: no scale"})
         found = check(read("pomona: 1\ntree: t\nroot: {Weigh: {}}", "t.yaml"), broken)

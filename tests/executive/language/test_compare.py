@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from executive.language import read
-from executive.language.compare import changes
+from pomona.executive.language import read
+from pomona.executive.language.compare import changes
 
 
 @pytest.mark.parametrize(

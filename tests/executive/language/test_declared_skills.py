@@ -11,19 +11,18 @@ from importlib.metadata import EntryPoint
 
 import pytest
 
-from executive.language import check, read
-from executive.language import declared_skills as declared
-from executive.language.documents import with_declarations
-from executive.language.schema import schema
-from executive.language.value_types import NotLoadedError
-from executive.registry import Registry
+from pomona.executive.language import check, declared_skills as declared, read
+from pomona.executive.language.documents import with_declarations
+from pomona.executive.language.schema import schema
+from pomona.executive.language.value_types import NotLoadedError
+from pomona.executive.registry import Registry
 
 SOURCE = '''
 from dataclasses import dataclass
 from enum import Enum
 import numpy as np
-from executive.ports import LENGTH, Port, Ports, optional
-from executive.skill import Skill
+from pomona.executive.ports import LENGTH, Port, Ports, optional
+from pomona.executive.skill import Skill
 
 class Arm: pass
 
@@ -173,12 +172,15 @@ def test_a_folder_that_cannot_be_written_is_no_problem(package, monkeypatch, tmp
 def test_small_commands_import_no_skill(command, tmp_path):
     environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path)}
     if command not in ("--help", "show pick_apple"):
-        subprocess.run([sys.executable, "-m", "executive.cli", "check", "pick_apple"], env=environment, check=True)
+        subprocess.run(
+            [sys.executable, "-m", "pomona.executive.cli", "check", "pick_apple"], env=environment, check=True
+        )
     script = (
-        "import sys; from executive.cli import main\n"
+        "import sys; from pomona.executive.cli import main\n"
         f"try: main({command.split()!r})\n"
         "except SystemExit: pass\n"
-        "heavy = ('torch', 'numba', 'scipy', 'mujoco', 'trimesh', 'mcap', 'skills.plan', 'executive.execute')\n"
+        "heavy = ('torch', 'numba', 'scipy', 'mujoco', 'trimesh', 'mcap')\n"
+        "heavy += ('pomona.skills.plan', 'pomona.executive.execute')\n"
         "print([name for name in heavy if name in sys.modules])"
     )
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, env=environment, timeout=120)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from executive.nodes import NodeTypes
+from pomona.executive.nodes import NodeTypes
 
 HERE = Path(__file__).parent
 PAGE = (HERE.parents[2] / "docs" / "tree_language.md").read_text()

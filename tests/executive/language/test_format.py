@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 import yaml
 
-from executive.cli import main
-from executive.language.format import FormatError, formatted
+from pomona.executive.cli import main
+from pomona.executive.language.format import FormatError, formatted
 
 FOLDER = Path(__file__).resolve().parents[3]
 SHIPPED = sorted([*(FOLDER / "trees").rglob("*.yaml"), *(FOLDER / "benchmarks").glob("*.yaml")])

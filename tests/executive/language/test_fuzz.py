@@ -8,15 +8,14 @@ from pathlib import Path
 
 import pytest
 import yaml
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
-from executive.language import TreeFileError, build, check, format_findings, read
-from executive.language.expression_parser import ExpressionSyntaxError, parse_expression
-from executive.language.groot_export import export_groot
-from executive.language.read import read_file
-from executive.skill_testing import BenchContext
-from executive.values import yaml_nodes
+from pomona.executive.language import TreeFileError, build, check, format_findings, read
+from pomona.executive.language.expression_parser import ExpressionSyntaxError, parse_expression
+from pomona.executive.language.groot_export import export_groot
+from pomona.executive.language.read import read_file
+from pomona.executive.skill_testing import BenchContext
+from pomona.executive.values import yaml_nodes
 
 SPEC = importlib.util.spec_from_file_location("fuzz", Path(__file__).with_name("fuzz.py"))
 fuzzer = importlib.util.module_from_spec(SPEC)
@@ -26,7 +25,7 @@ SKILLS = fuzzer.dummy_skills()
 
 @pytest.mark.slow
 def test_mutated_trees(skills, pick_apple):
-    trees = [pick_apple, *fuzzer.shipped_trees()]
+    trees = [pick_apple, *fuzzer.installed_trees()]
     assert fuzzer.fuzz(2000, 1, trees, skills, lambda text: fuzzer.try_tree(text, skills)) == []
 
 

@@ -7,12 +7,12 @@ import xml.etree.ElementTree as ElementTree
 import pytest
 import yaml
 
-from executive.language import TreeFileError, check, read
-from executive.language.groot_export import export_groot
-from executive.language.groot_import import import_groot
-from executive.language.literals import scalar_of_any_type
-from executive.language.model import Document, TreeNode
-from executive.values.yaml_nodes import YamlList, YamlMapping, YamlScalar
+from pomona.executive.language import TreeFileError, check, read
+from pomona.executive.language.groot_export import export_groot
+from pomona.executive.language.groot_import import import_groot
+from pomona.executive.language.literals import scalar_of_any_type
+from pomona.executive.language.model import Document, TreeNode
+from pomona.executive.values.yaml_nodes import YamlList, YamlMapping, YamlScalar
 
 HEAD = "pomona: 1\ntree: t\n"
 

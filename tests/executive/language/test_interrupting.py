@@ -7,10 +7,10 @@ import itertools
 import pytest
 from py_trees.common import Status
 
-from executive.language import build, read
-from executive.registry import Registry
-from executive.skill import Interrupted, Skill, Work
-from executive.skill_testing import BenchContext
+from pomona.executive.language import build, read
+from pomona.executive.registry import Registry
+from pomona.executive.skill import Interrupted, Skill, Work
+from pomona.executive.skill_testing import BenchContext
 
 
 class Swing(Skill):

@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 
 import pytest
 
-from executive.language import build, read
-from executive.reasons import reason_of
-from executive.skill_testing import BenchContext
+from pomona.executive.language import build, read
+from pomona.executive.reasons import reason_of
+from pomona.executive.skill_testing import BenchContext
 
 
 @dataclass

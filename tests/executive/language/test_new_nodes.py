@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from executive.reasons import reason_of
+from pomona.executive.reasons import reason_of
 
 
 def move(name, **modifiers):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from executive.reasons import reason_of
+from pomona.executive.reasons import reason_of
 
 
 def test_it_has_no_findings(findings_of, pick_apple):

@@ -6,11 +6,11 @@ import os
 
 import pytest
 
-from executive.errors import UsageError
-from executive.files import find_tree, read_text
-from executive.language import read
-from executive.values.findings import MAX_SHOWN, Findings, did_you_mean, format_findings
-from executive.values.yaml_nodes import YamlScalar
+from pomona.executive.errors import UsageError
+from pomona.executive.files import find_tree, read_text
+from pomona.executive.language import read
+from pomona.executive.values.findings import MAX_SHOWN, Findings, did_you_mean, format_findings
+from pomona.executive.values.yaml_nodes import YamlScalar
 
 HEAD = "pomona: 1\ntree: t\n"
 

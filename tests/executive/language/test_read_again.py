@@ -10,14 +10,14 @@ from typing import Any
 
 import pytest
 
-from executive.language import read
-from executive.language.check import Analysis, analyse
-from executive.language.declared_skills import declared_skills
-from executive.language.model import Document
-from executive.language.scope import Resolved
-from executive.nodes.node_type import NodeType, TreeNode
-from executive.registry import Registry
-from executive.values.findings import Located, Source, Spot, Within
+from pomona.executive.language import read
+from pomona.executive.language.check import Analysis, analyse
+from pomona.executive.language.declared_skills import declared_skills
+from pomona.executive.language.model import Document
+from pomona.executive.language.scope import Resolved
+from pomona.executive.nodes.node_type import NodeType, TreeNode
+from pomona.executive.registry import Registry
+from pomona.executive.values.findings import Located, Source, Spot, Within
 
 SPEC = importlib.util.spec_from_file_location("fuzz", Path(__file__).with_name("fuzz.py"))
 fuzzer = importlib.util.module_from_spec(SPEC)
@@ -186,7 +186,7 @@ def attempt(seed: str, edits: int, base: str, trees: list[str]) -> int:
     return taken
 
 
-@pytest.mark.parametrize("number", range(len([ODD, *fuzzer.shipped_trees()])))
+@pytest.mark.parametrize("number", range(len([ODD, *fuzzer.installed_trees()])))
 def test_a_changed_text_is_read_as_the_whole_text_is(number):
-    trees = [ODD, *fuzzer.shipped_trees()]
+    trees = [ODD, *fuzzer.installed_trees()]
     assert attempt(f"edits/{number}", 10, trees[number], trees) > 0

@@ -5,11 +5,11 @@ from __future__ import annotations
 import pytest
 from py_trees.common import Status
 
-from executive.language.groot_export import export_groot
-from executive.language.groot_import import import_groot
-from executive.language.read import read
-from executive.nodes.behaviours import Branch
-from executive.nodes.parallel import Parallel
+from pomona.executive.language.groot_export import export_groot
+from pomona.executive.language.groot_import import import_groot
+from pomona.executive.language.read import read
+from pomona.executive.nodes.behaviours import Branch
+from pomona.executive.nodes.parallel import Parallel
 from tests.executive.language import reference
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from executive.language import TreeFileError
-from executive.reasons import reason_of
+from pomona.executive.language import TreeFileError
+from pomona.executive.reasons import reason_of
 
 
 def move(name, **modifiers):

@@ -6,10 +6,10 @@ import jsonschema
 import pytest
 import yaml
 
-from executive.language import TreeFileError
-from executive.language.read import read
-from executive.language.run_scenario import run_scenario
-from executive.language.scenario import SCENARIO_FILES, read_mocks, read_scenario
+from pomona.executive.language import TreeFileError
+from pomona.executive.language.read import read
+from pomona.executive.language.run_scenario import run_scenario
+from pomona.executive.language.scenario import SCENARIO_FILES, read_mocks, read_scenario
 
 
 @pytest.fixture

@@ -8,14 +8,14 @@ import jsonschema
 import pytest
 import yaml
 
-from executive.language import check, format_findings, read_file
-from executive.language.groot_export import export_groot
-from executive.language.groot_import import import_groot
-from executive.language.read import read
-from executive.language.run_scenario import run_scenario
-from executive.language.scenario import read_scenario
-from executive.language.schema import schema
-from executive.registry import Registry
+from pomona.executive.language import check, format_findings, read_file
+from pomona.executive.language.groot_export import export_groot
+from pomona.executive.language.groot_import import import_groot
+from pomona.executive.language.read import read
+from pomona.executive.language.run_scenario import run_scenario
+from pomona.executive.language.scenario import read_scenario
+from pomona.executive.language.schema import schema
+from pomona.executive.registry import Registry
 
 FOLDER = Path(__file__).resolve().parents[3] / "trees"
 TREES = sorted(FOLDER.glob("*.yaml"))

@@ -8,9 +8,9 @@ import jsonschema
 import pytest
 import yaml
 
-from executive.language import read
-from executive.language.schema import schema
-from executive.language.show import show_svg, show_text
+from pomona.executive.language import read
+from pomona.executive.language.schema import schema
+from pomona.executive.language.show import show_svg, show_text
 
 HEAD = "pomona: 1\ntree: t\n"
 

@@ -17,15 +17,15 @@ import pytest
 from lsprotocol import types as lsp
 from pygls.lsp.client import LanguageClient
 
-from executive.files import find_cell
-from executive.language.check_node import LayerCheck
-from executive.language.declared_skills import declared_skills
-from executive.language_server import service as service_module
-from executive.language_server.renaming import RenameRefused
-from executive.language_server.service import TreeService
-from executive.registry import Registry
-from executive.values import yaml_again, yaml_nodes
-from executive.values.findings import Spot
+from pomona.executive.files import find_cell
+from pomona.executive.language.check_node import LayerCheck
+from pomona.executive.language.declared_skills import declared_skills
+from pomona.executive.language_server import service as service_module
+from pomona.executive.language_server.renaming import RenameRefused
+from pomona.executive.language_server.service import TreeService
+from pomona.executive.registry import Registry
+from pomona.executive.values import yaml_again, yaml_nodes
+from pomona.executive.values.findings import Spot
 
 TREE = """\
 pomona: 1
@@ -299,7 +299,7 @@ def test_a_real_editor_speaks_with_the_command(tmp_path):
 
     async def session() -> None:
         editor = Editor()
-        await editor.start_io(sys.executable, "-c", "from executive.cli import main; main(['lsp'])")
+        await editor.start_io(sys.executable, "-c", "from pomona.executive.cli import main; main(['lsp'])")
         await editor.initialize_async(lsp.InitializeParams(capabilities=lsp.ClientCapabilities(), process_id=None))
         broken = TREE.replace("MoveTo", "MoveTwo")
         editor.text_document_did_open(

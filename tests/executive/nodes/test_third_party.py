@@ -11,15 +11,15 @@ import jsonschema
 import pytest
 import yaml
 
-from executive.language import build, check, read
-from executive.language.groot_export import export_groot
-from executive.language.groot_import import import_groot
-from executive.language.schema import schema
-from executive.language.show import show_svg, show_text
-from executive.nodes import Modifier, NodeTypeError, NodeTypes, catalogue, takes
-from executive.registry import Registry
-from executive.skill import Skill
-from executive.skill_testing import BenchContext
+from pomona.executive.language import build, check, read
+from pomona.executive.language.groot_export import export_groot
+from pomona.executive.language.groot_import import import_groot
+from pomona.executive.language.schema import schema
+from pomona.executive.language.show import show_svg, show_text
+from pomona.executive.nodes import Modifier, NodeTypeError, NodeTypes, catalogue, takes
+from pomona.executive.registry import Registry
+from pomona.executive.skill import Skill
+from pomona.executive.skill_testing import BenchContext
 
 PACKAGE = "pomona_more_words"
 

@@ -31,35 +31,33 @@ from pathlib import Path
 import numpy as np
 from py_trees.common import Status
 
-from executive.commands.dashboard import Launcher
-from executive.dashboard import record_messages
-from executive.dashboard.choices import Choices
-from executive.dashboard.control_lock import ControlLock
-from executive.dashboard.messages import encode
-from executive.dashboard.presses import Presses, object_of
-from executive.dashboard.record_messages import _is_message, image, moment, overview
-from executive.dashboard.security import Access
-from executive.dashboard.server import Dashboard
-from executive.encode import encoded
-from executive.errors import PomonaError, UsageError
-from executive.language import build, read
-from executive.reasons import Reason
-from executive.recording import overview as overview_module
-from executive.recording import recorder as recorder_module
-from executive.recording import scan as scan_module
-from executive.recording.container import CHUNK, HEAD, MAGIC
-from executive.recording.decode import event_from
-from executive.recording.difference import comparable, differences
-from executive.recording.digest import digest
-from executive.recording.folder import EVENTS_FILE
-from executive.recording.interventions import interventions
-from executive.recording.json_text import parse, parse_object
-from executive.recording.read import read_events
-from executive.recording.recorder import Recorder, message_of
-from executive.recording.scan import examine
-from executive.registry import Registry
-from executive.running.dry_cell import DryCell
-from executive.running.events import (
+from pomona.executive.commands.dashboard import Launcher
+from pomona.executive.dashboard import record_messages
+from pomona.executive.dashboard.choices import Choices
+from pomona.executive.dashboard.control_lock import ControlLock
+from pomona.executive.dashboard.messages import encode
+from pomona.executive.dashboard.presses import Presses, object_of
+from pomona.executive.dashboard.record_messages import _is_message, image, moment, overview
+from pomona.executive.dashboard.security import Access
+from pomona.executive.dashboard.server import Dashboard
+from pomona.executive.encode import encoded
+from pomona.executive.errors import PomonaError, UsageError
+from pomona.executive.language import build, read
+from pomona.executive.reasons import Reason
+from pomona.executive.recording import overview as overview_module, recorder as recorder_module, scan as scan_module
+from pomona.executive.recording.container import CHUNK, HEAD, MAGIC
+from pomona.executive.recording.decode import event_from
+from pomona.executive.recording.difference import comparable, differences
+from pomona.executive.recording.digest import digest
+from pomona.executive.recording.folder import EVENTS_FILE
+from pomona.executive.recording.interventions import interventions
+from pomona.executive.recording.json_text import parse, parse_object
+from pomona.executive.recording.read import read_events
+from pomona.executive.recording.recorder import Recorder, message_of
+from pomona.executive.recording.scan import examine
+from pomona.executive.registry import Registry
+from pomona.executive.running.dry_cell import DryCell
+from pomona.executive.running.events import (
     AttemptEnded,
     Event,
     EventStream,
@@ -69,12 +67,12 @@ from executive.running.events import (
     RunEnded,
     RunStarted,
 )
-from executive.running.runner import Runner
-from executive.terminal.explain import explain
-from executive.terminal.filtered import json_text, visible
-from executive.terminal.screen import Screen
-from executive.terminal.summary import Summary
-from executive.views import Line3, SceneView, SeriesView, TableView
+from pomona.executive.running.runner import Runner
+from pomona.executive.terminal.explain import explain
+from pomona.executive.terminal.filtered import json_text, visible
+from pomona.executive.terminal.screen import Screen
+from pomona.executive.terminal.summary import Summary
+from pomona.executive.views import Line3, SceneView, SeriesView, TableView
 
 HOLDER = "0123abcd"
 ASKING = "pomona: 1\ntree: t\nroot:\n  sequence:\n    - ask: ready?\n    - wait: 20 ms\n"

@@ -9,11 +9,11 @@ from types import SimpleNamespace
 
 import pytest
 
-from executive.recording import container
-from executive.recording.checksum import crc_of_end, shifted
-from executive.recording.recorder import Recorder
-from executive.recording.scan import examine
-from executive.running.events import NodeChanged, RunEnded
+from pomona.executive.recording import container
+from pomona.executive.recording.checksum import crc_of_end, shifted
+from pomona.executive.recording.recorder import Recorder
+from pomona.executive.recording.scan import examine
+from pomona.executive.running.events import NodeChanged, RunEnded
 
 
 def test_the_checksum_of_an_end_is_zlibs() -> None:

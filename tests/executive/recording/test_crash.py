@@ -14,27 +14,27 @@ from pathlib import Path
 
 import pytest
 
-from executive.cli import main
-from executive.errors import UsageError
-from executive.recording import recorder as recorder_module
-from executive.recording.digest import digest
-from executive.recording.ending import why_cut
-from executive.recording.folder import EVENTS_FILE, is_being_written
-from executive.recording.index import RunIndex
-from executive.recording.read import read_events
-from executive.recording.recorder import Recorder
-from executive.recording.repair import repair
-from executive.recording.scan import is_whole
-from executive.recording.session import RecordingSession
-from executive.running.events import Published, StateChanged
+from pomona.executive.cli import main
+from pomona.executive.errors import UsageError
+from pomona.executive.recording import recorder as recorder_module
+from pomona.executive.recording.digest import digest
+from pomona.executive.recording.ending import why_cut
+from pomona.executive.recording.folder import EVENTS_FILE, is_being_written
+from pomona.executive.recording.index import RunIndex
+from pomona.executive.recording.read import read_events
+from pomona.executive.recording.recorder import Recorder
+from pomona.executive.recording.repair import repair
+from pomona.executive.recording.scan import is_whole
+from pomona.executive.recording.session import RecordingSession
+from pomona.executive.running.events import Published, StateChanged
 
 pytestmark = pytest.mark.slow
 
 RECORD_FOR_EVER = """
 import sys, time
 from pathlib import Path
-from executive.running.events import StateChanged
-from executive.recording.recorder import Recorder
+from pomona.executive.running.events import StateChanged
+from pomona.executive.recording.recorder import Recorder
 recorder = Recorder(Path(sys.argv[1]))
 began = time.monotonic()
 for tick in range(1_000_000):
@@ -46,7 +46,7 @@ for tick in range(1_000_000):
 LIMITED = """
 import resource, sys
 sys.dont_write_bytecode = True  # Python itself leaves half a file of compiled code on a full disk
-from executive.cli import main
+from pomona.executive.cli import main
 
 resource.setrlimit(resource.RLIMIT_FSIZE, (6_000, 6_000))
 sys.exit(main(sys.argv[1:]))

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 from recorded_events import started
 
-from executive.cli import main
-from executive.errors import UsageError
-from executive.recording.evidence import gather, read_hazards
-from executive.recording.folder import EVENTS_FILE
-from executive.recording.recorder import Recorder
-from executive.running.events import OperatorActed, RunEnded
+from pomona.executive.cli import main
+from pomona.executive.errors import UsageError
+from pomona.executive.recording.evidence import gather, read_hazards
+from pomona.executive.recording.folder import EVENTS_FILE
+from pomona.executive.recording.recorder import Recorder
+from pomona.executive.running.events import OperatorActed, RunEnded
 
 CELL = "name: sim\ndevices:\n  gripper: {force_max: 20 N}\n  fingers: {range: 8 N}\n"
 SHIPPED = Path(__file__).parents[3] / "trees" / "hazards" / "picking.yaml"

@@ -12,15 +12,15 @@ import pytest
 from mcap.reader import make_reader
 from recorded_events import FAILED, SUCCEEDED, contents, everything, record, write
 
-from drivers.frames.folder import folder_intrinsics, list_frames, read_images
-from executive.errors import UsageError
-from executive.recording.digest import Digest
-from executive.recording.export import export
-from executive.recording.extract import extract
-from executive.recording.folder import EVENTS_FILE, find_record
-from executive.recording.prune import choose, parse_age, parse_size, remove
-from executive.recording.read import read_events
-from executive.recording.recorder import Recorder
+from pomona.drivers.frames.folder import folder_intrinsics, list_frames, read_images
+from pomona.executive.errors import UsageError
+from pomona.executive.recording.digest import Digest
+from pomona.executive.recording.export import export
+from pomona.executive.recording.extract import extract
+from pomona.executive.recording.folder import EVENTS_FILE, find_record
+from pomona.executive.recording.prune import choose, parse_age, parse_size, remove
+from pomona.executive.recording.read import read_events
+from pomona.executive.recording.recorder import Recorder
 
 
 @pytest.fixture

@@ -9,8 +9,8 @@ from types import ModuleType
 
 import pytest
 
-from executive.dashboard import record_messages
-from executive.recording import overview, recorder, scan
+from pomona.executive.dashboard import record_messages
+from pomona.executive.recording import overview, recorder, scan
 
 
 @pytest.fixture

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
-from executive.recording.image_size import size_of_jpeg
+from pomona.executive.recording.image_size import size_of_jpeg
 
 
 @given(st.integers(1, 300), st.integers(1, 300))

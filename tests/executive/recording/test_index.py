@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 from recorded_events import FAILED, SUCCEEDED, write
 
-from executive.cli import main
-from executive.recording import index as index_module
-from executive.recording.folder import EVENTS_FILE, hash_of
-from executive.recording.index import INDEX_FILE, MIGRATIONS, RunIndex
-from executive.recording.picture import Picture
-from executive.recording.recorder import Recorder
-from executive.running.events import Published
-from executive.views import SeriesView
+from pomona.executive.cli import main
+from pomona.executive.recording import index as index_module
+from pomona.executive.recording.folder import EVENTS_FILE, hash_of
+from pomona.executive.recording.index import INDEX_FILE, MIGRATIONS, RunIndex
+from pomona.executive.recording.picture import Picture
+from pomona.executive.recording.recorder import Recorder
+from pomona.executive.running.events import Published
+from pomona.executive.views import SeriesView
 
 
 @pytest.fixture

@@ -11,25 +11,24 @@ from pathlib import Path
 
 import pytest
 import zstandard
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from recorded_events import FAILED, everything, record, write
 
-from executive.cli import main
-from executive.dashboard.record_messages import image, overview, record_messages
-from executive.errors import UsageError
-from executive.recording import recorder as recorder_module
-from executive.recording.container import HEAD, MAGIC
-from executive.recording.digest import digest
-from executive.recording.ending import ENDING_FILE, why_cut
-from executive.recording.export import export
-from executive.recording.folder import EVENTS_FILE
-from executive.recording.index import RunIndex
-from executive.recording.read import read_events
-from executive.recording.recorder import Recorder
-from executive.recording.repair import repair
-from executive.recording.scan import DamagedRecordError, examine
-from executive.running.events import Event, RunEnded, StateChanged
+from pomona.executive.cli import main
+from pomona.executive.dashboard.record_messages import image, overview, record_messages
+from pomona.executive.errors import UsageError
+from pomona.executive.recording import recorder as recorder_module
+from pomona.executive.recording.container import HEAD, MAGIC
+from pomona.executive.recording.digest import digest
+from pomona.executive.recording.ending import ENDING_FILE, why_cut
+from pomona.executive.recording.export import export
+from pomona.executive.recording.folder import EVENTS_FILE
+from pomona.executive.recording.index import RunIndex
+from pomona.executive.recording.read import read_events
+from pomona.executive.recording.recorder import Recorder
+from pomona.executive.recording.repair import repair
+from pomona.executive.recording.scan import DamagedRecordError, examine
+from pomona.executive.running.events import Event, RunEnded, StateChanged
 
 
 @pytest.fixture
@@ -202,7 +201,7 @@ def test_the_cause_is_said_cut_killed_disk_full_lost_power(tmp_path: Path) -> No
     assert why_cut(tmp_path) == f"it was whole once, with {size} bytes, and the file was cut afterwards"
 
     script = (
-        "import os, sys; from pathlib import Path; from executive.recording.recorder import Recorder;"
+        "import os, sys; from pathlib import Path; from pomona.executive.recording.recorder import Recorder;"
         "Recorder(Path(sys.argv[1])); os.kill(os.getpid(), 9)"
     )
     (tmp_path / "killed").mkdir()

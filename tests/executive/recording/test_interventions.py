@@ -10,13 +10,13 @@ from mcap.reader import make_reader
 from mcap.writer import CompressionType
 from recorded_events import SUCCEEDED, write
 
-from executive.cli import main
-from executive.encode import encoded
-from executive.recording.digest import digest
-from executive.recording.folder import EVENTS_FILE
-from executive.recording.interventions import INTERVENTIONS, EntryChain, interventions, read_log
-from executive.recording.recorder import new_writer
-from executive.running.events import OperatorActed
+from pomona.executive.cli import main
+from pomona.executive.encode import encoded
+from pomona.executive.recording.digest import digest
+from pomona.executive.recording.folder import EVENTS_FILE
+from pomona.executive.recording.interventions import INTERVENTIONS, EntryChain, interventions, read_log
+from pomona.executive.recording.recorder import new_writer
+from pomona.executive.running.events import OperatorActed
 
 ACTS = tuple(OperatorActed(0.5 * n, 25 * n, "anna", action) for n, action in enumerate(("take", "pause", "resume")))
 

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from executive.errors import UsageError
-from executive.recording.new_place import made_whole
+from pomona.executive.errors import UsageError
+from pomona.executive.recording.new_place import made_whole
 
 
 def test_what_is_made_appears_whole_with_its_name(tmp_path: Path) -> None:

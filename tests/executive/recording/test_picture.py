@@ -10,9 +10,9 @@ import matplotlib.figure
 import numpy as np
 import pytest
 
-from executive.recording.picture import Picture
-from executive.running.events import Published
-from executive.views import ImageView, Line2, Line3, Points3, SceneView, SeriesView
+from pomona.executive.recording.picture import Picture
+from pomona.executive.running.events import Published
+from pomona.executive.views import ImageView, Line2, Line3, Points3, SceneView, SeriesView
 
 
 def plotted(monkeypatch: pytest.MonkeyPatch, views: list[tuple[str, Any]]) -> Any:

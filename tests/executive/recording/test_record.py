@@ -7,14 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from executive.errors import UsageError
-from executive.reasons import Reason
-from executive.recording import recorder as recorder_module
-from executive.recording.folder import EVENTS_FILE, RecordError, find_record, new_record_folder
-from executive.recording.read import read_events
-from executive.recording.recorder import Recorder
-from executive.running.events import Event, NodeChanged, Published, StateChanged
-from executive.views import ImageView, Line2, SceneView, SeriesView
+from pomona.executive.errors import UsageError
+from pomona.executive.reasons import Reason
+from pomona.executive.recording import recorder as recorder_module
+from pomona.executive.recording.folder import EVENTS_FILE, RecordError, find_record, new_record_folder
+from pomona.executive.recording.read import read_events
+from pomona.executive.recording.recorder import Recorder
+from pomona.executive.running.events import Event, NodeChanged, Published, StateChanged
+from pomona.executive.views import ImageView, Line2, SceneView, SeriesView
 
 
 def record(folder: Path, events: list[Event]) -> None:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from executive.recording.container import FREE_GROWTH, MOST_GROWTH
-from executive.recording.recorder import BATCH, CHUNK_BYTES
-from executive.recording.repair import repair
+from pomona.executive.recording.container import FREE_GROWTH, MOST_GROWTH
+from pomona.executive.recording.recorder import BATCH, CHUNK_BYTES
+from pomona.executive.recording.repair import repair
 
 PAGE = re.sub(r"<!-- .*? -->", "", (Path(__file__).parents[3] / "docs" / "records.md").read_text(encoding="utf-8"))
 

@@ -16,20 +16,20 @@ from typing import Any
 import pytest
 from recorded_events import started
 
-from executive.cli import main
-from executive.commands.dashboard import Launcher
-from executive.dashboard.choices import Choices
-from executive.dashboard.control_lock import ControlLock, RefusedError
-from executive.errors import UsageError
-from executive.execute import RunOrder, execute
-from executive.recording.ending import ENDING_FILE
-from executive.recording.folder import EVENTS_FILE, find_record
-from executive.recording.recorder import Recorder
-from executive.recording.session import RecordingSession
-from executive.recording.unfinished import unfinished
-from executive.running.events import HandChanged, NodeChanged, RunEnded
-from executive.running.starting import StartCancelledError
-from executive.running.supervise import REPORT
+from pomona.executive.cli import main
+from pomona.executive.commands.dashboard import Launcher
+from pomona.executive.dashboard.choices import Choices
+from pomona.executive.dashboard.control_lock import ControlLock, RefusedError
+from pomona.executive.errors import UsageError
+from pomona.executive.execute import RunOrder, execute
+from pomona.executive.recording.ending import ENDING_FILE
+from pomona.executive.recording.folder import EVENTS_FILE, find_record
+from pomona.executive.recording.recorder import Recorder
+from pomona.executive.recording.session import RecordingSession
+from pomona.executive.recording.unfinished import unfinished
+from pomona.executive.running.events import HandChanged, NodeChanged, RunEnded
+from pomona.executive.running.starting import StartCancelledError
+from pomona.executive.running.supervise import REPORT
 
 CELL = "name: bench\nkind: mock\nclock: manual\ndevices: {}\n"
 TREE = "pomona: 1\ntree: t\nroot: {wait: 20 ms}\n"
@@ -221,7 +221,7 @@ def test_a_run_does_not_begin_with_something_between_the_fingers_however_the_las
     order: RunOrder, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     leave(order, "real", "", ended=True)
-    monkeypatch.setattr("drivers.cell.Cell.in_hand", lambda _cell: HELD)
+    monkeypatch.setattr("pomona.drivers.cell.Cell.in_hand", lambda _cell: HELD)
     with pytest.raises(UsageError, match=rf"bench: {HELD} before the run has begun") as refused:
         execute(order)
     assert "--recover" in str(refused.value)
@@ -242,7 +242,7 @@ def test_a_cell_that_requires_a_record_starts_no_run_without_one(order: RunOrder
 def test_recovery_that_is_asked_for_runs_even_when_no_run_was_cut(
     order: RunOrder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("executive.execute.installed_trees", lambda: tmp_path)
+    monkeypatch.setattr("pomona.executive.execute.installed_trees", lambda: tmp_path)
     (tmp_path / "recover.yaml").write_text(TREE.replace("tree: t", "tree: recover"))
     assert execute(replace(order, recover=True)).result.outcome == "success"
     assert order.record is not None
@@ -253,7 +253,7 @@ def test_recovery_that_is_asked_for_runs_even_when_no_run_was_cut(
 def test_recovery_that_is_asked_for_runs_whatever_else_is_said(
     order: RunOrder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, also: dict[str, Any]
 ) -> None:
-    monkeypatch.setattr("executive.execute.installed_trees", lambda: tmp_path)
+    monkeypatch.setattr("pomona.executive.execute.installed_trees", lambda: tmp_path)
     (tmp_path / "recover.yaml").write_text(TREE.replace("tree: t", "tree: recover"))
     begun: list[str] = []
     execute(replace(order, recover=True, **also), on_ready=lambda runner: begun.append(runner.tree.name))
@@ -275,7 +275,7 @@ def test_recovery_runs_before_anything_else_and_nothing_runs_when_it_fails(
     order: RunOrder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     recover = tmp_path / "recover.yaml"
-    monkeypatch.setattr("executive.execute.installed_trees", lambda: tmp_path)
+    monkeypatch.setattr("pomona.executive.execute.installed_trees", lambda: tmp_path)
     recover.write_text("pomona: 1\ntree: recover\nroot: {fail: {code: STUCK}}\n")
     leave(order, "real", HELD)
     assert order.record is not None
@@ -294,7 +294,7 @@ def test_recovery_runs_before_anything_else_and_nothing_runs_when_it_fails(
 def test_the_page_begins_after_a_cut_as_its_form_says(
     order: RunOrder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("executive.execute.installed_trees", lambda: tmp_path)
+    monkeypatch.setattr("pomona.executive.execute.installed_trees", lambda: tmp_path)
     (tmp_path / "recover.yaml").write_text(TREE.replace("tree: t", "tree: recover"))
     leave(order, "real", HELD)
     assert order.record is not None
@@ -326,7 +326,7 @@ def test_two_starts_at_the_same_time_are_one_run(order: RunOrder, monkeypatch: p
     dashboard: Any = SimpleNamespace(control=ControlLock(), hub=SimpleNamespace(on_event=lambda event: None))
     launcher = Launcher(dashboard, order.record, Choices({"tree": order.tree}, {"cell": order.cell}))
     both, went_on = threading.Barrier(2), threading.Event()
-    monkeypatch.setattr("executive.commands.dashboard.execute", lambda *_, **__: went_on.wait(5.0))
+    monkeypatch.setattr("pomona.executive.commands.dashboard.execute", lambda *_, **__: went_on.wait(5.0))
 
     def judged(_form: object) -> RunOrder:
         with contextlib.suppress(threading.BrokenBarrierError):
@@ -357,7 +357,7 @@ def test_a_stop_between_the_recovery_and_the_run_keeps_the_run_from_beginning(
     order: RunOrder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, who: str
 ) -> None:
     (tmp_path / "recover.yaml").write_text(TREE.replace("tree: t", "tree: recover"))
-    monkeypatch.setattr("executive.execute.installed_trees", lambda: tmp_path)
+    monkeypatch.setattr("pomona.executive.execute.installed_trees", lambda: tmp_path)
     desk = ControlLock()
     close = RecordingSession.close
 

@@ -12,10 +12,10 @@ import pytest
 from mcap.reader import make_reader
 from recorded_events import contents, everything, pose, record
 
-from executive.recording.read import read_events
-from executive.recording.well_known import Images, plain_name
-from executive.running.events import Published
-from executive.views import ImageView
+from pomona.executive.recording.read import read_events
+from pomona.executive.recording.well_known import Images, plain_name
+from pomona.executive.running.events import Published
+from pomona.executive.views import ImageView
 
 
 def strict(schema: Any) -> Any:

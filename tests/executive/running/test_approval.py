@@ -5,12 +5,12 @@ from __future__ import annotations
 import pytest
 from fake_runs import Turn, make
 
-from executive.dashboard.control_lock import ControlLock, RefusedError
-from executive.language.changes import ChangeRefusedError
-from executive.registry import Registry
-from executive.running.events import NodeChanged, OperatorActed, RunStarted
-from executive.running.requests import AnswerRefusedError
-from executive.terminal.explain import explain
+from pomona.executive.dashboard.control_lock import ControlLock, RefusedError
+from pomona.executive.language.changes import ChangeRefusedError
+from pomona.executive.registry import Registry
+from pomona.executive.running.events import NodeChanged, OperatorActed, RunStarted
+from pomona.executive.running.requests import AnswerRefusedError
+from pomona.executive.terminal.explain import explain
 
 TEXT = """
 pomona: 1

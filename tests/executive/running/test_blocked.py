@@ -7,11 +7,11 @@ from dataclasses import replace
 import pytest
 from fake_runs import make
 
-from executive.registry import Registry
-from executive.running import runner as module
-from executive.running.events import RunStarted, TickOverran
-from executive.skill import Skill, Work
-from executive.terminal import explain as words
+from pomona.executive.registry import Registry
+from pomona.executive.running import runner as module
+from pomona.executive.running.events import RunStarted, TickOverran
+from pomona.executive.skill import Skill, Work
+from pomona.executive.terminal import explain as words
 
 
 class Block(Skill):

@@ -5,15 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
-from executive.nodes.behaviours import LeafBehaviour as Leaf
-from executive.nodes.fallback import Fallback
-from executive.nodes.sequence import Sequence
-from executive.running.breakpoints import Breakpoints, HeldTick, Side, UnknownNodeError
+from pomona.executive.nodes.behaviours import LeafBehaviour as Leaf
+from pomona.executive.nodes.fallback import Fallback
+from pomona.executive.nodes.sequence import Sequence
+from pomona.executive.running.breakpoints import Breakpoints, HeldTick, Side, UnknownNodeError
 
 SIDES: tuple[Side, ...] = ("before", "after")
 

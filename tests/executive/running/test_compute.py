@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from executive.running.compute import Computations, WorkerDied
+from pomona.executive.running.compute import Computations, WorkerDied
 
 
 @pytest.fixture

@@ -9,13 +9,13 @@ import pytest
 from fake_cell import FakeCell, Wheel
 from fake_runs import Turn, make
 
-from executive.reasons import Reason
-from executive.registry import Registry
-from executive.running.events import ErrorRaised, Event, RunEnded, RunStarted, SafeStopped
-from executive.running.runner import Runner
-from executive.skill import Interrupted, Skill, Work
-from executive.terminal.explain import explain
-from executive.values.sentences import sentence_of
+from pomona.executive.reasons import Reason
+from pomona.executive.registry import Registry
+from pomona.executive.running.events import ErrorRaised, Event, RunEnded, RunStarted, SafeStopped
+from pomona.executive.running.runner import Runner
+from pomona.executive.skill import Interrupted, Skill, Work
+from pomona.executive.terminal.explain import explain
+from pomona.executive.values.sentences import sentence_of
 
 RAISED = [SystemExit(0), KeyboardInterrupt(), GeneratorExit(), MemoryError(), RecursionError("too deep"), Interrupted()]
 BESIDE = """

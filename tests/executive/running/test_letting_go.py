@@ -5,11 +5,11 @@ from __future__ import annotations
 from fake_cell import Wheel
 from fake_runs import Turn, make
 
-from executive.ports import Outputs
-from executive.registry import Registry
-from executive.running.events import Event, NodeChanged, StateChanged
-from executive.running.run_state import RunState
-from executive.skill import Skill, Work
+from pomona.executive.ports import Outputs
+from pomona.executive.registry import Registry
+from pomona.executive.running.events import Event, NodeChanged, StateChanged
+from pomona.executive.running.run_state import RunState
+from pomona.executive.skill import Skill, Work
 
 
 class Seen(Outputs):

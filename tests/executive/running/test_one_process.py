@@ -9,14 +9,14 @@ from pathlib import Path
 
 import pytest
 
-from executive.execute import RunOrder, execute
+from pomona.executive.execute import RunOrder, execute
 
 RUN = """
 import os, sys, threading
 from fake_runs import Turn, make
-from executive.one_process import run_in_progress
-from executive.registry import Registry
-from executive.skill import Interrupted, Skill, Work
+from pomona.executive.one_process import run_in_progress
+from pomona.executive.registry import Registry
+from pomona.executive.skill import Interrupted, Skill, Work
 
 way = sys.argv[1]
 

@@ -10,18 +10,18 @@ from pathlib import Path
 
 import pytest
 
-from drivers.cell_file import read_cell_file
-from executive.execute import RunOrder, execute
-from executive.files import find_cell
-from executive.recording.session import RecordingSession
-from executive.running.one_run import CellInUseError, alone_on
+from pomona.drivers.cell_file import read_cell_file
+from pomona.executive.execute import RunOrder, execute
+from pomona.executive.files import find_cell
+from pomona.executive.recording.session import RecordingSession
+from pomona.executive.running.one_run import CellInUseError, alone_on
 
 TREE = "pomona: 1\ntree: t\nroot:\n  wait: 20 ms\n"
 CELL = "name: bench\nkind: real\nclock: manual\ndevices: {}\n"
 HOLDS = """
 import sys, time
 from pathlib import Path
-from executive.running.one_run import alone_on
+from pomona.executive.running.one_run import alone_on
 with alone_on(Path(sys.argv[1]), "real"):
     print("has it", flush=True)
     time.sleep(60.0)
@@ -56,8 +56,8 @@ def test_nobody_else_can_begin_between_the_look_for_a_cut_run_and_the_end_of_the
         looks.append(when)
 
     close = RecordingSession.close
-    monkeypatch.setattr("executive.execute.installed_trees", lambda: tmp_path)
-    monkeypatch.setattr("executive.execute.unfinished", lambda *_: try_it("looking"))
+    monkeypatch.setattr("pomona.executive.execute.installed_trees", lambda: tmp_path)
+    monkeypatch.setattr("pomona.executive.execute.unfinished", lambda *_: try_it("looking"))
     monkeypatch.setattr(RecordingSession, "close", lambda session: (close(session), try_it("a run has ended"))[0])
     (tmp_path / "recover.yaml").write_text(TREE.replace("tree: t", "tree: recover"))
     executed = execute(replace(order, record=tmp_path / "runs", recover=True))

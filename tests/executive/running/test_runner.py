@@ -9,15 +9,14 @@ from typing import Any
 
 import pytest
 from fake_cell import COASTING, FakeCell
-from fake_runs import TURN, Turn
-from fake_runs import make as make_run
+from fake_runs import TURN, Turn, make as make_run
 
-from drivers.faults import FaultSwitch
-from executive.ports import Outputs
-from executive.registry import Registry
-from executive.running.breakpoints import UnknownNodeError
-from executive.running.compute import Computations
-from executive.running.events import (
+from pomona.drivers.faults import FaultSwitch
+from pomona.executive.ports import Outputs
+from pomona.executive.registry import Registry
+from pomona.executive.running.breakpoints import UnknownNodeError
+from pomona.executive.running.compute import Computations
+from pomona.executive.running.events import (
     ErrorRaised,
     Event,
     NodeChanged,
@@ -27,10 +26,10 @@ from executive.running.events import (
     SafeStopped,
     StateChanged,
 )
-from executive.running.requests import LATE, AnswerRefusedError
-from executive.running.run_state import RunState
-from executive.running.runner import Runner
-from executive.skill import Interrupted, Skill, Work
+from pomona.executive.running.requests import LATE, AnswerRefusedError
+from pomona.executive.running.run_state import RunState
+from pomona.executive.running.runner import Runner
+from pomona.executive.skill import Interrupted, Skill, Work
 
 
 class Jam(Skill):

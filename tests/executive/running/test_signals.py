@@ -14,12 +14,12 @@ import pytest
 from fake_cell import FakeCell
 from fake_runs import Turn, make
 
-from executive.registry import Registry
-from executive.running import signals as module
-from executive.running.events import Event, OperatorActed
-from executive.running.runner import Runner
-from executive.running.signals import RunSignals, Terminated, raising, signalled, status_of
-from executive.skill import Skill, Work
+from pomona.executive.registry import Registry
+from pomona.executive.running import signals as module
+from pomona.executive.running.events import Event, OperatorActed
+from pomona.executive.running.runner import Runner
+from pomona.executive.running.signals import RunSignals, Terminated, raising, signalled, status_of
+from pomona.executive.skill import Skill, Work
 
 LONG = "pomona: 1\ntree: t\nroot: {Turn: {duration: 9 s}}"
 

@@ -8,13 +8,13 @@ import pytest
 from fake_cell import FakeCell, Wheel
 from fake_runs import TURN, Turn, make
 
-from executive.errors import UsageError
-from executive.language import build, read
-from executive.registry import Registry
-from executive.running.events import Event, EventStream, NodeChanged, OperatorActed
-from executive.running.requests import LATE
-from executive.running.runner import Runner
-from executive.speed import SpeedRefusedError
+from pomona.executive.errors import UsageError
+from pomona.executive.language import build, read
+from pomona.executive.registry import Registry
+from pomona.executive.running.events import Event, EventStream, NodeChanged, OperatorActed
+from pomona.executive.running.requests import LATE
+from pomona.executive.running.runner import Runner
+from pomona.executive.speed import SpeedRefusedError
 
 
 class Feel(Turn):

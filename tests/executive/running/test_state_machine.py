@@ -10,14 +10,13 @@ import threading
 
 from fake_cell import FakeCell, Wheel
 from fake_runs import Turn, make
-from hypothesis import settings
-from hypothesis import strategies as st
+from hypothesis import settings, strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
 
-from executive.dashboard.control_lock import ControlLock, RefusedError
-from executive.registry import Registry
-from executive.running.events import ErrorRaised, OperatorActed
-from executive.running.run_state import RunResult
+from pomona.executive.dashboard.control_lock import ControlLock, RefusedError
+from pomona.executive.registry import Registry
+from pomona.executive.running.events import ErrorRaised, OperatorActed
+from pomona.executive.running.run_state import RunResult
 
 TREES = (
     "root: {Turn: {duration: 400 ms}, repeat: 3}",

@@ -16,14 +16,14 @@ import pytest
 from fake_cell import FakeCell
 from fake_runs import Turn, make
 
-from executive.registry import Registry
-from executive.running.supervise import REPORT
-from executive.running.supervisor import NoSupervisorError, RunSupervision, Supervisor
+from pomona.executive.registry import Registry
+from pomona.executive.running.supervise import REPORT
+from pomona.executive.running.supervisor import NoSupervisorError, RunSupervision, Supervisor
 
 SUPERVISED = """
 import ctypes, os, signal, sys, time
 from pathlib import Path
-from executive.running.supervisor import Supervisor
+from pomona.executive.running.supervisor import Supervisor
 folder, way = Path(sys.argv[1]), sys.argv[2]
 supervisor = Supervisor({"wheel": ("os:mkdir", [str(folder / "stopped")])}, 0.4, folder)
 for _ in range(20):
@@ -194,7 +194,7 @@ def test_a_run_that_stood_still_does_not_go_on_by_itself_and_says_so_before_what
         if outcome == "stopped":  # found by the next look
             monkeypatch.setattr(cell, "check", lambda: pytest.fail("camera: no image"))
 
-    monkeypatch.setattr("executive.running.supervisor.Supervisor", lambda *_: SimpleNamespace(
+    monkeypatch.setattr("pomona.executive.running.supervisor.Supervisor", lambda *_: SimpleNamespace(
         beat=lambda: None, rest=lambda: None, close=lambda: None, state=lambda: "ok"
     ))  # fmt: skip
     runner, cell, _events = make(

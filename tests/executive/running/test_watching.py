@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from fake_cell import FakeCell
 
-from executive.running.watching import EVERY, Watch
+from pomona.executive.running.watching import EVERY, Watch
 
 
 class Counting:

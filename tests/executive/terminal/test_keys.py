@@ -13,12 +13,12 @@ from dataclasses import dataclass, field
 import pytest
 from fake_runs import Turn, make
 
-from executive.registry import Registry
-from executive.running.events import Event, OperatorActed, StateChanged
-from executive.running.run_state import RunResult
-from executive.running.runner import Runner
-from executive.terminal.keys import Keys
-from executive.terminal.screen import Screen
+from pomona.executive.registry import Registry
+from pomona.executive.running.events import Event, OperatorActed, StateChanged
+from pomona.executive.running.run_state import RunResult
+from pomona.executive.running.runner import Runner
+from pomona.executive.terminal.keys import Keys
+from pomona.executive.terminal.screen import Screen
 
 SKILLS = Registry({"Turn": Turn})
 ASKING = """

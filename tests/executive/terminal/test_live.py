@@ -9,10 +9,10 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from executive.running.events import NodeChanged, RunStarted, TickOverran
-from executive.terminal.filtered import visible
-from executive.terminal.live import LiveTree
-from executive.terminal.screen import Screen
+from pomona.executive.running.events import NodeChanged, RunStarted, TickOverran
+from pomona.executive.terminal.filtered import visible
+from pomona.executive.terminal.live import LiveTree
+from pomona.executive.terminal.screen import Screen
 
 NODES = (
     {"path": "t", "parent": None, "name": "whole"},
@@ -85,7 +85,7 @@ def test_where_nothing_is_drawn_only_a_preparation_that_takes_long_is_told(monke
     starting = LiveTree(screen).starting()
     starting.reach("preparing Detect", 2, 9)
     assert screen.file.getvalue() == ""
-    monkeypatch.setattr("executive.terminal.live.PATIENCE", -1.0)
+    monkeypatch.setattr("pomona.executive.terminal.live.PATIENCE", -1.0)
     starting.reach("preparing Refine", 3, 9)
     assert screen.file.getvalue() == "preparing Refine, 4 of 9 …\n"
 

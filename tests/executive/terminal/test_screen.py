@@ -1,4 +1,4 @@
-"""executive/terminal/screen.py: what is drawn on a terminal is not drawn anew where nothing can be."""
+"""executive/pomona/executive/terminal/screen.py: what is drawn on a terminal is not drawn anew where nothing can be."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from executive.terminal.screen import Screen
+from pomona.executive.terminal.screen import Screen
 
 
 class Terminal(io.StringIO):

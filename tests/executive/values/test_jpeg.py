@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from executive.values.jpeg import is_cut_off
+from pomona.executive.values.jpeg import is_cut_off
 
 PICTURE = np.random.default_rng(0).integers(0, 256, (60, 80, 3)).astype(np.uint8)
 

@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 from recorded_events import started, write
 
-from executive.cli import main
-from executive.errors import UsageError
-from executive.files import read_text
-from executive.values.plain_text import MOST_BYTES
+from pomona.executive.cli import main
+from pomona.executive.errors import UsageError
+from pomona.executive.files import read_text
+from pomona.executive.values.plain_text import MOST_BYTES
 
 
 @pytest.mark.parametrize(

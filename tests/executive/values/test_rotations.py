@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
-from executive.values.rotations import from_quaternion, from_rpy, is_rigid, to_quaternion
+from pomona.executive.values.rotations import from_quaternion, from_rpy, is_rigid, to_quaternion
 
 ANGLES = st.floats(-np.pi, np.pi)
 QUATERNIONS = st.lists(st.floats(-1.0, 1.0), min_size=4, max_size=4).filter(lambda q: np.linalg.norm(q) > 1e-3)

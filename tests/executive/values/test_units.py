@@ -3,10 +3,9 @@
 import math
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
-from executive.values.units import ANGLE, LENGTH, QUANTITIES, RATE, RATIO, STIFFNESS, TIME
+from pomona.executive.values.units import ANGLE, LENGTH, QUANTITIES, RATE, RATIO, STIFFNESS, TIME
 
 UNITS = [(quantity, unit) for quantity in QUANTITIES.values() for unit in quantity.units if unit != "1"]
 

@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 import yaml
 
-from drivers.cell import Cell
-from drivers.mock.clock import MockClock
-from drivers.mock.fingers import MockForceSensor, spring_fruit
-from drivers.mock.gripper import MockGripper
-from executive.cli import main as pomona
-from executive.values.units import STIFFNESS
-from skills.commands import calibrate_grip
-from skills.grip.calibration import write_pushes
-from skills.grip.errors import GuidanceEnded
-from skills.grip.guided import GuidedPushes
+from pomona.drivers.cell import Cell
+from pomona.drivers.mock.clock import MockClock
+from pomona.drivers.mock.fingers import MockForceSensor, spring_fruit
+from pomona.drivers.mock.gripper import MockGripper
+from pomona.executive.cli import main as pomona
+from pomona.executive.values.units import STIFFNESS
+from pomona.skills.commands import calibrate_grip
+from pomona.skills.grip.calibration import write_pushes
+from pomona.skills.grip.errors import GuidanceEnded
+from pomona.skills.grip.guided import GuidedPushes
 from tests.skills.grip.pushes import TRUE, all_pushes
 
 MU = 0.5

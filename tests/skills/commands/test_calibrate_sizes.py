@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from executive.cli import main
-from skills.perception.fruit import load_fruit
-from skills.perception.fruit.sizes import KindSizes
+from pomona.executive.cli import main
+from pomona.skills.perception.fruit import load_fruit
+from pomona.skills.perception.fruit.sizes import KindSizes
 
 KIND = KindSizes(0.073, 0.07, 0.957, 0.06, looks=1.05, looks_deviation=0.03)
 APPLE = Path("trees/fruits/apple").absolute()

@@ -14,11 +14,11 @@ import cv2
 import numpy as np
 import pytest
 
-from executive.running.signals import raising
-from skills.commands import detect_pictures
-from skills.commands.detect_pictures import add, find_fruit
-from skills.perception.detection.compact_detector import CompactDetector
-from skills.perception.detection.found_fruit import FoundFruit
+from pomona.executive.running.signals import raising
+from pomona.skills.commands import detect_pictures
+from pomona.skills.commands.detect_pictures import add, find_fruit
+from pomona.skills.perception.detection.compact_detector import CompactDetector
+from pomona.skills.perception.detection.found_fruit import FoundFruit
 
 
 def run(*arguments: object) -> int:

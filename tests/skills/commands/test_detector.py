@@ -7,13 +7,13 @@ from pathlib import Path
 import pytest
 import torch
 
-from skills.commands.detector import add_data, add_export, add_train
-from skills.perception.detection.annotations import read_annotation
-from skills.perception.detection.compact_network import CloseLookNetwork, FinderNetwork
-from skills.perception.detection.weights import load_compact, load_scores, save_compact
-from skills.perception.training import recipe
-from skills.perception.training.photo_samples import PhotoCloseLookBatches
-from skills.perception.training.recipe import FrameSet, Recipe, TrainingStage
+from pomona.skills.commands.detector import add_data, add_export, add_train
+from pomona.skills.perception.detection.annotations import read_annotation
+from pomona.skills.perception.detection.compact_network import CloseLookNetwork, FinderNetwork
+from pomona.skills.perception.detection.weights import load_compact, load_scores, save_compact
+from pomona.skills.perception.training import recipe
+from pomona.skills.perception.training.photo_samples import PhotoCloseLookBatches
+from pomona.skills.perception.training.recipe import FrameSet, Recipe, TrainingStage
 from tests.skills.perception.training.photo_folders import tables
 
 pytestmark = pytest.mark.slow

@@ -12,13 +12,13 @@ import cv2
 import numpy as np
 import pytest
 
-from executive.cli import main
-from skills.commands import measure
-from skills.geometry import transform
-from skills.perception.detection.instances import Instance
-from skills.perception.detection.rigid_pose import cuboid_in_picture
-from skills.perception.fruit import load_fruit
-from skills.shared import looking
+from pomona.executive.cli import main
+from pomona.skills.commands import measure
+from pomona.skills.geometry import transform
+from pomona.skills.perception.detection.instances import Instance
+from pomona.skills.perception.detection.rigid_pose import cuboid_in_picture
+from pomona.skills.perception.fruit import load_fruit
+from pomona.skills.shared import looking
 
 INTRINSICS = "{fx: 300 px, fy: 300 px, cx: 80 px, cy: 60 px, width: 160, height: 120}"
 K = np.array([[300.0, 0.0, 80.0], [0.0, 300.0, 60.0], [0.0, 0.0, 1.0]])

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 import yaml
 
-from drivers.interfaces import WrenchSample
-from skills.grip.calibration import (
+from pomona.drivers.interfaces import WrenchSample
+from pomona.skills.grip.calibration import (
     Push,
     PushRecorder,
     calibrate_grip,
@@ -17,8 +17,8 @@ from skills.grip.calibration import (
     write_calibration,
     write_pushes,
 )
-from skills.grip.errors import TooFewPushes
-from skills.grip.limit_surface import SoftContact
+from pomona.skills.grip.errors import TooFewPushes
+from pomona.skills.grip.limit_surface import SoftContact
 from tests.skills.grip.pushes import TRUE, all_pushes
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from itertools import pairwise
 
-from skills.grip.command_timing import CommandTiming
+from pomona.skills.grip.command_timing import CommandTiming
 
 
 def times_of(rates: list[float], holding: bool = True) -> list[float]:

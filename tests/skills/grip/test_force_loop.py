@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from benchmarks.grasp_patch import Fruit, PatchGrasp
-from skills.grip.force_loop import ForceLoopSettings, PadStiffness, finger_speed
-from skills.grip.stream_guard import StreamGuard
+from pomona.skills.grip.force_loop import ForceLoopSettings, PadStiffness, finger_speed
+from pomona.skills.grip.stream_guard import StreamGuard
 
 SETTINGS = ForceLoopSettings(max_force=10.0)
 

@@ -6,13 +6,12 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from scipy.integrate import quad
 from scipy.optimize import brentq
 
 from benchmarks.grasp_patch import pressure_shares
-from skills.grip.limit_surface import (
+from pomona.skills.grip.limit_surface import (
     SoftContact,
     centre_of_rotation,
     grasp_force,

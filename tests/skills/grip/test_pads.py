@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
-from skills.grip.dynamic_term import DynamicSettings
-from skills.grip.limit_surface import SoftContact
-from skills.grip.observer import ObserverSettings
-from skills.grip.pads import pad_loads
-from skills.grip.slip_sense import SlipSense
+from pomona.skills.grip.dynamic_term import DynamicSettings
+from pomona.skills.grip.limit_surface import SoftContact
+from pomona.skills.grip.observer import ObserverSettings
+from pomona.skills.grip.pads import pad_loads
+from pomona.skills.grip.slip_sense import SlipSense
 
 APPROACH = np.array([0.0, 0.0, -1.0])
 

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from skills.grip.reference import ForceReference
-from skills.grip.settings import ForceLaw, GripSettings
+from pomona.skills.grip.reference import ForceReference
+from pomona.skills.grip.settings import ForceLaw, GripSettings
 
 PERIOD = 0.002
 MARGIN = 1.1

@@ -7,11 +7,11 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from skills.grip.controller import GripController
-from skills.grip.grip import GripPhase
-from skills.grip.sensor_watch import SensorWatch
-from skills.grip.settings import GripSettings
-from skills.grip.tuning import SensorWatchSettings
+from pomona.skills.grip.controller import GripController
+from pomona.skills.grip.grip import GripPhase
+from pomona.skills.grip.sensor_watch import SensorWatch
+from pomona.skills.grip.settings import GripSettings
+from pomona.skills.grip.tuning import SensorWatchSettings
 
 NOISE = np.array([1, 1, 1, 0.005, 0.005, 0.005])
 Change = Callable[[np.ndarray, np.ndarray], None]

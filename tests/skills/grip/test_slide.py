@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
-from skills.grip.limit_surface import SoftContact
-from skills.grip.pads import MIRROR
-from skills.grip.slide import NoSlideError, friction_of_slides
+from pomona.skills.grip.limit_surface import SoftContact
+from pomona.skills.grip.pads import MIRROR
+from pomona.skills.grip.slide import NoSlideError, friction_of_slides
 
 CONTACT = SoftContact(0.7, 0.004, 0.2)
 

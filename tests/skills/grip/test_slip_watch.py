@@ -9,10 +9,10 @@ import pytest
 
 from benchmarks.grasp_patch import Fruit
 from benchmarks.grasp_trial import Lifting, run_trial
-from skills.grip.controller import GripController
-from skills.grip.force_loop import ForceLoopSettings
-from skills.grip.limit_surface import SoftContact
-from skills.grip.settings import ForceLaw, GripSettings
+from pomona.skills.grip.controller import GripController
+from pomona.skills.grip.force_loop import ForceLoopSettings
+from pomona.skills.grip.limit_surface import SoftContact
+from pomona.skills.grip.settings import ForceLaw, GripSettings
 
 HEAVY = Fruit(mass=0.31, width=0.08, mu=0.62, offset=(0.0, 0.011))
 APPLE = Fruit(mass=0.24, width=0.075, mu=0.5, offset=(0.004, 0.004))

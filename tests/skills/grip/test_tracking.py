@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from skills.grip.force_loop import ForceLoopSettings, PadStiffness
-from skills.grip.tracking import ForceTracker
-from skills.grip.tuning import TrackingSettings
+from pomona.skills.grip.force_loop import ForceLoopSettings, PadStiffness
+from pomona.skills.grip.tracking import ForceTracker
+from pomona.skills.grip.tuning import TrackingSettings
 
 PERIOD = 0.002
 

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from skills.geometry import rot_x, transform
-from skills.motion.straight_line import straight_line
+from pomona.skills.geometry import rot_x, transform
+from pomona.skills.motion.straight_line import straight_line
 from tests.skills.picking_scene import OBSERVE, ROBOT_MODEL
 
 

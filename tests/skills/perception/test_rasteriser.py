@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from skills.perception.rasteriser import draw, project, signed_areas
+from pomona.skills.perception.rasteriser import draw, project, signed_areas
 
 CAMERA = (60.0, 55.0, 15.3, 11.8)
 SHAPE = (24, 32)

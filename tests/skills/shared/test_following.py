@@ -1,8 +1,8 @@
 import pytest
 
-from drivers.interfaces import MotionState
-from executive.skill import Interrupted
-from skills.shared.following import MotionEnded, follow_motion
+from pomona.drivers.interfaces import MotionState
+from pomona.executive.skill import Interrupted
+from pomona.skills.shared.following import MotionEnded, follow_motion
 
 
 class ScriptedMotion:

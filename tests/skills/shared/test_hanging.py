@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 
-from drivers.errors import DeviceFault
-from skills.grip.grip import GripProblem
-from skills.shared.hanging import Hanging
+from pomona.drivers.errors import DeviceFault
+from pomona.skills.grip.grip import GripProblem
+from pomona.skills.shared.hanging import Hanging
 
 
 def watch(loads: list[float], period: float = 0.02) -> tuple[Hanging, list[str]]:

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from drivers.interfaces import Arm, ArmState, Gripper, GripperState
-from executive.views import BodiesView, PosesView
-from skills.motion.collision import RobotShape
-from skills.motion.robot import RobotModel
-from skills.motion.robot.solids import hull, solid
-from skills.shared.robot_watch import RobotWatch
+from pomona.drivers.interfaces import Arm, ArmState, Gripper, GripperState
+from pomona.executive.views import BodiesView, PosesView
+from pomona.skills.motion.collision import RobotShape
+from pomona.skills.motion.robot import RobotModel
+from pomona.skills.motion.robot.solids import hull, solid
+from pomona.skills.shared.robot_watch import RobotWatch
 
 ROBOT = RobotModel.load(Path(__file__).resolve().parents[3] / "trees" / "robots" / "sia5f_wsg32.xml")
 

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from drivers.interfaces import WrenchSample
-from skills.shared.touch import Touch, load, something_between
+from pomona.drivers.interfaces import WrenchSample
+from pomona.skills.shared.touch import Touch, load, something_between
 from tests.skills.picking_scene import PickingScene
 
 

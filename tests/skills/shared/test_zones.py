@@ -8,16 +8,16 @@ import numpy as np
 import pytest
 from py_trees.common import Status
 
-from drivers.interfaces import Arm, Box, Workspace
-from executive.skill_testing import drive
-from skills.follow import Follow
-from skills.geometry import transform
-from skills.lift import Lift
-from skills.motion.planning.arm_space import arm_space
-from skills.motion.planning.timing import time_polyline
-from skills.move_to import MoveTo
-from skills.release import Release
-from skills.shared.zones import zone_entered
+from pomona.drivers.interfaces import Arm, Box, Workspace
+from pomona.executive.skill_testing import drive
+from pomona.skills.follow import Follow
+from pomona.skills.geometry import transform
+from pomona.skills.lift import Lift
+from pomona.skills.motion.planning.arm_space import arm_space
+from pomona.skills.motion.planning.timing import time_polyline
+from pomona.skills.move_to import MoveTo
+from pomona.skills.release import Release
+from pomona.skills.shared.zones import zone_entered
 from tests.skills.picking_scene import HOME, OBSERVE, ROBOT_MODEL, WORKSPACE, PickingScene, a_grasp
 from tests.skills.test_release import over_ground
 

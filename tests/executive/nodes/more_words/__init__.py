@@ -8,12 +8,12 @@ from typing import ClassVar
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
-from executive.nodes import Composite, Modifier, TreeNode, takes
-from executive.nodes.asking import Building, Ending, Flowing
-from executive.nodes.behaviours import Branch, Wrapper
-from executive.nodes.ends import ALL, Ends, Names, Outcome, codes_of
-from executive.nodes.question import Question
-from executive.ports import RATE, Port
+from pomona.executive.nodes import Composite, Modifier, TreeNode, takes
+from pomona.executive.nodes.asking import Building, Ending, Flowing
+from pomona.executive.nodes.behaviours import Branch, Wrapper
+from pomona.executive.nodes.ends import ALL, Ends, Names, Outcome, codes_of
+from pomona.executive.nodes.question import Question
+from pomona.executive.ports import RATE, Port
 
 
 class TakeTurns(Branch):

@@ -7,16 +7,15 @@ from pathlib import Path
 
 import numpy as np
 import trimesh
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from py_trees.common import Status
 from scipy.optimize import nnls
 
-from drivers.interfaces import Hull
-from drivers.scene_mesh import read_parts
-from executive.skill_testing import drive
-from skills.motion.collision import CollisionWorld, Convex
-from skills.move_to import MoveTo
+from pomona.drivers.interfaces import Hull
+from pomona.drivers.scene_mesh import read_parts
+from pomona.executive.skill_testing import drive
+from pomona.skills.motion.collision import CollisionWorld, Convex
+from pomona.skills.move_to import MoveTo
 from tests.skills.picking_scene import OBSERVE, ROBOT_MODEL, WORKSPACE, PickingScene
 
 FAR = OBSERVE + np.array([1.2, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])

@@ -4,12 +4,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from scipy.spatial import ConvexHull
 
-from skills.motion.collision.cover import cover, cover_points, fibonacci_sphere
-from skills.motion.robot import Geom, RobotModel
+from pomona.skills.motion.collision.cover import cover, cover_points, fibonacci_sphere
+from pomona.skills.motion.robot import Geom, RobotModel
 
 SIA5F = Path(__file__).resolve().parents[4] / "trees" / "robots" / "sia5f_wsg32.xml"
 

@@ -1,12 +1,11 @@
 """The distance field never promises more room than there is, and little less."""
 
 import numpy as np
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from scipy.ndimage import distance_transform_edt
 
-from skills.motion.collision import DistanceField
-from skills.motion.collision.distance_field import INTERPOLATION_ERROR
+from pomona.skills.motion.collision import DistanceField
+from pomona.skills.motion.collision.distance_field import INTERPOLATION_ERROR
 
 RESOLUTION, LIMIT = 0.02, 0.30
 ORIGIN = np.array([-0.2, 0.1, 0.3])

@@ -4,16 +4,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
-from drivers.interfaces import Box, Workspace
-from skills.geometry import inverse, rot_x, transform
-from skills.motion.collision import CollisionWorld, Convex, Margins, RobotShape
-from skills.motion.collision.kernel import make_scratch, place
-from skills.motion.collision.segment import bounds_of_motion, speed_of_ball, write_twists
-from skills.motion.robot import RobotModel, inverse_kinematics
-from skills.motion.straight_line import straight_line
+from pomona.drivers.interfaces import Box, Workspace
+from pomona.skills.geometry import inverse, rot_x, transform
+from pomona.skills.motion.collision import CollisionWorld, Convex, Margins, RobotShape
+from pomona.skills.motion.collision.kernel import make_scratch, place
+from pomona.skills.motion.collision.segment import bounds_of_motion, speed_of_ball, write_twists
+from pomona.skills.motion.robot import RobotModel, inverse_kinematics
+from pomona.skills.motion.straight_line import straight_line
 
 ROOT = Path(__file__).resolve().parents[4]
 SIA5F = ROOT / "trees" / "robots" / "sia5f_wsg32.xml"

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from drivers.interfaces import Box, Workspace
-from skills.geometry import transform
-from skills.motion.collision import CollisionWorld, Margins, RobotShape
-from skills.motion.collision.robot_shape import FEW_SPHERES
-from skills.motion.robot import RobotModel
+from pomona.drivers.interfaces import Box, Workspace
+from pomona.skills.geometry import transform
+from pomona.skills.motion.collision import CollisionWorld, Margins, RobotShape
+from pomona.skills.motion.collision.robot_shape import FEW_SPHERES
+from pomona.skills.motion.robot import RobotModel
 
 SPHERES = [(0.1 * k, 0.01 * k, 0.02 * k, 0.03 + 0.004 * k) for k in range(FEW_SPHERES + 2)]
 

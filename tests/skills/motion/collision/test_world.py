@@ -6,14 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from benchmarks.collision_oracle import Oracle, compare, random_scene
-from drivers.errors import BadTrajectory
-from drivers.interfaces import ArmLimits, Box, Trajectory, Workspace
-from skills.geometry import rot_x, transform
-from skills.motion.collision import (
+from pomona.drivers.errors import BadTrajectory
+from pomona.drivers.interfaces import ArmLimits, Box, Trajectory, Workspace
+from pomona.skills.geometry import rot_x, transform
+from pomona.skills.motion.collision import (
     CollisionWorld,
     Convex,
     DistanceField,
@@ -21,10 +20,10 @@ from skills.motion.collision import (
     RobotShape,
     UnknownObstacle,
 )
-from skills.motion.collision.cover import fibonacci_sphere
-from skills.motion.collision.segment import SLACK
-from skills.motion.planning.timing import time_polyline
-from skills.motion.robot import BadJoints, RobotModel, inverse_kinematics
+from pomona.skills.motion.collision.cover import fibonacci_sphere
+from pomona.skills.motion.collision.segment import SLACK
+from pomona.skills.motion.planning.timing import time_polyline
+from pomona.skills.motion.robot import BadJoints, RobotModel, inverse_kinematics
 
 ROOT = Path(__file__).resolve().parents[4]
 SIA5F = ROOT / "trees" / "robots" / "sia5f_wsg32.xml"

@@ -2,8 +2,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from skills.motion.grasps.gripper_shape import gripper_shape
-from skills.motion.grasps.sphere import pre_grasp_pose
+from pomona.skills.motion.grasps.gripper_shape import gripper_shape
+from pomona.skills.motion.grasps.sphere import pre_grasp_pose
 from tests.skills.picking_scene import OBSERVE, ROBOT_MODEL
 
 SHAPE = gripper_shape(ROBOT_MODEL)

@@ -3,14 +3,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from skills.geometry import is_pose, rot_z, transform
-from skills.motion.collision import CollisionWorld, Convex, fruit_points
-from skills.motion.grasps.fruit_section import fruit_section
-from skills.motion.grasps.gripper_shape import gripper_shape
-from skills.motion.grasps.sample import GraspRules, sample_pre_grasps
-from skills.motion.grasps.sphere import Sphere
-from skills.motion.planning.arm_space import TARGET, ArmSpace
-from skills.perception.fruit import load_fruit
+from pomona.skills.geometry import is_pose, rot_z, transform
+from pomona.skills.motion.collision import CollisionWorld, Convex, fruit_points
+from pomona.skills.motion.grasps.fruit_section import fruit_section
+from pomona.skills.motion.grasps.gripper_shape import gripper_shape
+from pomona.skills.motion.grasps.sample import GraspRules, sample_pre_grasps
+from pomona.skills.motion.grasps.sphere import Sphere
+from pomona.skills.motion.planning.arm_space import TARGET, ArmSpace
+from pomona.skills.perception.fruit import load_fruit
 from tests.skills.picking_scene import APPLES, OBSERVE, PLACES, ROBOT_MODEL, TABLE_Z, WORKSPACE, apple_at
 
 SHAPE = gripper_shape(ROBOT_MODEL)

@@ -1,11 +1,10 @@
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from scipy.spatial.transform import Rotation
 
-from skills.geometry import is_pose
-from skills.motion.grasps.sphere import Sphere, pre_grasp_orientation, pre_grasp_pose, pre_grasp_position
+from pomona.skills.geometry import is_pose
+from pomona.skills.motion.grasps.sphere import Sphere, pre_grasp_orientation, pre_grasp_pose, pre_grasp_position
 
 angles = {"theta": st.floats(0.0, np.pi / 2.0), "alpha": st.floats(-np.pi, 2.0 * np.pi)}
 

@@ -1,6 +1,6 @@
 import numpy as np
 
-from skills.motion.grasps.tried import Tried, direction
+from pomona.skills.motion.grasps.tried import Tried, direction
 from tests.skills.picking_scene import a_grasp, apple_at
 
 

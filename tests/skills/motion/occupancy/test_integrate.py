@@ -2,14 +2,13 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
-from drivers.interfaces import Frame, Intrinsics, Workspace
-from skills.geometry import rot_x, rot_y, transform
-from skills.motion.collision import Convex
-from skills.motion.collision.cover import fibonacci_sphere
-from skills.motion.occupancy import (
+from pomona.drivers.interfaces import Frame, Intrinsics, Workspace
+from pomona.skills.geometry import rot_x, rot_y, transform
+from pomona.skills.motion.collision import Convex
+from pomona.skills.motion.collision.cover import fibonacci_sphere
+from pomona.skills.motion.occupancy import (
     FREE,
     HIDDEN,
     OCCUPIED,

@@ -6,8 +6,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from drivers.interfaces import ArmLimits
-from skills.motion.planning.ompl_planners import solve_by_ompl
+from pomona.drivers.interfaces import ArmLimits
+from pomona.skills.motion.planning.ompl_planners import solve_by_ompl
 
 LIMITS = ArmLimits(
     lower=np.full(2, -2.0),

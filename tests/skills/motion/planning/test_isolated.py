@@ -6,13 +6,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from drivers.mock.arm import ROBOT, SIA5F_LIMITS
-from executive.running.compute import Computations
-from skills.motion.collision import CollisionWorld
-from skills.motion.planning.arm_space import ArmSpace
-from skills.motion.planning.errors import PlanningFailed
-from skills.motion.planning.plan import PlanRequest, plan
-from skills.shared.warm_motion import warm_planner
+from pomona.drivers.mock.arm import ROBOT, SIA5F_LIMITS
+from pomona.executive.running.compute import Computations
+from pomona.skills.motion.collision import CollisionWorld
+from pomona.skills.motion.planning.arm_space import ArmSpace
+from pomona.skills.motion.planning.errors import PlanningFailed
+from pomona.skills.motion.planning.plan import PlanRequest, plan
+from pomona.skills.shared.warm_motion import warm_planner
 from tests.skills.picking_scene import HOME, OBSERVE, ROBOT_MODEL, WORKSPACE
 
 SPACE = ArmSpace(CollisionWorld.build(ROBOT_MODEL, WORKSPACE), 0.1)

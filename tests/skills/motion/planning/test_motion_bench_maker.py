@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 import yaml
 
-from skills.commands.bench import add, run_set
-from skills.motion.planning.errors import BadProblem
-from skills.motion.planning.motion_bench_maker import problem_sets, read_problems
+from pomona.skills.commands.bench import add, run_set
+from pomona.skills.motion.planning.errors import BadProblem
+from pomona.skills.motion.planning.motion_bench_maker import problem_sets, read_problems
 from tests.skills.picking_scene import HOME, OBSERVE, ROBOT_MODEL
 
 

@@ -5,10 +5,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from drivers.trajectory import check_trajectory
-from skills.motion.planning.errors import BadRequest, PlanningFailed
-from skills.motion.planning.plan import PlanRequest, plan
-from skills.motion.planning.planners import PLANNERS
+from pomona.drivers.trajectory import check_trajectory
+from pomona.skills.motion.planning.errors import BadRequest, PlanningFailed
+from pomona.skills.motion.planning.plan import PlanRequest, plan
+from pomona.skills.motion.planning.planners import PLANNERS
 from tests.skills.motion.planning.disc_world import LIMITS, DiscWorld, closed_wall, wall_with_gap
 
 START = np.array([-1.5, -1.0])

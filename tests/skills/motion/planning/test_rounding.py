@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from skills.motion.planning.errors import PlanningFailed
-from skills.motion.planning.rounding import time_free_path
-from skills.motion.planning.timing import time_polyline
+from pomona.skills.motion.planning.errors import PlanningFailed
+from pomona.skills.motion.planning.rounding import time_free_path
+from pomona.skills.motion.planning.timing import time_polyline
 from tests.skills.motion.planning.disc_world import LIMITS, DiscWorld
 
 CORNER = np.array([[-1.0, 0.0], [0.0, 1.0], [1.0, 0.0]])

@@ -6,14 +6,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from drivers.interfaces import Box
-from skills.geometry import transform
-from skills.motion.collision import CollisionWorld, Convex, Margins
-from skills.motion.collision.segment import SLACK
-from skills.motion.planning import rrt_connect
-from skills.motion.planning.arm_space import ArmSpace
-from skills.motion.planning.planners import solve
-from skills.motion.robot import RobotModel
+from pomona.drivers.interfaces import Box
+from pomona.skills.geometry import transform
+from pomona.skills.motion.collision import CollisionWorld, Convex, Margins
+from pomona.skills.motion.collision.segment import SLACK
+from pomona.skills.motion.planning import rrt_connect
+from pomona.skills.motion.planning.arm_space import ArmSpace
+from pomona.skills.motion.planning.planners import solve
+from pomona.skills.motion.robot import RobotModel
 from tests.skills.picking_scene import OBSERVE, ROBOT_MODEL, WORKSPACE
 
 MARGINS = Margins(0.005, 0.005, 0.002, 0.0, 0.002)

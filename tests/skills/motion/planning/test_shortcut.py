@@ -1,10 +1,9 @@
 from itertools import pairwise
 
 import numpy as np
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
-from skills.motion.planning.shortcut import path_length, shortcut
+from pomona.skills.motion.planning.shortcut import path_length, shortcut
 from tests.skills.motion.planning.disc_world import DiscWorld
 
 

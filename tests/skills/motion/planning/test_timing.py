@@ -2,11 +2,10 @@ import itertools
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
-from drivers.interfaces import ArmLimits, Trajectory
-from skills.motion.planning.timing import time_curve, time_polyline
+from pomona.drivers.interfaces import ArmLimits, Trajectory
+from pomona.skills.motion.planning.timing import time_curve, time_polyline
 
 LIMITS = ArmLimits(
     lower=np.full(7, -3.0),

@@ -5,12 +5,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
-from skills.motion.robot import BadJoints, RobotModel, inverse_kinematics, nearest_solution
-from skills.motion.robot.numeric_ik import descend, spread_starts
-from skills.motion.robot.spherical_arm import as_spherical_arm
+from pomona.skills.motion.robot import BadJoints, RobotModel, inverse_kinematics, nearest_solution
+from pomona.skills.motion.robot.numeric_ik import descend, spread_starts
+from pomona.skills.motion.robot.spherical_arm import as_spherical_arm
 
 SIA5F = Path(__file__).resolve().parents[4] / "trees" / "robots" / "sia5f_wsg32.xml"
 SIX_AXIS = Path(__file__).parent / "six_axis.urdf"

@@ -6,12 +6,11 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from hypothesis.extra.numpy import arrays
 
-from skills.geometry import rot_x, rot_y, rot_z, transform
-from skills.motion.robot import BadJoints, BadRobotFile, NotAPose, RobotModel, inverse_kinematics
+from pomona.skills.geometry import rot_x, rot_y, rot_z, transform
+from pomona.skills.motion.robot import BadJoints, BadRobotFile, NotAPose, RobotModel, inverse_kinematics
 
 SIA5F = Path(__file__).resolve().parents[4] / "trees" / "robots" / "sia5f_wsg32.xml"
 SIX_AXIS = Path(__file__).parent / "six_axis.urdf"

@@ -7,14 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from drivers.interfaces import Frame, Workspace
-from drivers.mock.arm import SIA5F_LIMITS
-from drivers.path_follower import PathFollower
-from executive.values.arrays import Float64
-from skills.motion.collision import Convex, RobotShape
-from skills.motion.occupancy import OccupancyMap
-from skills.motion.planning.timing import time_polyline
-from skills.motion.watch import Braking, PathWatch
+from pomona.drivers.interfaces import Frame, Workspace
+from pomona.drivers.mock.arm import SIA5F_LIMITS
+from pomona.drivers.path_follower import PathFollower
+from pomona.executive.values.arrays import Float64
+from pomona.skills.motion.collision import Convex, RobotShape
+from pomona.skills.motion.occupancy import OccupancyMap
+from pomona.skills.motion.planning.timing import time_polyline
+from pomona.skills.motion.watch import Braking, PathWatch
 from tests.skills.overhead import LENS, T_BASE_CAMERA, frame
 from tests.skills.picking_scene import HOME, OBSERVE, ROBOT_MODEL, WORKSPACE
 

@@ -6,9 +6,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from skills.geometry import rotation_about, transform
-from skills.perception.detection.annotations import AnnotatedObject, Annotation, read_annotation, write_annotation
-from skills.perception.detection.errors import BadAnnotation
+from pomona.skills.geometry import rotation_about, transform
+from pomona.skills.perception.detection.annotations import (
+    AnnotatedObject,
+    Annotation,
+    read_annotation,
+    write_annotation,
+)
+from pomona.skills.perception.detection.errors import BadAnnotation
 
 
 def sample(angle: float = 0.7) -> Annotation:

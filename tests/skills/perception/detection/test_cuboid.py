@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from skills.perception.detection.cuboid import MIRRORED, CuboidConvention, cuboid_keypoints
+from pomona.skills.perception.detection.cuboid import MIRRORED, CuboidConvention, cuboid_keypoints
 
 
 def test_camera_convention_has_dopes_vertex_order() -> None:

@@ -6,19 +6,19 @@ import numpy as np
 import pytest
 import torch
 
-from skills.perception.detection import compact_detector
-from skills.perception.detection.annotations import AnnotatedObject, Annotation
-from skills.perception.detection.compact_detector import CompactDetector
-from skills.perception.detection.compact_network import CloseLookNetwork, FinderNetwork
-from skills.perception.detection.errors import BadFrame
-from skills.perception.detection.evaluation import Evaluation, evaluate, table
-from skills.perception.detection.instances import find_instances
-from skills.perception.detection.options import DetectorOptions
-from skills.perception.detection.pose_calibration import coverage
-from skills.perception.fruit import FruitModel, load_fruit
-from skills.perception.synthetic.dataset import annotate
-from skills.perception.synthetic.options import SceneOptions
-from skills.perception.synthetic.scene import render_scene
+from pomona.skills.perception.detection import compact_detector
+from pomona.skills.perception.detection.annotations import AnnotatedObject, Annotation
+from pomona.skills.perception.detection.compact_detector import CompactDetector
+from pomona.skills.perception.detection.compact_network import CloseLookNetwork, FinderNetwork
+from pomona.skills.perception.detection.errors import BadFrame
+from pomona.skills.perception.detection.evaluation import Evaluation, evaluate, table
+from pomona.skills.perception.detection.instances import find_instances
+from pomona.skills.perception.detection.options import DetectorOptions
+from pomona.skills.perception.detection.pose_calibration import coverage
+from pomona.skills.perception.fruit import FruitModel, load_fruit
+from pomona.skills.perception.synthetic.dataset import annotate
+from pomona.skills.perception.synthetic.options import SceneOptions
+from pomona.skills.perception.synthetic.scene import render_scene
 
 SEED = 31_000_000
 """Seeds of these frames: neither trained, validated nor benchmarked on."""

@@ -4,12 +4,11 @@ import time
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from scipy.ndimage import gaussian_filter
 
-from skills.perception.detection.dope_decode import DecodedObject, DecodeThresholds, decode_maps
-from skills.perception.detection.errors import BadMaps
+from pomona.skills.perception.detection.dope_decode import DecodedObject, DecodeThresholds, decode_maps
+from pomona.skills.perception.detection.errors import BadMaps
 
 
 def draw_maps(objects: list[np.ndarray], height: int = 50, width: int = 60) -> tuple[np.ndarray, np.ndarray]:

@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 import torch
 
-from skills.geometry import rotation_about, transform
-from skills.perception.detection.cuboid import cuboid_keypoints
-from skills.perception.detection.dope_decode import OFFSET_DUE_TO_UPSAMPLING
-from skills.perception.detection.dope_detector import DopeDetector
-from skills.perception.detection.dope_network import STRIDE, DopeNetwork
-from skills.perception.detection.errors import BadPoseConfig, BadWeights
-from skills.perception.detection.options import DopeFiles
-from skills.perception.detection.pose_config import load_pose_config
-from skills.perception.training.targets import dope_targets
+from pomona.skills.geometry import rotation_about, transform
+from pomona.skills.perception.detection.cuboid import cuboid_keypoints
+from pomona.skills.perception.detection.dope_decode import OFFSET_DUE_TO_UPSAMPLING
+from pomona.skills.perception.detection.dope_detector import DopeDetector
+from pomona.skills.perception.detection.dope_network import STRIDE, DopeNetwork
+from pomona.skills.perception.detection.errors import BadPoseConfig, BadWeights
+from pomona.skills.perception.detection.options import DopeFiles
+from pomona.skills.perception.detection.pose_config import load_pose_config
+from pomona.skills.perception.training.targets import dope_targets
 
 APPLE = (0.09756, 0.08539, 0.09590)
 CONFIG = "weights: {{apple: epoch_60.pth}}\ndimensions: {{apple: {cm}}}\ndownscale_height: 240\n"

@@ -7,9 +7,9 @@ import pytest
 import torch
 from torch import nn
 
-from skills.perception.detection.dope_network import DopeNetwork, dope_input
-from skills.perception.detection.errors import BadFrame, BadWeights
-from skills.perception.detection.weights import load_weights
+from pomona.skills.perception.detection.dope_network import DopeNetwork, dope_input
+from pomona.skills.perception.detection.errors import BadFrame, BadWeights
+from pomona.skills.perception.detection.weights import load_weights
 
 
 @pytest.fixture(scope="module")

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
-from skills.perception.detection.evaluation import Evaluation, Match
+from pomona.skills.perception.detection.evaluation import Evaluation, Match
 
 SCORES = st.lists(st.floats(0.01, 1.0), max_size=20)
 

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 import torch
 
-from skills.perception.detection.compact_detector import CompactDetector
-from skills.perception.detection.compact_network import CloseLookNetwork, FinderNetwork
-from skills.perception.detection.errors import BadWeights, MissingPackage
-from skills.perception.detection.onnx_runtime import export_onnx, load_onnx
-from skills.perception.detection.weights import load_compact, save_compact
-from skills.perception.fruit import load_fruit
-from skills.perception.synthetic.options import SceneOptions
-from skills.perception.synthetic.scene import render_scene
+from pomona.skills.perception.detection.compact_detector import CompactDetector
+from pomona.skills.perception.detection.compact_network import CloseLookNetwork, FinderNetwork
+from pomona.skills.perception.detection.errors import BadWeights, MissingPackage
+from pomona.skills.perception.detection.onnx_runtime import export_onnx, load_onnx
+from pomona.skills.perception.detection.weights import load_compact, save_compact
+from pomona.skills.perception.fruit import load_fruit
+from pomona.skills.perception.synthetic.options import SceneOptions
+from pomona.skills.perception.synthetic.scene import render_scene
 
 K = np.array([[610.6, 0.0, 317.7], [0.0, 610.6, 238.1], [0.0, 0.0, 1.0]])
 

@@ -5,11 +5,11 @@ import time
 import numpy as np
 import pytest
 
-from skills.perception.detection.close_look import SIZE_OF_BOX
-from skills.perception.detection.errors import BadMaps
-from skills.perception.detection.outputs import OFFSET_UNIT
-from skills.perception.detection.peaks import MOST_PEAKS, decode_offsets
-from skills.perception.training.targets import box_targets, finder_targets
+from pomona.skills.perception.detection.close_look import SIZE_OF_BOX
+from pomona.skills.perception.detection.errors import BadMaps
+from pomona.skills.perception.detection.outputs import OFFSET_UNIT
+from pomona.skills.perception.detection.peaks import MOST_PEAKS, decode_offsets
+from pomona.skills.perception.training.targets import box_targets, finder_targets
 
 
 def keypoints_at(centre: tuple[float, float], size: float = 9.0) -> np.ndarray:

@@ -2,13 +2,12 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
-from skills.geometry import is_pose
-from skills.perception.detection.cuboid import CuboidConvention, cuboid_keypoints
-from skills.perception.detection.errors import PoseUnsolved
-from skills.perception.detection.pose import solve_pose
+from pomona.skills.geometry import is_pose
+from pomona.skills.perception.detection.cuboid import CuboidConvention, cuboid_keypoints
+from pomona.skills.perception.detection.errors import PoseUnsolved
+from pomona.skills.perception.detection.pose import solve_pose
 
 K = np.array([[610.6, 0.0, 317.7], [0.0, 610.6, 238.1], [0.0, 0.0, 1.0]])
 APPLE = (0.09756, 0.08539, 0.09590)

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from skills.geometry import transform
-from skills.perception.detection.annotations import AnnotatedObject
-from skills.perception.detection.close_look import look_at
-from skills.perception.detection.instances import Instance
-from skills.perception.detection.pose_calibration import (
+from pomona.skills.geometry import transform
+from pomona.skills.perception.detection.annotations import AnnotatedObject
+from pomona.skills.perception.detection.close_look import look_at
+from pomona.skills.perception.detection.instances import Instance
+from pomona.skills.perception.detection.pose_calibration import (
     FREEDOM,
     PoseErrors,
     coverage,
@@ -15,7 +15,7 @@ from skills.perception.detection.pose_calibration import (
     pose_errors,
     seen_as_cad_sized,
 )
-from skills.perception.detection.symmetry import label_rotation, minimal_rotation
+from pomona.skills.perception.detection.symmetry import label_rotation, minimal_rotation
 
 K = np.array([[610.6, 0.0, 317.7], [0.0, 610.6, 238.1], [0.0, 0.0, 1.0]])
 POINTS = np.zeros((9, 2))

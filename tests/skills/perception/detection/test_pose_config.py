@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from skills.perception.detection.errors import BadPoseConfig
-from skills.perception.detection.pose_config import load_pose_config
+from pomona.skills.perception.detection.errors import BadPoseConfig
+from pomona.skills.perception.detection.pose_config import load_pose_config
 
 PLAIN = """
 topic_camera: "/camera/image_raw"

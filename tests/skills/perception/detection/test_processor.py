@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from skills.perception.detection import processor
+from pomona.skills.perception.detection import processor
 
 
 @pytest.mark.parametrize(

@@ -5,11 +5,10 @@ from __future__ import annotations
 import cv2
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
-from skills.perception.detection.cuboid import cuboid_keypoints
-from skills.perception.detection.reprojection import linearise, refine_pose, warm_up
+from pomona.skills.perception.detection.cuboid import cuboid_keypoints
+from pomona.skills.perception.detection.reprojection import linearise, refine_pose, warm_up
 
 K = np.array([[610.0, 0.0, 317.0], [0.0, 605.0, 238.0], [0.0, 0.0, 1.0]])
 MODEL = cuboid_keypoints(np.array([0.08, 0.07, 0.08]))

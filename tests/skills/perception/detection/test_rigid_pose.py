@@ -3,15 +3,14 @@
 from dataclasses import replace
 
 import numpy as np
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
-from skills.perception.detection.close_look import REFERENCE_LENGTH
-from skills.perception.detection.cuboid import cuboid_keypoints
-from skills.perception.detection.found_fruit import FoundFruit
-from skills.perception.detection.pose import solve_pose
-from skills.perception.detection.rigid_pose import cuboid_in_picture, pose_covariance, pose_of
-from skills.perception.detection.symmetry import STEM_AXIS, label_rotation
+from pomona.skills.perception.detection.close_look import REFERENCE_LENGTH
+from pomona.skills.perception.detection.cuboid import cuboid_keypoints
+from pomona.skills.perception.detection.found_fruit import FoundFruit
+from pomona.skills.perception.detection.pose import solve_pose
+from pomona.skills.perception.detection.rigid_pose import cuboid_in_picture, pose_covariance, pose_of
+from pomona.skills.perception.detection.symmetry import STEM_AXIS, label_rotation
 
 K = np.array([[610.6, 0.0, 317.7], [0.0, 610.6, 238.1], [0.0, 0.0, 1.0]])
 APPLE = np.array([0.09756, 0.08539, 0.09590])

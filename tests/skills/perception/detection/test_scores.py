@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 import torch
 
-from skills.perception.detection.compact_network import CloseLookNetwork, FinderNetwork
-from skills.perception.detection.errors import BadWeights
-from skills.perception.detection.scores import LEAST_SLOPE, ScoreMap, fit_scores
-from skills.perception.detection.weights import load_scores, save_compact
-from skills.perception.training.photo_figures import calibration
+from pomona.skills.perception.detection.compact_network import CloseLookNetwork, FinderNetwork
+from pomona.skills.perception.detection.errors import BadWeights
+from pomona.skills.perception.detection.scores import LEAST_SLOPE, ScoreMap, fit_scores
+from pomona.skills.perception.detection.weights import load_scores, save_compact
+from pomona.skills.perception.training.photo_figures import calibration
 
 
 def test_a_fitted_map_gives_the_share_that_is_right_and_keeps_the_order() -> None:

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 import torch
 
-from skills.perception.detection.compact_detector import CompactDetector
-from skills.perception.detection.compact_network import CloseLookNetwork, FinderNetwork, with_boxes
-from skills.perception.detection.errors import BadWeights
-from skills.perception.detection.outputs import BOX, LEAST_OUTPUTS, USUAL_BOX
-from skills.perception.detection.weights import load_compact, save_compact
+from pomona.skills.perception.detection.compact_detector import CompactDetector
+from pomona.skills.perception.detection.compact_network import CloseLookNetwork, FinderNetwork, with_boxes
+from pomona.skills.perception.detection.errors import BadWeights
+from pomona.skills.perception.detection.outputs import BOX, LEAST_OUTPUTS, USUAL_BOX
+from pomona.skills.perception.detection.weights import load_compact, save_compact
 
 
 def test_saved_networks_load_again_with_their_story(tmp_path: Path) -> None:

@@ -9,13 +9,12 @@ import numpy as np
 import pytest
 import trimesh
 import yaml
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
-from executive.values.findings import Findings
-from skills.perception.fruit import BadFruitFile, UnknownFruit, catalogue, known_fruits, load_fruit
-from skills.perception.fruit.apple_mesh import AppleShape, apple_mesh, stem_mesh
-from skills.perception.fruit.catalogue import CATALOGUE, FRUIT_FILES, damage, judge_fruit
+from pomona.executive.values.findings import Findings
+from pomona.skills.perception.fruit import BadFruitFile, UnknownFruit, catalogue, known_fruits, load_fruit
+from pomona.skills.perception.fruit.apple_mesh import AppleShape, apple_mesh, stem_mesh
+from pomona.skills.perception.fruit.catalogue import CATALOGUE, FRUIT_FILES, damage, judge_fruit
 
 
 def test_apple_has_the_deployed_cad_dimensions_and_is_centred() -> None:

@@ -2,10 +2,9 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
-from skills.perception.fruit.sizes import KindSizes, TooFewFruit, learn_sizes
+from pomona.skills.perception.fruit.sizes import KindSizes, TooFewFruit, learn_sizes
 
 KIND = KindSizes(0.073, 0.07, 0.957, 0.06, looks=1.05, looks_deviation=0.03)
 MODEL = 0.88

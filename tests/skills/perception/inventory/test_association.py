@@ -2,10 +2,9 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
-from skills.perception.inventory.association import GATE, MISPLACED, associate
+from pomona.skills.perception.inventory.association import GATE, MISPLACED, associate
 
 MM = 1e-3
 SMALL = (2 * MM) ** 2 * np.eye(3)

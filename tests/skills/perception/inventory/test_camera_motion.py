@@ -6,9 +6,9 @@ import cv2
 import numpy as np
 import pytest
 
-from drivers.interfaces import Frame, Intrinsics
-from skills.geometry import rot_x, rot_y, transform
-from skills.perception.inventory.camera_motion import camera_motion
+from pomona.drivers.interfaces import Frame, Intrinsics
+from pomona.skills.geometry import rot_x, rot_y, transform
+from pomona.skills.perception.inventory.camera_motion import camera_motion
 
 CAMERA = Intrinsics(400.0, 400.0, 199.5, 149.5, 400, 300)
 

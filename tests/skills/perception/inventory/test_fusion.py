@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from skills.perception.inventory.fusion import SHARED, FusedSize, SizeOfLooks
+from pomona.skills.perception.inventory.fusion import SHARED, FusedSize, SizeOfLooks
 
 R = np.eye(3)
 QUARTER_TURN = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])

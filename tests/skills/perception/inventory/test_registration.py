@@ -7,8 +7,8 @@ import cv2
 import numpy as np
 import pytest
 
-from drivers.interfaces import Frame, Intrinsics
-from skills.perception.inventory.registration import misplaced_depth
+from pomona.drivers.interfaces import Frame, Intrinsics
+from pomona.skills.perception.inventory.registration import misplaced_depth
 
 WIDTH, HEIGHT = 480, 300
 CAMERA = Intrinsics(400.0, 400.0, 239.5, 149.5, WIDTH, HEIGHT)

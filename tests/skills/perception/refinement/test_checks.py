@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from skills.perception.refinement.checks import extents
-from skills.perception.refinement.errors import BadMesh
+from pomona.skills.perception.refinement.checks import extents
+from pomona.skills.perception.refinement.errors import BadMesh
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,15 +7,15 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from drivers.depth_model import SIMULATED
-from drivers.interfaces import Intrinsics
-from skills.geometry import rot_x, rot_y, rotation_about, transform
-from skills.perception.fruit import load_fruit
-from skills.perception.refinement import refine
-from skills.perception.refinement.curvature import least_curvature
-from skills.perception.refinement.errors import RefineError
-from skills.perception.refinement.render import render_depth
-from skills.perception.refinement.result import Limits
+from pomona.drivers.depth_model import SIMULATED
+from pomona.drivers.interfaces import Intrinsics
+from pomona.skills.geometry import rot_x, rot_y, rotation_about, transform
+from pomona.skills.perception.fruit import load_fruit
+from pomona.skills.perception.refinement import refine
+from pomona.skills.perception.refinement.curvature import least_curvature
+from pomona.skills.perception.refinement.errors import RefineError
+from pomona.skills.perception.refinement.render import render_depth
+from pomona.skills.perception.refinement.result import Limits
 
 CAMERA = Intrinsics(305.3, 305.3, 159.5, 119.5, 320, 240)
 APPLE = load_fruit("apple")

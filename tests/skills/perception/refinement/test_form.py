@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from skills.perception.refinement.form import Form
+from pomona.skills.perception.refinement.form import Form
 
 BALL = trimesh.creation.icosphere(subdivisions=5, radius=0.05)
 

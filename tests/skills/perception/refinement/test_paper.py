@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from skills.perception.refinement import Limits, refine
-from skills.perception.refinement.paper import moved_and_scaled, sigma_bound
+from pomona.skills.perception.refinement import Limits, refine
+from pomona.skills.perception.refinement.paper import moved_and_scaled, sigma_bound
 
 
 def test_sigma_moves_along_the_ray_and_scales_with_the_distance():

@@ -5,14 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import trimesh
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
-from skills.geometry import rotation_about, transform
-from skills.perception.fruit import load_fruit
-from skills.perception.refinement.form import Form
-from skills.perception.refinement.points_to_surface import PlacedForm, Points, points_to_surface, walk_to_nearest
-from skills.perception.refinement.surface import surface_of
+from pomona.skills.geometry import rotation_about, transform
+from pomona.skills.perception.fruit import load_fruit
+from pomona.skills.perception.refinement.form import Form
+from pomona.skills.perception.refinement.points_to_surface import PlacedForm, Points, points_to_surface, walk_to_nearest
+from pomona.skills.perception.refinement.surface import surface_of
 
 BALL = trimesh.creation.icosphere(subdivisions=5, radius=0.05)
 SAMPLES = surface_of(BALL).samples

@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from drivers.depth_model import AZURE_KINECT, D4XX, SIMULATED
-from skills.geometry import inverse, rot_x, rotation_about, transform
-from skills.perception.fruit import Mesh
-from skills.perception.fruit.sizes import KindSizes
-from skills.perception.refinement import Limits, OtherLook, horizontal_plane, refine
-from skills.perception.refinement.errors import (
+from pomona.drivers.depth_model import AZURE_KINECT, D4XX, SIMULATED
+from pomona.skills.geometry import inverse, rot_x, rotation_about, transform
+from pomona.skills.perception.fruit import Mesh
+from pomona.skills.perception.fruit.sizes import KindSizes
+from pomona.skills.perception.refinement import Limits, OtherLook, horizontal_plane, refine
+from pomona.skills.perception.refinement.errors import (
     AtBound,
     BadDepth,
     BadPose,
@@ -21,7 +21,7 @@ from skills.perception.refinement.errors import (
     RenderFailed,
     TooFewInliers,
 )
-from skills.perception.refinement.support_plane import Plane
+from pomona.skills.perception.refinement.support_plane import Plane
 
 PAPER_APPLES = ((89, 81, 89), (91, 85, 91), (93, 73, 93), (73, 64, 73), (62, 47, 62))
 ELEVATIONS = (32, 50, 68, 84)

@@ -11,10 +11,10 @@ import pytest
 import trimesh
 
 from benchmarks.refine_pyrender import render_with_plain_pyrender
-from skills.geometry import rot_x, rot_y, transform
-from skills.perception.refinement.depth_image import ImageBox
-from skills.perception.refinement.errors import RenderFailed
-from skills.perception.refinement.render import image_box, render_depth, renderer
+from pomona.skills.geometry import rot_x, rot_y, transform
+from pomona.skills.perception.refinement.depth_image import ImageBox
+from pomona.skills.perception.refinement.errors import RenderFailed
+from pomona.skills.perception.refinement.render import image_box, render_depth, renderer
 
 RENDERERS = ("pyrender", "zbuffer")
 
@@ -144,10 +144,10 @@ def test_any_thread_may_render(apple, camera):
 def test_what_was_current_in_the_callers_thread_stays_current():
     program = """
 import numpy as np, trimesh
-from drivers.interfaces import Intrinsics
-from skills.geometry import transform
-from skills.perception.refinement.gl import load_pyrender
-from skills.perception.refinement.render import render_depth
+from pomona.drivers.interfaces import Intrinsics
+from pomona.skills.geometry import transform
+from pomona.skills.perception.refinement.gl import load_pyrender
+from pomona.skills.perception.refinement.render import render_depth
 
 other = load_pyrender().OffscreenRenderer(64, 64)
 from OpenGL import EGL, GL
@@ -186,9 +186,9 @@ def test_more_meshes_than_are_kept(camera):
 
 _BESIDE_MUJOCO = """
 import numpy as np
-from drivers.interfaces import Intrinsics
-from skills.geometry import transform
-from skills.perception.refinement.render import render_depth
+from pomona.drivers.interfaces import Intrinsics
+from pomona.skills.geometry import transform
+from pomona.skills.perception.refinement.render import render_depth
 
 def with_pyrender():
     import trimesh
@@ -199,7 +199,7 @@ def with_pyrender():
 
 def with_mujoco():
     global model, state, viewer
-    from drivers.sim.gl import in_gl_thread, load_mujoco, open_renderer
+    from pomona.drivers.sim.gl import in_gl_thread, load_mujoco, open_renderer
     mujoco = load_mujoco()
     model = mujoco.MjModel.from_xml_string(
         "<mujoco><worldbody><light pos='0 0 3'/><camera name='c' pos='0 0 1'/>"

@@ -5,16 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import trimesh
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from scipy.optimize import minimize_scalar
 
-from drivers.interfaces import Intrinsics
-from skills.geometry import rotation_about, transform
-from skills.perception.refinement.errors import BadDepth, DepthNotInMetres, NoDepth, TooFewInliers
-from skills.perception.refinement.paper import moved_and_scaled
-from skills.perception.refinement.render import image_box, render_depth
-from skills.perception.refinement.scale_fit import fit_scale
+from pomona.drivers.interfaces import Intrinsics
+from pomona.skills.geometry import rotation_about, transform
+from pomona.skills.perception.refinement.errors import BadDepth, DepthNotInMetres, NoDepth, TooFewInliers
+from pomona.skills.perception.refinement.paper import moved_and_scaled
+from pomona.skills.perception.refinement.render import image_box, render_depth
+from pomona.skills.perception.refinement.scale_fit import fit_scale
 
 CAMERA = Intrinsics(610.6, 610.6, 322.3, 241.9, 640, 480)
 MESHES = {

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from skills.perception.refinement.segment import connected_to
+from pomona.skills.perception.refinement.segment import connected_to
 
 SHAPE = (60, 60)
 

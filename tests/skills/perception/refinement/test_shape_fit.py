@@ -5,17 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import trimesh
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
-from drivers.depth_model import DepthModel
-from drivers.interfaces import Intrinsics
-from skills.geometry import rot_x, rot_y, rotation_about, transform
-from skills.perception.fruit import load_fruit
-from skills.perception.refinement.cloud import Cloud, cloud, together
-from skills.perception.refinement.render import render_depth
-from skills.perception.refinement.shape_fit import RIGID, Priors, fit_shape
-from skills.perception.refinement.support_plane import Plane
+from pomona.drivers.depth_model import DepthModel
+from pomona.drivers.interfaces import Intrinsics
+from pomona.skills.geometry import rot_x, rot_y, rotation_about, transform
+from pomona.skills.perception.fruit import load_fruit
+from pomona.skills.perception.refinement.cloud import Cloud, cloud, together
+from pomona.skills.perception.refinement.render import render_depth
+from pomona.skills.perception.refinement.shape_fit import RIGID, Priors, fit_shape
+from pomona.skills.perception.refinement.support_plane import Plane
 
 APPLE = load_fruit("apple")
 CAMERA = Intrinsics(305.3, 305.3, 159.5, 119.5, 320, 240)

@@ -6,14 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
-from drivers.depth_model import SIMULATED
-from skills.geometry import is_pose, rot_x, rot_y, rotation_about, transform
-from skills.perception.refinement import refine
-from skills.perception.refinement.starts import other_starts
-from skills.perception.refinement.support_plane import Plane
+from pomona.drivers.depth_model import SIMULATED
+from pomona.skills.geometry import is_pose, rot_x, rot_y, rotation_about, transform
+from pomona.skills.perception.refinement import refine
+from pomona.skills.perception.refinement.starts import other_starts
+from pomona.skills.perception.refinement.support_plane import Plane
 
 angles = st.floats(-np.pi, np.pi)
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from benchmarks.synthetic_depth import looking_at
-from skills.geometry import apply, inverse, rotation_about
-from skills.perception.refinement.support_plane import Plane, horizontal_plane, seen_elsewhere, seen_near
+from pomona.skills.geometry import apply, inverse, rotation_about
+from pomona.skills.perception.refinement.support_plane import Plane, horizontal_plane, seen_elsewhere, seen_near
 
 T_BASE_CAMERA = looking_at((0.0, 0.0, 0.0), 0.6, np.radians(55.0))
 

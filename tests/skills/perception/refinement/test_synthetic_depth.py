@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from benchmarks.synthetic_depth import D435I, as_d435i, looking_at, standing, true_depth
-from skills.geometry import apply
+from pomona.skills.geometry import apply
 
 
 @pytest.mark.parametrize("tilt", [0.0, 0.2])

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
-from skills.perception.fruit import FruitModel, load_fruit
-from skills.perception.synthetic.foliage import SPRAYS, add_far_fruit, spray
-from skills.perception.synthetic.options import SceneOptions
-from skills.perception.synthetic.paint import skins
-from skills.perception.synthetic.scene import render_scene
+from pomona.skills.perception.fruit import FruitModel, load_fruit
+from pomona.skills.perception.synthetic.foliage import SPRAYS, add_far_fruit, spray
+from pomona.skills.perception.synthetic.options import SceneOptions
+from pomona.skills.perception.synthetic.paint import skins
+from pomona.skills.perception.synthetic.scene import render_scene
 
 
 def seen(kinds: tuple[float, float, float, float], frames: int = 12) -> np.ndarray:

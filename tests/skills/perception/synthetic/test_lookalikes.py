@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from skills.perception.fruit import load_fruit
-from skills.perception.synthetic.lookalikes import draw_lookalike
-from skills.perception.synthetic.options import SceneOptions
-from skills.perception.synthetic.scene import render_scene
+from pomona.skills.perception.fruit import load_fruit
+from pomona.skills.perception.synthetic.lookalikes import draw_lookalike
+from pomona.skills.perception.synthetic.options import SceneOptions
+from pomona.skills.perception.synthetic.scene import render_scene
 
 SMALL = SceneOptions(width=160, height=120, camera=(152.6, 152.6, 79.0, 59.2), kinds=(1.0, 0.0, 0.0, 0.0))
 

@@ -6,12 +6,12 @@ import cv2
 import numpy as np
 import pytest
 
-from skills.perception.detection.annotations import read_annotation
-from skills.perception.detection.symmetry import STEM_AXIS, label_rotation
-from skills.perception.fruit import FruitModel, load_fruit
-from skills.perception.synthetic.dataset import frame_paths, render_dataset
-from skills.perception.synthetic.options import SceneKind, SceneOptions
-from skills.perception.synthetic.scene import render_scene
+from pomona.skills.perception.detection.annotations import read_annotation
+from pomona.skills.perception.detection.symmetry import STEM_AXIS, label_rotation
+from pomona.skills.perception.fruit import FruitModel, load_fruit
+from pomona.skills.perception.synthetic.dataset import frame_paths, render_dataset
+from pomona.skills.perception.synthetic.options import SceneKind, SceneOptions
+from pomona.skills.perception.synthetic.scene import render_scene
 
 SMALL = SceneOptions(width=320, height=240, camera=(305.3, 305.3, 158.6, 118.8))
 

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from skills.perception.detection.errors import BadPhotographs
-from skills.perception.training import photo_folder
-from skills.perception.training.photo_folder import read_photographs
+from pomona.skills.perception.detection.errors import BadPhotographs
+from pomona.skills.perception.training import photo_folder
+from pomona.skills.perception.training.photo_folder import read_photographs
 from tests.skills.perception.training.photo_folders import SIDE, TRUTH, boxes_of, coco, draw, tables, yolo
 
 

@@ -7,15 +7,22 @@ import numpy as np
 import pytest
 import torch
 
-from skills.perception.detection.close_look import MARGIN, REFERENCE_LENGTH, SIZE_OF_BOX, look_at
-from skills.perception.detection.compact_network import FinderNetwork
-from skills.perception.detection.errors import BadPhotographs
-from skills.perception.detection.outputs import BOX, KIND, SEEN
-from skills.perception.training.losses import DOUBTED, close_look_loss, finder_loss
-from skills.perception.training.photo_folder import read_empty, read_photographs
-from skills.perception.training.photo_samples import Mixed, PhotoCloseLookBatches, PhotoFinderBatches
-from skills.perception.training.photographs import Labels, PhotoSet, camera_of, fruit_scale, labels_of, most_visible
-from skills.perception.training.targets import box_targets
+from pomona.skills.perception.detection.close_look import MARGIN, REFERENCE_LENGTH, SIZE_OF_BOX, look_at
+from pomona.skills.perception.detection.compact_network import FinderNetwork
+from pomona.skills.perception.detection.errors import BadPhotographs
+from pomona.skills.perception.detection.outputs import BOX, KIND, SEEN
+from pomona.skills.perception.training.losses import DOUBTED, close_look_loss, finder_loss
+from pomona.skills.perception.training.photo_folder import read_empty, read_photographs
+from pomona.skills.perception.training.photo_samples import Mixed, PhotoCloseLookBatches, PhotoFinderBatches
+from pomona.skills.perception.training.photographs import (
+    Labels,
+    PhotoSet,
+    camera_of,
+    fruit_scale,
+    labels_of,
+    most_visible,
+)
+from pomona.skills.perception.training.targets import box_targets
 from tests.skills.perception.training.photo_folders import tables
 
 

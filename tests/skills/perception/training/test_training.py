@@ -10,20 +10,20 @@ import numpy as np
 import pytest
 import torch
 
-from skills.perception.detection.close_look import SIZE_OF_BOX
-from skills.perception.detection.compact_detector import CompactDetector
-from skills.perception.detection.compact_network import CloseLookNetwork, FinderNetwork
-from skills.perception.detection.cuboid import MIRRORED
-from skills.perception.detection.errors import BadAnnotation, BadTraining
-from skills.perception.synthetic.dataset import render_dataset
-from skills.perception.synthetic.options import SceneOptions
-from skills.perception.training.all_reduce import GradientAllReduce
-from skills.perception.training.loop import Progress, Schedule
-from skills.perception.training.losses import close_look_loss, dope_loss, finder_loss
-from skills.perception.training.optimiser import Optimiser
-from skills.perception.training.places import find_places, load_places, save_places
-from skills.perception.training.samples import CloseLookBatches, FinderBatches, FrameFolder
-from skills.perception.training.train import Part, TrainingRun, train_part
+from pomona.skills.perception.detection.close_look import SIZE_OF_BOX
+from pomona.skills.perception.detection.compact_detector import CompactDetector
+from pomona.skills.perception.detection.compact_network import CloseLookNetwork, FinderNetwork
+from pomona.skills.perception.detection.cuboid import MIRRORED
+from pomona.skills.perception.detection.errors import BadAnnotation, BadTraining
+from pomona.skills.perception.synthetic.dataset import render_dataset
+from pomona.skills.perception.synthetic.options import SceneOptions
+from pomona.skills.perception.training.all_reduce import GradientAllReduce
+from pomona.skills.perception.training.loop import Progress, Schedule
+from pomona.skills.perception.training.losses import close_look_loss, dope_loss, finder_loss
+from pomona.skills.perception.training.optimiser import Optimiser
+from pomona.skills.perception.training.places import find_places, load_places, save_places
+from pomona.skills.perception.training.samples import CloseLookBatches, FinderBatches, FrameFolder
+from pomona.skills.perception.training.train import Part, TrainingRun, train_part
 
 pytestmark = pytest.mark.slow
 

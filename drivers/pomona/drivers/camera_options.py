@@ -1,0 +1,52 @@
+"""What cell files say of a camera's intrinsics."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from pomona.drivers.interfaces import Intrinsics
+from pomona.executive.values.kinds import Measure, Whole
+from pomona.executive.values.sections import Problem, value
+from pomona.executive.values.units import PIXELS
+
+LARGEST = 100_000
+"""No image is wider or higher [px]."""
+
+
+MOST_OBLONG = 1.25
+"""No camera's pixels are higher than wide by this factor, or wider than high."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class IntrinsicsSection:
+    """A pinhole camera's intrinsics, and the size of the image for which they hold."""
+
+    fx: float = value(Measure(PIXELS, "1 px"), help="focal length along the rows")
+    fy: float = value(Measure(PIXELS, "1 px"), help="focal length along the columns")
+    cx: float = value(Measure(PIXELS, "0 px"), help="column of the principal point")
+    cy: float = value(Measure(PIXELS, "0 px"), help="row of the principal point")
+    width: int = value(Whole(1, LARGEST), help="of the image")
+    height: int = value(Whole(1, LARGEST), help="of the image")
+
+    def problems(self) -> Iterator[Problem]:
+        for key, at, size in (("cx", self.cx, self.width), ("cy", self.cy, self.height)):
+            if at > size:
+                yield Problem(key, f"it is {at:g} px, outside an image of {size} pixels")
+        if not 1.0 / MOST_OBLONG <= self.fx / self.fy <= MOST_OBLONG:
+            yield Problem("fx", f"it is {self.fx:g} px and fy is {self.fy:g} px: a camera's are nearly the same")
+
+    def intrinsics(self, size: tuple[int, ...] | None = None) -> Intrinsics:
+        """The intrinsics of the same view in an image of another size (width, height)."""
+        width, height = size or (self.width, self.height)
+        return scaled(Intrinsics(self.fx, self.fy, self.cx, self.cy, self.width, self.height), width, height)
+
+
+def scaled(of: Intrinsics, width: int, height: int) -> Intrinsics:
+    """The intrinsics of the same view in an image of another size [px]."""
+    x, y = width / of.width, height / of.height
+    if (x, y) == (1.0, 1.0):
+        return of
+    # Pixel centres lie at integers: an image's left edge is at -0.5, however many pixels it has.
+    cx, cy = (of.cx + 0.5) * x - 0.5, (of.cy + 0.5) * y - 0.5
+    return Intrinsics(of.fx * x, of.fy * y, cx, cy, width, height)

@@ -1,0 +1,230 @@
+"""A cell file, read and judged without connecting anything.
+
+name: bench
+options:                       # what `--set` may change; "{place}" below stands for the value
+  place: 3
+workspace: {include: shared/workspace.yaml}
+devices:
+  arm: {driver: motoman, address: 192.168.1.31}
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+
+from pomona.drivers.driver import DriverSection, Emulating, Fitting, Settings, Surroundings, TellsOfCell, Wired
+from pomona.drivers.errors import CellFileError, DriverError
+from pomona.drivers.interfaces import ArmLimits, Workspace
+from pomona.drivers.workspace import WorkspaceSection
+from pomona.executive.values.documents import Option, Outline, ValueFile, read_value_file
+from pomona.executive.values.findings import Findings, few_hints
+from pomona.executive.values.kinds import MappingOf, Measure, Text
+from pomona.executive.values.reading import Refused
+from pomona.executive.values.scoring import Score
+from pomona.executive.values.sections import Placed, Problem, Section, value
+from pomona.executive.values.shipped import installed_trees
+from pomona.executive.values.units import TIME
+from pomona.executive.values.yaml_nodes import YamlMapping, YamlScalar
+
+SHIPPED = installed_trees() / "cells"
+"""Cells that come with Pomona, for `include: sim.yaml` in a file that stands elsewhere."""
+
+KINDS = ("simulated", "emulated", "real", "frames", "mock")
+OUTLIVED = ("real", "emulated")
+"""Kinds of cells in which something may go on moving when the process is gone. What a run on them must ask before it
+begins, and its supervisor, hang on this word."""
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CellSection:
+    """A cell: its devices, what is around them, and what `--set` may change."""
+
+    name: str = value(Text(), "", "the file's name without it")
+    kind: str = value(Text(*KINDS), help="what it is, shown wherever the run is shown: " + ", ".join(KINDS))
+    record: str = value(Text("required", "optional"), "optional", "'required' ends a run that cannot be recorded")
+    heartbeat: float = value(
+        Measure(TIME, "200 ms", "60 s"), "1 s", "the supervisor stops the devices when a run hangs for this long"
+    )
+    clock: str = value(Text("system", "manual"), "system", "where time comes from when no world gives it")
+    options: Mapping[str, str] = value(MappingOf(Text()), {}, 'what --set may change; "{name}" stands for the value')
+    score: Score | None = value(Section(Score), None, "what counts where the world scores runs")
+    workspace: WorkspaceSection | None = value(Section(WorkspaceSection), None, "what is known of the surroundings")
+    world: Settings[Any] | None = value(DriverSection(), None, "a simulated world; it gives the clock and the truth")
+    devices: Mapping[str, Settings[Any]] = value(
+        MappingOf(DriverSection()), help="connected in this order: each may build on those above it"
+    )
+
+
+CELL = Section(CellSection)
+
+
+@dataclass(frozen=True, slots=True)
+class CellFile:
+    """A cell file in which nothing is wrong.
+
+    Attributes:
+        path: of the file.
+        section: what it says.
+        workspace: for the skills, or None.
+        options: what may be changed, with its defaults.
+        files: its text and those of the files that it includes, by their path from its folder.
+    """
+
+    path: Path
+    section: CellSection
+    workspace: Workspace | None
+    options: tuple[Option, ...]
+    files: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def name(self) -> str:
+        return self.section.name or self.path.stem
+
+    @property
+    def kind(self) -> str:
+        return self.section.kind
+
+    @property
+    def record_required(self) -> bool:
+        return self.section.record == "required"
+
+    @property
+    def score(self) -> Score | None:
+        return self.section.score
+
+    def interfaces(self) -> tuple[type, ...]:
+        """The device interfaces that the cell will have."""
+        devices = [i for device in self.section.devices.values() for i in device.driver.device.interfaces]
+        world = self.section.world.driver.device.interfaces if self.section.world else ()
+        return tuple(dict.fromkeys([*world, *devices, *([Workspace] if self.workspace else [])]))
+
+    def wires(self) -> tuple[str, ...]:
+        """Addresses at which the cell reaches devices outside this process."""
+        options = [device.values for device in self.section.devices.values()]
+        world = None if self.section.world is None else self.section.world.values
+        inside = world.inner_wires if isinstance(world, Emulating) else ()
+        wires = dict.fromkeys(wire for said in options if isinstance(said, Wired) for wire in said.wires)
+        return tuple(wire for wire in wires if wire not in inside)
+
+    def known(self, what: type[T]) -> T | None:
+        """What the file says about something before anything is connected: its workspace, limits of its arm …"""
+        if what is Workspace:
+            return self.workspace  # type: ignore[return-value]
+        return next((fact for fact in _facts(self.section) if isinstance(fact, what)), None)
+
+
+def read_cell_file(
+    path: Path,
+    overrides: Mapping[str, str | YamlScalar] | None = None,
+    texts: Mapping[str, str] | None = None,
+    missing: Callable[[str, DriverError], None] | None = None,
+) -> CellFile:
+    """Read and judge a cell file; nothing is connected.
+
+    Args:
+        path: of the file.
+        overrides: values of its options; a scalar knows where it is written.
+        texts: contents of files, by path, that are not to be read from the disk.
+        missing: told of every device whose section is wrong, by name and why; the cell is then read without it.
+
+    Raises:
+        CellFileError: something is wrong; all of it is in the error.
+    """
+    findings = Findings()
+    found = judge_cell_file(path, findings, overrides, texts, missing)
+    if found is None or findings.errors:
+        raise CellFileError(findings.sorted())
+    return found
+
+
+@few_hints()
+def judge_cell_file(
+    path: Path,
+    findings: Findings,
+    overrides: Mapping[str, str | YamlScalar] | None = None,
+    texts: Mapping[str, str] | None = None,
+    missing: Callable[[str, DriverError], None] | None = None,
+) -> CellFile | None:
+    """As `read_cell_file`; everything that is wrong goes to `findings`."""
+    written = read_value_file(path, findings, "a cell file", overrides=overrides or {}, texts=texts, shipped=SHIPPED)
+    if written is None:
+        return None
+    if missing is not None:
+        _leave_out(written, missing)
+    try:
+        placed = CELL.read_placed(written.root, written.reader)
+    except Refused:
+        return None
+    section = placed.values
+    workspace = section.workspace.workspace() if section.workspace else None
+    for where, problem in _misfits(section, workspace):
+        where.refuse(problem)
+    _judge_poses(placed, findings)
+    return None if findings.errors else CellFile(path, section, workspace, written.options, written.files)
+
+
+def _leave_out(written: ValueFile, missing: Callable[[str, DriverError], None]) -> None:
+    """Take the devices out whose sections cannot be read."""
+    devices = written.root.get("devices")
+    if not isinstance(devices, YamlMapping):
+        return
+    for name, (_, node) in list(devices.entries.items()):
+        findings = Findings()
+        try:
+            DriverSection().read(node, replace(written.reader, findings=findings, title=f"devices.{name}"))
+        except Refused:
+            del devices.entries[name]
+            missing(name, CellFileError(findings.sorted()))
+
+
+def outline_cell(path: Path, findings: Findings) -> Outline | None:
+    """A cell's kind, and its options with their defaults: the keys that `overrides` may hold."""
+    written = read_value_file(path, findings, "a cell file", overrides={}, shipped=SHIPPED)
+    if written is None:
+        return None
+    kind = written.root.get("kind")
+    return Outline(kind.text if isinstance(kind, YamlScalar) else "", written.options)
+
+
+def _misfits(section: CellSection, workspace: Workspace | None) -> Iterator[tuple[Placed[Any], Problem]]:
+    """What is wrong with a device in this cell, though its own section is right."""
+    above: dict[str, Any] = {}
+    world = section.world
+    if world is not None and not hasattr(world.driver.device, "truth"):
+        yield world.placed, Problem("driver", "it simulates no world")
+    for name, device in (*((("world", world),) if world else ()), *section.devices.items()):
+        options = device.values
+        if device.driver.device.outlives and section.kind not in OUTLIVED:
+            words = f"it moves a device outside this process: the cell's kind is real or emulated, not {section.kind}"
+            yield device.placed, Problem("driver", words)
+        if isinstance(options, Fitting):
+            for problem in options.fits(Surroundings(workspace, above)):
+                yield device.placed, problem
+        above[name] = device.driver.device
+
+
+def _facts(section: CellSection) -> Iterator[object]:
+    for device in (*((section.world,) if section.world else ()), *section.devices.values()):
+        if isinstance(device.values, TellsOfCell):
+            yield from device.values.known()
+
+
+def _judge_poses(placed: Placed[CellSection], findings: Findings) -> None:
+    """Named poses must be reachable by the cell's arm, as far as its limits are known."""
+    section = placed.values
+    limits = None if findings.errors else next((f for f in _facts(section) if isinstance(f, ArmLimits)), None)
+    node = placed.node.get("workspace")
+    poses = node.get("poses") if isinstance(node, YamlMapping) else None
+    if limits is None or section.workspace is None or not isinstance(poses, YamlMapping):
+        return
+    for name, joints in section.workspace.poses.items():
+        q = np.array(joints)
+        if q.shape != limits.lower.shape or np.any((q < limits.lower) | (q > limits.upper)):
+            words = f"the pose '{name}' needs {limits.lower.size} joints within the arm's limits"
+            findings.error(poses.entries[name][1], "pose", words)

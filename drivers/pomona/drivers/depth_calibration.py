@@ -1,0 +1,413 @@
+"""How a camera's depth errs, found out from balls of known size in recorded frames, or from a flat wall.
+
+A ball tells its distance twice. Its outline in the picture does, since its size is known: the true one. And the points
+that the camera measured on it do, through a sphere of that size. Over several balls the two differ by
+
+    measured = offset + (1 + scale) · true,   and outlines that were drawn `outline_growth` pixels too wide,
+
+each with what the sensor's maker says as a prior. What the points scatter by about the sphere is the sensor's noise.
+Data that cannot tell are refused: too few balls, balls that leave the prior as wide as it was, and balls that
+contradict each other, where a correction learnt from the others makes the next one worse.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from pomona.drivers.depth_model import SENSORS, DepthModel
+from pomona.drivers.errors import DriverError
+from pomona.drivers.interfaces import Intrinsics
+from pomona.executive.values.arrays import Float64
+
+LEAST_BALLS = 3
+"""With fewer than this nothing can be held out."""
+
+OUTLINE = 0.5
+"""Standard deviation of either drawn side of a box [px]."""
+GROWTH_PRIOR = 1.0
+"""Standard deviation of what outlines are drawn too wide by, before any ball is seen [px]."""
+
+LEAST_OFFSET, LEAST_SCALE = 5e-3, 1e-3
+"""Nobody knows a sensor's offset [m] and scale better than this before it was measured."""
+
+DOUBT = 3.0
+"""What is learnt may lie so many times farther from zero than the sensor's maker lets expect."""
+
+AROUND = 15
+"""Depth may lie so far beside the picture [px]."""
+
+LEAST_POINTS = 100
+"""A ball of fewer points has no sphere."""
+
+LEAST_SQUARE = 11
+"""Side of the squares in which a wall's noise is looked for [px]."""
+
+PLANES = 200
+"""So many planes through three points each are tried: a wall is hit by the first few."""
+
+LEAST_WALL = 0.7
+"""Share of what is measured that must lie on one plane: of two orchard frames 0.27 and 0.28 do."""
+BENT = 0.03
+"""A sensor may bend a flat wall by such a share of the distance."""
+
+LEAST_NOISE = 1e-5
+"""Whatever measures depth errs by more at 1 m [m]."""
+
+INNER = 2
+"""The outermost points of a ball are mixed with what is behind it [px]."""
+
+LEARNT = 0.8
+"""What is learnt must leave less than this of what was not known before."""
+
+
+class UnusableDepth(DriverError):
+    """Frames or a table from which a depth model cannot be learnt; the text says why and what to do."""
+
+
+@dataclass(frozen=True, slots=True)
+class Ball:
+    """A ball of known size in a frame: its name, its diameter [m], and the box x, y, w, h around it [px]."""
+
+    frame: str
+    name: str
+    box: tuple[float, float, float, float]
+    diameter: float
+
+
+@dataclass(frozen=True, slots=True)
+class Seen:
+    """What one ball tells.
+
+    Attributes:
+        ball: which one it is.
+        true: distance of its centre along the camera's axis, from its outline [m].
+        per_pixel: by how much `true` would be more if the outline were a pixel narrower [m].
+        deviation: standard deviation of `true`, from where the box was drawn [m].
+        measured: the same distance from depth [m].
+        scatter: standard deviation of the points along the axis about the sphere [m].
+    """
+
+    ball: Ball
+    true: float
+    per_pixel: float
+    deviation: float
+    measured: float
+    scatter: float
+
+
+@dataclass(frozen=True, slots=True)
+class DepthCalibration:
+    """What was learnt, and how well it does.
+
+    Attributes:
+        sensor: name of the sensor that was the prior.
+        model: the sensor's model with what was learnt.
+        outline_growth, outline_growth_deviation: what drawn outlines are too wide by [px].
+        before, after: root mean square of measured against true distance of balls that were held out, as the sensor was
+            and as it was learnt from the other balls [m]; NaN for a wall.
+        seen: what each ball told; empty for a wall.
+    """
+
+    sensor: str
+    model: DepthModel
+    outline_growth: float
+    outline_growth_deviation: float
+    before: float
+    after: float
+    seen: tuple[Seen, ...]
+
+    def __str__(self) -> str:
+        m = self.model
+        lines = [f"noise {1e3 * m.growth:.2f} mm at 1 m, growing with the square of the distance"]
+        if self.seen:
+            lines = [
+                f"offset {1e3 * m.offset:+.1f} ± {1e3 * m.offset_deviation:.1f} mm, scale {100 * m.scale:+.2f} ± "
+                f"{100 * m.scale_deviation:.2f} %, outlines {self.outline_growth:+.1f} ± "
+                f"{self.outline_growth_deviation:.1f} px too wide",
+                *lines,
+                f"balls held out lie {1e3 * self.after:.1f} mm off, before {1e3 * self.before:.1f} mm",
+            ]
+        return "\n".join(lines)
+
+    def save(self, path: Path) -> None:
+        """Write a depth model file, with what is known about it as comments."""
+        m = self.model
+        notes = "".join(f"# {line}\n" for line in str(self).splitlines())
+        path.write_text(
+            f"{notes}sensor: {self.sensor}\ndisparity: 0 px\nfloor: 0 mm\ngrowth: {1e3 * m.growth:.4f} mm\n"
+            f"offset: {1e3 * m.offset:.3f} mm\noffset_deviation: {1e3 * m.offset_deviation:.3f} mm\n"
+            f"scale: {m.scale:.6f}\nscale_deviation: {m.scale_deviation:.6f}\n",
+            encoding="utf-8",
+        )
+
+
+def read_balls(path: Path, diameter: str = "diameter_mm", only: str = "") -> list[Ball]:
+    """Balls from a table (CSV) with the columns frame, x, y, w, h, one with the diameter in mm, and a name or id.
+
+    Args:
+        path: the table.
+        diameter: name of the column with the diameter.
+        only: rows count whose name begins so.
+
+    Raises:
+        UnusableDepth: a column is missing, or a number is none; says which line.
+    """
+    try:
+        with path.open(newline="", encoding="utf-8") as file:
+            reader = csv.DictReader(file)
+            columns = reader.fieldnames or []
+            rows = list(reader)
+    except (OSError, ValueError, csv.Error) as error:
+        raise UnusableDepth(f"{path}: cannot be read as a table: {error}") from error
+    names = [column for column in ("name", "fruit_id", "id") if column in columns]
+    missing = [column for column in ("frame", "x", "y", "w", "h", diameter) if column not in columns]
+    if missing or not names:
+        lacks = ", ".join([*missing, *(() if names else ("name",))])
+        raise UnusableDepth(f"{path}:1: no column {lacks}: a table of balls has frame, name, x, y, w, h and {diameter}")
+    found = []
+    for line, row in enumerate(rows, 2):
+        name = row[names[0]] or ""
+        if not name.startswith(only):
+            continue
+        try:
+            x, y, w, h, size = (float(row[key]) for key in ("x", "y", "w", "h", diameter))
+        except (TypeError, ValueError):
+            raise UnusableDepth(f"{path}:{line}: x, y, w, h and {diameter} must be numbers") from None
+        if not (np.isfinite([x, y, w, h, size]).all() and min(w, h) >= 8.0 and 1.0 <= size <= 2000.0):
+            raise UnusableDepth(f"{path}:{line}: a box of 8 pixels or more and a diameter in mm are needed")
+        found.append(Ball(row["frame"], name, (x, y, w, h), 1e-3 * size))
+    if not found:
+        raise UnusableDepth(f"{path}: holds no ball" + (f" whose name begins with '{only}'" if only else ""))
+    return found
+
+
+def look_at_ball(ball: Ball, depth: NDArray[np.float32], intrinsics: Intrinsics) -> Seen:
+    """What a ball tells of a depth image, shape (h, w) [m].
+
+    Raises:
+        UnusableDepth: the box lies outside the image, or too little depth is there.
+    """
+    x, y, w, h = ball.box
+    if x < 0 or y < 0 or x + w > intrinsics.width or y + h > intrinsics.height:
+        raise UnusableDepth(f"{ball.name} in {ball.frame}: its box lies outside the image")
+    # A ball off the axis is drawn out away from the middle of the picture: sqrt(1 + x²) wide, sqrt(1 + y²) high.
+    tan = np.array(
+        [(x + 0.5 * w - 0.5 - intrinsics.cx) / intrinsics.fx, (y + 0.5 * h - 0.5 - intrinsics.cy) / intrinsics.fy]
+    )
+    across = ball.diameter * np.array([intrinsics.fx, intrinsics.fy]) * np.sqrt(1.0 + tan**2)
+    each = across / np.array([w, h])
+    true = math.hypot(float(each.mean()), 0.5 * ball.diameter)  # what is seen of a ball is the cone that touches it
+    per_pixel = float((each / [w, h]).mean())
+    deviation = float(np.sqrt(np.sum((each / [w, h]) ** 2)) * math.sqrt(2.0) * OUTLINE / 2.0)
+    points = _points_of(ball, depth, intrinsics)
+    centre = _centre_of_sphere(points, 0.5 * ball.diameter, ball)
+    rays = points - centre
+    radial = np.linalg.norm(rays, axis=1) - 0.5 * ball.diameter
+    facing = np.abs(rays[:, 2]) / np.linalg.norm(rays, axis=1)
+    middle = facing > 0.7
+    # A wrong scale bends what the sphere leaves over: noise is what is left of it beside a smooth surface.
+    u, v = (rays[middle, :2] / ball.diameter).T
+    smooth = np.column_stack([np.ones_like(u), u, v, u * u, u * v, v * v])
+    local = radial[middle] / facing[middle]
+    local = local - smooth @ np.linalg.lstsq(smooth, local, rcond=None)[0]
+    scatter = 1.4826 * float(np.median(np.abs(local)))
+    return Seen(ball, true, per_pixel, deviation, float(centre[2]), scatter)
+
+
+def _points_of(ball: Ball, depth: NDArray[np.float32], intrinsics: Intrinsics) -> Float64:
+    """The points of the connected surface in and beside a ball's box, shape (n, 3) [m]."""
+    x, y, w, h = (round(value) for value in ball.box)
+    top, left = max(y - AROUND, 0), max(x - AROUND, 0)
+    part = depth[top : y + h + AROUND, left : x + w + AROUND].astype(np.float64)
+    core = part[y - top + h // 4 : y - top + 3 * h // 4, x - left + w // 4 : x - left + 3 * w // 4]
+    core = core[core > 0.0]
+    nothing = UnusableDepth(f"{ball.name} in {ball.frame}: too little depth was measured on it; look from nearer")
+    if len(core) < LEAST_POINTS // 4:
+        raise nothing
+    near = (part > 0.0) & (np.abs(part - np.median(core)) < 0.5 * ball.diameter)
+    labels, _ = ndimage.label(near)
+    inside = labels[y - top : y - top + h, x - left : x - left + w]
+    largest = int(np.argmax(np.bincount(inside[inside > 0], minlength=2))) if inside.any() else 0
+    surface = ndimage.binary_erosion(labels == largest, iterations=INNER) if largest else np.zeros_like(near)
+    rows, columns = np.nonzero(surface)
+    if len(rows) < LEAST_POINTS:
+        raise nothing
+    z = part[rows, columns]
+    u, v = (columns + left - intrinsics.cx) / intrinsics.fx, (rows + top - intrinsics.cy) / intrinsics.fy
+    return np.column_stack([u * z, v * z, z])
+
+
+def _centre_of_sphere(points: Float64, radius: float, ball: Ball) -> Float64:
+    """Centre (3,) [m] of the sphere of a known radius through most of the points: Gauss-Newton, Tukey's weights."""
+    mean = points.mean(axis=0)
+    centre = mean * (1.0 + 0.6 * radius / np.linalg.norm(mean))
+    for _ in range(50):
+        away = points - centre
+        distance = np.linalg.norm(away, axis=1)
+        residual = distance - radius
+        band = max(4.685 * 1.4826 * float(np.median(np.abs(residual))), 1e-4)
+        weight = np.where(np.abs(residual) < band, (1.0 - (residual / band) ** 2) ** 2, 0.0)
+        J = away / distance[:, np.newaxis]
+        step = np.linalg.lstsq((J.T * weight) @ J, (J.T * weight) @ residual, rcond=None)[0]
+        centre = centre + step
+        if np.abs(step).max() < 1e-7:
+            break
+    if not np.isfinite(centre).all() or np.linalg.norm(centre - mean) > 2.0 * radius:
+        raise UnusableDepth(f"{ball.name} in {ball.frame}: its points lie on no sphere of {2e3 * radius:.0f} mm")
+    return np.asarray(centre, dtype=np.float64)
+
+
+def calibrate_balls(
+    balls: Sequence[Ball], depths: Mapping[str, NDArray[np.float32]], intrinsics: Intrinsics, sensor: str
+) -> DepthCalibration:
+    """Learn a sensor's depth model from balls.
+
+    Args:
+        balls: of known size, each seen in one frame.
+        depths: depth images by the frames' labels, shape (h, w) [m].
+        intrinsics: of all of them.
+        sensor: name of a known sensor, what is thought before.
+
+    Raises:
+        UnusableDepth: the balls cannot tell.
+    """
+    unknown = sorted({ball.frame for ball in balls} - set(depths))
+    if unknown:
+        raise UnusableDepth(f"there is no frame '{unknown[0]}', which the table of balls names")
+    seen = [look_at_ball(ball, depths[ball.frame], intrinsics) for ball in balls]
+    names = sorted({ball.name for ball in balls})
+    if len(seen) < LEAST_BALLS or len(names) < 2:
+        raise UnusableDepth(
+            f"{len(seen)} looks at {len(names)} ball(s) cannot tell bias from chance: "
+            f"show {LEAST_BALLS} or more of at least two balls, at different distances"
+        )
+    prior = SENSORS[sensor]
+    solution, covariance = _solve(seen, prior)
+    held = [(s, _solve([o for o in seen if o.ball.name != s.ball.name], prior)[0]) for s in seen]
+    before = _rms([s.measured - s.true for s in seen])
+    after = _rms([_left_over(s, theta) for s, theta in held])
+    middle = float(np.median([s.true for s in seen]))
+    row = np.array([1.0, middle])
+    known_before = math.sqrt(float(np.sum((_known_before(prior) * row) ** 2)))
+    known = math.sqrt(row @ covariance[:2, :2] @ row)
+    if known > LEARNT * known_before:
+        raise UnusableDepth(
+            f"these balls tell the depth at {middle:.2f} m to ± {1e3 * known:.1f} mm, and "
+            f"± {1e3 * known_before:.1f} mm was known before: show more or larger balls, "
+            "in boxes that are drawn with care"
+        )
+    if after >= before:
+        raise UnusableDepth(
+            f"the balls contradict each other: as the others would correct it the next one is {1e3 * after:.1f} mm "
+            f"off, uncorrected {1e3 * before:.1f} mm; check the diameters and the boxes"
+        )
+    growth = float(np.sqrt(np.mean([(s.scatter / s.true**2) ** 2 for s in seen])))
+    model = replace(
+        prior,
+        disparity=0.0,
+        floor=0.0,
+        growth=growth,
+        offset=float(solution[0]),
+        offset_deviation=float(np.sqrt(covariance[0, 0])),
+        scale=float(solution[1]),
+        scale_deviation=float(np.sqrt(covariance[1, 1])),
+    )
+    return DepthCalibration(
+        sensor, model, float(solution[2]), float(np.sqrt(covariance[2, 2])), before, after, tuple(seen)
+    )
+
+
+def _solve(seen: Sequence[Seen], prior: DepthModel) -> tuple[Float64, Float64]:
+    """(offset, scale, outline growth) and their covariance, (3,) and (3, 3): least squares beside the prior."""
+    known = np.array([*(DOUBT * _known_before(prior)), GROWTH_PRIOR])
+    start = np.array([prior.offset, prior.scale, 0.0])
+    rows = np.array([[1.0, s.true, s.per_pixel] for s in seen])
+    deviation = np.array([s.deviation for s in seen])
+    H = np.diag(known**-2.0) + (rows.T / deviation**2) @ rows
+    b = start / known**2 + (rows.T / deviation**2) @ np.array([s.measured - s.true for s in seen])
+    solution = np.linalg.solve(H, b)
+    residual = np.array([_left_over(s, solution) for s in seen]) / deviation
+    spread = max(1.0, float(residual @ residual) / max(len(seen) - 1, 1))
+    return solution, np.linalg.inv(H) * spread
+
+
+def _known_before(prior: DepthModel) -> Float64:
+    """Standard deviations of offset [m] and scale, (2,), as the sensor's maker lets expect them."""
+    return np.array([max(prior.offset_deviation, LEAST_OFFSET), max(prior.scale_deviation, LEAST_SCALE)])
+
+
+def _left_over(seen: Seen, solution: Float64) -> float:
+    """What a correction leaves of a ball's measured distance against its true one [m]."""
+    return float(seen.measured - seen.true - solution @ [1.0, seen.true, seen.per_pixel])
+
+
+def _rms(errors: Sequence[float]) -> float:
+    return float(np.sqrt(np.mean(np.square(errors))))
+
+
+def calibrate_wall(depths: Sequence[NDArray[np.float32]], sensor: str) -> DepthCalibration:
+    """A sensor's noise from frames of a flat wall; its bias stays as the sensor's maker says.
+
+    Args:
+        depths: depth images, shape (h, w) each [m].
+        sensor: name of a known sensor.
+
+    Raises:
+        UnusableDepth: no square of the frames is flat, they are without noise, or they do not show one wall each.
+    """
+    noise = []
+    side = LEAST_SQUARE
+    v, u = np.indices((side, side)).reshape(2, -1) - side // 2
+    basis = np.linalg.qr(np.column_stack([np.ones_like(u), u, v]))[0]
+    for depth in depths:
+        high, wide = (size // side * side for size in depth.shape)
+        squares = (
+            depth[:high, :wide].reshape(high // side, side, wide // side, side).swapaxes(1, 2).reshape(-1, side**2)
+        )
+        squares = squares[(squares > 0.0).all(axis=1) & np.isfinite(squares).all(axis=1)].astype(np.float64)
+        inverse = 1.0 / squares  # a plane is linear in 1/z, whatever its slant
+        rest = inverse - inverse @ basis @ basis.T
+        noise.append(np.sqrt((rest**2).sum(axis=1) / (side**2 - 3)))  # deviation of 1/z is that of z over z²
+    all_noise = np.concatenate(noise) if noise else np.empty(0)
+    if len(all_noise) < LEAST_POINTS:
+        raise UnusableDepth(
+            f"only {len(all_noise)} squares of {side} px are wholly measured: show a larger or nearer wall"
+        )
+    growth = float(np.median(all_noise))
+    if growth < LEAST_NOISE:
+        raise UnusableDepth("the wall has no noise at all: its depth was smoothed, or is no camera's")
+    flat = float(np.mean(all_noise < 2.0 * growth))
+    if flat < 0.7:
+        raise UnusableDepth(f"only {flat:.0%} of the frames is flat: let a wall or a board fill them")
+    wall = min(_share_of_plane(depth, growth) for depth in depths)
+    if wall < LEAST_WALL:
+        raise UnusableDepth(
+            f"only {wall:.0%} of what one frame measures lies on one plane: this is no wall, and its noise none of the "
+            "sensor's; let a flat wall or a board fill the frames"
+        )
+    model = replace(SENSORS[sensor], disparity=0.0, floor=0.0, growth=growth)
+    return DepthCalibration(sensor, model, 0.0, 0.0, math.nan, math.nan, ())
+
+
+def _share_of_plane(depth: NDArray[np.float32], growth: float) -> float:
+    """Share of the measured pixels that lie on the plane on which most do; a sensor of this noise may bend it."""
+    step = LEAST_SQUARE
+    rows, columns = np.nonzero(depth[::step, ::step] > 0.0)
+    inverse = 1.0 / depth[::step, ::step][rows, columns].astype(np.float64)
+    points = np.column_stack([np.ones_like(inverse), columns, rows])
+    rng, most = np.random.default_rng(0), 0.0
+    for _ in range(PLANES if len(points) >= LEAST_POINTS else 0):
+        chosen = rng.choice(len(points), 3, replace=False)
+        if abs(np.linalg.det(points[chosen])) < 1.0:  # they lie on a line
+            continue
+        plane = points @ np.linalg.solve(points[chosen], inverse[chosen])
+        most = max(most, float(np.mean(np.abs(inverse - plane) < BENT * inverse + 3.0 * growth)))
+    return most

@@ -1,0 +1,141 @@
+"""What a driver is beyond its interface: its cell can watch, stop, pause and release it.
+
+A device is a class that derives from `Device` and names in `interfaces` what it offers
+(`pomona.drivers.interfaces.Camera`, …). `pomona.drivers.driver` says how a cell file connects it. The defaults below
+suit a device that cannot move.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol, TypeVar, runtime_checkable
+
+from pomona.drivers.interfaces import Arm, Camera, ForceSensor, Gripper, Workspace
+from pomona.executive.clock import Clock
+
+if TYPE_CHECKING:
+    from pomona.drivers.wire import Link
+
+T = TypeVar("T")
+
+
+class Device:
+    """A named device of a cell. Methods are called from the tick's thread; `safe_stop` from any thread."""
+
+    interfaces: ClassVar[tuple[type, ...]] = ()
+    outlives: ClassVar[bool] = False
+    """Whether it moves something that keeps moving without this process. Its cell must then be declared real or
+    emulated: what is checked before a run depends on that."""
+    distrusted = ""
+    outside_stop: tuple[str, tuple[Any, ...]] | None = None
+    """How another process stops the device when this one is gone: the function `module:name` and its arguments."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+
+    def link(self) -> str:
+        """State of the link: 'ok', or what is wrong with it."""
+        return "ok"
+
+    def last_seen(self) -> float | None:
+        """The stamp [s] of the newest thing that the device sent, or None: nothing yet, or it sends nothing."""
+        device: Any = self
+        newest = None
+        if Arm in self.interfaces or Gripper in self.interfaces:
+            newest = device.state()
+        elif Camera in self.interfaces or ForceSensor in self.interfaces:
+            newest = device.latest()
+        return None if newest is None else float(newest.stamp)
+
+    def check(self) -> None:
+        """Look after the device; called each tick and must not block.
+
+        Raises:
+            DeviceLost: no answer within the device's deadline, or its stream is stale.
+            DeviceFault: the device reports a fault.
+        """
+
+    def distrust(self, reason: str) -> None:
+        """Mark the device's values as implausible: until `acknowledge` the cell's check raises `DeviceFault` with this.
+
+        Called from any thread, by code that compares its signals with others. The first reason stays.
+        """
+        self.distrusted = self.distrusted or reason
+
+    def safe_stop(self, reason: str) -> None:
+        """Bring the device to rest within its limits, hold, keep the grip; latch. Must not raise."""
+
+    def acknowledge(self) -> None:
+        """Release the latch; nothing resumes by itself."""
+
+    def pause(self) -> None:
+        """Stop motions on their paths so that they can be resumed; force control goes on."""
+
+    def resume(self) -> None:
+        """Resume the paused motion."""
+
+    def go_at(self, speed: float) -> None:
+        """Move at this share of what is commanded from now on, above 0 to 1, also what moves already.
+
+        For an arm: its paths take so much longer, within its limits while that changes. An arm whose driver leaves
+        this out is said to know full speed only, and is refused where somebody asks for less. Other devices do nothing.
+        """
+
+    @property
+    def full_speed_only(self) -> bool:
+        """Whether it is an arm whose driver cannot slow it down."""
+        return Arm in self.interfaces and type(self).go_at is Device.go_at
+
+    def settled(self) -> bool:
+        """True when nothing of the device moves."""
+        return True
+
+    def close(self) -> None:
+        """Bring the device to rest and disconnect."""
+
+
+@runtime_checkable
+class World(Protocol):
+    """A simulated world: a device that gives the cell its clock and its truth."""
+
+    @property
+    def clock(self) -> Clock:
+        """The world's own time."""
+        ...
+
+    def truth(self) -> Mapping[str, object]: ...
+
+
+@dataclass(slots=True)
+class ConnectContext:
+    """What a device can use when it is connected: the clock, the seed, and the devices connected before it.
+
+    Attributes:
+        cell: the cell file; relative paths in it start at its folder.
+        clock: of the whole cell.
+        seed: of everything random.
+        workspace: what the cell file says about the surroundings, or None.
+        devices: connected so far, by name; a cell file lists what others build on first.
+        wires: for addresses and ports at which this process itself emulates a device, how to connect.
+    """
+
+    cell: Path
+    clock: Clock
+    seed: int
+    workspace: Workspace | None = None
+    devices: dict[str, Device] = field(default_factory=dict)
+    wires: dict[str, Callable[[], Link]] = field(default_factory=dict)
+
+    def find(self, interface: type[T]) -> T | None:
+        """The device connected before with this interface or of this class, or None."""
+        for device in self.devices.values():
+            if interface in device.interfaces or isinstance(device, _class_only(interface)):
+                return device  # type: ignore[return-value]  # its class promises the interface
+        return None
+
+
+def _class_only(interface: type) -> type | tuple[()]:
+    """The class itself for isinstance, nothing for a Protocol: those match by method names, which is too little."""
+    return () if getattr(interface, "_is_protocol", False) else interface

@@ -1,0 +1,193 @@
+"""Looks over a cell before a run: its file, ports, every device, rates, intrinsics, calibrations."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import asdict, dataclass, is_dataclass
+from pathlib import Path
+
+import numpy as np
+
+from pomona.drivers.cell import Cell, load_cell
+from pomona.drivers.device import Device
+from pomona.drivers.errors import CellFileError, DriverError
+from pomona.drivers.interfaces import Arm, Camera, ForceSensor, Frame, Gripper, WrenchSample
+from pomona.drivers.machine import ReportLine
+from pomona.executive.values.findings import place_of
+
+WATCHED = 1.0
+"""Streams are watched for so long [s]."""
+ENOUGH = 0.95
+"""A rate below this share of what it should be is reported."""
+SLOWEST_CAMERA, SLOWEST_ARM = 2.0, 20.0
+"""Rates that a camera and an arm should have at least [Hz]."""
+
+
+def examine(path: Path, overrides: Mapping[str, str] | None = None) -> Iterator[ReportLine]:
+    """Look over a cell: its file, every device, rates, intrinsics. Nothing moves; servos and streams are switched on.
+
+    Args:
+        path: of the cell file.
+        overrides: values of the file's options.
+    """
+    missing: dict[str, DriverError] = {}
+    try:
+        cell = load_cell(path, overrides=overrides, missing=missing.__setitem__)
+    except DriverError as error:
+        yield from _refused("cell file", error)
+        return
+    try:
+        yield ReportLine("cell file", True, f"{path} ({cell.kind})")
+        for name, refused in missing.items():
+            yield from _refused(name, refused)
+        rates = _watch(cell)
+        for name, device in cell.devices.items():
+            yield from _device(name, device, rates.get(name, _Watched()), cell)
+    finally:
+        cell.close()
+
+
+def _refused(name: str, error: DriverError) -> list[ReportLine]:
+    if isinstance(error, CellFileError):
+        return [ReportLine(name, False, f"{place_of(found)}: {found.message}", found.hint) for found in error.findings]
+    return [ReportLine(name, False, str(error))]
+
+
+@dataclass(slots=True)
+class _Watched:
+    """What came from a device while it was watched."""
+
+    stamps: int = 0
+    gaps: int = 0
+    age: float = 0.0
+
+
+def _watch(cell: Cell) -> dict[str, _Watched]:
+    """Count what comes from each device for a while."""
+    watched = {name: _Watched() for name in cell.devices}
+    subscriptions = []
+    for name, device in cell.devices.items():
+        if isinstance(device, ForceSensor) and ForceSensor in device.interfaces:
+            subscriptions.append(device.subscribe(_counter(watched[name])))
+    end = cell.clock.now() + WATCHED
+    seen: dict[str, float] = {}
+    while cell.clock.now() < end:
+        cell.clock.advance(0.005)
+        now = cell.clock.now()
+        for name, device in cell.devices.items():
+            stamp = _newest_stamp(device)
+            if stamp is not None and stamp != seen.get(name):
+                seen[name] = stamp
+                watched[name].stamps += 1
+                watched[name].age = max(watched[name].age, now - stamp)
+    for subscription in subscriptions:
+        subscription.close()
+    return watched
+
+
+def _counter(watched: _Watched) -> Callable[[WrenchSample], None]:
+    last: list[int] = []
+
+    def count(sample: WrenchSample) -> None:
+        if last and sample.sequence != last[0] + 1:
+            watched.gaps += 1
+        last[:] = [sample.sequence]
+        watched.stamps += 1
+
+    return count
+
+
+def _newest_stamp(device: Device) -> float | None:
+    try:
+        if Camera in device.interfaces and isinstance(device, Camera):
+            frame = device.latest()
+            return None if frame is None else frame.stamp
+        if Arm in device.interfaces and isinstance(device, Arm):
+            return device.state().stamp
+    except DriverError:
+        return None  # its link says so
+    return None
+
+
+def _device(name: str, device: Device, watched: _Watched, cell: Cell) -> Iterator[ReportLine]:
+    link = device.link()
+    yield ReportLine(
+        name, link == "ok", f"link {link}" if link == "ok" else link, "look at its cable, power and settings"
+    )
+    identity = getattr(device, "identity", None)
+    if is_dataclass(identity) and not isinstance(identity, type):
+        words = ", ".join(f"{key} {_short(value)}" for key, value in asdict(identity).items())
+        yield ReportLine(f"{name} says", True, words)
+    try:
+        if Camera in device.interfaces and isinstance(device, Camera):
+            yield from _camera(name, device.latest(), watched, cell)
+        if Arm in device.interfaces and isinstance(device, Arm):
+            yield from _arm(name, device, watched)
+        if Gripper in device.interfaces and isinstance(device, Gripper):
+            limits, state = device.limits, device.state()
+            words = f"opens {1e3 * limits.width_min:.1f} … {1e3 * limits.width_max:.1f} mm"
+            inside = limits.width_min - 1e-3 <= state.width <= limits.width_max + 1e-3
+            yield ReportLine(f"{name} opening", inside, f"{1e3 * state.width:.1f} mm; {words}", "check finger_offset")
+        if ForceSensor in device.interfaces and isinstance(device, ForceSensor):
+            yield from _fingers(name, device, watched)
+    except DriverError as error:
+        yield ReportLine(name, False, str(error))
+
+
+def _camera(name: str, frame: Frame | None, watched: _Watched, cell: Cell) -> Iterator[ReportLine]:
+    if frame is None:
+        yield ReportLine(f"{name} image", False, "no image came", "look at the camera's cable (USB 3) and power")
+        return
+    if cell.kind != "frames":
+        rate = watched.stamps / WATCHED
+        advice = "use a USB 3 port of its own, or a lower rate"
+        yield ReportLine(f"{name} rate", rate >= SLOWEST_CAMERA, f"{rate:.1f} frames a second", advice)
+        clock = "the camera's clock is off; its stamps cannot be trusted"
+        yield ReportLine(
+            f"{name} clock", watched.age < 0.5, f"images are {1e3 * watched.age:.0f} ms old at most", clock
+        )
+    K = frame.intrinsics
+    height, width = frame.colour.shape[:2]
+    fits = (K.width, K.height) == (width, height) and 0.0 < K.cx < width and 0.0 < K.cy < height
+    words = f"{width} × {height}, fx {K.fx:.1f} fy {K.fy:.1f} cx {K.cx:.1f} cy {K.cy:.1f}"
+    yield ReportLine(f"{name} intrinsics", fits, words, "they do not belong to these images")
+    if frame.depth is None:
+        yield ReportLine(f"{name} depth", False, "there is none", "switch the depth stream on")
+    else:
+        share = float((frame.depth > 0.0).mean())
+        yield ReportLine(
+            f"{name} depth", share > 0.05, f"{100.0 * share:.0f} % of the pixels", "is something in range?"
+        )
+    if frame.q is not None:
+        given = not np.allclose(frame.T_mount_camera, np.eye(4))
+        words = "given" if given else "is the identity"
+        yield ReportLine(f"{name} hand-eye", given, f"transform {words}", "pomona calibrate hand-eye makes it")
+
+
+def _arm(name: str, arm: Arm, watched: _Watched) -> Iterator[ReportLine]:
+    rate, limits, q = watched.stamps / WATCHED, arm.limits, arm.state().q
+    yield ReportLine(f"{name} rate", rate >= SLOWEST_ARM, f"{rate:.0f} states a second", "look at the network")
+    yield ReportLine(f"{name} description", arm.description.is_file(), str(arm.description), "the file is missing")
+    inside = bool(np.all((q >= limits.lower) & (q <= limits.upper)))
+    words = " ".join(f"{np.degrees(angle):.1f}°" for angle in q)
+    yield ReportLine(
+        f"{name} joints", inside, words, "outside the description's limits: is the order of 'joints' right?"
+    )
+
+
+def _fingers(name: str, fingers: ForceSensor, watched: _Watched) -> Iterator[ReportLine]:
+    rate = watched.stamps / WATCHED
+    words = f"{rate:.0f} samples a second of {fingers.rate:.0f}, {watched.gaps} gaps"
+    yield ReportLine(
+        f"{name} rate", rate >= ENOUGH * fingers.rate, words, "look at the baud rate and the computer's load"
+    )
+    sample = fingers.latest()
+    if sample is not None:
+        force = float(np.abs(sample.wrenches[:, :3]).max())
+        words = f"{force:.2f} N without contact"
+        yield ReportLine(f"{name} bias", force < 0.5, words, "take the bias with nothing touching the pads")
+        yield ReportLine(f"{name} range", not any(sample.saturated), "no channel at its end", "a taxel is at its end")
+
+
+def _short(value: object) -> str:
+    return f"{value:.4g}" if isinstance(value, float) else str(value)

@@ -1,0 +1,186 @@
+"""What a driver says of itself before anything is connected: its device, and the options that a cell file may give it.
+
+    @driver(WsgGripper, WsgFile)
+    def connect(settings: Settings[WsgFile], context: ConnectContext) -> WsgGripper: ...
+
+is found by its name in a cell file through the entry point group `pomona.drivers`. The options are a dataclass of
+`pomona.executive.values.sections`: with its kinds, ranges and defaults a cell file is judged without touching a device.
+Its `problems` tells what no single value shows; `fits` what is wrong with it in this cell; `known` what it says about
+the cell before it is connected.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from functools import cache
+from importlib.metadata import EntryPoint, entry_points
+from pathlib import Path
+from typing import Any, Generic, Protocol, TypeVar, runtime_checkable
+
+from pomona.drivers.device import ConnectContext, Device
+from pomona.drivers.errors import CellFileError
+from pomona.drivers.interfaces import Workspace
+from pomona.drivers.section_file import read_section_file
+from pomona.executive.values.documents import ValueFile
+from pomona.executive.values.findings import Findings
+from pomona.executive.values.kinds import Kind, Schema, Text
+from pomona.executive.values.reading import Reader
+from pomona.executive.values.sections import Placed, Problem, Section
+from pomona.executive.values.yaml_nodes import YamlMapping, YamlNode
+
+GROUP = "pomona.drivers"
+Options = TypeVar("Options")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NoOptions:
+    """Nothing that could be set."""
+
+
+@dataclass(frozen=True, slots=True)
+class Driver(Generic[Options]):
+    """A driver: the class of its device, its options, and how it is connected."""
+
+    device: type[Device]
+    options: type[Options]
+    connect: Callable[[Settings[Options], ConnectContext], Device]
+
+    def __call__(self, settings: Settings[Options], context: ConnectContext) -> Device:
+        """Connect the device.
+
+        Raises:
+            CellFileError: a value of the cell file turns out to be wrong.
+            DeviceError: the device refuses.
+        """
+        return self.connect(settings, context)
+
+
+def driver(
+    device: type[Device], options: type[Options]
+) -> Callable[[Callable[[Settings[Options], ConnectContext], Device]], Driver[Options]]:
+    """Make a driver of the function that connects it."""
+    return lambda connect: Driver(device, options, connect)
+
+
+@dataclass(frozen=True, slots=True)
+class Settings(Generic[Options]):
+    """A driver's section of a cell file, read and judged."""
+
+    name: str
+    driver: Driver[Options]
+    placed: Placed[Options]
+
+    @property
+    def values(self) -> Options:
+        """The options."""
+        return self.placed.values
+
+    def error(self, message: str, key: str = "", hint: str = "") -> CellFileError:
+        """An error at the place of a value, or of the whole section."""
+        findings = Findings()
+        findings.error(self.placed.place(key), "device", f"{self.name}: {message}", hint)
+        return CellFileError(findings.sorted())
+
+
+@dataclass(frozen=True, slots=True)
+class Surroundings:
+    """What is around a device in its cell file: the workspace, and the devices above it by name."""
+
+    workspace: Workspace | None = None
+    above: Mapping[str, type[Device]] = field(default_factory=dict)
+
+    def has(self, device: type[Device]) -> bool:
+        """Whether a device of this class stands above."""
+        return any(issubclass(other, device) for other in self.above.values())
+
+
+@runtime_checkable
+class Fitting(Protocol):
+    """Options that must fit what is around the device."""
+
+    def fits(self, around: Surroundings) -> Iterable[Problem]:
+        """What does not fit to what the cell has so far."""
+        ...
+
+
+@runtime_checkable
+class Wired(Protocol):
+    """Options of a device that is reached over wires of its own, on each of which there is one run at a time."""
+
+    @property
+    def wires(self) -> tuple[str, ...]:
+        """Names of the wires, the same in every cell file that leads to them."""
+        ...
+
+
+@runtime_checkable
+class Emulating(Protocol):
+    """Options of a simulated world whose devices are at the other end of wires."""
+
+    @property
+    def inner_wires(self) -> tuple[str, ...]:
+        """Names of the wires that end in this process, as `Wired.wires` has them."""
+        ...
+
+
+@runtime_checkable
+class TellsOfCell(Protocol):
+    """Options that tell something about the cell before it is connected: limits of the arm, what lies on the table."""
+
+    def known(self) -> Iterable[object]: ...
+
+
+class DriverSection(Kind[Settings[Any]]):
+    """A device of a cell file: `driver` names how it is reached, the other keys are the driver's options."""
+
+    words = "a mapping with a 'driver'"
+
+    def read(self, node: YamlNode, reader: Reader) -> Settings[Any]:
+        written = node.get("driver") if isinstance(node, YamlMapping) else None
+        if written is None:
+            raise reader.refuse(node, f"{reader.title} must be {self.words}", "driver: …", "missing-key")
+        points = installed_drivers()
+        name = Text(*sorted(points)).read(written, reader.inside("driver"))
+        try:
+            found = points[name].load()
+        except ImportError as error:
+            message = f"the driver '{name}' cannot be loaded: {error}"
+            raise reader.refuse(written, message, code="driver") from error
+        if not isinstance(found, Driver):
+            message = f"the driver '{name}' ({points[name].value}) does not say which options it takes"
+            raise reader.refuse(written, message, "see drivers/pomona/drivers/driver.py", "driver")
+        placed = Section(found.options, ignore=("driver",)).read_placed(node, reader)
+        return Settings(reader.title.rpartition(".")[2], found, placed)
+
+    def schema(self, options: bool = False) -> Schema:
+        sections = []
+        for name, point in sorted(installed_drivers().items()):
+            try:
+                found = point.load()
+            except ImportError:
+                continue
+            section = Section(found.options).schema(options)
+            section["properties"] = {"driver": {"const": name}, **section["properties"]}
+            sections.append({**section, "required": ["driver", *section.get("required", ())]})
+        return {"type": "object", "required": ["driver"], "oneOf": sections}
+
+
+def read_settings(of: Driver[Options], path: Path) -> Settings[Options]:
+    """The settings of one device from a file that holds nothing else: for tools and tests.
+
+    Raises:
+        CellFileError: something is wrong; all of it is in the error.
+    """
+    section = Section(of.options, ignore=("driver",))
+
+    def read(file: ValueFile) -> Settings[Options]:
+        return Settings(path.stem, of, section.read_placed(file.root, file.reader))
+
+    return read_section_file(path, "a device's settings", read)
+
+
+@cache
+def installed_drivers() -> Mapping[str, EntryPoint]:
+    """Every installed driver by its name."""
+    return {entry.name: entry for entry in entry_points(group=GROUP)}

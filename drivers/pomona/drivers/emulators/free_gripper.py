@@ -1,0 +1,67 @@
+"""A gripper of pure kinematics, for an emulator without a world: it stops at its ends and at an obstacle."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+from pomona.drivers.errors import MotionRefused
+from pomona.drivers.gripper_motion import GripperMotion
+from pomona.drivers.interfaces import GripperLimits, GripperState, MotionState
+
+
+class FreeGripper:
+    """Implements `Gripper`; widths are those of the jaws."""
+
+    limits = GripperLimits(0.0, 0.068, 0.4, 50.0)
+
+    def __init__(self, now: Callable[[], float], width: float = 0.030) -> None:
+        self._now, self._then = now, now()
+        self._width, self._speed = width, 0.0
+        self._motion: GripperMotion | None = None
+        self.obstacle: float | None = None
+        """Width that the jaws cannot close below [m]: a part between them, or a hand."""
+
+    def state(self) -> GripperState:
+        """Where the fingers are now [m], as they move by themselves."""
+        self._advance()
+        return GripperState(self._then, self._width, self._speed, self._speed != 0.0)
+
+    def move(self, width: float, speed: float) -> GripperMotion:
+        self._advance()
+        if not self.limits.width_min <= width <= self.limits.width_max:
+            raise MotionRefused("gripper", f"{1e3 * width:.1f} mm is outside the stroke")
+        self._motion = GripperMotion(width, speed, self._width, self._stop)
+        self._speed = math.copysign(speed, width - self._width)
+        self._advance()
+        return self._motion
+
+    def set_speed(self, speed: float) -> None:
+        self._advance()
+        if self._motion is not None:
+            self._stop(self._motion)
+        self._speed = speed
+
+    def _stop(self, motion: GripperMotion) -> None:
+        if not motion.ended:
+            motion.end(MotionState.STOPPED)
+            motion.settled = True
+            self._speed = 0.0
+
+    def _advance(self) -> None:
+        now = self._now()
+        low = self.limits.width_min if self.obstacle is None else max(self.obstacle, self.limits.width_min)
+        reached = self._width + self._speed * (now - self._then)
+        self._then = now
+        motion = self._motion if self._motion is not None and not self._motion.ended else None
+        if motion is not None and (reached - motion.width) * self._speed >= 0.0 and motion.width >= low:
+            self._width, self._speed = motion.width, 0.0
+            motion.end(MotionState.DONE)
+            motion.settled = True
+        elif low <= reached <= self.limits.width_max:
+            self._width = reached
+        elif self._speed != 0.0:
+            self._width, self._speed = min(max(reached, min(low, self._width)), self.limits.width_max), 0.0
+            if motion is not None:
+                motion.end(MotionState.FAILED, "blocked")
+                motion.settled = True

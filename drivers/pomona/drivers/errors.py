@@ -1,0 +1,90 @@
+"""What can go wrong with a cell and its devices.
+
+DriverError
+├── CellFileError       the cell file is wrong, with its place
+├── BadTrajectory       a trajectory that no arm may execute
+├── UnusableRobotFile   the robot's description cannot be used
+└── DeviceError         a device refused or failed; carries the device's name
+    ├── MotionRefused   nothing has moved
+    ├── DeviceLost      no answer, or the stream went stale
+    └── DeviceFault     the device reports a fault of its own, or what it does cannot be right
+        └── StopFailed  it was told to stop, and refused or goes on
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from pomona.executive.values.findings import Finding, format_findings
+
+
+class DriverError(Exception):
+    """Root of everything that drivers raise on purpose."""
+
+
+class CellFileError(DriverError):
+    """A cell file that cannot be used, with everything that was found in it; the first finding's place and words."""
+
+    def __init__(self, findings: Sequence[Finding]) -> None:
+        self.findings = tuple(findings)
+        first = next((f for f in self.findings if f.severity == "error"), self.findings[0])
+        self.path, self.line, self.column = Path(first.path), first.line, first.column
+        self.message, self.hint = first.message, first.hint
+        super().__init__(format_findings(self.findings))
+
+
+class UnusableRobotFile(DriverError):
+    """A robot's description (MJCF or URDF) that cannot be read, or does not say what a driver needs."""
+
+    def __init__(self, path: Path, problem: str) -> None:
+        self.path, self.problem = path, problem
+        super().__init__(f"{path}: {problem}")
+
+
+class UnusableMesh(DriverError):
+    """A mesh file that cannot be read, or that holds nothing that can stand in a cell; says what to do."""
+
+
+class BadTrajectory(DriverError):
+    """A trajectory that must not be executed: malformed, or beyond a limit.
+
+    Attributes:
+        sample, joint: the first that is wrong, counted from 0; None where no single one is.
+    """
+
+    def __init__(self, problem: str, sample: int | None = None, joint: int | None = None) -> None:
+        self.problem, self.sample, self.joint = problem, sample, joint
+        super().__init__(problem)
+
+
+class DeviceError(DriverError):
+    """A device refused a call or failed."""
+
+    def __init__(self, device: str, message: str) -> None:
+        self.device, self.message = device, message
+        super().__init__(f"{device}: {message}")
+
+
+class MotionRefused(DeviceError):
+    """A motion that was not started."""
+
+
+class DeviceLost(DeviceError):
+    """A device that does not answer in time, or whose stream went stale."""
+
+
+class DeviceFault(DeviceError):
+    """A fault that the device itself reports, or that its driver sees in what it does."""
+
+
+class StopFailed(DeviceFault):
+    """A device that was told to stop, and refused or goes on; `earlier` is what was wrong before that."""
+
+    def __init__(self, device: str, message: str, earlier: DeviceError | None = None) -> None:
+        self.earlier: DeviceError | None = earlier.earlier if isinstance(earlier, StopFailed) else earlier
+        super().__init__(device, message + (f"; before that it {self.earlier.message}" if self.earlier else ""))
+
+
+class FrameUnreadable(DeviceFault):
+    """A recorded frame that cannot be read; the next one may."""

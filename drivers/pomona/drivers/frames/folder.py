@@ -1,0 +1,215 @@
+"""A folder of recorded RGB-D frames: which files belong together, and reading one of them.
+
+121804_color.jpg        colour image, 8 bit
+121804_depth_mm.png     depth registered to it, uint16 [mm], 0 = no measurement
+intrinsics.yaml         fx, fy, cx, cy [px], width, height (optional: the cell file may hold them instead)
+frames.json             label and T_base_camera (4 x 4) of each frame (optional), as `pomona runs frames` writes it
+"""
+
+from __future__ import annotations
+
+import difflib
+import json
+import os
+from collections.abc import Collection
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from pomona.drivers.camera_options import IntrinsicsSection
+from pomona.drivers.errors import DriverError
+from pomona.drivers.interfaces import Intrinsics
+from pomona.drivers.section_file import read_section_file
+from pomona.executive.values.arrays import Float64
+from pomona.executive.values.jpeg import is_cut_off
+from pomona.executive.values.plain_text import read_plain_text
+from pomona.executive.values.rotations import is_rigid
+from pomona.executive.values.sections import Section
+
+COLOUR_SUFFIXES = ("_color.jpg", "_color.jpeg", "_color.png")
+DEPTH_SUFFIX = "_depth_mm.png"
+INTRINSICS_FILE = "intrinsics.yaml"
+POSES_FILE = "frames.json"
+NEAREST_MM = 30
+
+
+class UnusableFrames(DriverError):
+    """A folder, a bag or an image that is no recorded frame; the text says which and why."""
+
+    def __init__(self, path: Path, message: str) -> None:
+        self.path = path
+        super().__init__(f"{path}: {message}")
+
+
+Images = tuple[NDArray[np.uint8], NDArray[np.float32]]
+"""Colour RGB (h, w, 3) and depth (h, w) [m], 0 where nothing was measured."""
+
+
+@dataclass(frozen=True, slots=True)
+class RecordedFrame:
+    """Two files that were taken together."""
+
+    label: str
+    colour: Path
+    depth: Path
+
+    def read(self, intrinsics: Intrinsics) -> Images:
+        """Both images; see `read_images`."""
+        return read_images(self, intrinsics)
+
+
+def list_frames(folder: Path) -> tuple[RecordedFrame, ...]:
+    """The frames of a folder in the order of their names.
+
+    Raises:
+        UnusableFrames: there is no such folder, it holds no frame, or a colour image has no depth beside it, or
+            another colour image.
+    """
+    if not folder.is_dir():
+        raise UnusableFrames(folder, "is not a folder" if folder.exists() else "there is no such folder")
+    names = sorted(entry.name for entry in os.scandir(folder) if not entry.name.startswith("."))  # ._a: of a Mac
+    there = set(names)
+    frames: list[RecordedFrame] = []
+    for name in names:
+        suffix = next((suffix for suffix in COLOUR_SUFFIXES if name.endswith(suffix)), None)
+        if suffix is None:
+            continue
+        label = name.removesuffix(suffix)
+        depth = f"{label}{DEPTH_SUFFIX}"
+        if depth not in there:
+            raise UnusableFrames(
+                folder / name, f"has no depth image beside it ({depth} is missing{_other(depth, there)})"
+            )
+        if frames and frames[-1].label == label:
+            raise UnusableFrames(folder / name, f"is a second colour image of {depth}, beside {frames[-1].colour.name}")
+        frames.append(RecordedFrame(label, folder / name, folder / depth))
+    if not frames:
+        raise UnusableFrames(folder, f"holds no frame: no file ends with {', '.join(COLOUR_SUFFIXES)}")
+    return tuple(frames)
+
+
+def read_images(frame: RecordedFrame, intrinsics: Intrinsics) -> Images:
+    """Both images of a frame.
+
+    Raises:
+        UnusableFrames: a file cannot be read, or its size or type is not what the intrinsics and the format say.
+    """
+    colour = _read(frame.colour, cv2.IMREAD_COLOR)
+    depth = _read(frame.depth, cv2.IMREAD_UNCHANGED)
+    if colour.shape[:2] != (intrinsics.height, intrinsics.width):
+        expected = f"{intrinsics.width} x {intrinsics.height}"
+        raise UnusableFrames(frame.colour, f"is {_size(colour)} pixels, the intrinsics are for {expected}")
+    if depth.shape[:2] != colour.shape[:2]:
+        words = f"is {_size(depth)} pixels, and its colour {_size(colour)}: depth must be registered to colour"
+        raise UnusableFrames(frame.depth, f"{words}, pixel by pixel")
+    if depth.dtype != np.uint16 or depth.ndim != 2:
+        channels = 1 if depth.ndim == 2 else depth.shape[2]
+        raise UnusableFrames(frame.depth, f"holds {channels} x {depth.dtype}, depth in mm is one channel of uint16")
+    return np.ascontiguousarray(colour[..., ::-1]), metres(depth, frame.depth)
+
+
+def metres(depth: NDArray[np.uint16], path: Path) -> NDArray[np.float32]:
+    """Depth in metres of depth in millimetres, of the same shape (height, width).
+
+    Raises:
+        UnusableFrames: it holds no such thing: all of it is nearer than any camera measures.
+    """
+    furthest = int(depth.max(initial=0))
+    if 0 < furthest < NEAREST_MM:
+        raise UnusableFrames(
+            path, f"holds depths up to {furthest} mm, nearer than any camera measures: is it in metres?"
+        )
+    return depth.astype(np.float32) * np.float32(1e-3)
+
+
+def _other(depth: str, there: Collection[str]) -> str:
+    """Words about a depth image that was taken alone: colour and depth of two moments are no frame."""
+    alone = sorted(
+        name
+        for name in there
+        if name.endswith(DEPTH_SUFFIX)
+        and not any(f"{name.removesuffix(DEPTH_SUFFIX)}{suffix}" in there for suffix in COLOUR_SUFFIXES)
+    )
+    near = difflib.get_close_matches(depth, alone, 1, 0.0)
+    return f"; {near[0]} has no colour and is of another moment" if near else ""
+
+
+def _read(path: Path, flags: int) -> NDArray[Any]:
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise UnusableFrames(path, f"cannot be read: {error.strerror}") from error
+    if is_cut_off(content):
+        raise UnusableFrames(path, "is not an image that can be read: its end is missing")
+    data = np.frombuffer(content, np.uint8)
+    try:
+        image: NDArray[Any] | None = cv2.imdecode(data, flags) if data.size else None
+    except cv2.error:  # a picture that says it is larger than any memory
+        image = None
+    if image is None:
+        raise UnusableFrames(path, "is not an image that can be read")
+    return image
+
+
+def _size(image: NDArray[Any]) -> str:
+    return f"{image.shape[1]} x {image.shape[0]}"
+
+
+def read_intrinsics(path: Path) -> Intrinsics:
+    """Intrinsics from a file of their own.
+
+    Raises:
+        CellFileError: it cannot be used; says where and why.
+    """
+    section = Section(IntrinsicsSection)
+    return read_section_file(
+        path, "a file of intrinsics", lambda file: section.read(file.root, file.reader).intrinsics()
+    )
+
+
+def folder_intrinsics(folder: Path) -> Intrinsics | None:
+    """Intrinsics that lie in the folder itself, or None.
+
+    Raises:
+        CellFileError: the file is there and cannot be used.
+    """
+    path = folder / INTRINSICS_FILE
+    return read_intrinsics(path) if path.is_file() else None
+
+
+def folder_poses(folder: Path, labels: Collection[str]) -> dict[str, Float64]:
+    """T_base_camera (4, 4) of the frames of a folder of which it says them, by their labels.
+
+    Args:
+        folder: of the frames.
+        labels: of the frames that are there.
+
+    Raises:
+        UnusableFrames: the file is there and cannot be used, or names none of the frames.
+    """
+    path = folder / POSES_FILE
+    if not path.is_file():
+        return {}
+    try:
+        entries = json.loads(read_plain_text(path))
+        if not isinstance(entries, list):
+            raise TypeError("it is no list")
+        said = {str(entry["label"]): entry.get("T_base_camera") for entry in entries}
+        if len(said) < len(entries):
+            raise ValueError("a label is there twice")
+        poses = {label: np.array(T, np.float64) for label, T in said.items() if T is not None}
+    except (OSError, ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
+        raise UnusableFrames(path, f"is no list of frames with label and T_base_camera: {error}") from error
+    if said and not any(label in said for label in labels):
+        words = f"names none of the frames that are there: it says '{next(iter(said))}'"
+        raise UnusableFrames(
+            path, f"{words}, and a frame is '{next(iter(labels), '')}'; mend the labels, or take it away"
+        )
+    for label, T in poses.items():
+        if T.shape != (4, 4) or not is_rigid(T):
+            raise UnusableFrames(path, f"the pose of '{label}' is no rigid 4 x 4 transform")
+    return poses

@@ -1,0 +1,175 @@
+"""Checks that a gripper follows its commands and reports plausible states. One supervisor for every gripper.
+
+A driver says what it commanded (`move`, `stream`, `rest`), hands over every state that the gripper reports to `look`,
+and gets back what is wrong, in words. Nothing here talks to a device.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from pomona.drivers.interfaces import GripperLimits, GripperState
+from pomona.executive.values.kinds import Measure, Number
+from pomona.executive.values.sections import value
+from pomona.executive.values.units import LENGTH, TIME
+
+COASTING = 0.3
+"""The fingers come to rest within this time after a move [s]: braking from 0.2 m/s at 2 m/s² takes 0.1 s."""
+BEYOND = 5e-3
+"""A width outside the stroke by more than this is implausible [m]."""
+FASTER = 5.0
+"""A speed above this multiple of the largest is implausible; fingers knocked against a wall reach 3 (simulated)."""
+SLOW = 2e-3
+"""Fingers slower than this rest [m/s] …"""
+STEADY, STILL = 5e-4, 0.03
+"""… once their width has stayed within the first [m] for the second [s]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GripperSupervision:
+    """How closely a gripper must follow its commands.
+
+    Attributes:
+        margin, share: a move may take this much [s] and this share of its planned time longer than planned.
+        stray: fingers without a command stay within this [m]: pads and fruit give way by one or two millimetres.
+        lag: fingers follow a streamed speed this much later at most [s]: two or three of the 30 … 50 commands a second
+            that a WSG takes.
+    """
+
+    margin: float = value(Measure(TIME, "50 ms", "30 s"), "500 ms", "a move may take this much longer than planned")
+    share: float = value(Number(0.0, 10.0), "0.5", "and this share of its planned time")
+    stray: float = value(Measure(LENGTH, "0.2 mm", "50 mm"), "3 mm", "fingers without a command stay within this")
+    lag: float = value(Measure(TIME, "10 ms", "2 s"), "100 ms", "they follow a streamed speed this much later at most")
+
+
+class GripperSupervisor:
+    """Compares a gripper's states with its commands; times are the cell's [s].
+
+    Attributes:
+        at_rest: whether the fingers were measured at rest.
+        follows: whether they move within the streamed speeds commanded lately, and do not stray.
+        rest_by: fingers that are left alone now do not move beyond this time [s].
+    """
+
+    def __init__(
+        self, limits: GripperLimits, acceleration: float, supervision: GripperSupervision | None = None
+    ) -> None:
+        """
+        Args:
+            limits: of the hardware: the whole stroke.
+            acceleration: with which moves begin and end [m/s²].
+        """
+        self.at_rest = self.follows = False
+        self.rest_by = -math.inf
+        self._limits, self._acceleration = limits, acceleration
+        self._supervision = supervision or GripperSupervision()
+        self._due, self._target = math.inf, 0.0
+        self._free_until = -math.inf  # until then they may move within the way of a move, or come to rest from it
+        self._way = -math.inf, math.inf
+        self._speed = self._opening = self._closing = 0.0  # told now; and the fastest either way lately
+        self._least, self._most = math.inf, -math.inf  # openings that the fingers were told to stay between
+        self._told_at = -math.inf
+        self._steady: tuple[float, float] | None = None
+        self._last: GripperState | None = None
+
+    def move(self, now: float, start: float, width: float, speed: float) -> None:
+        """A move from one opening to another was commanded."""
+        expected = abs(width - start) / speed + speed / self._acceleration
+        self._due, self._target = now + expected * (1.0 + self._supervision.share) + self._supervision.margin, width
+        self._free_until, self.rest_by = math.inf, self._due
+        self._way = self._reach(min(start, width), max(start, width))
+
+    def stream(self, now: float, speed: float, watchdog: float) -> None:
+        """A speed [m/s] was commanded; without another it ends after `watchdog` [s]."""
+        if math.isinf(self._free_until):
+            self.rest(now)
+        self._account(now)
+        self._speed = speed
+        self._opening, self._closing = max(self._opening, speed), max(self._closing, -speed)
+        if speed:
+            self.rest_by = max(self.rest_by, now + watchdog + self._supervision.lag)
+
+    def rest(self, now: float) -> None:
+        """The fingers were told to stand still, or have ended their move."""
+        self._due, self._speed = math.inf, 0.0
+        self._least, self._most, self._told_at = math.inf, -math.inf, now
+        self._free_until = now + COASTING
+        seen = self._last is not None and now - self._last.stamp <= self._supervision.lag
+        # Who was held up does not know where they are now, and what comes next may have been said long ago.
+        self._way = self._reach(self._last.width, self._last.width) if self._last and seen else (-math.inf, math.inf)
+        self.rest_by = max(self.rest_by, self._free_until)
+
+    def look(self, now: float, state: GripperState) -> str:
+        """What is wrong, as the rest of a sentence that begins with the gripper's name; empty when all is well."""
+        last = self._last
+        if last is not None and state.stamp <= last.stamp:
+            return self._overdue(now)
+        impossible = self._impossible(state)
+        if impossible:
+            self.at_rest = self.follows = False
+            return impossible
+        self._last = state
+        if self._steady is None or abs(state.width - self._steady[1]) > STEADY:
+            self._steady = (state.stamp, state.width)
+        self.at_rest = abs(state.speed) < SLOW and (last is None or state.stamp - self._steady[0] >= STILL)
+        stray = self._stray(state.stamp, state.width, 0.0 if last is None else state.stamp - last.stamp)
+        self.follows = not stray and -self._closing - SLOW <= state.speed <= self._opening + SLOW
+        if stray:
+            self.rest_by = math.inf
+        elif self.at_rest and state.stamp > self._free_until and not self._speed:
+            self.rest_by = now
+        return self._overdue(now) or stray
+
+    def _impossible(self, state: GripperState) -> str:
+        width, speed, limits = state.width, state.speed, self._limits
+        if not (math.isfinite(width) and math.isfinite(speed)):
+            return f"says a width of {1e3 * width:g} mm and a speed of {1e3 * speed:g} mm/s"
+        if not limits.width_min - BEYOND <= width <= limits.width_max + BEYOND:
+            return f"says a width of {1e3 * width:.1f} mm, which lies outside its stroke"
+        if abs(speed) > FASTER * limits.speed_max:
+            return f"says a speed of {1e3 * speed:.0f} mm/s, which it cannot reach"
+        if self._last is not None:
+            way, elapsed = abs(width - self._last.width), state.stamp - self._last.stamp
+            if way > BEYOND + FASTER * limits.speed_max * (elapsed + self._supervision.lag):
+                return f"says that it jumped from {1e3 * self._last.width:.1f} to {1e3 * width:.1f} mm"
+        return ""
+
+    def _overdue(self, now: float) -> str:
+        if now <= self._due:
+            return ""
+        return f"has not ended its move to {1e3 * self._target:.1f} mm in the time that it needs"
+
+    def _stray(self, stamp: float, width: float, elapsed: float) -> str:
+        """Fingers may open and close by no more than they were told to, and less when something is in the way."""
+        fading = 1.0 - min(elapsed / self._supervision.lag, 1.0) / 3.0
+        self._opening = max(self._speed, self._opening * fading)
+        self._closing = max(-self._speed, self._closing * fading)
+        self._account(stamp)
+        if stamp <= self._free_until:
+            self._least, self._most = width, width
+            nearest = min(max(width, self._way[0]), self._way[1])
+            return self._astray(nearest, width) if abs(width - nearest) > self._supervision.stray else ""
+        self._least, self._most = min(self._least, width), max(self._most, width)
+        stray, lag = self._supervision.stray, self._supervision.lag
+        if width - self._least > stray + lag * self._opening:
+            return self._astray(self._least, width)
+        return self._astray(self._most, width) if self._most - width > stray + lag * self._closing else ""
+
+    def _astray(self, commanded: float, width: float) -> str:
+        how = "opens" if width > commanded else "closes"
+        way = f"{1e3 * commanded:.1f} → {1e3 * width:.1f} mm"
+        return f"{how} without being told to: {way}; it does not obey, or something pushes the fingers"
+
+    def _reach(self, least: float, most: float) -> tuple[float, float]:
+        """These openings, and what moving fingers go on by until they obey."""
+        speed = 0.0 if self._last is None else self._last.speed
+        coasting = abs(speed) * self._supervision.lag + speed * speed / (2.0 * self._acceleration)
+        return (least, most + coasting) if speed > 0.0 else (least - coasting, most)
+
+    def _account(self, now: float) -> None:
+        """Add how far the streamed speed has told the fingers to open or to close since the last time."""
+        elapsed = max(now - self._told_at, 0.0) if math.isfinite(self._told_at) else 0.0
+        self._told_at = max(self._told_at, now)
+        self._least += max(self._speed, 0.0) * elapsed
+        self._most += min(self._speed, 0.0) * elapsed

@@ -1,0 +1,481 @@
+"""What a cell's devices can do, as Protocols, and the data that they exchange.
+
+Everything is in SI units. Every stamp is read from the cell's one clock. No call of a Protocol blocks for longer than a
+few milliseconds: motions are started and then watched. What cannot be done raises a
+`pomona.drivers.errors.DeviceError`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+from pathlib import Path
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pomona.drivers.depth_model import D4XX, DepthModel
+from pomona.executive.values.arrays import Float64
+
+# ---------------------------------------------------------------------------------------------------- camera
+
+
+@dataclass(frozen=True, slots=True)
+class Intrinsics:
+    """A pinhole camera after rectification; pixel centres lie at integer coordinates: u = fx x / z + cx."""
+
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    width: int
+    height: int
+
+    @property
+    def K(self) -> Float64:
+        """The camera matrix, (3, 3) [px]."""
+        return np.array([[self.fx, 0.0, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Frame:
+    """One RGB-D image: colour, depth registered to it, and where the camera was at the exposure.
+
+    Attributes:
+        stamp: time of exposure on the cell's clock [s].
+        sequence: number of the frame, counted by the camera from 0.
+        colour: RGB, shape (h, w, 3), uint8.
+        depth: z-depth, shape (h, w), float32 [m]; 0 where the sensor saw nothing. None for a colour-only camera.
+        intrinsics: of both images.
+        q: joints of the arm at the exposure, shape (dof,) [rad], for a camera mounted on the arm; else None.
+        T_mount_camera: pose of the camera in its mount: in tool0 when `q` is given (hand-eye), else in the base frame.
+        label: where the frame comes from, for people: a file's name, or the camera's.
+        depth_model: error model of `depth`, from the camera's driver; its offset and scale are corrected already.
+        placed: whether `q` and `T_mount_camera` say where the camera stood; if not, positions in two frames cannot be
+            compared.
+    """
+
+    stamp: float
+    sequence: int
+    colour: NDArray[np.uint8]
+    depth: NDArray[np.float32] | None
+    intrinsics: Intrinsics
+    q: Float64 | None
+    T_mount_camera: Float64
+    label: str = ""
+    depth_model: DepthModel = D4XX
+    placed: bool = True
+
+
+@runtime_checkable
+class Camera(Protocol):
+    """An RGB-D camera that keeps the newest frame at hand."""
+
+    def latest(self) -> Frame | None:
+        """The newest frame, or None before the first. Never waits; the caller judges the stamp's age."""
+        ...
+
+
+@runtime_checkable
+class DepthCamera(Protocol):
+    """A camera that can be asked for depth alone, where colour costs something that a look at depth need not cost.
+
+    What watches a motion asks for it (`pomona.skills.shared.live_watch`); of any other camera it takes `Camera.latest`.
+    """
+
+    def latest_depth(self) -> Frame | None:
+        """The newest frame, perhaps of fewer pixels, its colour black; as `Camera.latest` otherwise."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Cameras:
+    """All cameras of a cell, in the cell file's order: those on the arm, and those that are fixed in the cell."""
+
+    all: tuple[Camera, ...]
+
+
+@runtime_checkable
+class FrameSequence(Protocol):
+    """A camera that shows recorded frames one after the other; `Camera.latest` gives the one that is shown."""
+
+    @property
+    def count(self) -> int:
+        """How many frames there are."""
+        ...
+
+    @property
+    def position(self) -> int:
+        """Which frame is shown, from 0."""
+        ...
+
+    def advance(self) -> bool:
+        """Turn to the next frame; False at the last one, which stays."""
+        ...
+
+    def rewind(self) -> None:
+        """Turn to the first frame."""
+        ...
+
+
+# ------------------------------------------------------------------------------------------------------- arm
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Trajectory:
+    """Joint positions over time. The first sample is where the arm must stand when it is started, at time 0.
+
+    Attributes:
+        t: times, shape (n,), strictly increasing from 0 [s].
+        q: joint positions, shape (n, dof) [rad].
+        qd: joint velocities, shape (n, dof) [rad/s]; zero at both ends.
+        qdd: joint accelerations, shape (n, dof) [rad/s²].
+    """
+
+    t: Float64
+    q: Float64
+    qd: Float64
+    qdd: Float64
+
+    @property
+    def duration(self) -> float:
+        """Seconds from the first sample to the last."""
+        return float(self.t[-1])
+
+
+class MotionState(Enum):
+    """State of a motion that was started."""
+
+    RUNNING = "running"
+    PAUSED = "paused"
+    DONE = "done"
+    STOPPED = "stopped"
+    FAILED = "failed"
+
+
+@runtime_checkable
+class Motion(Protocol):
+    """A motion that was started: watch it until it is no longer RUNNING."""
+
+    @property
+    def state(self) -> MotionState:
+        """Running, paused, stopped, failed or done."""
+        ...
+
+    @property
+    def progress(self) -> float:
+        """Share of the motion that is done, 0 to 1."""
+        ...
+
+    @property
+    def settled(self) -> bool:
+        """True once nothing moves any more: DONE, or STOPPED or FAILED and at rest."""
+        ...
+
+    @property
+    def problem(self) -> str:
+        """Why the motion FAILED, as a sentence; empty otherwise."""
+        ...
+
+    def stop(self) -> None:
+        """Decelerate on the path within the device's limits and stay there. Harmless when the motion has ended."""
+        ...
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ArmLimits:
+    """Joint limits, each of shape (dof,): positions [rad], velocity [rad/s], acceleration [rad/s²], jerk [rad/s³]."""
+
+    lower: Float64
+    upper: Float64
+    velocity: Float64
+    acceleration: Float64
+    jerk: Float64
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ArmState:
+    """Measured joints at `stamp`: positions [rad] and velocities [rad/s], shape (dof,)."""
+
+    stamp: float
+    q: Float64
+    qd: Float64
+    moving: bool
+
+
+@runtime_checkable
+class Arm(Protocol):
+    """A serial arm that follows joint trajectories, one at a time."""
+
+    @property
+    def description(self) -> Path:
+        """The MJCF or URDF file of arm and gripper: the robot's only description."""
+        ...
+
+    @property
+    def limits(self) -> ArmLimits:
+        """What the arm may do, by joint."""
+        ...
+
+    def state(self) -> ArmState:
+        """The joints as last measured."""
+        ...
+
+    def follow(self, trajectory: Trajectory) -> Motion:
+        """Start a trajectory.
+
+        Raises:
+            MotionRefused: it does not start where the arm stands, violates a limit, or the arm is moving or latched.
+        """
+        ...
+
+
+@runtime_checkable
+class SetPoints(Motion, Protocol):
+    """A motion that follows streamed set-points; it ends when it is stopped, and fails when none arrive."""
+
+    def aim(self, q: Float64) -> None:
+        """Go to these joints, shape (dof,) [rad], from now on, within the arm's limits.
+
+        Raises:
+            BadTrajectory: they are not finite, or outside the limits; they are ignored.
+        """
+        ...
+
+
+@runtime_checkable
+class StreamedArm(Protocol):
+    """An arm that also follows set-points streamed to it, for closed-loop control."""
+
+    def stream(self, watchdog: float) -> SetPoints:
+        """Start from rest; without a set-point for `watchdog` [s] the arm comes to rest and the motion has failed.
+
+        Raises:
+            MotionRefused: the arm is moving or latched.
+        """
+        ...
+
+
+# --------------------------------------------------------------------------------------------------- gripper
+
+
+@dataclass(frozen=True, slots=True)
+class GripperLimits:
+    """Opening between the pads' faces [m], speed of the opening [m/s], force of one finger [N]."""
+
+    width_min: float
+    width_max: float
+    speed_max: float
+    force_max: float
+
+
+@dataclass(frozen=True, slots=True)
+class GripperState:
+    """What a gripper measures at `stamp`.
+
+    Attributes:
+        width: opening between the pads' faces [m]; speed: its rate, negative closes [m/s].
+        moving: a move or a speed is under way.
+        motor_force: estimated from the motor's current, both fingers together, negative pushes outwards [N]; rough.
+            None where the gripper does not report it. A cross-check for force sensors that read nothing.
+    """
+
+    stamp: float
+    width: float
+    speed: float
+    moving: bool
+    motor_force: float | None = None
+
+
+@runtime_checkable
+class Gripper(Protocol):
+    """A parallel gripper; both fingers move alike."""
+
+    @property
+    def limits(self) -> GripperLimits:
+        """What the gripper may do."""
+        ...
+
+    def state(self) -> GripperState:
+        """Opening and speed as last measured."""
+        ...
+
+    def move(self, width: float, speed: float) -> Motion:
+        """Start moving to an opening [m] with a speed [m/s]; ends an earlier move or speed.
+
+        Raises:
+            MotionRefused: outside the limits, or the gripper is latched.
+        """
+        ...
+
+    def set_speed(self, speed: float) -> None:
+        """Stream a rate of the opening [m/s]; negative closes. Ends an earlier move.
+
+        Without a new value within the watchdog's time (100 ms) the driver commands zero.
+        """
+        ...
+
+
+# -------------------------------------------------------------------------------------------- force/tactile
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class WrenchSample:
+    """What both fingers feel.
+
+    Attributes:
+        stamp: time of the measurement [s].
+        sequence: number of the sample, counted by the sensor; a gap means lost samples.
+        wrenches: shape (2, 6): per finger force [N] and torque [N·m] that the fruit exerts on the pad, in the pad's
+            frame: origin in the centre of the pad's face, z out of the face into the fruit (pressing gives a negative
+            force z), x along the tool's approach axis, y = z x x. Torque about the origin.
+        saturated: per finger, whether any channel is at the end of its range.
+    """
+
+    stamp: float
+    sequence: int
+    wrenches: Float64
+    saturated: tuple[bool, bool] = (False, False)
+
+
+class Subscription(Protocol):
+    """An open subscription to a stream."""
+
+    def close(self) -> None:
+        """No further call of the listener after this returns. Harmless when closed already."""
+        ...
+
+
+@runtime_checkable
+class ForceSensor(Protocol):
+    """Two force/tactile fingers that stream wrenches at a fixed rate."""
+
+    @property
+    def rate(self) -> float:
+        """Samples per second."""
+        ...
+
+    def latest(self) -> WrenchSample | None:
+        """The newest sample, or None before the first."""
+        ...
+
+    def subscribe(self, listener: Callable[[WrenchSample], None]) -> Subscription:
+        """Call `listener` with every sample, in order, from the sensor's own loop; it returns within a millisecond."""
+        ...
+
+    def distrust(self, reason: str) -> None:
+        """Mark the sensor's values as implausible: until `acknowledge` the cell's check ends a run with this reason.
+
+        For code that compares the samples with other signals. The first reason stays. May be called from any thread.
+        """
+        ...
+
+
+# ----------------------------------------------------------------------------------------------------- hands
+
+
+class HandTask(Enum):
+    """What a person at a cell is asked to do with a fruit."""
+
+    LEAVE = "leave"
+    HOLD = "hold"
+    PULL = "pull"
+    TWIST = "twist"
+
+
+@runtime_checkable
+class Hands(Protocol):
+    """Hands in a simulated cell, which do what a person does at a real one."""
+
+    def do(self, task: HandTask) -> None:
+        """Begin with a task; they go on with it while time passes.
+
+        LEAVE: let go of nothing, move nothing. HOLD: hold the fruit between the fingers. PULL: pull it along the pads
+        until it slides. TWIST: the same while turning it about the line between the pads.
+        """
+        ...
+
+
+# ------------------------------------------------------------------------------------------------- workspace
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Box:
+    """A fixed obstacle: a box with its half-extents [m], posed in the base frame."""
+
+    name: str
+    T_base_box: Float64
+    half_extents: tuple[float, float, float]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Hull:
+    """A fixed obstacle: the convex hull of points.
+
+    Attributes:
+        name: for people.
+        points: shape (n, 3) [m].
+        normals: directions in which it has faces, shape (k, 3), unit length: the hull is told by them.
+    """
+
+    name: str
+    points: Float64
+    normals: Float64
+
+
+@dataclass(frozen=True, slots=True)
+class PathWatchSettings:
+    """How carefully the rest of a path is watched while the arm follows it.
+
+    Attributes:
+        speed: at which what moves is expected to come towards the arm [m/s]; a hand's in ISO 13855.
+        near: what only stands there, unknown, is kept so far away, from the middle of its cell of 20 mm [m].
+        padding: around the robot's shape; what is nearer is taken for the robot itself [m].
+        delay: from a look at a frame to the moment at which the arm begins to brake [s].
+    """
+
+    speed: float = 1.6
+    near: float = 0.03
+    padding: float = 0.03
+    delay: float = 0.05
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Workspace:
+    """What the cell file knows about the surroundings of the arm, in the base frame.
+
+    Attributes:
+        table_z: height of the support plane [m], or None where there is none.
+        lower, upper: corners of the volume that is mapped and moved in, shape (3,) [m].
+        obstacles: fixed geometry that no camera needs to see.
+        poses: named joint configurations, shape (dof,) [rad] each: home, observe, observe_2, place …
+        watch: how the way is watched while the arm moves; None: it is not.
+        zones: where nothing of the robot, and nothing that it holds, may be, although nothing stands there; named
+            'zone NAME'.
+        hulls: fixed geometry that is no box: parts of meshes, in the base frame.
+    """
+
+    table_z: float | None
+    lower: Float64
+    upper: Float64
+    obstacles: tuple[Box, ...] = ()
+    poses: Mapping[str, Float64] = field(default_factory=dict)
+    watch: PathWatchSettings | None = None
+    zones: tuple[Box, ...] = ()
+    hulls: tuple[Hull, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class SampleRate:
+    """Of a force sensor [Hz], as the cell file says it before anything is connected."""
+
+    hz: float
+
+
+@dataclass(frozen=True, slots=True)
+class FruitKinds:
+    """Which kinds of fruit lie on a simulated table: names of the catalogue."""
+
+    names: tuple[str, ...]

@@ -1,0 +1,149 @@
+"""Looks over a machine before a run: Python, packages, extras, graphics, a browser, the folder of records.
+
+Nothing but Python's own library is imported before a package is looked for: what is missing is said even where most is.
+"""
+
+from __future__ import annotations
+
+import importlib
+import platform
+import re
+import shutil
+import sys
+import tempfile
+from collections.abc import Iterator
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, requires, version
+from pathlib import Path
+
+MODULES = {
+    "torch": "torch",
+    "opencv-python-headless": "cv2",
+    "mujoco-core": "mujoco",
+    "ompl": "ompl",
+    "numba": "numba",
+    "scipy": "scipy",
+    "pyrender": "pyrender",
+}
+"""Packages that are imported, too, since they stand on libraries of the system, and the modules that do it."""
+EXTRAS = {
+    "ros2": ("rosbags", "eclipse-zenoh"),
+    "lerobot": ("pyarrow",),
+    "foxglove": ("foxglove-sdk",),
+    "rerun": ("rerun-sdk",),
+    "realsense": ("pyrealsense2",),
+    "onnx": ("onnx", "onnxruntime"),
+    "ray": ("ray",),
+    "lsp": ("pygls",),
+}
+"""What is installed only for who asks for it, and the packages that it brings."""
+BROWSERS = ("chromium", "chromium-browser", "google-chrome")
+EGL = "apt install libegl1 libegl-mesa0 libgl1-mesa-dri libopengl0"
+ROOM = 1e9
+"""So much room a folder of records should have at least [bytes]: some hundred picks."""
+
+
+@dataclass(frozen=True, slots=True)
+class ReportLine:
+    """One line of the report: what was looked at, whether it is well, what was found, and what to do if not."""
+
+    name: str
+    ok: bool
+    found: str
+    advice: str = ""
+
+    def __str__(self) -> str:
+        line = f"{'✓' if self.ok else '✗'} {self.name:24} {self.found}"
+        return line if self.ok or not self.advice else f"{line}\n  → {self.advice}"
+
+
+def examine_machine(records: Path) -> Iterator[ReportLine]:
+    """Look over what every run on this machine needs.
+
+    Args:
+        records: the folder in which runs leave their records; it need not be there.
+    """
+    yield ReportLine("Python", True, f"{platform.python_version()} ({sys.executable})")
+    yield from _packages()
+    yield from _extras()
+    yield _graphics()
+    found = next((name for name in BROWSERS if shutil.which(name)), None)
+    yield ReportLine("browser for tests", True, found or "none; only tests of the page need one: apt install chromium")
+    yield _room(records)
+
+
+def _packages() -> Iterator[ReportLine]:
+    """Every package that Pomona declares, and an import of those that are more than Python."""
+    try:
+        declared = requires("pomona") or []
+    except PackageNotFoundError:
+        declared = []
+        yield ReportLine("pomona", False, "is not installed in this Python", "make run, or pip install its wheel")
+    for requirement in declared:
+        name = re.split(r"[^\w.-]", requirement, maxsplit=1)[0]
+        if "extra ==" in requirement:
+            continue
+        try:
+            found = version(name)
+        except PackageNotFoundError:
+            wanted = requirement.partition(";")[0].strip()
+            yield ReportLine(name, False, "is not installed", f"{sys.executable} -m pip install '{wanted}'")
+            continue
+        try:
+            if name in MODULES:
+                importlib.import_module(MODULES[name])
+        except ModuleNotFoundError as error:  # of another package, which has a line of its own if it is declared
+            missing = (error.name or name).partition(".")[0]
+            yield ReportLine(name, False, f"cannot be imported: {error}", f"{sys.executable} -m pip install {missing}")
+        except Exception as error:  # a missing system library shows in many ways
+            advice = f"a library of the system is missing, or: {sys.executable} -m pip install --force-reinstall {name}"
+            yield ReportLine(name, False, f"cannot be imported: {error}", EGL if name == "pyrender" else advice)
+        else:
+            yield ReportLine(name, True, found)
+
+
+def _extras() -> Iterator[ReportLine]:
+    """Which are there. Nothing is imported, and one that is not there is no fault."""
+    for extra, packages in EXTRAS.items():
+        try:
+            found = ", ".join(f"{package} {version(package)}" for package in packages)
+        except PackageNotFoundError:
+            found = f"not installed; pip install 'pomona[{extra}]'"
+        yield ReportLine(f"extra {extra}", True, found)
+
+
+def _graphics() -> ReportLine:
+    """Whether something can be drawn: a library that is there may still find no driver."""
+    try:
+        from pomona.drivers.sim.gl import in_gl_thread, load_mujoco, open_renderer
+
+        mujoco = load_mujoco()
+        model = mujoco.MjModel.from_xml_string("<mujoco/>")
+        drawn = in_gl_thread(lambda: _drawn(open_renderer(model, 16, 16), mujoco.MjData(model)))
+    except Exception as error:  # MuJoCo that is not there, no library, no driver, no device
+        return ReportLine("EGL", False, f"nothing can be rendered: {error}", EGL)
+    return ReportLine("EGL", True, f"renders with {drawn}")
+
+
+def _drawn(renderer: object, data: object) -> str:
+    """Draw an empty scene; who drew it."""
+    from OpenGL import GL
+
+    renderer.update_scene(data)  # type: ignore[attr-defined]
+    renderer.render()  # type: ignore[attr-defined]
+    name: bytes = GL.glGetString(GL.GL_RENDERER)
+    renderer.close()  # type: ignore[attr-defined]
+    return name.decode(errors="replace")
+
+
+def _room(records: Path) -> ReportLine:
+    """Whether a record can be written, and how much room there is."""
+    name, where = "folder of records", records.absolute()
+    there = next(folder for folder in (where, *where.parents) if folder.exists())
+    advice = "--record DIR names another folder; --no-record leaves none"
+    try:
+        with tempfile.TemporaryFile(dir=there):
+            free = shutil.disk_usage(there).free
+    except OSError as error:
+        return ReportLine(name, False, f"{where} cannot be written: {error.strerror}", advice)
+    return ReportLine(name, free > ROOM, f"{where}, {free / 1e9:.1f} GB free", f"too little room; {advice}")

@@ -1,0 +1,17 @@
+"""Scripted devices without physics, for unit tests of skills and for dry runs.
+
+    clock = MockClock()
+    arm = MockArm(clock)
+    outcome = drive(MoveTo(), {"pose": "home"}, devices={Arm: arm}, clock=clock)
+
+Time passes when the clock is advanced, in steps of 2 ms; devices move and streams deliver inside the steps, as on the
+simulated cell. `pytest_plugins = ["pomona.drivers.mock.fixtures"]` in a conftest.py gives them as fixtures.
+"""
+
+from pomona.drivers.mock.arm import MockArm
+from pomona.drivers.mock.camera import MockCamera
+from pomona.drivers.mock.clock import MockClock
+from pomona.drivers.mock.fingers import MockForceSensor, spring_fruit
+from pomona.drivers.mock.gripper import MockGripper
+
+__all__ = ["MockArm", "MockCamera", "MockClock", "MockForceSensor", "MockGripper", "spring_fruit"]

@@ -1,0 +1,74 @@
+"""Mock devices as pytest fixtures, for this project's tests and for those of anybody who writes a skill.
+
+# conftest.py
+pytest_plugins = ["pomona.drivers.mock.fixtures"]
+
+# test_my_skill.py
+def test_it_stops_when_the_arm_refuses(mock_arm, mock_clock):
+    mock_arm.refuse_next("servo off")
+    outcome = drive(MySkill(), devices={Arm: mock_arm}, clock=mock_clock)
+    assert outcome.reason.code == "MOTION_REFUSED"
+"""
+
+from __future__ import annotations
+
+import pytest
+
+from pomona.drivers.cell import Cell
+from pomona.drivers.interfaces import Arm, Camera, ForceSensor, Gripper
+from pomona.drivers.mock.arm import MockArm
+from pomona.drivers.mock.camera import MockCamera
+from pomona.drivers.mock.clock import MockClock
+from pomona.drivers.mock.fingers import MockForceSensor
+from pomona.drivers.mock.gripper import MockGripper
+
+
+@pytest.fixture
+def mock_clock() -> MockClock:
+    """The clock that moves all mock devices of a test."""
+    return MockClock()
+
+
+@pytest.fixture
+def mock_arm(mock_clock: MockClock) -> MockArm:
+    """An arm on the fixture's clock."""
+    return MockArm(mock_clock)
+
+
+@pytest.fixture
+def mock_gripper(mock_clock: MockClock) -> MockGripper:
+    """A gripper on the fixture's clock."""
+    return MockGripper(mock_clock)
+
+
+@pytest.fixture
+def mock_fingers(mock_clock: MockClock) -> MockForceSensor:
+    """Fingers on the fixture's clock."""
+    return MockForceSensor(mock_clock)
+
+
+@pytest.fixture
+def mock_camera(mock_clock: MockClock) -> MockCamera:
+    """A camera without frames: give it some with `show`."""
+    return MockCamera(clock=mock_clock)
+
+
+@pytest.fixture
+def mock_devices(
+    mock_arm: MockArm, mock_gripper: MockGripper, mock_fingers: MockForceSensor, mock_camera: MockCamera
+) -> dict[type, object]:
+    """All of them by interface, as `pomona.executive.skill_testing.drive` takes them."""
+    return {Arm: mock_arm, Gripper: mock_gripper, ForceSensor: mock_fingers, Camera: mock_camera}
+
+
+@pytest.fixture
+def mock_cell(
+    mock_clock: MockClock,
+    mock_arm: MockArm,
+    mock_gripper: MockGripper,
+    mock_fingers: MockForceSensor,
+    mock_camera: MockCamera,
+) -> Cell:
+    """A whole cell of mock devices."""
+    devices = {"arm": mock_arm, "gripper": mock_gripper, "fingers": mock_fingers, "camera": mock_camera}
+    return Cell("mock", "mock", mock_clock, devices)

@@ -1,0 +1,154 @@
+"""Sends a motion to the controller point by point, a moment ahead of the arm.
+
+The controller keeps a queue and interpolates; a point that does not fit is answered BUSY and sent again. The queue is
+kept short (`lead`), because what is in it can no longer be changed: a stop takes effect behind it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from pomona.drivers.errors import DeviceFault
+from pomona.drivers.motoman.codec import Result, TrajectoryPoint, Valid
+from pomona.drivers.motoman.session import ControllerSession
+from pomona.drivers.motoman.words import refusal
+from pomona.drivers.path_motion import PathMotion
+from pomona.executive.clock import Clock
+from pomona.executive.values.arrays import Float64
+
+INTERPOLATION = 0.004
+"""Period of the controller's own interpolation, and of stepping the path here [s]."""
+BLEND = 0.3
+"""Time over which the distance between the path's start and the arm's true position is taken up [s]."""
+BUSY_PAUSE = 0.01
+"""Wait before a point that was answered BUSY is sent again [s]."""
+GAP = 0.1
+"""Without points for longer than this a moving arm has come to rest [s], and going on would be a start that nobody
+asked for; a shorter gap is a jolt."""
+
+
+class RanDryError(DeviceFault):
+    """The controller had no points while the arm moved, and has stopped it."""
+
+
+class PointStream:
+    """The points of one motion.
+
+    Attributes:
+        sent: points that the controller accepted.
+        busy: how often it answered BUSY.
+        dry: how often the controller must have run out of points while the arm moved.
+    """
+
+    def __init__(
+        self,
+        motion: PathMotion,
+        q_start: Float64,
+        q_arm: Float64,
+        clock: Clock,
+        group: int,
+        period: float,
+        lead: float,
+        wire_joints: Sequence[int],
+        commanded: Callable[[float, Float64], None] = lambda due, q: None,
+    ) -> None:
+        """Begin at the arm's own position `q_arm`, which may differ a little from the path's start `q_start`.
+
+        Args:
+            wire_joints: for every joint of the path its place on the wire.
+            commanded: told of every point that the controller accepted, and when the arm shall pass it [s].
+        """
+        self._commanded = commanded
+        self._joint_of_place = np.argsort(wire_joints)
+        self.motion = motion
+        self.sent, self.busy, self.dry = 0, 0, 0
+        self.q_last = q_arm
+        self._offset = q_arm - q_start
+        self._clock, self._group, self._lead = clock, group, lead
+        self._steps = max(round(period / INTERPOLATION), 1)
+        self._time = 0.0
+        self._began: float | None = None
+        self._resend_at = 0.0
+        self._moving = False
+        self._point: TrajectoryPoint | None = self._make(q_arm, np.zeros_like(q_arm))
+
+    @property
+    def played(self) -> bool:
+        """Whether the controller must have played everything that was sent."""
+        return self._point is None and self._began is not None and self._clock.now() >= self._began + self._time
+
+    @property
+    def ahead(self) -> float:
+        """How much motion the controller must still have in its queue [s]; negative when it has run out."""
+        return 0.0 if self._began is None else self._time - (self._clock.now() - self._began)
+
+    def pump(self, session: ControllerSession) -> None:
+        """Take the answer to the last point, and send the next when it is due.
+
+        Raises:
+            DeviceFault: the controller refused a point.
+            RanDryError: it had none for longer than `GAP`; nothing is sent.
+            OSError, DeviceLost, Nonsense: see `ControllerSession`.
+        """
+        now = self._clock.now()
+        if session.awaiting:
+            reply = session.reply()
+            if reply is None:
+                return
+            if reply.result == Result.BUSY:
+                self.busy += 1
+                self._resend_at = now + BUSY_PAUSE
+            elif reply.result == Result.SUCCESS:
+                self._accepted(now)
+            else:
+                raise DeviceFault(session.device, refusal(reply))
+        ahead = self.ahead
+        if self._point is None and ahead < self._lead:
+            time, moved = self._time, self._moving
+            if moved and ahead < -GAP:
+                why = "this computer or the wire was held up, and the arm has stopped"
+                raise RanDryError(session.device, f"had no points to go on for {-ahead:.2f} s: {why}")
+            self._point = self._next()
+            if self._point is not None and ahead < 0.0:
+                self._began = now - time  # the queue has run dry: at rest, after a pause, or because this came late
+                self.dry += int(moved)
+        if self._point is not None and now >= self._resend_at:
+            session.send(self._point)
+
+    def _accepted(self, now: float) -> None:
+        point, self._point = self._point, None
+        self.sent += 1
+        if self._began is None:
+            self._began = now
+        if point is not None:
+            self._commanded(self._began + point.time, self.q_last)
+
+    def _next(self) -> TrajectoryPoint | None:
+        """The next point, or None while the set-point rests."""
+        rested = self.motion.set_point_rests
+        q, qd = self.motion.step()
+        if rested and self.motion.set_point_rests:
+            return None
+        self._time += INTERPOLATION
+        for _ in range(self._steps - 1):
+            if self.motion.set_point_rests:
+                break
+            q, qd = self.motion.step()
+            self._time += INTERPOLATION
+        left = max(1.0 - self._time / BLEND, 0.0)
+        smooth = left**2 * (3.0 - 2.0 * left)
+        self.q_last = q + smooth * self._offset
+        if self.motion.set_point_rests:
+            return self._make(self.q_last, np.zeros_like(qd))
+        blend_rate = -6.0 * left * (1.0 - left) / BLEND
+        return self._make(self.q_last, qd + blend_rate * self._offset)
+
+    def _make(self, q: Float64, qd: Float64) -> TrajectoryPoint:
+        self._moving = bool(np.any(qd != 0.0))
+        valid = Valid.TIME | Valid.POSITION | Valid.VELOCITY
+        q_wire, qd_wire = q[self._joint_of_place], qd[self._joint_of_place]
+        return TrajectoryPoint(
+            self._group, self.sent, valid, self._time, tuple(q_wire.tolist()), tuple(qd_wire.tolist())
+        )

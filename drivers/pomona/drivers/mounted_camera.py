@@ -1,0 +1,69 @@
+"""What cell files say of a camera that is mounted on the arm or in the cell, whatever it is connected by."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from pomona.drivers.depth_model import DepthModel, DepthModelSection, depth_model_of
+from pomona.executive.values.arrays import Float64
+from pomona.executive.values.kinds import Measure, PathTo
+from pomona.executive.values.plain_text import read_plain_text
+from pomona.executive.values.rotations import is_rigid
+from pomona.executive.values.sections import Problem, Section, value
+from pomona.executive.values.units import TIME
+
+FARTHEST = 5.0
+"""A camera is within this distance of the flange or base that carries it [m]; in millimetres it would be far beyond."""
+
+
+class UnusableHandEye(ValueError):
+    """A file that holds no pose of a camera."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MountedCameraFile:
+    """Where a streaming camera sits, how much its depth errs, and when it counts as lost."""
+
+    hand_eye: Path = value(
+        PathTo("file", "make it with `pomona calibrate hand-eye`"),
+        help="pose of the camera in its mount; `pomona calibrate hand-eye` makes the file",
+    )
+    depth_model: DepthModelSection | None = value(
+        Section(DepthModelSection), None, "how the depth errs; without it as a RealSense D4xx"
+    )
+    silence: float = value(
+        Measure(TIME, "50 ms", "10 s"), "500 ms", "without an image for this long the camera is lost"
+    )
+
+    def problems(self) -> Iterator[Problem]:
+        try:
+            read_hand_eye(self.hand_eye)
+        except UnusableHandEye as error:
+            yield Problem("hand_eye", str(error), "make it with `pomona calibrate hand-eye`")
+
+    @property
+    def depth_errs(self) -> DepthModel:
+        """How its depth errs: what the file says, or what is nominal."""
+        return depth_model_of(self.depth_model)
+
+
+def read_hand_eye(path: Path) -> Float64:
+    """T_mount_camera (4, 4) [m], from the file that `pomona calibrate hand-eye` writes.
+
+    Raises:
+        UnusableHandEye: it holds no pose.
+    """
+    try:
+        T = np.array(json.loads(read_plain_text(path))["T_mount_camera"], dtype=np.float64)
+    except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
+        raise UnusableHandEye(f"{path} holds no 'T_mount_camera': {error}") from error
+    if T.shape != (4, 4) or not is_rigid(T):
+        raise UnusableHandEye(f"'T_mount_camera' in {path} is no rigid 4 x 4 transform")
+    if np.linalg.norm(T[:3, 3]) > FARTHEST:
+        raise UnusableHandEye(f"'T_mount_camera' in {path} is {np.linalg.norm(T[:3, 3]):.3g} m long: it is in metres")
+    return T

@@ -1,0 +1,196 @@
+"""The wall's own account of a run, for reports only: what became of every fruit, and what the branches bore."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from pomona.drivers.orchard.bruises import impact_force, peak_pressure
+from pomona.drivers.orchard.model import WallModel
+from pomona.drivers.orchard.stems import AT_SPUR, HANGS, TORN, Stems
+from pomona.drivers.orchard.touches import BY_HARD, BY_LINING, BY_PAD, Touches
+from pomona.drivers.orchard.wood import GRAVITY, bending_stress
+from pomona.drivers.sim.scene import TIMESTEP, container_of
+from pomona.executive.values.arrays import Float64
+
+TOUCH = 0.05
+"""A pad holds a fruit when it is pressed by more than this [N]."""
+RECENT = 1.0
+"""A fruit that comes off so soon after the robot touched it or its branch was knocked off [s]."""
+STEADY = 0.05
+"""Time over which a pressing force is averaged before it counts as static [s]: impacts are judged by themselves."""
+HIT = 0.5
+"""The robot strikes wood, a wire or what is fixed when it presses it by more than this [N]."""
+
+
+@dataclass(slots=True)
+class FruitStory:
+    """What became of one fruit.
+
+    Attributes:
+        came_off: when its stem broke [s], and how: "gripped", "knocked" or "fell".
+        stem_force: largest force of its stem up to the break [N].
+        pressure: largest static pressure on its skin [Pa]; impact: largest force of an impact [N].
+        looked: T_base_fruit when a camera last looked.
+    """
+
+    looked: Float64
+    came_off: float | None = None
+    how: str = ""
+    stem_force: float = 0.0
+    pressure: float = 0.0
+    impact: float = 0.0
+
+
+@dataclass(slots=True)
+class WallScore:
+    """Watches every step. Reads the simulator's truth and changes nothing."""
+
+    built: WallModel
+    data: Any
+    stems: Stems
+    fruits: list[FruitStory] = field(init=False)
+    touches: Touches = field(init=False)
+    strikes: dict[str, int] = field(default_factory=dict)
+    wood_force: float = 0.0
+    wood_stress: float = 0.0
+    _touched: Float64 = field(init=False)
+    _lateral_touched: Float64 = field(init=False)
+    _steady: Float64 = field(init=False)
+    _impulse: Float64 = field(init=False)
+    _striking: dict[str, bool] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        count = len(self.built.fruit_bodies)
+        self.fruits = [FruitStory(self._pose(i)) for i in range(count)]
+        self.touches = Touches(self.built, self.data)
+        self._touched, self._lateral_touched = np.full(count, -np.inf), np.full(len(self.built.wall.laterals), -np.inf)
+        self._steady, self._impulse = np.zeros((count, 3)), np.zeros((count, 2))
+
+    def look(self, broken: int) -> None:
+        """After a step, in which a stem broke, or none (-1)."""
+        now, touches = float(self.data.time), self.touches
+        touches.look()
+        self._touched[touches.by_robot] = now
+        self._lateral_touched[touches.laterals] = now
+        self._note_presses()
+        self.wood_force = max(self.wood_force, touches.wood)
+        for name, force in (("wood", touches.wood), ("wire", touches.wire), ("fixed", touches.fixed)):
+            striking = force > HIT
+            if striking and not self._striking.get(name, False):
+                self.strikes[name] = self.strikes.get(name, 0) + 1
+            self._striking[name] = striking
+        if broken >= 0:
+            story = self.fruits[broken]
+            lateral = self.built.wall.spurs[self.built.wall.fruits[broken].spur].lateral
+            recent = max(self._touched[broken], self._lateral_touched[lateral]) > now - RECENT
+            gripped = bool((touches.pads[broken] > TOUCH).all())
+            story.came_off, story.how = now, "gripped" if gripped else "knocked" if recent else "fell"
+            story.stem_force = float(self.stems.peak[broken])
+
+    def look_at_wood(self) -> None:
+        """The largest bending stress of a lateral, a hundred times a second."""
+        numbers = self.built.wall.numbers
+        for lateral, dofs in zip(self.built.wall.laterals, self.built.lateral_dofs, strict=True):
+            moments = np.hypot(*np.abs(self.data.qfrc_passive[dofs].reshape(-1, 2).T))
+            base, tip = lateral.diameters
+            across = base + (tip - base) * (np.arange(len(moments)) + 0.5) / len(moments)
+            stress = max(bending_stress(float(m), float(d)) for m, d in zip(moments, across, strict=True))
+            self.wood_stress = max(self.wood_stress, stress / numbers.wood_rupture)
+
+    def note_look(self) -> None:
+        """A camera looks now."""
+        for i, story in enumerate(self.fruits):
+            if self.stems.state[i] == HANGS:
+                story.looked = self._pose(i)
+
+    def _note_presses(self) -> None:
+        """Static pressure of what presses for long, and the impulse of what strikes."""
+        numbers, forces = self.built.wall.numbers, self.touches.forces
+        self._steady += (forces - self._steady) * (TIMESTEP / STEADY)
+        moduli = np.array([numbers.modulus_pad, numbers.modulus_lining, numbers.modulus_hard])
+        for i in np.flatnonzero((forces > 0.0).any(axis=1) | (self._impulse > 0.0).any(axis=1)):
+            fruit, story = self.built.wall.fruits[i], self.fruits[i]
+            for k in (BY_PAD, BY_LINING, BY_HARD):
+                press = peak_pressure(float(self._steady[i, k]), fruit.radius, float(moduli[k]))
+                story.pressure = max(story.pressure, press)
+            weight = fruit.mass * GRAVITY
+            for k, column in enumerate((BY_LINING, BY_HARD)):
+                force = float(forces[i, column])
+                self._impulse[i, k] = (
+                    max(0.0, self._impulse[i, k] + (force - weight) * TIMESTEP) if force > 0.0 else 0.0
+                )
+                peak = impact_force(float(self._impulse[i, k]), fruit.mass, fruit.radius, float(moduli[column]))
+                story.impact = max(story.impact, peak)
+
+    # ------------------------------------------------------------------------------------------ reporting
+
+    def bruised(self, i: int) -> bool:
+        """Whether a fruit's skin is damaged."""
+        numbers, story = self.built.wall.numbers, self.fruits[i]
+        return story.pressure > numbers.bruise_pressure or story.impact > numbers.bruise_impact
+
+    def place(self, i: int) -> str:
+        """Where a fruit is: "hangs", "hand", "ground", "lies", or the name of a crate."""
+        if self.stems.state[i] == HANGS:
+            return "hangs"
+        crate = container_of(self.built.fixed, self._pose(i)[:3, 3])
+        if crate:
+            return crate
+        if (self.touches.pads[i] > TOUCH).all():
+            return "hand"
+        return "ground" if self.touches.grounded[i] else "lies"
+
+    def report(self, reachable: tuple[bool, ...] | None = None) -> dict[str, object]:
+        """The score as plain values."""
+        stories, states = self.fruits, self.stems.state
+        places = [self.place(i) for i in range(len(stories))]
+        picked = [p not in ("hangs", "hand", "ground", "lies") for p in places]
+        taken = [i for i, story in enumerate(stories) if story.how == "gripped"]
+        forces = [stories[i].stem_force for i in taken]
+        off = [i for i in range(len(stories)) if states[i] != HANGS]
+        return {
+            "apples": len(stories),
+            "reachable": sum(reachable) if reachable is not None else None,
+            "detached": len(taken),
+            "picked": sum(picked),
+            "all_picked": all(picked),
+            "dropped": sum(places[i] in ("ground", "lies") for i in taken),
+            "knocked_off": sum(story.how == "knocked" for story in stories),
+            "fell": sum(story.how == "fell" for story in stories),
+            "bruised": sum(self.bruised(i) for i in off),
+            "stems_torn": int((states == TORN).sum()),
+            "stem_force_median_n": float(np.median(forces)) if forces else None,
+            "stem_force_p95_n": float(np.percentile(forces, 95)) if forces else None,
+            "wood_force_n": self.wood_force,
+            "wood_stress_ratio": self.wood_stress,
+            "collisions": sum(self.strikes.values()),
+            "collided_with": sorted(self.strikes),
+            "numbers": self.built.wall.numbers.digest(),
+            "fruits": [self._fruit(i, places[i], reachable) for i in range(len(stories))],
+        }
+
+    def _fruit(self, i: int, place: str, reachable: tuple[bool, ...] | None) -> dict[str, object]:
+        fruit, story = self.built.wall.fruits[i], self.fruits[i]
+        return {
+            "name": f"fruit_{i}",
+            "place": place,
+            "cluster": fruit.cluster,
+            "reachable": None if reachable is None else reachable[i],
+            "how": story.how,
+            "stem_kept": bool(self.stems.state[i] == AT_SPUR) if self.stems.state[i] != HANGS else None,
+            "stem_force_n": story.stem_force,
+            "pressure_mpa": 1e-6 * story.pressure,
+            "impact_n": story.impact,
+            "bruised": self.bruised(i),
+            "dimensions_m": [float(d) for d in fruit.dimensions],
+            "T_base_fruit": self._pose(i).tolist(),
+            "T_base_fruit_at_look": story.looked.tolist(),
+        }
+
+    def _pose(self, i: int) -> Float64:
+        body, T = self.built.fruit_bodies[i], np.eye(4)
+        T[:3, :3], T[:3, 3] = self.data.xmat[body].reshape(3, 3), self.data.xpos[body]
+        return T

@@ -1,0 +1,174 @@
+"""One owner for every device: the thread that alone touches its wire and the state that comes from it.
+
+A driver gives its `Owner` two functions and leaves everything that touches the wire to it:
+
+    self._owner = Owner(name, self.step, self._lose, clock)
+    self._owner.start()                            # from now on the thread calls `step` without end
+    self._owner.post(lambda: self._send(request))  # leave a call: it is made between two steps, in order
+    self._owner.ask(self._release)                 # the same, and wait for its result or its error
+    self._owner.close()                            # makes the calls that are left, then ends the thread
+
+Other threads read what the owner has published by single assignments of immutable values (a frozen state, a problem),
+and never iterate over what it writes. Refusals that must be told at once are judged by the caller on such values, and
+again by the call itself when it is made: a safe stop may have come between.
+
+Before `start` and after `close` whoever calls is the owner: calls are made at once, under a lock. So a test needs no
+thread: it calls `step` by hand. A simulated clock may give the thread, which then takes turns with the others.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+from collections.abc import Callable
+from concurrent.futures import Future
+from typing import Protocol, TypeVar, runtime_checkable
+
+from pomona.drivers.errors import DeviceLost
+from pomona.drivers.wire import raise_priority
+from pomona.executive.clock import Clock
+
+T = TypeVar("T")
+
+ANSWER = 0.5
+"""Deadline of a call that somebody waits for [s]: steps take a few milliseconds."""
+LOOK = 1e-3
+"""Who waits for a call looks so often [s]."""
+HUNG = 1.0
+"""A thread that has made no step for so long serves nobody [s]; a blocked send takes 50 ms."""
+
+
+class Thread(Protocol):
+    """What is needed of a `threading.Thread`."""
+
+    def start(self) -> None:
+        """Begin to run."""
+        ...
+
+    def join(self, timeout: float | None = None) -> None:
+        """Wait until it has ended, at most `timeout` seconds."""
+        ...
+
+    def is_alive(self) -> bool:
+        """Whether it still runs."""
+        ...
+
+
+@runtime_checkable
+class TurnTaking(Protocol):
+    """A clock whose threads run one at a time, in an order that is the same in every run: a simulated one's."""
+
+    def thread(self, name: str, run: Callable[[], None]) -> Thread:
+        """A thread that runs when it is its turn."""
+        ...
+
+
+class Owner:
+    """Calls `step` again and again, and between the steps what others left to be done.
+
+    What goes wrong in a step or in a call is handed to `failed`, in the owner's thread, whatever it is: a device that
+    nobody serves must not look alive. The thread then goes on, so that the driver can open its wire again.
+    """
+
+    def __init__(
+        self, device: str, step: Callable[[], None], failed: Callable[[BaseException], None], clock: Clock
+    ) -> None:
+        """
+        Args:
+            clock: the cell's; a `TurnTaking` one makes the thread.
+        """
+        self._device, self._step, self._failed, self._clock = device, step, failed, clock
+        self._calls: deque[Callable[[], None]] = deque()
+        self._closed = threading.Event()
+        self._turning = threading.RLock()  # taken by whoever makes calls and steps
+        self._thread: Thread | None = None
+        self._ident: int | None = None
+        self._turned_at = clock.now()
+
+    def start(self) -> None:
+        """Let a thread of its own be the owner."""
+        threads: object = self._clock
+        name = f"{self._device} owner"
+        if isinstance(threads, TurnTaking):
+            self._thread = threads.thread(name, self._run)
+        else:
+            self._thread = threading.Thread(target=self._run, name=name, daemon=True)
+        self._turned_at = self._clock.now()
+        self._thread.start()
+
+    def post(self, call: Callable[[], None]) -> None:
+        """Leave a call for the owner; calls are made in the order in which they were left. Never waits for it."""
+        self._calls.append(call)
+        if self._is_caller():
+            self._make_calls()
+
+    def ask(self, call: Callable[[], T], deadline: float = ANSWER) -> T:
+        """Leave a call for the owner and wait for its result.
+
+        Raises:
+            DeviceLost: the owner did not come to it within `deadline` [s]; it is not made any more.
+            Exception: whatever the call raised.
+        """
+        answer: Future[T] = Future()
+
+        def make() -> None:
+            if answer.set_running_or_notify_cancel():
+                try:
+                    answer.set_result(call())
+                except BaseException as error:
+                    answer.set_exception(error)
+
+        end = self._clock.now() + deadline
+        self.post(make)
+        while not answer.done():
+            if self._clock.now() > end and answer.cancel():
+                raise DeviceLost(self._device, f"its thread did nothing for {deadline:g} s")
+            self._clock.advance(LOOK)
+        return answer.result()
+
+    def check(self) -> None:
+        """Look whether the thread still serves the device.
+
+        Raises:
+            DeviceLost: it hangs, or has ended by itself.
+        """
+        thread = self._thread
+        if thread is None or self._closed.is_set():
+            return
+        if not thread.is_alive():
+            raise DeviceLost(self._device, "its thread has ended")
+        silent = self._clock.now() - self._turned_at
+        if silent > HUNG:
+            raise DeviceLost(self._device, f"its thread hangs for {silent:.1f} s")
+
+    def close(self, deadline: float = 2.0) -> None:
+        """Let the present step end, make the calls that are left, and end the thread."""
+        self._closed.set()
+        if self._thread is not None and self._ident != threading.get_ident():
+            self._thread.join(deadline)
+
+    def _is_caller(self) -> bool:
+        """Whether the present thread may make calls by itself: it is the owner, or there is no other."""
+        return self._thread is None or not self._thread.is_alive() or self._ident == threading.get_ident()
+
+    def _make_calls(self) -> None:
+        with self._turning:
+            while self._calls:
+                try:
+                    self._calls.popleft()()
+                except Exception as error:
+                    self._failed(error)
+
+    def _run(self) -> None:
+        self._ident = threading.get_ident()
+        if not isinstance(self._clock, TurnTaking):
+            raise_priority()
+        while not self._closed.is_set():
+            self._turned_at = self._clock.now()
+            try:
+                with self._turning:
+                    self._make_calls()
+                    self._step()
+            except BaseException as error:  # SystemExit of a listener would end the thread without a word
+                self._failed(error)
+        self._make_calls()

@@ -1,0 +1,301 @@
+"""An arm that is told its path a moment ahead: what every driver of one has in common.
+
+A controller gets set-points up to a short `lead` before the arm shall pass them. One thread owns the wire and the
+motion; what others ask is posted to it. A problem fails the motion and stays latched until somebody acknowledges it,
+and nothing goes on by itself. The driver says how its controller is spoken to: it derives from `PathArm`.
+"""
+
+from __future__ import annotations
+
+import threading
+from abc import ABC, abstractmethod
+from pathlib import Path
+from typing import ClassVar, Protocol
+
+import numpy as np
+
+from pomona.drivers.device import Device
+from pomona.drivers.errors import BadTrajectory, DeviceError, DeviceFault, DeviceLost, MotionRefused
+from pomona.drivers.interfaces import Arm, ArmLimits, ArmState, Motion, MotionState, Trajectory
+from pomona.drivers.motion_supervisor import MotionSupervisor, Supervision
+from pomona.drivers.owner import Owner
+from pomona.drivers.path_motion import PathMotion
+from pomona.drivers.posted_motion import PostedMotion
+from pomona.drivers.trajectory import check_trajectory
+from pomona.executive.clock import Clock
+from pomona.executive.values.arrays import Float64
+
+AT_REST = 5e-3
+"""No joint moves faster than this when the arm rests [rad/s]."""
+LEAVING = 2.0
+"""An arm comes to rest on its path within this time when its driver is closed [s]."""
+DIFFERENCE = 0.2
+"""Velocities are told from positions that are no further apart than this [s]."""
+
+
+class SetPointStream(Protocol):
+    """The set-points of one motion, on their way to the controller."""
+
+    @property
+    def played(self) -> bool:
+        """Whether the arm must have come to the last set-point that was sent."""
+        ...
+
+    @property
+    def q_last(self) -> Float64:
+        """The newest set-point, (dof,) [rad]."""
+        ...
+
+    @property
+    def sent(self) -> int:
+        """How many the controller has taken."""
+        ...
+
+
+class PathArm(Device, ABC):
+    """An arm whose set-points are sent ahead. Joints in the order of the robot's description.
+
+    A driver gives `step`, which serves the wire and ends with `_watch_motion`; `_failed` for what goes wrong in it; and
+    how a path is streamed, halted and begun again.
+    """
+
+    interfaces = (Arm,)
+    outlives = True
+    stops_when_told: ClassVar[bool] = False
+    """Whether the controller has a command that stops the arm, wherever it is: such an arm is judged, and told to stop,
+    also while its joints cannot be believed. Any other brakes on its path then."""
+
+    def __init__(
+        self, name: str, clock: Clock, description: Path, limits: ArmLimits, supervision: Supervision, period: float
+    ) -> None:
+        """
+        Args:
+            period: at which paths are stepped [s].
+        """
+        super().__init__(name)
+        self.description, self.limits = description, limits
+        self._clock, self._period = clock, period
+        self._lock = threading.Lock()  # of latched, problem and motion; nobody waits with it
+        self._owner = Owner(name, self.step, self._failed, clock)
+        self._supervisor = MotionSupervisor(name, limits, supervision)
+        self._state: ArmState | None = None
+        self._believed = False  # the newest feedback can be true
+        self._doubted = False  # feedback was not, since the last acknowledgement
+        self._motion: PathMotion | None = None
+        self._speed = 1.0
+        self._latched: str | None = None
+        self._problem: DeviceError | None = DeviceLost(name, "was never connected")
+
+    # -------------------------------------------------------------------------------- what a driver says of it
+
+    @abstractmethod
+    def step(self) -> None:
+        """Serve the wire for a moment; the arm's own thread calls this without end."""
+
+    @abstractmethod
+    def _failed(self, error: BaseException) -> None:
+        """The driver itself is wrong: the arm shall brake, and nobody goes on."""
+
+    @property
+    @abstractmethod
+    def _stream(self) -> SetPointStream | None:
+        """Of the present motion."""
+
+    @abstractmethod
+    def _begin_stream(self, motion: PathMotion, q_start: Float64, q_arm: Float64) -> None:
+        """Make the stream of a motion whose path starts at `q_start`, for an arm that stands at `q_arm` [rad]."""
+
+    @abstractmethod
+    def _end_stream(self) -> None:
+        """Send nothing more of the motion."""
+
+    @abstractmethod
+    def _halt(self) -> None:
+        """Tell the controller to stop the arm where it is: it goes elsewhere than it was told."""
+
+    @abstractmethod
+    def _release(self) -> None:
+        """Forget the problem as it was acknowledged, and begin anew; called with the lock taken."""
+
+    @abstractmethod
+    def _leave(self) -> None:
+        """Close the wire."""
+
+    def _not_ready(self) -> str | None:
+        """Why no motion can begin, whatever was asked; called with the lock taken."""
+        return None if self._problem is None else words(self._problem)
+
+    # ------------------------------------------------------------------------------------- the owner's thread
+
+    def start(self) -> None:
+        """Serve the arm in a thread of its own from now on."""
+        self._owner.start()
+
+    def _believe(self, stamp: float, q: Float64, qd: Float64 | None) -> None:
+        """Take over what the joints say.
+
+        Args:
+            stamp: of the cell's clock [s].
+            q, qd: (dof,) [rad], [rad/s]; without velocities those of the positions are taken.
+
+        Raises:
+            DeviceLost: it cannot be true.
+        """
+        before = self._state
+        if qd is None:
+            elapsed = 0.0 if before is None else stamp - before.stamp
+            near = before is not None and 0.0 < elapsed < DIFFERENCE
+            qd = (q - before.q) / elapsed if before is not None and near else np.zeros_like(q)
+        self._believed = False
+        self._supervisor.on_feedback(stamp, q, qd)
+        self._believed = True
+        self._state = ArmState(stamp, q, qd, self._motion is not None and not self._motion.at_rest)
+
+    def _doubt(self, error: DeviceLost) -> None:
+        """Brake on the path: that needs no feedback."""
+        self._believed, self._doubted = False, True
+        self._blame(error)
+        if self._motion is not None:
+            self._motion.fail(error.message)
+
+    def _blame(self, problem: DeviceError) -> None:
+        """Latch a problem until somebody acknowledges it; the first is kept."""
+        with self._lock:
+            if self._problem is None:
+                self._problem = problem
+
+    def _watch_motion(self) -> None:
+        """See whether the motion goes on as it must, and whether it has ended."""
+        motion, stream, state = self._motion, self._stream, self._state
+        if motion is None or motion.settled or state is None:
+            self._end_stream()
+            self._supervisor.end()
+            return
+        # Feedback in doubt says nothing about rest either: what was sent is over, then.
+        resting = bool(np.abs(state.qd).max() < AT_REST) if not self._doubted else stream is None or stream.played
+        if stream is None:
+            motion.settled = resting and motion.state is MotionState.FAILED  # else it has not begun yet
+            return
+        now = self._clock.now()
+        if motion.set_point_rests and stream.played:
+            motion.look(resting, float(np.abs(state.q - stream.q_last).max()), now)
+        judged = self.stops_when_told or not self._doubted
+        if judged and not motion.settled and self._supervisor.due(now):
+            try:
+                self._supervisor.look(now, motion, stream.sent)
+            except DeviceLost as error:
+                self._doubt(error)
+            except DeviceFault as error:
+                self._blame(error)
+                self._abandon(error.message)
+                self._halt()
+
+    def _abandon(self, problem: str) -> None:
+        """The arm stops by itself, or will not go on: nothing more is sent."""
+        self._end_stream()
+        self._supervisor.end()
+        if self._motion is not None:
+            self._motion.abandon(problem)
+
+    # ------------------------------------------------------------------------------------------ the interface
+
+    def follow(self, trajectory: Trajectory) -> Motion:
+        with self._lock:
+            if self._latched is not None:
+                raise MotionRefused(self.name, f"latched in the safe state ({self._latched})")
+            problem = self._not_ready()
+            if problem is not None or self._state is None:
+                raise MotionRefused(self.name, f"not ready: {problem or 'no joints have come'}")
+            if self._motion is not None and not self._motion.settled:
+                raise MotionRefused(self.name, "still moves; stop the motion and wait until it has settled")
+            q = self._state.q
+            try:
+                check_trajectory(trajectory, self.limits, q)
+            except BadTrajectory as bad:
+                raise MotionRefused(self.name, bad.problem) from bad
+            motion = self._motion = PathMotion(trajectory, self.limits, self._period, self._speed)
+        self._owner.post(lambda: self._begin(motion, trajectory.q[0], q))
+        return PostedMotion(motion, self._owner)
+
+    def _begin(self, motion: PathMotion, q_start: Float64, q_arm: Float64) -> None:
+        """Begin a motion, unless the arm was stopped or lost since it was asked for."""
+        with self._lock:
+            problem = self._latched or self._not_ready()
+        if problem is not None:
+            motion.abandon(problem)
+            motion.settled = True
+            return
+        self._supervisor.end()
+        self._begin_stream(motion, q_start, q_arm)
+
+    # --------------------------------------------------------------------------------------------- the device
+
+    def link(self) -> str:
+        problem = self._problem
+        return "ok" if problem is None else problem.message
+
+    def last_seen(self) -> float | None:
+        return None if self._state is None else self._state.stamp
+
+    def check(self) -> None:
+        problem = self._problem
+        if problem is not None:
+            raise problem
+        self._owner.check()
+
+    def safe_stop(self, reason: str) -> None:
+        with self._lock:
+            if self._latched is None:
+                self._latched = reason
+            motion = self._motion
+        if motion is not None:
+            self._owner.post(motion.stop)
+
+    def acknowledge(self) -> None:
+        """Release the latch.
+
+        Raises:
+            DeviceLost: the arm is still lost, or still says what cannot be true.
+        """
+        with self._lock:
+            if not self._believed:
+                raise DeviceLost(self.name, f"is still lost: {words(self._problem)}")
+            self._latched = None
+            self._release()
+
+    def pause(self) -> None:
+        motion = self._motion
+        if motion is not None:
+            self._owner.post(motion.pause)
+
+    def resume(self) -> None:
+        motion = self._motion
+        if motion is not None:
+            self._owner.post(motion.resume)
+
+    def go_at(self, speed: float) -> None:
+        with self._lock:  # or a motion that begins meanwhile would keep the speed that was
+            self._speed, motion = speed, self._motion
+        if motion is not None:
+            self._owner.post(lambda: motion.set_speed(speed))
+
+    def settled(self) -> bool:
+        motion, stream = self._motion, self._stream
+        if motion is None or motion.settled:
+            return True
+        return motion.at_rest and stream is not None and stream.played
+
+    def close(self) -> None:
+        """Come to rest on the path, then leave."""
+        self.safe_stop("closed")
+        end = self._clock.now() + LEAVING
+        while not self.settled() and self._clock.now() < end:
+            self._clock.advance(0.02)
+        self._owner.close()
+        self._problem = DeviceLost(self.name, "is closed")
+        self._leave()
+
+
+def words(problem: DeviceError | None) -> str:
+    """What is wrong, for a sentence."""
+    return "no problem is known" if problem is None else problem.message

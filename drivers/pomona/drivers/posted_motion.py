@@ -1,0 +1,32 @@
+"""A motion as its caller sees it, while another thread carries it out."""
+
+from __future__ import annotations
+
+from pomona.drivers.interfaces import Motion, MotionState
+from pomona.drivers.owner import Owner
+
+
+class PostedMotion:
+    """A `Motion` whose stop is done by the thread that owns the device; what is read of it is one value each."""
+
+    def __init__(self, motion: Motion, owner: Owner) -> None:
+        self._motion, self._owner = motion, owner
+
+    @property
+    def state(self) -> MotionState:
+        return self._motion.state
+
+    @property
+    def progress(self) -> float:
+        return self._motion.progress
+
+    @property
+    def settled(self) -> bool:
+        return self._motion.settled
+
+    @property
+    def problem(self) -> str:
+        return self._motion.problem
+
+    def stop(self) -> None:
+        self._owner.post(self._motion.stop)

@@ -1,0 +1,79 @@
+"""Reading a robot's description file with MuJoCo, so that what is wrong with it is said in words about that file."""
+
+from __future__ import annotations
+
+import os
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pomona.drivers.errors import UnusableRobotFile
+from pomona.drivers.interfaces import ArmLimits
+
+
+def read_spec(path: Path) -> Any:
+    """The file (MJCF or URDF) as an `mujoco.MjSpec` that compiles.
+
+    Raises:
+        UnusableRobotFile: it is no XML, or names joints, bodies or frames that it does not have.
+    """
+    os.environ.setdefault("MUJOCO_GL", "disable")  # no graphics here
+    import mujoco  # takes a moment; only this needs it
+
+    try:
+        spec = mujoco.MjSpec.from_file(str(path))
+        spec.compile()
+    except (ValueError, mujoco.FatalError) as error:
+        raise UnusableRobotFile(
+            path, " ".join(str(error).removeprefix("Error: ").split()) or "cannot be read"
+        ) from error
+    return spec
+
+
+MOST = {"arm_velocity": 50.0, "arm_acceleration": 5e3, "arm_jerk": 1e6}
+"""No arm is faster [rad/s, rad/s², rad/s³]: the quickest small ones turn their wrists at 20 rad/s. What is more was
+meant in degrees, or is no number: beside that nothing is ever too fast."""
+WIDEST = 100.0
+"""No joint turns further from its zero [rad]: 16 turns."""
+
+
+def read_limits(path: Path, dof: int | None = None) -> ArmLimits:
+    """Ranges of the arm's actuated joints, and the numerics arm_velocity, arm_acceleration and arm_jerk.
+
+    Args:
+        path: of the description.
+        dof: number of the arm's joints; all actuators but the gripper's without it.
+
+    Raises:
+        UnusableRobotFile: the file cannot be read, has fewer joints, or lacks one of the numerics.
+    """
+    files = (path, *path.parent.glob("*.xml"))  # it may include others
+    return _limits(path, dof, max(file.stat().st_mtime_ns for file in files) if path.is_file() else 0)
+
+
+@lru_cache(maxsize=8)
+def _limits(path: Path, dof: int | None, _changed: int) -> ArmLimits:
+    model = read_spec(path).compile()
+    named = [model.actuator(i).name for i in range(model.nu)]
+    count = sum(name != "gripper" for name in named) if dof is None else dof
+    joints = model.actuator_trnid[:count, 0]
+    if len(joints) < count:
+        raise UnusableRobotFile(path, f"has {len(joints)} actuated joints, the arm has {count}")
+    rates = []
+    for name, most in MOST.items():
+        try:
+            rate = np.array(model.numeric(name).data, dtype=np.float64)
+        except KeyError as error:
+            raise UnusableRobotFile(path, f"<custom> lacks the numeric '{name}'") from error
+        if rate.shape != (count,) or not np.all((rate > 0.0) & (rate <= most)):
+            words = f"'{name}' needs {count} positive numbers up to {most:g}, in radians and seconds"
+            raise UnusableRobotFile(path, words)
+        rates.append(rate)
+    ranges = np.array(model.jnt_range[joints], dtype=np.float64)
+    for joint, (lower, upper) in zip(joints, ranges, strict=True):
+        if not -WIDEST <= lower < upper <= WIDEST:
+            words = f"the joint '{model.joint(joint).name}' needs a range; {lower:g} … {upper:g} rad is none"
+            raise UnusableRobotFile(path, words)
+    return ArmLimits(ranges[:, 0], ranges[:, 1], *rates)

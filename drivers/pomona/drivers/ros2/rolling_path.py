@@ -1,0 +1,126 @@
+"""What a trajectory controller is told of a motion: set-points a moment ahead of the arm, then a way to rest.
+
+Each message is whole by itself and ends at rest, so an arm that hears nothing more comes to rest on its path: nobody
+needs to reach it for that. The next message replaces what the one before said of the time after `lead`.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from pomona.drivers.errors import DeviceFault
+from pomona.drivers.path_motion import PathMotion
+from pomona.executive.clock import Clock
+from pomona.executive.values.arrays import Float64
+
+PERIOD = 0.01
+"""Time between the points of a message, which a controller joins by cubics [s]."""
+BLEND = 0.3
+"""Time over which the distance between the path's start and the arm's true position is taken up [s]."""
+LONGEST = 500
+"""Points of a way to rest; five seconds, ten times what any arm needs."""
+
+
+class OutOfSetPointsError(DeviceFault):
+    """The set-points that were promised have run out, and the arm has begun to come to rest."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SetPoint:
+    """Positions [rad] and velocities [rad/s], shape (dof,), at the time `due` of the cell's clock."""
+
+    due: float
+    q: Float64
+    qd: Float64
+
+
+class RollingPath:
+    """The set-points of one motion. All times are the cell's."""
+
+    def __init__(
+        self,
+        device: str,
+        motion: PathMotion,
+        q_start: Float64,
+        q_arm: Float64,
+        clock: Clock,
+        lead: float,
+        commanded: Callable[[float, Float64], None],
+    ) -> None:
+        """Begin at the arm's own position `q_arm`, which may differ a little from the path's start `q_start`.
+
+        Args:
+            lead: how far ahead of the arm it is told what to do [s]; a stop takes effect behind that.
+            commanded: told of every set-point, in the order of their times.
+        """
+        self.motion, self.sent = motion, 0
+        self._device, self._clock, self._lead, self._commanded = device, clock, lead, commanded
+        self._offset, self._time = q_arm - q_start, 0.0
+        self._last = SetPoint(clock.now(), q_arm, np.zeros_like(q_arm))
+        self._promised: deque[SetPoint] = deque([self._last])
+
+    @property
+    def played(self) -> bool:
+        """Whether the set-point rests and the arm must have come to it."""
+        return self.motion.set_point_rests and self._clock.now() >= self._last.due
+
+    @property
+    def q_last(self) -> Float64:
+        """The newest set-point, (n,) [rad]."""
+        return self._last.q
+
+    def go_on(self) -> None:
+        """Promise what the arm shall do until `lead` from now.
+
+        Raises:
+            OutOfSetPointsError: the time until which it was promised is over, and the arm was moving.
+        """
+        now = self._clock.now()
+        if now > self._last.due:
+            if self._last.qd.any():
+                late = f"for {1e3 * (now - self._last.due):.0f} ms"
+                why = "this computer was held up, and the arm comes to rest"
+                raise OutOfSetPointsError(self._device, f"had no set-points to go on {late}: {why}")
+            self._promise(SetPoint(now, self._last.q, self._last.qd))  # it rested: at the start, or after a pause
+        while self._last.due < now + self._lead:
+            rested = self.motion.set_point_rests
+            q, qd = self.motion.step()
+            if rested and self.motion.set_point_rests:
+                break
+            self._time += PERIOD
+            self._promise(self._blended(self._last.due + PERIOD, self._time, q, qd))
+        while len(self._promised) > 2 and self._promised[2].due <= now:
+            self._promised.popleft()
+
+    def window(self) -> list[SetPoint]:
+        """What to say now: where the arm shall be from now on, at the end at rest.
+
+        Velocities are those of the positions, by central differences: a path whose rate changes has others, to first
+        order in the period, and cubics through both would swing.
+        """
+        points, follower = list(self._promised), self.motion.braking()
+        due, time = self._last.due, self._time
+        while not follower.at_rest and len(points) < LONGEST:
+            q, qd = follower.step()
+            due, time = due + PERIOD, time + PERIOD
+            points.append(self._blended(due, time, q, qd))
+        told = [
+            SetPoint(here.due, here.q, (after.q - before.q) / (after.due - before.due))
+            for before, here, after in zip(points, points[1:], points[2:], strict=False)
+        ]
+        return [*told, SetPoint(points[-1].due, points[-1].q, np.zeros_like(points[-1].q))]
+
+    def _promise(self, point: SetPoint) -> None:
+        self._last = point
+        self._promised.append(point)
+        self.sent += 1
+        self._commanded(point.due, point.q)
+
+    def _blended(self, due: float, time: float, q: Float64, qd: Float64) -> SetPoint:
+        left = max(1.0 - time / BLEND, 0.0)
+        smooth, rate = left**2 * (3.0 - 2.0 * left), -6.0 * left * (1.0 - left) / BLEND
+        return SetPoint(due, q + smooth * self._offset, qd + rate * self._offset)

@@ -1,0 +1,35 @@
+"""A file that holds one section and nothing else: a camera's intrinsics, how its depth errs, one device's settings."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TypeVar
+
+from pomona.drivers.errors import CellFileError
+from pomona.executive.values.documents import ValueFile, read_value_file
+from pomona.executive.values.findings import Findings
+from pomona.executive.values.reading import Refused
+
+T = TypeVar("T")
+
+
+def read_section_file(path: Path, what: str, read: Callable[[ValueFile], T]) -> T:
+    """What `read` makes of a file.
+
+    Args:
+        path: of the file.
+        what: the file is, for messages: 'a depth model'.
+        read: its section, from the file as it is written; `Refused` when it cannot be used.
+
+    Raises:
+        CellFileError: it cannot be used; everything that is wrong is in the error, with its place.
+    """
+    findings = Findings()
+    written = read_value_file(path, findings, what)
+    try:
+        if written is not None:
+            return read(written)
+    except Refused:
+        pass
+    raise CellFileError(findings.sorted())

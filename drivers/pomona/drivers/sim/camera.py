@@ -1,0 +1,228 @@
+"""The simulated RGB-D camera, on the gripper or fixed in the cell: pictures are rendered when somebody looks."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from pomona.drivers.camera_options import scaled
+from pomona.drivers.errors import DeviceLost
+from pomona.drivers.interfaces import Camera, Frame, Intrinsics
+from pomona.drivers.sim.faults import FaultyDevice
+from pomona.drivers.sim.gl import in_gl_thread, load_mujoco, open_renderer
+from pomona.drivers.sim.stereo_depth import Stereo, measure_depth
+from pomona.drivers.sim.world import PhysicsWorld
+from pomona.drivers.streams import FrameGuard
+from pomona.executive.values.arrays import Float64
+
+SILENCE = 0.5
+"""A camera of which no frame can be believed for so long, or that shows the same one, is lost [s]; as a real one."""
+LIES = {"old": -30.0, "early": 10.0, "repeated": 0.0}
+"""Faults of a camera that goes on sending, and by how much its stamps are wrong [s]."""
+
+
+class SimCamera(FaultyDevice):
+    """Renders the present state of the world, at most once per frame period. Depth is registered to colour.
+
+    Faults: `freeze` (the newest frame stays the same), `lost` (no frame), and frames that are `old`, `early` (of the
+    future) or `repeated` (with the number of the one before).
+    """
+
+    interfaces = (Camera,)
+    known_faults = ("freeze", "lost", "old", "early", "repeated")
+
+    def __init__(
+        self,
+        world: PhysicsWorld,
+        intrinsics: Intrinsics,
+        stereo: Stereo,
+        rate: float,
+        T_base_camera: Float64 | None = None,
+    ) -> None:
+        """
+        Args:
+            T_base_camera: where the camera is fixed in the cell, shape (4, 4); without it, it rides on the gripper.
+        """
+        super().__init__("camera")
+        self._world, self._intrinsics, self._stereo, self._rate = world, intrinsics, stereo, rate
+        model = world.model
+        self._fixed = T_base_camera is not None
+        if T_base_camera is None:
+            model.cam_resolution[model.cam("camera").id] = (intrinsics.width, intrinsics.height)
+            _set_projection(model, model.cam("camera").id, intrinsics)
+        self._joints = model.jnt_qposadr[world.arm_joints]
+        self.T_mount_camera = _pose_in_flange(model) if T_base_camera is None else T_base_camera
+        self._renderer: Any = None
+        self._depth_renderer: Any = None
+        self._frame: Frame | None = None
+        self._watched: Frame | None = None
+        self._fault_since = 0.0
+        self._guard = FrameGuard(world.clock, SILENCE)
+
+    def latest(self) -> Frame | None:
+        """The view of this moment. Two calls within one frame period get the same frame."""
+        if self.fault == "lost":
+            return None
+        stamp, sequence = self._next()
+        if self.fault == "freeze" or (self._frame is not None and self._frame.sequence == sequence):
+            return self._frame
+        if self._guard.judge(stamp, sequence):
+            self._frame = self._expose(stamp, sequence)
+        return self._frame
+
+    def latest_depth(self) -> Frame | None:
+        """The depth of this moment with half the pixels each way; not a look that is scored."""
+        if self.fault is not None:
+            return None if self.fault == "lost" else self._watched
+        stamp, sequence = self._next()
+        if self._watched is None or self._watched.sequence != sequence:
+            half = scaled(self._intrinsics, self._intrinsics.width // 2, self._intrinsics.height // 2)
+            depth = in_gl_thread(lambda: self._render_depth(half))
+            rng = np.random.default_rng([self._world.seed, 14, sequence])
+            stereo = replace(self._stereo, focal=half.fx, disparity_noise=self._stereo.disparity_noise / 2.0)
+            colour = np.broadcast_to(np.uint8(0), (half.height, half.width, 3))
+            self._watched = self._frame_of(stamp, sequence, colour, measure_depth(depth, stereo, rng), half, stereo)
+        return self._watched
+
+    def _next(self) -> tuple[float, int]:
+        """Stamp and number of the frame of this moment."""
+        now = self._world.clock.now()
+        sequence = int(now * self._rate + 1e-6)
+        if self.fault == "repeated":
+            return now, self._frame.sequence if self._frame is not None else 0
+        return now + LIES.get(self.fault or "", 0.0), sequence
+
+    def last_seen(self) -> float | None:
+        """Every moment has its view, and asking for its stamp takes no picture: a picture is a look that is scored."""
+        if self.fault is None:
+            return self._world.clock.now()
+        return None if self._frame is None else self._frame.stamp
+
+    def check(self) -> None:
+        if self.fault in LIES:  # judged without taking a picture: a picture is a look that is scored
+            self._guard.judge(*self._next())
+            self._guard.check(self.name)
+        elif self.fault is not None and self._world.clock.now() - self._fault_since > SILENCE:
+            raise DeviceLost(self.name, f"no new frame for {self._world.clock.now() - self._fault_since:.1f} s")
+
+    def inject_fault(self, kind: str) -> None:
+        super().inject_fault(kind)
+        self._guard.restart()
+        if self._frame is not None:
+            self._guard.judge(self._frame.stamp, self._frame.sequence)
+        self._fault_since = self._world.clock.now()
+
+    def close(self) -> None:
+        for renderer in (self._renderer, self._depth_renderer):
+            if renderer is not None:
+                in_gl_thread(renderer.close)
+        self._renderer = self._depth_renderer = None
+
+    def _expose(self, now: float, sequence: int) -> Frame:
+        self._world.looked()
+        colour, depth = in_gl_thread(self._render)
+        rng = np.random.default_rng([self._world.seed, 4, sequence])
+        photograph = _photograph(colour, rng)
+        measured = measure_depth(depth, self._stereo, rng)
+        return self._frame_of(now, sequence, photograph, measured, self._intrinsics, self._stereo)
+
+    def _frame_of(
+        self,
+        stamp: float,
+        sequence: int,
+        colour: NDArray[np.uint8],
+        depth: NDArray[np.float32],
+        intrinsics: Intrinsics,
+        stereo: Stereo,
+    ) -> Frame:
+        return Frame(
+            stamp=stamp,
+            sequence=sequence,
+            colour=colour,
+            depth=depth,
+            intrinsics=intrinsics,
+            q=None if self._fixed else self._world.state.qpos[self._joints].copy(),
+            T_mount_camera=self.T_mount_camera,
+            label=self.name,
+            depth_model=stereo.depth_model(),
+        )
+
+    def _render(self) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
+        """Ideal colour and z-depth [m]; the far plane counts as nothing seen."""
+        renderer = self._open_renderer()
+        renderer.disable_depth_rendering()
+        self._aim(renderer, self._intrinsics)
+        colour = renderer.render().copy()
+        renderer.enable_depth_rendering()
+        depth = renderer.render().copy()
+        depth[depth > 5.0] = 0.0
+        return colour, depth
+
+    def _render_depth(self, intrinsics: Intrinsics) -> NDArray[np.float32]:
+        """Ideal z-depth [m] of an image of another size; 0 where nothing is near."""
+        if self._depth_renderer is None:
+            self._depth_renderer = open_renderer(self._world.model, intrinsics.height, intrinsics.width)
+            self._depth_renderer.enable_depth_rendering()
+        self._aim(self._depth_renderer, intrinsics)
+        depth: NDArray[np.float32] = self._depth_renderer.render().copy()
+        depth[depth > 5.0] = 0.0
+        return depth
+
+    def _aim(self, renderer: Any, intrinsics: Intrinsics) -> None:
+        """Show the world as it is now, from where the camera is."""
+        if not self._fixed:
+            renderer.update_scene(self._world.state, camera="camera")
+            return
+        renderer.update_scene(self._world.state)
+        model, T = self._world.model, self.T_mount_camera
+        near = float(model.vis.map.znear * model.stat.extent)
+        left, right = (near * (u - intrinsics.cx) / intrinsics.fx for u in (-0.5, intrinsics.width - 0.5))
+        top, bottom = (near * (intrinsics.cy - v) / intrinsics.fy for v in (-0.5, intrinsics.height - 0.5))
+        for eye in renderer.scene.camera:
+            eye.pos, eye.forward, eye.up = T[:3, 3], T[:3, 2], -T[:3, 1]
+            eye.frustum_center, eye.frustum_width = (left + right) / 2.0, (right - left) / 2.0
+            eye.frustum_bottom, eye.frustum_top = bottom, top
+            eye.frustum_near, eye.frustum_far = near, float(model.vis.map.zfar * model.stat.extent)
+
+    def _open_renderer(self) -> Any:
+        if self._renderer is None:
+            self._renderer = open_renderer(self._world.model, self._intrinsics.height, self._intrinsics.width)
+        return self._renderer
+
+
+def _photograph(ideal: NDArray[np.uint8], rng: np.random.Generator) -> NDArray[np.uint8]:
+    """Lens blur, exposure, white balance, and noise that grows with brightness."""
+    colour = cv2.GaussianBlur(ideal, (0, 0), 0.6).astype(np.float32)
+    colour *= np.float32(rng.uniform(0.93, 1.07)) * rng.normal(1.0, 0.012, 3).astype(np.float32)
+    noise = rng.standard_normal(colour.shape, dtype=np.float32)
+    colour += noise * (np.float32(1.2) + np.float32(0.12) * np.sqrt(np.maximum(colour, 0.0)))
+    taken: NDArray[np.uint8] = np.clip(colour + 0.5, 0.0, 255.0).astype(np.uint8)
+    return taken
+
+
+def _set_projection(model: Any, camera: int, intrinsics: Intrinsics) -> None:
+    """The engine's frustum for our pinhole: it measures from the image's edge, we from the first pixel's centre."""
+    size = np.array([intrinsics.width, intrinsics.height])
+    pixel = model.cam_sensorsize[camera] / size
+    model.cam_intrinsic[camera] = [
+        intrinsics.fx * pixel[0],
+        intrinsics.fy * pixel[1],
+        ((size[0] - 1) / 2.0 - intrinsics.cx) * pixel[0],
+        ((size[1] - 1) / 2.0 - intrinsics.cy) * pixel[1],
+    ]
+
+
+def _pose_in_flange(model: Any) -> Float64:
+    """T_tool0_camera, from the robot's sites."""
+    mujoco = load_mujoco()
+    site = model.site("camera")
+    rotation = np.zeros(9)
+    mujoco.mju_quat2Mat(rotation, site.quat)
+    T = np.eye(4)
+    T[:3, :3] = rotation.reshape(3, 3)
+    T[:3, 3] = site.pos
+    return T

@@ -1,0 +1,106 @@
+"""How a force sensor lies: what its samples become while a fault lasts, for tests and `make faults`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from pomona.drivers.interfaces import WrenchSample
+from pomona.executive.values.arrays import Float64
+
+OFFSET = 1.0
+"""Of a channel that jumps [N]."""
+CLIPPED = 0.5
+"""Where a channel that clips has its end, unknown to its `saturated` flag [N]."""
+DRIFT = 0.5
+"""How fast a channel drifts [N/s]."""
+LATE, EARLY = 0.5, 10.0
+"""How old, and how far in the future, wrong stamps are [s]."""
+
+Lie = Callable[[WrenchSample, WrenchSample], WrenchSample]
+"""What arrives instead of a sample, given the one from before the fault."""
+
+
+def _changed(change: Callable[[Float64, Float64], None]) -> Lie:
+    def lie(sample: WrenchSample, before: WrenchSample) -> WrenchSample:
+        wrenches = sample.wrenches.copy()
+        change(wrenches, before.wrenches)
+        return WrenchSample(sample.stamp, sample.sequence, wrenches, sample.saturated)
+
+    return lie
+
+
+def _left(wrenches: Float64, before: Float64) -> None:
+    wrenches[0] = before[0]
+
+
+def _right(wrenches: Float64, before: Float64) -> None:
+    wrenches[1] = before[1]
+
+
+def _both(wrenches: Float64, before: Float64) -> None:
+    wrenches[:] = before
+
+
+def _set(index: Any, value: float) -> Callable[[Float64, Float64], None]:
+    def change(wrenches: Float64, _before: Float64) -> None:
+        wrenches[index] = value
+
+    return change
+
+
+def _add(index: Any, value: float) -> Callable[[Float64, Float64], None]:
+    def change(wrenches: Float64, _before: Float64) -> None:
+        wrenches[index] += value
+
+    return change
+
+
+def _clip(wrenches: Float64, _before: Float64) -> None:
+    np.clip(wrenches[0, :3], -CLIPPED, CLIPPED, out=wrenches[0, :3])
+
+
+def _swap(wrenches: Float64, _before: Float64) -> None:
+    wrenches[:] = wrenches[::-1].copy()
+
+
+def _drift(index: Any, sign: float = 1.0) -> Lie:
+    """An offset that grows from when the fault begins."""
+
+    def lie(sample: WrenchSample, before: WrenchSample) -> WrenchSample:
+        wrenches = sample.wrenches.copy()
+        wrenches[index] += sign * DRIFT * (sample.stamp - before.stamp)
+        return WrenchSample(sample.stamp, sample.sequence, wrenches, sample.saturated)
+
+    return lie
+
+
+def _stamped(offset: float) -> Lie:
+    return lambda sample, _before: WrenchSample(
+        sample.stamp + offset, sample.sequence, sample.wrenches, sample.saturated
+    )
+
+
+LIES: dict[str, Lie] = {
+    "stuck_left": _changed(_left),
+    "stuck_right": _changed(_right),
+    "stuck": _changed(_both),
+    "dead_left": _changed(_set(0, 0.0)),
+    "dead_right": _changed(_set(1, 0.0)),
+    "zero": _changed(_set(slice(None), 0.0)),
+    "bias_jump": _changed(_add((0, 2), -OFFSET)),
+    "presses_less": _changed(_add((1, 2), OFFSET)),
+    "both_press_more": _changed(_add((slice(None), 2), -OFFSET)),
+    "pulls_more": _changed(_add((0, 0), OFFSET)),
+    "clipped_left": _changed(_clip),
+    "drifts_along": _drift((slice(None), 0)),
+    "drifts_pressing": _drift((0, 2), -1.0),
+    "swapped": _changed(_swap),
+    "not_a_number": _changed(_set((0, 1), np.nan)),
+    "infinite": _changed(_set((slice(None), 2), -np.inf)),
+    "old": _stamped(-LATE),
+    "early": _stamped(EARLY),
+    "repeated": lambda _sample, before: before,
+}

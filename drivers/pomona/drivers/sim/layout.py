@@ -1,0 +1,240 @@
+"""What stands where in the simulated cell, as the cell file says and the seed draws."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from pomona.drivers.driver import Surroundings
+from pomona.drivers.errors import UnusableRobotFile
+from pomona.drivers.interfaces import Box, FruitKinds
+from pomona.drivers.robot_file import read_limits
+from pomona.drivers.sim.fruit_model import UnusableModel, read_model
+from pomona.drivers.sim.fruit_shape import APPLES, SKINS
+from pomona.drivers.sim.intruder import IntruderSection
+from pomona.drivers.sim.robot import read_robot
+from pomona.executive.values.arrays import Float64
+from pomona.executive.values.kinds import (
+    Flag,
+    MappingOf,
+    Measure,
+    Number,
+    OrWord,
+    PathTo,
+    Row,
+    Span,
+    Text,
+    Whole,
+    choose,
+)
+from pomona.executive.values.sections import Problem, Section, value
+from pomona.executive.values.units import ANGLE, LENGTH, MASS
+
+FRICTION = (0.7, 0.9)
+"""Sliding friction between pads and skin, drawn for each run."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FruitOnTable:
+    """One fruit: kind, size (d_x, d_y, d_z) [m], mass [kg], place on the table (x, y) [m], yaw and tilt of its stem,
+    skin, and how far its shape is from a body of revolution, as a multiple of an ordinary apple's."""
+
+    name: str
+    model: Path
+    dimensions: Float64
+    mass: float
+    place: int
+    xy: Float64
+    yaw: float
+    tilt: float
+    tilt_azimuth: float
+    skin: str
+    shape_noise: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Distractor:
+    """An object that is no fruit: shape box, ball or cylinder, half sizes [m], place (x, y) [m], colour RGB."""
+
+    shape: str
+    size: tuple[float, float, float]
+    xy: Float64
+    yaw: float
+    colour: tuple[float, float, float]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Layout:
+    """The whole table. The first fruit is the target.
+
+    Attributes:
+        robot: MJCF of the robot.
+        table_z: height of the table's surface in the base frame [m].
+        fruits, distractors: what stands on it.
+        fixed: what the cell file's workspace says is fixed: the robot's pedestal, a crate.
+        friction: sliding friction of the pads.
+        torsion: torsional friction of the pads [m].
+        intruder: a person's hand that comes into the cell, or None.
+    """
+
+    robot: Path
+    table_z: float
+    fruits: tuple[FruitOnTable, ...]
+    distractors: tuple[Distractor, ...]
+    fixed: tuple[Box, ...]
+    friction: float
+    torsion: float
+    intruder: IntruderSection | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CellFruitSection:
+    """A fruit that may lie on the table."""
+
+    model: Path = value(PathTo("folder"), help="folder with its fruit.yaml")
+    dimensions: tuple[float, ...] = value(Row(Measure(LENGTH, "1 mm", "1 m"), 3), help="width, height, depth")
+    mass: float = value(Measure(MASS, "1 g", "5 kg"), help="its own; `weight` varies it")
+    skin: str | None = value(Text(*SKINS), None, "how it looks; drawn without one")
+    lies: bool = value(Flag(), False, "on its side, as a lemon does")
+
+    def problems(self) -> Iterator[Problem]:
+        try:
+            read_model(self.model)
+        except UnusableModel as error:
+            yield Problem("model", str(error))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WorldOptions:
+    """MuJoCo's world: a robot, a table, and what lies on it."""
+
+    robot: Path = value(PathTo("file"), help="MJCF of the robot")
+    table_z: float = value(Measure(LENGTH), help="height of the table's surface in the base frame")
+    start: str = value(Text(), help="pose of the workspace in which the arm stands")
+    fruits: Mapping[str, CellFruitSection] = value(
+        MappingOf(Section(CellFruitSection)), help="what may lie on the table"
+    )
+    places: Mapping[str, tuple[float, ...]] = value(
+        MappingOf(Row(Measure(LENGTH), 2)), help="where it may lie: x, y in the base frame"
+    )
+    fruit: str = value(Text(), help="which fruit to pick")
+    place: str = value(Text(), help="where it lies")
+    others: int = value(Whole(0, 100), "0", "how many other fruits lie at the other places")
+    distractors: int = value(Whole(0, 20), "0", "objects that are no fruit")
+    skin: str = value(Text("any", *SKINS), "any", "of the target; 'any' draws one")
+    mass: float | None = value(OrWord(Measure(MASS, "1 g", "5 kg"), "auto"), "auto", "of the target; 'auto' draws one")
+    friction: tuple[float, float] | None = value(
+        OrWord(Span(Number(0.01, 5.0)), "auto"), "auto", f"sliding friction of the pads; 'auto' draws from {FRICTION}"
+    )
+    torsion: float = value(Measure(LENGTH, "0 mm", "100 mm"), "3 mm", "torsional friction of the pads over sliding")
+    weight: tuple[float, float] = value(
+        Span(Number(0.1, 10.0)), "0.95..1.10", "mass of a fruit beside its kind's, drawn from this range"
+    )
+    spread: float = value(Number(0.0, 0.3), "0", "width and height differ from the kind's by up to this share")
+    shape_noise: float = value(Number(0.0, 3.0), "1", "how uneven the shape is; 0 gives the CAD model's form")
+    tilt: float = value(Measure(ANGLE, "0 rad", "180 deg"), "0.1 rad", "largest tilt of a stem")
+    jitter: float = value(Measure(LENGTH, "0 mm", "50 mm"), "0 mm", "of a place, in x and y")
+    intruder: IntruderSection | None = value(Section(IntruderSection), None, "a person's hand that comes into the cell")
+
+    def problems(self) -> Iterator[Problem]:
+        for key, word, known in (("fruit", self.fruit, self.fruits), ("place", self.place, self.places)):
+            if word not in known:
+                yield Problem(key, f"it cannot be '{word}'", choose(word, known))
+        if self.others > len(self.places) - 1:
+            yield Problem("others", f"it is {self.others}, but must be between 0 and {len(self.places) - 1}")
+        try:
+            read_robot(self.robot)
+            read_limits(self.robot)
+        except UnusableRobotFile as error:
+            yield Problem("robot", str(error))
+
+    def fits(self, around: Surroundings) -> Iterator[Problem]:
+        poses = around.workspace.poses if around.workspace else {}
+        if self.start not in poses:
+            yield Problem("start", f"it cannot be '{self.start}'", choose(self.start, poses))
+
+    def known(self) -> Iterator[object]:
+        yield read_limits(self.robot)
+        yield FruitKinds((self.fruits[self.fruit].model.name,))
+
+
+def draw_layout(said: WorldOptions, seed: int, fixed: tuple[Box, ...] = ()) -> Layout:
+    """Draw what the `world:` section of a cell file leaves to chance.
+
+    Args:
+        said: the section.
+        seed: of the draws.
+        fixed: obstacles of the cell's workspace; the world has them too.
+    """
+    # One generator per matter, so that changing one option leaves what was drawn for the others.
+    drawn = {matter: np.random.default_rng([seed, 1, i]) for i, matter in enumerate(("places", "scatter", "friction"))}
+    rng = drawn["places"]
+    spots = [np.array(xy) for xy in said.places.values()]
+    place = list(said.places).index(said.place)
+    free = [i for i in rng.permutation(len(spots)) if i != place][: said.others]
+    target = said.fruits[said.fruit]
+    alike = [name for name, kind in said.fruits.items() if name != said.fruit and kind.model == target.model]
+    names = alike or [said.fruit]  # what else lies there is fruit of the same kind
+    picked = [said.fruit] + [
+        names[i % len(names)] for i in rng.permutation(max(said.others, len(names)))[: said.others]
+    ]
+    fruits = []
+    for i, (name, spot) in enumerate(zip(picked, [place, *free], strict=True)):
+        kind = said.fruits[name]
+        rng = np.random.default_rng([seed, 2, i])
+        drawn_mass = kind.mass * rng.uniform(*said.weight)
+        skin = str(rng.choice(APPLES))  # drawn for every fruit, so that what is drawn next stays the same
+        width, height = np.random.default_rng([seed, 6, i]).uniform(1.0 - said.spread, 1.0 + said.spread, 2)
+        fruits.append(
+            FruitOnTable(
+                name=name,
+                model=kind.model,
+                dimensions=np.array(kind.dimensions) * (width, height, width),
+                mass=said.mass if i == 0 and said.mass is not None else drawn_mass,
+                place=int(spot) + 1,
+                xy=spots[spot] + rng.uniform(-said.jitter, said.jitter, 2),
+                yaw=rng.uniform(-np.pi, np.pi),
+                tilt=rng.uniform(0.0, said.tilt) + (np.pi / 2.0 if kind.lies else 0.0),
+                tilt_azimuth=rng.uniform(-np.pi, np.pi),
+                skin=said.skin if i == 0 and said.skin != "any" else kind.skin or skin,
+                shape_noise=said.shape_noise,
+            )
+        )
+    return Layout(
+        robot=said.robot,
+        table_z=said.table_z,
+        fruits=tuple(fruits),
+        distractors=_scatter(said.distractors, [fruit.xy for fruit in fruits], drawn["scatter"]),
+        fixed=fixed,
+        friction=float(drawn["friction"].uniform(*(said.friction or FRICTION))),
+        torsion=said.torsion,
+        intruder=said.intruder,
+    )
+
+
+def _scatter(count: int, taken: list[Float64], rng: np.random.Generator) -> tuple[Distractor, ...]:
+    """Objects of fruitlike and unfruitlike colours, 150 mm and more away from fruit, the base, and each other."""
+    taken = [*taken, np.zeros(2)]
+    placed: list[Distractor] = []
+    while len(placed) < count:
+        xy = rng.uniform((-0.42, -0.68), (0.42, -0.15))
+        clear = 0.15
+        if all(np.hypot(*(xy - other)) > clear for other in taken):
+            taken.append(xy)
+            shape = str(rng.choice(["box", "ball", "cylinder"]))
+            half = rng.uniform(0.012, 0.035, 3)
+            fruitlike = rng.random() < 0.5
+            colour = rng.uniform((0.5, 0.05, 0.05), (0.9, 0.6, 0.2)) if fruitlike else rng.uniform(0.05, 0.9, 3)
+            placed.append(
+                Distractor(
+                    shape,
+                    (float(half[0]), float(half[1]), float(half[2])),
+                    xy,
+                    rng.uniform(-np.pi, np.pi),
+                    (float(colour[0]), float(colour[1]), float(colour[2])),
+                )
+            )
+    return tuple(placed)

@@ -1,0 +1,311 @@
+"""The world's own account of a run, for reports only: what was lifted, how it slipped, how hard it was pressed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from pomona.drivers.sim.held_force import HeldForce
+from pomona.drivers.sim.robot import PADS
+from pomona.drivers.sim.scene import SimScene, container_of, fixed_names
+from pomona.executive.values.arrays import Float64
+
+LIFTED = 0.03
+"""A fruit counts as lifted this far above where it stood [m]."""
+CLEAR = 1e-3
+"""A fruit hangs when nothing carries it and it has risen by more than this [m]: pads that rub make it hop by less."""
+TOUCH = 0.05
+"""A pad holds a fruit when it is pressed by more than this [N]."""
+REGAINED = 0.5
+"""A fruit that both pads touch again within this time is still in the same grip [s]."""
+SLID_OUT = 10e-3
+"""A grip that ends after the fruit slid by more than this has lost it; pads that open slide by far less. A fruit that
+the pads let go has left them when it is so far from where they held it: a jolt makes stiff contacts part for some
+milliseconds, again and again, without that [m]."""
+REST = 3e-3
+"""The tool is at rest below this speed [m/s]."""
+
+
+@dataclass(slots=True)
+class Grip:
+    """One fruit between the pads, from the first touch of both to the loss of one.
+
+    Attributes:
+        T_tool_fruit: pose when the tool last began to move before the fruit hung; slip is measured against it.
+        point: the fruit's material point between the pads at that time, in its own frame [m].
+        slip: largest motion of that point along the pads [m]; turn: largest rotation against the tool [rad].
+        peak: largest force, summed over both fingers [N].
+        least: largest value of the least force that the contact model needs for the load while the fruit hung free [N].
+        hung: whether the fruit was clear of what it stood on.
+        held: the fingers' normal forces, over time.
+        lost: the fruit slid out of it, or fell.
+    """
+
+    T_tool_fruit: Float64
+    point: Float64
+    slip: float = 0.0
+    turn: float = 0.0
+    peak: float = 0.0
+    least: float = 0.0
+    hung: bool = False
+    held: HeldForce = field(default_factory=HeldForce)
+    lost: bool = False
+
+
+@dataclass(slots=True)
+class FruitRecord:
+    """What happened to one fruit; bumps are touches by the robot while it held another one.
+
+    `ending`: where in the tool the fruit was when the last grip's contact went, which may come back yet; `fell`: it
+    hung then, and nothing carried it.
+    """
+
+    rest: Float64
+    looked: Float64
+    grip: Grip | None = None
+    last_grip: Grip | None = None
+    lost_at: float = -1.0
+    ending: Float64 | None = None
+    fell: bool = False
+    drops: int = 0
+    lost: int = 0
+    touches: int = 0
+    bumps: int = 0
+    touching: bool = False
+
+    def end_grip(self) -> None:
+        """The last grip is over: count a drop, or a fruit that slid out."""
+        grip = self.last_grip
+        assert grip is not None
+        self.drops += self.fell
+        if not grip.lost and (self.fell or grip.slip > SLID_OUT):
+            grip.lost = True
+            self.lost += 1
+        self.ending = None
+
+
+@dataclass(slots=True)
+class _Sensors:
+    """Live views of the engine's contact sensors for one fruit."""
+
+    support: tuple[Float64, ...]
+    robot: Float64
+    pads: tuple[Float64, ...]
+
+    @property
+    def supported(self) -> bool:
+        return any(view[0] > 0.0 for view in self.support)
+
+
+@dataclass(slots=True)
+class Scorer:
+    """Watches the state at 100 Hz. Reads the simulator's truth and changes nothing."""
+
+    scene: SimScene
+    state: Any
+    _fruits: list[FruitRecord] = field(init=False)
+    _sensors: list[_Sensors] = field(init=False)
+    _hits: dict[str, int] = field(init=False, default_factory=dict)
+    _touching: dict[str, bool] = field(init=False, default_factory=dict)
+    _forbidden: dict[str, Float64] = field(init=False)
+    _wrenches: list[Float64] = field(init=False)
+
+    def __post_init__(self) -> None:
+        count, carriers = len(self.scene.fruits), ("table", *fixed_names(self.scene.fixed))
+        self._fruits = [FruitRecord(self._pose(i), self._pose(i)) for i in range(count)]
+        self._sensors = [
+            _Sensors(
+                tuple(self._view(f"support_{i}_{name}") for name in carriers),
+                self._view(f"robot_fruit_{i}"),
+                tuple(self._view(f"{pad}_fruit_{i}") for pad in PADS),
+            )
+            for i in range(count)
+        ]
+        names = [self.scene.model.sensor(i).name for i in range(self.scene.model.nsensor)]
+        watched = [n for n in names if n.startswith("robot_") and not n.startswith("robot_fruit")]
+        self._forbidden = {n.removeprefix("robot_").removeprefix("fixed_"): self._view(n) for n in watched}
+        self._wrenches = [self._view(f"wrench_{pad}") for pad in PADS]
+
+    # ------------------------------------------------------------------------------------------- watching
+
+    def watch(self) -> None:
+        """Look at the contacts of this moment."""
+        for name, sensor in self._forbidden.items():
+            touching = sensor[0] > 0.0
+            if touching and not self._touching.get(name, False):
+                self._hits[name] = self._hits.get(name, 0) + 1
+            self._touching[name] = touching
+        for i, (record, sensors) in enumerate(zip(self._fruits, self._sensors, strict=True)):
+            touching = bool(sensors.robot[0] > 0.0)
+            begins = touching and not record.touching
+            record.touches += begins
+            record.bumps += begins and any(other.grip is not None for other in self._fruits if other is not record)
+            record.touching = touching
+            if touching or record.grip is not None or record.ending is not None:
+                self._watch_grip(i, record, sensors)
+
+    def note_look(self) -> None:
+        """A camera looks now, perhaps many times a second; what is between the fingers is not measured any more."""
+        for i, record in enumerate(self._fruits):
+            if record.grip is None:
+                record.looked = self._pose(i)
+
+    def _watch_grip(self, i: int, record: FruitRecord, sensors: _Sensors) -> None:
+        forces = [float(np.linalg.norm(pad[1:4])) for pad in sensors.pads]
+        held = min(forces) > TOUCH
+        if not held:
+            if record.grip is not None:
+                record.last_grip, record.grip = record.grip, None
+                record.lost_at = float(self.state.time)
+                record.ending = self._in_tool(i)
+                record.fell = bool(record.last_grip.hung and not sensors.supported)
+            elif record.ending is not None and (
+                (record.fell and sensors.supported)
+                or float(np.linalg.norm(self._in_tool(i) - record.ending)) > SLID_OUT
+            ):
+                record.end_grip()
+            return
+        record.ending = None
+        T_base_tool, T_base_fruit = self._tool(), self._pose(i)
+        supported = sensors.supported or T_base_fruit[2, 3] - record.rest[2, 3] < CLEAR
+        if record.grip is None:
+            again = record.last_grip is not None and self.state.time - record.lost_at < REGAINED
+            record.grip = record.last_grip if again else self._take_hold(T_base_tool, T_base_fruit)
+        grip = record.grip
+        assert grip is not None
+        grip.peak = max(grip.peak, sum(forces))
+        normal = self._normal_forces(sensors)
+        grip.held.finger_peak = max(grip.held.finger_peak, *normal)
+        if supported and not grip.hung and self._tool_speed() < REST:
+            fresh = self._take_hold(T_base_tool, T_base_fruit)
+            grip.T_tool_fruit, grip.point = fresh.T_tool_fruit, fresh.point
+            grip.slip = grip.turn = 0.0  # pads that slide over a fruit that stands are no slip of a held one
+            return
+        self._measure_slip(grip, np.linalg.inv(T_base_tool) @ T_base_fruit)
+        if not supported:
+            grip.hung = True
+            least = self._least_force()
+            grip.least = max(grip.least, least)
+            grip.held.note(float(self.state.time), sum(normal), least)
+
+    def _in_tool(self, fruit: int) -> Float64:
+        """Where a fruit's centre is in the tool's frame, shape (3,) [m]."""
+        T_tool_fruit: Float64 = np.linalg.inv(self._tool()) @ self._pose(fruit)
+        return T_tool_fruit[:3, 3]
+
+    def _take_hold(self, T_base_tool: Float64, T_base_fruit: Float64) -> Grip:
+        T_tool_fruit = np.linalg.inv(T_base_tool) @ T_base_fruit
+        tcp = self.scene.model.site("tcp").pos
+        return Grip(T_tool_fruit, T_tool_fruit[:3, :3].T @ (tcp - T_tool_fruit[:3, 3]))
+
+    def _measure_slip(self, grip: Grip, T_tool_fruit: Float64) -> None:
+        """Motion of the held point in the pads' plane (x and z of the tool); across it the soft pads only give."""
+        before = grip.T_tool_fruit[:3, :3] @ grip.point + grip.T_tool_fruit[:3, 3]
+        now = T_tool_fruit[:3, :3] @ grip.point + T_tool_fruit[:3, 3]
+        grip.slip = max(grip.slip, float(np.hypot(now[0] - before[0], now[2] - before[2])))
+        cosine = (np.trace(T_tool_fruit[:3, :3].T @ grip.T_tool_fruit[:3, :3]) - 1.0) / 2.0
+        grip.turn = max(grip.turn, float(np.arccos(np.clip(cosine, -1.0, 1.0))))
+
+    def _normal_forces(self, sensors: _Sensors) -> tuple[float, ...]:
+        """Of each pad on this fruit, across its face [N]."""
+        faces = [self.state.site(pad).xmat.reshape(3, 3)[:, 2] for pad in PADS]
+        return tuple(abs(float(face @ pad[1:4])) for face, pad in zip(faces, sensors.pads, strict=True))
+
+    def _least_force(self) -> float:
+        """Force of both fingers at which the ellipsoidal limit surface of the contact model just holds this load [N].
+
+        The load is what both pads together carry along their faces, and about the closing axis where they touch.
+        """
+        shear, twist = np.zeros(3), 0.0
+        for pad, wrench, side in zip(PADS, self._wrenches, (1.0, -1.0), strict=True):
+            normal = self.state.site(pad).xmat.reshape(3, 3)[:, 2]
+            force = wrench[:3]
+            shear += force - normal * (normal @ force)
+            twist += side * float(normal @ wrench[3:6])
+        friction, torsion = self.scene.friction, self.scene.torsion
+        return float(np.hypot(np.linalg.norm(shear) / friction, twist / torsion))
+
+    # ------------------------------------------------------------------------------------------ reporting
+
+    def report(self) -> dict[str, object]:
+        """The score as plain values; of the fruit that was lifted or gripped last, else of the target."""
+        index = self._judged()
+        fruit, record = self.scene.fruits[index], self._fruits[index]
+        pose = self._pose(index)
+        grip = record.grip or record.last_grip
+        risen = float(pose[2, 3] - record.rest[2, 3])
+        hits = dict(self._hits)
+        for i, other in enumerate(self._fruits):
+            never_gripped = other.grip is None and other.last_grip is None and i != index
+            if wrong := other.touches if never_gripped else other.bumps:
+                hits[self.scene.fruits[i].name] = wrong
+        return {
+            "lifted": bool(risen > LIFTED and record.grip is not None),
+            "fruit": fruit.name,
+            "place": fruit.place,
+            "target": self.scene.fruits[0].name,
+            "height_gained_m": risen,
+            "slip_mm": 1e3 * grip.slip if grip else None,
+            "rotation_deg": float(np.degrees(grip.turn)) if grip else None,
+            "peak_force_n": grip.peak if grip else None,
+            "least_force_n": grip.least if grip and grip.hung else None,
+            **(grip.held if grip else HeldForce()).report(),
+            "drops": sum(each.drops for each in self._fruits),
+            "lost": sum(each.lost for each in self._fruits),
+            "collisions": sum(hits.values()),
+            "collided_with": sorted(hits),
+            "dimensions_m": [float(d) for d in fruit.dimensions],
+            "mass_kg": fruit.mass,
+            "friction": self.scene.friction,
+            "torsion_m": self.scene.torsion,
+            "T_base_fruit": pose.tolist(),
+            "T_base_fruit_at_look": record.looked.tolist(),
+            "fruits": [
+                {
+                    "name": each.name,
+                    "place": each.place,
+                    "dimensions_m": [float(d) for d in each.dimensions],
+                    "T_base_fruit": self._pose(i).tolist(),
+                    "T_base_fruit_at_look": self._fruits[i].looked.tolist(),
+                    "inside": self._inside(i),
+                }
+                for i, each in enumerate(self.scene.fruits)
+            ],
+            "put_away": sum(bool(self._inside(i)) for i in range(len(self._fruits))),
+        }
+
+    def _judged(self) -> int:
+        for i, record in enumerate(self._fruits):
+            if record.grip is not None:
+                return i
+        gripped = [i for i, record in enumerate(self._fruits) if record.last_grip is not None]
+        return max(gripped, key=lambda i: self._fruits[i].lost_at, default=0)
+
+    def _inside(self, i: int) -> str:
+        """Name of the crate that a fruit lies in."""
+        return container_of(self.scene.fixed, self._pose(i)[:3, 3])
+
+    def _pose(self, i: int) -> Float64:
+        body = self.state.body(f"fruit_{i}")
+        return _pose(body.xpos, body.xmat)
+
+    def _tool(self) -> Float64:
+        body = self.state.body("tool0")
+        return _pose(body.xpos, body.xmat)
+
+    def _tool_speed(self) -> float:
+        return float(np.linalg.norm(self.state.body("tool0").cvel[3:]))
+
+    def _view(self, name: str) -> Float64:
+        sensor = self.scene.model.sensor(name)
+        view: Float64 = self.state.sensordata[sensor.adr[0] : sensor.adr[0] + sensor.dim[0]]
+        return view
+
+
+def _pose(position: Float64, rotation: Float64) -> Float64:
+    T = np.eye(4)
+    T[:3, :3] = rotation.reshape(3, 3)
+    T[:3, 3] = position
+    return T

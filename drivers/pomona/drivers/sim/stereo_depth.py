@@ -1,0 +1,93 @@
+"""What a stereo camera makes of true depth: correlated disparity noise, shadows, holes at grazing edges, steps."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from pomona.drivers.depth_model import SIMULATED, DepthModel
+from pomona.executive.values.arrays import Float32
+
+SUBPIXEL = 1.0 / 32.0
+"""Disparity is measured in steps of this [px] …"""
+DEPTH_UNIT = 1e-3
+"""… and depth is handed out in steps of this [m]."""
+CORRELATION = 1.3
+"""Noise is correlated over the matcher's window: deviation of the blur [px]."""
+GRAZING = 0.22
+"""Cosine between the surface's normal and the ray below which most of the depth is missing."""
+
+
+@dataclass(frozen=True, slots=True)
+class Stereo:
+    """Focal length [px], distance of the imagers [m], deviation of the disparity [px], nearest measurable depth [m]."""
+
+    focal: float
+    baseline: float
+    disparity_noise: float
+    nearest: float
+
+    def depth_model(self) -> DepthModel:
+        """What such a camera would say of itself; without noise the steps of the disparity remain."""
+        noise = max(self.disparity_noise, SUBPIXEL / np.sqrt(12.0))
+        return replace(SIMULATED, disparity=noise, baseline=self.baseline)
+
+
+def measure_depth(true_depth: Float32, stereo: Stereo, rng: np.random.Generator) -> Float32:
+    """Depth as measured.
+
+    The deviation is z² · disparity_noise / (f · b). Pixels that the second imager does not see, surfaces seen at a
+    grazing angle, and what is nearer than `nearest` give 0.
+
+    Args:
+        true_depth: z-depth, shape (h, w) [m]; 0 where nothing is hit.
+    """
+    shape = true_depth.shape
+    hit = true_depth > 0.0
+    strength = np.float32(stereo.focal * stereo.baseline)
+    disparity = np.divide(strength, true_depth, out=np.zeros_like(true_depth), where=hit)
+    missing = ~hit | (true_depth < stereo.nearest) | _hidden_from_second_imager(disparity)
+    missing |= _lost_at_edges(true_depth, stereo.focal, rng)
+    missing |= _specks(shape, rng)
+    noise = cv2.GaussianBlur(rng.standard_normal(shape, dtype=np.float32), (0, 0), CORRELATION)
+    noise *= np.float32(stereo.disparity_noise * 2.0 * np.sqrt(np.pi) * CORRELATION)
+    measured = np.round((disparity + noise) / SUBPIXEL) * SUBPIXEL
+    missing |= measured <= 0.0
+    depth = np.divide(strength, measured, out=np.zeros_like(true_depth), where=~missing)
+    stepped: Float32 = (np.round(depth / DEPTH_UNIT) * DEPTH_UNIT).astype(np.float32)
+    return stepped
+
+
+def _hidden_from_second_imager(disparity: Float32) -> NDArray[np.bool_]:
+    """Points behind something nearer on the line of sight of the imager to the right."""
+    column = np.arange(disparity.shape[1], dtype=np.float32) - disparity
+    nearest_right = np.minimum.accumulate(column[:, ::-1], axis=1)[:, ::-1]
+    hidden = np.zeros(disparity.shape, bool)
+    hidden[:, :-1] = column[:, :-1] > nearest_right[:, 1:] + 0.5
+    return hidden
+
+
+def _lost_at_edges(depth: Float32, focal: float, rng: np.random.Generator) -> NDArray[np.bool_]:
+    """Holes where the surface turns away or breaks off: the likelier, the more grazing."""
+    step = depth / np.float32(focal)
+    slope_u = cv2.Sobel(depth, cv2.CV_32F, 1, 0, ksize=3, scale=0.125)
+    slope_v = cv2.Sobel(depth, cv2.CV_32F, 0, 1, ksize=3, scale=0.125)
+    across = np.sqrt(slope_u**2 + slope_v**2)
+    cosine = step / np.sqrt(step**2 + across**2 + 1e-12)
+    chance = cv2.GaussianBlur(rng.random(depth.shape, dtype=np.float32), (0, 0), 1.0)
+    chance = (chance - 0.5) / np.float32(0.163) * np.float32(0.3) + 0.5  # back to a wide spread after the blur
+    lost: NDArray[np.bool_] = cosine < GRAZING * 2.0 * chance
+    return lost
+
+
+def _specks(shape: tuple[int, ...], rng: np.random.Generator) -> NDArray[np.bool_]:
+    """A few small patches without texture."""
+    rows, columns = shape
+    specks = np.zeros((rows, columns), np.uint8)
+    for _ in range(rng.poisson(6.0)):
+        centre = (int(rng.integers(columns)), int(rng.integers(rows)))
+        cv2.circle(specks, centre, int(rng.integers(1, 4)), 1, -1)
+    return specks.astype(bool)

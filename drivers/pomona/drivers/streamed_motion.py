@@ -1,0 +1,168 @@
+"""A motion that follows streamed set-points, for closed-loop control.
+
+A set-point only says where to go: the way there stays within the joints' limits of speed, acceleration and jerk,
+whatever arrives. Speeds follow the fastest profile that can still stop (v² = 2 a d). A moving average over the last
+`2 a / j` seconds turns its steps of acceleration into bounded jerk; an average of values within limits is within them,
+too. Without a new set-point within the watchdog's time the joints come to rest and the motion has failed.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from pomona.drivers.errors import BadTrajectory
+from pomona.drivers.interfaces import ArmLimits, MotionState
+from pomona.drivers.path_motion import Phase
+from pomona.executive.values.arrays import Float64
+
+
+class StreamedMotion:
+    """A motion towards the newest set-point, stepped by the arm's driver at a fixed period."""
+
+    time_left = math.inf
+    """Seconds to its end: not known, since set-points may keep arriving."""
+
+    def __init__(self, q: Float64, limits: ArmLimits, period: float, watchdog: float, speed: float = 1.0) -> None:
+        """
+        Args:
+            q: where the arm stands, shape (dof,) [rad].
+            watchdog: without a new set-point for this long it comes to rest and has failed [s].
+            speed: share of the joints' largest speeds that is used, above 0 to 1.
+        """
+        self.speed = speed
+        self.state, self.settled, self.problem = MotionState.RUNNING, False, ""
+        self.progress = 0.0
+        self._limits, self._period, self._watchdog = limits, period, watchdog
+        window = max(math.ceil(2.0 * float((limits.acceleration / limits.jerk).max()) / period), 1)
+        self._lately = np.tile(q, (window, 1))  # where the unsmoothed set-point was
+        self._next = 0
+        self._sum: Float64 = q * window
+        self._raw, self._rate = q.copy(), np.zeros_like(q)
+        self._target: Float64 = q.copy()
+        self._smooth: Float64 = q.copy()
+        self._still = window  # steps for which nothing has moved
+        self._aimed = 0.0
+        self._stopping = False
+
+    # ------------------------------------------------------------------------------------ set-points
+
+    def aim(self, q: Float64) -> None:
+        """Go there from now on.
+
+        Args:
+            q: joints, shape (dof,) [rad].
+
+        Raises:
+            BadTrajectory: not finite, or outside the joints' limits; it is ignored, and the watchdog runs on.
+        """
+        target = np.array(q, np.float64)
+        if target.shape != self._raw.shape or not np.isfinite(target).all():
+            raise BadTrajectory(f"a set-point must be {self._raw.size} finite numbers", 0)
+        outside = np.maximum(self._limits.lower - target, target - self._limits.upper)
+        if outside.max() > 0.0:
+            joint = int(outside.argmax())
+            span = f"{np.degrees(self._limits.lower[joint]):.1f}° and {np.degrees(self._limits.upper[joint]):.1f}°"
+            words = f"joint {joint + 1} would be at {np.degrees(target[joint]):.1f}°, its limits are {span}"
+            raise BadTrajectory(words, 0, joint)
+        self._target, self._aimed = target, 0.0
+
+    # ------------------------------------------------------------------------------------ supervision
+
+    @property
+    def phase(self) -> Phase:
+        """As of a motion along a path."""
+        if self.at_rest:
+            return Phase.RESTING
+        return Phase.BRAKING if self._stopping or self.state is not MotionState.RUNNING else Phase.RUNNING
+
+    @property
+    def set_point_rests(self) -> bool:
+        """Whether the commanded position stands still."""
+        return self._still >= len(self._lately)
+
+    @property
+    def set_point_arrived(self) -> bool:
+        """As `set_point_rests`: streamed set-points have no end to arrive at."""
+        return self.set_point_rests
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether nothing moves: settled, or paused and standing."""
+        return self.settled or (self.state is MotionState.PAUSED and self.set_point_rests)
+
+    def stop(self) -> None:
+        """Come to rest within the limits and stay there."""
+        if self.state in (MotionState.RUNNING, MotionState.PAUSED):
+            self._stopping = True
+
+    def set_speed(self, speed: float) -> None:
+        """Use this share of the joints' largest speeds from now on."""
+        self.speed = speed
+
+    def fail(self, problem: str) -> None:
+        """Come to rest and end as FAILED."""
+        if self.state in (MotionState.RUNNING, MotionState.PAUSED):
+            self.problem = self.problem or problem
+            self.stop()
+
+    def abandon(self, problem: str) -> None:
+        """End as FAILED where the arm is."""
+        if self.state in (MotionState.RUNNING, MotionState.PAUSED):
+            self.problem, self.state, self._stopping = problem, MotionState.FAILED, True
+            self._rate[:], self._still = 0.0, len(self._lately)
+
+    def pause(self) -> None:
+        """Come to rest; set-points are followed again after `resume`."""
+        if self.state is MotionState.RUNNING and not self._stopping:
+            self.state = MotionState.PAUSED
+
+    def resume(self) -> None:
+        """Follow the set-points that arrive from now on."""
+        if self.state is MotionState.PAUSED and not self._stopping:
+            self.state, self._aimed, self._target = MotionState.RUNNING, 0.0, self._raw.copy()
+
+    def look(self, resting: bool, beside: float, now: float) -> None:
+        """Update the state; the arguments are those of a motion along a path."""
+        if self._stopping and self.set_point_rests:
+            self.state = MotionState.FAILED if self.problem else MotionState.STOPPED
+            self.settled = resting
+
+    # ------------------------------------------------------------------------------------ stepping
+
+    def step(self) -> tuple[Float64, Float64]:
+        """Advance one period; joint positions [rad] and velocities [rad/s] of the set-point, (dof,) each."""
+        if self.state is MotionState.RUNNING and not self._stopping:
+            self._aimed += self._period
+            if self._aimed > self._watchdog + 1e-9:
+                self.fail(f"no new set-point came for {1e3 * self._watchdog:.0f} ms")
+        free = self.state is MotionState.RUNNING and not self._stopping
+        before, smooth = self._raw, self._smooth
+        self._raw = self._advanced(self._fastest() if free else np.zeros_like(self._rate), free)
+        self._sum = self._sum + self._raw - self._lately[self._next]
+        self._lately[self._next] = self._raw
+        self._next = (self._next + 1) % len(self._lately)
+        self._still = self._still + 1 if np.array_equal(self._raw, before) else 0
+        self._smooth = self._raw.copy() if self._still >= len(self._lately) else self._sum / len(self._lately)
+        if self.set_point_rests:
+            self._sum = self._raw * len(self._lately)  # so that rounding errors do not accumulate
+            return self._smooth, np.zeros_like(smooth)
+        return self._smooth, (self._smooth - smooth) / self._period
+
+    def _fastest(self) -> Float64:
+        """The speeds towards the target from which each joint can still stop at it."""
+        h, a, way = self._period, self._limits.acceleration, self._target - self._raw
+        speed = np.sqrt((0.5 * a * h) ** 2 + 2.0 * a * np.abs(way)) - 0.5 * a * h
+        speed = np.minimum(np.minimum(speed, np.abs(way) / h), self.speed * self._limits.velocity)
+        return np.sign(way) * speed
+
+    def _advanced(self, wanted: Float64, free: bool) -> Float64:
+        most = self._limits.acceleration * self._period
+        self._rate = self._rate + np.clip(wanted - self._rate, -most, most)
+        moved: Float64 = self._raw + self._rate * self._period
+        if free:  # the last step ends on the target
+            there = (np.abs(self._target - moved) < 1e-9) & (np.abs(self._rate) <= most)
+            moved = np.where(there, self._target, moved)
+            self._rate = np.where(there, 0.0, self._rate)
+        return np.clip(moved, self._limits.lower, self._limits.upper)

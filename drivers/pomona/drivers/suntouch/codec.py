@@ -1,0 +1,103 @@
+"""The finger's bytes: the host sends 'a', the finger answers 25 voltages as 25 × u16LE. No header, no checksum.
+
+Where an answer begins is known only from when it was asked for: `Assembler.expect` marks that moment, and whatever is
+left of an earlier answer is dropped.
+"""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass
+
+import numpy as np
+
+from pomona.drivers.wire import Malformed
+from pomona.executive.values.arrays import Float64
+
+REQUEST = b"a"
+TAXELS = 25
+SIZE = 2 * TAXELS
+COUNTS = 4096
+VOLTS = 3.3
+"""A reading is 12 bits over this range [V]; the upper four bits mean nothing."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FingerReading:
+    """One answer of a finger.
+
+    Attributes:
+        volts: shape (25,) [V], of the taxels row by row.
+        saturated: whether any taxel is at an end of its range.
+        dead: whether all of them are at the same end: no light, no supply, or a line that is stuck.
+    """
+
+    volts: Float64
+    saturated: bool
+    dead: bool = False
+
+
+def encode(volts: Float64) -> bytes:
+    """The bytes of an answer (a finger's side); voltages, shape (25,) [V], are rounded and clipped to 12 bits.
+
+    Raises:
+        ValueError: another number of voltages.
+    """
+    counts = np.clip(np.rint(np.asarray(volts) * (COUNTS / VOLTS)), 0, COUNTS - 1).astype("<u2")
+    if counts.shape != (TAXELS,):
+        raise ValueError(f"a finger has {TAXELS} taxels, not {counts.shape}")
+    return bytes(counts.tobytes())
+
+
+def decode(answer: bytes) -> FingerReading:
+    """The voltages of a whole answer.
+
+    Raises:
+        Malformed: it has not 50 bytes.
+    """
+    if len(answer) != SIZE:
+        raise Malformed(answer, f"a finger answers {SIZE} bytes, not {len(answer)}")
+    counts = np.array(struct.unpack(f"<{TAXELS}H", answer)) & (COUNTS - 1)
+    low, high = int(counts.min()), int(counts.max())
+    volts: Float64 = counts * np.float64(VOLTS / COUNTS)
+    return FingerReading(volts, low == 0 or high == COUNTS - 1, high == 0 or low == COUNTS - 1)
+
+
+class Assembler:
+    """Puts an answer together from the pieces in which it arrives.
+
+    Attributes:
+        damaged: answers that came short or long.
+    """
+
+    def __init__(self) -> None:
+        self.damaged = 0
+        self._buffer = bytearray()
+        self._answered = True
+
+    def expect(self) -> None:
+        """An answer is asked for now: what comes next is its beginning."""
+        if not self._answered:
+            self.damaged += 1
+        self._buffer.clear()
+        self._answered = False
+
+    def decode(self, chunk: bytes) -> FingerReading | None:
+        """The reading when it is complete with these bytes.
+
+        Raises:
+            Malformed: more bytes came than an answer has, so nobody knows which are the answer.
+        """
+        self._buffer += chunk
+        if len(self._buffer) > SIZE or (self._answered and chunk):
+            received = bytes(self._buffer)
+            self.damaged += 1
+            self._buffer.clear()
+            self._answered = True
+            raise Malformed(received, "more bytes than were asked for")
+        if len(self._buffer) < SIZE:
+            return None
+        answer = bytes(self._buffer)
+        self._buffer.clear()
+        self._answered = True
+        return decode(answer)

@@ -1,0 +1,180 @@
+"""The WSG gripper as a `Gripper`, to be called from any thread; what its owner does is in `pomona.drivers.wsg.jaws`.
+
+A lost gripper stays latched, as one that was stopped: nothing moves until somebody has acknowledged it and starts a new
+motion.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable
+
+from pomona.drivers.device import Device
+from pomona.drivers.errors import DeviceFault, DeviceLost, MotionRefused
+from pomona.drivers.gripper_motion import GripperMotion
+from pomona.drivers.interfaces import Gripper, GripperLimits, GripperState, MotionState
+from pomona.drivers.owner import Owner
+from pomona.drivers.wire import Link
+from pomona.drivers.wsg.codec import Command, Plain, SystemState
+from pomona.drivers.wsg.handshake import WsgIdentity, WsgOptions
+from pomona.drivers.wsg.jaws import FAULTS, Jaws, words
+from pomona.executive.clock import Clock
+
+
+class WsgGripper(Device):
+    """A WSG gripper on any link."""
+
+    interfaces = (Gripper,)
+    outlives = True
+
+    def __init__(
+        self, open_link: Callable[[], Link], clock: Clock, options: WsgOptions | None = None, name: str = "gripper"
+    ) -> None:
+        super().__init__(name)
+        self._jaws = Jaws(self, open_link, clock, options or WsgOptions())
+        self._clock = clock
+        self._owner = Owner(name, self._jaws.step, self._jaws.lose, clock)
+        self._asked: GripperMotion | None = None  # the last that was asked for, before the owner is told of it
+
+    @property
+    def identity(self) -> WsgIdentity | None:
+        """What the gripper said of itself in the last handshake."""
+        return self._jaws.identity
+
+    def connect(self) -> None:
+        """Open the wire and shake hands.
+
+        Raises:
+            DeviceError: no such gripper there, or it refuses the handshake.
+        """
+        self._jaws.session = self._jaws.open()
+        self._jaws.problem = None
+
+    def start(self) -> None:
+        """Serve the wire in a thread of its own from now on."""
+        self._owner.start()
+
+    def step(self) -> None:
+        """Serve the wire for a few milliseconds, where no thread does."""
+        self._jaws.step()
+
+    # --------------------------------------------------------------------------------------- the interface
+
+    @property
+    def limits(self) -> GripperLimits:
+        return self._jaws.limits
+
+    def state(self) -> GripperState:
+        """As the Protocol says.
+
+        Raises:
+            DeviceLost: there is no fresh state.
+        """
+        self._need_link()
+        return self._jaws.state
+
+    def move(self, width: float, speed: float) -> GripperMotion:
+        limits = self._jaws.limits
+        refusal = self._jaws.unready()
+        if refusal:
+            raise MotionRefused(self.name, refusal)
+        if not limits.width_min - 1e-6 <= width <= limits.width_max + 1e-6:
+            span = f"{1e3 * limits.width_min:.1f} … {1e3 * limits.width_max:.1f} mm"
+            raise MotionRefused(self.name, f"an opening of {1e3 * width:.1f} mm lies outside {span}")
+        if not 0.0 < speed <= limits.speed_max * (1.0 + 1e-6):
+            raise MotionRefused(self.name, f"a speed of {speed:g} m/s lies outside 0 … {limits.speed_max:g} m/s")
+        motion = GripperMotion(width, min(speed, limits.speed_max), self._jaws.state.width, self._leave_stop)
+        self._asked = motion
+        self._owner.post(lambda: self._jaws.begin(motion))
+        return motion
+
+    def _leave_stop(self, motion: GripperMotion) -> None:
+        self._owner.post(lambda: self._jaws.stop_motion(motion))
+
+    def set_speed(self, speed: float) -> None:
+        """As the Protocol says; while latched the fingers may close and hold but not open.
+
+        Raises:
+            DeviceLost: the gripper is lost, or was and nobody has acknowledged it.
+            DeviceFault: it has no finger script for streamed speeds, or is in fast stop.
+        """
+        self._need_link()
+        jaws = self._jaws
+        if jaws.estranged:
+            raise DeviceLost(self.name, f"was lost; acknowledge the loss before it moves: {words(jaws.problem)}")
+        if jaws.identity is None or not jaws.identity.has_script:
+            raise DeviceFault(
+                self.name, "has no finger script for streamed speeds: load drivers/pomona/drivers/wsg/velocity.lua"
+            )
+        if jaws.bits & SystemState.FAST_STOP:
+            raise DeviceFault(self.name, FAULTS[SystemState.FAST_STOP])
+        self._owner.post(lambda: jaws.stream(speed))
+
+    def tare(self) -> None:
+        """Tare the gripper's own force sensor; nothing must touch the fingers."""
+        self._need_link()
+        self._owner.post(lambda: self._jaws.send(Plain(Command.TARE), Command.TARE))
+
+    def _need_link(self) -> None:
+        if self._jaws.session is None:
+            raise DeviceLost(self.name, words(self._jaws.problem))
+
+    # ------------------------------------------------------------------------------------------ the device
+
+    def link(self) -> str:
+        problem = self._jaws.problem
+        return "ok" if problem is None else problem.message
+
+    def check(self) -> None:
+        problem = self._jaws.problem
+        if problem is not None:
+            raise problem
+        self._owner.check()
+
+    def safe_stop(self, reason: str) -> None:
+        """Latch, and send a stop whatever the gripper reports; a gripper that does not obey it gets a fast stop."""
+        if self._jaws.latched is None:
+            self._jaws.latched = reason
+        self._owner.post(lambda: self._jaws.stop_safely(reason))
+
+    def acknowledge(self) -> None:
+        """Release the latch, and a fast stop of the gripper.
+
+        Raises:
+            DeviceLost: it is still lost.
+        """
+        if self._jaws.session is None:
+            raise DeviceLost(self.name, f"is still lost: {words(self._jaws.problem)}")
+        self._owner.ask(self._jaws.release)
+
+    def pause(self) -> None:
+        self._owner.post(self._jaws.pause)
+
+    def resume(self) -> None:
+        motion, refusal = self._asked, self._jaws.unready()
+        if motion is not None and motion.state is MotionState.PAUSED and refusal:
+            raise MotionRefused(self.name, refusal)
+        self._owner.post(self._jaws.resume)
+
+    def settled(self) -> bool:
+        """Whether the fingers were measured to rest, and a stop was obeyed.
+
+        Streamed speeds do not count as motion: force control may go on for hours. Of a lost gripper nobody knows more
+        than when its last command must have ended.
+        """
+        if self._jaws.session is None:
+            return self._clock.now() > self._jaws.supervisor.rest_by
+        motion = self._asked
+        ended = motion is None or motion.settled or motion.state is MotionState.PAUSED
+        return ended and self._jaws.obeys()
+
+    def close(self) -> None:
+        """Stop the fingers where they are and say goodbye: a gripper that is left without it makes a fast stop."""
+        self.safe_stop("closed")
+        self._owner.close()
+        session, self._jaws.session = self._jaws.session, None
+        if session is not None:
+            with contextlib.suppress(OSError):
+                session.send(Plain(Command.DISCONNECT), Command.DISCONNECT)
+            session.close()
+        self._jaws.problem = DeviceLost(self.name, "is closed")

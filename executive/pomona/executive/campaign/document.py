@@ -1,0 +1,254 @@
+"""A report as a list of blocks, written as Markdown and as one HTML page that needs nothing beside it."""
+
+from __future__ import annotations
+
+import html
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from urllib.parse import quote
+
+from pomona.executive.palette import BAD, GOOD, INK, LINE, MUTED
+
+
+@dataclass(frozen=True, slots=True)
+class Heading:
+    """A heading below the title; level 2 or 3."""
+
+    text: str
+    level: int = 2
+
+
+@dataclass(frozen=True, slots=True)
+class Paragraph:
+    """A paragraph; `code` and **bold** are understood. A note is set smaller."""
+
+    text: str
+    note: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Bullets:
+    """A list; of each item `code` and **bold** are understood."""
+
+    items: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """A table; the first column is read as the row's name, the others as figures."""
+
+    header: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    caption: str = ""
+    words: bool = False
+    """Columns hold sentences, not figures: they are set flush left."""
+
+
+@dataclass(frozen=True, slots=True)
+class Tile:
+    """One figure that is seen first: met, missed, or neither."""
+
+    label: str
+    value: str
+    note: str = ""
+    met: bool | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Tiles:
+    """The figures at the head of a report."""
+
+    tiles: tuple[Tile, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class SvgPlot:
+    """A plot as SVG text; `name` becomes its file beside the Markdown."""
+
+    name: str
+    svg: str
+    caption: str
+
+
+@dataclass(frozen=True, slots=True)
+class PagePicture:
+    """A picture in a file, by its path from the document; `about` says what it shows to who cannot see it."""
+
+    path: str
+    about: str
+    caption: str = ""
+
+
+Block = Heading | Paragraph | Bullets | Table | Tiles | SvgPlot | PagePicture
+
+
+@dataclass(slots=True)
+class ReportPage:
+    """A title, a line about how the report was made, and blocks."""
+
+    title: str
+    about: str
+    blocks: list[Block] = field(default_factory=list)
+
+    def add(self, *blocks: Block) -> None:
+        """Append blocks to the document."""
+        self.blocks.extend(blocks)
+
+    def write(self, folder: Path, name: str = "report") -> tuple[Path, Path]:
+        """Write NAME.md with its pictures beside it, and NAME.html.
+
+        Returns:
+            both paths.
+        """
+        folder.mkdir(parents=True, exist_ok=True)
+        for block in self.blocks:
+            if isinstance(block, SvgPlot):
+                (folder / f"{name}_{block.name}.svg").write_text(block.svg, encoding="utf-8")
+        markdown, page = folder / f"{name}.md", folder / f"{name}.html"
+        markdown.write_text(to_markdown(self, name), encoding="utf-8")
+        page.write_text(to_html(self), encoding="utf-8")
+        return markdown, page
+
+
+def to_markdown(document: ReportPage, name: str = "report") -> str:
+    """The document as Markdown."""
+    parts = [f"# {document.title}", document.about]
+    for block in document.blocks:
+        match block:
+            case Heading(text, level):
+                parts.append(f"{'#' * level} {text}")
+            case Paragraph(text):
+                parts.append(text)
+            case Bullets(items):
+                parts.append("\n".join(f"- {item}" for item in items))
+            case Table():
+                parts.append(_markdown_table(block))
+            case Tiles(tiles):
+                parts.append(_markdown_tiles(tiles))
+            case SvgPlot():
+                parts.append(f"![{block.caption}]({name}_{block.name}.svg)\n\n{block.caption}")
+            case PagePicture(path, about, caption):
+                parts.append(f"![{about}]({quote(path)})" + (f"\n\n{caption}" if caption else ""))
+    return "\n\n".join(part for part in parts if part) + "\n"
+
+
+def _markdown_table(table: Table) -> str:
+    def line(cells: Sequence[str]) -> str:
+        return "| " + " | ".join(cell.replace("|", "/").replace("\n", " ") for cell in cells) + " |"
+
+    rule = "|" + "---|" * len(table.header) if table.words else "|---|" + "--:|" * (len(table.header) - 1)
+    lines = [line(table.header), rule, *map(line, table.rows)]
+    return (f"*{table.caption}*\n\n" if table.caption else "") + "\n".join(lines)
+
+
+def _markdown_tiles(tiles: Sequence[Tile]) -> str:
+    mark = {True: "✓ ", False: "✗ ", None: ""}
+    return "\n".join(f"- {mark[t.met]}**{t.value}** {t.label}" + (f" ({t.note})" if t.note else "") for t in tiles)
+
+
+def to_html(document: ReportPage) -> str:
+    """The document as one HTML page."""
+    body = "\n".join(_html(block) for block in document.blocks)
+    return _PAGE.format(title=html.escape(document.title), style=_STYLE, about=_inline(document.about), body=body)
+
+
+def _html(block: Block) -> str:
+    match block:
+        case Heading(text, level):
+            return f"<h{level}>{_inline(text)}</h{level}>"
+        case Paragraph(text, note):
+            return f"<p{' class=note' if note else ''}>{_inline(text)}</p>"
+        case Bullets(items):
+            return "<ul>" + "".join(f"<li>{_inline(item)}</li>" for item in items) + "</ul>"
+        case Table():
+            return _html_table(block)
+        case Tiles(tiles):
+            return '<div class="tiles">' + "".join(map(_html_tile, tiles)) + "</div>"
+        case SvgPlot():
+            drawn = block.svg[block.svg.index("<svg") :]
+            return f"<figure>{drawn}<figcaption>{_inline(block.caption)}</figcaption></figure>"
+        case PagePicture(path, about, caption):
+            words = f"<figcaption>{_inline(caption)}</figcaption>" if caption else ""
+            return f'<figure><img loading="lazy" src="{quote(path)}" alt="{html.escape(about)}">{words}</figure>'
+
+
+def _html_table(table: Table) -> str:
+    def row(cells: Sequence[str]) -> str:
+        first, *rest = cells
+        return f"<tr><th>{_inline(first)}</th>" + "".join(f"<td>{_inline(cell)}</td>" for cell in rest) + "</tr>"
+
+    head = "".join(f"<th>{_inline(cell)}</th>" for cell in table.header)
+    caption = f"<p class=caption>{_inline(table.caption)}</p>" if table.caption else ""
+    kind = ' class="words"' if table.words else ""
+    rows = "".join(map(row, table.rows))
+    return f'{caption}<div class="wide"><table{kind}><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table></div>'
+
+
+def _html_tile(tile: Tile) -> str:
+    kind = {True: "met", False: "missed", None: ""}[tile.met]
+    note = f"<small>{_inline(tile.note)}</small>" if tile.note else ""
+    return f'<div class="tile {kind}"><b>{_inline(tile.value)}</b><span>{_inline(tile.label)}</span>{note}</div>'
+
+
+def _inline(text: str) -> str:
+    text = html.escape(text, quote=False)
+    text = re.sub(r"`([^`]+)`", r"<code>\1</code>", text)
+    return re.sub(r"\*\*([^*]+)\*\*", r"<strong>\1</strong>", text)
+
+
+_PAGE = """<!doctype html>
+<html lang="en-GB">
+<head>
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<title>{title}</title>
+<style>{style}</style>
+</head>
+<body>
+<main>
+<header><h1>{title}</h1><p class="about">{about}</p></header>
+{body}
+</main>
+</body>
+</html>
+"""
+
+_COLOURS = f":root {{ --ink: {INK}; --soft: {MUTED}; --line: {LINE}; --good: {GOOD}; --bad: {BAD}; --paper: #fbfbf8; }}"
+_STYLE = (
+    f"\n{_COLOURS}"
+    """
+* { box-sizing: border-box; }
+body { margin: 0; background: var(--paper); color: var(--ink); font: 16px/1.55 system-ui, "Segoe UI", sans-serif; }
+main { max-width: 70rem; margin: 0 auto; padding: 3rem 1.5rem 5rem; }
+header { border-bottom: 3px solid var(--good); margin-bottom: 2rem; padding-bottom: .6rem; }
+h1 { font-size: 2.1rem; line-height: 1.2; margin: 0 0 .4rem; letter-spacing: -.01em; }
+h2 { font-size: 1.4rem; margin: 3rem 0 .6rem; border-bottom: 1px solid var(--line); padding-bottom: .25rem; }
+h3 { font-size: 1.08rem; margin: 2rem 0 .4rem; color: var(--good); }
+p, ul { max-width: 50rem; }
+.about, .note, figcaption, .caption { color: var(--soft); font-size: .88rem; }
+code { background: #eef1ec; border-radius: 3px; padding: .05em .3em; font-size: .88em; overflow-wrap: anywhere; }
+.wide { overflow-x: auto; margin: 0 0 1.4rem; }
+table { border-collapse: collapse; font-size: .88rem; font-variant-numeric: tabular-nums; background: #fff; }
+.caption { margin: 1.6rem 0 .4rem; max-width: none; }
+th, td { padding: .34rem .6rem; border-bottom: 1px solid var(--line); text-align: right; white-space: nowrap; }
+thead th { border-bottom: 2px solid var(--ink); font-weight: 600; vertical-align: bottom; }
+tbody th, thead th:first-child { text-align: left; font-weight: 600; }
+tbody tr:hover { background: #f3f7f2; }
+table.words th, table.words td { text-align: left; white-space: normal; vertical-align: top; }
+table.words td { min-width: 6rem; }
+.tiles { display: grid; grid-template-columns: repeat(auto-fit, minmax(18rem, 1fr)); gap: .8rem; margin: 1.5rem 0; }
+.tile { background: #fff; border: 1px solid var(--line); border-left: 4px solid var(--soft); border-radius: 6px;
+  padding: .8rem 1rem; display: flex; flex-direction: column; }
+.tile.met { border-left-color: var(--good); } .tile.missed { border-left-color: var(--bad); }
+.tile b { font-size: 1.55rem; line-height: 1.2; } .tile.met b { color: var(--good); }
+.tile.missed b { color: var(--bad); }
+.tile span { font-size: .92rem; } .tile small { color: var(--soft); }
+figure { margin: 1.5rem 0; } figure img { display: block; max-width: 100%; height: auto; border-radius: 6px; }
+figure svg { width: 100%; height: auto; background: #fff; padding: .8rem;
+  border: 1px solid var(--line);
+  border-radius: 6px; }
+@media print { main { max-width: none; padding: 0; } h2 { break-after: avoid; } figure, table { break-inside: avoid; } }
+"""
+)

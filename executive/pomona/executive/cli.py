@@ -1,0 +1,138 @@
+"""`pomona`: the command line.
+
+Exit status: 0 the task succeeded, 1 the tree failed, 2 unusable input, 3 stopped in the safe state (also by SIGTERM and
+SIGHUP), 130 interrupted; 129 and 143 ended by SIGHUP and SIGTERM before anything moved.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import sys
+import threading
+from collections.abc import Sequence
+from typing import Any
+
+from pomona.executive.commands.command_line import make_parser
+from pomona.executive.errors import UsageError
+from pomona.executive.running.signals import WORDS, raising, signalled, status_of
+
+PATIENCE = 2.0
+"""Seconds that threads and processes may go on when the work is done."""
+INTERRUPTED = 128
+"""A signal ends the process with a status above this."""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one subcommand.
+
+    Returns:
+        the exit status.
+    """
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    # A notebook names a backend for all its processes that may not be installed here; figures go into files alone.
+    os.environ["MPLBACKEND"] = "agg"
+    try:
+        with raising():
+            status = _run(words)
+    except KeyboardInterrupt as ended:
+        status = status_of(ended)
+    except ModuleNotFoundError as error:
+        if error.name is None or error.name.partition(".")[0] == "pomona":
+            raise
+        sys.stderr.write(f"{error}: this installation is not whole; `pomona doctor` says what is missing\n")
+        status = 2
+    except Exception as error:
+        ended_by = signalled(error)
+        if ended_by is None:
+            raise
+        status = status_of(ended_by)
+    if arguments is None:
+        _leave_quietly()
+        _end_without(_left(), status)
+    return status
+
+
+def _run(words: Sequence[str]) -> int:
+    from pomona.executive.terminal.filtered import (
+        filtered_output,  # loading it takes a while: signals are handled before
+    )
+
+    with filtered_output():
+        return _run_filtered(words)
+
+
+def _run_filtered(words: Sequence[str]) -> int:
+    command = next((index for index in range(0, len(words), 2) if words[index] != "--skill"), 0)
+    options = make_parser(words[command : command + 1]).parse_args(words)
+    try:
+        status: int = options.main(options)
+    except UsageError as error:
+        _print_error(str(error))
+        return 2
+    except BrokenPipeError:  # `pomona … | head`
+        return 1
+    except OSError as error:  # a folder that is not there, a disk that is full: which file, and what is wrong with it
+        if error.filename is None:
+            raise
+        _print_error(f"{error.filename}: {error.strerror}")
+        return 2
+    return status
+
+
+def _print_error(text: str) -> None:
+    from pomona.executive.terminal.screen import Screen
+
+    Screen(stderr=True).print(text, style="red", soft_wrap=True)
+
+
+def _leave_quietly() -> None:
+    """The work is done: a signal, or a reader that is gone, must not make a traceback out of the process's end."""
+    for number in WORDS:
+        signal.signal(number, signal.SIG_IGN)
+    for stream in (sys.stdout, sys.stderr):
+        try:
+            stream.flush()
+        except (OSError, ValueError):  # what is left has no reader
+            os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+
+
+def _left() -> list[str]:
+    """Names of the threads and processes for whose end Python would wait before this one ends."""
+    threads = [thread.name for thread in threading.enumerate() if not thread.daemon]
+    threads.remove(threading.main_thread().name)
+    return threads + [child.name for child in _children() if not child.daemon]
+
+
+def _children() -> list[Any]:
+    """Processes of `multiprocessing`, which is loaded where there are some."""
+    return sys.modules["multiprocessing"].active_children() if "multiprocessing" in sys.modules else []
+
+
+def _end_without(left: list[str], status: int) -> None:
+    """Record and cell are closed: what a skill or a library has left behind gets a moment, and then the process ends.
+
+    Threads of a pool that only wait for work end by themselves in this time.
+    """
+
+    def end() -> None:
+        threading.Event().wait(PATIENCE)
+        if still := _left():
+            if status > INTERRUPTED:  # Python cannot stop a thread that computes: who interrupted knows that it went on
+                from pomona.executive.running.compute import COMPUTING  # not for every command
+
+                still = [name for name in still if not name.startswith(COMPUTING)]
+            with contextlib.suppress(OSError):
+                if still:
+                    _print_error(f"still running after the end, and ended with the process: {', '.join(still)}")
+            for child in _children():  # Python waits for them no longer then: it has been said before
+                child.kill()
+            os._exit(status)
+
+    if left:
+        threading.Thread(target=end, name="pomona-end", daemon=True).start()
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,45 @@
+"""The options of everything that makes runs and may tell another program when too few of them succeed."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterable
+from itertools import islice
+from pathlib import Path
+
+from pomona.executive.dashboard.alerts import AlertRule, Alerts
+from pomona.executive.recording.index import RunIndex
+
+
+def add_alerts(parser: argparse.ArgumentParser) -> None:
+    """Register the options."""
+    parser.add_argument(
+        "--alert-to", metavar="URL", help="post a JSON object there when fewer of the last runs succeed than should"
+    )
+    parser.add_argument(
+        "--alert-below", type=_share, default=0.8, metavar="SHARE", help="of runs that should succeed (default: 80%%)"
+    )
+    parser.add_argument(
+        "--alert-over", type=int, default=20, metavar="N", help="the last runs that count (default: 20)"
+    )
+
+
+def alerts_of(options: argparse.Namespace, before: Iterable[tuple[bool, str]] = ()) -> Alerts | None:
+    """What the options ask for, or None.
+
+    Raises:
+        UsageError: they make no sense.
+    """
+    if options.alert_to is None:
+        return None
+    return Alerts(AlertRule(options.alert_to, options.alert_below, options.alert_over), before)
+
+
+def outcomes_in(records: Path, most: int) -> list[tuple[bool, str]]:
+    """Of the newest recorded runs that have ended, oldest first: whether each succeeded, and its code if not."""
+    ended = (run for run in RunIndex(records).read() if run.outcome is not None)
+    return [(run.outcome == "success", run.code or "") for run in islice(ended, max(most, 0))][::-1]
+
+
+def _share(text: str) -> float:
+    return float(text.removesuffix("%")) / 100.0 if text.endswith("%") else float(text)

@@ -1,0 +1,120 @@
+"""The parser of the command line, made of the installed subcommands; help, completion and man page come from it."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import re
+import sys
+from collections.abc import Iterable, Iterator, Sequence
+from importlib.metadata import EntryPoint, entry_points, version
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+from pomona.executive.commands.examples import examples
+
+COMMANDS = "pomona.commands"
+"""Entry point group of subcommands: functions that add one parser to argparse's subparsers and set its `main`.
+
+An entry point has its subcommand's name and is loaded alone when that is asked for: the others' imports cost seconds.
+Its help is read from its source, where the module says `add_parser("name", help="…")`."""
+
+EPILOG = """Exit status: 0 the task succeeded, 1 the tree failed, 2 unusable input, 3 stopped
+in the safe state (also by SIGTERM and SIGHUP), 130 interrupted; 129 and 143
+ended by SIGHUP and SIGTERM before anything moved.
+
+`pomona COMMAND --help` has examples; `pomona completion` completes commands in
+bash, zsh and fish, and makes the manual page."""
+
+
+class _Version(argparse.Action):
+    """Looks the version up when it is asked for."""
+
+    def __call__(self, *_arguments: object, **_options: object) -> None:
+        sys.stdout.write(f"pomona {version('pomona')}\n")
+        sys.exit(0)
+
+
+class _Choose(argparse.Action):
+    """Keeps the choice where all processes of a run find it."""
+
+    def __call__(
+        self,
+        parser: argparse.ArgumentParser,
+        _namespace: argparse.Namespace,
+        values: str | Sequence[Any] | None,
+        _option: str | None = None,
+    ) -> None:
+        from pomona.executive.registry import CHOSEN  # loading it takes a while, and few ask for it
+
+        name, _, package = str(values).partition("=")
+        if not (name and package) or " " in str(values):
+            parser.error(f"argument --skill: '{values}' is not NAME=PACKAGE, such as Detect=my_package")
+        os.environ[CHOSEN] = f"{os.environ.get(CHOSEN, '')} {values}".strip()
+
+
+def add_records_folder(parser: argparse.ArgumentParser) -> None:
+    """`--record DIR`, the same for every subcommand that writes or reads records."""
+    parser.add_argument(
+        "--record", type=Path, default=Path("runs"), metavar="DIR", help="folder of records (default: runs)"
+    )
+
+
+def command_names() -> list[str]:
+    """Every installed subcommand."""
+    return sorted(entry.name for entry in entry_points(group=COMMANDS))
+
+
+def make_parser(wanted: Iterable[str]) -> argparse.ArgumentParser:
+    """The parser. Only the subcommands that are wanted are loaded; of the others it knows what their sources say."""
+    parser = argparse.ArgumentParser(
+        prog="pomona",
+        description="Run tasks that are written as behaviour trees in YAML.",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        epilog=EPILOG,
+    )
+    parser.add_argument("--version", action=_Version, nargs=0, help="show the version and exit")
+    parser.add_argument(
+        "--skill", action=_Choose, metavar="NAME=PACKAGE", help="whose skill NAME is, when several packages offer one"
+    )
+    subparsers = parser.add_subparsers(metavar="COMMAND", required=True)
+    for entry in sorted(entry_points(group=COMMANDS), key=lambda entry: entry.name):
+        if entry.name in wanted:
+            entry.load()(subparsers)
+            _add_examples(subparsers.choices[entry.name], entry.name)
+        else:
+            subparsers.add_parser(entry.name, help=_help_of(entry), add_help=False)
+    return parser
+
+
+def children(parser: argparse.ArgumentParser) -> Iterator[tuple[str, str, argparse.ArgumentParser]]:
+    """Each subcommand's name, help and parser."""
+    for action in parser._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            helps = {choice.dest: choice.help or "" for choice in action._choices_actions}
+            for name, child in action.choices.items():
+                yield name, helps.get(name, ""), child
+
+
+def _add_examples(parser: argparse.ArgumentParser, name: str) -> None:
+    rows = examples(name)
+    if not rows:
+        return
+    lines = [f"  {line}\n      {about}" for line, about in rows]
+    parser.epilog = "\n".join([*([parser.epilog, ""] if parser.epilog else []), "examples:", *lines])
+    if parser.description:  # raw: the lines of the examples stay as they are, so must those of the description
+        parser.description = parser.description.strip()
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
+
+
+def _help_of(entry: EntryPoint) -> str:
+    """What a subcommand's source gives as its help, without importing it."""
+    package, *way = entry.module.split(".")
+    spec = find_spec(package)  # of a package within it, the outer one would be imported
+    for place in (spec.submodule_search_locations if spec is not None else None) or ():
+        source = Path(place, *way).with_suffix(".py")
+        if source.is_file():
+            found = re.search(rf"""add_parser\(\s*"{entry.name}",\s*help="([^"]*)\"""", source.read_text("utf-8"))
+            return found[1] if found is not None else ""
+    return ""

@@ -1,0 +1,122 @@
+"""`pomona evidence`: hazards, the nodes that guard against them, their limits, the largest that was measured."""
+
+from __future__ import annotations
+
+import argparse
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+from pomona.executive.campaign.document import Bullets, Heading, Paragraph, ReportPage, Table
+from pomona.executive.commands.command_line import add_records_folder
+from pomona.executive.errors import UsageError
+from pomona.executive.files import default_name
+from pomona.executive.recording.evidence import Evidence, Measured, gather, read_hazards
+from pomona.executive.recording.folder import find_record
+from pomona.executive.recording.index import records_in
+from pomona.executive.terminal.filtered import json_text
+from pomona.executive.terminal.screen import Screen
+from pomona.executive.values.shipped import installed_trees
+
+NO_CLAIM = (
+    "what a run did not meet, it did not measure: a maximum over runs is no bound",
+    "forces and positions are what the devices said; truth is the simulated world's",
+    "checksums and the chain of interventions find accidents and careless edits; who forges a whole record is found "
+    "only by a digest that was kept elsewhere: those below",
+    "the safe state is no hardware emergency stop, and this is no certificate",
+)
+
+
+def add(subparsers: Any) -> None:
+    """Register the subcommand."""
+    parser = subparsers.add_parser("evidence", help="hazards, limits and measured maxima of a campaign or of runs")
+    add_argument = parser.add_argument
+    what = "a folder of a campaign, a folder of records, a record, or its name below --record"
+    add_argument("runs", nargs="+", metavar="CAMPAIGN_OR_RUN", help=what)
+    add_records_folder(parser)
+    add_argument("--hazards", type=Path, help="a file of hazards (default: the installed one)")
+    add_argument("--out", type=Path, default=Path("evidence"), metavar="DIR", help="where to (default: evidence)")
+    parser.set_defaults(main=main)
+
+
+def main(options: argparse.Namespace) -> int:
+    """Write evidence.md, evidence.html and evidence.json.
+
+    Returns:
+        0; 1 when a limit was passed.
+    """
+    hazards = read_hazards(options.hazards or installed_trees() / "hazards" / f"{default_name('hazards')}.yaml")
+    records = [record for name in options.runs for record in _records(name, options.record)]
+    evidence = gather(list(dict.fromkeys(records)), hazards)
+    if not evidence.runs:
+        why = "; ".join(f"{run}: {reason}" for run, reason in list(evidence.left_out.items())[:3])
+        raise UsageError(f"no record can serve as evidence ({why or 'there is none'})")
+    markdown, page = document(evidence).write(options.out, "evidence")
+    (options.out / "evidence.json").write_text(json_text(evidence.as_json(), indent=1) + "\n", encoding="utf-8")
+    console = Screen()
+    for hazard, measured in zip(evidence.hazards, evidence.measured, strict=True):
+        style = "red" if measured.beyond else "" if measured.runs else "dim"
+        limit, largest = _limit(measured, hazard.unit), _largest(measured, hazard.unit)
+        console.print(f"{hazard.name}: limit {limit}, largest {largest}", style=style, soft_wrap=True)
+    console.print(
+        f"{len(evidence.runs)} runs, {len(evidence.left_out)} records left out: {markdown} {page}", soft_wrap=True
+    )
+    return 1 if any(measured.beyond for measured in evidence.measured) else 0
+
+
+def _records(name: str, root: Path) -> list[Path]:
+    for folder in (Path(name) / "records", Path(name), root / name):
+        if found := sorted(path.parent for path in records_in(folder)):
+            return found
+    try:
+        return [find_record(name, root)]
+    except UsageError as unknown:
+        if not Path(name).is_dir():
+            raise
+        words = "no records are in this folder, and evidence comes from records alone"
+        raise UsageError(f"{name}: {words}: `pomona campaign … --record` keeps them") from unknown
+
+
+def document(evidence: Evidence) -> ReportPage:
+    """The evidence as a report."""
+    runs = evidence.runs
+    outcomes = Counter(str(run["outcome"]) for run in runs)
+    cells = Counter(f"{run['cell']} ({run['cell_kind']})" for run in runs)
+    report = ReportPage("Evidence", f"{len(runs)} runs: {_counted(outcomes)}; cells: {_counted(cells)}")
+    report.add(Paragraph(f"Commits: {_counted(Counter(str(run['git'] or 'unknown') for run in runs))}."))
+    rows = [
+        (hazard.name, hazard.node, _limit(measured, hazard.unit), _largest(measured, hazard.unit), _where(measured),
+         f"{measured.beyond} of {measured.runs}", hazard.meaning)
+        for hazard, measured in zip(evidence.hazards, evidence.measured, strict=True)
+    ]  # fmt: skip
+    header = ("hazard", "node", "limit", "measured maximum", "where", "runs beyond", "what is measured")
+    report.add(Heading("Hazards"), Table(header, tuple(rows), words=True))
+    report.add(Heading("What this does not claim"), Bullets(NO_CLAIM))
+    acted = [run for run in runs if run["interventions"]]
+    report.add(Heading("Interventions of operators"))
+    log = [(str(run["run"]), str(run["interventions"]), str(run["interventions_digest"])) for run in acted]
+    report.add(Table(("run", "entries", "digest of the log"), tuple(log), words=True) if log else Paragraph("None."))
+    report.add(Heading("Records"))
+    listed = [(str(run["run"]), str(run["outcome"]), str(run["sha256"])) for run in runs]
+    report.add(Table(("run", "outcome", "SHA-256 of its file"), tuple(listed), words=True))
+    if evidence.left_out:
+        report.add(Heading("Left out"), Table(("record", "why"), tuple(evidence.left_out.items()), words=True))
+    return report
+
+
+def _counted(counter: Counter[str]) -> str:
+    return ", ".join(f"{number} {name}" for name, number in counter.most_common())
+
+
+def _limit(measured: Measured, unit: str) -> str:
+    return "none in the cell" if measured.limit is None else f"{measured.limit:.4g} {unit}".strip()
+
+
+def _largest(measured: Measured, unit: str) -> str:
+    return "not measured" if measured.value is None else f"{measured.value:.4g} {unit}".strip()
+
+
+def _where(measured: Measured) -> str:
+    if measured.value is None:
+        return "–"
+    return f"{measured.run}, {measured.t:.2f} s {measured.quantity}".strip()

@@ -1,0 +1,78 @@
+"""What people type, by subcommand: shown below its help and in the manual page.
+
+The tree, the setting and the campaign in them are the installed trees' own (`trees/defaults.toml`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+_EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = {
+    "run": (
+        ("pomona run {tree}", "{task} on the simulated cell"),
+        ("pomona run {tree} --pace real --dashboard", "watch and steer it in the browser"),
+        ("pomona run {tree} --set {setting} --seed 3", "with another parameter, another world"),
+        ("pomona run my_tree.yaml --cell lab.yaml", "your own tree on your own cell"),
+        ("pomona run my_tree.yaml --dry --watch", "no cell: run it again each time it is saved"),
+    ),
+    "measure": (
+        ("pomona measure frames --out row_7", "count and measure the fruit in recorded RGB-D frames"),
+        ("pomona measure row_color.mp4 --every 10", "in a video that has its depth beside it"),
+        ("pomona measure frames --kind lemon --score 0.7", "another fruit, and only what is surer"),
+    ),
+    "check": (
+        ("pomona check my_tree.yaml", "everything that is wrong with it, with line and column"),
+        ("pomona check {tree} --cell lab.yaml", "can it run on this cell?"),
+    ),
+    "show": (
+        ("pomona show {tree}", "draw a tree in the terminal"),
+        ("pomona show {tree} --svg tree.svg", "or as a picture"),
+    ),
+    "fmt": (
+        ("pomona fmt my_tree.yaml", "indentation and spacing in one way; comments stay"),
+        ("pomona fmt --check trees/*.yaml", "for CI: says which are not"),
+    ),
+    "lsp": (("pomona lsp --cell sim", "what an editor starts; with the names that this cell knows"),),
+    "new": (
+        ("pomona new package my_kit", "a package with a skill, a tree and tests"),
+        ("pomona new driver my_camera --into my_kit", "add a driver to it"),
+        ("pomona new cell my_cell", "a cell file to begin with"),
+    ),
+    "dashboard": (
+        ("pomona dashboard", "all recorded runs, and new ones"),
+        ("ssh -L 9000:localhost:8420 robot", "then, on your machine, open the printed link with port 9000"),
+        ("pomona dashboard --host 0.0.0.0 --tls-cert c.pem --tls-key k.pem", "reached from elsewhere, encrypted"),
+    ),
+    "explain": (
+        ("pomona explain last", "why the last run failed"),
+        ("pomona explain 2026-11-21_08-41-07_{tree}", "why that one did"),
+    ),
+    "runs": (
+        ("pomona runs list", "the recorded runs, newest first"),
+        ("pomona runs show last", "what it was, how it went, what its record holds"),
+    ),
+    "replay": (("pomona replay last --speed 1", "show it again, as it went"),),
+    "rerun": (("pomona rerun last", "does a simulated run repeat exactly?"),),
+    "campaign": (
+        ("pomona campaign {campaign} --workers 4", "many runs and their report"),
+        ("pomona campaign {campaign} --report", "the report of what is there already"),
+    ),
+    "skills": (("pomona skills Plan", "a skill's ports, devices and failures"),),
+    "doctor": (("pomona doctor --cell lab.yaml", "is the cell fit to run?"),),
+    "completion": (
+        ("pomona completion bash > ~/.local/share/bash-completion/completions/pomona", "for bash"),
+        ("pomona completion fish > ~/.config/fish/completions/pomona.fish", "for fish"),
+        ("pomona completion man > ~/.local/share/man/man1/pomona.1", "then `man pomona`"),
+    ),
+}
+
+
+def examples(command: str) -> tuple[tuple[str, str], ...]:
+    """What people type to a subcommand, and what it does; nothing for one without examples."""
+    rows = _EXAMPLES.get(command, ())
+    if not rows:
+        return ()
+    from pomona.executive.files import default_name  # takes an eighth of `pomona --help`, which shows none
+
+    names = {name: default_name(name) for name in ("tree", "task", "setting", "campaign")}
+    return tuple((line.format(**names), about.format(**names)) for line, about in rows)

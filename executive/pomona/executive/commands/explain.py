@@ -1,0 +1,42 @@
+"""`pomona explain`: what happened in a run and why, in a few sentences."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+from pomona.executive.commands.command_line import add_records_folder
+from pomona.executive.commands.runs import RUN
+from pomona.executive.recording.digest import trusted
+from pomona.executive.recording.folder import events_file, find_record, is_being_written
+from pomona.executive.recording.read import read_events
+from pomona.executive.terminal.explain import explain
+from pomona.executive.terminal.run_list import UNCHECKED
+from pomona.executive.terminal.screen import Screen
+
+
+def add(subparsers: Any) -> None:
+    """Register the subcommand."""
+    parser = subparsers.add_parser("explain", help="what happened in a recorded run and why, in a few sentences")
+    parser.add_argument("run", nargs="?", default="last", help=f"{RUN} (default: last)")
+    add_records_folder(parser)
+    parser.set_defaults(main=main)
+
+
+def main(options: argparse.Namespace) -> int:
+    """Explain it.
+
+    Returns:
+        the exit status.
+    """
+    record = find_record(options.run, options.record)
+    console = Screen()
+    run = trusted(record)
+    why_cut = run.message or "nobody knows why"
+    for paragraph in explain(read_events(record), is_being_written(events_file(record)), why_cut):
+        console.print(paragraph, soft_wrap="\n" in paragraph)
+    if run.lost:
+        console.print(f"The record was damaged and repaired; what it lost: {run.lost}.", style="yellow")
+    if not run.checked:
+        console.print(UNCHECKED, style="yellow")
+    return 0

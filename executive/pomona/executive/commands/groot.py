@@ -1,0 +1,68 @@
+"""`pomona export` and `pomona import`: XML of Groot2 and BehaviorTree.CPP, out and in."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import Any
+
+from pomona.executive.errors import UsageError
+from pomona.executive.files import find_tree, read_text, write_text
+from pomona.executive.language.documents import read_document, refuse_errors, with_declarations
+from pomona.executive.language.groot_export import export_groot
+from pomona.executive.language.groot_import import import_groot
+from pomona.executive.registry import Registry
+from pomona.executive.values.findings import format_findings
+
+
+def add_export(subparsers: Any) -> None:
+    """Register `pomona export`."""
+    out = subparsers.add_parser("export", help="write a tree as XML for Groot2 and BehaviorTree.CPP")
+    out.add_argument("tree", help="a tree file, or the name of an installed tree")
+    out.add_argument("--groot", action="store_true", default=True, help="the format; there is no other")
+    out.add_argument("--out", type=Path, metavar="FILE", help="file to write (default: standard output)")
+    out.set_defaults(main=export)
+
+
+def add_import(subparsers: Any) -> None:
+    """Register `pomona import`."""
+    into = subparsers.add_parser("import", help="read XML of Groot2 or BehaviorTree.CPP and print a tree file")
+    into.add_argument("xml", type=Path, help="the file whose tree runs; what it includes is read, too")
+    into.add_argument("beside", type=Path, nargs="*", metavar="xml", help="further files, whose trees it calls")
+    into.add_argument("--nodes", type=Path, action="append", default=[], metavar="FILE", help="models of its nodes")
+    into.add_argument("--main", dest="tree", default="", metavar="ID", help="the tree that runs, if the file is silent")
+    into.add_argument("--out", type=Path, metavar="FILE", help="file to write (default: standard output)")
+    into.set_defaults(main=import_)
+
+
+def export(options: argparse.Namespace) -> int:
+    """Write the XML.
+
+    Returns:
+        the exit status.
+    """
+    write_text(with_declarations(lambda registry: _xml(options, registry)), options.out)
+    return 0
+
+
+def _xml(options: argparse.Namespace, registry: Registry) -> str:
+    document = read_document(find_tree(options.tree))
+    refuse_errors(document, registry, {}, None)
+    return export_groot(document, registry)
+
+
+def import_(options: argparse.Namespace) -> int:
+    """Write the tree file; what could not be translated is told on standard error.
+
+    Returns:
+        0 when everything was carried over, else 1.
+    """
+    beside, nodes = ([(read_text(path), path) for path in given] for given in (options.beside, options.nodes))
+    text, findings = import_groot(read_text(options.xml), options.xml, beside=beside, nodes=nodes, main=options.tree)
+    if not text:
+        raise UsageError(format_findings(findings))
+    if findings:
+        sys.stderr.write(format_findings(findings) + "\n")
+    write_text(text, options.out)
+    return 1 if findings else 0

@@ -1,0 +1,30 @@
+"""`pomona lsp`: a language server for editors, over standard input and output."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+from pomona.executive.errors import UsageError
+from pomona.executive.files import find_cell
+
+
+def add(subparsers: Any) -> None:
+    """Register the subcommand."""
+    parser = subparsers.add_parser("lsp", help="a language server: editors start it by themselves")
+    parser.add_argument("--cell", help="complete and check the names that this cell knows")
+    parser.set_defaults(main=main)
+
+
+def main(options: argparse.Namespace) -> int:
+    """Serve until the editor says that it ends.
+
+    Returns:
+        0.
+    """
+    try:
+        from pomona.executive.language_server.server import serve
+    except ModuleNotFoundError as missing:
+        raise UsageError(f"{missing.name} is not installed: pip install 'pomona[lsp]'") from missing
+    serve(find_cell(options.cell) if options.cell else None).start_io()
+    return 0

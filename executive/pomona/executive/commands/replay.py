@@ -1,0 +1,69 @@
+"""`pomona replay`: a recorded run, shown again in the terminal."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import time
+from typing import Any
+
+from pomona.executive.commands.command_line import add_records_folder
+from pomona.executive.recording.digest import trusted
+from pomona.executive.recording.folder import find_record
+from pomona.executive.recording.read import read_events
+from pomona.executive.terminal.live import LiveTree
+from pomona.executive.terminal.run_list import UNCHECKED, ending
+from pomona.executive.terminal.screen import Screen
+from pomona.executive.terminal.summary import Summary
+
+SLOWEST, FASTEST = 1e-3, 1e3
+"""Of what can be asked for, in seconds of the run for one second of the clock."""
+
+
+def add(subparsers: Any) -> None:
+    """Register the subcommand."""
+    parser = subparsers.add_parser("replay", help="show a recorded run again")
+    parser.add_argument("run", help="a record's folder, its name below --record, or 'last'")
+    add_records_folder(parser)
+    parser.add_argument(
+        "--speed", type=_speed, metavar="FACTOR", help="1 is real time; without it as fast as it can be shown"
+    )
+    parser.set_defaults(main=main)
+
+
+def _speed(text: str) -> float:
+    with contextlib.suppress(ValueError):
+        if SLOWEST <= (speed := float(text)) <= FASTEST:
+            return speed
+    raise argparse.ArgumentTypeError(f"'{text}' is no speed: write a number from {SLOWEST:g} to {FASTEST:g}")
+
+
+def main(options: argparse.Namespace) -> int:
+    """Replay it.
+
+    Returns:
+        the exit status.
+    """
+    folder = find_record(options.run, options.record)
+    run = trusted(folder)
+    console = Screen()
+    live, summary = LiveTree(console), Summary()
+    shown = 0.0
+    try:
+        for event in read_events(folder):
+            if options.speed is not None and event.t > shown:
+                time.sleep((event.t - shown) / options.speed)
+                shown = event.t
+            live.on_event(event)
+            summary.on_event(event)
+    finally:
+        live.close()
+    if summary.started is None or summary.ended is None:
+        console.print(f"{folder}: {ending(run)}; what is there is shown above")
+        return 0
+    summary.print(console, folder)
+    if run.lost:
+        console.print(f"the record was damaged and repaired; what it lost: {run.lost}", style="yellow")
+    if not run.checked:
+        console.print(UNCHECKED, style="yellow")
+    return 0

@@ -1,0 +1,276 @@
+"""`pomona run`: a tree file on a cell, watched, recorded and summed up."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import logging
+import signal
+import sys
+import threading
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pomona.executive.commands.alerting import add_alerts, alerts_of, outcomes_in
+from pomona.executive.commands.command_line import add_records_folder
+from pomona.executive.commands.dashboard import add_address, add_ros2, make_access, open_bridge
+from pomona.executive.commands.watch import run_on_save
+from pomona.executive.dashboard.control_lock import ControlLock
+from pomona.executive.dashboard.server import Dashboard
+from pomona.executive.errors import PomonaError, UsageError
+from pomona.executive.execute import Executed, RunOrder, execute
+from pomona.executive.files import default_name, find_cell, find_tree
+from pomona.executive.recording.session import Reader
+from pomona.executive.running.events import Listener
+from pomona.executive.running.runner import Runner
+from pomona.executive.running.signals import Terminated
+from pomona.executive.settings import parse_settings
+from pomona.executive.speed import SpeedRefusedError, speed_of
+from pomona.executive.terminal.filtered import write_json
+from pomona.executive.terminal.keys import Keys
+from pomona.executive.terminal.live import LiveTree
+from pomona.executive.terminal.screen import Screen
+
+if TYPE_CHECKING:
+    from pomona.executive.interop.live import Live
+
+EXIT = {"success": 0, "failure": 1, "stopped": 3, "error": 3}
+
+
+def add(subparsers: Any) -> None:
+    """Register the subcommand."""
+    parser = subparsers.add_parser("run", help="run a tree file on a cell")
+    parser.add_argument("tree", help="a tree file, or the name of an installed tree")
+    parser.add_argument("--cell", help="a cell file, or the name of an installed cell (default: the simulated one)")
+    parser.add_argument("--seed", type=int, default=0, help="every random choice comes from it (default: 0)")
+    parser.add_argument(
+        "--set", action="append", default=[], metavar="KEY=VALUE",
+        help="a parameter of the tree or an option of the cell",
+    )  # fmt: skip
+    parser.add_argument(
+        "--pace", choices=("fast", "real"), default="fast", help="a simulated cell as fast as possible, or in real time"
+    )
+    parser.add_argument(
+        "--speed", default="100 %", metavar="SHARE",
+        help="the arm goes at this share of what is commanded, 10 %% to 100 %%; the page and ROS 2 change it",
+    )  # fmt: skip
+    add_records_folder(parser)
+    parser.add_argument("--no-record", action="store_true", help="leave no record")
+    parser.add_argument(
+        "--dry", nargs="?", const="", metavar="MOCKS",
+        help="run without a cell: mocks replace all skills, as a mock file says",
+    )  # fmt: skip
+    parser.add_argument("--json", action="store_true", help="print one JSON object as the last line")
+    parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
+    _add_beginnings(parser)
+    _add_views(parser)
+    parser.add_argument("--watch", action="store_true", help="run again each time the tree file is saved")
+    add_alerts(parser)
+    add_address(parser)
+    parser.set_defaults(main=main)
+
+
+def _add_beginnings(parser: argparse.ArgumentParser) -> None:
+    """Where a run waits for somebody, and how it begins after one that was cut."""
+    for side in ("before", "after"):
+        parser.add_argument(
+            f"--break-{side}", action="append", default=[], metavar="NODE",
+            help=f"pause {side} this node (its name, type or path); go on from the page, so it needs --dashboard",
+        )  # fmt: skip
+    parser.add_argument(
+        "--recover", action="store_true",
+        help="bring the arm home slowly first: after a run that was cut, or that has left something in the gripper",
+    )  # fmt: skip
+    parser.add_argument(
+        "--cleared", action="store_true",
+        help="somebody has checked the cell: start although the last run was cut off, or something is in the gripper",
+    )  # fmt: skip
+
+
+def _add_views(parser: argparse.ArgumentParser) -> None:
+    """Where a run is shown while it goes on."""
+    parser.add_argument(
+        "--dashboard", action="store_true",
+        help="show the run in the browser, too; in a terminal the page stays until Ctrl-C",
+    )  # fmt: skip
+    parser.add_argument(
+        "--foxglove", nargs="?", const=0, type=int, metavar="PORT", help="show the run in Foxglove (default port: 8765)"
+    )
+    parser.add_argument(
+        "--rerun", nargs="?", const="", metavar="FILE.rrd", help="show the run in Rerun, or write its file"
+    )
+    add_ros2(parser)
+
+
+def main(options: argparse.Namespace) -> int:
+    """Run it.
+
+    Returns:
+        the exit status.
+    """
+    logging.basicConfig(level=logging.WARNING, format="%(name)s: %(message)s")
+    console = Screen(stderr=options.json, quiet=options.quiet)
+    order = RunOrder(
+        tree=find_tree(options.tree),
+        cell=find_cell(options.cell or default_name("cell")),
+        seed=options.seed,
+        settings=parse_settings(options.set),
+        real_time=options.pace == "real",
+        record=None if options.no_record else options.record,
+        past=options.record,
+        dry=options.dry is not None,
+        mocks=Path(options.dry) if options.dry else None,
+        recover=options.recover,
+        cleared=options.cleared,
+        speed=_speed(options.speed),
+        attended=options.dashboard or _answers_here(options, console),
+        breaks=(
+            *((name, "before") for name in options.break_before),
+            *((name, "after") for name in options.break_after),
+        ),
+    )
+    if order.breaks and not order.attended:
+        raise UsageError("nobody could resume after a breakpoint: add --dashboard")
+    alerts = alerts_of(options, outcomes_in(options.record, options.alert_over) if options.alert_to else ())
+    with contextlib.ExitStack() as stack:
+        if alerts is not None:
+            stack.callback(alerts.wait)
+        dashboard = _serve(options, console, stack) if options.dashboard else None
+        live_views, control = _live_views(options, console, dashboard, stack)
+
+        def run() -> int:
+            counting = [] if alerts is None else [alerts.on_event]
+            executed = _run_once(options, order, dashboard, live_views, control, console, counting)
+            if executed.signal not in (None, signal.SIGINT) and (options.watch or dashboard is not None):
+                raise Terminated(executed.signal)  # it was meant for the whole process, not for this run
+            return 130 if executed.result.interrupted else EXIT[executed.result.outcome]
+
+        status = run_on_save(order.tree, order.settings, run, console) if options.watch else run()
+        if dashboard is not None and sys.stdin.isatty() and not options.quiet:
+            console.print("the page stays open; Ctrl-C ends it")
+            with contextlib.suppress(KeyboardInterrupt):
+                threading.Event().wait()
+    return status
+
+
+def _speed(text: str) -> float:
+    try:
+        return speed_of(text)
+    except SpeedRefusedError as error:
+        raise UsageError(f"--speed: {error}") from None
+
+
+def _answers_here(options: argparse.Namespace, console: Screen) -> bool:
+    """Whether somebody sits at this terminal, answers questions and goes on after breakpoints."""
+    return not (options.dashboard or options.quiet or options.json) and console.is_terminal and sys.stdin.isatty()
+
+
+def _run_once(
+    options: argparse.Namespace,
+    order: RunOrder,
+    dashboard: Dashboard | None,
+    views: Live | None,
+    control: ControlLock | None,
+    console: Screen,
+    counting: Sequence[Listener] = (),
+) -> Executed:
+    with contextlib.closing(LiveTree(console)) as live:
+        listeners = [live.on_event, *counting] if views is None else [live.on_event, *counting, views.on_event]
+        readers = [] if views is None else [views.read]
+        if _answers_here(options, console):
+            with contextlib.closing(Keys(console, sys.stdin)) as keys:
+                heard, ready = [*listeners, keys.on_event], keys.serve
+                executed = execute(order, heard, on_ready=ready, starting=live.starting(), readers=readers)
+        elif dashboard is None and control is None:
+            executed = execute(order, listeners, starting=live.starting(), readers=readers)
+        else:
+            executed = _execute(order, listeners, readers, dashboard, control, console)
+    with contextlib.suppress(OSError):  # nobody reads any more: the exit status says it all the same
+        executed.summary.print(console, executed.record)
+        if executed.problem:
+            console.print(executed.problem, style="red")
+        if options.quiet and executed.result.outcome != "success":
+            Screen(stderr=True).print(executed.summary.sentence(), soft_wrap=True)
+        if options.json:
+            write_json(executed.summary.as_json(executed.record))
+            sys.stdout.flush()
+    return executed
+
+
+def _serve(options: argparse.Namespace, console: Screen, stack: contextlib.ExitStack) -> Dashboard:
+    dashboard = Dashboard(make_access(options), options.record)
+    dashboard.start()
+    stack.callback(dashboard.close)
+    console.print(f"dashboard: {dashboard.link}", soft_wrap=True)
+    return dashboard
+
+
+def _live_views(
+    options: argparse.Namespace, console: Screen, dashboard: Dashboard | None, stack: contextlib.ExitStack
+) -> tuple[Live | None, ControlLock | None]:
+    """The run's viewers that were asked for, and what they act with; nothing of them is imported otherwise."""
+    if options.foxglove is None and options.rerun is None and options.ros2 is None:
+        return None, None
+    from pomona.executive.interop.live import Live, Sink
+
+    sinks: list[Sink] = []
+    if options.foxglove is not None:
+        from pomona.executive.interop.foxglove_view import PORT, FoxgloveView
+
+        view = FoxgloveView(options.foxglove or PORT)
+        console.print(f"Foxglove: open a connection to {view.link}", soft_wrap=True)
+        sinks.append(view)
+    if options.rerun is not None:
+        from pomona.executive.interop.rerun_view import VIEWER, RerunView
+
+        sinks.append(RerunView(options.rerun or VIEWER))
+    control = None
+    if options.ros2 is not None:
+        control = ControlLock() if dashboard is None else dashboard.control
+        access = make_access(options) if dashboard is None else dashboard.access
+        sinks.append(open_bridge(options, console, access, control))
+    views = Live(sinks)
+    stack.callback(views.close)
+    return views, control
+
+
+def _execute(
+    order: RunOrder,
+    listeners: Sequence[Listener],
+    readers: Sequence[Reader],
+    dashboard: Dashboard | None,
+    control: ControlLock | None,
+    console: Screen,
+) -> Executed:
+    if dashboard is None:
+        assert control is not None
+        starting = control.prepare(order.tree.stem)
+        try:
+            return execute(order, listeners, on_ready=control.serve, starting=starting, readers=readers)
+        finally:
+            control.clear()
+    lock, problem = dashboard.control, ""
+    try:
+        return execute(
+            order,
+            [*listeners, dashboard.hub.on_event],
+            readers=readers,
+            on_ready=lock.serve,
+            on_latched=lambda runner: _hold(runner, dashboard, console),
+            starting=lock.prepare(order.tree.stem),
+        )
+    except PomonaError as error:
+        problem = str(error)
+        raise
+    finally:
+        lock.clear(problem)
+
+
+def _hold(runner: Runner, dashboard: Dashboard, console: Screen) -> None:
+    """Keep the cell in its safe state while there is somebody who can reset it; Ctrl-C lets go, too."""
+    if not dashboard.hub.viewers and not sys.stdin.isatty():
+        return
+    console.print(f"safe state: {runner.latched}. Reset it on the page, or leave with Ctrl-C.", style="red")
+    with contextlib.suppress(KeyboardInterrupt):
+        runner.hold_latched()

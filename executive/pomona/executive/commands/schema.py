@@ -1,0 +1,36 @@
+"""`pomona schema`: the JSON Schema of a kind of file; editors complete and check with it."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+from pomona.executive.file_kinds import file_kind, kind_names
+from pomona.executive.language.documents import with_declarations
+from pomona.executive.language.schema import schema
+from pomona.executive.terminal.filtered import write_json
+
+TREE = "tree"
+DRAFT = "https://json-schema.org/draft/2020-12/schema"
+
+
+def add(subparsers: Any) -> None:
+    """Register the subcommand."""
+    parser = subparsers.add_parser("schema", help="print the JSON Schema of a kind of file, for editors")
+    parser.add_argument("kind", nargs="?", default=TREE, choices=(TREE, *kind_names()), help="tree (the default), "
+                        "cell, campaign and what is installed besides")  # fmt: skip
+    parser.set_defaults(main=main)
+
+
+def main(options: argparse.Namespace) -> int:
+    """Print it.
+
+    Returns:
+        the exit status.
+    """
+    if options.kind == TREE:
+        found = with_declarations(schema)
+    else:
+        found = {"$schema": DRAFT, **file_kind(options.kind).schema()}
+    write_json(found, indent=2)
+    return 0

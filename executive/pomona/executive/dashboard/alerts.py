@@ -1,0 +1,143 @@
+"""Tells another program, by a webhook, when fewer runs succeed than should. A run never waits for it."""
+
+from __future__ import annotations
+
+import json
+import logging
+import re
+import threading
+import urllib.request
+from collections import Counter, deque
+from collections.abc import Iterable
+from dataclasses import dataclass
+from http.client import HTTPException
+from urllib.error import HTTPError
+from urllib.parse import urlsplit
+
+from pomona.executive.errors import UsageError
+from pomona.executive.running.events import Event, RunEnded, RunStarted
+
+logger = logging.getLogger(__name__)
+
+PATIENCE = 5.0
+"""Seconds that the other program may take to answer."""
+
+TRIES = 3
+
+
+@dataclass(frozen=True, slots=True)
+class AlertRule:
+    """When somebody is told.
+
+    Attributes:
+        address: of the webhook, http or https; a JSON object is posted there.
+        below: share of runs that succeed, 0 to 1, below which it is told.
+        over: the last runs of which the share is taken; nothing is told before there were so many.
+    """
+
+    address: str
+    below: float = 0.8
+    over: int = 20
+
+    def __post_init__(self) -> None:
+        if problem := _unusable(self.address):
+            raise UsageError(f"--alert-to {self.address}: {problem}")
+        if not 0.0 < self.below <= 1.0 or self.over < 1:
+            raise UsageError(
+                "--alert-below takes a share above 0 % and up to 100 %, --alert-over a number of runs from 1"
+            )
+
+
+class Alerts:
+    """Counts the outcomes of runs. Subscribe `on_event` to their streams; tells once when the share falls below."""
+
+    def __init__(self, rule: AlertRule, before: Iterable[tuple[bool, str]] = ()) -> None:
+        """
+        Args:
+            rule: when somebody is told.
+            before: of the runs before, oldest first: whether each succeeded, and its code if not.
+        """
+        self._rule = rule
+        self._outcomes: deque[tuple[bool, str]] = deque(before, maxlen=rule.over)
+        self._told = self._is_low()
+        self._run, self._counted = "", False
+        self._teller: threading.Thread | None = None
+
+    def on_event(self, event: Event) -> None:
+        """Take one event; returns at once."""
+        self.take(event)
+
+    def take(self, event: Event) -> threading.Thread | None:
+        """The same; gives the thread that tells, if there is something to tell."""
+        if isinstance(event, RunStarted):
+            self._run, self._counted = event.run, False
+        if not isinstance(event, RunEnded):
+            return None
+        if self._counted and self._outcomes:  # it has ended otherwise than it seemed: its record was lost, for instance
+            self._outcomes.pop()
+        self._counted = bool(self._run)
+        leaf = event.reason
+        while leaf is not None and leaf.causes:
+            leaf = leaf.causes[-1]
+        return self.count(event.outcome == "success", "" if leaf is None else leaf.code, self._run)
+
+    def count(self, good: bool, code: str, run: str) -> threading.Thread | None:
+        """Count one more run; gives the thread that tells, if there is something to tell."""
+        self._outcomes.append((good, "" if good else code))
+        low = self._is_low()
+        tells, self._told = low and not self._told, low
+        if not tells:
+            return None
+        share = self._share()
+        codes = Counter(code for good, code in self._outcomes if not good)
+        words = f"{share:.0%} of the last {self._rule.over} runs succeeded, less than {self._rule.below:.0%}"
+        most = ", ".join(f"{code or 'no code'} {count}×" for code, count in codes.most_common(3))
+        body = {
+            "text": f"Pomona: {words}; failures: {most}", "success_rate": share, "below": self._rule.below,
+            "runs": self._rule.over, "failures": dict(codes), "last_run": run,
+        }  # fmt: skip
+        teller = threading.Thread(
+            target=self._tell, args=(json.dumps(body).encode(),), name="pomona-alert", daemon=True
+        )
+        teller.start()
+        self._teller = teller
+        return teller
+
+    def wait(self) -> None:
+        """Give the other program the time it may take, before the process ends."""
+        if self._teller is not None:
+            self._teller.join(PATIENCE)
+
+    def _share(self) -> float:
+        return sum(good for good, _code in self._outcomes) / len(self._outcomes)
+
+    def _is_low(self) -> bool:
+        return len(self._outcomes) == self._rule.over and self._share() < self._rule.below
+
+    def _tell(self, body: bytes) -> None:
+        problem: Exception | None = None
+        asked = urllib.request.Request(self._rule.address, body, {"content-type": "application/json"}, method="POST")
+        for _ in range(TRIES):
+            try:
+                with urllib.request.urlopen(asked, timeout=PATIENCE):  # http or https: the rule is judged
+                    return
+            except HTTPError as error:
+                error.close()  # it holds the connection
+                problem = error
+            except (OSError, HTTPException, ValueError) as error:  # whatever it answers, it may be no HTTP at all
+                problem = error
+        logger.warning("the alert was not taken by %s: %s", self._rule.address, problem)
+
+
+def _unusable(address: str) -> str:
+    """What is wrong with an address; empty when a request can go there."""
+    try:
+        parts = urlsplit(address)
+        usable = parts.scheme in ("http", "https") and bool(parts.hostname) and parts.port != 0
+    except ValueError as error:  # a port that is no number, a bracket that is not closed
+        return str(error)
+    if not usable:
+        return "an address begins with http:// or https://, and names a host"
+    return (
+        "" if address.isascii() and not re.search(r"[\s\x00-\x1f\x7f]", address) else "a blank or such a sign is in it"
+    )

@@ -1,0 +1,109 @@
+"""The trees and cells that the page may start, and what can be set on them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pomona.executive.errors import PomonaError, UsageError
+from pomona.executive.files import default_name, find_cell, find_tree, read_text
+from pomona.executive.language import read
+from pomona.executive.language.model import Declared
+from pomona.executive.running.cell_files import cell_files
+from pomona.executive.values.findings import Findings, format_findings
+from pomona.executive.values.shipped import installed_trees
+from pomona.executive.values.yaml_nodes import YamlNode, YamlScalar
+
+
+@dataclass(frozen=True, slots=True)
+class Choices:
+    """Files by the name under which the page offers them; nothing else can be started."""
+
+    trees: Mapping[str, Path]
+    cells: Mapping[str, Path]
+
+    @classmethod
+    def installed(cls, trees: Sequence[str] = (), cells: Sequence[str] = ()) -> Choices:
+        """Everything that comes with the package, and files that are given.
+
+        Raises:
+            UsageError: a given file is not there.
+        """
+        folder = installed_trees()
+        return cls(
+            {path.stem: path for path in [*sorted(folder.glob("*.yaml")), *map(find_tree, trees)]},
+            {path.stem: path for path in [*sorted((folder / "cells").glob("*.yaml")), *map(find_cell, cells)]},
+        )
+
+    def tree(self, name: object) -> Path:
+        """The file of an offered tree.
+
+        Raises:
+            UsageError: it is not offered.
+        """
+        return _offered(self.trees, name, "tree")
+
+    def cell(self, name: object) -> Path:
+        """The file of an offered cell.
+
+        Raises:
+            UsageError: it is not offered.
+        """
+        return _offered(self.cells, name, "cell")
+
+    def describe(self) -> dict[str, Any]:
+        """For the page's form: parameters of each tree, options of each cell, and what it offers first."""
+        return {
+            "trees": [{"name": name, **_describe(_tree_facts, path)} for name, path in self.trees.items()],
+            "cells": [{"name": name, **_describe(_cell_facts, path)} for name, path in self.cells.items()],
+            "first": {"tree": default_name("tree"), "cell": default_name("cell")},
+        }
+
+
+def _offered(files: Mapping[str, Path], name: object, kind: str) -> Path:
+    if not isinstance(name, str) or name not in files:
+        raise UsageError(f"this dashboard offers no such {kind}; it offers {', '.join(files) or 'none'}")
+    return files[name]
+
+
+def _describe(facts: Any, path: Path) -> dict[str, Any]:
+    try:
+        found: dict[str, Any] = facts(path)
+    except PomonaError as error:
+        return {"problem": str(error)}
+    return found
+
+
+def _tree_facts(path: Path) -> dict[str, Any]:
+    main = read(read_text(path), path, tree_folders=[installed_trees()]).main
+    return {
+        "description": main.description,
+        "parameters": [_parameter(name, declared) for name, declared in main.parameters.items()],
+    }
+
+
+def _parameter(name: str, declared: Declared) -> dict[str, Any]:
+    return {
+        "name": name,
+        "type": declared.type.text if declared.type is not None else "",
+        "default": _text(declared.default),
+        "min": _text(declared.min),
+        "max": _text(declared.max),
+        "choices": [choice.text for choice in declared.choices],
+        "help": declared.help,
+    }
+
+
+def _text(node: YamlNode | None) -> str:
+    return node.text if isinstance(node, YamlScalar) else ""
+
+
+def _cell_facts(path: Path) -> dict[str, Any]:
+    findings = Findings()
+    outline = cell_files().outline(path, findings)
+    if outline is None:
+        raise UsageError(format_findings(findings.sorted()))
+    options = [{"name": option.name, "default": option.default, "help": option.help} for option in outline.options]
+    return {"kind": outline.kind, "options": options}

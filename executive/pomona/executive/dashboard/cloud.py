@@ -1,0 +1,108 @@
+"""The depth of a look as coloured points in the base frame, few enough for a screen."""
+
+from __future__ import annotations
+
+import base64
+import math
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from pomona.executive.errors import PomonaError
+from pomona.executive.recording.container import HEAD, MESSAGE_HEAD
+from pomona.executive.recording.folder import EVENTS
+from pomona.executive.recording.image_size import size_of_image
+from pomona.executive.recording.json_text import parse_object
+from pomona.executive.recording.overview import TOPIC
+from pomona.executive.recording.plain_file import open_plain
+from pomona.executive.recording.scan import Verdict, walk_topics
+from pomona.executive.recording.well_known import DEPTH, IMAGES
+from pomona.executive.views import ImageView, Pinhole
+
+MOST_POINTS = 6_000
+MOST_PIXELS = 25_000_000
+"""Of an image that is unpacked."""
+
+FARTHEST = 3.0
+"""Metres: what is farther away would make everything else small."""
+
+
+def cloud_of(view: ImageView) -> dict[str, str] | None:
+    """Points of a look: millimetres (int16), colours (uint8), (n, 3) each, in base 64; None without depth or pose."""
+    if view.image is None or view.depth is None or view.pinhole is None or view.pinhole.T_base_camera is None:
+        return None
+    return _packed(view.image, view.depth, view.pinhole)
+
+
+def cloud_in_record(path: Path, image_at: int, verdict: Verdict) -> dict[str, str]:
+    """The same of a look in a record, by the place of its image; empty where there is none.
+
+    Raises:
+        PomonaError: the record is not believed.
+    """
+    try:
+        with open_plain(path) as stream:
+            stream.seek(image_at + HEAD.size)
+            _channel, _sequence, stamp, _published = MESSAGE_HEAD.unpack(stream.read(MESSAGE_HEAD.size))
+    except (OSError, ValueError) as error:
+        raise PomonaError(f"{path}: there is no image at {image_at}") from error
+    image: bytes = b""
+    topic, depth = "", b""
+    for found in walk_topics(path, _belongs_to_a_look, stamp, stamp, verdict):
+        if found.at == image_at:
+            image, topic, depth = found.content, found.topic.removeprefix(IMAGES), b""
+        elif topic and found.topic == f"{DEPTH}{topic}" and found.content:
+            depth = found.content
+        elif depth and found.topic == EVENTS and _topic_of(found.content) == topic:
+            return _unpacked(image, depth, parse_object(found.content)["value"].get("pinhole"))
+    return {}
+
+
+def _topic_of(event: bytes) -> str:
+    found = TOPIC.search(event)
+    return found[1].decode(errors="replace") if found is not None else ""
+
+
+def _belongs_to_a_look(topic: str) -> bool:
+    return topic == EVENTS or topic.startswith((IMAGES, DEPTH))
+
+
+def _unpacked(image: bytes, depth: bytes, pinhole: Any) -> dict[str, str]:
+    if not isinstance(pinhole, dict) or pinhole.get("T_base_camera") is None:
+        return {}
+    jpeg, png = _coded(image), _coded(depth)
+    size = size_of_image(jpeg)
+    if size_of_image(png) != size or not 0 < math.prod(size) <= MOST_PIXELS:
+        return {}  # before anything is unpacked
+    colour = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR)
+    millimetres = cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_UNCHANGED)
+    if colour is None or millimetres is None or millimetres.ndim != 2 or colour.shape[:2] != millimetres.shape:
+        return {}
+    fx, fy, cx, cy = (float(pinhole[name]) for name in ("fx", "fy", "cx", "cy"))
+    lens = Pinhole(fx, fy, cx, cy, np.asarray(pinhole["T_base_camera"], np.float64).reshape(4, 4))
+    return _packed(colour[..., ::-1], millimetres.astype(np.float32) * np.float32(1e-3), lens) or {}
+
+
+def _coded(message: bytes) -> bytes:
+    return base64.b64decode(parse_object(message)["data"])
+
+
+def _packed(image: NDArray[Any], depth: NDArray[np.float32], pinhole: Pinhole) -> dict[str, str] | None:
+    if image.shape[:2] != depth.shape:
+        return None
+    step = max(1, int(np.ceil(np.sqrt(depth.size / MOST_POINTS))))
+    v, u = np.mgrid[step // 2 : depth.shape[0] : step, step // 2 : depth.shape[1] : step]
+    z = depth[v, u].astype(np.float64)
+    seen = np.isfinite(z) & (z > 0.0) & (z < FARTHEST)
+    u, v, z = u[seen], v[seen], z[seen]
+    if not z.size:
+        return None
+    p_camera = np.stack([(u - pinhole.cx) * z / pinhole.fx, (v - pinhole.cy) * z / pinhole.fy, z], axis=1)
+    T = np.asarray(pinhole.T_base_camera, np.float64)
+    p_base = p_camera @ T[:3, :3].T + T[:3, 3]
+    millimetres = np.clip(np.rint(p_base * 1e3), -32_000, 32_000).astype("<i2")
+    colours = np.ascontiguousarray(image[v, u], np.uint8)
+    return {"mm": base64.b64encode(millimetres.tobytes()).decode(), "rgb": base64.b64encode(colours.tobytes()).decode()}

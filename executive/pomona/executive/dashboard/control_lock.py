@@ -1,0 +1,249 @@
+"""One operator at a time: who holds control, and what is done with it."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from pomona.executive.errors import PomonaError
+from pomona.executive.language.changes import ChangeRefusedError
+from pomona.executive.running.breakpoints import BREAK_ACTIONS, UnknownNodeError
+from pomona.executive.running.requests import AnswerRefusedError, UnknownFaultError
+from pomona.executive.running.runner import Runner
+from pomona.executive.running.starting import Starting
+from pomona.executive.speed import SpeedRefusedError, speed_of
+
+ACTIONS = ("pause", "resume", "step", "stop")
+
+
+class RefusedError(PomonaError):
+    """An action that is not carried out, and why."""
+
+
+@dataclass(frozen=True, slots=True)
+class Holder:
+    """Who holds control now; empty when nobody does.
+
+    `viewer` is known to that page and the server only; `grant` counts how often control has changed hands, so that
+    every page can tell whether the newest grant is its own.
+    """
+
+    who: str = ""
+    viewer: str = ""
+    grant: int = 0
+
+
+class ControlLock:
+    """One operator at a time acts; anybody may safe-stop. Methods may be called from any thread."""
+
+    def __init__(self, changed: Callable[[], None] = lambda: None) -> None:
+        self._lock = threading.Lock()
+        self._held = Holder()
+        self._runner: Runner | None = None
+        self._starting: tuple[str, Starting] | None = None
+        self._problem: dict[str, Any] | None = None
+        self._changed = changed
+
+    @property
+    def holder(self) -> Holder:
+        """Who has control of the run now."""
+        return self._held
+
+    @property
+    def runner(self) -> Runner | None:
+        """The run in progress, or None."""
+        return self._runner
+
+    @property
+    def start(self) -> dict[str, Any] | None:
+        """The run that is being prepared, or why the last one did not begin, as the page is told."""
+        if self._starting is None:
+            return self._problem
+        tree, starting = self._starting
+        stage = starting.stage
+        if stage is None:
+            return None
+        return {
+            "tree": tree, "cell_kind": starting.cell_kind, "what": stage.what, "done": stage.done, "of": stage.of,
+            "age": round(starting.age, 3), "cancelled": starting.cancelled,
+        }  # fmt: skip
+
+    @property
+    def known_faults(self) -> dict[str, tuple[str, ...]]:
+        """What can be made to fail in the run in progress, and how; nothing without one, and on a real cell."""
+        runner = self._runner
+        return {} if runner is None or runner.state.ended else runner.known_faults
+
+    @property
+    def is_preparing(self) -> bool:
+        """Whether a run is being prepared."""
+        return self._starting is not None and self._starting[1].stage is not None
+
+    @property
+    def is_busy(self) -> bool:
+        """Whether a run is being prepared, goes on, or holds a latched safe state."""
+        runner = self._runner
+        return self.is_preparing or (runner is not None and (not runner.state.ended or runner.latched is not None))
+
+    def prepare(self, tree: str) -> Starting:
+        """A run of this tree is being prepared: what `execute` reports to, until `serve` gives the runner."""
+        starting = Starting(self._changed)
+        self._starting, self._problem = (tree, starting), None
+        self._changed()
+        return starting
+
+    def clear(self, problem: str = "") -> None:
+        """Nothing runs and nothing is being prepared any more; `problem` says why it did not begin."""
+        if self._starting is not None and problem:
+            self._problem = {"tree": self._starting[0], "problem": problem}
+        self._starting = None
+        self.serve(None)
+
+    def serve(self, runner: Runner | None) -> None:
+        """Act on this runner from now on."""
+        self._runner = runner
+        if runner is not None and self._held.who:
+            runner.note(self._held.who, "take")  # the record begins with who holds control
+        self._changed()
+
+    def take(self, viewer: str, who: str) -> None:
+        """Take control; it is taken visibly, also from somebody else.
+
+        Raises:
+            RefusedError: the viewer does not say who it is.
+        """
+        if not viewer:
+            raise RefusedError("a viewer has an id of its own")
+        self._hand_over(viewer, Holder(who, viewer), who, "take")
+
+    def release(self, viewer: str) -> None:
+        """Give control back; harmless for a viewer that does not hold it."""
+        held = self._held
+        if viewer and held.viewer == viewer:
+            self._hand_over(viewer, Holder(), held.who, "release")
+
+    def _hand_over(self, viewer: str, to: Holder, who: str, action: str) -> None:
+        with self._lock:
+            if action == "release" and self._held.viewer != viewer:
+                return
+            self._held = Holder(to.who, to.viewer, self._held.grant + 1)
+        if self._runner is not None:
+            self._runner.note(who, action)
+        self._changed()
+
+    def require(self, viewer: str) -> str:
+        """The name of the operator who holds control with this viewer.
+
+        Raises:
+            RefusedError: somebody else does, or nobody.
+        """
+        held = self._held
+        if not viewer or held.viewer != viewer:
+            raise RefusedError(f"{held.who or 'nobody'} holds control; take it first")
+        return held.who
+
+    def cancel_start(self, viewer: str) -> bool:
+        """Let the run that is being prepared not begin; False when none is.
+
+        Raises:
+            RefusedError: the viewer does not hold control.
+        """
+        who, starting = self.require(viewer), self._starting
+        if starting is None or starting[1].stage is None:
+            return False
+        starting[1].cancel(f"cancelled by {who}", who)
+        return True
+
+    def safe_stop(self, who: str) -> str:
+        """Stop now. Nobody needs control for this; what is only being prepared does not begin.
+
+        Returns:
+            what is confirmed: the cell is in its safe state when this returns, as the run has taken it.
+
+        Raises:
+            RefusedError: the cell did not take it.
+        """
+        because = f"safe stop by {who}"
+        starting, runner = self._starting, self._runner
+        if starting is not None and starting[1].stage is not None:
+            starting[1].cancel(because, who)
+            return "the run that was being prepared does not begin"
+        if runner is None or (runner.state.ended and runner.latched is None):
+            if starting is not None:  # a recovery has just ended, and the run would begin after it
+                starting[1].cancel(because, who)
+                return "nothing was running, and nothing begins now"
+            return "nothing was running"
+        runner.safe_stop(because, who)
+        if runner.latched is None:
+            raise RefusedError("the cell did not take the safe stop: use the emergency stop")
+        return f"safe state: {runner.latched}"
+
+    def acknowledge(self, viewer: str) -> None:
+        """Release the latch of the safe state. Nothing resumes by itself.
+
+        Raises:
+            RefusedError: the viewer does not hold control, or nothing is latched, or the run has not ended yet.
+        """
+        who = self.require(viewer)
+        if self._runner is None or self._runner.latched is None:
+            raise RefusedError("no safe state is latched")
+        if not self._runner.state.ended:
+            raise RefusedError("the cell is still coming to rest")
+        self._runner.acknowledge(who)
+
+    def act(self, viewer: str, action: str, detail: str = "", number: int = 0) -> None:
+        """Pass an action to the runner.
+
+        Args:
+            viewer: id of the page or program that acts.
+            action, detail: as `OperatorActed` has them.
+            number: of the question that `answer` answers, or of the pause that `resume` and `step` end.
+
+        Raises:
+            RefusedError: the viewer does not hold control, nothing runs, there is no such action or node, or the
+                question or pause of this number is not open.
+        """
+        who = self.require(viewer)
+        if action not in (*ACTIONS, *BREAK_ACTIONS, "answer", "fail", "change", "speed"):
+            raise RefusedError(f"'{action}' is no action")
+        latched = action == "fail" and self._runner is not None and self._runner.latched is not None
+        if self._runner is None or (self._runner.state.ended and not latched):  # what was broken can be mended
+            raise RefusedError("nothing is running")
+        if action == "answer":
+            choice, _, path = detail.rpartition(" ← ")
+            try:
+                self._runner.answer(path, number, choice, who)
+            except AnswerRefusedError as error:
+                raise RefusedError(str(error)) from None
+        elif action in ("resume", "step"):
+            try:
+                self._runner.resume(number, who) if action == "resume" else self._runner.step(number, who)
+            except AnswerRefusedError as error:
+                raise RefusedError(str(error)) from None
+        elif action == "change":
+            said, _, path = detail.rpartition(" ← ")
+            port, _, value = said.partition("=")
+            try:
+                self._runner.change(path, port.strip(), value.strip(), who)
+            except ChangeRefusedError as error:
+                raise RefusedError(str(error)) from None
+        elif action == "speed":
+            try:
+                self._runner.set_speed(speed_of(detail), who)
+            except SpeedRefusedError as error:
+                raise RefusedError(str(error)) from None
+        elif action == "fail":
+            switch, _, kind = detail.partition(" ")
+            try:
+                self._runner.fail(switch, kind, who)
+            except UnknownFaultError as error:
+                raise RefusedError(str(error)) from None
+        elif action in BREAK_ACTIONS:
+            try:
+                self._runner.break_at(detail, *BREAK_ACTIONS[action], who)
+            except UnknownNodeError as error:
+                raise RefusedError(str(error)) from None
+        else:
+            getattr(self._runner, action)(who)

@@ -1,0 +1,274 @@
+"""From the tick thread to any number of viewers, without the tick ever waiting for one of them."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import queue
+import secrets
+import threading
+import time
+from collections import deque
+from collections.abc import Hashable, Iterable
+from typing import Any
+
+from pomona.executive.dashboard.connections import LiveWire, frame_of
+from pomona.executive.dashboard.messages import VERSION, encode
+from pomona.executive.running.breakpoints import BREAK_ACTIONS
+from pomona.executive.running.events import (
+    AttemptEnded,
+    Event,
+    LinkChanged,
+    NodeChanged,
+    OperatorActed,
+    PortWritten,
+    Published,
+    RunEnded,
+    RunStarted,
+    SafeStopped,
+    StateChanged,
+)
+from pomona.executive.views import BodiesView, ImageView, PosesView, SceneView, TableView
+
+HISTORY_BYTES = 32_000_000
+"""Characters of a run's messages that are kept for viewers who come later. Of older ones each key's last word stays."""
+
+BATCH = 0.033
+"""Seconds in which messages are gathered, so that fifty viewers cost thirty sends a second each and no more."""
+
+URGENT = (OperatorActed, StateChanged, SafeStopped, type(None))
+"""Nothing is gathered after these: somebody has pressed a button and waits to see it taken."""
+
+CHUNK = 500_000
+"""Characters of one batch of old messages."""
+
+BACKLOG = 600
+"""Batches that may wait for one viewer; one that is further behind is sent the whole state afresh."""
+
+Kept = tuple[int, str]
+"""A message's number and text."""
+
+
+class Viewer:
+    """One open page. `waiting` holds batches, messages, one a line, that its wire could not take at once."""
+
+    def __init__(self, wire: LiveWire | None = None) -> None:
+        self._wire = wire
+        self.waiting: deque[str] = deque()
+        self.news = asyncio.Event()
+        self.lagged = False
+        self.armed = False
+        """Whether the page has shown the token: what it presses is carried out."""
+        self.page, self.last_seen = "", 0.0
+        """The page's own id, and when it asked last whether it is heard."""
+
+    def tell(self, event: str, **fields: Any) -> None:
+        """Something for this page alone, after all that waits for it. In the server's loop."""
+        if not self.lagged and len(self.waiting) < BACKLOG:
+            text = json.dumps({"v": VERSION, "event": event, **fields}, ensure_ascii=False)
+            self.hand(text, frame_of(text))
+
+    def hand(self, batch: str, frame: bytes) -> None:
+        """A batch, and the same as a frame: sent at once, unless something waits. In the server's loop."""
+        if self.lagged or (not self.waiting and self._wire is not None and self._wire.take(frame)):
+            return
+        if len(self.waiting) >= BACKLOG:
+            first = self.waiting[0]  # it may be on its way
+            self.waiting.clear()
+            self.waiting.extend((first, json.dumps({"v": VERSION, "event": "Lagged"})))
+            self.lagged = True
+        else:
+            self.waiting.append(batch)
+        self.news.set()
+
+    async def next(self) -> str:
+        """The next batch; waits for one. It waits itself until `sent` is called: nothing passes it meanwhile."""
+        while not self.waiting:
+            self.news.clear()
+            await self.news.wait()
+        return self.waiting[0]
+
+    def sent(self) -> None:
+        """The next batch is on its way."""
+        self.waiting.popleft()
+
+
+class Hub:
+    """Keeps a run's messages and hands them to viewers. Subscribe `on_event` to the run's stream."""
+
+    def __init__(self) -> None:
+        self.stream = secrets.token_hex(8)
+        """Names this hub: numbers of messages mean nothing to another one."""
+        self._incoming: queue.SimpleQueue[Event | None] = queue.SimpleQueue()
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._viewers: set[Viewer] = set()
+        self._start: Kept | None = None
+        self._history: deque[tuple[int, str, Hashable]] = deque()
+        self._history_size = 0
+        self._forgotten = 0  # number of the newest message that has left the history
+        self._last_words: dict[Hashable, Kept] = {}
+        self._pictures: dict[tuple[type, str], Kept] = {}
+        self._control = ""
+        self._seq = 0
+        self._lock = threading.Lock()
+        self._thread = threading.Thread(target=self._work, name="pomona-hub", daemon=True)
+        self._thread.start()
+
+    def attach(self, loop: asyncio.AbstractEventLoop) -> None:
+        """Hand messages over in this loop from now on."""
+        self._loop = loop
+
+    def on_event(self, event: Event) -> None:
+        """Take one event; returns at once."""
+        self._incoming.put(event)
+
+    def announce(self, **control: Any) -> None:
+        """Tell every viewer, and those who come later, who holds control. From any thread."""
+        self._control = json.dumps({"v": VERSION, "event": "Control", **control}, ensure_ascii=False)
+        self._deliver(self._control)
+
+    def beat(self, **signs: Any) -> None:
+        """Tell the viewers of this moment that the run is alive, and what time it is there. From any thread."""
+        self._deliver(json.dumps({"v": VERSION, "event": "Beat", **signs}, ensure_ascii=False))
+
+    def close(self) -> None:
+        """Stop encoding; what came before is still sent."""
+        self._incoming.put(None)
+        self._thread.join(5.0)
+
+    # -------------------------------------------------------------------------------------- in the loop
+
+    def join(self, since: int = 0, stream: str = "", wire: LiveWire | None = None) -> Viewer:
+        """A new viewer, with everything after message `since` of `stream` already waiting for it."""
+        viewer = Viewer(wire)
+        viewer.waiting.append(json.dumps({"v": VERSION, "event": "Hello", "stream": self.stream}))
+        with self._lock:
+            viewer.waiting.extend(_chunks(self._backlog(since if stream == self.stream else 0)))
+            if self._control:
+                viewer.waiting.append(self._control)
+            self._viewers.add(viewer)
+        viewer.news.set()
+        return viewer
+
+    def leave(self, viewer: Viewer) -> None:
+        """A viewer has gone."""
+        with self._lock:
+            self._viewers.discard(viewer)
+
+    @property
+    def viewers(self) -> int:
+        """How many watch now."""
+        return len(self._viewers)
+
+    def last_seen(self, page: str) -> float:
+        """When this page was heard last, by `time.monotonic`; 0 when it is not open."""
+        with self._lock:
+            return max((viewer.last_seen for viewer in self._viewers if viewer.page == page), default=0.0)
+
+    @property
+    def drained(self) -> bool:
+        """Whether nothing waits for any viewer."""
+        with self._lock:
+            return not any(viewer.waiting for viewer in self._viewers)
+
+    def _backlog(self, since: int) -> list[str]:
+        kept = [(seq, text) for seq, text, _key in self._history] + list(self._pictures.values())
+        started = self._start[0] if self._start is not None else 0
+        if since < max(started, self._forgotten):  # no piece can be missing: the whole state, from the run's start
+            since = 0
+            kept += self._last_words.values()
+            kept += [self._start] if self._start is not None else []
+        return [text for seq, text in sorted(kept) if seq > since]
+
+    # ------------------------------------------------------------------------------- the encoding thread
+
+    def _work(self) -> None:
+        open_ = True
+        while open_:
+            events = [self._incoming.get()]
+            until = time.monotonic() + BATCH
+            with contextlib.suppress(queue.Empty):
+                while not isinstance(events[-1], URGENT):
+                    events.append(self._incoming.get(timeout=max(0.0, until - time.monotonic())))
+            if None in events:
+                open_ = False
+            texts = [self._keep(event) for event in events if event is not None]
+            if texts:
+                self._deliver("\n".join(texts))
+
+    def _keep(self, event: Event) -> str:
+        with self._lock:
+            self._seq += 1
+            seq = self._seq
+        text = encode(event, seq)
+        with self._lock:
+            if isinstance(event, RunStarted):
+                self._history.clear()
+                self._pictures.clear()
+                self._last_words.clear()
+                self._history_size = 0
+                self._start, self._forgotten = (seq, text), 0
+            elif isinstance(event, Published) and isinstance(event.value, (ImageView, SceneView)):
+                self._pictures[type(event.value), event.topic] = (
+                    seq,
+                    text,
+                )  # only the newest picture of a topic is worth keeping
+            else:
+                self._history.append((seq, text, _key(event)))
+                self._history_size += len(text)
+            while self._history_size > HISTORY_BYTES:
+                self._forget()
+        return text
+
+    def _forget(self) -> None:
+        seq, text, key = self._history.popleft()
+        self._history_size -= len(text)
+        self._forgotten = seq
+        if key is not None:
+            self._last_words[key] = (seq, text)
+
+    def _deliver(self, batch: str) -> None:
+        if self._loop is not None:
+            with contextlib.suppress(RuntimeError):  # the loop was closed meanwhile
+                self._loop.call_soon_threadsafe(self._hand_out, batch)
+
+    def _hand_out(self, batch: str) -> None:
+        frame = frame_of(batch)
+        with self._lock:
+            viewers = sorted(self._viewers, key=lambda viewer: not viewer.armed)  # who may act is told first
+        for viewer in viewers:
+            viewer.hand(batch, frame)
+
+
+def _key(event: Event) -> Hashable:
+    """What an event tells the state of: the last word of each key is enough to know the present. None: forget it."""
+    match event:
+        case NodeChanged() | AttemptEnded():
+            return (type(event), event.path)
+        case PortWritten():
+            return (PortWritten, event.key)
+        case LinkChanged():
+            return (LinkChanged, event.device)
+        case OperatorActed(action=action) if action in BREAK_ACTIONS:
+            return (OperatorActed, BREAK_ACTIONS[action][0], event.detail)
+        case OperatorActed(action="speed"):
+            return (OperatorActed, "speed")
+        case Published(value=TableView() | BodiesView() | PosesView()):
+            return (type(event.value), event.topic)
+        case StateChanged() | SafeStopped() | RunEnded():
+            return (type(event),)
+    return None
+
+
+def _chunks(texts: Iterable[str]) -> list[str]:
+    """Messages joined into batches of about `CHUNK` characters."""
+    batches: list[list[str]] = []
+    size = CHUNK
+    for text in texts:
+        if size >= CHUNK:
+            batches.append([])
+            size = 0
+        batches[-1].append(text)
+        size += len(text)
+    return ["\n".join(batch) for batch in batches]

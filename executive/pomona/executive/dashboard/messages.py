@@ -1,0 +1,74 @@
+"""Events as versioned JSON messages: the live stream's schema (docs/live_stream.md).
+
+A message is an object with `v` (version of the schema), `seq` (counts up from 1 within a run), `event` (its name)
+and the event's fields. Images travel as JPEG data URLs.
+"""
+
+from __future__ import annotations
+
+import base64
+import dataclasses
+import json
+from typing import Any
+
+import cv2
+import numpy as np
+
+from pomona.executive.dashboard.cloud import cloud_of
+from pomona.executive.encode import plain
+from pomona.executive.running.events import Event, PortWritten, Published
+from pomona.executive.views import ImageView
+
+VERSION = 1
+MOST_SCENE_ELEMENTS = 60_000
+"""Larger arrays in a view are described instead of sent: no browser draws them in time."""
+
+
+def encode_number(seq: int) -> bytes:
+    """How every message begins."""
+    return b'{"v":%d,"seq":%d,' % (VERSION, seq)
+
+
+def encode(event: Event, seq: int) -> str:
+    """One event as the text of one message."""
+    message: dict[str, Any] = {"v": VERSION, "seq": seq, "event": type(event).__name__}
+    for field in dataclasses.fields(event):
+        value = getattr(event, field.name)
+        if isinstance(event, Published) and field.name == "value":
+            message["value"] = _view(value)
+        elif isinstance(event, PortWritten) and field.name == "value":
+            message["value"] = plain(value, arrays=16, depth=4)
+        else:
+            message[field.name] = plain(value)
+    return json.dumps(message, ensure_ascii=False, separators=(",", ":"))
+
+
+def _view(value: Any) -> Any:
+    if isinstance(value, ImageView) and value.image is not None:
+        message = plain(dataclasses.replace(value, image=None), arrays=MOST_SCENE_ELEMENTS)
+        message.pop("depth", None)
+        message["image"] = _data_url(value.image)
+        if (cloud := cloud_of(value)) is not None:
+            message["cloud"] = cloud
+        message["size"] = [value.image.shape[1], value.image.shape[0]]
+        return message
+    return _rounded(plain(value, arrays=MOST_SCENE_ELEMENTS))
+
+
+def _rounded(value: Any) -> Any:
+    """Five digits are more than a screen shows, and a third of the bytes."""
+    if isinstance(value, float):
+        return float(f"{value:.6g}")
+    if isinstance(value, list):
+        return [_rounded(item) for item in value]
+    if isinstance(value, dict):
+        return {key: _rounded(item) for key, item in value.items()}
+    return value
+
+
+def _data_url(image: np.ndarray[Any, Any]) -> str:
+    scale = 960 / max(image.shape[1], 960)
+    if scale < 1.0:
+        image = cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+    _ok, coded = cv2.imencode(".jpg", image[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, 80])
+    return "data:image/jpeg;base64," + base64.b64encode(coded.tobytes()).decode()

@@ -1,0 +1,118 @@
+"""Presses of buttons: each is carried out once, in time or not at all, and answered."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import math
+import time
+from collections import OrderedDict
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+from pomona.executive.dashboard.control_lock import ControlLock, RefusedError
+from pomona.executive.running.requests import LATE
+
+SAFE_STOP_PATIENCE = 10.0
+"""Seconds for which a page tries to deliver a safe stop. What comes later is refused: nobody waits for it any more."""
+
+PATIENCE = LATE
+"""The same for everything else."""
+
+MOST_ANSWERS = 256
+"""Answers that are kept for presses that come again."""
+
+
+class TooLateError(RefusedError):
+    """A press that was made too long ago."""
+
+
+class Presses:
+    """What pages ask for. A press comes over the live stream, as a request, and again and again until it is answered:
+    its `press`, an id, makes them one. Use it in the server's loop."""
+
+    def __init__(self, lock: ControlLock) -> None:
+        self._lock = lock
+        self._answers: OrderedDict[str, asyncio.Future[dict[str, Any]]] = OrderedDict()
+        # A driver may let a safe stop wait; neither the server nor another safe stop waits with it.
+        self._stopping = ThreadPoolExecutor(4, thread_name_prefix="pomona-stop")
+
+    async def answer(self, body: dict[str, Any]) -> dict[str, Any]:
+        """Carry a press out, unless it was already.
+
+        Returns:
+            who holds control, and what is confirmed.
+
+        Raises:
+            RefusedError: it is not carried out.
+        """
+        press = text(body, "press")
+        if not press:
+            return await self._carry_out(body)
+        if press not in self._answers:
+            self._answers[press] = asyncio.ensure_future(self._carry_out(body))
+            while len(self._answers) > MOST_ANSWERS:
+                self._answers.popitem(last=False)
+        return await asyncio.shield(self._answers[press])
+
+    async def _carry_out(self, body: dict[str, Any]) -> dict[str, Any]:
+        action, viewer = text(body, "action"), text(body, "viewer")
+        who, confirmed = text(body, "who")[:60] or "operator", ""
+        _refuse_late(body, SAFE_STOP_PATIENCE if action == "safe_stop" else PATIENCE)
+        if action == "safe_stop":
+            loop = asyncio.get_running_loop()
+            confirmed = await loop.run_in_executor(self._stopping, self._lock.safe_stop, who)
+        else:
+            self._decide(action, viewer, number_of(body))(who, text(body, "detail"))
+        held = self._lock.holder
+        yours = bool(viewer) and held.viewer == viewer
+        return {"held_by": held.who, "grant": held.grant, "yours": yours, "confirmed": confirmed}
+
+    def _decide(self, action: str, viewer: str, number: int) -> Callable[[str, str], None]:
+        lock = self._lock
+        if action == "take":
+            return lambda who, _detail: lock.take(viewer, who)
+        if action == "release":
+            return lambda _who, _detail: lock.release(viewer)
+        if action == "acknowledge":
+            return lambda _who, _detail: lock.acknowledge(viewer)
+        return lambda _who, detail: lock.act(viewer, action, detail, number)
+
+
+def now() -> float:
+    """The server's clock [s], which pages are told and in which they say when something was pressed."""
+    return time.monotonic()
+
+
+def _refuse_late(body: dict[str, Any], patience: float) -> None:
+    pressed = body.get("pressed")
+    if not isinstance(pressed, (int, float)) or isinstance(pressed, bool):
+        return
+    try:
+        ago = now() - pressed
+    except OverflowError:  # an integer that is no time at all
+        ago = math.inf if pressed < 0 else -math.inf
+    if not ago <= patience:
+        raise TooLateError(f"pressed {ago:.1f} s ago, which is too late: it is not carried out")
+
+
+def text(body: dict[str, Any], key: str) -> str:
+    """A text of a message; empty when there is none, or something else stands there."""
+    value = body.get(key, "")
+    return value if isinstance(value, str) else ""
+
+
+def number_of(body: dict[str, Any]) -> int:
+    """Number of the question or pause that a message names; 0, which none has, when it names none."""
+    value = body.get("number", 0)
+    return value if isinstance(value, int) and not isinstance(value, bool) else 0
+
+
+def object_of(said: str) -> dict[str, Any]:
+    """A message as an object; whatever else was sent says nothing."""
+    try:
+        content = json.loads(said)
+    except (ValueError, RecursionError):
+        return {}
+    return content if isinstance(content, dict) else {}

@@ -1,0 +1,461 @@
+"""One order to run a tree: read, check, connect, run, record. Command line, campaigns and dashboard all call this."""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import hashlib
+import logging
+import platform
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cache
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+from pomona.executive.board import Board
+from pomona.executive.errors import UsageError
+from pomona.executive.files import read_text
+from pomona.executive.judging import judge, split_settings
+from pomona.executive.language import BuiltTree, Document, Mocks, build, format_findings
+from pomona.executive.language.built import Side
+from pomona.executive.language.documents import read_document, refuse_errors
+from pomona.executive.language.mocks import MockPlan
+from pomona.executive.language.scenario import read_mocks
+from pomona.executive.one_process import leave_if_forked, run_in_progress
+from pomona.executive.reasons import Reason
+from pomona.executive.recording.session import Reader, RecordingSession
+from pomona.executive.recording.unfinished import unfinished
+from pomona.executive.registry import Registry
+from pomona.executive.running.cell import Cell
+from pomona.executive.running.cell_files import CellFile, cell_files
+from pomona.executive.running.context import RunContext
+from pomona.executive.running.dry_cell import DryCell
+from pomona.executive.running.events import EventStream, Listener, OperatorActed, RunEnded, RunStarted
+from pomona.executive.running.one_run import alone_on
+from pomona.executive.running.run_state import RunResult
+from pomona.executive.running.runner import Runner
+from pomona.executive.running.signals import RunSignals, error_of
+from pomona.executive.running.starting import StartCancelledError, Starting
+from pomona.executive.running.supervisor import RunSupervision
+from pomona.executive.running.traces import place_of
+from pomona.executive.running.watching import installed_watchers
+from pomona.executive.source_commit import commit_here
+from pomona.executive.terminal.summary import Summary
+from pomona.executive.values.findings import did_you_mean
+from pomona.executive.values.sentences import sentence_of
+from pomona.executive.values.shipped import installed_trees
+
+logger = logging.getLogger(__name__)
+
+RECOVERY_SETTINGS = ("release", "home")
+"""Parameters of the tree `recover` that `--set` passes to it."""
+
+NO_RECORD = "NO_RECORD"
+"""Failure code of a run whose tree has ended, but whose record is incomplete although its cell requires one."""
+
+PERIOD = 0.02
+"""Tick period [s]."""
+
+
+@dataclass(frozen=True, slots=True)
+class RunOrder:
+    """What to run.
+
+    Attributes:
+        tree, cell: files.
+        seed: every random choice comes from it.
+        settings: parameters of the tree; names that it does not declare are options of the cell.
+        real_time: pace a simulated cell to wall-clock time.
+        record: folder of records, or None for no record.
+        past: folder of records in which the last run on this cell is looked for; None: `record`.
+        dry: replace every skill by a mock and the cell by an empty one.
+        mocks: a file that says how the mocks behave; without one they all succeed at once.
+        texts: contents of files, by path, to use instead of those on the disk.
+        recover: if the last run on this cell was cut off, run the installed tree `recover` first.
+        cleared: somebody has checked the cell since then.
+        attended: an operator is there to answer questions and to resume after breakpoints.
+        breaks: breakpoints to set at the start: a node's name, type or path, and its side.
+        speed: share of what is commanded at which the arm goes at first, 0.1 to 1.
+        speeds: changes of that in another run, to repeat at their moments.
+    """
+
+    tree: Path
+    cell: Path
+    seed: int = 0
+    settings: Mapping[str, str] = field(default_factory=dict)
+    real_time: bool = False
+    record: Path | None = None
+    past: Path | None = None
+    dry: bool = False
+    mocks: Path | None = None
+    texts: Mapping[str, str] = field(default_factory=dict)
+    breaks: tuple[tuple[str, Side], ...] = ()
+    recover: bool = False
+    cleared: bool = False
+    attended: bool = False
+    speed: float = 1.0
+    speeds: tuple[OperatorActed, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Executed:
+    """The outcome of an order.
+
+    Attributes:
+        result: the run's.
+        summary: of its events.
+        record: folder of its record.
+        problem: what is wrong with the record, if anything.
+        signal: number of the signal that asked it to end, if any.
+    """
+
+    result: RunResult
+    summary: Summary
+    record: Path | None
+    problem: str
+    signal: int | None = None
+
+
+def execute(
+    order: RunOrder,
+    listeners: Sequence[Listener] = (),
+    *,
+    on_ready: Callable[[Runner], None] = lambda _runner: None,
+    on_latched: Callable[[Runner], None] = lambda _runner: None,
+    starting: Starting | None = None,
+    readers: Sequence[Reader] = (),
+) -> Executed:
+    """Run an order to its end, in this thread.
+
+    Args:
+        order: what to run.
+        listeners: get every event.
+        on_ready: gets the runner before it starts: to pause, stop or step it from another thread.
+        on_latched: gets the runner after a run that ended in the safe state, while the cell is still connected.
+        starting: gets the progress of the preparation and can cancel it; once the cell is connected, that is a run
+            stopped before its first tick.
+        readers: get what the cell's devices measure, ten times a second.
+
+    Raises:
+        UsageError: the tree, a setting or the cell cannot be used; nothing has moved.
+        StartCancelledError: it was cancelled before there was a cell.
+    """
+    starting = starting or Starting()
+    starting.reach("reading the tree")
+    followers = _Followers(listeners, readers, on_ready, on_latched, starting)
+    if order.dry:
+        return _run_dry(order, followers)
+    ready = _read(order, starting)
+    if ready.cell.record_required and order.record is None:
+        raise UsageError(f"{ready.cell.name}: its file says `record: required`, but this run would not be recorded")
+    # No other run may start between the check of what the last one left and this one.
+    with alone_on(order.cell, ready.cell.kind, ready.cell.wires()):
+        if order.tree.resolve() != _recovery():
+            _after_cut(order, followers)
+        try:
+            return _run_on_cell(ready, followers)
+        finally:
+            give_back_memory()
+
+
+def give_back_memory() -> None:
+    """Return the memory that a run has freed to the operating system.
+
+    glibc (other C libraries do not) keeps freed memory in ever more fragments: 305 of 1 114 MB after eight picks. A
+    process with many runs kept growing.
+    """
+    trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
+    if trim is not None:
+        trim(0)
+
+
+@dataclass(frozen=True, slots=True)
+class _Followers:
+    """Who is told about a run; see `execute`."""
+
+    listeners: Sequence[Listener]
+    readers: Sequence[Reader]
+    on_ready: Callable[[Runner], None]
+    on_latched: Callable[[Runner], None]
+    starting: Starting
+
+
+@dataclass(frozen=True, slots=True)
+class _Ready:
+    """An order whose files were read and passed the check."""
+
+    order: RunOrder
+    registry: Registry
+    document: Document
+    settings: Mapping[str, str]
+    cell: CellFile
+
+
+def _read(order: RunOrder, starting: Starting) -> _Ready:
+    registry, document = Registry.installed(), read_document(order.tree, order.texts)
+    settings = {
+        key: value
+        for key, value in order.settings.items()
+        if not (order.recover and key in RECOVERY_SETTINGS and key not in document.main.parameters)
+    }
+    judged = judge(document, registry, settings, order.cell, order.texts)
+    judged.refuse_errors()
+    assert judged.cell is not None
+    starting.cell_kind = judged.cell.kind
+    return _Ready(order, registry, document, split_settings(document, settings)[0], judged.cell)
+
+
+def _run_dry(order: RunOrder, followers: _Followers) -> Executed:
+    registry, document = Registry.installed(), read_document(order.tree, order.texts)
+    settings, cell_settings = split_settings(document, order.settings)
+    refuse_errors(document, registry, settings, None)
+    if cell_settings:
+        raise UsageError(f"the tree has no parameter {', '.join(sorted(cell_settings))}, and a dry run has no cell")
+    mocks = _read_mocks(order.mocks, order.texts, document, registry)
+    with RunSignals() as signals, run_in_progress():
+        nothing = DryCell()
+        work = _Work(order, registry, document, settings, nothing, mocks, signals, RunSupervision(nothing))
+        return _run(work, followers)
+
+
+def _run_on_cell(ready: _Ready, followers: _Followers) -> Executed:
+    """Connect the cell, which no other run is using, and run."""
+    order, file, starting = ready.order, ready.cell, followers.starting
+    with RunSignals() as signals, run_in_progress(), contextlib.ExitStack() as stack:
+        starting.refuse_cancelled()
+        starting.reach("connecting the cell")
+        cell = connect_cell(file, order.seed)
+        supervision = RunSupervision(cell)
+        stack.callback(supervision.close)  # last of all: until the cell is closed, something could still move
+        stack.callback(cell.close)
+        stack.callback(leave_if_forked)
+        stack.callback(signals.wait)  # whatever ends the run, closing the cell is not interrupted
+        _refuse_full_hand(order, cell)
+        work = _Work(
+            order, ready.registry, ready.document, ready.settings, cell, None, signals, supervision, file.files
+        )
+        return _run(work, followers)
+
+
+def _recovery() -> Path:
+    return (installed_trees() / "recover.yaml").resolve()
+
+
+WHAT_TO_DO = (
+    "`--recover` first moves the arm home slowly; with `--set release=true` it puts down what it holds before that. "
+    "`--cleared` says that somebody has checked the cell. On the page, choose either where the run is started."
+)
+
+
+def _refuse_full_hand(order: RunOrder, cell: Cell) -> None:
+    """A tree that picks starts with empty fingers, however the last run ended and whatever its record says.
+
+    Raises:
+        UsageError: something is felt between them, and the order does not say `cleared`.
+    """
+    hand = "" if order.cleared or order.tree.resolve() == _recovery() else cell.in_hand()
+    if hand:
+        what = "The recovery has left it there; nothing else was run." if order.recover else "Nothing was run."
+        raise UsageError(f"{cell.name}: {hand} before the run has begun.\n{what} {WHAT_TO_DO}")
+
+
+def _after_cut(order: RunOrder, followers: _Followers) -> None:
+    """If the last run on this cell was cut off: recover if ordered, else refuse a cell that may hold something.
+
+    Raises:
+        UsageError: it may hold something, or the recovery did not succeed; nothing else has moved.
+        KeyboardInterrupt: the process was asked to end meanwhile.
+    """
+    starting, past = followers.starting, order.past or order.record
+    cut = unfinished(past, order.cell) if past is not None and not order.cleared else None
+    if cut is None and not order.recover:
+        return
+    words = cut.sentence if cut else "nothing says that the last run on this cell was cut"
+    starting.reach(words)
+    if cut is None or order.recover:
+        logger.warning("%s: recovering first", words)
+        settings = {key: value for key, value in order.settings.items() if key in RECOVERY_SETTINGS}
+        recovery = replace(order, tree=_recovery(), settings=settings, breaks=())
+        recovered = _run_on_cell(_read(recovery, starting), replace(followers, on_latched=lambda _runner: None))
+        if recovered.result.outcome != "success":
+            raise UsageError(f"{recovered.summary.sentence()}. Nothing else was run.")
+        if recovered.signal is not None:  # it came while the recovery's record and cell were being closed
+            raise error_of(recovered.signal)
+    elif (cut.kind or starting.cell_kind) in ("real", "emulated") and cut.hand != "":
+        raise UsageError(f"{words}.\nNothing was run. {WHAT_TO_DO}")
+    else:
+        logger.warning("%s", words)
+
+
+@dataclass(frozen=True, slots=True)
+class _Work:
+    """An order whose files are read and whose cell is connected."""
+
+    order: RunOrder
+    registry: Registry
+    document: Document
+    settings: Mapping[str, str]
+    cell: Cell
+    mocks: Mocks | None
+    signals: RunSignals
+    supervision: RunSupervision
+    cell_texts: Mapping[str, str] = field(default_factory=dict)
+
+    def build(self, context: RunContext, board: Board) -> BuiltTree:
+        return build(
+            self.document, self.registry, overrides=self.settings, context=context, board=board, mocks=self.mocks
+        )
+
+
+def _run(work: _Work, followers: _Followers) -> Executed:
+    order, cell, signals, starting = work.order, work.cell, work.signals, followers.starting
+    events, summary, session = EventStream(), Summary(), RecordingSession(order.record, cell, followers.readers)
+    supervision = work.supervision
+    runner = Runner(
+        work.build,
+        cell,
+        events,
+        seed=order.seed,
+        period=PERIOD,
+        real_time=order.real_time,
+        attended=order.attended,
+        watchers=[*installed_watchers(cell), session],
+        heartbeat=supervision.beat,
+        speed=order.speed,
+        speeds=order.speeds,
+    )
+    _set_breakpoints(runner, order.breaks)
+    for listener in (summary.on_event, *followers.listeners):
+        events.subscribe(listener)
+    problem = ""
+    try:
+        starting.attach(runner)
+        _prepare(runner, starting)
+        with signals.ask(runner):
+            session.begin(runner, events)
+            supervision.begin(runner, session.folder)
+            events.emit(_started(work, runner, session.folder))
+            followers.on_ready(runner)
+            starting.begin()
+            result = runner.run()
+        supervision.rest()
+        session.draw(f"{runner.tree.name}: {result.outcome}, seed {order.seed}")
+        if runner.latched is not None:
+            with signals.raise_again():
+                followers.on_latched(runner)
+    finally:
+        leave_if_forked()
+        signals.wait()
+        runner.close()
+        problem = session.close()
+    if session.broken and result.outcome in ("success", "failure"):
+        cell.safe_stop(problem)
+        result = replace(result, outcome="error", reason=Reason("", NO_RECORD, problem))
+        events.emit(
+            RunEnded(
+                *runner.progress, result.outcome, result.reason, result.ticks, result.time, result.wall, result.truth
+            )
+        )
+    return Executed(result, summary, session.folder, problem, signals.number)
+
+
+def _set_breakpoints(runner: Runner, breaks: Sequence[tuple[str, Side]]) -> None:
+    for name, side in breaks:
+        paths = runner.tree.find(name)
+        if not paths:
+            known = [word for node in runner.tree.nodes for word in (node.name, node.type)]
+            raise UsageError(f"no node '{name}' to break at: {did_you_mean(name, known) or '`pomona show` lists them'}")
+        for path in paths:
+            runner.break_at(path, side, who="command line")
+
+
+def _read_mocks(path: Path | None, texts: Mapping[str, str], document: Document, registry: Registry) -> MockPlan:
+    if path is None:
+        return MockPlan()
+    plan, findings = read_mocks(_text_of(path, texts), path, document, registry)
+    if findings:
+        raise UsageError(f"{format_findings(findings)} Nothing was run.")
+    return plan
+
+
+def _prepare(runner: Runner, starting: Starting) -> None:
+    def tell(skill: str, done: int, of: int) -> None:
+        starting.refuse_cancelled()
+        starting.reach(f"preparing {skill}", done, of)
+
+    try:
+        runner.prepare(tell)
+    except KeyboardInterrupt:
+        raise
+    except StartCancelledError:  # the run is stopped before its first tick, and recorded
+        return
+    except BaseException as error:  # weights that do not load, a robot file that is wrong: nothing has moved
+        raise UsageError(f"the skills cannot be prepared: {_with_place(error)}") from error
+
+
+def connect_cell(file: CellFile, seed: int) -> Cell:
+    """Connect a cell.
+
+    Raises:
+        UsageError: a device cannot be reached, or refuses.
+    """
+    try:
+        return cell_files().connect(file, seed)
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # whatever a driver raises while it connects, nothing has moved
+        raise UsageError(_with_place(error)) from error
+
+
+def _with_place(error: BaseException) -> str:
+    """An exception's message; for built-in exceptions, which are not written for users, with the place in the code."""
+    place = place_of(error) if type(error).__module__ == "builtins" and not isinstance(error, OSError) else ""
+    return f"{sentence_of(error)} ({place})" if place else sentence_of(error)
+
+
+def _started(work: _Work, runner: Runner, folder: Path | None) -> RunStarted:
+    """The first event of a run: everything that is needed to repeat it."""
+    order, document, cell = work.order, work.document, work.cell
+    return RunStarted(
+        0.0,
+        0,
+        run=folder.name if folder is not None else f"{runner.tree.name}-{order.seed}",
+        tree=runner.tree.name,
+        tree_path=str(order.tree),
+        tree_text=document.text,
+        tree_hash=hashlib.sha256(document.text.encode()).hexdigest()[:16],
+        cell=cell.name,
+        cell_kind=cell.kind,
+        cell_path=str((order.mocks or "") if order.dry else order.cell.resolve()),
+        cell_text=_text_of(order.mocks if order.dry else order.cell, order.texts),
+        seed=order.seed,
+        parameters=runner.tree.parameters,
+        nodes=tuple(node.facts() for node in runner.tree.nodes),
+        versions=versions(),
+        wall_time=time.time(),
+        period=PERIOD,
+        settings=dict(order.settings),
+        speed=order.speed,
+        cell_files={name: text for name, text in work.cell_texts.items() if name != order.cell.name},
+        tree_files={file.source.path: file.source.text for file in document.files if file is not document.main},
+    )
+
+
+def _text_of(path: Path | None, texts: Mapping[str, str]) -> str:
+    if path is None:
+        return ""
+    return texts[str(path)] if str(path) in texts else read_text(path)
+
+
+@cache
+def versions() -> Mapping[str, str]:
+    """Versions of what runs here: the commit of Pomona in a git checkout, Python, packages."""
+    commit = commit_here()
+    found = {"git": commit} if commit else {}
+    found |= {"python": platform.python_version(), "platform": platform.platform(terse=True)}
+    for package in ("pomona", "py-trees", "numpy", "torch", "ompl", "mujoco-core"):
+        with contextlib.suppress(PackageNotFoundError):
+            found[package] = version(package)
+    return found

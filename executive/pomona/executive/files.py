@@ -1,0 +1,88 @@
+"""Trees and cells by path, or by name from those installed with the package."""
+
+from __future__ import annotations
+
+import sys
+import tomllib
+from pathlib import Path
+
+from pomona.executive.errors import UsageError
+from pomona.executive.values.findings import did_you_mean
+from pomona.executive.values.plain_text import exists, is_file, read_plain_text
+from pomona.executive.values.shipped import installed_trees
+
+
+def find_tree(name: str) -> Path:
+    """A tree file by path or name.
+
+    Raises:
+        UsageError: there is none; says what there is.
+    """
+    return _find(name, "tree", installed_trees())
+
+
+def find_cell(name: str) -> Path:
+    """A cell file by path or name.
+
+    Raises:
+        UsageError: there is none; says what there is.
+    """
+    return _find(name, "cell", installed_trees() / "cells")
+
+
+def default_name(kind: str) -> str:
+    """What the installed trees say is taken or shown where nobody names one: a "tree", a "cell", "hazards", …."""
+    content = tomllib.loads((installed_trees() / "defaults.toml").read_text(encoding="utf-8"))
+    return str(content[kind])
+
+
+def read_text(path: Path) -> str:
+    """A text file.
+
+    Raises:
+        UsageError: it cannot be read, or is not UTF-8.
+    """
+    try:
+        return read_plain_text(path)
+    except UnicodeDecodeError as error:
+        before = error.object[: error.start]
+        place = f"{path}:{before.count(10) + 1}:{len(before) - before.rfind(10)}"
+        raise UsageError(f"{place}: not a text file (byte {error.start} is not UTF-8)") from error
+    except OSError as error:
+        raise UsageError(f"{path}: {error.strerror}") from error
+
+
+def write_text(text: str, path: Path | None) -> None:
+    """Write a text file, or to standard output when there is no path.
+
+    Raises:
+        UsageError: it cannot be written.
+    """
+    text = text if text.endswith("\n") else text + "\n"
+    if path is None:
+        # In a terminal a document is filtered like everything, into a file or a pipe it goes as it is.
+        getattr(sys.stdout, "write_document", sys.stdout.write)(text)
+        return
+    try:
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise UsageError(f"{path}: {error.strerror}") from error
+
+
+def _sort_of(path: Path) -> str:
+    kinds = {"a folder": path.is_dir, "a pipe": path.is_fifo, "a socket": path.is_socket}
+    return next((kind for kind, it_is in kinds.items() if it_is()), "a device")
+
+
+def _find(name: str, kind: str, folder: Path) -> Path:
+    given = Path(name)
+    if is_file(given):
+        return given
+    installed = folder / f"{name.removesuffix('.yaml')}.yaml"
+    if given.name == name and is_file(installed):  # also beside a folder of this name: the cell `frames` beside frames
+        return installed
+    if exists(given):
+        raise UsageError(f"{name}:1:1: a {kind} must be a regular file, this is {_sort_of(given)}")
+    known = sorted(path.stem for path in folder.glob("*.yaml"))
+    hint = did_you_mean(given.stem, known) if given.name == name else ""
+    raise UsageError(f"no {kind} file '{name}'; {f'{hint} ' if hint else ''}installed: {', '.join(known) or 'none'}")

@@ -1,0 +1,101 @@
+"""A run in Foxglove while it goes on: its WebSocket protocol, by its own SDK (the extra `foxglove`).
+
+It shows and takes nothing: nobody can act through it. It listens on this machine's own address only; others reach it
+through a tunnel.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Mapping
+from typing import Any
+
+from pomona.executive.encode import encoded
+from pomona.executive.errors import UsageError
+from pomona.executive.extras import need
+from pomona.executive.recording.schemas import CAMERA_CALIBRATION, SCENE_UPDATE, Schema
+from pomona.executive.recording.well_known import Images
+from pomona.executive.views import ImageView
+
+EXTRA = "foxglove"
+PORT = 8765
+HOST = "127.0.0.1"
+BACKLOG = 256
+"""Messages that wait for a slow viewer; of more, the oldest are dropped."""
+
+KEPT = (SCENE_UPDATE.name, CAMERA_CALIBRATION.name, "foxglove.CompressedImage", "foxglove.PointCloud")
+"""What is said once and stays: who comes later gets the newest."""
+
+
+class FoxgloveView:
+    """A server for viewers; a sink of `Live`."""
+
+    def __init__(self, port: int = PORT) -> None:
+        """
+        Raises:
+            UsageError: the extra is not installed, or the port is taken.
+        """
+        self._sdk = need("foxglove", EXTRA, "a live view in Foxglove")
+        self._context = self._sdk.Context()
+        self._channels: dict[str, Any] = {}
+        self._kept: dict[int, tuple[Any, bytes, int]] = {}
+        self._lock = threading.Lock()
+        self._images = Images()
+        try:
+            self._server = self._sdk.start_server(
+                name="Pomona", host=HOST, port=port, context=self._context, server_listener=_Listener(self._again),
+                message_backlog_size=BACKLOG,
+            )  # fmt: skip
+        except Exception as error:
+            raise UsageError(f"no live view at {HOST}:{port}: {error}") from error
+
+    @property
+    def link(self) -> str:
+        """Where viewers find it."""
+        return f"ws://{HOST}:{self._server.port}"
+
+    def send(self, topic: str, schema: Schema, content: Mapping[str, Any], stamp: int) -> None:
+        channel = self._channels.get(topic)
+        if channel is None:
+            described = self._sdk.Schema(name=schema.name, encoding="jsonschema", data=schema.text.encode())
+            channel = self._sdk.Channel(topic, schema=described, message_encoding="json", context=self._context)
+            self._channels[topic] = channel
+        coded = encoded(content)
+        if schema.name in KEPT:
+            with self._lock:
+                self._kept[channel.id()] = (channel, coded, stamp)
+        channel.log(coded, log_time=stamp)
+
+    def show(self, topic: str, view: ImageView, stamp: int) -> None:
+        for name, schema, content in self._images.messages(topic, view, stamp):
+            self.send(name, schema, content, stamp)
+
+    def rest(self) -> None:
+        pass
+
+    def close(self) -> None:
+        self._server.stop()
+
+    def _again(self, channel_id: int) -> None:
+        """Somebody has subscribed: what stays is said again."""
+        with self._lock:
+            kept = self._kept.get(channel_id)
+        if kept is not None:
+            channel, coded, stamp = kept
+            channel.log(coded, log_time=stamp)
+
+
+class _Listener:
+    """Called by the SDK, in its own threads."""
+
+    def __init__(self, again: Any) -> None:
+        self._say_again = again
+
+    def on_subscribe(self, client: Any, channel: Any) -> None:
+        self._say_again(channel.id)
+
+    def __getattr__(self, name: str) -> Any:
+        """What else the SDK may call is of no interest."""
+        if name.startswith("on_"):
+            return lambda *_arguments: None
+        raise AttributeError(name)

@@ -1,0 +1,143 @@
+"""A run to viewers while it goes on: a thread of its own translates what happens and hands it to every sink.
+
+The tick only puts events into a queue and never waits: what the sinks cannot follow is dropped, oldest first, counted,
+and said at the end. The messages are those of a record (`pomona.executive.recording.well_known`), so live and recorded
+views agree; times are nanoseconds since 1970.
+"""
+
+from __future__ import annotations
+
+import logging
+import sys
+import threading
+import time
+from collections import deque
+from collections.abc import Mapping, Sequence
+from typing import Any, Protocol
+
+from pomona.executive.encode import plain
+from pomona.executive.recording.folder import DEVICES, EVENTS
+from pomona.executive.recording.recorder import message_of
+from pomona.executive.recording.schemas import EVENT, READING, Schema
+from pomona.executive.recording.well_known import samples, well_known
+from pomona.executive.running.events import Event, Published, RunStarted
+from pomona.executive.views import ImageView, SeriesView
+
+logger = logging.getLogger(__name__)
+
+EVERY = 0.01
+"""Seconds between two looks into the queue: waking up for every event would cost the tick more. A picture wakes it."""
+MOST = 2000
+"""Events that wait; some seconds of a run."""
+CLOSING = 2.0
+"""Seconds that the sinks have for what still waits at the end."""
+
+
+class Sink(Protocol):
+    """Somewhere that a run is shown. Called in the thread of `Live` only; may take its time, and may fail."""
+
+    def send(self, topic: str, schema: Schema, content: Mapping[str, Any], stamp: int) -> None:
+        """One message, as a record has it; `stamp` is nanoseconds since 1970."""
+        ...
+
+    def show(self, topic: str, view: ImageView, stamp: int) -> None:
+        """A picture, before the event that carries its drawings."""
+        ...
+
+    def rest(self) -> None:
+        """Called between messages, a hundred times a second."""
+        ...
+
+    def close(self) -> None:
+        """Let go of it."""
+        ...
+
+
+class Live:
+    """Subscribe `on_event` to a run's events, and hand it the readings; close it after the run."""
+
+    def __init__(self, sinks: Sequence[Sink]) -> None:
+        self._sinks = list(sinks)
+        self._queue: deque[Any] = deque(maxlen=MOST)
+        self._put, self._taken = 0, 0
+        self._began = 0
+        self._closing = False
+        self._wake = threading.Event()
+        self._thread = threading.Thread(target=self._work, name="pomona-live", daemon=True)
+        self._thread.start()
+
+    @property
+    def dropped(self) -> int:
+        """Events and readings that nobody saw, since the sinks were too slow."""
+        return max(self._put - self._taken - len(self._queue), 0)
+
+    def on_event(self, event: Event) -> None:
+        """Take one event; returns at once."""
+        self._put += 1
+        self._queue.append(event)
+        if isinstance(event, Published) and isinstance(event.value, ImageView):
+            self._wake.set()
+
+    def read(self, t: float, tick: int, readings: Mapping[str, Mapping[str, Any]]) -> None:
+        """Take what the cell's devices measured; returns at once."""
+        if readings:
+            self._put += 1
+            self._queue.append((t, tick, readings))
+
+    def close(self) -> None:
+        """Show what is left, for a while, and let go of the sinks."""
+        self._closing = True
+        self._wake.set()
+        self._thread.join(CLOSING + 1.0)
+        if self.dropped:
+            logger.warning("live views could not follow: %d of %d events were left out", self.dropped, self._put)
+
+    def _work(self) -> None:
+        deadline = float("inf")
+        while True:
+            self._wake.wait(EVERY)
+            self._wake.clear()
+            if self._closing and deadline == float("inf"):
+                deadline = time.monotonic() + CLOSING
+            while self._queue and time.monotonic() < deadline:
+                self._taken += 1
+                self._take(self._queue.popleft())
+            self._each(lambda sink: sink.rest())
+            if deadline < float("inf"):
+                break
+        self._each(lambda sink: sink.close())
+
+    def _take(self, taken: Any) -> None:
+        if not isinstance(taken, Event):
+            t, tick, readings = taken
+            stamp = self._began + round(t * 1e9)
+            for device, quantities in readings.items():
+                message = {"t": t, "tick": tick, **quantities}
+                self._each(lambda sink, d=device, m=message: sink.send(f"{DEVICES}{d}", READING, m, stamp))
+            return
+        if isinstance(taken, RunStarted):
+            self._began = round((taken.wall_time - taken.t) * 1e9)
+        stamp = self._began + round(max(taken.t, 0.0) * 1e9)
+        if isinstance(taken, Published) and isinstance(taken.value, ImageView) and taken.value.image is not None:
+            topic, view = taken.topic, taken.value
+            self._each(lambda sink: sink.show(topic, view, stamp))
+        messages = [(EVENTS, EVENT, message_of(taken)), *well_known(taken, stamp)]
+        if isinstance(taken, Published) and isinstance(taken.value, SeriesView):
+            messages += samples(taken.topic, taken.value)
+        for name, schema, content in messages:
+            self._each(lambda sink, n=name, s=schema, c=content: sink.send(n, s, c, stamp))
+
+    def _each(self, do: Any) -> None:
+        """A sink that fails is told once and left alone: nothing that shows a run may end it."""
+        for sink in tuple(self._sinks):
+            try:
+                do(sink)
+            except Exception as error:
+                self._sinks.remove(sink)
+                logger.warning("%s shows no more: %s", type(sink).__name__, error)
+
+
+def plain_content(content: Mapping[str, Any]) -> Mapping[str, Any]:
+    """A message with lists where it has arrays, however large: a mesh has some thousand corners."""
+    lists: Mapping[str, Any] = plain(content, arrays=sys.maxsize)
+    return lists

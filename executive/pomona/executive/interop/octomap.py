@@ -1,0 +1,25 @@
+"""Occupied cells as a message of octomap_msgs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from pomona.executive.values.octree import OCCUPIED, octree
+
+
+def octomap(points: Any, resolution: float) -> Mapping[str, Any]:
+    """The fields of octomap_msgs/Octomap but its header. What is not occupied is unknown.
+
+    Args:
+        points: centres of occupied cells, shape (n, 3) [m].
+        resolution: a cell's edge [m].
+
+    Raises:
+        ValueError: a point lies beyond the 32 768 cells on each side of the origin that the format can hold.
+    """
+    cells = np.unique(np.floor(np.asarray(points, float).reshape(-1, 3) / resolution).astype(np.int64), axis=0)
+    written, _ = octree(cells, np.full(len(cells), OCCUPIED, np.uint8))
+    return {"binary": True, "id": "OcTree", "resolution": resolution, "data": np.frombuffer(written, np.int8)}

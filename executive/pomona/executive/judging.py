@@ -1,0 +1,116 @@
+"""What a run is made of, judged together before anything is connected: tree, cell, and what skills need."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from pomona.executive.errors import UsageError
+from pomona.executive.language.check import Analysis, analyse
+from pomona.executive.language.known_inputs import uses_of_skills
+from pomona.executive.language.model import Document
+from pomona.executive.registry import Registry
+from pomona.executive.running.cell_files import CellFile, cell_files
+from pomona.executive.skill import Skill
+from pomona.executive.values.documents import set_scalar
+from pomona.executive.values.findings import Finding, Findings, Located, TreeFileError, did_you_mean, format_findings
+from pomona.executive.values.sections import Problem
+from pomona.executive.values.yaml_nodes import YamlScalar
+
+
+@dataclass(frozen=True, slots=True)
+class Judged:
+    """What was judged: the cell's file when nothing is wrong with it, all that was found, and the tree looked up."""
+
+    cell: CellFile | None
+    findings: Findings
+    analysis: Analysis
+
+    def refuse_errors(self) -> None:
+        """Raise when something is wrong.
+
+        Raises:
+            UsageError: with every finding.
+        """
+        if self.findings.errors:
+            findings = self.findings.sorted()
+            raise UsageError(f"{format_findings(findings)} Nothing was run.") from TreeFileError(findings)
+
+
+def judge(
+    document: Document,
+    registry: Registry,
+    settings: Mapping[str, str | YamlScalar],
+    cell: Path | None,
+    texts: Mapping[str, str] | None = None,
+    before: Analysis | None = None,
+) -> Judged:
+    """Judge a tree, and the cell on which it shall run.
+
+    Args:
+        document: the tree.
+        registry: skills.
+        settings: parameters of the tree, and options of the cell for what the tree does not declare.
+        cell: its file, or None when it is not known: a tree is then judged alone.
+        texts: contents of files, by path, that are not to be read from the disk.
+        before: what is known of an older text of the tree (see `analyse`).
+    """
+    findings = Findings()
+    file, interfaces = None, None
+    for_tree, for_cell = split_settings(document, settings)
+    if cell is not None:
+        _name_unknown(document, cell, for_cell, findings)
+        file = cell_files().judge(cell, findings, for_cell, texts or {})
+        interfaces = None if file is None else file.interfaces()
+    overrides = for_tree if cell is not None else {key: _text(value) for key, value in settings.items()}
+    analysis = analyse(document, registry, overrides=overrides, interfaces=interfaces, before=before)
+    findings.extend(_placed(found, settings) for found in analysis.findings)
+    said: dict[tuple[type[Skill], str], list[Problem]] = {}
+    for use in uses_of_skills(analysis):
+        known = {name: value.value for name, value in use.known.items()}
+        alike = use.skill, repr(known)
+        if alike not in said:
+            said[alike] = list(use.skill.judge(known, file))
+        for problem in said[alike]:
+            where: Located = use.known[problem.key].where if problem.key in use.known else use.node.key
+            report = findings.warning if problem.warning else findings.error
+            report(where, "unfit", f"{use.node.label}: {problem.message}", problem.hint)
+    return Judged(file, findings, analysis)
+
+
+def split_settings(
+    document: Document, settings: Mapping[str, str | YamlScalar]
+) -> tuple[dict[str, str], dict[str, str | YamlScalar]]:
+    """Settings of the tree's parameters, and the others: options of the cell."""
+    declared = document.main.parameters
+    for_tree = {key: _text(value) for key, value in settings.items() if key in declared}
+    return for_tree, {key: value for key, value in settings.items() if key not in declared}
+
+
+def _name_unknown(document: Document, cell: Path, for_cell: dict[str, str | YamlScalar], findings: Findings) -> None:
+    """Take out what neither the tree nor the cell knows, with a finding for each."""
+    outline = cell_files().outline(cell, Findings())
+    options = [option.name for option in outline.options] if outline is not None else list(for_cell)
+    known = [*document.main.parameters, *options]
+    for name in [name for name in for_cell if name not in options]:
+        given = for_cell.pop(name)
+        where = given if isinstance(given, YamlScalar) else set_scalar(name, given)
+        message = f"neither the tree '{document.main.name}' nor the cell '{cell.stem}' has a setting '{name}'"
+        hint = did_you_mean(name, known) or f"known: {', '.join(sorted(known)) or 'none'}"
+        findings.error(where, "unknown-setting", message, hint)
+
+
+def _placed(found: Finding, settings: Mapping[str, str | YamlScalar]) -> Finding:
+    """A finding about a setting, at the place where it is written in a file."""
+    name = found.path.removeprefix("--set ").partition("=")[0]
+    where = settings.get(name) if found.path.startswith("--set ") else None
+    if not isinstance(where, YamlScalar):
+        return found
+    place = Findings()
+    place.error(where, found.code, found.message, found.hint)
+    return place.sorted()[0]
+
+
+def _text(value: str | YamlScalar) -> str:
+    return value.text if isinstance(value, YamlScalar) else value

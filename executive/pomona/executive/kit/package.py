@@ -1,0 +1,83 @@
+"""The frame of a package, and the tree of its example."""
+
+from __future__ import annotations
+
+from pomona.executive.values.piece import Piece
+
+PACKAGE = Piece(
+    "a package: what pip, pytest and mypy need",
+    {
+        "pyproject.toml": """[build-system]
+requires = ["hatchling>=1.27"]
+build-backend = "hatchling.build"
+
+[project]
+name = "$module"
+version = "0.1.0"
+requires-python = ">=3.11"
+dependencies = ["pomona"]
+
+[project.optional-dependencies]
+dev = ["pytest>=8.2", "mypy>=1.13"]
+
+[tool.hatch.build.targets.wheel]
+packages = ["$module"]
+
+[tool.mypy]
+strict = true
+
+[tool.pytest.ini_options]
+testpaths = ["tests"]
+pythonpath = ["."]
+""",
+        "$module/__init__.py": '"""$Name: skills, drivers and words of trees for Pomona."""\n',
+        "$module/py.typed": "",
+        "README.md": """# $module
+
+    pip install -e '.[dev]'
+    pomona skills            # lists what this package adds
+    pytest
+    mypy $module
+
+`pomona new skill|node|driver NAME --into .` adds a piece.
+Install the package once more after that: its new name is found then.
+""",
+    },
+)
+
+TREE = Piece(
+    "a tree with the example's skill, and what is to happen in it",
+    {
+        "trees/${module}_test.yaml": """# What is to happen, with a mock as the skill: pomona test trees/*_test.yaml
+# Its common mocks also serve a run: pomona run trees/$module.yaml --dry trees/${module}_test.yaml
+pomona: 1
+tree: $module.yaml
+
+mocks:
+  $Name: {after: 100 ms, outputs: {height: 15 cm}}
+
+cases:
+  - name: high enough
+    expect: success
+  - name: the skill refuses
+    mocks: {$Name: TOO_HIGH}
+    expect: {status: failure, code: TOO_HIGH}
+  - name: lower than the check asks
+    mocks: {$Name: {outputs: {height: 5 cm}}}
+    expect: {status: failure, code: CONDITION_FALSE}
+""",
+        "trees/$module.yaml": """# A tree to begin with: pomona run trees/$module.yaml
+pomona: 1
+tree: $module
+
+parameters:
+  above: {type: length, default: 5 cm, help: on top of the least height}
+
+root:
+  sequence:
+    - $Name: {above: "{above}", height: "{height}"}
+      timeout: 5 s
+    - check: "{height} > 10 cm"
+""",
+    },
+)

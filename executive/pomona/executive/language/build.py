@@ -1,0 +1,284 @@
+"""Document → py_trees tree. Builds only what the check has passed."""
+
+from __future__ import annotations
+
+from collections import abc
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Protocol
+
+import py_trees
+from py_trees.behaviour import Behaviour
+
+from pomona.executive.board import Board
+from pomona.executive.language.bind_ports import bind_skill
+from pomona.executive.language.build_scope import InstanceScope, condition, constant, getter
+from pomona.executive.language.built import BuiltTree, NodeInfo, Side
+from pomona.executive.language.check import Analysis, analyse
+from pomona.executive.language.expression_run import Getter
+from pomona.executive.language.model import Definition, Document, TreeNode
+from pomona.executive.language.names_of_nodes import UniquePaths
+from pomona.executive.language.scope import Resolved
+from pomona.executive.nodes.behaviours import Subtree, WholeTree
+from pomona.executive.nodes.conditions import Condition
+from pomona.executive.nodes.node_type import NodeType
+from pomona.executive.nodes.takes import Nothing
+from pomona.executive.registry import Registry
+from pomona.executive.skill import Skill, SkillContext
+from pomona.executive.values.findings import Finding, TreeFileError
+from pomona.executive.values.written import written
+from pomona.executive.values.yaml_nodes import YamlNode
+
+
+class Mocks(Protocol):
+    """Says which skills are replaced by mocks."""
+
+    def replace(self, skill: type[Skill], skill_name: str, label: str, path: str) -> Skill | None:
+        """The mock that stands in for a node's skill, or None to keep the skill."""
+        ...
+
+
+def build(
+    document: Document,
+    skills: Registry,
+    *,
+    context: SkillContext,
+    board: Board | None = None,
+    overrides: Mapping[str, str] | abc.Sequence[str] = (),
+    interfaces: tuple[type, ...] | None = None,
+    mocks: Mocks | None = None,
+) -> BuiltTree:
+    """Build a tree.
+
+    Args:
+        document: from `read`.
+        skills: the skills that it may use.
+        context: the run that its skills are bound to.
+        board: a fresh one is made when it is left out.
+        overrides: values for parameters, as a mapping or as texts `name=value`.
+        interfaces: the cell's device interfaces; None skips the check of devices.
+        mocks: replaces skills, for dry runs.
+
+    Raises:
+        TreeFileError: the document has errors; all of them are in it.
+    """
+    analysis = analyse(document, skills, overrides=overrides, interfaces=interfaces)
+    main = document.main.main
+    errors = analysis.errors
+    if main is not None and not errors:
+        errors = _inputs_nobody_gives(main)
+    if errors or main is None or main.root is None:
+        raise TreeFileError(errors)
+    board = board if board is not None else Board(context.clock)
+    builder = _Builder(analysis, context, board, mocks)
+    names: dict[str, Getter] = {name: constant(value) for name, value in analysis.parameters.items()}
+    scope = InstanceScope(analysis, main, board, "/", names)
+    root = builder.node(main.root, scope, None, path=document.main.name)
+    assert analysis.outcomes is not None
+    if analysis.outcomes.of(main.root).skips:
+        root = WholeTree(document.main.name, root)
+    return BuiltTree(
+        document.main.name,
+        root,
+        tuple(builder.nodes.values()),
+        dict(builder.behaviours),
+        dict(analysis.parameters),
+        board,
+        tuple(builder.breakpoints),
+    )
+
+
+def _inputs_nobody_gives(main: Definition) -> list[Finding]:
+    missing = [declared for declared in main.inputs.values() if declared.default is None]
+    message = "is an input that only a calling tree can give: run a tree that calls this one"
+    return [
+        Finding(d.key.source.path, d.key.line, d.key.column, "error", "no-value", f"'{d.key.text}' {message}")
+        for d in missing
+    ]
+
+
+class _Builder:
+    def __init__(self, analysis: Analysis, context: SkillContext, board: Board, mocks: Mocks | None) -> None:
+        self.analysis, self.context, self.board, self.mocks = analysis, context, board, mocks
+        self.nodes: dict[str, NodeInfo] = {}
+        self.behaviours: dict[str, Behaviour] = {}
+        self.breakpoints: list[tuple[str, Side]] = []
+        self.paths = UniquePaths()
+
+    def node(self, node: TreeNode, scope: InstanceScope, parent: str | None, *, path: str) -> Behaviour:
+        """Build a node with its modifiers.
+
+        Args:
+            parent: path of the node that it is a child of.
+            path: its own, unless it is taken.
+        """
+        return self.layer(node, 0, scope, self.paths.take(path), parent)
+
+    def layer(self, node: TreeNode, index: int, scope: InstanceScope, path: str, parent: str | None) -> Behaviour:
+        """Build a node without its outer modifiers; what is outside stands before what is inside in drawing order."""
+        layer = node.layers[index]
+        found = self.analysis.resolved[id(node), layer.key]
+        at = LayerBuild(self, node, index, layer, found, scope, path, parent)
+        side = layer.pauses(at)
+        if side is not None:
+            self.breakpoints.append((path, side))
+        if not layer.needed(at):
+            return at.inside()
+        self.nodes[at.own_path] = at.info()
+        self.behaviours[at.own_path] = py_trees.behaviours.Dummy(at.name)  # keeps the place in drawing order
+        behaviour = layer.build(at)
+        behaviour.path = at.own_path  # type: ignore[attr-defined]
+        self.behaviours[at.own_path] = behaviour
+        return behaviour
+
+
+@dataclass(slots=True, eq=False)
+class LayerBuild:
+    """One layer of a node being built by its type (a `Building`).
+
+    Attributes:
+        path: of the node itself.
+        parent: path of what is around the layer.
+    """
+
+    builder: _Builder
+    node: TreeNode
+    index: int
+    layer: NodeType
+    found: Resolved
+    scope: InstanceScope
+    path: str
+    parent: str | None
+
+    @property
+    def wraps(self) -> bool:
+        """Whether this layer is a modifier around the node, not the node itself."""
+        return self.layer is not self.node.type
+
+    @property
+    def own_path(self) -> str:
+        """The layer's path: a modifier's is called after the node that it wraps."""
+        return f"{self.path}:{self.layer.key}" if self.wraps else self.path
+
+    @property
+    def name(self) -> str:
+        if self.wraps and self.layer.named:
+            return f"{self.layer.key} {self.node.label}"
+        return self.node.label
+
+    @property
+    def now(self) -> Callable[[], float]:
+        return self.builder.context.elapsed
+
+    def info(self) -> NodeInfo:
+        """What views and records are told of the layer."""
+        node, layer, source = self.node, self.layer, self.node.at.source
+        if self.wraps:
+            return NodeInfo(
+                self.own_path, self.parent, layer.key, layer.key, layer.key, file=source.path, line=node.at.line,
+                end_line=node.at.end_line, settings=self.settings(), choices=layer.choices(node),
+            )  # fmt: skip
+        name = self.path if self.parent is None and node.name is None else node.label
+        inputs = {n: written(node.ports[n][1]) for n in self.found.inputs if n in node.ports}
+        outputs = {n: written(node.ports[n][1]) for n in self.found.outputs if n in node.ports and n not in inputs}
+        skill, mocked = self.found.skill, self.stand_in() is not None
+        return NodeInfo(
+            self.path, self.parent, layer.key, name, node.key.text if layer.calls else layer.key,
+            node.description, node.comment, source.path, node.at.line, node.at.end_line,
+            inputs, outputs, self.settings(),
+            tuple(interface.__name__ for interface in skill.devices) if skill is not None else (),
+            skill.failures if skill is not None else (), mocked, layer.choices(node),
+        )  # fmt: skip
+
+    def settings(self) -> dict[str, str]:
+        """What is written for the layer, without nodes and wires."""
+        found = {}
+        for slot, taken in self.layer.slots.items():
+            value = self.written(slot)
+            if value is not None and not taken.nodes and not taken.wires and not isinstance(taken, Nothing):
+                found[slot] = written(value)
+        return found
+
+    def written(self, slot: str) -> YamlNode | None:
+        entry = self.node.entry(self.layer, slot)
+        return None if entry is None else entry[1]
+
+    def literal(self, slot: str) -> Any:
+        return self.found.setting(slot, None)
+
+    # ------------------------------------------------------------------------------------------- values
+
+    def given(self, slot: str) -> bool:
+        return slot in self.found.settings
+
+    def value(self, slot: str, default: Any = None, **names: object) -> Getter:
+        value = self.found.settings.get(slot)
+        return constant(default) if value is None else getter(value, self.inner(names))
+
+    def condition(self, slot: str, **names: object) -> Condition:
+        return condition(self.found.settings[slot], self.inner(names))
+
+    def inputs(self) -> dict[str, Getter]:
+        return {name: getter(value, self.scope) for name, value in self.found.inputs.items()}
+
+    def writer(self, name: str) -> Callable[[Any], None]:
+        write, key, path = self.builder.board.write, self.scope.key(self.found.outputs[name]), self.own_path
+        return lambda value: write(key, value, path)
+
+    def inner(self, names: Mapping[str, Any]) -> InstanceScope:
+        """The scope with further names in it."""
+        return replace(self.scope, **names) if names else self.scope
+
+    # ------------------------------------------------------------------------------------------- what is inside
+
+    def inside(self, **names: object) -> Behaviour:
+        parent = self.own_path if self.layer.needed(self) else self.parent
+        return self.builder.layer(self.node, self.index + 1, self.inner(names), self.path, parent)
+
+    def child(self, index: int, **names: object) -> Behaviour:
+        """The behaviour of one child, with further names in its scope."""
+        child = self.node.children[index]
+        return self.builder.node(child, self.inner(names), self.path, path=f"{self.path}/{child.label}")
+
+    def children(self, **names: object) -> list[Behaviour]:
+        """The behaviours of all children, in their order."""
+        return [self.child(index, **names) for index in range(len(self.node.children))]
+
+    def part(self, slot: str, **names: object) -> Behaviour | None:
+        part = self.node.parts.get(slot)
+        if part is None:
+            return None
+        return self.builder.node(part, self.inner(names), self.own_path, path=f"{self.path}:{slot}")
+
+    def stand_in(self) -> Skill | None:
+        """The mock that replaces the node's skill."""
+        mocks, skill = self.builder.mocks, self.found.skill
+        if mocks is None or skill is None:
+            return None
+        return mocks.replace(skill, self.node.key.text, self.node.label, self.path)
+
+    def skill(self) -> Behaviour:
+        cls = self.found.skill
+        assert cls is not None
+        behaviour = self.stand_in() or cls(self.node.label)
+        keys = {name: self.scope.key(target) for name, target in self.found.outputs.items() if name in cls.outputs}
+        builder = self.builder
+        bind_skill(behaviour, cls.inputs, builder.context, self.path, self.inputs(), keys, builder.board)
+        return behaviour
+
+    def subtree(self) -> Behaviour:
+        called, scope = self.found.subtree, self.scope
+        assert called is not None
+        assert called.root is not None
+        interface = self.builder.analysis.interfaces[id(called)]
+        shared = called.file.parameters if called.file is scope.definition.file else {}
+        names: dict[str, Getter] = {name: scope.names[name] for name in shared}
+        wired = self.inputs()
+        for name, port in interface.inputs.items():
+            names[name] = wired.get(name) or constant(port.default_value)
+        _, _, below_root = self.path.partition("/")
+        prefix = f"/{below_root or self.path}/"
+        keys = {port: scope.key(target) for port, target in self.found.outputs.items()}
+        inside = replace(scope, definition=called, prefix=prefix, names=names, keys=keys, failure=None)
+        path = f"{self.path}/{called.root.label}"
+        return Subtree(self.node.label, self.builder.node(called.root, inside, self.path, path=path))

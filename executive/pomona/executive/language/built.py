@@ -1,0 +1,125 @@
+"""A tree that is ready to run, and what its nodes are called."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+from py_trees.behaviour import Behaviour
+
+from pomona.executive.board import Board
+from pomona.executive.nodes import Attempt, Retry
+from pomona.executive.nodes.question import Question
+from pomona.executive.skill import Skill
+
+Side = Literal["before", "after"]
+"""Of a node: where a breakpoint holds the tick."""
+
+
+@dataclass(frozen=True, slots=True)
+class NodeInfo:
+    """One node of a built tree, for views and records.
+
+    Attributes:
+        path: stable id: names from the root down, `fetch/Attempt/Plan#2`. A modifier's node is called after the
+            node that it wraps: `fetch/Attempt:retry`.
+        parent: path of the parent, None for the root.
+        kind: skill, subtree, sequence … or the modifier's name.
+        name: what people call it.
+        type: the skill's or subtree's name, else the kind.
+        description, comment: from the tree file.
+        file, line, end_line: where it is written.
+        inputs, outputs: wiring by port, as written.
+        settings: of the modifier or leaf, as written: `{"retry": "{attempts}"}`.
+        devices: names of the device interfaces that it needs.
+        failures: the skill's failure codes.
+        mocked: whether a mock stands in for the skill.
+        choices: the answers of a node that asks a person.
+    """
+
+    path: str
+    parent: str | None
+    kind: str
+    name: str
+    type: str
+    description: str = ""
+    comment: str = ""
+    file: str = ""
+    line: int = 0
+    end_line: int = 0
+    inputs: Mapping[str, str] = field(default_factory=dict)
+    outputs: Mapping[str, str] = field(default_factory=dict)
+    settings: Mapping[str, str] = field(default_factory=dict)
+    devices: tuple[str, ...] = ()
+    failures: tuple[str, ...] = ()
+    mocked: bool = False
+    choices: tuple[str, ...] = ()
+
+    def facts(self) -> dict[str, Any]:
+        """As plain values, for the record and the dashboard; what is empty is left out."""
+        slots = self.__dataclass_fields__
+        found = {name: getattr(self, name) for name in slots}
+        kept = {name: value for name, value in found.items() if value not in ("", 0, (), {}, False)}
+        return {name: list(v) if isinstance(v, tuple) else dict(v) if isinstance(v, Mapping) else v
+                for name, v in kept.items()} | {"parent": self.parent}  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BuiltTree:
+    """A py_trees tree, built from a document that has no errors.
+
+    Attributes:
+        name: the tree's.
+        root: tick this.
+        nodes: every node in drawing order (a parent before its children).
+        behaviours: by path; each behaviour also has its `path` as an attribute.
+        parameters: values of the tree's parameters.
+        board: what the nodes write to.
+        breakpoints: that stand in the file: a node's path, and the side on which the run pauses there.
+    """
+
+    name: str
+    root: Behaviour
+    nodes: tuple[NodeInfo, ...]
+    behaviours: Mapping[str, Behaviour]
+    parameters: Mapping[str, Any]
+    board: Board
+    breakpoints: tuple[tuple[str, Side], ...] = ()
+
+    def find(self, name: str) -> tuple[str, ...]:
+        """Paths of the nodes that people mean by a name: a path, the end of one, or a node's name or type.
+
+        A name or a type means the node itself, not the modifiers around it.
+        """
+        found = [path for path in self.behaviours if path == name or path.endswith(f"/{name}")]
+        modifiers = {info.path for info in self.nodes if info.path.endswith(f":{info.kind}")}
+        named = [i.path for i in self.nodes if name in (i.name, i.type) and i.path not in modifiers]
+        return tuple(dict.fromkeys([*found, *named]))
+
+    @property
+    def skills(self) -> tuple[Skill, ...]:
+        """All skills (and mocks), in drawing order."""
+        return tuple(b for b in self.behaviours.values() if isinstance(b, Skill))
+
+    @property
+    def questions(self) -> Mapping[str, Question]:
+        """Nodes that ask a person, by path."""
+        return {path: b for path, b in self.behaviours.items() if isinstance(b, Question)}
+
+    def asked_by(self, name: str) -> tuple[Question, ...]:
+        """What the nodes of this name (see `find`) ask a person, themselves or by a modifier."""
+        named, kinds = set(self.find(name)), {info.path: info.kind for info in self.nodes}
+        return tuple(q for path, q in self.questions.items()
+                     if named.intersection((path, path.removesuffix(f":{kinds[path]}"))))  # fmt: skip
+
+    def prepare(self, tell: Callable[[str, int, int], None] = lambda _name, _done, _of: None) -> None:
+        """Let every skill load and warm what it needs; `tell(name, done, of)` is called before each."""
+        for done, skill in enumerate(self.skills):
+            tell(skill.name, done, len(self.skills))
+            skill.prepare()
+
+    def on_attempt(self, listener: Callable[[str, Attempt, int], None]) -> None:
+        """`listener(path, attempt, of)` is called in the tick in which an attempt of a retry ends."""
+        for retry in (b for b in self.behaviours.values() if isinstance(b, Retry)):
+            retry.listener = lambda node, attempt: listener(node.path, attempt, node.total)

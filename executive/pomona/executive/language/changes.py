@@ -1,0 +1,62 @@
+"""Another value for an input of a skill while its tree runs: read and judged as in a tree file."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pomona.executive.errors import PomonaError
+from pomona.executive.language.built import BuiltTree
+from pomona.executive.language.literals import LiteralError, literal
+from pomona.executive.language.values import out_of_range
+from pomona.executive.skill import Skill
+from pomona.executive.values.findings import Findings, Source, did_you_mean
+from pomona.executive.values.yaml_nodes import YamlNode, YamlScalar, read_yaml
+
+
+class ChangeRefusedError(PomonaError):
+    """No such skill or input, or no value for it."""
+
+
+def changed_input(tree: BuiltTree, path: str, port: str, text: str) -> Any:
+    """The value that `text` means for this input of the skill at this path.
+
+    Raises:
+        ChangeRefusedError: there is no such skill or input, or this is no value for it.
+    """
+    skill = tree.behaviours.get(path)
+    if not isinstance(skill, Skill):
+        raise ChangeRefusedError(f"there is no skill at {path}")
+    found = skill.inputs.get(port)
+    if found is None:
+        hint = did_you_mean(port, skill.inputs) or f"it has {', '.join(skill.inputs) or 'none'}"
+        raise ChangeRefusedError(f"{skill.name} has no input '{port}': {hint}")
+    source = Source("change", text)
+    node: YamlNode | None = YamlScalar(source, 1, 1, 1, len(text) + 1, text, True)
+    if text[:1] in ("[", "{"):
+        node = read_yaml(source, Findings())
+    if node is None:
+        raise ChangeRefusedError(f"{port}: this is not YAML: {text[:60]}")
+    try:
+        value = literal(node, found.type, found.choices)
+    except LiteralError as error:
+        raise ChangeRefusedError(f"{port}: {error.message}{error.hint and f' ({error.hint})'}") from None
+    if not found.accepts(value):
+        raise ChangeRefusedError(f"{port} takes no {text[:60]}")
+    problem = out_of_range(value, found)
+    if problem:
+        raise ChangeRefusedError(f"{port} {problem}")
+    return value
+
+
+def change_input(tree: BuiltTree, detail: str) -> None:
+    """Carry out what was asked for as `port = value ← path`; it counts from the skill's next start on.
+
+    Raises:
+        ChangeRefusedError: as `changed_input`.
+    """
+    said, _, path = detail.rpartition(" ← ")
+    port, _, text = said.partition(" = ")
+    value = changed_input(tree, path, port, text)
+    skill = tree.behaviours[path]
+    assert isinstance(skill, Skill)
+    skill.changed[port] = value

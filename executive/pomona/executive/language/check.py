@@ -1,0 +1,305 @@
+"""Document → findings: everything that is wrong, found before anything moves, in one pass."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from pomona.executive.language.check_node import NodeChecker
+from pomona.executive.language.checked_before import checked_before
+from pomona.executive.language.flow import Flow
+from pomona.executive.language.interface import InterfaceReader, PortDeclared
+from pomona.executive.language.model import Definition, Document, TreeNode
+from pomona.executive.language.outcomes import Outcomes
+from pomona.executive.language.overrides import parameter_values
+from pomona.executive.language.scope import Named, Origin, Read, Resolved, Scope
+from pomona.executive.language.truth import Truth
+from pomona.executive.language.value_types import can_flow, describe
+from pomona.executive.language.values import static_type
+from pomona.executive.nodes.calls import SUBTREE
+from pomona.executive.nodes.ends import Names, Outcome
+from pomona.executive.ports import Port
+from pomona.executive.registry import Registry
+from pomona.executive.values.findings import Finding, Findings, did_you_mean, few_hints
+from pomona.executive.values.yaml_nodes import YamlMapping, YamlNode
+
+MAX_BUILT_NODES = 10_000
+MAX_BUILT_DEPTH = 150
+
+
+@dataclass(slots=True, eq=False)
+class Analysis:
+    """What the check knows about a document: its findings, and every name looked up.
+
+    Attributes:
+        findings: in reading order.
+        resolved: by id of the node and word of the layer: its type's, or a modifier's.
+        scopes: by id of the definition.
+        interfaces: ports of each definition, by id.
+        parameters: values of the main tree's parameters, overrides applied.
+        finite: whether the tree with its subtrees written out has an end, and not more nodes than can run.
+    """
+
+    document: Document
+    findings: list[Finding] = field(default_factory=list)
+    resolved: dict[tuple[int, str], Resolved] = field(default_factory=dict)
+    scopes: dict[int, Scope] = field(default_factory=dict)
+    interfaces: dict[int, PortDeclared] = field(default_factory=dict)
+    parameters: dict[str, Any] = field(default_factory=dict)
+    finite: bool = True
+    outcomes: Outcomes | None = None
+    skills: Registry | None = None
+    devices: tuple[type, ...] | None = None
+
+    @property
+    def errors(self) -> list[Finding]:
+        """The findings that keep the tree from running."""
+        return [finding for finding in self.findings if finding.severity == "error"]
+
+
+def check(
+    document: Document,
+    skills: Registry,
+    *,
+    overrides: Mapping[str, str] | Sequence[str] = (),
+    interfaces: tuple[type, ...] | None = None,
+) -> list[Finding]:
+    """Everything that is wrong with a document, errors and warnings, in reading order.
+
+    Args:
+        document: from `read`.
+        skills: the skills that it may use.
+        overrides: values for parameters, as a mapping or as texts `name=value`.
+        interfaces: the device interfaces of the cell that it will run on; None when that is not known.
+    """
+    return analyse(document, skills, overrides=overrides, interfaces=interfaces).findings
+
+
+@few_hints()
+def analyse(
+    document: Document,
+    skills: Registry,
+    *,
+    overrides: Mapping[str, str] | Sequence[str] = (),
+    interfaces: tuple[type, ...] | None = None,
+    before: Analysis | None = None,
+) -> Analysis:
+    """Like `check`, with all that was learned on the way; `build` works from it.
+
+    Args:
+        before: of the older document from which nodes went over into this one: what it knows of them is taken over
+            where nothing can have changed it, and it is of no use any more.
+    """
+    return _Checker(document, skills, interfaces, before).run(overrides)
+
+
+class _Checker:
+    def __init__(
+        self, document: Document, skills: Registry, devices: tuple[type, ...] | None, before: Analysis | None = None
+    ) -> None:
+        self.document, self.devices = document, devices
+        self.findings = Findings()
+        self.findings.extend(document.findings)
+        packages = document.main.skills
+        self.skills = skills = skills.choosing({name: package.text for name, package in packages.items()})
+        for name, package in packages.items():
+            if name in skills.problems:
+                self.findings.error(package, "broken-skill", f"{name} cannot be used: {skills.problems[name]}")
+        self.analysis = Analysis(document, skills=skills, devices=devices)
+        if before is not None and (before.skills is not skills or before.devices != devices):
+            before = None
+        self.before = before or Analysis(document)
+        self.called: dict[int, Definition] = {}
+        self.outcomes = self.analysis.outcomes = Outcomes(skills, self.called, self.known_outcomes())
+        self.readers: dict[int, InterfaceReader] = {}
+        self.recursive = False
+
+    def run(self, overrides: Mapping[str, str] | Sequence[str]) -> Analysis:
+        definitions = list(self.document.definitions())
+        for definition in definitions:
+            reader = self.readers.setdefault(id(definition.file), InterfaceReader(self.findings, self.skills))
+            self.analysis.interfaces[id(definition)] = reader.interface(definition)
+            for node in definition.root.walk() if definition.root is not None else ():
+                if node.type is SUBTREE and node.key.text in definition.file.subtrees:
+                    self.called[id(node)] = definition.file.subtrees[node.key.text]
+        main_reader = self.readers.setdefault(id(self.document.main), InterfaceReader(self.findings, self.skills))
+        self.analysis.parameters = parameter_values(self.document.main, overrides, main_reader, self.findings)
+        order = self.callees_first(definitions)
+        for definition in order:
+            self.outcomes.of_definition(definition)
+        for definition in definitions:
+            self.definition(definition)
+        self.analysis.finite = not self.recursive and self.size(order)
+        if not self.findings.errors:  # a mistyped name would be told twice
+            self.never_read(definitions)
+        self.analysis.findings = self.findings.sorted()
+        return self.analysis
+
+    # ------------------------------------------------------------------------------------------- definitions
+
+    def definition(self, definition: Definition) -> None:
+        scope = self.analysis.scopes[id(definition)] = Scope(definition, renamed_failures=self.skills.renamed_failures)
+        self.declared_names(definition, scope)
+        checker = NodeChecker(
+            self.findings, self.skills, scope, self.document.types, self.called, self.outcomes,
+            self.analysis.interfaces, self.analysis.resolved, self.devices,
+            checked_before(definition, self.before.scopes.values(), self.before.resolved),
+        )  # fmt: skip
+        if definition.root is None:
+            return
+        checker.definition(definition.root)
+        self.follow(definition, scope)
+        if scope.looks and not self.findings.errors:  # what is wrong already says nothing about what is true
+            Truth(self.findings, scope, self.analysis.resolved, self.outcomes).definition()
+        for name, named in scope.written():
+            if not named.read and name not in definition.outputs:
+                message = f"nobody reads '{name}', which {named.by} writes"
+                self.findings.warning(named.where, "unread", message)
+
+    def known_outcomes(self) -> Mapping[tuple[int, int], Outcome]:
+        """How nodes end that went over from an older text and call nobody."""
+        nodes = {node for scope in self.before.scopes.values() for node in scope.around}
+        return self.before.outcomes.among(nodes) if self.before.outcomes is not None else {}
+
+    def declared_names(self, definition: Definition, scope: Scope) -> None:
+        file = definition.file
+        reader = self.readers[id(file)]
+        for name, constant in file.constants.items():
+            value, value_type = reader.constant(constant)
+            scope.names[name] = Named(value_type, "constant", constant.key, "a constant", value)
+        run_here = file is self.document.main
+        for name, parameter in file.parameters.items():
+            port = reader.port(parameter, "parameter") or Port(object)
+            value = self.analysis.parameters.get(name) if run_here else None
+            origin: Origin = "parameter" if run_here else "input"
+            scope.names[name] = Named(static_type(port), origin, parameter.key, f"parameter '{name}'", value)
+        for name, declared in definition.inputs.items():
+            port = reader.port(declared, "input") or Port(object)
+            optional = not port.required and port.default is None
+            named = Named(static_type(port), "input", declared.key, f"input '{name}'", may_be_none=optional)
+            scope.names[name] = named
+
+    def follow(self, definition: Definition, scope: Scope) -> None:
+        assert definition.root is not None
+        known = frozenset(name for name, named in scope.names.items() if named.origin != "written")
+
+        def unset(node: TreeNode, read: Read) -> None:
+            named = scope.names[read.name]
+            line = named.where.line
+            message = (
+                f"{node.label} reads '{read.name}', which may not be written yet ({named.by} writes it, line {line})"
+            )
+            self.findings.error(read.where, "unset", message, "it must be written on every path that leads here")
+
+        ends = Flow(self.analysis.resolved, self.outcomes, unset).node(definition.root, Names(known))
+        interface = self.analysis.interfaces[id(definition)]
+        for name, declared in definition.outputs.items():
+            written = scope.names.get(name)
+            port = interface.outputs.get(name)
+            if written is None or written.origin != "written":
+                hint = did_you_mean(name, [n for n, _ in scope.written()])
+                message = f"nothing in '{definition.name}' writes the output '{name}'"
+                self.findings.error(declared.key, "unwritten", message, hint)
+                continue
+            if port is not None and not can_flow(written.type, port.type):
+                said, found = describe(port.type), describe(written.type)
+                message = f"output '{name}' is declared as {said}, {written.by} writes {found}"
+                self.findings.error(declared.key, "port-type", f"{message} (line {written.where.line})")
+            if name not in ends.success:
+                message = f"'{definition.name}' may succeed without having written its output '{name}'"
+                self.findings.error(
+                    declared.key, "unset", message, f"{written.by} writes it in line {written.where.line}"
+                )
+
+    # ------------------------------------------------------------------------------------------- whole document
+
+    def never_read(self, definitions: Sequence[Definition]) -> None:
+        """Warn of parameters, inputs and subtrees that nothing uses."""
+        for definition in definitions:
+            if definition.root is None:
+                continue
+            scope = self.analysis.scopes[id(definition)]
+            for name, declared in definition.inputs.items():
+                if not scope.names[name].read:
+                    message = f"nothing in '{definition.name}' reads the input '{name}'"
+                    self.findings.warning(declared.key, "unread", message)
+            if not definition.main:
+                continue
+            own = [self.analysis.scopes[id(d)] for d in definitions if d.file is definition.file]
+            for what, table in (("parameter", definition.file.parameters), ("constant", definition.file.constants)):
+                for name, declared in table.items():
+                    if not any(s.names[name].where is declared.key and s.names[name].read for s in own):
+                        self.findings.warning(declared.key, "unread", f"nothing reads the {what} '{name}'")
+        called = {id(definition) for definition in self.called.values()}
+        for name, definition in self.document.main.subtrees.items():
+            if id(definition) not in called and definition.file is self.document.main:
+                self.findings.warning(_key_of(definition), "unused", f"nothing calls the subtree '{name}'")
+
+    def calls(self, definition: Definition) -> list[tuple[TreeNode, Definition]]:
+        if definition.root is None:
+            return []
+        return [(n, self.called[id(n)]) for n in definition.root.walk() if id(n) in self.called]
+
+    def callees_first(self, definitions: Sequence[Definition]) -> list[Definition]:
+        """All definitions, each after those that it calls. Reports subtrees that call themselves."""
+        order: list[Definition] = []
+        done: set[int] = set()
+        for start in definitions:
+            stack = [] if id(start) in done else [(start, self.calls(start))]
+            while stack:
+                definition, open_calls = stack[-1]
+                if not open_calls:
+                    done.add(id(definition))
+                    order.append(definition)
+                    stack.pop()
+                    continue
+                node, called = open_calls.pop(0)
+                on_the_way = [d for d, _ in stack]
+                if called in on_the_way:
+                    cycle = [d.name for d in on_the_way[on_the_way.index(called) :]]
+                    message = f"a subtree that calls itself never ends: {' → '.join([*cycle, called.name])}"
+                    self.findings.error(node.key, "recursion", message)
+                    self.recursive = True
+                elif id(called) not in done:
+                    stack.append((called, self.calls(called)))
+        return order
+
+    def measure(self, node: TreeNode, sizes: Mapping[int, tuple[int, int]]) -> tuple[int, int]:
+        """How many nodes there are from a node on, and how deep; `sizes` are those of the subtrees that it calls."""
+        count = own = len(node.layers)
+        deepest = 0
+        below = [self.measure(child, sizes) for child in node.below()] if node.children or node.parts else []
+        if id(node) in self.called:
+            below.append(sizes[id(self.called[id(node)])])
+        for nodes, depth in below:
+            count += nodes
+            deepest = max(deepest, depth)
+        return count, own + deepest
+
+    def size(self, order: Sequence[Definition]) -> bool:
+        """Refuse a tree that is too large with its subtrees written out; whether it is not."""
+        main = self.document.main.main
+        sizes: dict[int, tuple[int, int]] = {}
+        for definition in order:
+            sizes[id(definition)] = self.measure(definition.root, sizes) if definition.root is not None else (0, 0)
+        if main is None or main.root is None:
+            return True
+        count, depth = sizes[id(main)]
+        if count > MAX_BUILT_NODES:
+            message = f"the tree has {_shown(count)} nodes with its subtrees written out; {MAX_BUILT_NODES} can run"
+            self.findings.error(main.root.key, "too-large", message)
+        elif depth > MAX_BUILT_DEPTH:
+            message = f"the tree is {depth} nodes deep with its subtrees written out; {MAX_BUILT_DEPTH} can run"
+            self.findings.error(main.root.key, "too-deep", message)
+        return count <= MAX_BUILT_NODES and depth <= MAX_BUILT_DEPTH
+
+
+def _key_of(definition: Definition) -> YamlNode:
+    """Where a subtree is written, as near to its name as it is known."""
+    at = definition.at
+    return next((key for key, _ in at.entries.values()), at) if isinstance(at, YamlMapping) else at
+
+
+def _shown(count: int) -> str:
+    return str(count) if count < 1_000_000_000 else "more than a billion"

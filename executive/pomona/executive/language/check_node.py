@@ -1,0 +1,336 @@
+"""The nodes of one definition: skills, ports, modifiers, one by one. Each layer of a node is checked by its type."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from itertools import chain
+from typing import Any
+
+from pomona.executive.language.checked_before import CheckedBefore
+from pomona.executive.language.interface import PortDeclared
+from pomona.executive.language.literals import scalar_type
+from pomona.executive.language.model import Definition, TreeNode
+from pomona.executive.language.outcomes import LayerOutcome, Outcomes
+from pomona.executive.language.scope import ComputedValue, Given, Named, Resolved, Scope
+from pomona.executive.language.value_types import ANY, ValueType, can_flow, describe, element_type
+from pomona.executive.language.values import ValueReader, static_type
+from pomona.executive.nodes.node_type import NodeType, Stage
+from pomona.executive.nodes.surroundings import COUNTERS, Around
+from pomona.executive.nodes.takes import NAME
+from pomona.executive.ports import Port, Ports
+from pomona.executive.registry import Registry
+from pomona.executive.skill import Skill
+from pomona.executive.values.findings import Findings, did_you_mean
+from pomona.executive.values.yaml_nodes import YamlNode, YamlScalar
+
+_WIRE = re.compile(r"\s*\{\s*([A-Za-z_][A-Za-z0-9_]*)\s*\}\s*")
+_EVERYTHING = Around(frozenset(COUNTERS), frozenset())
+
+
+@dataclass(slots=True, eq=False)
+class NodeChecker:
+    """Looks up every name in one definition's nodes; fills `scope` with what they write and `resolved`."""
+
+    findings: Findings
+    skills: Registry
+    scope: Scope
+    words: Mapping[str, NodeType]
+    called: Mapping[int, Definition]
+    outcomes: Outcomes
+    interfaces: Mapping[int, PortDeclared]
+    resolved: dict[tuple[int, str], Resolved]
+    interfaces_of_cell: tuple[type, ...] | None
+    before: CheckedBefore
+    named: dict[str, YamlScalar] = field(default_factory=dict)
+    calls: int = 0
+    """Calls that were checked of what is no skill, and may be another thing the next time."""
+    moved: dict[str, tuple[type, ...]] = field(init=False)
+    """What each skill moves, if it moves anything."""
+
+    def __post_init__(self) -> None:
+        self.moved = {name: claims for name, skill in self.skills.items() if (claims := skill.claims())}
+
+    def definition(self, root: TreeNode) -> None:
+        """Check all nodes of a definition."""
+        nodes = list(root.walk())
+        for node in nodes:
+            if node.name is not None:
+                self.unique_name(node.name)
+        declaring = [
+            self.layer(node, index, _EVERYTHING)
+            for node in nodes
+            for index, layer in enumerate(node.layers)
+            if layer.declares
+        ]
+        for stage in Stage:
+            for at in declaring:
+                at.layer.declare(at, stage)
+        self.before.compare(self.scope)
+        self.node(root, Around())
+
+    def node(self, node: TreeNode, around: Around) -> None:
+        """Check a node with all that is inside; one that can only be as it was is left as it is."""
+        if self.before.stays(node, around):
+            self.before.keep(node, self.scope, self.resolved)
+            return
+        found, calls = self.findings.told, self.calls
+        self.layer(node, 0, around).check()
+        if (found, calls) == (self.findings.told, self.calls):
+            self.scope.around[id(node)] = around
+
+    def layer(self, node: TreeNode, index: int, around: Around) -> LayerCheck:
+        """A layer of a node, from the outside to the inside."""
+        layer = node.layers[index]
+        found = self.resolved.get(key := (id(node), layer.key))
+        if found is None:
+            found = self.resolved[key] = Resolved(node)
+        return LayerCheck(self, node, index, layer, found, around)
+
+    def unique_name(self, name: YamlScalar) -> None:
+        """Report a name that another node has already."""
+        first = self.named.setdefault(name.text, name)
+        if first is not name:
+            message = f"'{name.text}' is the name of another node already (line {first.line})"
+            self.findings.error(name, "duplicate-name", message)
+
+    # --------------------------------------------------------------------------------------- who writes what
+
+    def known_types(self) -> Iterator[str]:
+        """Words that can stand for a node here: composites, leaves and the file's subtrees."""
+        yield from (word for word, found in self.words.items() if found.role != "modifier")
+        yield from self.scope.definition.file.subtrees
+
+    def skill(self, node: TreeNode) -> type[Skill] | None:
+        """The skill of that name; reports when there is none, or the cell lacks a device."""
+        name = node.key.text
+        skill = self.skills.get(name)
+        if skill is None:
+            if name in self.skills.problems:
+                self.findings.error(node.key, "broken-skill", f"skill '{name}': {self.skills.problems[name]}")
+            else:
+                hint = did_you_mean(name, chain(self.skills, self.known_types()))
+                hint = hint or "'pomona skills' lists what is installed"
+                self.findings.error(node.key, "unknown-skill", f"no skill named '{name}'", hint)
+            return None
+        if self.interfaces_of_cell is not None:
+            for interface in skill.devices:
+                if not any(interface in has.__mro__ for has in self.interfaces_of_cell):
+                    message = f"{name} needs a {interface.__name__}, which the cell does not have"
+                    self.findings.error(node.key, "no-device", message)
+        return skill
+
+    def output(self, value: YamlNode, who: str) -> YamlScalar | None:
+        """The name to which an output is wired, as a scalar at its place."""
+        match = _WIRE.fullmatch(value.text) if isinstance(value, YamlScalar) else None
+        if match is None or not isinstance(value, YamlScalar):
+            self.findings.error(value, "output", f"{who} is an output", 'wire it to a name: "{name}"')
+            return None
+        return YamlScalar(
+            value.source, value.line, value.column, value.end_line, value.end_column, match[1], value.plain
+        )
+
+    def writes(self, target: YamlScalar, value_type: ValueType, by: str, who: str) -> None:
+        name = target.text
+        known = self.scope.names.get(name)
+        if known is None:
+            if not NAME.fullmatch(name):
+                self.findings.error(
+                    target,
+                    "bad-name",
+                    f"'{name}' is not a valid name for a port",
+                    "use lower-case letters, digits and _",
+                )
+            self.scope.names[name] = Named(value_type, "written", target, by)
+        elif known.origin != "written":
+            message = f"{who} cannot write '{name}': it is {known.by} (line {known.where.line})"
+            self.findings.error(target, "read-only", message, "give the output a name of its own")
+        elif not can_flow(value_type, known.type):
+            message = f"{who} writes {describe(value_type)} to '{name}', which is {describe(known.type)}"
+            self.findings.error(target, "port-type", f"{message} (written by {known.by}, line {known.where.line})")
+
+    def devices(self, node: TreeNode) -> dict[str, str]:
+        """Devices that a node and all below it move, each with the first node that does."""
+        found: dict[str, str] = {}
+        if not self.moved:
+            return found
+        stack, seen = [node], set()
+        while stack:
+            below = stack.pop()
+            skill = self.skills.get(below.key.text)
+            called = self.called.get(id(below))
+            if called is not None and called.root is not None and id(called) not in seen:
+                seen.add(id(called))
+                stack.append(called.root)
+            elif skill is not None and below.type.calls:
+                for interface in self.moved.get(below.key.text, ()):
+                    found.setdefault(interface.__name__, below.label)
+            stack.extend(reversed(below.below()))
+        return found
+
+
+@dataclass(slots=True, eq=False)
+class LayerCheck:
+    """One layer of a node being checked by its type (a `Checking`)."""
+
+    whole: NodeChecker
+    node: TreeNode
+    index: int
+    layer: NodeType
+    found: Resolved
+    around: Around
+
+    @property
+    def findings(self) -> Findings:
+        """Where findings are reported."""
+        return self.whole.findings
+
+    @property
+    def outcomes(self) -> LayerOutcome:
+        """How the layer, its children and what they hold can end."""
+        return LayerOutcome(self.whole.outcomes, self.node, self.index)
+
+    @property
+    def reader(self) -> ValueReader:
+        """Reads values in the layer's scope."""
+        return ValueReader(self.whole.findings, self.whole.scope, self.found)
+
+    def check(self) -> None:
+        """Let the layer's type check it."""
+        self.layer.check(self)
+
+    def written(self, slot: str) -> YamlNode | None:
+        entry = self.node.entry(self.layer, slot)
+        return None if entry is None else entry[1]
+
+    def literal(self, slot: str) -> Any:
+        return self.found.setting(slot, None)
+
+    # --------------------------------------------------------------------------------------- values
+
+    def condition(self, slot: str, written: YamlNode, around: Around | None = None) -> None:
+        value = self.reader.condition(slot, written, around or self.around)
+        self.whole.scope.looks = True
+        if value is not None:
+            self.found.settings[slot] = value
+
+    def value(self, slot: str, written: YamlNode, port: Port, who: str = "", *, known: bool = False) -> None:
+        value = self.reader.value(slot, written, port, self.around, who or slot)
+        if known and isinstance(value, ComputedValue):
+            self.findings.error(written, "value", f"'{slot}' must be known before the run")
+        elif value is not None:
+            self.found.settings[slot] = value
+
+    def elements(self, slot: str, written: YamlNode) -> None:
+        value = self.reader.value(slot, written, Port(object), self.around, slot)
+        if isinstance(value, ComputedValue) and element_type(value.type) is None:
+            message = f"{slot} takes a list, '{value.text}' is {describe(value.type)}"
+            self.findings.error(written, "port-type", message)
+        elif isinstance(value, Given) and not isinstance(value.value, (list, tuple)):
+            self.findings.error(written, "value", f"{slot} takes a list", 'wire one: "{candidates.grasps}"')
+        if value is not None:
+            self.found.settings[slot] = value
+
+    def keep(self, slot: str, value: object, written: YamlNode) -> None:
+        self.found.settings[slot] = Given(value, written)
+
+    def wires(self, inputs: Mapping[str, Port], outputs: Mapping[str, Port]) -> None:
+        node, who, reader, ports = self.node, self.node.key.text, self.reader, dict(inputs.items())
+        for name, (key, value) in node.ports.items():
+            port = ports.get(name)
+            if port is not None:
+                read = reader.value(name, value, port, self.around, f"{who}.{name}")
+                if read is not None:
+                    self.found.inputs[name] = read
+            elif name not in outputs:
+                known = [*inputs, *outputs]
+                renamed = [f"it is called '{new}' now" for new, port in inputs.items() if port.was == name]
+                hint = "".join(renamed) or did_you_mean(name, known) or f"ports of {who}: {', '.join(known) or 'none'}"
+                self.findings.error(key, "unknown-port", f"{who} has no port '{name}'", hint)
+        needed = inputs.needed if isinstance(inputs, Ports) else [n for n, port in inputs.items() if port.required]
+        for name in needed:
+            if name in node.ports:
+                continue
+            message = f"{who} needs '{name}', {describe(static_type(inputs[name]))}"
+            self.findings.error(node.key, "missing-port", message, f'wire it: {name}: "{{…}}"')
+
+    # --------------------------------------------------------------------------------------- names
+
+    def writes(self, slot: str, target: YamlScalar, written: YamlNode, element: bool) -> None:
+        quiet = ValueReader(Findings(), self.whole.scope, Resolved(self.node))
+        value = quiet.value(slot, written, Port(object), self.around, slot)
+        value_type: ValueType = value.type if isinstance(value, ComputedValue) else ANY
+        if element:
+            value_type = (element_type(value_type) if isinstance(value, ComputedValue) else None) or ANY
+        elif isinstance(value, Given) and isinstance(written, YamlScalar) and "{" not in written.text:
+            value_type = scalar_type(written)
+        self.found.outputs[slot] = target.text
+        by = f"{self.layer.key} of {self.node.label}" if self.layer.role == "modifier" else self.node.label
+        self.whole.writes(target, value_type, by, self.layer.key)
+
+    def item(self) -> str:
+        return next(iter(self.found.outputs.values()), "")
+
+    def look_up_skill(self) -> None:
+        skill = self.found.skill = self.whole.skill(self.node)
+        if skill is not None:
+            self.wired_outputs(skill.outputs)
+
+    def look_up_subtree(self) -> None:
+        """Find the subtree that the node calls, or report that there is none."""
+        called = self.found.subtree = self.whole.called.get(id(self.node))
+        if called is not None:
+            self.wired_outputs(self.whole.interfaces[id(called)].outputs)
+            return
+        name = self.node.key.text
+        if name in self.whole.scope.definition.file.unread:
+            return
+        hint = did_you_mean(name, chain(self.whole.known_types(), self.whole.skills))
+        self.findings.error(self.node.key, "unknown-type-of-node", f"nothing is named '{name}'", hint)
+
+    def wired_outputs(self, outputs: Mapping[str, Port]) -> None:
+        """Read what the node's outputs are wired to."""
+        known = dict(outputs.items())
+        for name, (_, value) in self.node.ports.items():
+            port = known.get(name)
+            if port is not None:
+                who = f"{self.node.key.text}.{name}"
+                target = self.whole.output(value, who)
+                if target is not None:
+                    self.found.outputs[name] = target.text
+                    self.whole.writes(target, static_type(port), self.node.label, who)
+
+    def perhaps_writes(self) -> None:
+        if self.found.skill is not None or self.found.subtree is not None:
+            return
+        for name, (_, value) in self.node.ports.items():
+            match = _WIRE.fullmatch(value.text) if isinstance(value, YamlScalar) else None
+            if match is not None:
+                self.found.outputs[name] = match[1]
+                named = self.whole.scope.names.setdefault(match[1], Named(ANY, "written", value, self.node.label))
+                named.read = True
+
+    def call(self) -> None:
+        if self.found.skill is not None:
+            self.wires(self.found.skill.inputs, self.found.skill.outputs)
+            return
+        self.whole.calls += 1
+        if self.found.subtree is not None:
+            interface = self.whole.interfaces[id(self.found.subtree)]
+            self.wires(interface.inputs, interface.outputs)
+
+    # --------------------------------------------------------------------------------------- what is inside
+
+    def inside(self, around: Around) -> None:
+        self.whole.layer(self.node, self.index + 1, around).check()
+
+    def child(self, index: int, around: Around) -> None:
+        """Check one child, with what surrounds it."""
+        self.whole.node(self.node.children[index], around)
+
+    def part(self, slot: str, around: Around) -> None:
+        self.whole.node(self.node.parts[slot], around)
+
+    def devices(self, index: int) -> Mapping[str, str]:
+        return self.whole.devices(self.node.children[index])

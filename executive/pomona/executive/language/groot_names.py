@@ -1,0 +1,61 @@
+"""Words of BehaviorTree.CPP (version 4) that no skill can have, and how we write what it has no words for.
+
+Words of ours that BehaviorTree.CPP lacks become nodes whose names begin with `Pomona`; their models are in the file.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+
+from pomona.executive.language.read_node import is_word
+from pomona.executive.nodes.catalogue import NodeTypes
+
+PREFIX = "Pomona"
+_NAME = re.compile(r"[a-z][a-z0-9_]*")
+
+BUILTIN = frozenset(
+    [
+        "Sequence", "AsyncSequence", "ReactiveSequence", "SequenceWithMemory", "Fallback", "AsyncFallback",
+        "ReactiveFallback", "Parallel", "ParallelAll", "RetryUntilSuccessful", "Repeat", "Timeout", "Inverter",
+        "ForceSuccess", "ForceFailure", "AlwaysSuccess", "AlwaysFailure", "Sleep", "SubTree", "IfThenElse",
+        "WhileDoElse", "Script", "ScriptCondition", "SetBlackboard", "UnsetBlackboard", "Delay", "RunOnce",
+        "Precondition", "KeepRunningUntilFailure", "LoopInt", "LoopBool", "LoopDouble", "LoopString", "EntryUpdated",
+        "SkipUnlessUpdated", "WaitValueUpdate", "TestNode", "WasEntryUpdated", "Switch2", "Switch3", "Switch4",
+        "Switch5", "Switch6", "TryCatch", "ManualSelector", "ConsumeQueue",
+    ]
+)  # fmt: skip
+"""Nodes that BehaviorTree.CPP has by itself."""
+
+NEEDED = {
+    "Timeout": "msec", "Delay": "delay_msec", "Sleep": "msec", "Repeat": "num_cycles",
+    "RetryUntilSuccessful": "num_attempts",
+}  # fmt: skip
+"""An attribute without which a node of BehaviorTree.CPP does not run, by its name."""
+
+LITERAL = "yaml:"
+"""Marks a list or mapping in an attribute: BehaviorTree.CPP would take braces for a blackboard key."""
+
+
+def tree_names(trees: Iterable[str], types: NodeTypes) -> dict[str, str]:
+    """What trees are called here, by ID: no word of the language, and no two are the same."""
+    found: dict[str, str] = {}
+    for tree_id in trees:
+        start = name = _tree_name(tree_id)
+        number = 1
+        while name in found.values() or is_word(types, name):
+            number += 1
+            name = f"{start}_{number}"
+        found[tree_id] = name
+    return found
+
+
+def node_name(name: str) -> str:
+    """What a node is called here."""
+    return re.sub(r"[/:#{}\x00-\x1f]", " ", name).strip()[:80] or "node"
+
+
+def _tree_name(tree_id: str) -> str:
+    words = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", tree_id)
+    name = re.sub(r"[^a-z0-9_]", "_", words.lower()).strip("_")
+    return name if _NAME.fullmatch(name) else f"tree_{name}".rstrip("_")

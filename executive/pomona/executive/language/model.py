@@ -1,0 +1,91 @@
+"""A tree file as it is written: definitions and nodes, each with its place in the text."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+from pomona.executive.nodes.asking import Entry
+from pomona.executive.nodes.catalogue import NodeTypes
+from pomona.executive.nodes.node_type import TreeNode
+from pomona.executive.values.findings import Finding, Source
+from pomona.executive.values.yaml_nodes import YamlMapping, YamlNode, YamlScalar
+
+__all__ = ["Declared", "Definition", "Document", "Entry", "TreeFile", "TreeNode"]
+
+
+@dataclass(slots=True, eq=False)
+class Declared:
+    """A parameter, a constant or a port of a subtree's interface, as written."""
+
+    key: YamlScalar
+    type: YamlScalar | None = None
+    default: YamlNode | None = None
+    min: YamlNode | None = None
+    max: YamlNode | None = None
+    choices: list[YamlScalar] = field(default_factory=list)
+    help: str = ""
+
+
+@dataclass(slots=True, eq=False)
+class Definition:
+    """A tree with an interface: the file's main tree, or a subtree."""
+
+    name: str
+    at: YamlNode
+    file: TreeFile
+    inputs: dict[str, Declared] = field(default_factory=dict)
+    outputs: dict[str, Declared] = field(default_factory=dict)
+    root: TreeNode | None = None
+    description: str = ""
+    main: bool = False
+
+
+@dataclass(slots=True, eq=False)
+class TreeFile:
+    """One file; `subtrees` holds those of other files too, under the names by which this file calls them.
+
+    `unread` are names of subtrees whose files hold no tree that could be read, which is a finding of its own.
+    """
+
+    source: Source
+    name: str = ""
+    description: str = ""
+    main: Definition | None = None
+    parameters: dict[str, Declared] = field(default_factory=dict)
+    constants: dict[str, Declared] = field(default_factory=dict)
+    skills: dict[str, YamlScalar] = field(default_factory=dict)
+    subtrees: dict[str, Definition] = field(default_factory=dict)
+    unread: set[str] = field(default_factory=set)
+    top: YamlMapping | None = None
+
+
+@dataclass(slots=True, eq=False)
+class Document:
+    """A tree file with every file that it calls, the words with which it was read, and what reading found."""
+
+    path: str
+    text: str
+    main: TreeFile
+    files: list[TreeFile]
+    findings: list[Finding]
+    types: NodeTypes
+
+    def definitions(self) -> Iterator[Definition]:
+        """Every definition once, whether it is called or not."""
+        seen: set[int] = set()
+        for file in self.files:
+            for definition in (file.main, *file.subtrees.values()):
+                if definition is not None and id(definition) not in seen:
+                    seen.add(id(definition))
+                    yield definition
+
+    def discard(self) -> None:
+        """Part its files from their definitions, which refer to each other: then all of it goes with its last user."""
+        for file in self.files:
+            file.main = None
+            file.subtrees.clear()
+
+    def called(self, node: TreeNode) -> Definition | None:
+        """The subtree that a node calls."""
+        return next((f.subtrees.get(node.key.text) for f in self.files if f.source is node.at.source), None)

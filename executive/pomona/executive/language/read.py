@@ -1,0 +1,305 @@
+"""YAML text → document. Says everything that is wrong with the file's shape; needs no skills for it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from pomona.executive.language.expression import SPECIAL
+from pomona.executive.language.model import Declared, Definition, Document, TreeFile, TreeNode
+from pomona.executive.language.read_node import NodeReader, is_word
+from pomona.executive.nodes.catalogue import NodeTypes
+from pomona.executive.values.findings import Finding, Findings, Source, few_hints
+from pomona.executive.values.plain_text import read_plain_text
+from pomona.executive.values.shape import ShapeCheck
+from pomona.executive.values.yaml_again import read_again
+from pomona.executive.values.yaml_nodes import YamlList, YamlMapping, YamlNode, YamlScalar, read_yaml
+
+VERSION = "1"
+MAX_FILES = 100
+_TOP = ("pomona", "tree", "description", "skills", "parameters", "constants", "in", "out", "root", "subtrees")
+_SUBTREE = ("description", "in", "out", "root")
+_DECLARED = ("type", "default", "min", "max", "choices", "help")
+_NAME = re.compile(r"[a-z][a-z0-9_]*")
+
+
+@few_hints()
+def read(
+    text: str,
+    path: str | Path,
+    *,
+    tree_folders: Sequence[Path] = (),
+    texts: Mapping[str, str] | None = None,
+    types: NodeTypes | None = None,
+    before: Document | None = None,
+) -> Document:
+    """The document of a tree file's text. Raises nothing: what is wrong is in its findings.
+
+    Args:
+        text: the file's content.
+        path: where it stands; files that it calls are found beside it or below.
+        tree_folders: folders of installed trees, in which called files are looked for as well.
+        texts: contents of called files, by the path that findings show, that are not to be read from the disk.
+        types: the words of the language; all that are installed when it is left out.
+        before: of an older text of the file: nodes whose lines are as they were go over from it into the new document,
+            and the older one is of no use any more.
+    """
+    return _Reader(tree_folders, texts or {}, types or NodeTypes.installed(), before).document(text, Path(path))
+
+
+def read_file(path: str | Path, *, tree_folders: Sequence[Path] = ()) -> Document:
+    """Like `read`, for a file. A file that cannot be opened is a finding."""
+    findings = Findings()
+    text = _load(Path(path), str(path), findings)
+    if text is None:
+        source = Source(str(path), "")
+        return Document(str(path), "", TreeFile(source), [], findings.sorted(), NodeTypes.installed())
+    return read(text, path, tree_folders=tree_folders)
+
+
+def _load(path: Path, shown: str, findings: Findings, where: YamlNode | None = None) -> str | None:
+    try:
+        return read_plain_text(path)
+    except UnicodeDecodeError as error:
+        problem = f"it is not UTF-8 text (byte {error.start})"
+    except (OSError, ValueError) as error:
+        problem = (getattr(error, "strerror", None) or str(error)).lower()
+    message = f"{shown} cannot be read: {problem}"
+    if where is None:
+        findings.add(Finding(shown, 0, 0, "error", "file", message))
+    else:
+        findings.error(where, "file", message)
+    return None
+
+
+class _Reader:
+    def __init__(
+        self,
+        tree_folders: Sequence[Path],
+        texts: Mapping[str, str],
+        types: NodeTypes,
+        before: Document | None = None,
+    ) -> None:
+        self.findings = Findings()
+        self.texts, self.types, self.before = texts, types, before
+        self.known: dict[int, TreeNode] = {}
+        self.folders = [folder.resolve() for folder in tree_folders]
+        self.files: dict[Path, TreeFile] = {}
+
+    def document(self, text: str, path: Path) -> Document:
+        folder = path.parent.resolve()
+        self.folders.insert(0, folder)
+        main = self.file(text, str(path), folder / path.name)
+        return Document(str(path), text, main, list(self.files.values()), self.findings.sorted(), self.types)
+
+    def file(self, text: str, shown: str, resolved: Path) -> TreeFile:
+        source = Source(shown, text)
+        file = self.files[resolved] = TreeFile(source)
+        root = self.nodes_again(source) or read_yaml(source, self.findings)
+        if root is None:
+            return file
+        shape = ShapeCheck(self.findings)
+        top = shape.mapping(root, "a tree file")
+        if top is None:
+            return file
+        file.top = top
+        shape.known_keys(top, _TOP, "a tree file")
+        self.version(top)
+        name = shape.text(top.get("tree"))
+        if "tree" not in top.entries:
+            self.findings.error(_start(top), "missing-key", "the tree has no name", "write 'tree: my_tree'")
+        elif name is not None and not _NAME.fullmatch(name.text):
+            hint = "use lower-case letters, digits and _, such as open_the_door"
+            self.findings.error(name, "bad-name", f"'{name.text}' is not a valid name for a tree", hint)
+        file.name = name.text if name is not None else resolved.stem
+        described = shape.text(top.get("description"))
+        file.description = described.text if described is not None else _header(source, top)
+        for key, value in shape.entries(top.get("skills"), "skills", "'Skill: package' for each"):
+            package = shape.text(value)
+            if package is not None:
+                file.skills[key.text] = package
+        file.parameters = self.declarations(shape, top.get("parameters"), "a parameter")
+        file.constants = self.constants(shape, top.get("constants"))
+        main = file.main = Definition(file.name, top, file, main=True, description=file.description)
+        self.interface(shape, top, main)
+        self.read_subtrees(shape, top, file, resolved.parent)
+        root_node = top.get("root")
+        if root_node is None:
+            self.findings.error(_start(top), "missing-key", "the file has no 'root': nothing would run")
+        else:
+            main.root = self.nodes(file).node(root_node)
+        for subtree in file.subtrees.values():
+            if subtree.file is file and isinstance(subtree.at, YamlMapping):
+                written = subtree.at.get("root")
+                if written is not None:
+                    subtree.root = self.nodes(file).node(written)
+        return file
+
+    def nodes_again(self, source: Source) -> YamlNode | None:
+        """The nodes of the text that is read again, without parsing all of it; None when that cannot be."""
+        before = self.before
+        if before is None or before.path != source.path or before.main.top is None or before.types is not self.types:
+            return None
+        wrong = [finding.line for finding in before.findings if finding.path == source.path]
+        known = {id(n.at): n for d in before.definitions() if d.root is not None for n in d.root.walk()}
+        root = read_again(source, self.findings, before.main.top, wrong)
+        if root is not None:
+            self.known = known
+        return root
+
+    def nodes(self, file: TreeFile) -> NodeReader:
+        return NodeReader(self.findings, file, self.types, self.known)
+
+    def version(self, top: YamlMapping) -> None:
+        version = top.get("pomona")
+        if version is None:
+            hint = f"begin the file with 'pomona: {VERSION}'"
+            self.findings.error(_start(top), "missing-key", "the file does not say its version", hint)
+        elif not isinstance(version, YamlScalar) or version.text != VERSION:
+            self.findings.error(version, "version", f"this Pomona reads version {VERSION} of tree files")
+
+    def declarations(self, shape: ShapeCheck, node: YamlNode | None, what: str) -> dict[str, Declared]:
+        found: dict[str, Declared] = {}
+        for key, value in shape.entries(node, f"{what}s", "'name: {type: …}' for each"):
+            if not self.good_name(key, what):
+                continue
+            if isinstance(value, YamlScalar):
+                found[key.text] = Declared(key, type=value)
+                continue
+            fields = shape.mapping(value, what)
+            if fields is None:
+                continue
+            shape.known_keys(fields, _DECLARED, what)
+            declared = Declared(key, type=shape.text(fields.get("type")))
+            declared.default, declared.min, declared.max = fields.get("default"), fields.get("min"), fields.get("max")
+            if "type" not in fields.entries:
+                self.findings.error(key, "missing-key", f"{what} needs a type", f"write '{key.text}: {{type: …}}'")
+            choices = fields.get("choices")
+            if isinstance(choices, YamlList):
+                declared.choices = [c for item in choices.items if (c := shape.text(item)) is not None]
+            elif choices is not None:
+                self.findings.error(choices, "shape", "choices are a list: [one, another]")
+            help_text = shape.text(fields.get("help"))
+            declared.help = help_text.text if help_text is not None else key.source.comments.get(key.line, "")
+            found[key.text] = declared
+        return found
+
+    def constants(self, shape: ShapeCheck, node: YamlNode | None) -> dict[str, Declared]:
+        entries = shape.entries(node, "constants", "'name: value' for each")
+        return {key.text: Declared(key, default=value) for key, value in entries if self.good_name(key, "a constant")}
+
+    def good_name(self, key: YamlScalar, what: str) -> bool:
+        if key.text in SPECIAL or key.text in ("true", "false", "none", "and", "or", "not", "in"):
+            self.findings.error(key, "bad-name", f"'{key.text}' means something else in expressions")
+            return False
+        if not _NAME.fullmatch(key.text):
+            hint = "use lower-case letters, digits and _"
+            self.findings.error(key, "bad-name", f"'{key.text}' is not a valid name for {what}", hint)
+            return False
+        return True
+
+    def interface(self, shape: ShapeCheck, at: YamlMapping, definition: Definition) -> None:
+        definition.inputs = self.declarations(shape, at.get("in"), "an input")
+        definition.outputs = self.declarations(shape, at.get("out"), "an output")
+        for name, declared in definition.outputs.items():
+            if name in definition.inputs:
+                hint = "give the output a name of its own"
+                self.findings.error(declared.key, "duplicate-name", f"'{name}' is an input already", hint)
+
+    def read_subtrees(self, shape: ShapeCheck, top: YamlMapping, file: TreeFile, folder: Path) -> None:
+        for key, value in shape.entries(top.get("subtrees"), "subtrees", "'name: {in: …, out: …, root: …}' for each"):
+            if not self.good_name(key, "a subtree"):
+                continue
+            if is_word(self.types, key.text):
+                message = f"'{key.text}' is a word of the language and names no subtree"
+                self.findings.error(key, "bad-name", message, "give the subtree another name")
+                continue
+            at = shape.mapping(value, "a subtree")
+            if at is None:
+                continue
+            if "file" in at.entries:
+                shape.known_keys(at, ("file",), "a subtree in another file")
+                written = shape.text(at.get("file"))
+                called = self.other_file(written, folder, file)
+                if called is not None:
+                    file.subtrees[key.text] = called
+                elif written is not None:
+                    file.unread.add(key.text)
+                continue
+            shape.known_keys(at, _SUBTREE, "a subtree")
+            described = shape.text(at.get("description"))
+            definition = Definition(key.text, at, file)
+            definition.description = described.text if described is not None else _comment(key)
+            self.interface(shape, at, definition)
+            if "root" not in at.entries:
+                self.findings.error(key, "missing-key", f"subtree '{key.text}' has no 'root'")
+            file.subtrees[key.text] = definition
+
+    def other_file(self, written: YamlScalar | None, folder: Path, caller: TreeFile) -> Definition | None:
+        if written is None:
+            return None
+        if len(self.files) >= MAX_FILES:
+            self.findings.error(written, "too-large", f"a tree calls at most {MAX_FILES} files")
+            return None
+        shown = str(Path(caller.source.path).parent / written.text)
+        if shown in self.texts:
+            known = self.files.get(Path(shown))
+            return self.main_of(known or self.file(self.texts[shown], shown, Path(shown)), written)
+        path = self.find(written, folder)
+        if path is None:
+            return None
+        file = self.files.get(path)
+        if file is None:
+            text = _load(path, shown, self.findings, written)
+            if text is None:
+                return None
+            file = self.file(text, shown, path)
+        return self.main_of(file, written)
+
+    def main_of(self, file: TreeFile, written: YamlScalar) -> Definition | None:
+        """The tree of a file that is called; reports where it is called that there is none."""
+        if file.main is None:
+            self.findings.error(written, "file", f"{file.source.path} holds no tree that can be read")
+        return file.main
+
+    def find(self, written: YamlScalar, folder: Path) -> Path | None:
+        """The called file, if it lies in the tree's folder or among the installed trees."""
+        asked = written.text
+        outside = False
+        try:
+            for base in (folder, *self.folders):
+                path = (base / asked).resolve()
+                if not any(path.is_relative_to(allowed) for allowed in self.folders):
+                    outside = True
+                elif path.is_file():
+                    return path
+        except (OSError, ValueError, RuntimeError):
+            outside = False
+        if outside:
+            message = f"'{asked}' lies outside the tree's folder"
+            hint = "subtrees come from the tree's own folder or from installed trees"
+            self.findings.error(written, "file", message, hint)
+        else:
+            message = f"there is no file '{asked}' beside this tree or among installed trees"
+            self.findings.error(written, "file", message)
+        return None
+
+
+def _start(top: YamlMapping) -> YamlScalar:
+    empty = YamlScalar(top.source, top.line, top.column, top.line, top.column + 1, "", True)
+    return next((key for key, _ in top.entries.values()), empty)
+
+
+def _comment(key: YamlScalar) -> str:
+    return key.source.comments.get(key.line, "")
+
+
+def _header(source: Source, top: YamlMapping) -> str:
+    """The comment at the head of the file describes the tree."""
+    lines = []
+    for number in range(1, _start(top).line):
+        if number not in source.comment_lines:
+            break
+        lines.append(source.comments[number])
+    return " ".join(lines).strip()

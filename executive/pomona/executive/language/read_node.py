@@ -1,0 +1,176 @@
+"""One node: a mapping with exactly one type key, and modifiers beside it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+
+from pomona.executive.language.model import Entry, TreeFile, TreeNode
+from pomona.executive.nodes.calls import SKILL, SUBTREE
+from pomona.executive.nodes.catalogue import RESERVED, NodeTypes
+from pomona.executive.nodes.node_type import NodeType
+from pomona.executive.values.findings import Findings, did_you_mean
+from pomona.executive.values.shape import ShapeCheck, shape_of
+from pomona.executive.values.yaml_nodes import YamlMapping, YamlNode, YamlScalar
+
+_SKILL = re.compile(r"[A-Z][A-Za-z0-9_]*")
+_BAD_IN_NAMES = re.compile(r"[/:#{}\x00-\x1f]")
+
+
+class NodeReader:
+    """Reads the nodes of one file (a `Reading`).
+
+    Args:
+        findings: get what is wrong.
+        file: of the nodes.
+        types: the words of the language.
+        before: nodes of an older text by the id of what is written for them, which may stand in this one as they are.
+    """
+
+    def __init__(
+        self, findings: Findings, file: TreeFile, types: NodeTypes, before: Mapping[int, TreeNode] | None = None
+    ) -> None:
+        self.findings, self.file, self.types, self.before = findings, file, types, before or {}
+        self.known = dict(types)
+        self.shape = ShapeCheck(findings)
+        self.commented: set[int] = set()
+        self.beside = ("name", "description", *types.beside)
+        self.words = frozenset({*self.beside, *types.fields})
+
+    def node(self, written: YamlNode) -> TreeNode | None:
+        """The node, or None when it has no type that could be guessed."""
+        if not isinstance(written, YamlMapping):
+            hint = ""
+            if isinstance(written, YamlScalar) and not written.is_null:
+                hint = f"write '{written.text}: {{}}'" if _SKILL.fullmatch(written.text) else "write 'Skill: {port: …}'"
+            self.findings.error(written, "shape", f"a node is a mapping, this is {shape_of(written)}", hint)
+            return None
+        known = self.before.get(id(written))
+        if known is not None and all(node.at.source is self.file.source for node in known.walk()):
+            known.comment = self.comment(written.line)
+            return known
+        entry = self.type_of(written)
+        if entry is None:
+            return None
+        problem = self.types.problems.get(entry[0].text)
+        if problem is not None:
+            self.findings.error(entry[0], "broken-node", f"'{entry[0].text}' cannot be used: {problem}")
+            return None
+        node = TreeNode(self.type_named(entry[0].text), *entry, written)
+        node.comment = self.comment(written.line)
+        if len(written.entries) > 1:
+            self.modifiers(node)
+        if node.modifiers:
+            node.wrap(tuple(modifier for modifier in self.types.modifiers if modifier.key in node.modifiers))
+        for modifier in node.wrapping:
+            self.take(node, modifier)
+        self.take(node, node.type)
+        return node
+
+    def take(self, node: TreeNode, layer: NodeType) -> None:
+        """Let everything that is written for a type or a modifier read what stands in it."""
+        for slot, taken in layer.slots.items():
+            entry = node.entry(layer, slot)
+            if entry is not None:
+                taken.take(self, node, layer, slot, entry[1])
+            elif taken.required:
+                message, hint = f"'{layer.key}' has no '{slot}'", f"add '{slot}: …' beside it"
+                self.findings.error(node.key, "missing-key", message, hint)
+
+    def type_named(self, word: str) -> NodeType:
+        """The node type that a word stands for: a registered one, a subtree, or a skill."""
+        found = self.known.get(word)
+        if found is not None:
+            return found
+        return SUBTREE if word in self.file.subtrees or not _SKILL.fullmatch(word) else SKILL
+
+    def type_of(self, written: YamlMapping) -> Entry | None:
+        candidates = [entry for name, entry in written.entries.items() if name not in self.words]
+        if not candidates:
+            types = (*self.types.composites, *self.types.leaves)
+            hint = "name a skill, a subtree or one of " + ", ".join(types)
+            self.findings.error(self.first_key(written), "no-type", "this node does not say what it does", hint)
+            return None
+        if len(candidates) == 1:
+            return candidates[0]
+        known = [e for e in candidates if self.is_type(e[0].text)] or candidates[:1]
+        chosen = known[0]
+        for key, _ in candidates:
+            if key is chosen[0]:
+                continue
+            if any(key is other[0] for other in known):
+                message = f"a node has one type; this one is '{chosen[0].text}' and '{key.text}'"
+                self.findings.error(key, "two-types", message, "put both into a sequence")
+            elif key.text in self.types.problems:
+                message = f"'{key.text}' cannot be used: {self.types.problems[key.text]}"
+                self.findings.error(key, "broken-node", message)
+            else:
+                own = self.types.get(chosen[0].text)
+                allowed = (*self.beside, *(own.fields if own is not None else ()))
+                hint = did_you_mean(key.text, allowed) or "modifiers are " + ", ".join(allowed)
+                self.findings.error(key, "unknown-key", f"no modifier named '{key.text}'", hint)
+        return chosen
+
+    def is_type(self, word: str) -> bool:
+        """Whether a word can stand for a node."""
+        return word in self.known or word in self.file.subtrees or bool(_SKILL.fullmatch(word))
+
+    def first_key(self, written: YamlMapping) -> YamlNode:
+        """The first key of a mapping, to point at."""
+        return next((key for key, _ in written.entries.values()), written)
+
+    def modifiers(self, node: TreeNode) -> None:
+        """Read what stands beside the node's type: name, description and modifiers."""
+        for name, (key, value) in node.at.entries.items():
+            if key is node.key or name not in self.words:
+                continue
+            if name == "name":
+                node.name = self.name(value)
+            elif name == "description":
+                described = self.shape.text(value)
+                node.description = described.text if described is not None else ""
+            elif name in self.types or self.belongs(node, key):
+                node.modifiers[name] = (key, value)
+
+    def belongs(self, node: TreeNode, key: YamlScalar) -> bool:
+        """Whether something beside a field has such a field; reports when nothing has."""
+        owners = self.types.owners(key.text)
+        if node.type in owners or any(owner.role == "modifier" and owner.key in node.at.entries for owner in owners):
+            return True
+        owner = owners[0]
+        if owner.role == "modifier":
+            message, hint = f"'{key.text}' means nothing without '{owner.key}'", f"add '{owner.key}: …' beside it"
+            self.findings.error(key, "missing-key", message, hint)
+        else:
+            message = f"'{key.text}' belongs to {owner.key}, not to {node.key.text}"
+            self.findings.error(key, "unknown-key", message)
+        return False
+
+    def name(self, value: YamlNode) -> YamlScalar | None:
+        name = self.shape.text(value)
+        if name is not None and (_BAD_IN_NAMES.search(name.text) or not name.text.strip() or len(name.text) > 80):
+            hint = "names make paths: no / : # { }, at most 80 characters"
+            self.findings.error(name, "bad-name", f"'{name.text[:80]}' is not a valid name for a node", hint)
+            return None
+        return name
+
+    def comment(self, line: int) -> str:
+        """The comment on the node's first line and the lines of comment above it, each given to one node only."""
+        source = self.file.source
+        if line not in source.comments and line - 1 not in source.comment_lines:
+            return ""
+        lines = []
+        above = line - 1
+        while above in source.comment_lines and above not in self.commented:
+            lines.append(above)
+            above -= 1
+        lines.reverse()
+        if line in source.comments and line not in self.commented:
+            lines.append(line)
+        self.commented.update(lines)
+        return " ".join(source.comments[number] for number in lines).strip()
+
+
+def is_word(types: NodeTypes, name: str) -> bool:
+    """Whether a name is a word of the language, which no subtree can have."""
+    return name in types or name in types.fields or name in RESERVED

@@ -1,0 +1,109 @@
+"""What the names in one definition mean: parameters, constants, the interface's ports and what its nodes write."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal, NamedTuple
+
+from pomona.executive.language.expression import Expression
+from pomona.executive.language.model import Definition, TreeNode
+from pomona.executive.language.value_types import ValueType
+from pomona.executive.nodes.surroundings import Around
+from pomona.executive.skill import Skill
+from pomona.executive.values.findings import Located
+from pomona.executive.values.yaml_nodes import YamlNode
+
+Origin = Literal["parameter", "constant", "input", "written"]
+
+
+@dataclass(slots=True, eq=False)
+class Named:
+    """One name in a definition's scope.
+
+    Attributes:
+        type: what it carries.
+        origin: where it comes from.
+        where: where it is declared or first written.
+        by: the node that first writes it, for people.
+        value: of a parameter or a constant.
+        may_be_none: an optional input of a subtree.
+        read: whether anything reads it.
+    """
+
+    type: ValueType
+    origin: Origin
+    where: Located
+    by: str = ""
+    value: Any = None
+    may_be_none: bool = False
+    read: bool = False
+
+
+class Given(NamedTuple):
+    """A value that is known before the run."""
+
+    value: Any
+    where: YamlNode
+
+
+class ComputedValue(NamedTuple):
+    """A value that an expression gives when its node starts."""
+
+    expression: Expression
+    type: ValueType
+    text: str
+    where: YamlNode
+
+
+Value = Given | ComputedValue
+
+
+class Read(NamedTuple):
+    """A name that a layer of a node reads, for one of its ports or words (`slot`)."""
+
+    slot: str
+    name: str
+    where: Located
+    required: bool
+
+
+@dataclass(slots=True, eq=False)
+class Resolved:
+    """A layer of a node (its type, or a modifier) with every name looked up: all that building it needs."""
+
+    node: TreeNode
+    skill: type[Skill] | None = None
+    subtree: Definition | None = None
+    inputs: dict[str, Value] = field(default_factory=dict)
+    outputs: dict[str, str] = field(default_factory=dict)
+    settings: dict[str, Value] = field(default_factory=dict)
+    reads: list[Read] = field(default_factory=list)
+
+    def setting(self, name: str, default: Any) -> Any:
+        """A setting that is known before the run."""
+        value = self.settings.get(name)
+        return value.value if isinstance(value, Given) else default
+
+
+@dataclass(slots=True, eq=False)
+class Scope:
+    """All names of one definition.
+
+    Attributes:
+        definition: whose names.
+        names: what each means.
+        around: nodes in which nothing is wrong that a check of themselves finds, by id, with what surrounds them; none
+            that calls a subtree.
+        looks: whether a node looks at a condition.
+        renamed_failures: failure codes of the version before, with what each is called now.
+    """
+
+    definition: Definition
+    names: dict[str, Named] = field(default_factory=dict)
+    around: dict[int, Around] = field(default_factory=dict)
+    looks: bool = False
+    renamed_failures: Mapping[str, str] = field(default_factory=dict)
+
+    def written(self) -> Iterator[tuple[str, Named]]:
+        return ((name, named) for name, named in self.names.items() if named.origin == "written")

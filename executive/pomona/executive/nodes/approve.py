@@ -1,0 +1,68 @@
+"""Approve: a person looks at what is planned before a node starts."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from py_trees.behaviour import Behaviour
+from py_trees.common import Status
+
+from pomona.executive.nodes import takes
+from pomona.executive.nodes.asking import Asking, Building, Ending, Flowing, Knowing
+from pomona.executive.nodes.behaviours import Wrapper
+from pomona.executive.nodes.ends import Ends, Names, Outcome
+from pomona.executive.nodes.facts import Facts
+from pomona.executive.nodes.node_type import Modifier, TreeNode
+from pomona.executive.nodes.question import Question
+from pomona.executive.ports import Port
+
+APPROVE, REFUSE = "approve", "refuse"
+
+
+class Approve(Question, Wrapper):
+    """Waits at each start until a person approves; whoever refuses makes it fail, and so does nobody being there."""
+
+    choices = (APPROVE, REFUSE)
+
+    def tick(self) -> Iterator[Behaviour]:
+        if self.status is not Status.RUNNING:
+            self.ask()
+            self.why = None
+        if self.given == APPROVE:
+            yield from super().tick()
+            return
+        if self.given is None and self.attended:
+            self.status = Status.RUNNING
+            self.feedback_message = f"May {self.decorated.name} start? What is planned is shown."
+        elif self.given is None:
+            self.stop(self.fails("NOBODY_TO_ASK", f"nobody is there to approve {self.decorated.name}"))
+        else:
+            self.stop(self.fails("NOT_APPROVED", f"{self.decorated.name} was not approved"))
+        yield self
+
+
+class ApproveType(Modifier):
+    """waits for a person before each start; fails with `NOT_APPROVED`, or `NOBODY_TO_ASK` when nobody is there"""
+
+    key, symbol = "approve", "✋"
+    value = takes.Value(Port(bool), known=True)
+    outside_of = "timeout"
+
+    def needed(self, at: Asking) -> bool:
+        return at.literal(self.key) is True
+
+    def choices(self, node: TreeNode) -> tuple[str, ...]:
+        return Approve.choices
+
+    def outcome(self, at: Ending) -> Outcome:
+        return at.inside().plus("NOT_APPROVED", "NOBODY_TO_ASK")
+
+    def flow(self, at: Flowing, before: Names) -> Ends:
+        ends = at.inside(before)
+        return Ends(ends.success, ends.failure & before, ends.skipped)
+
+    def truth(self, at: Knowing, known: Facts) -> Facts:
+        return at.inside(known)
+
+    def build(self, at: Building) -> Behaviour:
+        return Approve(at.name, at.inside())

@@ -1,0 +1,122 @@
+"""Ask: a question to a person."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, ClassVar
+
+from py_trees.behaviour import Behaviour
+from py_trees.common import Status
+
+from pomona.executive.nodes import takes
+from pomona.executive.nodes.asking import Building, Checking, Ending
+from pomona.executive.nodes.behaviours import LeafBehaviour
+from pomona.executive.nodes.ends import Outcome
+from pomona.executive.nodes.node_type import Leaf, TreeNode
+from pomona.executive.nodes.question import Question
+from pomona.executive.ports import Port
+from pomona.executive.reasons import NoValue
+from pomona.executive.values.yaml_nodes import YamlList, YamlScalar
+
+CHOICES = ("yes", "no")
+
+
+class Ask(Question, LeafBehaviour):
+    """Runs until somebody has answered. Without an answer the default is one, else it fails."""
+
+    def __init__(
+        self,
+        name: str,
+        question: Callable[[], str],
+        choices: Sequence[str],
+        write: Callable[[Any], None],
+        now: Callable[[], float],
+        *,
+        default: str | None = None,
+        within: Callable[[], float] | None = None,
+    ) -> None:
+        super().__init__(name)
+        self.choices = tuple(choices)
+        self._question, self._write, self._now = question, write, now
+        self._default, self._within = default, within
+        self._asked, self._end = "", float("inf")
+
+    def begin(self) -> None:
+        self._asked = self._question()
+        self.ask()
+        self._end = float("inf") if self._within is None else self._now() + self._within()
+
+    def act(self) -> Status:
+        if self.given is not None:
+            return self._ends(self.given, f"{self._asked} {self.given}")
+        if not self.attended:
+            return self._without("NOBODY_TO_ASK", "nobody is there to answer")
+        if self._now() >= self._end - 1e-9:
+            return self._without("NO_ANSWER", "nobody has answered in time")
+        self.feedback_message = self._asked
+        return Status.RUNNING
+
+    def _without(self, code: str, why: str) -> Status:
+        if self._default is None:
+            return self.fails(code, f"{why}: {self._asked}", question=self._asked, choices=list(self.choices))
+        return self._ends(self._default, f"{self._asked} {self._default} (the default: {why})")
+
+    def _ends(self, answer: str, said: str) -> Status:
+        self._write(answer)
+        self.feedback_message = said
+        return Status.SUCCESS
+
+
+class AskType(Leaf):
+    """asks a person and writes the answer; fails with `NO_ANSWER` or `NOBODY_TO_ASK` unless there is a `default`"""
+
+    key, symbol, colour = "ask", "?", "#b26a00"
+    value = takes.Value(Port(str), "the question")
+    fields: ClassVar[takes.Fields] = {
+        "choices": takes.Words("the answers that there are; yes and no unless it is said"),
+        "answer": takes.Target("name to which the answer is written"),
+        "default": takes.Value(Port(str), "the answer when nobody gives one", known=True),
+        "within": takes.duration("how long to wait for an answer"),
+    }
+    ends = ("success", "failure")
+    xml_value = "question"
+
+    def check(self, at: Checking) -> None:
+        super().check(at)
+        default, written = at.literal("default"), at.written("default")
+        choices = at.literal("choices") or CHOICES
+        if len(set(choices)) != len(choices):
+            at.findings.error(at.written("choices") or at.node.key, "value", "an answer stands twice in 'choices'")
+        if isinstance(written, YamlScalar) and isinstance(default, str) and default not in choices:
+            message = f"the default '{default}' is not one of the choices: {', '.join(choices)}"
+            at.findings.error(written, "value", message)
+
+    def choices(self, node: TreeNode) -> tuple[str, ...]:
+        entry = node.entry(self, "choices")
+        items = entry[1].items if entry is not None and isinstance(entry[1], YamlList) else ()
+        return tuple(item.text for item in items if isinstance(item, YamlScalar)) or CHOICES
+
+    def outcome(self, at: Ending) -> Outcome:
+        certain = at.written("default") is not None
+        return Outcome() if certain else Outcome(frozenset({"NO_ANSWER", "NOBODY_TO_ASK"}))
+
+    def build(self, at: Building) -> Behaviour:
+        default = at.value("default")() if at.given("default") else None
+        within = at.value("within") if at.given("within") else None
+        write = at.writer("answer") if at.written("answer") is not None else _nowhere
+        choices = at.literal("choices") or CHOICES
+        return Ask(at.name, _text(at.value(self.key)), choices, write, at.now, default=default, within=within)
+
+
+def _text(get: Callable[[], Any]) -> Callable[[], str]:
+    def question() -> str:
+        value = get()
+        if not isinstance(value, str):
+            raise NoValue(f"a question is a text, this is {value!r}")
+        return value
+
+    return question
+
+
+def _nowhere(_answer: Any) -> None:
+    """An answer that nobody reads: that somebody has looked is all that is asked for."""

@@ -1,0 +1,70 @@
+"""Leaves that are called by a name of somebody else's: a skill, a subtree. The language looks them up."""
+
+from __future__ import annotations
+
+from py_trees.behaviour import Behaviour
+
+from pomona.executive.nodes import takes
+from pomona.executive.nodes.asking import Building, Checking, Ending, Words, XmlIn, XmlOut
+from pomona.executive.nodes.ends import Outcome
+from pomona.executive.nodes.node_type import Leaf, Stage
+
+
+class SkillCall(Leaf):
+    """a skill; names begin with a capital"""
+
+    key, symbol, colour = "skill", "●", "#0b6e4f"
+    value = takes.Ports()
+    calls = True
+
+    def declare(self, at: Checking, stage: Stage) -> None:
+        if stage is Stage.DECLARED:
+            at.look_up_skill()
+        elif stage is Stage.UNKNOWN:
+            at.perhaps_writes()
+
+    def check(self, at: Checking) -> None:
+        at.call()
+
+    def outcome(self, at: Ending) -> Outcome:
+        return at.skill()
+
+    def build(self, at: Building) -> Behaviour:
+        return at.skill()
+
+    def to_xml(self, at: XmlOut) -> object:
+        return at.skill()
+
+    def from_xml(self, element: XmlIn) -> Words:
+        if element.children():
+            return element.refuse("has children, which a skill cannot have")
+        return {element.tag: element.ports()}
+
+
+class SubtreeCall(Leaf):
+    """a subtree of this file, or of another"""
+
+    key, symbol, colour = "subtree", "▣", "#6c4ab6"
+    value = takes.Ports()
+    calls = True
+
+    def declare(self, at: Checking, stage: Stage) -> None:
+        if stage is Stage.DECLARED:
+            at.look_up_subtree()
+        elif stage is Stage.UNKNOWN:
+            at.perhaps_writes()
+
+    def check(self, at: Checking) -> None:
+        at.call()
+
+    def outcome(self, at: Ending) -> Outcome:
+        return at.subtree()
+
+    def build(self, at: Building) -> Behaviour:
+        return at.subtree()
+
+    def to_xml(self, at: XmlOut) -> object:
+        return at.subtree()
+
+
+SKILL, SUBTREE = SkillCall(), SubtreeCall()

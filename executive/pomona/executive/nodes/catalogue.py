@@ -1,0 +1,192 @@
+"""All words of the language: those that come with it, and those of other packages."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Iterable, Iterator, Mapping
+from functools import cache
+from importlib.metadata import entry_points
+from typing import get_args
+
+from pomona.executive.errors import PomonaError
+from pomona.executive.nodes.approve import ApproveType
+from pomona.executive.nodes.ask import AskType
+from pomona.executive.nodes.check import CheckType, WaitUntilType
+from pomona.executive.nodes.choosing import IfType, ReactiveIfType, SwitchType
+from pomona.executive.nodes.fallback import FallbackType, ReactiveFallbackType
+from pomona.executive.nodes.for_each import ForEachType
+from pomona.executive.nodes.force import ForceType
+from pomona.executive.nodes.guard import GuardType, WhenType
+from pomona.executive.nodes.invert import InvertType
+from pomona.executive.nodes.leaves import FailType, SetType, SucceedType, WaitType
+from pomona.executive.nodes.node_type import Field, Modifier, NodeType, Role
+from pomona.executive.nodes.pacing import DelayType, RateType, RunOnceType
+from pomona.executive.nodes.parallel import ParallelType
+from pomona.executive.nodes.recovery import RecoveryType
+from pomona.executive.nodes.repeat import RepeatType
+from pomona.executive.nodes.retry import RetryType
+from pomona.executive.nodes.sequence import ReactiveSequenceType, SequenceType, SequenceWithMemoryType
+from pomona.executive.nodes.speed import SpeedType
+from pomona.executive.nodes.takes import NAME
+from pomona.executive.nodes.timeout import TimeoutType
+from pomona.executive.nodes.turns import PipelineSequenceType, RoundRobinType
+from pomona.executive.nodes.untranslated import UntranslatedType
+from pomona.executive.nodes.working import BreakpointType, DisabledType
+
+GROUP = "pomona.nodes"
+"""Entry point group of node types: word → class."""
+
+BUILTIN: tuple[type[NodeType], ...] = (
+    SequenceType, ReactiveSequenceType, SequenceWithMemoryType, FallbackType, ReactiveFallbackType, ParallelType,
+    RecoveryType, IfType, ReactiveIfType, SwitchType, RoundRobinType, PipelineSequenceType, UntranslatedType,
+    CheckType, WaitUntilType, WaitType, SetType, AskType, SucceedType, FailType,
+    SpeedType, TimeoutType, InvertType, ForceType, DelayType, RateType, RetryType, RepeatType, ForEachType, RunOnceType,
+    GuardType, WhenType, DisabledType, BreakpointType, ApproveType,
+)  # fmt: skip
+"""Modifiers stand in the order in which they wrap, from the inside to the outside."""
+
+RESERVED = frozenset({"name", "description", "skill", "subtree"})
+"""Words that mean something else in every node."""
+
+
+class NodeTypeError(PomonaError):
+    """A node type that is not complete, or whose words are taken."""
+
+
+class NodeTypes(Mapping[str, NodeType]):
+    """Node types by their words.
+
+    Attributes:
+        problems: types that are installed and cannot be used, with the reason.
+        modifiers: those that wrap others, from the inside to the outside.
+    """
+
+    def __init__(self, types: Iterable[type[NodeType]] = BUILTIN) -> None:
+        self.problems: dict[str, str] = {}
+        self.modifiers: list[Modifier] = []
+        self._types: dict[str, NodeType] = {}
+        self._owners: dict[str, list[NodeType]] = {}
+        self._tags: dict[str, NodeType] = {}
+        for cls in types:
+            self.register(cls)
+
+    @classmethod
+    @cache
+    def installed(cls) -> NodeTypes:
+        """The language's own and those that installed packages offer; a broken one is reported, not raised."""
+        types = cls()
+        for point in sorted(entry_points(group=GROUP), key=lambda point: point.name):
+            try:
+                types.register(point.load())
+            except NodeTypeError as error:
+                types.problems[point.name] = str(error)
+            except Exception as error:  # a third party's module and class may raise anything
+                types.problems[point.name] = f"{point.value} cannot be used: {type(error).__name__}: {error}"
+        return types
+
+    def register(self, cls: type[NodeType]) -> None:
+        """Add a type.
+
+        Raises:
+            NodeTypeError: it leaves out something that a node type must say, or a word or element of it is taken.
+        """
+        missing = incomplete(cls)
+        if missing:
+            raise NodeTypeError(f"node type {getattr(cls, '__name__', cls)} {missing}")
+        made = cls()
+        for word in made.slots:
+            if word in RESERVED or word in self._types or self._ambiguous(made, word):
+                raise NodeTypeError(f"node type {cls.__name__}: the word '{word}' is taken")
+        for tag in (made.xml_tag, *made.xml_tags):
+            if tag in self._tags:
+                raise NodeTypeError(f"node type {cls.__name__}: the element '{tag}' is read by '{self._tags[tag].key}'")
+        if isinstance(made, Modifier):
+            self.modifiers.insert(self._place(made), made)
+        self._types[made.key] = made
+        for word in made.fields:
+            self._owners.setdefault(word, []).append(made)
+        for tag in (made.xml_tag, *made.xml_tags):
+            self._tags[tag] = made
+
+    def _ambiguous(self, made: NodeType, word: str) -> bool:
+        """Whether a node could have the word from two types: only types that exclude each other may share a field."""
+        owners = self.owners(word)
+        return bool(owners) and (word == made.key or any(isinstance(each, Modifier) for each in (made, *owners)))
+
+    def _place(self, modifier: Modifier) -> int:
+        if not modifier.outside_of:
+            return len(self.modifiers)
+        keys = [other.key for other in self.modifiers]
+        if modifier.outside_of not in keys:
+            raise NodeTypeError(f"node type {type(modifier).__name__}: no modifier named '{modifier.outside_of}'")
+        return keys.index(modifier.outside_of) + 1
+
+    def __getitem__(self, word: str) -> NodeType:
+        return self._types[word]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._types)
+
+    def __len__(self) -> int:
+        return len(self._types)
+
+    @property
+    def composites(self) -> tuple[str, ...]:
+        """Words of types with children."""
+        return tuple(word for word, found in self._types.items() if found.role == "composite")
+
+    @property
+    def leaves(self) -> tuple[str, ...]:
+        """Words of types without."""
+        return tuple(word for word, found in self._types.items() if found.role == "leaf")
+
+    @property
+    def beside(self) -> tuple[str, ...]:
+        """Words that stand beside any type: modifiers and their fields."""
+        fields = [word for modifier in self.modifiers for word in modifier.fields]
+        return (*(modifier.key for modifier in self.modifiers), *fields)
+
+    def owners(self, word: str) -> list[NodeType]:
+        """The types to which a field belongs."""
+        return self._owners.get(word, [])
+
+    @property
+    def fields(self) -> tuple[str, ...]:
+        """Words of all fields."""
+        return tuple(self._owners)
+
+    def of_tag(self, tag: str) -> NodeType | None:
+        """The type that reads an element of XML."""
+        return self._tags.get(tag)
+
+
+def incomplete(cls: object) -> str:
+    """What a class lacks to be a node type, as the end of a sentence; an empty text when it lacks nothing."""
+    if not (isinstance(cls, type) and issubclass(cls, NodeType)):
+        return "is no NodeType"
+    if inspect.isabstract(cls):
+        return "does not say " + ", ".join(sorted(cls.__abstractmethods__))
+    lacking = [name for name in ("key", "symbol", "role", "value") if not hasattr(cls, name)]
+    if not (cls.__dict__.get("__doc__") or "").strip():
+        lacking.append("in a docstring what it does")
+    if lacking:
+        return "does not say " + ", ".join(lacking)
+    if not (isinstance(cls.key, str) and NAME.fullmatch(cls.key)):
+        return f"has the word {cls.key!r}: lower-case letters, digits and _"
+    if not (isinstance(cls.symbol, str) and len(cls.symbol) == 1):
+        return f"has the symbol {cls.symbol!r}: a text of one character"
+    if cls.role not in get_args(Role):
+        return f"has the role {cls.role!r}: one of {', '.join(get_args(Role))}"
+    if (cls.role == "modifier") != issubclass(cls, Modifier):
+        return "is a modifier and no Modifier"
+    if not (isinstance(cls.fields, Mapping) and all(isinstance(word, str) for word in cls.fields)):
+        return "has fields that are no mapping from words to what stands behind them"
+    slots = {cls.key: cls.value, **cls.fields}
+    wrong = [word for word, taken in slots.items() if not isinstance(taken, Field) or not NAME.fullmatch(word)]
+    if wrong:
+        return f"says nothing of what stands behind {', '.join(wrong)}"
+    try:
+        cls()
+    except Exception as error:  # a third party's class may raise anything
+        return f"cannot be made without arguments: {type(error).__name__}: {error}"
+    return ""

@@ -1,0 +1,280 @@
+"""Composites that choose one of their children: if, reactive_if, switch."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from enum import Enum
+from typing import Any, ClassVar
+
+from py_trees.behaviour import Behaviour
+from py_trees.common import Status
+
+from pomona.executive.nodes import takes
+from pomona.executive.nodes.asking import Building, Checking, Ending, Flowing, Knowing, Words, XmlIn, XmlOut
+from pomona.executive.nodes.behaviours import Branch
+from pomona.executive.nodes.check import CheckType
+from pomona.executive.nodes.ends import ALL, Ends, Names, Outcome, codes_of
+from pomona.executive.nodes.facts import Facts
+from pomona.executive.nodes.node_type import Composite
+from pomona.executive.nodes.surroundings import Around, LastFailure
+from pomona.executive.ports import Port
+from pomona.executive.reasons import NoValue, Reason, from_causes, path_of, reason_of
+
+
+class Choice(Branch):
+    """Ticks the child that is chosen, and ends as it does. Subclasses say which (`choose`)."""
+
+    def __init__(self, name: str, children: Sequence[Behaviour]) -> None:
+        super().__init__(name, children)
+        self._why: Reason | None = None
+        self._chosen: Behaviour | None = None
+
+    def explain(self) -> Reason:
+        """Why the chosen child failed, or why none could be chosen."""
+        if self._why is not None:
+            return self._why
+        return from_causes(self, () if self._chosen is None else (reason_of(self._chosen),))
+
+    def end(self, status: Status) -> None:
+        """Take a status; everything that still runs is interrupted when it is an end."""
+        if status is Status.RUNNING:
+            self.status = status
+        else:
+            self.stop(status)
+
+    def go(self, chosen: Behaviour | None) -> Iterator[Behaviour]:
+        """Tick a child instead of the one that ran before; without one the node is skipped."""
+        if self._chosen is not None and self._chosen is not chosen and self._chosen.status is Status.RUNNING:
+            self._chosen.stop(Status.INVALID)
+        self._chosen = self.current_child = chosen
+        if chosen is None:
+            self.stop(Status.INVALID)
+        else:
+            yield from chosen.tick()
+            self.end(chosen.status)
+        yield self
+
+
+class If(Choice):
+    """Its first child decides: when it succeeds the second one runs, when it fails the third one.
+
+    Args:
+        reactive: whether the first child is asked again in every tick.
+    """
+
+    def __init__(
+        self, name: str, children: Sequence[Behaviour], reactive: bool, last_failure: LastFailure | None = None
+    ) -> None:
+        super().__init__(name, children)
+        self._reactive, self._last_failure = reactive, last_failure or LastFailure()
+
+    def tick(self) -> Iterator[Behaviour]:
+        if self.status is not Status.RUNNING:
+            self.reset()
+            self._chosen = self._why = None
+        if self._chosen is not None and not self._reactive:
+            yield from self.go(self._chosen)
+            return
+        asked = self.children[0]
+        yield from asked.tick()
+        if asked.status is Status.RUNNING or asked.status is Status.INVALID:
+            if self._chosen is not None and self._chosen.status is Status.RUNNING:
+                self._chosen.stop(Status.INVALID)
+            self.end(asked.status)
+            yield self
+        elif asked.status is Status.SUCCESS:
+            yield from self.go(self.children[1])
+        else:
+            reason = reason_of(asked)
+            self._last_failure.see(reason)
+            if reason.code == "BAD_VALUE":  # nobody knows whether it holds
+                self._why = from_causes(self, (reason,))
+                self.stop(Status.FAILURE)
+                yield self
+            else:
+                yield from self.go(self.children[2] if len(self.children) > 2 else None)
+
+
+class Switch(Choice):
+    """Runs the child whose word is the value; looks at the value in every tick.
+
+    Args:
+        words: of the children in order; a child beyond them runs when no word fits.
+    """
+
+    def __init__(
+        self, name: str, children: Sequence[Behaviour], words: Sequence[str], value: Callable[[], Any]
+    ) -> None:
+        super().__init__(name, children)
+        self._words, self._value = tuple(words), value
+
+    def tick(self) -> Iterator[Behaviour]:
+        if self.status is not Status.RUNNING:
+            self.reset()
+            self._chosen = self._why = None
+        try:
+            texts = texts_of(self._value())
+        except NoValue as missing:
+            self._why = Reason(path_of(self), "BAD_VALUE", str(missing))
+            self.stop(Status.FAILURE)
+            yield self
+            return
+        others = self.children[len(self._words) :]
+        chosen = next((c for word, c in zip(self._words, self.children, strict=False) if word in texts), None)
+        yield from self.go(chosen or (others[0] if others else None))
+
+
+def texts_of(value: Any) -> tuple[str, ...]:
+    """How a value may be written as a case."""
+    if isinstance(value, Enum):
+        return value.name, str(value.value)
+    if isinstance(value, bool):
+        return (str(value).lower(),)
+    if isinstance(value, float):
+        return (f"{value:g}", str(value))
+    return ("none",) if value is None else (str(value),)
+
+
+class IfType(Composite):
+    """when it succeeds (a node) or holds (a condition), `then` runs, otherwise `else`; without `else` it is skipped"""
+
+    key, symbol = "if", "⎇"
+    value = takes.ChildOrCondition(CheckType(), "a condition or a node")
+    fields: ClassVar[takes.Fields] = {
+        "then": takes.Child("runs when the condition holds or the node succeeds", required=True),
+        "else": takes.Child("runs otherwise"),
+    }
+    xml_tags = ("IfThenElse",)
+    reactive: ClassVar[bool] = False
+
+    def around(self, at: Checking, index: int) -> Around:
+        return replace(at.around, failure=at.outcomes.child(0).codes) if index == 2 else at.around
+
+    def outcome(self, at: Ending) -> Outcome:
+        asked, *chosen = at.children()
+        if not chosen:
+            return asked
+        skips = asked.skips or len(chosen) < 2 or any(outcome.skips for outcome in chosen)
+        least = min(outcome.least for outcome in chosen) if len(chosen) > 1 else 0.0
+        codes = codes_of(chosen)
+        return Outcome(codes, any(outcome.succeeds for outcome in chosen), skips, asked.least + least)
+
+    def flow(self, at: Flowing, before: Names) -> Ends:
+        asked = at.child(0, before)
+        if len(at.node.children) < 2:
+            return asked
+        chosen = at.child(1, asked.success)
+        other = at.child(2, asked.failure) if len(at.node.children) > 2 else Ends(ALL, ALL, asked.failure)
+        return Ends(
+            chosen.success & other.success,
+            chosen.failure & other.failure,
+            chosen.skipped & other.skipped & asked.skipped,
+        )
+
+    def truth(self, at: Knowing, known: Facts) -> Facts:
+        if self.reactive or len(at.node.children) < 2:
+            return super().truth(at, known)
+        at.child(1, at.child(0, known))
+        if len(at.node.children) > 2:
+            at.child(2, at.after(0, known))
+        return at.forget(known)
+
+    def build(self, at: Building) -> Behaviour:
+        last_failure = LastFailure()
+        children = [at.child(i, failure=last_failure) if i == 2 else at.child(i) for i in range(len(at.node.children))]
+        return If(at.name, children, self.reactive, last_failure)
+
+    def to_xml(self, at: XmlOut) -> object:
+        asked = at.node.children[0]
+        at_once = not self.reactive or (asked.kind == CheckType.key and not asked.modifiers)  # see `from_xml`
+        return at.element(self.xml_tags[0]) if at_once and len(at.node.children) == 3 else at.own({})
+
+    def from_xml(self, element: XmlIn) -> Words:
+        children = element.children()
+        own = element.tag == self.xml_tag
+        if not 2 <= len(children) <= 3:
+            return element.refuse(f"has {len(children)} children")
+        if self.reactive and not own and takes_time(children[0]):
+            return element.refuse("has a condition that takes time: what runs would go on unattended meanwhile")
+        asked: object = children[0]
+        if list(children[0]) == ["check"]:
+            asked = children[0]["check"]
+        found = {self.key: asked, "then": children[1]}
+        if len(children) == 3:
+            return {**found, "else": children[2]}
+        return found if own else {**found, "else": {"fail": {}}}
+
+
+class ReactiveIfType(IfType):
+    """like `if`, but asks in every tick, and interrupts what runs when the answer changes"""
+
+    key, symbol = "reactive_if", "⎇"
+    xml_tags = ("WhileDoElse",)
+    reactive = True
+
+
+class SwitchType(Composite):
+    """runs the node whose word the value is; looks at it in every tick; `default` when none fits, else it is skipped"""
+
+    key, symbol = "switch", "⎇"
+    value = takes.Single(Port(object), "the value that chooses")
+    fields: ClassVar[takes.Fields] = {
+        "cases": takes.Cases("nodes by word", required=True),
+        "default": takes.Child("runs when no word fits"),
+    }
+    xml_tags = ("Switch2", "Switch3", "Switch4", "Switch5", "Switch6")
+
+    def outcome(self, at: Ending) -> Outcome:
+        chosen = at.children()
+        skips = "default" not in at.node.modifiers or any(outcome.skips for outcome in chosen)
+        least = min((outcome.least for outcome in chosen), default=0.0)
+        return Outcome(codes_of(chosen), any(outcome.succeeds for outcome in chosen), skips, least)
+
+    def flow(self, at: Flowing, before: Names) -> Ends:
+        success, failure = ALL, before if at.computes else ALL
+        skipped = ALL if "default" in at.node.modifiers else before
+        for index in range(len(at.node.children)):
+            ends = at.child(index, before)
+            success, failure, skipped = success & ends.success, failure & ends.failure, skipped & ends.skipped
+        return Ends(success, failure, skipped)
+
+    def words(self, at: Building | XmlOut) -> list[str]:
+        """The cases in order."""
+        return [lead.removesuffix(": ") for lead in at.node.leads[: len(at.node.children) - self.has_default(at)]]
+
+    @staticmethod
+    def has_default(at: Building | XmlOut) -> bool:
+        """Whether something runs when no word fits."""
+        return "default" in at.node.modifiers
+
+    def build(self, at: Building) -> Behaviour:
+        return Switch(at.name, at.children(), self.words(at), at.value(self.key))
+
+    def to_xml(self, at: XmlOut) -> object:
+        words = self.words(at)
+        cases = {f"case_{number}": word for number, word in enumerate(words, start=1)}
+        known = 2 <= len(words) <= 6 and self.has_default(at) and at.plain(self.key)
+        if known:
+            return at.element(f"Switch{len(words)}", {"variable": at.text(self.key), **cases})
+        return at.own({"variable": at.text(self.key), **cases})
+
+    def from_xml(self, element: XmlIn) -> Words:
+        children, number = element.children(), 1
+        cases: Words = {}
+        while f"case_{number}" in element.attributes and number <= len(children):
+            cases[element.get(f"case_{number}")] = children[number - 1]
+            number += 1
+        rest = children[number - 1 :]
+        if not cases or len(rest) > 1 or len(cases) != number - 1 or any("{" in word for word in cases):
+            return element.refuse("has cases that are no words, or that stand twice")
+        found: Words = {self.key: element.value("variable"), "cases": cases}
+        return {**found, "default": rest[0]} if rest else found
+
+
+def takes_time(words: object) -> bool:
+    """Whether a node as plain values surely runs for more than a tick."""
+    if isinstance(words, dict):
+        slow = words.keys() & {"wait", "wait_until", "delay", "rate", "ask", "retry", "repeat", "for_each"}
+        return bool(slow) or any(map(takes_time, words.values()))
+    return isinstance(words, list) and any(map(takes_time, words))

@@ -1,0 +1,62 @@
+"""Force: one end, whatever happened."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from py_trees.behaviour import Behaviour
+from py_trees.common import Status
+
+from pomona.executive.nodes import takes
+from pomona.executive.nodes.asking import Building, Ending, Flowing, Words, XmlIn, XmlOut
+from pomona.executive.nodes.behaviours import Wrapper
+from pomona.executive.nodes.ends import ALL, NO_CODES, Ends, Names, Outcome
+from pomona.executive.nodes.node_type import Modifier
+from pomona.executive.ports import Port
+
+
+class Force(Wrapper):
+    """Ends with one status whatever its child says."""
+
+    def __init__(self, name: str, child: Behaviour, end: Literal["success", "failure"]) -> None:
+        super().__init__(name, child)
+        self._end = end
+
+    def after(self, status: Status) -> Status:
+        if status is Status.RUNNING:
+            return status
+        if self._end == "success":
+            return Status.SUCCESS
+        if status is Status.SUCCESS:
+            return self.fails("FORCED", f"{self.decorated.name} succeeded, which counts as a failure here")
+        return Status.FAILURE
+
+
+class ForceType(Modifier):
+    """ends so, whatever happened"""
+
+    key, symbol = "force", "!"
+    value = takes.Value(Port(str, choices=("success", "failure")), known=True)
+    xml_tags = ("ForceSuccess", "ForceFailure")
+
+    def outcome(self, at: Ending) -> Outcome:
+        inside, end = at.inside(), at.literal(self.key)
+        succeeds = end != "failure" and (inside.succeeds or bool(inside.codes))
+        return Outcome(NO_CODES if end == "success" else inside.codes | {"FORCED"}, succeeds, inside.skips)
+
+    def flow(self, at: Flowing, before: Names) -> Ends:
+        ends = at.inside(before)
+        both = ends.success & ends.failure
+        if at.literal(self.key) == "failure":
+            return Ends(ALL, both, ends.skipped)
+        return Ends(both, ALL, ends.skipped)
+
+    def build(self, at: Building) -> Behaviour:
+        return Force(at.name, at.inside(), at.literal(self.key))
+
+    def to_xml(self, at: XmlOut) -> object:
+        return at.element("ForceFailure" if at.text(self.key) == "failure" else "ForceSuccess")
+
+    def from_xml(self, element: XmlIn) -> Words:
+        (child,) = element.children()
+        return element.wrap(child, self.key, "failure" if element.tag == "ForceFailure" else "success")

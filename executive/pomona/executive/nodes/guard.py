@@ -1,0 +1,100 @@
+"""Guard and when: modifiers that look at a condition."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+from py_trees.behaviour import Behaviour
+from py_trees.common import Status
+
+from pomona.executive.nodes import takes
+from pomona.executive.nodes.asking import Building, Ending, Flowing, Knowing
+from pomona.executive.nodes.behaviours import Wrapper
+from pomona.executive.nodes.conditions import Condition
+from pomona.executive.nodes.ends import Ends, Names, Outcome
+from pomona.executive.nodes.facts import Facts
+from pomona.executive.nodes.node_type import Modifier
+from pomona.executive.reasons import NoValue
+
+
+class Guard(Wrapper):
+    """Looks at its condition before every tick of its child; when it does not hold, interrupts the child and fails."""
+
+    def __init__(self, name: str, child: Behaviour, condition: Condition) -> None:
+        super().__init__(name, child)
+        self._condition = condition
+
+    def tick(self) -> Iterator[Behaviour]:
+        try:
+            holds = self._condition.holds()
+        except NoValue as missing:
+            self.stop(self.fails("BAD_VALUE", str(missing)))
+            yield self
+            return
+        if holds:
+            yield from super().tick()
+            return
+        self.stop(self.fails("CONDITION_FALSE", self._condition.sentence(), **self._condition.values()))
+        yield self
+
+
+class When(Wrapper):
+    """Looks at its condition at its start; when it does not hold, the child is skipped."""
+
+    def __init__(self, name: str, child: Behaviour, condition: Condition) -> None:
+        super().__init__(name, child)
+        self._condition = condition
+
+    def begin(self) -> Status | None:
+        if self._condition.holds():
+            return None
+        self.feedback_message = f"skipped: {self._condition.sentence()}"
+        return Status.INVALID
+
+
+class GuardType(Modifier):
+    """looked at before each tick; when it does not hold, the node is interrupted and fails"""
+
+    key, symbol = "guard", "◇"
+    value = takes.Condition("looked at before each tick; when it does not hold the node fails")
+    ends = ("success", "failure")
+    xml_value = "condition"
+
+    def outcome(self, at: Ending) -> Outcome:
+        return at.inside().plus("CONDITION_FALSE")
+
+    def flow(self, at: Flowing, before: Names) -> Ends:
+        ends = at.inside(before)
+        return Ends(ends.success, ends.failure & before, ends.skipped)
+
+    def truth(self, at: Knowing, known: Facts) -> Facts:
+        return at.inside(at.must(self.key, known))
+
+    def build(self, at: Building) -> Behaviour:
+        condition = at.condition(self.key)
+        return Guard(at.name, at.inside(), condition)
+
+
+class WhenType(Modifier):
+    """looked at once, at the start; when it does not hold, the node is **skipped**"""
+
+    key, symbol = "when", "◇"
+    value = takes.Condition("looked at once; when it does not hold the node is skipped")
+    ends = ("skipped", "not skipped")
+    xml_value = "condition"
+
+    def outcome(self, at: Ending) -> Outcome:
+        return replace(at.inside(), skips=True)
+
+    def flow(self, at: Flowing, before: Names) -> Ends:
+        ends = at.inside(before)
+        return ends._replace(skipped=ends.skipped & before)
+
+    def truth(self, at: Knowing, known: Facts) -> Facts:
+        at.inside(at.must(self.key, known))
+        return at.forget(known)
+
+    def build(self, at: Building) -> Behaviour:
+        condition = at.condition(self.key)
+        return When(at.name, at.inside(), condition)

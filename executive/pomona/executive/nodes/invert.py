@@ -1,0 +1,50 @@
+"""Invert: success and failure change places."""
+
+from __future__ import annotations
+
+from py_trees.behaviour import Behaviour
+from py_trees.common import Status
+
+from pomona.executive.nodes import takes
+from pomona.executive.nodes.asking import Asking, Building, Ending, Flowing, Words, XmlIn, XmlOut
+from pomona.executive.nodes.behaviours import Wrapper
+from pomona.executive.nodes.ends import Ends, Names, Outcome
+from pomona.executive.nodes.node_type import Modifier
+from pomona.executive.ports import Port
+
+
+class Invert(Wrapper):
+    """Succeeds when its child fails, and fails when it succeeds."""
+
+    def after(self, status: Status) -> Status:
+        if status is Status.SUCCESS:
+            return self.fails("INVERTED", f"{self.decorated.name} succeeded, which counts as a failure here")
+        return status if status is Status.RUNNING else Status.SUCCESS
+
+
+class InvertType(Modifier):
+    """success and failure change places"""
+
+    key, symbol = "invert", "!"
+    value = takes.Value(Port(bool), known=True)
+    xml_tags = ("Inverter",)
+
+    def needed(self, at: Asking) -> bool:
+        return at.literal(self.key) is not False
+
+    def outcome(self, at: Ending) -> Outcome:
+        return Outcome(frozenset({"INVERTED"}), skips=at.inside().skips)
+
+    def flow(self, at: Flowing, before: Names) -> Ends:
+        ends = at.inside(before)
+        return Ends(ends.failure, ends.success, ends.skipped)
+
+    def build(self, at: Building) -> Behaviour:
+        return Invert(at.name, at.inside())
+
+    def to_xml(self, at: XmlOut) -> object:
+        return at.element("Inverter")
+
+    def from_xml(self, element: XmlIn) -> Words:
+        (child,) = element.children()
+        return element.wrap(child, self.key, True)

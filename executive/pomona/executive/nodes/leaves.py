@@ -1,0 +1,155 @@
+"""Leaves without a skill: wait, set, succeed, fail."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from py_trees.behaviour import Behaviour
+from py_trees.common import Status
+
+from pomona.executive.nodes import takes
+from pomona.executive.nodes.asking import Building, Ending, Knowing, Words, XmlIn, XmlOut
+from pomona.executive.nodes.behaviours import LeafBehaviour
+from pomona.executive.nodes.ends import UNKNOWN, Outcome
+from pomona.executive.nodes.facts import Facts
+from pomona.executive.nodes.node_type import Leaf
+from pomona.executive.ports import Port
+from pomona.executive.values.yaml_nodes import YamlScalar
+
+
+class Wait(LeafBehaviour):
+    """Lets a duration on the run's clock pass."""
+
+    def __init__(self, name: str, duration: Callable[[], float], now: Callable[[], float]) -> None:
+        super().__init__(name)
+        self._duration, self._now = duration, now
+        self._end = 0.0
+
+    def begin(self) -> None:
+        self._end = self._now() + self._duration()
+
+    def act(self) -> Status:
+        left = self._end - self._now()
+        self.feedback_message = f"{max(left, 0.0):.1f} s left"
+        return Status.RUNNING if left > 1e-9 else Status.SUCCESS
+
+
+class SetValues(LeafBehaviour):
+    """Writes values to the board: reads all of them first."""
+
+    def __init__(self, name: str, values: Mapping[Callable[[Any], None], Callable[[], Any]]) -> None:
+        super().__init__(name)
+        self._values = tuple(values.items())
+
+    def act(self) -> Status:
+        for write, value in [(write, get()) for write, get in self._values]:
+            write(value)
+        return Status.SUCCESS
+
+
+class Succeed(LeafBehaviour):
+    """Succeeds at once."""
+
+
+class Fail(LeafBehaviour):
+    """Fails at once, with a code and a sentence of the author's choice."""
+
+    def __init__(self, name: str, code: Callable[[], str], message: Callable[[], str]) -> None:
+        super().__init__(name)
+        self._code, self._message = code, message
+
+    def act(self) -> Status:
+        return self.fails(self._code(), self._message() or f"{self.name} fails")
+
+
+class WaitType(Leaf):
+    """lets time pass"""
+
+    key, symbol = "wait", "◷"
+    value = takes.duration("lets time pass")
+    xml_value = "duration"
+    xml_tags = ("Sleep",)
+
+    def outcome(self, at: Ending) -> Outcome:
+        duration = at.literal(self.key)
+        return Outcome(least=duration if isinstance(duration, float) else 0.0)
+
+    def build(self, at: Building) -> Behaviour:
+        return Wait(at.name, at.value(self.key), at.now)
+
+    def to_xml(self, at: XmlOut) -> object:
+        milliseconds = at.milliseconds(self.key)
+        return at.element("Sleep", {"msec": milliseconds}) if milliseconds else super().to_xml(at)
+
+    def from_xml(self, element: XmlIn) -> Words:
+        return {self.key: element.duration("msec")} if element.tag == "Sleep" else super().from_xml(element)
+
+
+class SetType(Leaf):
+    """writes values"""
+
+    key, symbol = "set", "="
+    value = takes.Assignments()
+    xml_value = "values"
+    instant = True
+
+    def outcome(self, at: Ending) -> Outcome:
+        return Outcome()
+
+    def truth(self, at: Knowing, known: Facts) -> Facts:
+        return at.assign(known)
+
+    def build(self, at: Building) -> Behaviour:
+        return SetValues(at.name, {at.writer(name): get for name, get in at.inputs().items()})
+
+    def xml_attributes(self, at: XmlOut) -> dict[str, str]:
+        return {"values": at.text(self.key)}
+
+    def from_xml(self, element: XmlIn) -> Words:
+        return {self.key: element.value("values") or {}}
+
+
+class SucceedType(Leaf):
+    """ends at once with success"""
+
+    key, symbol = "succeed", "✓"
+    value = takes.Nothing()
+    xml_tags = ("AlwaysSuccess",)
+    instant = True
+
+    def outcome(self, at: Ending) -> Outcome:
+        return Outcome()
+
+    def build(self, at: Building) -> Behaviour:
+        return Succeed(at.name)
+
+    def to_xml(self, at: XmlOut) -> object:
+        return at.element("AlwaysSuccess")
+
+    def from_xml(self, element: XmlIn) -> Words:
+        return {self.key: {}}
+
+
+class FailType(Leaf):
+    """ends at once with a failure of the author's choice"""
+
+    key, symbol, colour = "fail", "✗", "#a4262c"
+    value = takes.Wires({"code": Port(str, default="FAILED"), "message": Port(str, default="")})
+    xml_tags = ("AlwaysFailure",)
+    instant = True
+
+    def outcome(self, at: Ending) -> Outcome:
+        code = at.node.ports.get("code")
+        text = code[1].text if code is not None and isinstance(code[1], YamlScalar) else "FAILED"
+        return Outcome(frozenset({UNKNOWN if "{" in text else text}), succeeds=False)
+
+    def build(self, at: Building) -> Behaviour:
+        inputs = at.inputs()
+        return Fail(at.name, inputs.get("code", lambda: "FAILED"), inputs.get("message", lambda: ""))
+
+    def to_xml(self, at: XmlOut) -> object:
+        return super().to_xml(at) if at.node.ports else at.element("AlwaysFailure")
+
+    def from_xml(self, element: XmlIn) -> Words:
+        return {self.key: element.ports() if element.tag == self.xml_tag else {}}

@@ -1,0 +1,398 @@
+"""What a word of the tree language is: one class that says everything about a composite, a modifier or a leaf.
+
+The reader, the checker, the builder, the JSON Schema, drawings, Groot's XML and the documentation ask it; none of them
+knows a word by its name. A package adds words of its own by entry point (group `pomona.nodes`, name → class):
+
+    class Paced(Modifier):
+        \"\"\"starts its child at most so often\"\"\"
+
+        key, symbol = "paced", "♩"
+        value = takes.Value(Port(RATE, min="0.001 Hz"))
+
+        def build(self, at: Building) -> Behaviour:
+            return Pace(at.name, at.inside(), at.value("paced"), at.now)
+
+A `Modifier` ends as the node inside does and writes what that writes, unless it says otherwise (`outcome`, `flow`).
+Composites and leaves must say it.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from enum import IntEnum
+from functools import cached_property
+from typing import Any, ClassVar, Literal, Protocol
+
+from py_trees.behaviour import Behaviour
+
+from pomona.executive.nodes.asking import (
+    Asking,
+    Building,
+    Checking,
+    Ending,
+    Entry,
+    Flowing,
+    Knowing,
+    Words,
+    XmlIn,
+    XmlOut,
+)
+from pomona.executive.nodes.ends import ALL, Ends, Names, Outcome
+from pomona.executive.nodes.facts import Facts
+from pomona.executive.nodes.surroundings import Around
+from pomona.executive.ports import Port
+from pomona.executive.values.findings import Findings
+from pomona.executive.values.yaml_nodes import YamlMapping, YamlNode, YamlScalar
+
+Schema = dict[str, Any]
+Role = Literal["composite", "leaf", "modifier"]
+"""Where a type may stand."""
+
+
+class Stage(IntEnum):
+    """In which order the names that nodes write become known: types that are declared, computed ones, unknown ones."""
+
+    DECLARED = 0
+    COMPUTED = 1
+    UNKNOWN = 2
+
+
+@dataclass(slots=True, eq=False)
+class TreeNode:
+    """One node of a tree file with its modifiers.
+
+    Attributes:
+        type: what it is.
+        key: its type as written.
+        value: what stands behind the type.
+        at: the whole mapping.
+        children: nodes that belong to its type, in order.
+        leads: what stands before each child in a drawing.
+        parts: nodes that belong to a modifier, by the modifier's field: `on_failure`.
+        ports: of a skill, a subtree, `set` or `fail`: by port, the key and what is wired to it.
+        modifiers: all that stands beside the type but name and description, by name.
+        wrapping: its modifiers, from the inside to the outside.
+        layers: its modifiers from the outside to the inside, then its type.
+    """
+
+    type: NodeType
+    key: YamlScalar
+    value: YamlNode
+    at: YamlMapping
+    name: YamlScalar | None = None
+    description: str = ""
+    comment: str = ""
+    children: list[TreeNode] = field(default_factory=list)
+    leads: list[str] = field(default_factory=list)
+    parts: dict[str, TreeNode] = field(default_factory=dict)
+    ports: dict[str, Entry] = field(default_factory=dict)
+    modifiers: dict[str, Entry] = field(default_factory=dict)
+    wrapping: tuple[Modifier, ...] = field(default=(), init=False)
+    layers: tuple[NodeType, ...] = field(default=(), init=False)
+
+    def __post_init__(self) -> None:
+        self.layers = (self.type,)
+
+    def wrap(self, modifiers: tuple[Modifier, ...]) -> None:
+        """Set its modifiers, from the inside to the outside."""
+        self.wrapping = modifiers
+        self.layers = (*reversed(modifiers), self.type)
+
+    @property
+    def kind(self) -> str:
+        """Its type's word: sequence, check …; `skill` or `subtree` for what is called by a name."""
+        return self.type.key
+
+    @property
+    def label(self) -> str:
+        """What people call it."""
+        return self.name.text if self.name is not None else self.key.text
+
+    @property
+    def decorators(self) -> list[str]:
+        """Its modifiers' words, from the inside to the outside."""
+        return [modifier.key for modifier in self.wrapping]
+
+    @property
+    def on_failure(self) -> TreeNode | None:
+        """What follows a failed try."""
+        return self.parts.get("on_failure")
+
+    def entry(self, layer: NodeType, slot: str) -> Entry | None:
+        """What is written for one of its layers, with the word before it: the layer's own word, or a field's."""
+        if layer is self.type and slot == layer.key:
+            return self.key, self.value
+        return self.modifiers.get(slot)
+
+    def below(self) -> list[TreeNode]:
+        """Nodes directly below, its modifiers' after its own."""
+        return [*self.children, *self.parts.values()]
+
+    def walk(self) -> Iterator[TreeNode]:
+        """This node and all below, in the order of a drawing."""
+        stack = [self]
+        while stack:
+            node = stack.pop()
+            yield node
+            if node.children or node.parts:
+                stack.extend(reversed(node.below()))
+
+
+class Reading(Protocol):
+    """A tree file's nodes being read."""
+
+    @property
+    def findings(self) -> Findings:
+        """Where findings are reported."""
+        ...
+
+    def node(self, written: YamlNode) -> TreeNode | None:
+        """Read a node; None when it cannot be one, which is reported."""
+        ...
+
+    def comment(self, line: int) -> str:
+        """The comment on a line and the lines of comment above it, each given once."""
+        ...
+
+
+class Field(ABC):
+    """What may stand behind a word: its shape, its check, its JSON Schema. Concrete ones are in `takes`.
+
+    Attributes:
+        help: one line for editors.
+        required: whether a node of the type must have it.
+        nodes: whether nodes stand in it.
+        wires: whether ports stand in it.
+    """
+
+    nodes: ClassVar[bool] = False
+    wires: ClassVar[bool] = False
+
+    def __init__(self, help: str = "", *, required: bool = False) -> None:
+        self.help, self.required = help, required
+
+    def take(self, reading: Reading, node: TreeNode, owner: NodeType, slot: str, written: YamlNode) -> None:
+        """Read nodes and ports that stand in it, and report a wrong shape; called without any skills."""
+        return
+
+    def declare(self, at: Checking, slot: str, stage: Stage) -> None:
+        """Say which names it writes; called for every field of a type, also for those that are not written."""
+        return
+
+    def check(self, at: Checking, slot: str, written: YamlNode) -> None:
+        """Check its values and keep them under the slot."""
+        return
+
+    @abstractmethod
+    def schema(self, literal: Callable[[Port], Schema]) -> Schema:
+        """JSON Schema; `literal` gives that of a port's value or wire."""
+
+    def described(self, literal: Callable[[Port], Schema]) -> Schema:
+        """The schema with its help."""
+        found = self.schema(literal)
+        return {**found, "description": self.help} if self.help else found
+
+
+class NodeType(ABC):
+    """A composite, a leaf or a modifier. The docstring's first line is what the documentation says of it.
+
+    Attributes:
+        key: its word in tree files.
+        symbol: one character for drawings.
+        role: where it may stand.
+        value: what stands behind its word.
+        fields: words that may stand beside it.
+        late: slots whose reads the type itself follows in `flow`, since they happen after its child has ended.
+        calls: whether the node is called by somebody else's name.
+        instant: whether it ends in the tick in which it starts and lets nobody else act.
+        named: whether the behaviour of a modifier says its word.
+        ends: ends that a test should see: success, failure, skipped, not skipped.
+        colour: in pictures.
+        xml_value: attribute that carries its value in XML; empty when nodes stand there.
+        xml_fields: attributes of its fields, where they have another name.
+        xml_tags: elements of BehaviorTree.CPP and others that `from_xml` reads.
+    """
+
+    key: ClassVar[str]
+    symbol: ClassVar[str]
+    role: ClassVar[Role]
+    value: ClassVar[Field]
+    fields: ClassVar[Mapping[str, Field]] = {}
+    late: ClassVar[frozenset[str]] = frozenset()
+    calls: ClassVar[bool] = False
+    instant: ClassVar[bool] = False
+    named: ClassVar[bool] = True
+    ends: ClassVar[tuple[str, ...]] = ()
+    colour: ClassVar[str] = "#444444"
+    xml_value: ClassVar[str] = "value"
+    xml_fields: ClassVar[Mapping[str, str]] = {}
+    xml_tags: ClassVar[tuple[str, ...]] = ()
+
+    @property
+    def summary(self) -> str:
+        """What it does, in one line."""
+        return (type(self).__doc__ or "").strip().split("\n")[0]
+
+    @cached_property
+    def slots(self) -> dict[str, Field]:
+        """Its own word and its fields."""
+        return {self.key: self.value, **self.fields}
+
+    @property
+    def xml_tag(self) -> str:
+        """The element that stands for it where BehaviorTree.CPP has none."""
+        return "Pomona" + "".join(word.capitalize() for word in self.key.split("_"))
+
+    @cached_property
+    def declares(self) -> bool:
+        """Whether it may write names."""
+        own = type(self).declare is not NodeType.declare
+        return own or any(type(taken).declare is not Field.declare for taken in self.slots.values())
+
+    # ---------------------------------------------------------------------------------------- before the run
+
+    def declare(self, at: Checking, stage: Stage) -> None:
+        """Say which names it writes."""
+        for slot, taken in self.slots.items():
+            taken.declare(at, slot, stage)
+
+    def check(self, at: Checking) -> None:
+        """Check what is written, then everything inside."""
+        for slot, taken in self.slots.items():
+            written = at.written(slot)
+            if written is not None and slot not in self.late:
+                taken.check(at, slot, written)
+        for index in range(len(at.node.children)):
+            at.child(index, self.around(at, index))
+
+    def around(self, at: Checking, index: int) -> Around:
+        """What a child sees around it."""
+        return at.around
+
+    @abstractmethod
+    def outcome(self, at: Ending) -> Outcome:
+        """How it can end."""
+
+    @abstractmethod
+    def flow(self, at: Flowing, before: Names) -> Ends:
+        """What is surely written at each of its ends, given what is surely written before it."""
+
+    def truth(self, at: Knowing, known: Facts) -> Facts:
+        """What is surely true when it has succeeded. By default its children may run in any order and again."""
+        if at.node.children:
+            inside = at.share(known)
+            for index in range(len(at.node.children)):
+                at.child(index, inside)
+        return at.forget(known)
+
+    def needed(self, at: Asking) -> bool:
+        """Whether it does anything as it is written (`invert: false` does not)."""
+        return True
+
+    # ---------------------------------------------------------------------------------------- at the run
+
+    def pauses(self, at: Asking) -> Literal["before", "after"] | None:
+        """On which side of the node the run pauses, if it does."""
+        return None
+
+    @abstractmethod
+    def build(self, at: Building) -> Behaviour:
+        """Its behaviour, with everything inside. A behaviour that fails should say why (`explain`)."""
+
+    # ---------------------------------------------------------------------------------------- Groot
+
+    def to_xml(self, at: XmlOut) -> Any:
+        """Its element. By default one of ours, with every word as an attribute."""
+        return at.own(self.xml_attributes(at))
+
+    def xml_attributes(self, at: XmlOut) -> dict[str, str]:
+        """Its words by the attributes that carry them."""
+        found: dict[str, str] = {}
+        for slot, taken in self.slots.items():
+            if taken.nodes:
+                continue
+            if taken.wires:
+                found.update(at.ports())
+            elif text := at.text(slot):
+                found[self.xml_name(slot)] = text
+        return found
+
+    def xml_name(self, slot: str) -> str:
+        """The attribute that carries a word."""
+        return self.xml_value if slot == self.key else self.xml_fields.get(slot, slot)
+
+    def choices(self, node: TreeNode) -> tuple[str, ...]:
+        """The answers of a type that asks somebody; none for any other."""
+        return ()
+
+    def from_xml(self, element: XmlIn) -> Words:
+        """Its words from an element: one of ours, or one of `xml_tags`."""
+        words: Words = {}
+        for slot, taken in self.fields.items():
+            if not taken.nodes and (value := element.value(self.xml_name(slot))) not in ("", None):
+                words[slot] = value
+        children = element.children()
+        if self.role == "modifier":
+            parts = [slot for slot, taken in self.fields.items() if taken.nodes]
+            words.update(zip(parts, children[1:], strict=False))
+            return element.wrap(children[0], self.key, element.value(self.xml_value), words)
+        value = children if self.value.nodes else element.ports() if self.value.wires else element.value(self.xml_value)
+        return {self.key: value, **words}
+
+
+class Composite(NodeType):
+    """A type with children."""
+
+    role = "composite"
+
+
+class Leaf(NodeType):
+    """A type without children."""
+
+    role = "leaf"
+    symbol = "●"
+
+    def flow(self, at: Flowing, before: Names) -> Ends:
+        """Its outputs are written when it succeeds; nothing when it fails."""
+        outcome = self.outcome(at.outcomes)
+        fails = bool(outcome.codes) or at.computes
+        success = before.plus(*at.outputs) if outcome.succeeds else ALL
+        return Ends(success, before if fails else ALL, before if outcome.skips else ALL)
+
+
+class Modifier(NodeType):
+    """A type that stands beside another and wraps it.
+
+    Attributes:
+        outside_of: the modifier that it wraps directly; by default it wraps all.
+    """
+
+    role = "modifier"
+    outside_of: ClassVar[str] = ""
+
+    def check(self, at: Checking) -> None:
+        super_around = self.around(at, 0)
+        for slot, taken in self.slots.items():
+            written = at.written(slot)
+            if written is not None and slot not in self.late and not taken.nodes:
+                taken.check(at, slot, written)
+        for slot in at.node.parts:
+            if slot in self.fields:
+                at.part(slot, self.around(at, 1))
+        at.inside(super_around)
+
+    def outcome(self, at: Ending) -> Outcome:
+        return at.inside()
+
+    def flow(self, at: Flowing, before: Names) -> Ends:
+        return at.inside(before)
+
+    def truth(self, at: Knowing, known: Facts) -> Facts:
+        """By default it may start again what it wraps, and succeed without it."""
+        for slot in at.node.parts:
+            if slot in self.fields:
+                at.part(slot, at.forget(known))
+        at.inside(at.forget(known))
+        return at.forget(known)

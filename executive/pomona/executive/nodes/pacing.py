@@ -1,0 +1,184 @@
+"""Modifiers that say when a node starts: delay, rate, run_once."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+
+from py_trees.behaviour import Behaviour
+from py_trees.common import Status
+
+from pomona.executive.nodes import takes
+from pomona.executive.nodes.asking import Building, Ending, Flowing, Words, XmlIn, XmlOut
+from pomona.executive.nodes.behaviours import Wrapper
+from pomona.executive.nodes.ends import Ends, Names, Outcome
+from pomona.executive.nodes.node_type import Modifier
+from pomona.executive.ports import RATE, Port
+from pomona.executive.reasons import NoValue
+
+
+class Late(Wrapper):
+    """Holds its child's start back until a moment on the run's clock. Subclasses say which (`due`)."""
+
+    def __init__(self, name: str, child: Behaviour, now: Callable[[], float]) -> None:
+        super().__init__(name, child)
+        self._now, self._due, self._started = now, 0.0, False
+
+    @abstractmethod
+    def due(self) -> float:
+        """When the child may start, asked at each start; may raise NoValue."""
+
+    def tick(self) -> Iterator[Behaviour]:
+        if self.status is not Status.RUNNING:
+            self.why, self._started = None, False
+            try:
+                self._due = self.due()
+            except NoValue as missing:
+                self.stop(self.fails("BAD_VALUE", str(missing)))
+                yield self
+                return
+        left = self._due - self._now()
+        if not self._started and left > 1e-9:
+            self.feedback_message, self.status = f"starts in {left:.1f} s", Status.RUNNING
+            yield self
+            return
+        self._started, self.feedback_message = True, ""
+        yield from self.decorated.tick()
+        status = self.decorated.status
+        if status is not Status.RUNNING:
+            self.ended(status)
+            self.stop(status)
+        self.status = status
+        yield self
+
+    def ended(self, status: Status) -> None:
+        """Called when the child has ended or was skipped."""
+
+
+class Delay(Late):
+    """Waits before its child starts."""
+
+    def __init__(self, name: str, child: Behaviour, duration: Callable[[], float], now: Callable[[], float]) -> None:
+        super().__init__(name, child, now)
+        self._duration = duration
+
+    def due(self) -> float:
+        return self._now() + self._duration()
+
+
+class Rate(Late):
+    """Lets a period pass between a success of its child and the next start; the first start is at once."""
+
+    def __init__(self, name: str, child: Behaviour, rate: Callable[[], float], now: Callable[[], float]) -> None:
+        super().__init__(name, child, now)
+        self._rate = rate
+        self._success: float | None = None
+
+    def due(self) -> float:
+        rate = self._rate()
+        if rate <= 0.0:
+            raise NoValue(f"{self.name}: the rate is {rate:g} Hz, it must be above 0")
+        since, self._success = self._success, None
+        return self._now() if since is None else since + 1.0 / rate
+
+    def ended(self, status: Status) -> None:
+        self._success = self._now() if status is Status.SUCCESS else None
+
+    def stop(self, new_status: Status) -> None:
+        if new_status is Status.INVALID:
+            self._success = None
+        super().stop(new_status)
+
+
+class RunOnce(Wrapper):
+    """Runs its child to an end once in a run, and is skipped from then on."""
+
+    def __init__(self, name: str, child: Behaviour) -> None:
+        super().__init__(name, child)
+        self._done = False
+
+    def begin(self) -> Status | None:
+        if self._done:
+            self.feedback_message = "skipped: it has run already"
+            return Status.INVALID
+        return None
+
+    def after(self, status: Status) -> Status:
+        self._done = self._done or status is not Status.RUNNING
+        return status
+
+
+class DelayType(Modifier):
+    """waits before each start of the node"""
+
+    key, symbol = "delay", "◷"
+    value = takes.duration("passes before each start of the node")
+    outside_of = "force"
+    xml_value = "duration"
+    xml_tags = ("Delay",)
+
+    def outcome(self, at: Ending) -> Outcome:
+        inside, delay = at.inside(), at.literal(self.key)
+        return replace(inside, least=inside.least + delay) if isinstance(delay, float) else inside
+
+    def build(self, at: Building) -> Behaviour:
+        return Delay(at.name, at.inside(), at.value(self.key), at.now)
+
+    def to_xml(self, at: XmlOut) -> object:
+        milliseconds = at.milliseconds(self.key)
+        return at.element("Delay", {"delay_msec": milliseconds}) if milliseconds else super().to_xml(at)
+
+    def from_xml(self, element: XmlIn) -> Words:
+        if element.tag == self.xml_tag:
+            return super().from_xml(element)
+        (child,) = element.children()
+        return element.wrap(child, self.key, element.duration("delay_msec"))
+
+
+class RateType(Modifier):
+    """after a success, the next start waits until so many starts a second are not exceeded"""
+
+    key, symbol = "rate", "♩"
+    value = takes.Value(Port(RATE, min=0.001), "starts a second at most")
+    outside_of = "delay"
+    xml_value = "rate"
+    xml_tags = ("RateController",)
+
+    def build(self, at: Building) -> Behaviour:
+        return Rate(at.name, at.inside(), at.value(self.key), at.now)
+
+    def from_xml(self, element: XmlIn) -> Words:
+        if element.tag == self.xml_tag:
+            return super().from_xml(element)
+        (child,) = element.children()
+        hz = str(element.get("hz") or "1.0")
+        return element.wrap(child, self.key, hz if hz.startswith("{") else f"{hz} Hz")
+
+
+class RunOnceType(Modifier):
+    """runs to an end once in a run; from then on the node is skipped"""
+
+    key, symbol = "run_once", "1"
+    value = takes.Value(Port(bool), known=True)
+    outside_of = "for_each"
+    xml_tags = ("RunOnce",)
+
+    def outcome(self, at: Ending) -> Outcome:
+        return replace(at.inside(), skips=True)
+
+    def flow(self, at: Flowing, before: Names) -> Ends:
+        ends = at.inside(before)
+        return ends._replace(skipped=ends.skipped & before)
+
+    def build(self, at: Building) -> Behaviour:
+        return RunOnce(at.name, at.inside())
+
+    def from_xml(self, element: XmlIn) -> Words:
+        if element.tag == "RunOnce" and (element.get("then_skip") or "true") not in ("true", "1"):
+            return element.refuse("repeats its first result instead of being skipped")
+        (child,) = element.children()
+        return element.wrap(child, self.key, True)
+
+    def to_xml(self, at: XmlOut) -> object:
+        return at.element("RunOnce")

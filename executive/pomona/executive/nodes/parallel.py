@@ -1,0 +1,153 @@
+"""Parallel: all children at once."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import ClassVar
+
+from py_trees.behaviour import Behaviour
+from py_trees.common import Status
+
+from pomona.executive.nodes import takes
+from pomona.executive.nodes.asking import Building, Checking, Ending, Flowing, Words, Written, XmlIn, XmlOut
+from pomona.executive.nodes.behaviours import Branch
+from pomona.executive.nodes.ends import ALL, Ends, Names, Outcome, codes_of
+from pomona.executive.nodes.node_type import Composite
+from pomona.executive.values.yaml_nodes import YamlList, YamlScalar
+
+
+class Parallel(Branch):
+    """Ticks its children in order, in each tick all that have not ended; ends with the first that decides it.
+
+    Children after the one that decides are not ticked any more, and what still runs is interrupted. A child that is
+    skipped is asked again in the next tick.
+
+    Args:
+        needed: indices of the children that must succeed, or be skipped; None when one success is enough.
+    """
+
+    def __init__(self, name: str, children: Sequence[Behaviour], needed: frozenset[int] | None) -> None:
+        super().__init__(name, children)
+        self._needed = [needed is not None and index in needed for index in range(len(children))]
+        self._one = needed is None
+        self._open = 0
+
+    def tick(self) -> Iterator[Behaviour]:
+        if self.status is not Status.RUNNING:
+            self.reset()
+            self._open = 1 if self._one else sum(self._needed)
+        done, skipped, skipped_needed = Status.SUCCESS, 0, 0
+        for child, needed in zip(self.children, self._needed, strict=True):
+            if child.status is done:
+                continue
+            yield from child.tick()
+            status = child.status
+            if status is Status.RUNNING:
+                continue
+            failed = status is Status.FAILURE
+            if status is Status.INVALID:
+                skipped += 1
+                skipped_needed += needed
+            elif not failed:
+                self._open -= needed or self._one
+            if failed or self._open <= skipped_needed:
+                self.current_child = child
+                self.stop(status if failed else Status.SUCCESS)
+                yield self
+                return
+        if skipped == len(self.children):
+            self.stop(Status.INVALID)
+        else:
+            self.current_child = self.children[-1]
+            self.status = Status.RUNNING
+        yield self
+
+
+class ParallelType(Composite):
+    """all at once, ticked in order; fails with the first failure, succeeds when all have succeeded or were skipped"""
+
+    key, symbol = "parallel", "∥"
+    value = takes.Children("all at once; fails with the first failure")
+    fields: ClassVar[takes.Fields] = {"success_on": takes.ChildNames("'all', 'one', or a list of children by name")}
+    xml_tags = ("Parallel", "ParallelAll")
+
+    @staticmethod
+    def chosen(node: Written) -> frozenset[int] | None:
+        """Indices of the children that must succeed; None when one is enough."""
+        written = node.modifiers["success_on"][1] if "success_on" in node.modifiers else None
+        if isinstance(written, YamlScalar) and written.text == "one":
+            return None
+        names = [i.text for i in written.items if isinstance(i, YamlScalar)] if isinstance(written, YamlList) else None
+        return frozenset(i for i, child in enumerate(node.children) if names is None or child.label in names)
+
+    def check(self, at: Checking) -> None:
+        super().check(at)
+        chosen = self.chosen(at.node)
+        if chosen is not None and len(chosen) < len(at.node.children):
+            for index in chosen:
+                if at.outcomes.child(index).skips:
+                    child = at.node.children[index]
+                    message = f"when {child.label} is skipped, this parallel no longer waits for it"
+                    hint = "put it into a sequence behind a 'check', or let the parallel succeed on all"
+                    at.findings.warning(child.key, "skipped-success", message, hint)
+        self.one_device_each(at)
+
+    @staticmethod
+    def one_device_each(at: Checking) -> None:
+        """Warn of devices that two children move: the second waits until the first lets go."""
+        users: dict[str, tuple[int, str]] = {}
+        for index, child in enumerate(at.node.children):
+            for device, label in at.devices(index).items():
+                first, other = users.setdefault(device, (index, label))
+                if first != index:
+                    message = f"{label} moves the {device}, and so does {other}, in parallel: one of them waits"
+                    at.findings.warning(child.key, "one-device", message, "put both into a sequence")
+
+    def outcome(self, at: Ending) -> Outcome:
+        outcomes = at.children()
+        chosen = self.chosen(at.node)
+        codes = codes_of(outcomes)
+        if chosen is None:
+            least = min((outcome.least for outcome in outcomes), default=0.0)
+            skips = all(outcome.skips for outcome in outcomes)
+            return Outcome(codes, any(outcome.succeeds for outcome in outcomes), skips, least)
+        needed = [outcomes[index] for index in chosen]
+        least = max((outcome.least for outcome in needed if not outcome.skips), default=0.0)
+        succeeds = all(outcome.succeeds or outcome.skips for outcome in needed)
+        return Outcome(codes, succeeds, False, least)
+
+    def flow(self, at: Flowing, before: Names) -> Ends:
+        """Children of a parallel start together: none may count on what another one writes."""
+        ends = [at.child(index, before) for index in range(len(at.node.children))]
+        failure = before if any(end.failure.reachable for end in ends) else ALL
+        chosen = self.chosen(at.node)
+        if chosen is None:
+            success = ALL
+            for end in ends:
+                success &= end.success
+            return Ends(success, failure, before if all(end.skipped.reachable for end in ends) else ALL)
+        success = before
+        for index in chosen:
+            success |= ends[index].success & ends[index].skipped
+        return Ends(success, failure)
+
+    def build(self, at: Building) -> Behaviour:
+        return Parallel(at.name, at.children(), self.chosen(at.node))
+
+    def to_xml(self, at: XmlOut) -> object:
+        success_on = at.text("success_on") or "all"
+        if success_on not in ("all", "one"):
+            return at.own({"success_on": success_on})
+        return at.element("Parallel", {"success_count": "-1" if success_on == "all" else "1", "failure_count": "1"})
+
+    def from_xml(self, element: XmlIn) -> Words:
+        if element.tag == self.xml_tag:
+            return {"parallel": element.children(), "success_on": element.value("success_on") or "all"}
+        success, failure = element.get("success_count") or "-1", element.get("failure_count") or "1"
+        children = element.children()
+        if element.tag == "ParallelAll" and len(children) > 1:
+            return element.refuse("lets all children end before it fails")
+        everything = success == "-1" or (success != "1" and success == str(len(children)))
+        if failure != "1" or not (everything or success == "1"):
+            return element.refuse(f"succeeds on {success} and fails on {failure}")
+        return {"parallel": children} if everything else {"parallel": children, "success_on": "one"}

@@ -1,0 +1,63 @@
+"""Recovery: something is done between two tries of the same."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import ClassVar
+
+from py_trees.behaviour import Behaviour
+
+from pomona.executive.nodes import takes
+from pomona.executive.nodes.asking import Building, Checking, Ending, Flowing, Words, XmlIn
+from pomona.executive.nodes.ends import NO_CODES, Ends, Names, Outcome
+from pomona.executive.nodes.node_type import Composite
+from pomona.executive.nodes.retry import Retry
+from pomona.executive.nodes.surroundings import Around, LastFailure, RetryCount
+
+
+class RecoveryType(Composite):
+    """runs A; when it fails, B and then A again; `attempts: 2` tries of A; B never follows the last"""
+
+    key, symbol = "recovery", "↺"
+    value = takes.Children(
+        "what to do, and what to do between two tries",
+        leads=("", "on failure: "),
+        exactly="first what to do, then what to do when it failed",
+    )
+    fields: ClassVar[takes.Fields] = {"attempts": takes.count("tries of the first child, 2 unless it is said")}
+    xml_tags = ("RecoveryNode",)
+
+    def around(self, at: Checking, index: int) -> Around:
+        around = replace(at.around, counters=at.around.counters | {"retry"})
+        return replace(around, failure=at.outcomes.child(0).codes) if index else around
+
+    def outcome(self, at: Ending) -> Outcome:
+        outcomes = at.children()
+        if len(outcomes) != 2:
+            return Outcome()
+        first, second = outcomes
+        return replace(first, codes=first.codes | second.codes if first.codes else NO_CODES)
+
+    def flow(self, at: Flowing, before: Names) -> Ends:
+        if len(at.node.children) != 2:
+            return Ends(before, before)
+        first = at.child(0, before)
+        second = at.child(1, first.failure)
+        return Ends(first.success, first.failure & second.failure & second.skipped, first.skipped)
+
+    def build(self, at: Building) -> Behaviour:
+        count, last_failure = RetryCount(), LastFailure()
+        child = at.child(0, retry=count)
+        recover = at.child(1, retry=count, failure=last_failure)
+        total = at.value("attempts", 2)
+        return Retry(
+            at.name, child, at.now, total, count=count, on_failure=recover, between_only=True, last_failure=last_failure
+        )
+
+    def from_xml(self, element: XmlIn) -> Words:
+        if element.tag == self.xml_tag:
+            return super().from_xml(element)
+        retries, children = element.get("number_of_retries") or "1", element.children()
+        if not retries.isdigit() or len(children) != 2:
+            return element.refuse(f"has {len(children)} children and {retries} retries")
+        return {self.key: children, "attempts": str(int(retries) + 1)}

@@ -1,0 +1,105 @@
+"""Repeat: again while it succeeds."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+from py_trees.behaviour import Behaviour
+from py_trees.common import Status
+
+from pomona.executive.nodes import takes
+from pomona.executive.nodes.asking import Asking, Building, Checking, Ending, Flowing, Words, XmlIn, XmlOut
+from pomona.executive.nodes.behaviours import Wrapper
+from pomona.executive.nodes.ends import ALL, Ends, Names, Outcome
+from pomona.executive.nodes.node_type import Modifier
+from pomona.executive.nodes.surroundings import Around, RepeatCount
+from pomona.executive.reasons import NoValue
+from pomona.executive.values.yaml_nodes import YamlScalar
+
+
+class Repeat(Wrapper):
+    """Runs its child until it has succeeded so many times; a failure ends it. None repeats for ever."""
+
+    def __init__(
+        self, name: str, child: Behaviour, rounds: Callable[[], int | None], count: RepeatCount | None = None
+    ) -> None:
+        super().__init__(name, child)
+        self._rounds, self._count = rounds, count or RepeatCount()
+        self._of: int | None = 1
+
+    def begin(self) -> Status | None:
+        self._of = self._rounds()
+        if self._of is not None and self._of < 1:
+            raise NoValue(f"{self.name}: the number of rounds is {self._of}, but must be at least 1")
+        self._count.round = 1
+        return None
+
+    def after(self, status: Status) -> Status:
+        of = "" if self._of is None else f" of {self._of}"
+        self.feedback_message = f"round {self._count.round}{of}"
+        if status is Status.SUCCESS and (self._of is None or self._count.round < self._of):
+            self._count.round += 1
+            return Status.RUNNING
+        return status
+
+
+class RepeatType(Modifier):
+    """again while it succeeds"""
+
+    key, symbol = "repeat", "↻"
+    value = takes.count("number of rounds, or 'forever'", words=("forever",))
+    xml_value = "rounds"
+    xml_tags = ("Repeat", "KeepRunningUntilFailure")
+
+    @staticmethod
+    def forever(at: Asking) -> bool:
+        """Whether only a failure ends it."""
+        written = at.written("repeat")
+        return isinstance(written, YamlScalar) and written.text == "forever"
+
+    def around(self, at: Checking, index: int) -> Around:
+        return replace(at.around, counters=at.around.counters | {"repeat"})
+
+    def outcome(self, at: Ending) -> Outcome:
+        inside = at.inside()
+        return replace(inside, succeeds=False) if self.forever(at) else inside
+
+    def flow(self, at: Flowing, before: Names) -> Ends:
+        ends = at.inside(before)
+        return ends._replace(success=ALL) if self.forever(at) else ends
+
+    def build(self, at: Building) -> Behaviour:
+        count = RepeatCount()
+        child = at.inside(repeat=count)
+        return Repeat(at.name, child, at.value(self.key), count)
+
+    def to_xml(self, at: XmlOut) -> object:
+        if self.forever(at):
+            return at.element("Repeat", {"num_cycles": "-1"})
+        return at.element("Repeat", {"num_cycles": at.text(self.key)}) if at.plain(self.key) else super().to_xml(at)
+
+    def from_xml(self, element: XmlIn) -> Words:
+        if element.tag == self.xml_tag:
+            return super().from_xml(element)
+        (child,) = element.children()
+        if element.tag == "KeepRunningUntilFailure" and may_skip(child):  # it goes on when its child is skipped
+            child = {"sequence": [child, {"succeed": {}}]}
+        forever = element.tag == "KeepRunningUntilFailure" or element.get("num_cycles") == "-1"
+        return element.wrap(child, self.key, "forever" if forever else element.value("num_cycles"))
+
+
+def may_skip(words: object) -> bool:
+    """Whether a node as plain values could be skipped; a subtree is not looked into."""
+    if isinstance(words, dict):
+        chooses = words.keys() & {"when", "run_once", "if", "reactive_if", "switch", "disabled"}
+        return bool(chooses) or any(map(may_skip, words.values())) or any(str(w)[:1].islower() for w in called(words))
+    return isinstance(words, list) and any(map(may_skip, words))
+
+
+def called(words: Words) -> list[str]:
+    """Words that may call a subtree, which may be skipped."""
+    return [word for word, value in words.items() if isinstance(value, dict) and word not in _NEVER_SKIPPED]
+
+
+_NEVER_SKIPPED = frozenset({"succeed", "fail", "set", "attributes"})

@@ -1,0 +1,223 @@
+"""Retry: try again, with something done between two tries, and remember why each try failed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+from py_trees.behaviour import Behaviour
+from py_trees.common import Status
+
+from pomona.executive.nodes import takes
+from pomona.executive.nodes.asking import Building, Checking, Ending, Flowing, Words, XmlIn, XmlOut
+from pomona.executive.nodes.behaviours import Branch
+from pomona.executive.nodes.ends import Ends, Names, Outcome
+from pomona.executive.nodes.node_type import Modifier
+from pomona.executive.nodes.surroundings import Around, LastFailure, RetryCount
+from pomona.executive.reasons import NoValue, Reason, path_of, reason_of
+
+
+@dataclass(frozen=True, slots=True)
+class Attempt:
+    """One try: its number from 1, how it ended and why, and when on the run's clock."""
+
+    number: int
+    status: Status
+    reason: Reason | None
+    started: float
+    ended: float
+
+
+class Retry(Branch):
+    """Ticks its first child until it succeeds or all tries are used up; one tick at least for each try.
+
+    The second child, if there is one, runs after each failed try; also after the last one unless `between_only`. When
+    it fails itself, the retry fails at once, with both reasons. A try that is skipped skips the retry.
+
+    Attributes:
+        attempts: the tries of the newest start that have ended.
+        total: how many tries there are.
+        listener: called with the node and each attempt that ends.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        child: Behaviour,
+        now: Callable[[], float],
+        total: Callable[[], int],
+        *,
+        count: RetryCount | None = None,
+        on_failure: Behaviour | None = None,
+        between_only: bool = False,
+        retry_if: Callable[[], bool] | None = None,
+        last_failure: LastFailure | None = None,
+    ) -> None:
+        super().__init__(name, [child] if on_failure is None else [child, on_failure])
+        self.attempts: tuple[Attempt, ...] = ()
+        self.listener: Callable[[Retry, Attempt], None] | None = None
+        self._now, self._total, self._retry_if, self._between_only = now, total, retry_if, between_only
+        self._count = count or RetryCount()
+        self._last_failure = last_failure or LastFailure()
+        self._recovering = self._last = False
+        self._started = 0.0
+        self._why: Reason | None = None
+
+    @property
+    def total(self) -> int:
+        """How many tries there are."""
+        return self._count.of
+
+    def explain(self) -> Reason:
+        """Every try's reason, and that of `on_failure` if it failed."""
+        if self._why is not None:
+            return self._why
+        causes = tuple(attempt.reason for attempt in self.attempts if attempt.reason is not None)
+        tries = f"all {len(causes)} attempts failed" if len(causes) > 1 else "the attempt failed"
+        if len(causes) < self.total:
+            tries = f"gave up after attempt {len(causes)} of {self.total}"
+        data = {"attempts": len(causes), "of": self.total}
+        return Reason(path_of(self), causes[-1].code, f"{tries}; the last: {causes[-1].message}", data, causes)
+
+    def tick(self) -> Iterator[Behaviour]:
+        try:
+            if self.status is not Status.RUNNING:
+                self._start()
+            elif not self._recovering and self.children[0].status is not Status.RUNNING:
+                self._next()
+            active = self.children[1 if self._recovering else 0]
+            self.current_child = active
+            yield from active.tick()
+            status = self._after_recovery(active) if self._recovering else self._after_try(active)
+        except NoValue as missing:
+            self._why = Reason(path_of(self), "BAD_VALUE", str(missing))
+            status = Status.FAILURE
+        if status is Status.RUNNING:
+            self.status = status
+        else:
+            self.stop(status)
+        yield self
+
+    def _start(self) -> None:
+        self.reset()
+        self.attempts, self._why, self._recovering, self._last = (), None, False, False
+        total = self._total()
+        if total < 1:
+            raise NoValue(f"{self.name}: the number of tries is {total}, but must be at least 1")
+        self._count.attempt, self._count.of = 1, total
+        self._started = self._now()
+
+    def _next(self) -> None:
+        self._count.attempt += 1
+        self._started = self._now()
+
+    def _after_try(self, child: Behaviour) -> Status:
+        if child.status is Status.RUNNING or child.status is Status.INVALID:
+            return child.status
+        number = self._count.attempt
+        succeeded = child.status is Status.SUCCESS
+        reason = None if succeeded else reason_of(child)
+        attempt = Attempt(number, child.status, reason, self._started, self._now())
+        self.attempts += (attempt,)
+        self.feedback_message = f"attempt {number} of {self.total} {'succeeded' if succeeded else 'failed'}"
+        if self.listener is not None:
+            self.listener(self, attempt)
+        if reason is None:
+            return Status.SUCCESS
+        self._last_failure.see(reason)
+        self._last = number >= self.total or (self._retry_if is not None and not self._retry_if())
+        if len(self.children) > 1 and not (self._last and self._between_only):
+            self._recovering = True
+            return Status.RUNNING
+        return Status.FAILURE if self._last else Status.RUNNING
+
+    def _after_recovery(self, child: Behaviour) -> Status:
+        if child.status is Status.RUNNING:
+            return Status.RUNNING
+        self._recovering = False
+        if child.status is Status.SUCCESS or (child.status is Status.INVALID and not self._between_only):
+            return Status.FAILURE if self._last else Status.RUNNING
+        if child.status is Status.INVALID:
+            return Status.FAILURE  # a recovery that is skipped: there is none
+        broken = reason_of(child)
+        tried = tuple(attempt.reason for attempt in self.attempts if attempt.reason is not None)
+        message = f"{child.name}, which follows a failed attempt, failed: {broken.message}"
+        self._why = Reason(path_of(self), broken.code, message, {"attempts": len(tried)}, (*tried, broken))
+        return Status.FAILURE
+
+
+class RetryType(Modifier):
+    """so many tries in all"""
+
+    key, symbol = "retry", "↻"
+    value = takes.count("number of tries")
+    fields: ClassVar[takes.Fields] = {
+        "retry_if": takes.Condition("looked at after a failed try: go on trying?"),
+        "on_failure": takes.Part("runs after each failed try, also the last one"),
+    }
+    late = frozenset({"retry_if"})
+    named = False
+    xml_value = "attempts"
+    xml_tags = ("RetryUntilSuccessful", "RetryUntilSuccesful")
+
+    def check(self, at: Checking) -> None:
+        codes = at.outcomes.inside().codes
+        if not codes:
+            key = at.node.modifiers[self.key][0]
+            message = f"'retry' around {at.node.label}, which cannot fail"
+            at.findings.warning(key, "cannot-fail", message, "leave the retry out")
+        written = at.written("retry_if")
+        if written is not None:
+            at.condition("retry_if", written, self.after(at))
+        super().check(at)
+
+    def after(self, at: Checking) -> Around:
+        """What `retry_if` and `on_failure` see around them."""
+        return replace(self.around(at, 0), failure=at.outcomes.inside().codes)
+
+    def around(self, at: Checking, index: int) -> Around:
+        if index > 0:
+            return self.after(at)
+        return Around(at.around.counters | {"retry"}, at.around.failure, at.around.items)
+
+    def outcome(self, at: Ending) -> Outcome:
+        inside, after = at.inside(), at.part("on_failure")
+        return inside.plus(*after.codes) if inside.codes and after is not None else inside
+
+    def flow(self, at: Flowing, before: Names) -> Ends:
+        ends = at.inside(before)
+        at.require("retry_if", ends.failure)
+        recovered = at.part("on_failure", ends.failure)
+        return ends if recovered is None else Ends(ends.success, recovered.any(), ends.skipped)
+
+    def build(self, at: Building) -> Behaviour:
+        count, last_failure = RetryCount(), LastFailure()
+        retry_if = at.condition("retry_if", retry=count, failure=last_failure).holds if at.given("retry_if") else None
+        child = at.inside(retry=count)
+        on_failure = at.part("on_failure", retry=count, failure=last_failure)
+        total = at.value(self.key)
+        return Retry(
+            at.name,
+            child,
+            at.now,
+            total,
+            count=count,
+            on_failure=on_failure,
+            retry_if=retry_if,
+            last_failure=last_failure,
+        )
+
+    def to_xml(self, at: XmlOut) -> object:
+        if self.fields.keys() & at.node.modifiers.keys() or not at.plain(self.key):
+            return super().to_xml(at)
+        return at.element("RetryUntilSuccessful", {"num_attempts": at.text(self.key)})
+
+    def from_xml(self, element: XmlIn) -> Words:
+        if element.tag == self.xml_tag:
+            return super().from_xml(element)
+        (child,) = element.children()
+        if element.get("num_attempts") == "-1":  # for ever: until a success ends the repetition of failures
+            repeated = element.wrap(element.wrap(child, "invert", True), "repeat", "forever")
+            return element.wrap(repeated, "invert", True)
+        return element.wrap(child, self.key, element.value("num_attempts"))

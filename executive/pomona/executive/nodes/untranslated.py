@@ -1,0 +1,75 @@
+"""A placeholder for an element of other people's XML that no word of the language means."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import ClassVar
+
+from py_trees.behaviour import Behaviour
+
+from pomona.executive.nodes import takes
+from pomona.executive.nodes.asking import Building, Checking, Ending, Flowing, Written, XmlOut
+from pomona.executive.nodes.ends import UNKNOWN, Ends, Names, Outcome
+from pomona.executive.nodes.node_type import Composite, Field, NodeType, Reading, Schema, TreeNode
+from pomona.executive.ports import Port
+from pomona.executive.values.shape import ShapeCheck
+from pomona.executive.values.yaml_nodes import YamlList, YamlMapping, YamlNode, YamlScalar
+
+
+class PerhapsChildren(takes.Children):
+    """A list of nodes that may be empty."""
+
+    def take(self, reading: Reading, node: TreeNode, owner: NodeType, slot: str, written: YamlNode) -> None:
+        if not (isinstance(written, YamlList) and not written.items):
+            super().take(reading, node, owner, slot, written)
+
+
+class Attributes(Field):
+    """Texts by name."""
+
+    def take(self, reading: Reading, node: TreeNode, owner: NodeType, slot: str, written: YamlNode) -> None:
+        for _, value in ShapeCheck(reading.findings).entries(written, "attributes", "'name: text' for each"):
+            ShapeCheck(reading.findings).text(value)
+
+    def schema(self, literal: Callable[[Port], Schema]) -> Schema:
+        return {"type": "object"}
+
+
+class UntranslatedType(Composite):
+    """stands where `pomona import` found nothing that means the same; `pomona check` refuses it"""
+
+    key, symbol, colour = "untranslated", "✂", "#a4262c"
+    value = PerhapsChildren("what stood in the element")
+    fields: ClassVar[takes.Fields] = {
+        "element": takes.Value(Port(str), "the element's name", known=True, required=True),
+        "attributes": Attributes("the element's attributes"),
+    }
+
+    @staticmethod
+    def element(node: Written) -> str:
+        """The element's name."""
+        entry = node.modifiers.get("element")
+        return entry[1].text if entry is not None and isinstance(entry[1], YamlScalar) else ""
+
+    def check(self, at: Checking) -> None:
+        message = f"<{self.element(at.node)}> was imported without a translation"
+        at.findings.error(at.node.key, "untranslated", message, "say with other nodes what it did")
+        for index in range(len(at.node.children)):
+            at.child(index, at.around)
+
+    def outcome(self, at: Ending) -> Outcome:
+        return Outcome(frozenset({UNKNOWN}), skips=True)
+
+    def flow(self, at: Flowing, before: Names) -> Ends:
+        for index in range(len(at.node.children)):
+            at.child(index, before)
+        return Ends(before, before, before)
+
+    def build(self, at: Building) -> Behaviour:
+        raise AssertionError("the check refuses it")
+
+    def to_xml(self, at: XmlOut) -> object:
+        entry = at.node.modifiers.get("attributes")
+        written = entry[1].entries.values() if entry is not None and isinstance(entry[1], YamlMapping) else ()
+        given = {key.text: value.text for key, value in written if isinstance(value, YamlScalar)}
+        return at.element(self.element(at.node), given)

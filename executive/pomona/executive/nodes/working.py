@@ -1,0 +1,68 @@
+"""Modifiers for working at a tree: nodes that are switched off, breakpoints that stand in the file."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from py_trees.behaviour import Behaviour
+from py_trees.common import Status
+
+from pomona.executive.nodes import takes
+from pomona.executive.nodes.asking import Asking, Building, Ending, Flowing, Knowing, XmlOut
+from pomona.executive.nodes.behaviours import Wrapper
+from pomona.executive.nodes.ends import ALL, Ends, Names, Outcome
+from pomona.executive.nodes.facts import Facts
+from pomona.executive.nodes.node_type import Modifier
+from pomona.executive.ports import Port
+
+
+class Disabled(Wrapper):
+    """Is always skipped."""
+
+    def begin(self) -> Status | None:
+        self.feedback_message = "skipped: it is disabled"
+        return Status.INVALID
+
+
+class DisabledType(Modifier):
+    """switches the node off: it is skipped, and still checked"""
+
+    key, symbol = "disabled", "⊘"
+    value = takes.Value(Port(bool), known=True)
+
+    def needed(self, at: Asking) -> bool:
+        return at.literal(self.key) is True
+
+    def outcome(self, at: Ending) -> Outcome:
+        return Outcome(succeeds=False, skips=True)
+
+    def flow(self, at: Flowing, before: Names) -> Ends:
+        at.inside(before)
+        return Ends(ALL, ALL, before)
+
+    def truth(self, at: Knowing, known: Facts) -> Facts:
+        at.inside(known)
+        return known
+
+    def build(self, at: Building) -> Behaviour:
+        return Disabled(at.name, at.inside())
+
+
+class BreakpointType(Modifier):
+    """pauses the run `before` the node starts or `after` it has ended, when somebody is there to go on"""
+
+    key, symbol = "breakpoint", "◉"
+    value = takes.Value(Port(str, choices=("before", "after")), known=True)
+    outside_of = "timeout"
+
+    def needed(self, at: Asking) -> bool:
+        return False
+
+    def pauses(self, at: Asking) -> Literal["before", "after"] | None:
+        return "after" if at.literal(self.key) == "after" else "before"
+
+    def build(self, at: Building) -> Behaviour:
+        return at.inside()
+
+    def to_xml(self, at: XmlOut) -> object:
+        return at.own({"value": at.text(self.key)})

@@ -1,0 +1,109 @@
+"""Why a node failed: a chain of reasons from the root's failure down to the leaves that caused it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+from pomona.executive.errors import PomonaError
+
+if TYPE_CHECKING:  # who only reads records needs no behaviours
+    from py_trees.behaviour import Behaviour
+
+DEEPEST_CAUSE, MOST_CAUSES = 90, 10_000
+"""How far down, and how many, causes of one reason are recorded and read."""
+
+
+class NoValue(PomonaError):
+    """A value that a node needs now and that is not there: a port that nobody has written, a division by zero."""
+
+
+@dataclass(frozen=True, slots=True)
+class Reason:
+    """Why one node failed.
+
+    Attributes:
+        node_path: path id of the node.
+        code: a skill's failure code, or one of the tree's own (TIMEOUT, CONDITION_FALSE …). A composite takes the
+            code of its latest cause, so that `failure.code` means the same around a leaf and around a subtree.
+        message: a sentence for a person.
+        data: JSON-like values.
+        causes: reasons of the children that led here, in the order in which they failed, after those that were skipped.
+    """
+
+    node_path: str
+    code: str
+    message: str
+    data: Mapping[str, object] = field(default_factory=dict)
+    causes: tuple[Reason, ...] = ()
+
+    def leaves(self) -> Iterator[Reason]:
+        """The reasons without further causes, in the order in which they happened."""
+        if not self.causes:
+            yield self
+        for cause in self.causes:
+            yield from cause.leaves()
+
+    def codes(self) -> frozenset[str]:
+        """Every code in the chain."""
+        return frozenset({self.code}).union(*(cause.codes() for cause in self.causes))
+
+
+def bounded(reason: Reason) -> Reason:
+    """The reason with no more causes than are recorded, and none farther down: the latest are kept.
+
+    Where the way down is too long, the leaf that it led to stands at its end.
+    """
+    left = MOST_CAUSES // 2  # each may need one more below it, its leaf
+
+    def cut(reason: Reason, depth: int) -> Reason:
+        nonlocal left
+        left -= 1
+        if not reason.causes:
+            return reason
+        if depth == DEEPEST_CAUSE - 1:
+            return replace(reason, causes=(_latest_leaf(reason),))
+        kept: list[Reason] = []
+        for cause in reversed(reason.causes):
+            if left <= 0:
+                break
+            kept.append(cut(cause, depth + 1))
+        return replace(reason, causes=tuple(reversed(kept)) or (_latest_leaf(reason),))
+
+    return cut(reason, 0)
+
+
+def _latest_leaf(reason: Reason) -> Reason:
+    while reason.causes:
+        reason = reason.causes[-1]
+    return reason
+
+
+def path_of(node: Behaviour) -> str:
+    """The node's path id; its name when it was not built from a tree file."""
+    path = getattr(node, "path", "")
+    return path if isinstance(path, str) and path else node.name
+
+
+def reason_of(node: Behaviour) -> Reason:
+    """Why `node` failed. Ask in the tick in which it failed: its children start afresh with the next one."""
+    explain = getattr(node, "explain", None)
+    if explain is not None:
+        reason = explain()
+        assert isinstance(reason, Reason)
+        return reason
+    from py_trees.common import Status  # loaded by whoever has a node
+
+    failure = getattr(node, "reason", None)
+    if failure is not None:
+        return Reason(path_of(node), failure.code, failure.message, failure.data)
+    causes = tuple(reason_of(child) for child in node.children if child.status is Status.FAILURE)
+    return from_causes(node, causes)
+
+
+def from_causes(node: Behaviour, causes: tuple[Reason, ...]) -> Reason:
+    """The reason of a node that failed because its children did."""
+    if not causes:
+        return Reason(path_of(node), "FAILED", node.feedback_message or f"{node.name} failed without saying why")
+    return Reason(path_of(node), causes[-1].code, causes[-1].message, causes=causes)

@@ -1,0 +1,160 @@
+"""Plain JSON back to events, reasons and views: the inverse of `pomona.executive.encode` for what a record holds.
+
+A record may come from anywhere: every field must have its type, so that nobody who reads events has to ask again.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import types
+import typing
+from collections.abc import Callable, Mapping
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from pomona.executive import views
+from pomona.executive.errors import PomonaError
+from pomona.executive.reasons import DEEPEST_CAUSE, MOST_CAUSES, Reason
+from pomona.executive.running import events
+from pomona.executive.running.events import Event
+
+_EVENTS = {c.__name__: c for c in vars(events).values() if isinstance(c, type) and issubclass(c, Event)}
+_VIEWS = {c.__name__: c for c in vars(views).values() if isinstance(c, type) and dataclasses.is_dataclass(c)}
+
+MOST_NODES = 20_000
+"""Of a tree."""
+
+
+class ForeignRecordError(PomonaError):
+    """The file holds something that is not a run of Pomona."""
+
+
+def event_from(message: Any) -> Event:
+    """One event from its message in a record. Values of ports stay plain; views are views again.
+
+    Raises:
+        ForeignRecordError: no event has this name, or its fields do not fit.
+    """
+    name = message.get("event") if isinstance(message, Mapping) else None
+    cls: Any = _EVENTS.get(name) if isinstance(name, str) else None
+    if cls is None:
+        raise ForeignRecordError(f"'{str(name)[:60]}' is no event of a run")
+    hints = _hints(cls)
+    try:
+        event: Event = cls(
+            **{key: _value(cls, key, hints[key], value) for key, value in message.items() if key in hints}
+        )
+        return event
+    except (TypeError, ValueError, KeyError, IndexError, AttributeError, OverflowError) as error:
+        raise ForeignRecordError(f"an event {name} cannot be read: {error}") from error
+
+
+def _value(cls: type, key: str, hint: Any, value: Any) -> Any:
+    if cls is events.Published and key == "value":
+        return _view(value) if isinstance(value, Mapping) and value.get("type") in _VIEWS else value
+    if cls is events.RunStarted and key == "nodes":
+        return _nodes(value)
+    return _typed(hint)(value)
+
+
+@cache
+def _typed(hint: Any) -> Callable[[Any], Any]:
+    """What makes a field's value of a JSON value, or raises TypeError."""
+    if hint is Any:
+        return lambda value: value
+    if hint is float:
+        return _number
+    origin = typing.get_origin(hint) or hint
+    if origin in (types.UnionType, typing.Union):
+        inner = _typed(next(h for h in typing.get_args(hint) if h is not type(None)))
+        return lambda value: None if value is None else inner(value)
+    if hint is Reason:
+        return reason_from
+    if origin is Mapping:
+        of = typing.get_args(hint)[1]
+        return lambda value: {key: _typed(of)(item) for key, item in _is(value, Mapping).items()}
+    return lambda value: _is(value, origin)
+
+
+def _is(value: Any, kind: Any) -> Any:
+    if not isinstance(value, kind) or (kind is int and isinstance(value, bool)):
+        raise TypeError(f"{str(value)[:40]!r} stands where {kind.__name__} is expected")
+    return value
+
+
+def _number(value: Any) -> float:
+    """A float; what was not finite was written as null, and zero is as good as any other time of it."""
+    if value is None:
+        return 0.0
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+        raise TypeError(f"{str(value)[:40]!r} stands where a number is expected")
+    return float(value)
+
+
+def _nodes(value: Any) -> tuple[Mapping[str, Any], ...]:
+    if len(value) > MOST_NODES:
+        raise ValueError(f"a tree of {len(value)} nodes; at most {MOST_NODES} are read")
+    for node in _is(value, list):
+        for key in ("path", "name", "type"):
+            _is(node[key] if key == "path" else node.get(key, ""), str)
+        if not isinstance(node["parent"], (str, types.NoneType)) or not isinstance(node.get("line", 0), int):
+            raise TypeError("a node has no parent")
+        node.setdefault("name", node["path"])
+    return tuple(value)
+
+
+def reason_from(value: Any) -> Reason:
+    """A reason with all its causes.
+
+    Raises:
+        TypeError, KeyError: it is none.
+        ValueError: it has more causes than anybody reads.
+    """
+    left = [MOST_CAUSES]
+    return _reason(value, 0, left)
+
+
+def _reason(value: Any, depth: int, left: list[int]) -> Reason:
+    left[0] -= 1
+    if depth > DEEPEST_CAUSE or left[0] < 0:
+        raise ValueError(f"a reason with causes more than {DEEPEST_CAUSE} deep, or more than {MOST_CAUSES}")
+    path, code, message = (_is(value[key], str) for key in ("node_path", "code", "message"))
+    causes = tuple(_reason(cause, depth + 1, left) for cause in _is(value["causes"], list))
+    return Reason(path, code, message, _is(value["data"], Mapping), causes)
+
+
+def _view(value: Mapping[str, Any]) -> Any:
+    cls = _VIEWS[value["type"]]
+    hints = _hints(cls)
+    return cls(**{key: _field(hints[key], item) for key, item in value.items() if key != "type"})
+
+
+@cache
+def _hints(cls: Any) -> dict[str, Any]:
+    return typing.get_type_hints(cls)
+
+
+def _field(hint: Any, value: Any) -> Any:
+    if value is None:
+        return None
+    if isinstance(value, Mapping) and value.get("type") in _VIEWS:
+        return _view(value)
+    origin = typing.get_origin(hint)
+    if origin in (types.UnionType, typing.Union):
+        return _field(next(h for h in typing.get_args(hint) if h is not type(None)), value)
+    if origin is np.ndarray:
+        dtype = typing.get_args(typing.get_args(hint)[1])[0]
+        array = np.array([[np.nan if x is None else x for x in row] if isinstance(row, list) else row for row in value])
+        return array.astype(dtype) if array.size else np.empty((0, 2), dtype)
+    if origin is tuple:
+        inner = typing.get_args(hint)[0]
+        return tuple(_field(inner, item) for item in _is(value, list))
+    if hint in (str, bool, int, float):
+        return _typed(hint)(value)
+    if isinstance(value, Mapping):
+        inner = typing.get_args(hint)[1] if len(typing.get_args(hint)) == 2 else Any
+        return {key: _field(inner, item) for key, item in value.items()}
+    return value

@@ -1,0 +1,116 @@
+"""The first difference between two runs' events, without what belongs to the machine and the moment."""
+
+from __future__ import annotations
+
+import itertools
+import json
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pomona.executive.recording.folder import EVENTS, events_file
+from pomona.executive.recording.json_text import parse_object
+from pomona.executive.recording.scan import scan
+
+OF_THE_MOMENT: Mapping[str, tuple[str, ...]] = {
+    "RunStarted": ("run", "wall_time", "versions", "tree_path", "cell_path", "tree_files"),
+    "Computed": ("wall",),
+    "RunEnded": ("wall",),
+    "ErrorRaised": ("traceback",),
+}
+"""Fields of events that differ although nothing does."""
+
+
+@dataclass(frozen=True, slots=True)
+class Difference:
+    """Where two runs part.
+
+    Attributes:
+        number: of the event, from 1.
+        t: seconds of the run's clock.
+        what: the event, for people.
+        where: path of the first field that differs; empty when the events are of different kinds.
+        before, now: what the first and the second run say.
+    """
+
+    number: int
+    t: float
+    what: str
+    where: str
+    before: str
+    now: str
+
+
+def comparable(record: Path) -> Iterator[dict[str, Any]]:
+    """The events of a record, and a fingerprint of each image, without what belongs to the moment."""
+    for topic, content in scan(events_file(record)):
+        if topic == EVENTS:
+            event = parse_object(content)
+            event.setdefault("event", "")
+            if event["event"] == "TickOverran":
+                continue  # how long something really took belongs to the machine
+            for name in OF_THE_MOMENT.get(str(event["event"]), ()):
+                event.pop(name, None)
+            if event["event"] == "RunStarted":
+                event.setdefault("speed", 1.0)  # a record from before there was one
+            yield event
+        elif topic.startswith(("/images/", "/depth/")):
+            yield {"event": "Image", "t": 0.0, "topic": topic, "data": parse_object(content).get("data")}
+
+
+def first_difference(before: Path, now: Path) -> tuple[int, Difference | None]:
+    """The number of events that are the same from the start, and where the two part, if they do."""
+    return next(differences(comparable(before), comparable(now)))
+
+
+def differences(
+    before: Iterable[dict[str, Any]], now: Iterable[dict[str, Any]]
+) -> Iterator[tuple[int, Difference | None]]:
+    """Where two rows of events part, each with the number of events that are the same before it; at last None."""
+    count = 0
+    for number, (one, other) in enumerate(itertools.zip_longest(before, now), start=1):
+        if one != other:
+            yield count, _difference(number, one, other)
+        else:
+            count += one["event"] != "Image" if one is not None else 0
+    yield count, None
+
+
+def _difference(number: int, one: dict[str, Any] | None, other: dict[str, Any] | None) -> Difference:
+    written = (one or other or {}).get("t", 0.0)
+    t = float(written) if isinstance(written, (int, float)) else 0.0
+    if one is None or other is None or _name(one) != _name(other):
+        names = ["no event: it ends here" if event is None else _name(event) for event in (one, other)]
+        return Difference(number, t, "another event", "", *names)
+    whole: tuple[str, Any, Any] = (
+        "",
+        one,
+        other,
+    )  # they differ in a field that is null in one and missing in the other
+    where, before, now = next(_parts(one, other, ""), whole)
+    return Difference(number, t, _name(one), where, _short(before), _short(now))
+
+
+def _parts(one: Any, other: Any, where: str) -> Iterator[tuple[str, Any, Any]]:
+    """Every innermost place at which two JSON values differ."""
+    if isinstance(one, dict) and isinstance(other, dict):
+        for key in dict.fromkeys((*one, *other)):
+            if one.get(key) != other.get(key):
+                yield from _parts(one.get(key), other.get(key), f"{where}.{key}" if where else key)
+    elif isinstance(one, list) and isinstance(other, list) and len(one) == len(other):
+        for index, (a, b) in enumerate(zip(one, other, strict=True)):
+            if a != b:
+                yield from _parts(a, b, f"{where}[{index}]")
+    else:
+        yield where, one, other
+
+
+def _name(event: Mapping[str, Any]) -> str:
+    about = next((str(event[key]) for key in ("path", "key", "topic", "node", "device", "state") if event.get(key)), "")
+    return f"{event['event']} {about}".strip()
+
+
+def _short(value: Any) -> str:
+    text = json.dumps(value, ensure_ascii=False)
+    return text if len(text) <= 100 else f"{text[:80]} … ({len(text)} characters)"

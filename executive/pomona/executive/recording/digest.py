@@ -1,0 +1,234 @@
+"""What is worth knowing of a run without reading all of it: one entry of the index."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import re
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import orjson
+
+from pomona.executive.errors import UsageError
+from pomona.executive.recording.ending import why_cut
+from pomona.executive.recording.folder import EVENTS, events_file, hash_of
+from pomona.executive.recording.interventions import INTERVENTIONS, read_log
+from pomona.executive.recording.json_text import parse_object
+from pomona.executive.recording.plain_file import is_plain
+from pomona.executive.recording.scan import DamagedRecordError, Verdict, believed, scan
+
+_NAMES = ("RunStarted", "AttemptEnded", "RunEnded", "OperatorActed", "NodeChanged")
+_HEADS = tuple(f'{{"event":"{name}"'.encode() for name in _NAMES)
+_SERIES = re.compile(rb'\{"event":"Published",[^{]*"value":\{"type":"SeriesView"')
+_NODE, _FAILURE = b'{"event":"NodeChanged"', b'"status":"FAILURE"'
+
+STATES = ("ended", "running", "cut off", "damaged", "unreadable")
+MOST_TEXT, MOST_CODE, MOST_CODES, MOST_ENTRIES, MOST_QUANTITIES = 2000, 100, 200, 1000, 50
+"""Of what an index keeps of one run: characters of a text, of a code or name; codes; settings and other names with
+values; measured quantities."""
+
+
+@dataclass(frozen=True, slots=True)
+class Digest:
+    """One recorded run.
+
+    Attributes:
+        run: its id, the name of its folder.
+        state: ended, running, cut off, damaged (it fails its checks, so nothing in it is believed), or unreadable.
+        outcome: success, failure, stopped or error, of a run that has ended.
+        code, message: why it did not succeed; of a run without an end, why it has none.
+        codes: how often leaves of the tree failed, by code.
+        attempts: how many attempts of retries there were.
+        time, wall: seconds on the run's clock and really.
+        wall_time: when it began, as seconds since 1970.
+        tree_hash, cell_hash: of their texts.
+        git: commit of the Pomona that ran, with a + for a changed one.
+        peaks: the greatest sample of each measured quantity, by its name with its unit, as they came.
+        bytes: size of its MCAP file.
+        picture: whether there is one.
+        checked: whether everything in it has a checksum.
+        lost: what a repair could not save; empty when it was not needed or lost nothing.
+    """
+
+    run: str
+    state: str = "ended"
+    tree: str = ""
+    tree_hash: str = ""
+    cell: str = ""
+    cell_kind: str = ""
+    cell_hash: str = ""
+    seed: int | None = None
+    wall_time: float = 0.0
+    git: str = ""
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+    settings: Mapping[str, str] = field(default_factory=dict)
+    outcome: str | None = None
+    code: str | None = None
+    message: str | None = None
+    codes: Mapping[str, int] = field(default_factory=dict)
+    attempts: int = 0
+    time: float | None = None
+    wall: float | None = None
+    ticks: int | None = None
+    truth: Mapping[str, Any] | None = None
+    peaks: Mapping[str, float] = field(default_factory=dict)
+    bytes: int = 0
+    picture: bool = False
+    checked: bool = True
+    lost: str = ""
+
+    def as_json(self) -> dict[str, Any]:
+        """For the page and for scripts."""
+        return asdict(self)
+
+
+def digest(record: Path) -> Digest:
+    """Read a record's digest, whatever its file holds: nothing but a missing file is an error.
+
+    A run without an end is `cut off`: whether it is still going on is asked elsewhere.
+
+    Raises:
+        OSError: the file is not there.
+    """
+    path = events_file(record)
+    about: dict[str, Any] = {"run": record.name, "state": "cut off", "bytes": path.lstat().st_size}
+    about["picture"] = is_plain(record / "picture.png")
+    try:
+        verdict = believed(path)
+        about |= _read(path, verdict)
+        if about["state"] == "cut off":
+            about["message"] = why_cut(record)
+    except DamagedRecordError as error:
+        about |= {"state": "damaged", "message": str(error).removeprefix(f"{path}: ")}
+    except Exception as error:  # one record that nobody foresaw must not take the list of all down
+        about |= {"state": "unreadable", "message": _text(str(error) or type(error).__name__)}
+    return Digest(**about)
+
+
+def _read(path: Path, verdict: Verdict) -> dict[str, Any]:
+    about: dict[str, Any] = {}
+    codes: Counter[str] = Counter()
+    attempts = 0
+    entries: list[bytes] = []
+    acts: list[dict[str, Any]] = []
+    peaks: dict[str, float] = {}
+    for topic, content in scan(path, verdict):
+        if topic == INTERVENTIONS:
+            entries.append(content)
+        if topic == EVENTS and _SERIES.match(content):
+            _raise_peaks(peaks, content)
+        if topic != EVENTS or not content.startswith(_HEADS):
+            continue
+        if content.startswith(_NODE) and _FAILURE not in content:
+            continue
+        event = parse_object(content)
+        match event["event"]:
+            case "RunStarted":
+                about |= _beginning(event)
+            case "AttemptEnded":
+                attempts += 1
+            case "OperatorActed":
+                acts.append(event)
+            case "NodeChanged":
+                reason = event.get("reason") or {}
+                if reason and not reason["causes"] and reason["code"] != "SKIPPED":
+                    code = _text(reason["code"], MOST_CODE)
+                    codes[code if code in codes or len(codes) < MOST_CODES else "…"] += 1
+            case "RunEnded":
+                about |= _end(event)
+    if entries and (broken := read_log(entries, acts, verdict.state != "whole").problem):
+        raise DamagedRecordError(f"{path}: {broken}")
+    if not about.get("tree") and about.get("state") == "ended":
+        raise UsageError("it does not say how the run began")
+    if verdict.lost:
+        about["lost"] = _text(verdict.lost)
+    return {**about, "codes": dict(codes), "attempts": attempts, "peaks": peaks, "checked": verdict.checked}
+
+
+def _raise_peaks(peaks: dict[str, float], content: bytes) -> None:
+    """Take a message's samples. What is not as expected adds nothing: it is left to whoever reads it whole."""
+    with contextlib.suppress(ValueError, TypeError, KeyError, AttributeError):
+        for name, series in orjson.loads(content)["value"]["values"].items():
+            measured = [sample for sample in series if sample is not None]
+            if measured and (name in peaks or len(peaks) < MOST_QUANTITIES):
+                peaks[_text(name, MOST_CODE)] = max(float(max(measured)), peaks.get(name, -math.inf))
+
+
+def _beginning(event: Mapping[str, Any]) -> dict[str, Any]:
+    about: dict[str, Any] = {name: _text(event.get(name, "")) for name in ("tree", "tree_hash", "cell", "cell_kind")}
+    seed = event.get("seed")
+    return {
+        **about,
+        "seed": seed if isinstance(seed, int) and abs(seed) < 2**63 else None,
+        "wall_time": _number(event.get("wall_time")) or 0.0,
+        "parameters": _mapping(event.get("parameters")),
+        "settings": {key: _text(value) for key, value in _mapping(event.get("settings")).items()},
+        "cell_hash": hash_of(*(_text(text, None) for text in _cell_texts(event))),
+        "git": _text(_mapping(event.get("versions")).get("git", "")),
+    }
+
+
+def _cell_texts(event: Mapping[str, Any]) -> tuple[Any, ...]:
+    return event.get("cell_text", ""), *_mapping(event.get("cell_files", {})).values()
+
+
+def _end(event: Mapping[str, Any]) -> dict[str, Any]:
+    reason = event["reason"]
+    ticks, truth = event["ticks"], event["truth"]
+    return {
+        "state": "ended",
+        "outcome": _text(event["outcome"]),
+        "time": _number(event["time"]),
+        "wall": _number(event["wall"]),
+        "ticks": ticks if isinstance(ticks, int) and abs(ticks) < 2**63 else None,
+        "truth": None if truth is None else _mapping(truth),
+        "code": None if reason is None else _text(reason["code"], MOST_CODE),
+        "message": None if reason is None else _text(_last_cause(reason)["message"]),
+    }
+
+
+def _last_cause(reason: Mapping[str, Any]) -> Mapping[str, Any]:
+    """What a reason comes down to: one sentence, without what each parent says around it."""
+    while reason["causes"]:
+        reason = _mapping(reason["causes"][-1])
+    return reason
+
+
+def _text(value: Any, most: int | None = MOST_TEXT) -> str:
+    if not isinstance(value, str):
+        raise UsageError(f"{str(value)[:40]!r} stands where a text is expected")
+    return value if most is None or len(value) <= most else f"{value[: most - 1]}…"
+
+
+def _number(value: Any) -> float | None:
+    """A finite number; None for what was not finite when it was written."""
+    if value is None:
+        return None
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+        raise UsageError(f"{str(value)[:40]!r} stands where a number is expected")
+    return float(value)
+
+
+def _mapping(value: Any) -> Mapping[str, Any]:
+    if not isinstance(value, dict) or len(value) > MOST_ENTRIES:
+        raise UsageError(f"{str(value)[:40]!r} stands where names with values are expected")
+    return value
+
+
+def trusted(record: Path) -> Digest:
+    """A run's digest, for a command that shows or repeats it.
+
+    Raises:
+        UsageError: its record is damaged, is no record, or cannot be read.
+    """
+    try:
+        found = digest(record)
+    except OSError as error:
+        raise UsageError(f"{record}: {error.strerror}") from error
+    if found.state in ("damaged", "unreadable"):
+        raise UsageError(f"{record}: {found.message}")
+    return found

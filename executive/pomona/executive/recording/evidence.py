@@ -1,0 +1,287 @@
+"""Hazards, the nodes that guard against them, their limits, and the largest values that were measured over many runs.
+
+The hazards are data (trees/hazards): the executive knows no fruit and no robot. What is measured comes from records
+alone, and only from those that pass their checks; the others are counted and named.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+
+from pomona.executive.errors import UsageError
+from pomona.executive.language.expression_parser import UNITS
+from pomona.executive.recording.digest import Digest, digest
+from pomona.executive.recording.folder import DEVICES, EVENTS, events_file
+from pomona.executive.recording.interventions import interventions
+from pomona.executive.recording.json_text import parse_object
+from pomona.executive.recording.plain_file import open_plain
+from pomona.executive.recording.scan import scan
+from pomona.executive.values.plain_text import read_plain_text
+
+TAKES = ("largest", "sum", "rate")
+_KEYS = ("hazard", "node", "limit", "unit", "measure", "meaning")
+
+
+@dataclass(frozen=True, slots=True)
+class Hazard:
+    """What can go wrong.
+
+    Attributes:
+        name, node, unit, meaning: for people.
+        limits: one number, or one for each quantity; empty when each run's cell says it.
+        limit_in_cell: where a run's cell says it, as dotted keys of which the first that is there counts.
+        measure: what in a record measures it.
+    """
+
+    name: str
+    node: str
+    unit: str
+    meaning: str
+    limits: tuple[float, ...]
+    limit_in_cell: tuple[str, ...]
+    measure: Mapping[str, str]
+
+
+@dataclass(slots=True)
+class Measured:
+    """The largest value of one hazard, and where it was.
+
+    Attributes:
+        runs: how many runs say something of it.
+        value, limit: of the sample nearest its limit; None while nothing was measured.
+        run, t: in which run, and when there [s].
+        quantity: which of several.
+        beyond: runs in which the limit was passed.
+    """
+
+    runs: int = 0
+    value: float | None = None
+    limit: float | None = None
+    run: str = ""
+    t: float = 0.0
+    quantity: str = ""
+    beyond: int = 0
+
+    def take(self, run: str, t: float, value: float, limit: float | None, quantity: str) -> None:
+        """One run's largest."""
+        self.runs += 1
+        self.beyond += limit is not None and value > limit
+        if self.value is None or _share(value, limit) > _share(self.value, self.limit):
+            self.value, self.limit, self.run, self.t, self.quantity = value, limit, run, t, quantity
+
+
+@dataclass(slots=True)
+class Evidence:
+    """What records say.
+
+    Attributes:
+        hazards, measured: side by side.
+        runs: of every record that was read: its digest (SHA-256 of its file), outcome, cell, interventions.
+        left_out: of every record that was not, why.
+    """
+
+    hazards: tuple[Hazard, ...]
+    measured: tuple[Measured, ...]
+    runs: list[dict[str, Any]] = field(default_factory=list)
+    left_out: dict[str, str] = field(default_factory=dict)
+
+    def as_json(self) -> dict[str, Any]:
+        """For programs."""
+        rows = [{**asdict(h), **asdict(m)} for h, m in zip(self.hazards, self.measured, strict=True)]
+        return {"hazards": rows, "runs": self.runs, "left_out": self.left_out}
+
+
+def read_hazards(path: Path) -> tuple[Hazard, ...]:
+    """A file of hazards.
+
+    Raises:
+        UsageError: it cannot be read, with what is wrong.
+    """
+    try:
+        content = yaml.safe_load(read_plain_text(path))
+        return tuple(_hazard(entry) for entry in content["hazards"])
+    except OSError as error:
+        raise UsageError(f"{path}: {error.strerror}") from error
+    except (yaml.YAMLError, RecursionError, KeyError, TypeError, AttributeError, ValueError, re.error) as error:
+        raise UsageError(f"{path}: not a file of hazards: {error}") from error
+
+
+def _hazard(entry: Mapping[str, Any]) -> Hazard:
+    if unknown := set(entry) - set(_KEYS):
+        raise ValueError(f"unknown: {', '.join(sorted(map(str, unknown)))}; known: {', '.join(_KEYS)}")
+    limit, measure = entry["limit"], {str(key): str(value) for key, value in entry["measure"].items()}
+    in_cell = tuple(map(str, limit["cell"])) if isinstance(limit, dict) else ()
+    limits = () if in_cell else tuple(float(value) for value in (limit if isinstance(limit, list) else [limit]))
+    if "device" in measure:
+        re.compile(measure["quantities"])
+        if measure["take"] not in TAKES:
+            raise ValueError(f"take is one of {', '.join(TAKES)}, not '{measure['take']}'")
+    elif not {"truth", "success_without", "event"} & measure.keys():
+        raise ValueError(f"{entry['hazard']}: measure needs device, truth, success_without or event")
+    words = (str(entry["hazard"]), str(entry["node"]), str(entry.get("unit", "")), str(entry.get("meaning", "")))
+    return Hazard(*words, limits, in_cell, measure)
+
+
+def _cell(text: str) -> Any:
+    """What a cell's text says.
+
+    Raises:
+        ValueError: nothing that could be read.
+    """
+    try:
+        return yaml.safe_load(text) or {}
+    except (yaml.YAMLError, RecursionError) as error:
+        raise ValueError(f"its cell cannot be read: {type(error).__name__}") from error
+
+
+def gather(records: Sequence[Path], hazards: tuple[Hazard, ...]) -> Evidence:
+    """Measure every hazard in every record that can be believed."""
+    evidence = Evidence(hazards, tuple(Measured() for _ in hazards))
+    for record in records:
+        try:
+            found = digest(record)
+            if found.state != "ended" or not found.checked or found.lost:
+                evidence.left_out[record.name] = _why_not(found)
+                continue
+            _measure(record, found, evidence)
+        except (UsageError, OSError, ValueError, KeyError, TypeError, AttributeError, IndexError) as error:
+            evidence.left_out[record.name] = f"it cannot be measured: {error}"
+    return evidence
+
+
+def _why_not(found: Digest) -> str:
+    if found.lost:
+        return f"it was damaged and repaired; lost: {found.lost}"
+    if found.state == "ended":
+        return "it was written without checksums"
+    return f"{found.state}: {found.message}"
+
+
+def _measure(record: Path, found: Digest, evidence: Evidence) -> None:
+    path = events_file(record)
+    run = _Run(path)
+    largest = [run.largest(hazard, found) for hazard in evidence.hazards]
+    for measured, value in zip(evidence.measured, largest, strict=True):
+        if value is not None:
+            measured.take(record.name, *value)
+    log = interventions(path, cut=False)
+    with open_plain(path) as stream:
+        sha256 = hashlib.file_digest(stream, "sha256").hexdigest()  # type: ignore[arg-type]
+    evidence.runs.append(
+        {
+            "run": record.name, "sha256": sha256, "outcome": found.outcome, "code": found.code, "tree": found.tree,
+            "tree_hash": found.tree_hash, "cell": found.cell, "cell_kind": found.cell_kind, "git": found.git,
+            "interventions": len(log.acts), "interventions_digest": log.digest,
+        }
+    )  # fmt: skip
+
+
+class _Run:
+    """What one record measured, by device."""
+
+    def __init__(self, path: Path) -> None:
+        self.cell: Any = {}
+        self._events: dict[str, list[dict[str, Any]]] = {}
+        columns: dict[str, dict[str, list[Any]]] = {}
+        for topic, content in scan(path):
+            if topic.startswith(DEVICES):
+                device = columns.setdefault(topic.removeprefix(DEVICES), {})
+                for name, values in parse_object(content).items():
+                    if isinstance(values, list):
+                        device.setdefault(name, []).extend(values)
+            elif topic == EVENTS and content.startswith((b'{"event":"RunStarted"', b'{"event":"TickOverran"')):
+                event = parse_object(content)
+                self._events.setdefault(event["event"], []).append(event)
+        for started in self._events.get("RunStarted", ()):
+            self.cell = _cell(started["cell_text"])
+        self._devices = {
+            device: {name: np.array(values, float) for name, values in found.items()}
+            for device, found in columns.items()
+        }
+
+    def largest(self, hazard: Hazard, found: Digest) -> tuple[float, float, float | None, str] | None:
+        """(t, value, limit, quantity) of the sample nearest its limit; None: this run says nothing of it."""
+        measure, limits = hazard.measure, hazard.limits or self._limits(hazard.limit_in_cell)
+        limit = limits[0] if limits else None
+        if "device" in measure:
+            return self._of_device(measure, limits)
+        if "truth" in measure:
+            value = (found.truth or {}).get(measure["truth"])
+            return None if value is None else (found.time or 0.0, float(value), limit, measure["truth"])
+        if "success_without" in measure:
+            said = (found.truth or {}).get(measure["success_without"])
+            if said is None:
+                return None
+            return found.time or 0.0, float(found.outcome == "success" and not said), limit, ""
+        events = self._events.get(measure["event"], [])
+        values = [(float(event["t"]), float(event[measure["field"]]), limit, "") for event in events]
+        return max(values, key=lambda entry: entry[1], default=(0.0, 0.0, limit, ""))
+
+    def _of_device(
+        self, measure: Mapping[str, str], limits: Sequence[float]
+    ) -> tuple[float, float, float | None, str] | None:
+        device = self._devices.get(measure["device"], {})
+        t = device.get("stamp_s")
+        names = [name for name in device if re.fullmatch(measure["quantities"], name)]
+        if t is None or not names or t.size < 2:
+            return None
+        start = float(t[0])
+        if measure["take"] == "sum":
+            total = np.sum([np.abs(device[name]) for name in names], axis=0)
+            return _peak(t - start, total, limits[0] if limits else None, "")
+        rows = [
+            _peak(t - start, np.abs(_rate(t, device[name]) if measure["take"] == "rate" else device[name]), limit, name)
+            for name, limit in zip(names, _spread(limits, len(names)), strict=True)
+        ]
+        return max((row for row in rows if row is not None), key=lambda row: _share(row[1], row[2]), default=None)
+
+    def _limits(self, keys: Sequence[str]) -> tuple[float, ...]:
+        for dotted in keys:
+            value = self.cell
+            for key in dotted.split("."):
+                value = value.get(key) if isinstance(value, dict) else None
+            if value is not None:
+                return (_si(str(value)),)
+        return ()
+
+
+def _peak(
+    t: NDArray[np.float64], values: NDArray[np.float64], limit: float | None, name: str
+) -> tuple[float, float, float | None, str] | None:
+    finite = np.isfinite(values)
+    if not finite.any():
+        return None
+    at = int(np.argmax(np.where(finite, values, -np.inf)))
+    return float(t[at]), float(values[at]), limit, name
+
+
+def _rate(t: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Change per second between samples, shape as `values`; equal stamps say nothing."""
+    dt, rate = np.diff(t), np.full(t.shape, np.nan)
+    moved = dt > 0.0
+    rate[1:][moved] = np.diff(values)[moved] / dt[moved]
+    return rate
+
+
+def _spread(limits: Sequence[float], count: int) -> Iterator[float | None]:
+    for k in range(count):
+        yield limits[k] if k < len(limits) else (limits[-1] if limits else None)
+
+
+def _share(value: float, limit: float | None) -> float:
+    return value if not limit else value / limit
+
+
+def _si(text: str) -> float:
+    """20 N -> 20.0; 200 mm/s -> 0.2."""
+    _number, _space, unit = text.strip().partition(" ")
+    return float(UNITS[unit][0].parse(text)) if unit in UNITS else float(text)

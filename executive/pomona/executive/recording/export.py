@@ -1,0 +1,71 @@
+"""A record as one portable file, by the file's ending."""
+
+from __future__ import annotations
+
+import zipfile
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+from pomona.executive.errors import UsageError
+from pomona.executive.recording.folder import EVENTS, events_file
+from pomona.executive.recording.json_text import parse_object
+from pomona.executive.recording.new_place import made_whole
+from pomona.executive.recording.plain_file import is_plain
+from pomona.executive.recording.scan import believed, scan
+
+
+def _zip(record: Path, target: Path) -> None:
+    """The whole folder and its events as text; unpacked among other records it is a record again."""
+    name = record.stem if record.is_file() else record.resolve().name
+    with zipfile.ZipFile(target, "w", zipfile.ZIP_DEFLATED) as archive:
+        for path in sorted(record.iterdir()) if record.is_dir() else [record]:
+            if is_plain(path):  # a link would take along what is not the record's
+                archive.write(path, f"{name}/{path.name}")
+        archive.writestr(f"{name}/events.jsonl", b"".join(content + b"\n" for content in _events(record)))
+
+
+def _json_lines(record: Path, target: Path) -> None:
+    """Every event, one a line, without the pixels."""
+    with target.open("wb") as stream:
+        for content in _events(record):
+            stream.write(content + b"\n")
+
+
+def _mcap(record: Path, target: Path) -> None:
+    """One indexed and compressed file, for Foxglove and other readers."""
+    from pomona.executive.recording.copy import copy  # who lists records copies none
+
+    believed(events_file(record))
+    copy(events_file(record), target, compressed=True)
+
+
+FORMATS: Mapping[str, tuple[Callable[[Path, Path], None], str]] = {
+    ".zip": (_zip, "the whole record"),
+    ".mcap": (_mcap, "one compressed file for Foxglove"),
+    ".jsonl": (_json_lines, "the events as text"),
+}
+"""By ending: how to write it, and what it is."""
+
+
+def export(record: Path, target: Path) -> None:
+    """Write a record into one file; `.zip`, `.jsonl` or `.mcap` says what it becomes.
+
+    Raises:
+        UsageError: another ending, the file is there already, or cannot be written, or the record cannot be read.
+    """
+    if target.suffix not in FORMATS:
+        known = ", ".join(f"{ending} ({what})" for ending, (_write, what) in FORMATS.items())
+        raise UsageError(f"{target}: the ending says what to write: {known}")
+    write, _what = FORMATS[target.suffix]
+    with made_whole(target) as place:
+        write(record, place)
+
+
+def _events(record: Path) -> list[bytes]:
+    found = [content for topic, content in scan(events_file(record)) if topic == EVENTS]
+    for content in found[:1]:
+        try:
+            parse_object(content)["event"]
+        except (ValueError, KeyError) as error:
+            raise UsageError(f"{record}: not a record of a run") from error
+    return found

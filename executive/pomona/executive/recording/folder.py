@@ -1,0 +1,88 @@
+"""A record as a folder: its name, its file and the topics in it, how it is found, whether it is still being written."""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import hashlib
+from datetime import datetime
+from pathlib import Path
+
+from pomona.executive.errors import UsageError
+from pomona.executive.recording.order import in_order
+from pomona.executive.recording.plain_file import open_plain
+from pomona.executive.values.findings import did_you_mean
+
+EVENTS_FILE = "run.mcap"
+EVENTS = "/events"
+DEVICES = "/devices/"
+
+NAME_BYTES = 120
+"""Of a tree's name in its record's folder: a file's name has at most 255 bytes, and the record holds the whole name."""
+
+
+class RecordError(UsageError):
+    """The record cannot be written."""
+
+
+def new_record_folder(root: Path, tree: str, now: datetime | None = None) -> Path:
+    """Make `root/2026-11-21_08-41-07_tree`, with a number appended when there is one already.
+
+    Raises:
+        RecordError: the folder cannot be made.
+    """
+    stem = f"{now or datetime.now():%Y-%m-%d_%H-%M-%S}_{tree.encode()[:NAME_BYTES].decode(errors='ignore')}"
+    for number in range(1000):
+        folder = root / (stem if number == 0 else f"{stem}_{number + 1}")
+        try:
+            folder.mkdir(parents=True)
+        except FileExistsError:
+            continue
+        except OSError as error:
+            raise RecordError(f"cannot make the record's folder {folder}: {error.strerror}") from error
+        return folder
+    raise RecordError(f"{root} holds a thousand records of this second")
+
+
+def is_being_written(path: Path) -> bool:
+    """Whether some process, this one or another, writes this MCAP file now."""
+    with contextlib.suppress(OSError), open_plain(path) as stream:  # nobody writes a record into a pipe
+        try:
+            fcntl.flock(stream, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return True
+    return False
+
+
+def find_record(name: str, root: Path) -> Path:
+    """The folder of a record: a path (of a folder or of an MCAP file), a name below `root`, or `last`.
+
+    Raises:
+        UsageError: there is none; says what there is.
+    """
+    records = sorted(path.parent for path in root.glob(f"*/{EVENTS_FILE}"))
+    if name == "last":
+        if not records:
+            raise UsageError(f"no records in {root}: `pomona run` leaves one, --record names another folder")
+        return in_order(records, lambda record: record.name)[-1]
+    for path in (Path(name), root / name):
+        if (path / EVENTS_FILE).is_file():
+            return path
+        if path.is_file():
+            return path.parent if path.name == EVENTS_FILE else path
+    alike = [record.name for record in records if record.name.startswith(name)]
+    if len(alike) == 1:
+        return root / alike[0]
+    close = f"did you mean {', '.join(alike[-5:])}?" if alike else did_you_mean(name, (r.name for r in records))
+    hint = close or f"`pomona runs list --record {root}` lists them"
+    raise UsageError(f"no record '{name}' in {root}: {hint}")
+
+
+def events_file(record: Path) -> Path:
+    """The MCAP file of a record: of a folder, or the file itself."""
+    return record / EVENTS_FILE if record.is_dir() else record
+
+
+def hash_of(*texts: str) -> str:
+    """What names a tree's or a cell's texts."""
+    return hashlib.sha256("".join(texts).encode(errors="replace")).hexdigest()[:16]

@@ -1,0 +1,193 @@
+"""The picture that every run leaves: what the camera saw, the path in the scene, forces over time, attempts."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pomona.executive.palette import INK, MUTED, OVERLAY, SCENE, SERIES
+from pomona.executive.running.events import Event, Published
+from pomona.executive.views import ImageView, SceneView, SeriesView
+
+MILLI = {"m": ("mm", 1e3), "m/s": ("mm/s", 1e3)}
+"""Openings and slips are small: what they are shown in, and how many of it a unit has."""
+
+KINDS = {"N": "force", "N·m": "torque", "m": "length", "m/s": "speed", "rad": "angle", "s": "time"}
+"""What several quantities of a unit have in common; one alone has its own name."""
+
+GAP = 0.5
+"""Samples further apart do not belong to one curve [s]."""
+
+MOST_LABELS = 8
+"""Entries of a legend; with more it would hide the picture."""
+
+
+class Picture:
+    """Gathers the views of a run; `save` draws the newest of each."""
+
+    def __init__(self) -> None:
+        self._images: dict[str, ImageView] = {}
+        self._scenes: dict[str, SceneView] = {}
+        self._series: dict[str, list[SeriesView]] = defaultdict(list)
+
+    def on_event(self, event: Event) -> None:
+        """Keep a published view."""
+        if not isinstance(event, Published):
+            return
+        if isinstance(event.value, ImageView):
+            self._look(event.topic, event.value)
+        elif isinstance(event.value, SceneView):
+            self._scenes[event.topic] = event.value
+        elif isinstance(event.value, SeriesView) and event.value.t.size:
+            self._series[event.topic].append(event.value)
+
+    def _look(self, topic: str, view: ImageView) -> None:
+        """One look is shown, with all that was drawn on it: the last that had something to draw."""
+        if view.image is not None:
+            shown = list(self._images.values())
+            if not any(one.image is not None and np.array_equal(one.image, view.image) for one in shown):
+                if not _has_drawings(view) and any(_has_drawings(one) for one in shown):
+                    return
+                self._images.clear()
+        self._images[topic] = view
+
+    @property
+    def empty(self) -> bool:
+        """Whether nothing was shown that could be drawn."""
+        return not (self._images or self._scenes or self._series)
+
+    def save(self, target: Path | BinaryIO, title: str) -> None:
+        """Draw everything into one PNG."""
+        from matplotlib.backends.backend_agg import FigureCanvasAgg  # half a second: for who has something to draw
+        from matplotlib.figure import Figure
+
+        figure = Figure(
+            figsize=(14, 8.4), dpi=100
+        )  # margins are set by hand: computing a layout draws everything twice
+        FigureCanvasAgg(figure)
+        figure.suptitle(title, fontsize=13, x=0.01, y=0.985, ha="left", parse_math=False)
+        count = 2 if self._series else 1
+        margins = {"left": 0.055, "right": 0.985, "top": 0.875, "bottom": 0.07 if self._series else 0.03}
+        rows = figure.add_gridspec(count, 1, height_ratios=[2.4, 1.1][:count], hspace=0.16, **margins)
+        if self._scenes:
+            above = rows[0].subgridspec(1, 3, width_ratios=[1.25, 0.42, 1.0], wspace=0.04)
+            self._draw_images(figure.add_subplot(above[0]))
+            scene, beside = figure.add_subplot(above[2], projection="3d"), figure.add_subplot(above[1])
+            self._draw_scene(scene)
+            beside.set_axis_off()
+            _legend(scene, beside, "upper left")  # on the scene it would hide the path
+        else:
+            self._draw_images(figure.add_subplot(rows[0]))
+        if self._series:
+            units = self._by_unit()
+            widths = [1 + len(lines) for lines in units.values()]
+            below = rows[1].subgridspec(1, len(units), width_ratios=widths, wspace=0.24)
+            for column, (unit, lines) in enumerate(units.items()):
+                self._draw_series(figure.add_subplot(below[column]), unit, lines)
+        figure.savefig(target, pil_kwargs={"compress_level": 2})  # a third of the time of the default, a sixth larger
+
+    def _draw_images(self, axes: Any) -> None:
+        axes.set_axis_off()
+        with_image = [view for view in self._images.values() if view.image is not None]
+        if not with_image:
+            axes.text(0.5, 0.5, "no image", ha="center", va="center", color=MUTED)
+            return
+        axes.imshow(with_image[-1].image)
+        height, width = with_image[-1].image.shape[:2]  # type: ignore[union-attr]
+        for view in self._images.values():
+            for line in view.lines:
+                points = np.vstack([line.points, line.points[:1]]) if line.closed else line.points
+                axes.plot(
+                    points[:, 0],
+                    points[:, 1],
+                    color=OVERLAY.get(line.style, OVERLAY["found"]),
+                    lw=1.6,
+                    label=line.label,
+                )
+            if view.points.size:
+                axes.plot(view.points[:, 0], view.points[:, 1], "o", ms=3.5, color=OVERLAY["found"])
+        axes.set_xlim(0, width)
+        axes.set_ylim(height, 0)
+        axes.set_title("\n".join(v.caption for v in self._images.values() if v.caption), fontsize=8, loc="left")
+        _legend(axes)
+
+    def _draw_scene(self, axes: Any) -> None:
+        from matplotlib.ticker import MaxNLocator
+
+        for view in self._scenes.values():
+            for points in view.points:
+                axes.scatter(*points.points.T, s=6, color=SCENE.get(points.style, INK), label=points.label, alpha=0.5)
+            for mesh in view.meshes:
+                axes.plot_trisurf(
+                    *mesh.vertices.T, triangles=mesh.faces, color=SCENE.get(mesh.style, INK), lw=0, alpha=0.9
+                )
+            for line in view.lines:
+                axes.plot(*line.points.T, color=SCENE.get(line.style, INK), lw=2, label=line.label)
+        for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
+            axis.set_major_locator(MaxNLocator(4))  # more ticks run into each other
+        axes.tick_params(labelsize=8)
+        axes.set_xlabel("x [m]")
+        axes.set_ylabel("y [m]")
+        axes.set_zlabel("z [m]")
+        axes.set_aspect("equal")
+        captions = [view.caption for view in self._scenes.values() if view.caption]
+        axes.set_title("\n".join(captions), fontsize=8, loc="left")
+
+    def _by_unit(self) -> dict[str, list[tuple[str, NDArray[np.float64], NDArray[np.float64]]]]:
+        """Every quantity's samples, (name, t, values), under its unit: quantities of different units share no axis."""
+        units: dict[str, list[tuple[str, NDArray[np.float64], NDArray[np.float64]]]] = defaultdict(list)
+        for views in self._series.values():
+            for name in views[-1].values:
+                having = [view for view in views if name in view.values]
+                t = np.concatenate([view.t for view in having])
+                values = np.concatenate([view.values[name] for view in having])
+                unit = name[name.rfind("[") + 1 : name.rfind("]")] if "[" in name else ""
+                units[unit].append((name, t, values))
+        return units
+
+    def _draw_series(
+        self, axes: Any, unit: str, lines: list[tuple[str, NDArray[np.float64], NDArray[np.float64]]]
+    ) -> None:
+        axes.set_prop_cycle(color=SERIES)
+        shown, scale = MILLI.get(unit, (unit, 1.0))
+        for name, t, values in lines:
+            t, values = _with_gaps(t, values)
+            axes.plot(t, scale * values, lw=1.3, label=name.replace(f" [{unit}]", ""))
+        thresholds = {k: v for views in self._series.values() for k, v in views[-1].thresholds.items()}
+        low, high = axes.get_ylim()
+        for number, (name, value) in enumerate(thresholds.items()):
+            if f"[{unit}]" in name:
+                words = f"{name.replace(f' [{unit}]', '')} {scale * value:.3g} {shown}"
+                if 2.0 * low - high < scale * value < 2.0 * high - low:  # what is far off would flatten the curves
+                    axes.axhline(scale * value, lw=0.9, ls=("--", ":", "-.")[number % 3], color=MUTED, label=words)
+                else:
+                    axes.plot([], [], ls="none", label=words)
+        kind = lines[0][0].partition(" [")[0] if len(lines) == 1 else KINDS.get(unit, "")
+        axes.set_xlabel("time [s]")
+        axes.set_ylabel(f"{kind} [{shown}]" if unit else kind)
+        axes.grid(alpha=0.25)
+        if len(axes.get_legend_handles_labels()[1]) > 1:  # one curve alone has its name at its axis
+            _legend(axes, place="best")  # where it hides the least
+
+
+def _has_drawings(view: ImageView) -> bool:
+    return bool(view.lines) or bool(view.points.size)
+
+
+def _with_gaps(t: NDArray[np.float64], values: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Nothing was measured between two grips: no line goes from one to the next."""
+    apart = np.flatnonzero(np.diff(t) > GAP) + 1
+    return np.insert(t, apart, np.nan), np.insert(values, apart, np.nan)
+
+
+def _legend(axes: Any, where: Any = None, place: str = "upper right") -> None:
+    """Say what was drawn in `axes`, there or in other axes."""
+    handles, labels = axes.get_legend_handles_labels()
+    named = {label: handle for handle, label in zip(handles, labels, strict=True) if label and label[0] != "_"}
+    named = dict(list(named.items())[-MOST_LABELS:])
+    if named:
+        (where or axes).legend(named.values(), named.keys(), fontsize=8, loc=place)

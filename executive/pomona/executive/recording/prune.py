@@ -1,0 +1,91 @@
+"""Which records to throw away: by age, number and size; never one that is being written."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+from pomona.executive.errors import UsageError
+from pomona.executive.recording.digest import Digest
+from pomona.executive.recording.folder import EVENTS_FILE, is_being_written
+
+_AGES = {"h": 3600.0, "d": 86400.0, "w": 7 * 86400.0, "min": 60.0}
+_SIZES = {"kB": 1e3, "MB": 1e6, "GB": 1e9, "TB": 1e12}
+
+
+def parse_age(text: str) -> float:
+    """`30 d` -> seconds.
+
+    Raises:
+        UsageError: it is no age.
+    """
+    return _quantity(text, _AGES, "an age", "30 d")
+
+
+def parse_size(text: str) -> float:
+    """`20 GB` -> bytes.
+
+    Raises:
+        UsageError: it is no size.
+    """
+    return _quantity(text, _SIZES, "a size", "20 GB")
+
+
+def choose(
+    runs: Sequence[Digest],
+    *,
+    older: float | None = None,
+    keep: int | None = None,
+    total: float | None = None,
+    now: float | None = None,
+) -> dict[str, str]:
+    """What to remove, each with why.
+
+    Args:
+        runs: newest first.
+        older: those that began longer ago than this [s].
+        keep: all but this many newest ones.
+        total: the oldest ones, until the rest is within this many bytes.
+        now: seconds since 1970.
+    """
+    now = time.time() if now is None else now
+    chosen: dict[str, str] = {}
+    size = 0
+    for number, run in enumerate((run for run in runs if run.state != "running"), start=1):
+        size += run.bytes
+        if older is not None and 0.0 < run.wall_time < now - older:
+            chosen[run.run] = f"{(now - run.wall_time) / 86400.0:.0f} days old"
+        elif keep is not None and number > keep:
+            chosen[run.run] = f"beyond the newest {keep}"
+        elif total is not None and size > total:
+            chosen[run.run] = f"beyond {total / 1e6:g} MB in all"
+    return chosen
+
+
+def remove(root: Path, run: str) -> bool:
+    """Remove one record; False when it is being written after all.
+
+    Raises:
+        UsageError: it cannot be removed.
+    """
+    folder = root / run
+    if is_being_written(folder / EVENTS_FILE):
+        return False
+    try:
+        if folder.is_symlink():
+            folder.unlink()
+        else:
+            shutil.rmtree(folder)
+    except OSError as error:
+        raise UsageError(f"{folder} cannot be removed: {error.strerror}") from error
+    return True
+
+
+def _quantity(text: str, units: dict[str, float], what: str, example: str) -> float:
+    found = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*([A-Za-z]+)\s*", text)
+    if found is None or found[2] not in units:
+        raise UsageError(f"'{text}' is not {what}: write {example} (units: {', '.join(units)})")
+    return float(found[1]) * units[found[2]]

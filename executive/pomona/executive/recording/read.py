@@ -1,0 +1,79 @@
+"""A record back to the events of its run."""
+
+from __future__ import annotations
+
+import base64
+import binascii
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pomona.executive.errors import UsageError
+from pomona.executive.recording.decode import ForeignRecordError, event_from
+from pomona.executive.recording.folder import EVENTS, events_file
+from pomona.executive.recording.image_size import size_of_image
+from pomona.executive.recording.json_text import parse_object
+from pomona.executive.recording.scan import scan
+from pomona.executive.running.events import Event, Published
+from pomona.executive.views import ImageView
+
+MOST_PIXELS = 50_000_000
+"""Of an image that is decoded: a few kilobytes may claim gigabytes."""
+MOST_WAITING = 64
+"""Images whose events have not come yet."""
+
+
+def read_events(record: Path) -> Iterator[Event]:
+    """The events in the order in which they happened, with their images.
+
+    A record that was cut off gives the events up to there.
+
+    Raises:
+        DamagedRecordError: something in the file is not as it was written; nothing is given then.
+        UsageError: the file is not a record.
+    """
+    path = events_file(record)
+    pixels: dict[str, Any] = {}
+    for topic, data in scan(path):
+        try:
+            if topic.startswith(("/images/", "/depth/")):
+                if len(pixels) >= MOST_WAITING:
+                    pixels.clear()
+                pixels[topic] = decode_image(parse_object(data)["data"])
+            elif topic == EVENTS:
+                event = event_from(parse_object(data))
+                if isinstance(event, Published) and isinstance(event.value, ImageView):
+                    image, depth = pixels.pop(f"/images/{event.topic}", None), pixels.pop(f"/depth/{event.topic}", None)
+                    metres = None if depth is None else depth.astype(np.float32) * np.float32(1e-3)
+                    event = replace(event, value=replace(event.value, image=image, depth=metres))
+                yield event
+        except (ForeignRecordError, ValueError, KeyError, TypeError) as error:
+            raise UsageError(f"{path}: not a record of a run: {error}") from error
+
+
+def decode_image(text: str) -> np.ndarray[Any, Any]:
+    """A JPEG as RGB (h, w, 3) uint8, a PNG of depth as (h, w) uint16 [mm].
+
+    Raises:
+        ValueError: it is neither, or larger than `MOST_PIXELS`.
+    """
+    try:
+        coded = base64.b64decode(text)
+    except (binascii.Error, TypeError) as error:
+        raise ValueError("an image cannot be decoded") from error
+    width, height = size_of_image(coded)
+    if not 0 < width * height <= MOST_PIXELS:
+        raise ValueError(f"an image of {width} × {height} pixels is not read")
+    import cv2  # who lists records reads no images
+
+    try:
+        image = cv2.imdecode(np.frombuffer(coded, np.uint8), cv2.IMREAD_UNCHANGED)
+    except cv2.error as error:
+        raise ValueError("an image cannot be decoded") from error
+    if image is None:
+        raise ValueError("an image cannot be decoded")
+    rgb: np.ndarray[Any, Any] = image[..., ::-1] if image.ndim == 3 else image
+    return rgb

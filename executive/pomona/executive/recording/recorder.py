@@ -1,0 +1,266 @@
+"""A run's record: a folder with the events as an MCAP file, the tree and the cell as they were, and a picture.
+
+Written as it happens, in a thread of its own: the tick only puts events into a queue, and what is in it is handed to
+the operating system every `BATCH` seconds, as one chunk with its checksum. A process that is killed loses no more.
+While a record is written its file is locked, which is how others see that the run is going on.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import fcntl
+import json
+import os
+import queue
+import threading
+import time
+import traceback
+from collections.abc import Mapping
+from dataclasses import replace
+from datetime import datetime
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+from mcap.writer import CompressionType, Writer
+
+from pomona.executive.encode import encoded, field_names, plain
+from pomona.executive.recording.container import LIBRARY
+from pomona.executive.recording.ending import EndingFile
+from pomona.executive.recording.folder import DEVICES, EVENTS, EVENTS_FILE, RecordError, hash_of
+from pomona.executive.recording.interventions import INTERVENTIONS, EntryChain
+from pomona.executive.recording.order import next_number
+from pomona.executive.recording.overview import OVERVIEW, WHOLE_BYTES, Overview
+from pomona.executive.recording.schemas import EVENT, INTERVENTION, READING, Schema
+from pomona.executive.recording.well_known import Images, samples, well_known
+from pomona.executive.running.events import Event, OperatorActed, Published, RunEnded, RunStarted
+from pomona.executive.views import ImageView, SeriesView
+
+BATCH = 0.1
+"""Seconds between two times that what came is written: what is not is lost when the process is killed."""
+
+WHOLE, PART = 4_000_000, 48
+"""Elements of arrays that are written out: of views all, of values of ports those of poses, covariances, joints. Thirty
+candidates with all their joint solutions would be half of a pick's record, and half of the work."""
+
+CHUNK_BYTES = 65_536
+"""At which a chunk is closed before its batch is: what a damaged byte makes unreadable."""
+
+_BUFFER = 1 << 20
+"""Bytes that are gathered for one call of the operating system; flushed with every batch."""
+
+_DECIMALS = 6
+"""Of a reading: micrometres, microradians, micronewtons."""
+
+
+class Recorder:
+    """Writes every event that it gets. Subscribe its `on_event` to the run's stream, and close it after the run."""
+
+    def __init__(self, folder: Path) -> None:
+        """
+        Raises:
+            RecordError: the file cannot be opened.
+        """
+        self.folder = folder.absolute()  # wherever the process goes while it writes
+        self._problem, self._whole = "", False
+        self._queue: queue.SimpleQueue[Any] = queue.SimpleQueue()
+        self._closing = threading.Event()
+        self._t, self._flushed = 0.0, 0.0
+        self._channels: dict[str, int] = {}
+        self._schemas: dict[str, int] = {}
+        self._images = Images()
+        try:
+            self._path = self.folder / EVENTS_FILE
+            self._file = self._path.open("wb", buffering=_BUFFER)
+            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            self._ending = EndingFile(self.folder, next_number(self.folder.parent))
+        except OSError as error:
+            raise RecordError(f"cannot write {folder / EVENTS_FILE}: {error.strerror}") from error
+        self._writer = new_writer(self._file, CompressionType.NONE)
+        self._interventions = EntryChain()
+        self._overview, self._events = Overview(), 0
+        self._thread = threading.Thread(target=self._work, name="pomona-recorder", daemon=True)
+        self._thread.start()
+
+    @property
+    def problem(self) -> str:
+        """Why the record ends early; empty while all is well. From any thread."""
+        if self._problem or self._whole or self._thread.is_alive():
+            return self._problem
+        return self._ends_with("what writes it has ended")
+
+    def on_event(self, event: Event) -> None:
+        """Take one event; returns at once."""
+        if not self.problem:
+            self._queue.put(event)
+
+    def read(self, t: float, tick: int, readings: Mapping[str, Mapping[str, Any]]) -> None:
+        """Take what the cell's devices measured, by device and quantity; returns at once."""
+        if not self.problem:
+            self._queue.put((t, tick, readings))
+
+    def close(self) -> None:
+        """Write what is left and close the file. Harmless when closed already."""
+        self._closing.set()
+        self._thread.join()
+
+    # ------------------------------------------------------------------------------- the recorder's thread
+
+    def _work(self) -> None:
+        try:
+            self._writer.start(profile="pomona", library=LIBRARY)
+            self._take_all()
+            if self._interventions.count:
+                self._write(INTERVENTIONS, INTERVENTION, _stamp(self._t), self._interventions.close())
+            if self._file.tell() > WHOLE_BYTES and (lines := b"".join(self._overview.lines())):
+                self._writer.add_attachment(_stamp(self._t), 0, OVERVIEW, "application/x-ndjson", lines)
+            self._writer.finish()
+            self._file.flush()
+            self._refuse_removed()
+            self._ending.write("closed", bytes=self._file.tell())
+            self._whole = True
+        except OSError as error:
+            self._give_up(error.strerror or str(error))
+        except BaseException as error:  # what a skill publishes may be anything, and raise anything: this is told
+            self._give_up(traceback.format_exception_only(error)[-1].strip())
+        finally:
+            with contextlib.suppress(OSError):  # what could not be written cannot be written now either
+                self._file.close()
+
+    def _give_up(self, why: str) -> None:
+        self._problem = self._ends_with(why)
+        self._ending.write("failed", why=why)
+
+    def _ends_with(self, why: str) -> str:
+        return f"the record ends at {self._t:.2f} s of the run: {why}"
+
+    def _refuse_removed(self) -> None:
+        """What is written into a file that no folder holds any more is lost, and no call of the system says so.
+
+        Raises:
+            OSError: the file is gone, or another one stands in its place.
+        """
+        try:
+            if os.path.samestat(self._path.stat(), os.fstat(self._file.fileno())):
+                return
+        except FileNotFoundError:
+            raise FileNotFoundError(errno.ENOENT, "its file was removed while it was written") from None
+        raise OSError(errno.ESTALE, "its file was replaced while it was written")
+
+    def _take_all(self) -> None:
+        """Write in batches: waking up for every event would cost the tick more than the writing does."""
+        closing = False
+        while not closing:
+            closing = self._closing.wait(BATCH)
+            with contextlib.suppress(queue.Empty):
+                while True:
+                    self._take(self._queue.get_nowait())
+                    if time.monotonic() - self._flushed > BATCH:  # a starved computer has much to write at once
+                        self._flush()
+            self._flush()
+
+    def _flush(self) -> None:
+        self._writer.flush()
+        self._refuse_removed()
+        self._flushed = time.monotonic()
+
+    def _take(self, taken: Any) -> None:
+        if isinstance(taken, Published) and isinstance(taken.value, ImageView):
+            self._flush()  # what came before does not wait until the picture is compressed
+        if isinstance(taken, Event):
+            self._t = taken.t
+            self._write_event(taken)
+        else:
+            self._write_readings(*taken)
+
+    def _write_event(self, event: Event) -> None:
+        if isinstance(event, RunStarted):
+            self._write_about(event)
+        stamp = _stamp(event.t)
+        if isinstance(event, Published):
+            if isinstance(event.value, ImageView):
+                for topic, schema, message in self._images.messages(event.topic, event.value, stamp):
+                    self._write(topic, schema, stamp, message)
+            elif isinstance(event.value, SeriesView):
+                for topic, schema, message in samples(event.topic, event.value):
+                    self._write(topic, schema, stamp, message)
+        self._events += 1
+        content = self._write(EVENTS, EVENT, stamp, message_of(event))
+        self._overview.add(self._events, stamp / 1e9, content)
+        if isinstance(event, OperatorActed):
+            self._write(INTERVENTIONS, INTERVENTION, stamp, self._interventions.add(event))
+        for topic, schema, message in well_known(event, stamp):
+            self._write(topic, schema, stamp, message)
+        if isinstance(event, RunEnded):
+            text = json.dumps(plain(event), ensure_ascii=False, indent=1)
+            (self.folder / "summary.json").write_bytes(_coded(text))
+
+    def _write_about(self, event: RunStarted) -> None:
+        """Tree and cell as files beside the record and as attachments in it; what is asked most as metadata."""
+        began = round(event.wall_time * 1e9)
+        texts = {"tree.yaml": event.tree_text, "cell.yaml": event.cell_text}
+        for name, text in texts.items():
+            (self.folder / name).write_bytes(_coded(text))
+        for name, text in {**texts, **event.tree_files, **event.cell_files}.items():
+            self._writer.add_attachment(began, 0, _whole(name), "application/yaml", _coded(text))
+        about = {
+            "run": event.run, "tree": event.tree, "tree_hash": event.tree_hash, "cell": event.cell,
+            "cell_kind": event.cell_kind, "cell_hash": hash_of(event.cell_text, *event.cell_files.values()),
+            "seed": str(event.seed),
+            "began": datetime.fromtimestamp(event.wall_time).astimezone().isoformat(timespec="seconds"),
+            "settings": json.dumps(plain(event.settings), ensure_ascii=False),
+            "parameters": json.dumps(plain(event.parameters), ensure_ascii=False),
+            **{f"version.{name}": version for name, version in event.versions.items()},
+        }  # fmt: skip
+        self._writer.add_metadata("pomona.run", {_whole(key): _whole(value) for key, value in about.items()})
+
+    def _write_readings(self, t: float, tick: int, readings: Mapping[str, Mapping[str, Any]]) -> None:
+        stamp = _stamp(t)
+        for device, quantities in readings.items():
+            # All at once: rounding column by column was a sixth of the recorder's work.
+            numbers = dict(zip(quantities, np.round(np.array(list(quantities.values())), _DECIMALS), strict=True))
+            self._write(f"{DEVICES}{device}", READING, stamp, {"t": round(t, _DECIMALS), "tick": tick, **numbers})
+
+    def _write(self, topic: str, schema: Schema, stamp: int, message: Any) -> bytes:
+        if topic not in self._channels:
+            if schema.name not in self._schemas:
+                self._schemas[schema.name] = self._writer.register_schema(
+                    name=schema.name, encoding="jsonschema", data=schema.text.encode()
+                )
+            self._channels[topic] = self._writer.register_channel(
+                topic=topic, message_encoding="json", schema_id=self._schemas[schema.name]
+            )
+        content = encoded(message)
+        self._writer.add_message(self._channels[topic], log_time=stamp, publish_time=stamp, data=content)
+        return content
+
+
+def new_writer(stream: BinaryIO, compression: CompressionType) -> Writer:
+    """A writer of files in which a change of any byte is found: chunks, data and summary have checksums."""
+    return Writer(stream, CHUNK_BYTES, compression, enable_crcs=True, enable_data_crcs=True)
+
+
+def message_of(event: Event) -> dict[str, Any]:
+    """An event as its message on `/events`. An image's pixels are messages of their own, before it."""
+    if isinstance(event, Published) and isinstance(event.value, ImageView):
+        event = replace(event, value=replace(event.value, image=None, depth=None))
+    limit = WHOLE if isinstance(event, Published) else PART
+    message: dict[str, Any] = {"event": type(event).__name__}
+    for name in field_names(type(event)):
+        message[name] = plain(getattr(event, name), arrays=limit, keep=True)
+    return message
+
+
+def _stamp(t: float) -> int:
+    """A message's time: nanoseconds of the run's clock."""
+    return round(max(t, 0.0) * 1e9)
+
+
+def _coded(text: str) -> bytes:
+    """A text as bytes; halves of characters, which a name may hold, become "?"."""
+    return text.encode(errors="replace")
+
+
+def _whole(text: str) -> str:
+    return _coded(text).decode()

@@ -1,0 +1,113 @@
+"""The record of one run, whatever goes wrong with it.
+
+When it cannot be written, the run goes on unrecorded, or ends in the safe state where the cell's file says
+`record: required`; both are said. A run that has not begun yet is refused instead, and one that succeeded before its
+record was lost has not: where a record is required, its end is an error.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from pomona.executive.recording.folder import RecordError, new_record_folder
+from pomona.executive.recording.picture import Picture
+from pomona.executive.recording.recorder import Recorder
+from pomona.executive.running.cell import Cell
+from pomona.executive.running.events import EventStream
+from pomona.executive.running.runner import Runner
+from pomona.executive.values.sentences import sentence_of
+
+Reader = Callable[[float, int, Mapping[str, Mapping[str, Any]]], None]
+"""Takes the run's time, the tick, and what the cell's devices measured since: by device and quantity."""
+
+
+class RecordingSession:
+    """Keeps the record of one run, or none for `root=None`.
+
+    Attributes:
+        folder: of the record, or None while there is none.
+    """
+
+    def __init__(self, root: Path | None, cell: Cell, readers: Sequence[Reader] = ()) -> None:
+        """
+        Args:
+            root: folder of records.
+            cell: whose devices are read.
+            readers: get what the devices measured, too, in the tick's thread: they must return at once.
+        """
+        self._root, self._cell, self._readers = root, cell, tuple(readers)
+        self._recorder: Recorder | None = None
+        self._runner: Runner | None = None
+        self._picture = Picture()
+        self._trouble = ""
+        self.folder: Path | None = None
+
+    def begin(self, runner: Runner, events: EventStream) -> None:
+        """Open the record, before the run's first event.
+
+        Raises:
+            RecordError: it cannot be opened, and the cell's file says that it is required.
+        """
+        self._runner = runner
+        if self._root is None:
+            return
+        runner.look_after("record", self._state, required=self._cell.record_required)
+        try:
+            self.folder = new_record_folder(self._root, runner.tree.name)
+            self._recorder = Recorder(self.folder)
+        except RecordError as error:
+            if self._cell.record_required:
+                raise
+            self._trouble = str(error)
+            return
+        events.subscribe(self._recorder.on_event)
+        events.subscribe(self._picture.on_event)
+
+    def look(self) -> Iterable[tuple[str, object]]:
+        """Hand what the devices measured to the recorder: called by the run as a watcher, and shows nothing itself."""
+        readers = (*self._readers, *(() if self._recorder is None else (self._recorder.read,)))
+        if readers and self._runner is not None:
+            (t, tick), readings = self._runner.progress, self._cell.readings()
+            for read in readers:
+                read(t, tick, readings)
+        return ()
+
+    def draw(self, title: str) -> None:
+        """Draw the run's picture."""
+        if self._recorder is None or self._picture.empty:
+            return
+        try:
+            self._picture.save(self._recorder.folder / "picture.png", title)
+        except OSError as error:
+            self._trouble = f"the picture cannot be written: {error.strerror or error}"
+        except Exception as error:  # a view that cannot be drawn, a drawing library that cannot be loaded
+            self._trouble = f"the picture cannot be drawn: {sentence_of(error)}"
+
+    def close(self) -> str:
+        """Write what is left.
+
+        Returns:
+            what is wrong with the record, as a sentence; empty when all is well.
+        """
+        self.look()
+        if self._recorder is not None:
+            self._recorder.close()
+            if not self._recorder.folder.is_dir():
+                self.folder = None
+        return self._problem()
+
+    @property
+    def broken(self) -> bool:
+        """Whether a record that the cell requires is not whole."""
+        return self._cell.record_required and self._recorder is not None and bool(self._recorder.problem)
+
+    def _problem(self) -> str:
+        return (self._recorder.problem if self._recorder is not None else "") or self._trouble
+
+    def _state(self) -> str:
+        problem = self._problem()
+        if not problem:
+            return "ok"
+        return problem if self._cell.record_required else f"{problem}; the run goes on unrecorded"

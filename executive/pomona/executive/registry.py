@@ -1,0 +1,178 @@
+"""The skills that are installed, found by entry point (group `pomona.skills`: name → Skill class)."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from enum import Enum
+from importlib.metadata import EntryPoint, entry_points
+
+from pomona.executive.ports import QUANTITIES, RATIO, Port, PortType, Quantity, type_name
+from pomona.executive.skill import Skill
+
+GROUP = "pomona.skills"
+CHOSEN = "POMONA_SKILLS"
+"""Of the environment, for the run's other processes: `Detect=my_package Plan=other`."""
+BUILTIN_TYPES: Mapping[str, PortType] = {"bool": bool, "int": int, "number": float, "text": str, **QUANTITIES}
+
+
+@dataclass(frozen=True, slots=True)
+class SkillListing:
+    """One skill for readers and editors: `pomona skills` prints these."""
+
+    name: str
+    summary: str
+    inputs: tuple[Mapping[str, object], ...]
+    outputs: tuple[Mapping[str, object], ...]
+    devices: tuple[str, ...]
+    failures: tuple[str, ...]
+    module: str
+
+
+class Registry(Mapping[str, type[Skill]]):
+    """Skills by name, and the names of all types that their ports carry."""
+
+    def __init__(self, skills: Mapping[str, type[Skill]], problems: Mapping[str, str] | None = None) -> None:
+        self._skills = dict(skills)
+        self.problems: Mapping[str, str] = dict(problems or {})
+        """Skills that are installed and cannot be used, with the reason."""
+        self.renamed_failures: Mapping[str, str] = {
+            old: new for skill in self._skills.values() for old, new in skill.renamed_failures.items()
+        }
+        """Failure codes of the version before, with what each is called now."""
+        self.types: dict[str, PortType] = dict(BUILTIN_TYPES)
+        for skill in self._skills.values():
+            for port in (*skill.inputs.values(), *skill.outputs.values()):
+                self.types.setdefault(type_name(port.type), port.type)
+
+    @classmethod
+    def installed(cls) -> Registry:
+        """Every skill that an installed package offers. A skill that cannot be imported is reported, not raised."""
+        return cls({}).choosing({}, tuple(_by_name(entry_points(group=GROUP))))
+
+    def choosing(self, said: Mapping[str, str], names: Iterable[str] | None = None) -> Registry:
+        """This registry with the skills of the packages that a tree names: package by skill. The command goes first.
+
+        What cannot be used is reported, not raised.
+
+        Args:
+            names: skills to look up; by default those that the tree names.
+        """
+        looked_up = tuple(said if names is None else names)
+        if not looked_up:
+            return self
+        skills, problems, offered = dict(self._skills), dict(self.problems), _by_name(entry_points(group=GROUP))
+        for name in looked_up:
+            skills.pop(name, None)
+            problems.pop(name, None)
+            found = _loaded(name, offered.get(name, []), {**said, **replacements()})
+            if isinstance(found, str):
+                problems[name] = found
+            else:
+                skills[name] = found
+        return Registry(skills, problems)
+
+    def __getitem__(self, name: str) -> type[Skill]:
+        return self._skills[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._skills)
+
+    def __len__(self) -> int:
+        return len(self._skills)
+
+    def listing(self) -> tuple[SkillListing, ...]:
+        """All skills, by name."""
+        return tuple(_list_skill(name, self._skills[name]) for name in sorted(self._skills))
+
+
+def _loaded(name: str, points: Sequence[EntryPoint], said: Mapping[str, str]) -> type[Skill] | str:
+    """A skill, or why it cannot be used."""
+    if not points:
+        return "no package offers it"
+    point, problem = chosen(name, points, said)
+    if problem:
+        return problem
+    try:
+        skill = point.load()
+    except Exception as error:  # a third party's module may raise anything
+        return f"{point.value} cannot be imported: {type(error).__name__}: {error}"
+    return skill if isinstance(skill, type) and issubclass(skill, Skill) else f"{point.value} is not a Skill"
+
+
+def replacements() -> Mapping[str, str]:
+    """Which package gives a skill that several offer: `pomona --skill Detect=my_package`, or `POMONA_SKILLS`."""
+    words = os.environ.get(CHOSEN, "").replace(",", " ").split()
+    return {name: package for name, _, package in (word.partition("=") for word in words)}
+
+
+def chosen(name: str, points: Sequence[EntryPoint], said: Mapping[str, str]) -> tuple[EntryPoint, str]:
+    """The entry point that gives a skill, and what is wrong when packages offer different ones under one name."""
+    if len(points) == 1 and name not in said:
+        return points[0], ""
+    offers = {_package(point): point for point in points}
+    if name in said:
+        found = offers.get(said[name])
+        return found or points[0], "" if found else f"'{said[name]}' offers no {name}: {', '.join(offers)} do"
+    if len({point.value for point in points}) > 1:
+        packages, one = " and ".join(sorted(offers)), sorted(offers)[0]
+        choose = f"skills: {{{name}: {one}}} in the tree, or pomona --skill {name}={one}"
+        return points[0], f"{packages} both offer it: remove one, or choose: {choose}"
+    return points[0], ""
+
+
+def _package(point: EntryPoint) -> str:
+    return point.dist.name if point.dist is not None else point.module.partition(".")[0]
+
+
+def _by_name(points: Iterable[EntryPoint]) -> dict[str, list[EntryPoint]]:
+    found: dict[str, list[EntryPoint]] = {}
+    for point in points:
+        found.setdefault(point.name, []).append(point)
+    return found
+
+
+def _list_skill(name: str, skill: type[Skill]) -> SkillListing:
+    def ports(declared: Mapping[str, Port]) -> tuple[Mapping[str, object], ...]:
+        return tuple(port_facts(port_name, port) for port_name, port in declared.items())
+
+    summary = (skill.__doc__ or "").strip().split("\n")[0]
+    devices = tuple(interface.__name__ for interface in skill.devices)
+    return SkillListing(
+        name, summary, ports(skill.inputs), ports(skill.outputs), devices, skill.failures, skill.__module__
+    )  # fmt: skip
+
+
+def default_text(port: Port) -> str:
+    """The default as it would be written in a tree file."""
+    default = port.default
+    if isinstance(default, Enum):
+        return default.value if isinstance(default.value, str) else default.name
+    if isinstance(default, bool):
+        return str(default).lower()
+    if isinstance(port.type, Quantity) and not isinstance(default, str):
+        return port.type.format(default)
+    return str(default)
+
+
+def port_facts(name: str, port: Port) -> dict[str, object]:
+    """A port as plain values, leaving out what it does not say."""
+    facts: dict[str, object] = {"name": name, "type": type_name(port.type)}
+    if isinstance(port.type, Quantity):
+        facts["units"] = list(port.type.units)
+    facts["required"] = port.required
+    if not port.required and port.default is not None:
+        plain = isinstance(port.default, (bool, int, float)) and not (
+            isinstance(port.type, Quantity) and port.type != RATIO
+        )
+        facts["default"] = port.default if plain else default_text(port)
+    if port.min is not None:
+        facts["min"] = port.min
+    if port.max is not None:
+        facts["max"] = port.max
+    if port.choices:
+        facts["choices"] = list(port.choices)
+    if port.help:
+        facts["help"] = port.help
+    return facts

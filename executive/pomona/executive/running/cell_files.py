@@ -1,0 +1,87 @@
+"""What the executive needs of cell files; `pomona.drivers.cell` reads them, found by the entry point `pomona.cells`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cache
+from importlib.metadata import entry_points
+from pathlib import Path
+from typing import Protocol, TypeVar
+
+from pomona.executive.running.cell import Cell
+from pomona.executive.values.documents import Outline
+from pomona.executive.values.findings import Findings
+from pomona.executive.values.scoring import Score
+from pomona.executive.values.yaml_nodes import YamlScalar
+
+T = TypeVar("T")
+
+
+class CellFile(Protocol):
+    """A cell file in which nothing is wrong; nothing is connected yet."""
+
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def kind(self) -> str: ...
+
+    @property
+    def record_required(self) -> bool:
+        """Whether no run may begin without a record."""
+        ...
+
+    @property
+    def score(self) -> Score | None:
+        """What counts where the world scores runs."""
+        ...
+
+    @property
+    def files(self) -> Mapping[str, str]:
+        """Its text and those of the files that it includes, by their path from its folder."""
+        ...
+
+    def interfaces(self) -> tuple[type, ...]:
+        """The device interfaces that the cell will have."""
+        ...
+
+    def wires(self) -> tuple[str, ...]:
+        """Where its devices are reached outside this process: one run at a time on each."""
+        ...
+
+    def known(self, what: type[T]) -> T | None:
+        """What the file says about something before anything is connected."""
+        ...
+
+
+class CellFiles(Protocol):
+    """Reads cell files and connects what they describe."""
+
+    def outline(self, path: Path, findings: Findings) -> Outline | None:
+        """The cell's kind and what `--set` may change; nothing when the file cannot be read."""
+        ...
+
+    def judge(
+        self,
+        path: Path,
+        findings: Findings,
+        overrides: Mapping[str, str | YamlScalar],
+        texts: Mapping[str, str],
+    ) -> CellFile | None:
+        """Read and judge a file: everything that is wrong is a finding, and there is no cell then."""
+        ...
+
+    def connect(self, file: CellFile, seed: int) -> Cell:
+        """Connect the devices.
+
+        Raises:
+            Exception: a device cannot be connected; those connected before are let go.
+        """
+        ...
+
+
+@cache
+def cell_files() -> CellFiles:
+    """The installed reader of cell files."""
+    reader: CellFiles = next(iter(entry_points(group="pomona.cells", name="file"))).load()
+    return reader

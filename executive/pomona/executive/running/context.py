@@ -1,0 +1,160 @@
+"""What a run offers to its skills: the real `SkillContext`."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import Any, TypeVar
+
+from pomona.executive.clock import Clock
+from pomona.executive.errors import SkillError
+from pomona.executive.one_process import leave_if_forked
+from pomona.executive.running.cell import Cell
+from pomona.executive.running.compute import Computations
+from pomona.executive.skill import Computation, Interrupted, Skill, Work
+
+T = TypeVar("T")
+
+HALT_TIMEOUT = 10.0
+"""Seconds of the run's clock within which an interrupted skill must have let go."""
+
+
+class RunContext:
+    """Clock, devices, computations and the list of interrupted skills that still bring their devices to rest."""
+
+    def __init__(
+        self,
+        cell: Cell,
+        computations: Computations,
+        seed: int,
+        publish: Callable[[str, str, object], None],
+    ) -> None:
+        self.cell, self.computations, self.run_seed = cell, computations, seed
+        self._publish = publish
+        self._halting: list[tuple[Skill, Work[Any], float]] = []
+        self._owners: dict[type, Skill] = {}
+        self._failures: list[tuple[str, BaseException]] = []
+        self._paused_for = 0.0
+        self._paused_since: float | None = None
+        self._speed = 1.0
+        self._start = cell.clock.now()
+
+    # --------------------------------------------------------------------------------------- SkillContext
+
+    @property
+    def clock(self) -> Clock:
+        return self.cell.clock
+
+    def device(self, interface: type[T]) -> T:
+        return self.cell.device(interface)
+
+    def elapsed(self) -> float:
+        now = self.cell.clock.now() if self._paused_since is None else self._paused_since
+        return now - self._start - self._paused_for
+
+    def seed(self, node: str) -> int:
+        return zlib.crc32(f"{self.run_seed}/{node}".encode())
+
+    def compute(self, node: str, function: Callable[..., Any], *arguments: Any, isolated: bool) -> Computation:
+        computation: Computation = self.computations.submit(node, function, arguments, isolated)
+        return computation
+
+    def publish(self, node: str, topic: str, value: object) -> None:
+        self._publish(node, topic, value)
+
+    def acquire(self, skill: Skill) -> str | None:
+        for other, _work, _deadline in self._halting:
+            if set(other.claims()) & set(skill.devices):
+                return f"waiting until {other.name} has let go"
+        for interface in skill.claims():
+            owner = self._owners.get(interface)
+            if owner is not None and owner is not skill:
+                return f"waiting for {owner.name}, which uses the {interface.__name__}"
+        self._owners.update(dict.fromkeys(skill.claims(), skill))
+        self._give_speed(skill)
+        return None
+
+    def release(self, skill: Skill) -> None:
+        for interface in [interface for interface, owner in self._owners.items() if owner is skill]:
+            del self._owners[interface]
+
+    def halt(self, skill: Skill, work: Work[Any]) -> None:
+        if not self._let_go(skill, lambda: work.throw(Interrupted())):
+            self._halting.append((skill, work, self.clock.now() + HALT_TIMEOUT))
+
+    # ------------------------------------------------------------------------------------- for the runner
+
+    @property
+    def speed(self) -> float:
+        """Share of the speed that the operator allows."""
+        return self._speed
+
+    def set_speed(self, speed: float) -> None:
+        """Let everything go at this share of what skills and tree say, from now on, also what moves already."""
+        self._speed = speed
+        self.cell.set_speed(speed)
+        for skill in dict.fromkeys(self._owners.values()):
+            self._give_speed(skill)
+
+    def _give_speed(self, skill: Skill) -> None:
+        if skill.claims():
+            self.cell.set_speed(skill.speed(self._speed), skill.claims())
+
+    def start_clock(self) -> None:
+        """The run begins now."""
+        self._start, self._paused_for, self._paused_since = self.cell.clock.now(), 0.0, None
+
+    def freeze(self) -> None:
+        """The run's time stands still from now on."""
+        if self._paused_since is None:
+            self._paused_since = self.cell.clock.now()
+
+    def thaw(self) -> None:
+        """The run's time goes on."""
+        if self._paused_since is not None:
+            self._paused_for += self.cell.clock.now() - self._paused_since
+            self._paused_since = None
+
+    @property
+    def halting(self) -> tuple[str, ...]:
+        """Names of the skills that were interrupted and have not let go yet."""
+        return tuple(skill.name for skill, _work, _deadline in self._halting)
+
+    @property
+    def owners(self) -> Mapping[type, str]:
+        """Who moves what: names of skills that run or still let go."""
+        return {interface: skill.name for interface, skill in self._owners.items()}
+
+    def drive_halting(self) -> None:
+        """One more step for every interrupted skill; what fails is for `take_failure`."""
+        still = []
+        for skill, work, deadline in self._halting:
+            if self._let_go(skill, partial(next, work)):
+                continue
+            if self.clock.now() > deadline:
+                late = SkillError(skill.name, f"was interrupted and has not halted within {HALT_TIMEOUT:.0f} s")
+                self._failures.append((skill.path, late))
+                self.release(skill)
+                continue
+            still.append((skill, work, deadline))
+        self._halting = still
+
+    def take_failure(self) -> tuple[str, BaseException] | None:
+        """What a skill raised while it let go, with the skill's path; None when there is nothing more."""
+        return self._failures.pop(0) if self._failures else None
+
+    def _let_go(self, skill: Skill, step: Callable[[], object]) -> bool:
+        """Whether the body has ended with this step, well or not: one that fails must not keep the others from it."""
+        try:
+            step()
+        except (Interrupted, StopIteration):
+            pass
+        except BaseException as error:
+            self._failures.append((skill.path, error))
+        else:
+            return False
+        finally:
+            leave_if_forked()
+        self.release(skill)
+        return True

@@ -1,0 +1,222 @@
+"""What can happen in a run, as frozen dataclasses: the one stream that summary, recording and dashboard read.
+
+Every event carries `t`, seconds of the run's clock since the run started, and `tick`. Live and replayed runs give the
+same events, so a view never knows the difference.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from pomona.executive.reasons import Reason
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """Root of all events."""
+
+    t: float
+    tick: int
+
+
+@dataclass(frozen=True, slots=True)
+class RunStarted(Event):
+    """A run begins. `nodes` describes the tree: one mapping per node, in drawing order, with `path` and `parent`.
+
+    `tree_files` holds the texts of the files that the tree calls, by their path, `cell_files` those that the cell
+    includes, by their path from its folder; of a dry run `cell_text` is its mocks. `speed` is the share of what is
+    commanded at which the arm goes at first; an `OperatorActed` with the action `speed` changes it.
+    """
+
+    run: str
+    tree: str
+    tree_path: str
+    tree_text: str
+    tree_hash: str
+    cell: str
+    cell_kind: str
+    cell_path: str
+    cell_text: str
+    seed: int
+    parameters: Mapping[str, Any]
+    nodes: tuple[Mapping[str, Any], ...]
+    versions: Mapping[str, str]
+    wall_time: float
+    period: float
+    settings: Mapping[str, str] = field(default_factory=dict)
+    tree_files: Mapping[str, str] = field(default_factory=dict)
+    cell_files: Mapping[str, str] = field(default_factory=dict)
+    speed: float = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class StateChanged(Event):
+    """The runner's state machine moved on. `pause` numbers the pause in the states pausing and paused, otherwise 0."""
+
+    state: str
+    because: str
+    pause: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class NodeChanged(Event):
+    """A node's status or feedback changed in this tick; `reason` is there on failure.
+
+    `starts` counts the starts of a skill and the questions of a node that asks: it is the number of its question.
+    """
+
+    path: str
+    status: str
+    feedback: str
+    starts: int
+    reason: Reason | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class AttemptEnded(Event):
+    """One attempt of a retry ended."""
+
+    path: str
+    number: int
+    of: int
+    succeeded: bool
+    reason: Reason | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class PortWritten(Event):
+    """A node wrote a value. `sentence` and `facts` are what the value says of itself, to people and to reports."""
+
+    key: str
+    value: Any
+    writer: str
+    sentence: str = ""
+    facts: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Published(Event):
+    """A skill shows something: usually a `pomona.executive.views.View`."""
+
+    node: str
+    topic: str
+    value: Any
+
+
+@dataclass(frozen=True, slots=True)
+class Computed(Event):
+    """A computation beside the tick ended. `wall` is the time that it really took [s]."""
+
+    node: str
+    function: str
+    wall: float
+
+
+@dataclass(frozen=True, slots=True)
+class TickOverran(Event):
+    """The tick took longer than its period; `node` took most of it. `worked` is the processor's time of the tick's
+    thread [s]: where it is much less, something was waited for, or the computer had too much to do. None: not known.
+    """
+
+    node: str
+    duration: float
+    worked: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class LinkChanged(Event):
+    """The state of a device's link changed: 'ok', or what is wrong."""
+
+    device: str
+    state: str
+
+
+@dataclass(frozen=True, slots=True)
+class HandChanged(Event):
+    """What the fingers feel between them has changed: a sentence, or nothing."""
+
+    what: str
+
+
+@dataclass(frozen=True, slots=True)
+class OperatorActed(Event):
+    """Somebody acted on the run."""
+
+    who: str
+    action: str
+    detail: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class SafeStopped(Event):
+    """The cell was brought into its safe state; latched."""
+
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class ErrorRaised(Event):
+    """An exception that is nobody's declared failure: a bug, a device's fault, or what failed beside them.
+
+    Attributes:
+        node: path of the node that it came from; empty when it was none.
+        during: what was going on, for people: 'the tick', 'letting go' …
+        error: the exception's name.
+        message: what it says.
+        place: `file:line, in function`, the innermost in somebody's own code.
+        traceback: the whole one.
+    """
+
+    node: str
+    during: str
+    error: str
+    message: str
+    place: str
+    traceback: str
+
+
+@dataclass(frozen=True, slots=True)
+class RunEnded(Event):
+    """The run is over. `outcome` is success, failure, stopped or error; `truth` is the simulated world's score."""
+
+    outcome: str
+    reason: Reason | None
+    ticks: int
+    time: float
+    wall: float
+    truth: Mapping[str, Any] | None
+
+
+Listener = Callable[[Event], None]
+
+
+class EventStream:
+    """Hands every event to every listener, in order, in the thread that emits it.
+
+    A listener that fails keeps nothing from the others; `take_failure` says so to the run.
+    """
+
+    def __init__(self) -> None:
+        self._listeners: list[Listener] = []
+        self._failed: set[int] = set()  # their ids: a listener need not be hashable
+        self._failures: list[BaseException] = []
+
+    def subscribe(self, listener: Listener) -> None:
+        """Listeners must return at once; slow ones keep a queue of their own."""
+        self._listeners.append(listener)
+
+    def emit(self, event: Event) -> None:
+        """Never raises for what a listener does."""
+        for listener in self._listeners:
+            try:
+                listener(event)
+            except BaseException as error:  # whatever it is, the record must get what happens next
+                if id(listener) not in self._failed:  # a terminal that is gone fails with every event
+                    self._failed.add(id(listener))
+                    self._failures.append(error)
+
+    def take_failure(self) -> BaseException | None:
+        """What a listener raised first, once for each; None when there is nothing more."""
+        return self._failures.pop(0) if self._failures else None

@@ -1,0 +1,61 @@
+"""Turns what a tick changed in the tree into events."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from py_trees.behaviour import Behaviour
+from py_trees.common import Status
+
+from pomona.executive.language import BuiltTree
+from pomona.executive.nodes import Attempt
+from pomona.executive.nodes.question import Question
+from pomona.executive.reasons import Reason, reason_of
+from pomona.executive.running.events import AttemptEnded, Event, NodeChanged
+from pomona.executive.skill import Skill
+
+
+class TreeObserver:
+    """Compares every node with how it was after the tick before."""
+
+    def __init__(self, tree: BuiltTree, emit: Callable[[Event], None], stamp: Callable[[], tuple[float, int]]) -> None:
+        self._tree, self._emit, self._stamp = tree, emit, stamp
+        self._known: dict[str, tuple[Status, str, int]] = dict.fromkeys(tree.behaviours, (Status.INVALID, "", 0))
+        self._nodes = tuple((path, behaviour) for path, behaviour in tree.behaviours.items())
+        tree.on_attempt(self._attempt)
+
+    def after_tick(self) -> None:
+        """Emit what has changed."""
+        for path, behaviour in self._nodes:
+            starts = behaviour.starts if isinstance(behaviour, (Skill, Question)) else 0
+            before = self._known[path]
+            if behaviour.status is before[0] and behaviour.feedback_message == before[1] and starts == before[2]:
+                continue
+            now = (behaviour.status, behaviour.feedback_message, starts)
+            self._known[path] = now
+            reason = reason_of(behaviour) if now[0] is Status.FAILURE else None
+            self._emit(NodeChanged(*self._stamp(), path, now[0].value, now[1], starts, reason))
+
+    def slowest(self) -> str:
+        """Path of the skill that kept the newest tick waiting longest."""
+        skills = [skill for skill in self._tree.skills if skill.status is not Status.INVALID]
+        return max(skills, key=lambda skill: skill.blocked).path if skills else ""
+
+    def root_reason(self) -> Reason | None:
+        """Why the tree failed, from the root down."""
+        return reason_of(self._tree.root)
+
+    def culprit(self) -> str:
+        """Path of the skill that broke; else of the last running leaf: where a fault happened, as far as the tree can
+        tell."""
+        broke = [skill.path for skill in self._tree.skills if skill.broke]
+        running = [path for path, behaviour in self._nodes if _is_running_leaf(behaviour)]
+        return (broke or running or [""])[-1]
+
+    def _attempt(self, path: str, attempt: Attempt, of: int) -> None:
+        succeeded = attempt.status is Status.SUCCESS
+        self._emit(AttemptEnded(*self._stamp(), path, attempt.number, of, succeeded, attempt.reason))
+
+
+def _is_running_leaf(behaviour: Behaviour) -> bool:
+    return behaviour.status is Status.RUNNING and not behaviour.children

@@ -1,0 +1,243 @@
+"""Signals that want a process to end: Ctrl-C, SIGTERM, and SIGHUP of a terminal or ssh session that was closed.
+
+While nothing moves they raise, SIGTERM and SIGHUP as KeyboardInterrupt does; where that is swallowed, as in what a
+compiled library calls back, it comes again in a moment, and is raised again before a run begins. During a run they
+ask it for the safe state, and while the record and the cell are closed they wait. A process that was started to ignore
+one (nohup, a shell's background job, a campaign's worker for Ctrl-C) goes on ignoring it. Signals reach the main
+thread only.
+"""
+
+from __future__ import annotations
+
+import queue
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from enum import Enum
+from types import FrameType, TracebackType
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:  # the command line listens to signals before it loads anything else
+    from pomona.executive.running.requests import Requests
+
+WORDS = {
+    signal.SIGINT: "interrupted from the keyboard",
+    signal.SIGTERM: "the process was terminated (SIGTERM)",
+    signal.SIGHUP: "the terminal was closed (SIGHUP)",
+}
+"""What each signal means, for people."""
+
+STUCK = 1.0
+"""Seconds after which a signal has visibly had no effect: the next one breaks what hangs."""
+
+AGAIN = 0.1
+"""Seconds after which a signal that was swallowed comes again."""
+
+CLOSING = 5.0
+"""Seconds for which closing the record and the cell is not disturbed."""
+
+
+class Terminated(KeyboardInterrupt):
+    """SIGTERM or SIGHUP, raised where Ctrl-C would raise KeyboardInterrupt."""
+
+    def __init__(self, number: int) -> None:
+        self.number = number
+        super().__init__(WORDS[signal.Signals(number)])
+
+
+def status_of(error: KeyboardInterrupt) -> int:
+    """The exit status of a process that a signal ended: 130 for Ctrl-C, 143 for SIGTERM, 129 for SIGHUP."""
+    return 128 + (error.number if isinstance(error, Terminated) else signal.SIGINT)
+
+
+def signalled(error: BaseException) -> KeyboardInterrupt | None:
+    """The signal behind an error, if there is one.
+
+    A signal that comes while a compiled module is being loaded leaves it as ImportError("initialization failed"),
+    raised from the KeyboardInterrupt.
+    """
+    below: BaseException | None = error
+    while below is not None and not isinstance(below, KeyboardInterrupt):
+        below = below.__cause__
+    return below
+
+
+_raised: int | None = None
+"""The signal that `raising` has raised; whoever still runs then has not seen it."""
+
+_came = False
+"""Whether any signal was raised since `raising` began."""
+
+
+@contextmanager
+def raising() -> Iterator[None]:
+    """SIGTERM and SIGHUP raise `Terminated`, Ctrl-C KeyboardInterrupt."""
+    global _raised, _came
+
+    def handle(number: int, _frame: FrameType | None) -> None:
+        global _raised, _came
+        _raised, _came = number, True
+        raise error_of(number)
+
+    _raised, _came = None, False
+
+    def send_again() -> None:
+        if _raised is not None and signal.getsignal(_raised) is handle:  # a run knows by itself what it has missed
+            signal.pthread_kill(threading.main_thread().ident or 0, _raised)
+
+    before = _install(handle, tuple(WORDS))
+    tell, sys.unraisablehook = sys.unraisablehook, _tell_unless_signalled(sys.unraisablehook, send_again)
+    try:
+        yield
+    finally:
+        _restore(before)
+        if not _came:  # else what the signal cut in two is still being deleted
+            sys.unraisablehook = tell
+        _raised = None
+
+
+def raise_again() -> None:
+    """For long loops: a signal that a library swallowed, as ctypes does in a callback, ends them all the same.
+
+    Raises:
+        KeyboardInterrupt: there was one since `raising` began.
+    """
+    if _raised is not None:
+        raise error_of(_raised)
+
+
+def _tell_unless_signalled(
+    tell: Callable[[sys.UnraisableHookArgs], Any], send_again: Callable[[], None]
+) -> Callable[[sys.UnraisableHookArgs], Any]:
+    """What cannot be raised where it happens is told, but for what follows from a signal; a signal is sent again."""
+
+    def told(what: sys.UnraisableHookArgs) -> None:
+        if not _came:
+            tell(what)
+        elif isinstance(what.exc_value, KeyboardInterrupt):
+            later = threading.Timer(AGAIN, send_again)
+            later.daemon = True
+            later.start()
+
+    return told
+
+
+def error_of(number: int) -> KeyboardInterrupt:
+    """What a signal raises while nothing moves."""
+    return KeyboardInterrupt() if number == signal.SIGINT else Terminated(number)
+
+
+class _Phase(Enum):
+    RAISING = "nothing moves, or somebody decides what happens next"
+    RUNNING = "the run is asked for its safe state"
+    CLOSING = "record and cell are closed"
+
+
+class RunSignals:
+    """What signals do from the connecting of a cell to its closing. The first one is kept in `number`."""
+
+    def __init__(self) -> None:
+        self.number: int | None = None
+        self._phase = _Phase.RAISING
+        self._raised: int | None = None
+        self._since = self._last = 0.0
+        self._run: Requests | None = None
+        self._asked: queue.SimpleQueue[int | None] = queue.SimpleQueue()  # put() may be called by a signal's handler
+        self._before: dict[int, Any] = {}
+
+    def __enter__(self) -> RunSignals:
+        raise_again()
+        self._before = _install(self._handle, tuple(WORDS))
+        return self
+
+    def __exit__(self, _type: type[BaseException] | None, error: object, _trace: TracebackType | None) -> None:
+        _restore(self._before)
+        # A library that swallowed the signal while something was prepared may then fail in words of its own.
+        if isinstance(error, Exception) and self._raised is not None and self._run is None:
+            raise error_of(self._raised) from error
+
+    @contextmanager
+    def ask(self, run: Requests) -> Iterator[None]:
+        """For the time of a run: the first signal asks for the safe state, a later one breaks what hangs.
+
+        Raises:
+            KeyboardInterrupt: there was one already, and nobody has seen it.
+        """
+        # The cell is stopped by a thread: the tick that the handler interrupts may hold the cell's lock, or hang.
+        self._run = run
+        thread = threading.Thread(target=self._stop_when_asked, name="pomona-signals", daemon=True)
+        thread.start()
+        self._enter(_Phase.RUNNING)
+        try:
+            if self._raised is not None:
+                raise error_of(self._raised)
+            yield
+        finally:
+            self._enter(_Phase.CLOSING)
+            self._asked.put(None)
+            thread.join()
+
+    @contextmanager
+    def raise_again(self) -> Iterator[None]:
+        """Somebody decides how it goes on, and a signal is a decision, too."""
+        self._enter(_Phase.RAISING)
+        try:
+            yield
+        finally:
+            self._enter(_Phase.CLOSING)
+
+    def wait(self) -> None:
+        """From now on signals wait: record and cell are closed."""
+        self._enter(_Phase.CLOSING)
+
+    def _enter(self, phase: _Phase) -> None:
+        self._phase, self._since = phase, time.monotonic()
+
+    def _stop_when_asked(self) -> None:
+        while (number := self._asked.get()) is not None:
+            assert self._run is not None
+            keyboard = number == signal.SIGINT
+            self._run.interrupt("keyboard" if keyboard else "system", WORDS[signal.Signals(number)])
+
+    def _handle(self, number: int, _frame: FrameType | None) -> None:
+        global _came
+        before, self._last = self._last, time.monotonic()
+        if self._phase is _Phase.RAISING:
+            self._raised, _came = number, True
+            raise error_of(number)
+        first = self.number is None
+        self.number = self.number or number
+        if self._phase is _Phase.CLOSING:
+            if self._last - self._since > CLOSING:
+                raise KeyboardInterrupt
+        elif first:
+            self._asked.put(number)
+        elif self._run is not None and self._run.breakable and self._last - before > STUCK:
+            raise KeyboardInterrupt
+
+
+def _install(handler: Callable[[int, FrameType | None], None], numbers: tuple[int, ...]) -> dict[int, Any]:
+    """Set a handler where a signal is not ignored; returns those that were there."""
+    if threading.current_thread() is not threading.main_thread():
+        return {}
+    before = {}
+    for number in numbers:
+        now = signal.getsignal(number)
+        if now is signal.SIG_IGN or now is None:
+            continue
+        if number == signal.SIGINT and now is not signal.default_int_handler and not _is_ours(now):
+            continue
+        before[number] = signal.signal(number, handler)
+    return before
+
+
+def _is_ours(handler: object) -> bool:
+    return getattr(handler, "__module__", "") == __name__
+
+
+def _restore(before: dict[int, Any]) -> None:
+    for number, handler in before.items():
+        signal.signal(number, handler)

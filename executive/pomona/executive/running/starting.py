@@ -1,0 +1,96 @@
+"""A run that is being prepared: where that stands, and the wish that it does not begin."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from pomona.executive.errors import PomonaError
+from pomona.executive.running.requests import Requests
+
+
+class StartCancelledError(PomonaError):
+    """Somebody stopped a run before it began."""
+
+
+@dataclass(frozen=True, slots=True)
+class StartingStage:
+    """What is being done now; `done` of `of` equal steps, where they can be counted."""
+
+    what: str = "waiting"
+    done: int = 0
+    of: int = 0
+
+
+class Starting:
+    """From the order to the first tick. `execute` reports to it; anybody may cancel, from any thread."""
+
+    def __init__(self, changed: Callable[[], None] = lambda: None) -> None:
+        self._changed = changed
+        self._lock = threading.Lock()
+        self._run: Requests | None = None
+        self._cancelled: tuple[str, str] | None = None
+        self._leaving = False
+        self._began = time.monotonic()
+        self.stage: StartingStage | None = StartingStage()
+        """What is being prepared, or None: the run is on."""
+        self.cell_kind = ""
+
+    @property
+    def age(self) -> float:
+        """Seconds since it was ordered."""
+        return time.monotonic() - self._began
+
+    @property
+    def cancelled(self) -> str:
+        """Why it must not begin, or nothing."""
+        return self._cancelled[0] if self._cancelled is not None else ""
+
+    def reach(self, what: str, done: int = 0, of: int = 0) -> None:
+        """Tell what is done next."""
+        self.stage = StartingStage(what, done, of)
+        self._changed()
+
+    def begin(self) -> None:
+        """The run is on: from now on its events tell how it goes."""
+        self.stage = None
+        self._changed()
+
+    def refuse_cancelled(self) -> None:
+        """Go no further once it was cancelled.
+
+        Raises:
+            StartCancelledError: it was.
+        """
+        if self._cancelled is not None:
+            raise StartCancelledError(self.cancelled)
+
+    def attach(self, run: Requests) -> None:
+        """From now on there is a run, with a cell, that can be stopped: at once, if somebody wanted that before."""
+        with self._lock:
+            self._run = run
+            cancelled, leaving = self._cancelled, self._leaving
+        if cancelled is not None:
+            run.safe_stop(*cancelled)
+        if leaving:
+            run.leave()
+
+    def cancel(self, reason: str, who: str) -> None:
+        """The run must not begin. A cell that is connected goes into its safe state now."""
+        with self._lock:
+            self._cancelled = self._cancelled or (reason, who)
+            run = self._run
+        if run is not None:
+            run.safe_stop(reason, who)
+        self._changed()
+
+    def abandon(self, reason: str) -> None:
+        """The process ends: no run begins, one that goes on is stopped, and nobody will acknowledge its safe state."""
+        self.cancel(reason, "system")
+        with self._lock:
+            self._leaving = True
+            run = self._run
+        if run is not None:
+            run.leave()

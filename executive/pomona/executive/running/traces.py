@@ -1,0 +1,94 @@
+"""Where an exception came from: one place for people, and the whole traceback for the record."""
+
+from __future__ import annotations
+
+import os
+import sys
+import sysconfig
+import traceback
+from collections.abc import Iterator
+from pathlib import Path
+from types import FrameType
+
+import py_trees
+
+LONGEST = 16_000
+"""Characters of a traceback that are kept: of an endless recursion the beginning and the end."""
+
+_HERE = str(Path(__file__).parents[1]) + os.sep
+_PY_TREES = str(Path(py_trees.__file__).parent) + os.sep
+_PYTHON = tuple({sysconfig.get_path(name) + os.sep for name in ("stdlib", "platstdlib")})
+_PACKAGES = tuple({sysconfig.get_path(name) + os.sep for name in ("purelib", "platlib")})
+
+
+def place_of(error: BaseException) -> str:
+    """Return `skills/lift.py:42, in run`: the innermost place outside libraries; empty when unknown."""
+    noted = (
+        vars(error).get("place") if hasattr(error, "__dict__") else None
+    )  # of another process, as `keep_place` noted it there
+    if isinstance(noted, str) and noted:
+        return noted
+    chain = list(_chain(error))
+    home = next((package for frames in chain for frame, _ in frames if (package := _package(_file(frame)))), "")
+    for frames in chain:
+        mine = [(frame, line) for frame, line in frames if _is_own(_file(frame), home)]
+        if mine:
+            return _place(*mine[-1])
+    return _place(*chain[0][-1]) if chain and chain[0] else ""
+
+
+def keep_place(error: BaseException, place: str) -> None:
+    """Let an exception that goes to another process, where its frames are unknown, remember its place."""
+    error.place = place  # type: ignore[attr-defined]
+
+
+def traceback_of(error: BaseException) -> str:
+    """The traceback with causes and notes, of limited length."""
+    try:
+        text = "".join(traceback.format_exception(error))
+    except BaseException as second:  # its own __str__ may be what fails
+        text = f"{type(error).__name__}, which cannot be shown: {type(second).__name__}\n"
+    if len(text) <= LONGEST:
+        return text
+    half = LONGEST // 2
+    return f"{text[:half]}\n… {len(text) - LONGEST} characters left out …\n{text[-half:]}"
+
+
+def _chain(error: BaseException) -> Iterator[list[tuple[FrameType, int]]]:
+    """The frames of an exception, then those of what it was raised from."""
+    found: BaseException | None = error
+    for _ in range(10):
+        if found is None:
+            return
+        yield list(traceback.walk_tb(found.__traceback__))
+        found = found.__cause__
+
+
+def _place(frame: FrameType, line: int) -> str:
+    return f"{_short(_file(frame))}:{line}, in {frame.f_code.co_name}"
+
+
+def _file(frame: FrameType) -> str:
+    return frame.f_code.co_filename
+
+
+def _package(file: str) -> str:
+    """The folder below site-packages of what is neither the executive nor py_trees; empty elsewhere."""
+    for root in _PACKAGES:
+        if file.startswith(root) and not file.startswith((_HERE, _PY_TREES)):
+            return root + file[len(root) :].split(os.sep)[0]
+    return ""
+
+
+def _is_own(file: str, home: str) -> bool:
+    """Neither the executive nor a library: `home` is the package that the executive called, wherever it stands."""
+    if file.startswith((_HERE, _PY_TREES, "<")):
+        return False
+    package = _package(file)
+    return package == home if package else not file.startswith(_PYTHON)
+
+
+def _short(file: str) -> str:
+    """A path as people know it: from the folder that Python imports from."""
+    roots = [root for root in sys.path if root and file.startswith(root.rstrip(os.sep) + os.sep)]
+    return os.path.relpath(file, max(roots, key=len)) if roots else file

@@ -1,0 +1,400 @@
+"""What a skill is: typed ports, a body that is polled, and failure with a reason.
+
+A skill is a py_trees behaviour whose body is one generator, `run`. Each `yield` hands the tick back (RUNNING, with an
+optional line of feedback); `return` is success with outputs; `raise self.failure(CODE, sentence, **data)` is
+failure. When the tree interrupts it, `Interrupted` is raised at the `yield`: the body stops what it started, may yield
+on while that takes time, and lets the exception pass. Work that takes longer than a moment goes through `self.compute`.
+
+    class Refined(Outputs):
+        measured: MeasuredFruit
+
+    class Refine(Skill):
+        failures = ("NO_DEPTH", "TOO_FEW_INLIERS")
+
+        def run(self, detection: Detection, inlier_band: Length = LENGTH("4 mm")) -> Work[Refined]:
+            fit = yield from self.compute(refine, detection.frame.depth, ...)
+            return Refined(measured=fit)
+
+Its ports are said once: the parameters of `run` are the inputs, the fields of what it returns the outputs
+(`pomona.executive.signature`). A mistake in them is an error when the class is made.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from inspect import isgeneratorfunction
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol, TypeVar, cast
+
+import py_trees
+from py_trees.common import Status
+
+from pomona.executive.clock import Clock
+from pomona.executive.errors import SkillError
+from pomona.executive.one_process import leave_if_forked
+from pomona.executive.ports import Outputs, Ports
+from pomona.executive.signature import ports_of
+from pomona.executive.values.sections import Problem
+
+if TYPE_CHECKING:
+    import numpy as np
+
+T = TypeVar("T")
+Work = Generator["str | None", None, T]
+"""What a `run` that takes several ticks returns: it yields lines of feedback and ends with its outputs."""
+
+
+@dataclass(frozen=True, slots=True)
+class Failure:
+    """Why a skill failed: a code from its closed set, a sentence for a person, and data (JSON-like values)."""
+
+    code: str
+    message: str
+    data: Mapping[str, object] = field(default_factory=dict)
+
+
+class SkillFailure(Exception):
+    """Raised by a skill's body to fail with a reason; made by `Skill.failure`."""
+
+    def __init__(self, failure: Failure) -> None:
+        self.failure = failure
+        super().__init__(f"{failure.code}: {failure.message}")
+
+
+class Interrupted(BaseException):
+    """Raised into a skill's body when the tree interrupts it. Never swallow it."""
+
+
+class Computation(Protocol):
+    """Work that goes on beside the tick."""
+
+    def done(self) -> bool:
+        """Whether it has ended."""
+        ...
+
+    def result(self) -> Any:
+        """The function's result, or the exception that it raised."""
+        ...
+
+    def cancel(self) -> None:
+        """Give up at once; an isolated computation's process is killed."""
+        ...
+
+
+class CellFacts(Protocol):
+    """What is known of a cell before it is connected."""
+
+    @property
+    def name(self) -> str: ...
+
+    def known(self, what: type[T]) -> T | None:
+        """What its file says about something (`pomona.drivers.interfaces.Workspace`), or None."""
+        ...
+
+
+class SkillContext(Protocol):
+    """What a run offers to its skills."""
+
+    @property
+    def clock(self) -> Clock:
+        """The cell's clock."""
+        ...
+
+    def device(self, interface: type[T]) -> T:
+        """The cell's device with this interface; it exists, since the check before the run looked."""
+        ...
+
+    def seed(self, node: str) -> int:
+        """A seed for one start of a node: the same in every run with the run's seed, different from start to start."""
+        ...
+
+    def compute(self, node: str, function: Callable[..., Any], *arguments: Any, isolated: bool) -> Computation:
+        """Start a function beside the tick: see `Skill.compute`."""
+        ...
+
+    def publish(self, node: str, topic: str, value: object) -> None:
+        """Show a value to everyone who watches the run, and record it."""
+        ...
+
+    def elapsed(self) -> float:
+        """Seconds that the run has been running; stands still while it is paused. Deadlines of the tree use this."""
+        ...
+
+    def acquire(self, skill: Skill) -> str | None:
+        """Make a skill the owner of what it moves; or say what it must wait for, and take nothing."""
+        ...
+
+    def release(self, skill: Skill) -> None:
+        """The skill moves nothing any more. Harmless when it owns nothing."""
+        ...
+
+    def halt(self, skill: Skill, work: Work[Any]) -> None:
+        """Drive an interrupted body until it has ended; the skill owns what it moves until then. Never raises."""
+        ...
+
+
+class Skill(py_trees.behaviour.Behaviour):
+    """A leaf of the tree. Subclasses declare their devices and failure codes, and write `run`.
+
+    `run` is the skill's body: a generator function, or for instant work a function that returns the outputs.
+
+    Attributes:
+        inputs, outputs: ports, read from the signature of `run`; only a `run(self, **inputs)` that takes whatever comes
+            (a mock) says them in the class.
+        devices: interfaces of the cell's devices that it uses.
+        failures: codes with which it can fail.
+        renamed_failures: codes of the version before, with what each is called now; the checker tells who still
+            writes the old one.
+    """
+
+    inputs: ClassVar[Ports] = Ports()
+    outputs: ClassVar[Ports] = Ports()
+    devices: ClassVar[tuple[type, ...]] = ()
+    moves: ClassVar[tuple[type, ...] | None] = None
+    """Those of its devices that it moves, of which it must be the only owner; the others it only looks at. By default
+    all of them, or none for instant work."""
+    failures: ClassVar[tuple[str, ...]] = ()
+    renamed_failures: ClassVar[Mapping[str, str]] = {}
+    own_speed: ClassVar[bool] = False
+    """Whether what it moves goes as fast as it says, whatever speed the operator and the tree allow: it measures
+    something that depends on how fast it moves."""
+
+    def __init_subclass__(cls, **kwargs: Any) -> None:
+        super().__init_subclass__(**kwargs)
+        if "run" in vars(cls):
+            ports = ports_of(cls.__name__, vars(cls)["run"])
+            if ports is not None:
+                said = {"inputs", "outputs"} & vars(cls).keys()
+                if said:
+                    raise SkillError(
+                        cls.__name__, f"{', '.join(sorted(said))} are declared by the signature of run already"
+                    )
+                cls.inputs, cls.outputs = ports
+
+    def __init__(self, name: str = "") -> None:
+        super().__init__(name or type(self).__name__)
+        self.reason: Failure | None = None
+        self.path = self.name
+        self.starts = 0
+        self.blocked = 0.0  # seconds that the last poll kept the tick waiting
+        self.broke = False  # whether it raised what is no failure: this ends the run
+        self.changed: dict[str, object] = {}
+        """Inputs to which somebody has given another value while the tree runs; they count from the next start on."""
+        self.slowed_by: list[Callable[[], float]] = []
+        """Shares of the speed that the tree gives it, as they are now."""
+        self._work: Work[Any] | None = None
+        self._context: SkillContext | None = None
+        self._read: Callable[[], Mapping[str, object]] = dict
+        self._write: Callable[[str, object], None] = lambda _name, _value: None
+
+    @classmethod
+    def claims(cls) -> tuple[type, ...]:
+        """What it moves: nobody else may move it from its start until it has ended or let go."""
+        if cls.moves is not None:
+            return cls.moves
+        return cls.devices if isgeneratorfunction(getattr(cls, "run", None)) else ()
+
+    def speed(self, allowed: float) -> float:
+        """Share of the speed at which it moves its devices, where the operator allows a share."""
+        return 1.0 if self.own_speed else allowed * math.prod(share() for share in self.slowed_by)
+
+    # ------------------------------------------------------------------------------------- for subclasses
+
+    @classmethod
+    def judge(cls, known: Mapping[str, Any], cell: CellFacts | None) -> Iterable[Problem]:
+        """What is wrong with a use of this skill, found before anything is connected.
+
+        Args:
+            known: inputs whose value is the same in every run, in SI, by their ports.
+            cell: what is known of the cell, or None when a tree is judged alone.
+        """
+        return ()
+
+    @classmethod
+    def offers(cls, port: str, cell: CellFacts | None) -> Iterable[str]:
+        """Words that make sense at a port, for editors; `judge` says which do not."""
+        return ()
+
+    def known(self, port: str) -> Any:
+        """An input's value before the run begins, for `prepare`; None when only the run will tell."""
+        try:
+            return self._read().get(port)
+        except SkillFailure:
+            return None
+
+    def prepare(self) -> None:
+        """Load and warm what the first start needs (weights, compiled code); called before the run's clock starts."""
+
+    def failure(self, code: str, message: str, **data: object) -> SkillFailure:
+        """A failure to raise.
+
+        Raises:
+            SkillError: the code is none of the class's `failures`.
+        """
+        if code not in self.failures:
+            raise SkillError(type(self).__name__, f"failure code {code} is not declared in its `failures`")
+        return SkillFailure(Failure(code, message, data))
+
+    @property
+    def context(self) -> SkillContext:
+        """What the run offers.
+
+        Raises:
+            SkillError: the skill is not bound to a run.
+        """
+        if self._context is None:
+            raise SkillError(type(self).__name__, "is not bound to a run")
+        return self._context
+
+    @property
+    def clock(self) -> Clock:
+        """The cell's clock."""
+        return self.context.clock
+
+    def device(self, interface: Callable[..., T]) -> T:
+        """The cell's device of an interface, usually a Protocol.
+
+        (A Protocol is no `type[T]` for type checkers, but a callable that gives a T.)
+
+        Raises:
+            SkillError: the interface is none of the class's `devices`.
+        """
+        found = cast(type[T], interface)
+        if found not in self.devices:
+            raise SkillError(type(self).__name__, f"uses {found.__name__}, which is not in its `devices`")
+        return self.context.device(found)
+
+    def rng(self) -> np.random.Generator:
+        """A random generator for this start of this node: reproducible from the run's seed."""
+        import numpy as np
+
+        return np.random.default_rng(self.context.seed(f"{self.path}#{self.starts}"))
+
+    def publish(self, topic: str, value: object) -> None:
+        """Show a value (an image, a path, a number) to the operator, and record it."""
+        self.context.publish(self.path, topic, value)
+
+    def compute(
+        self, function: Callable[..., T], *arguments: Any, isolated: bool = False
+    ) -> Generator[str | None, None, T]:
+        """Run a function beside the tick: in a thread, or `isolated` in a process that can be killed at once.
+
+        An isolated function and its arguments must be picklable. Use it for work that holds the interpreter's lock.
+        The result is there in the next tick at the earliest, however quick the function is.
+        """
+        computation = self.context.compute(self.path, function, *arguments, isolated=isolated)
+        try:
+            yield None
+            while not computation.done():
+                yield None
+        except BaseException:
+            computation.cancel()
+            raise
+        result: T = computation.result()
+        return result
+
+    def wait(self, duration: float) -> Generator[str | None, None, None]:
+        """Let `duration` seconds of the run pass."""
+        end = self.context.elapsed() + duration
+        while self.context.elapsed() < end - 1e-9:
+            yield None
+
+    # --------------------------------------------------------------------------------- for the tree builder
+
+    def bind(
+        self,
+        context: SkillContext,
+        path: str,
+        read: Callable[[], Mapping[str, object]],
+        write: Callable[[str, object], None],
+    ) -> None:
+        """Wire the skill into a run: `read` gives all inputs by port name, `write` takes one output."""
+        self._context, self.path, self._read, self._write = context, path, read, write
+
+    # ------------------------------------------------------------------------------------------- py_trees
+
+    def tick(self) -> Iterator[py_trees.behaviour.Behaviour]:
+        # As py_trees' own, without formatting a log line and listing all statuses in every tick.
+        if self.status is not Status.RUNNING:
+            self.initialise()
+        status = self.update()
+        if status is not Status.RUNNING:
+            self.stop(status)
+        self.status = status
+        yield self
+
+    def initialise(self) -> None:
+        self.reason = None
+        self._work = None
+        self.feedback_message = ""
+        self.starts += 1
+
+    def update(self) -> Status:
+        began = time.perf_counter()
+        status = None
+        try:
+            status = self._poll()
+        except SkillFailure as failed:
+            self.reason = failed.failure
+            self.feedback_message = str(failed)
+            status = Status.FAILURE
+        except Interrupted as error:
+            self.broke = True
+            raise SkillError(type(self).__name__, "raised Interrupted although nobody interrupted it") from error
+        except BaseException:
+            self.broke = True
+            raise
+        finally:
+            leave_if_forked()
+            self.blocked = time.perf_counter() - began
+            if status is not Status.RUNNING:
+                self.context.release(self)
+        return status
+
+    def _poll(self) -> Status:
+        if self._work is None:
+            obstacle = self.context.acquire(self)
+            if obstacle is not None:
+                self.feedback_message = obstacle
+                return Status.RUNNING
+            started = self._body()(**{**self._read(), **self.changed})
+            if not isinstance(started, Generator):
+                return self._succeed(started)
+            self._work = started
+        try:
+            feedback = next(self._work)
+        except StopIteration as stop:
+            return self._succeed(stop.value)
+        if feedback is not None:
+            if not isinstance(feedback, str):  # nobody could show or record it
+                raise SkillError(
+                    type(self).__name__, f"yielded a {type(feedback).__name__}; a line of feedback is a text"
+                )
+            self.feedback_message = feedback
+        return Status.RUNNING
+
+    def terminate(self, new_status: Status) -> None:
+        if new_status is Status.INVALID and self.status is Status.RUNNING and self._work is not None:
+            work, self._work = self._work, None
+            self.context.halt(self, work)
+
+    def _body(self) -> Callable[..., Any]:
+        body: Callable[..., Any] | None = getattr(
+            self, "run", None
+        )  # not declared here: each skill's has its own signature
+        if body is None:
+            raise SkillError(type(self).__name__, "defines no run()")
+        return body
+
+    def _succeed(self, outputs: Any) -> Status:
+        given = dict(vars(outputs) if isinstance(outputs, Outputs) else outputs or {})
+        if given.keys() != self.outputs.keys():
+            expected, got = sorted(self.outputs), sorted(given)
+            raise SkillError(type(self).__name__, f"must return the outputs {expected}, returned {got}")
+        for name, value in given.items():
+            if not self.outputs[name].accepts(value):
+                raise SkillError(type(self).__name__, f"output {name} is a {type(value).__name__}")
+            self._write(name, value)
+        return Status.SUCCESS

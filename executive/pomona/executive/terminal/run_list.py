@@ -1,0 +1,165 @@
+"""Recorded runs as tables: the list, one beside another."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from datetime import datetime
+from typing import Any
+
+from rich.table import Table
+from rich.text import Text
+
+from pomona.executive.recording.digest import Digest
+from pomona.executive.terminal.screen import Screen
+from pomona.executive.terminal.words import seconds
+
+MARKS = {
+    "success": ("✓", "green"), "failure": ("✗", "red"), "stopped": ("■", "yellow"), "error": ("■", "red"),
+    "running": ("▶", "bold cyan"), "cut off": ("…", "yellow"), "damaged": ("!", "bold red"), "unreadable": ("?", "red"),
+}  # fmt: skip
+"""By outcome, or by state for a run without one."""
+
+UNCHECKED = "This record was written without checksums: nobody can tell whether it is still as it was written."
+
+
+def wide_console() -> Screen:
+    """A console that cuts nothing off when its output goes into a file or a pipe."""
+    console = Screen()
+    return console if console.is_terminal else Screen(width=2000)
+
+
+def print_list(console: Screen, runs: Sequence[Digest], of: int, total: int) -> None:
+    """The list, newest first, with a line that sums it up.
+
+    Args:
+        console: where to.
+        runs: what is shown.
+        of: how many runs there are with what is not shown.
+        total: bytes of all.
+    """
+    table = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
+    for name, justify in (
+        ("", "left"), ("run", "left"), ("cell", "left"), ("seed", "right"), ("time", "right"), ("size", "right"),
+        ("how it ended", "left"),
+    ):  # fmt: skip
+        table.add_column(name, justify=justify, no_wrap=True)  # type: ignore[arg-type]
+    room = console.width - 40 - max((len(run.run) + len(run.cell) for run in runs), default=0)
+    for run in runs:
+        sign, style = MARKS.get(how(run), ("?", "red"))
+        table.add_row(
+            Text(sign, style),
+            run.run,
+            run.cell or "–",
+            "–" if run.seed is None else str(run.seed),
+            "–" if run.time is None else seconds(run.time),
+            size(run.bytes),
+            Text(_shortened(ending(run), max(room, 20)), style if how(run) != "success" else ""),
+        )
+    console.print(table)
+    counted = Counter(map(how, runs))
+    words = ", ".join(f"{number} {word}" for word, number in counted.most_common())
+    shown = f"{len(runs)} runs" if len(runs) == of else f"{len(runs)} of {of} runs"
+    console.print(f"{shown}, {size(total)} in all: {words or 'none'}", style="dim")
+
+
+def _shortened(text: str, width: int) -> str:
+    return text if len(text) <= width else f"{text[: width - 1]}…"
+
+
+def how(run: Digest) -> str:
+    """A run's outcome, or its state when it has none."""
+    return run.outcome if run.state == "ended" and run.outcome in MARKS else run.state
+
+
+def ending(run: Digest) -> str:
+    """How a run ended, in a few words."""
+    settings = "  ".join(f"{key}={value}" for key, value in run.settings.items())
+    lost = f"repaired, lost {run.lost}   " if run.lost else ""
+    if how(run) == "success":
+        return f"{lost}{settings}"
+    if run.state == "running":
+        return f"running for {seconds(time.time() - run.wall_time)}"
+    if run.state == "cut off":
+        return f"cut off: {run.message}; `pomona runs repair` makes it whole"
+    if run.state == "damaged":
+        return run.message or "damaged"
+    why = f"{run.code}: {run.message}" if run.code else run.message or ""
+    return f"{lost}{why}   {settings}".strip()
+
+
+def size(value: float) -> str:
+    """1232338 -> '1.2 MB'."""
+    for unit, factor in (("GB", 1e9), ("MB", 1e6), ("kB", 1e3)):
+        if value >= factor:
+            return f"{value / factor:.1f} {unit}"
+    return f"{value:.0f} B"
+
+
+def when(wall_time: float) -> str:
+    """A moment on this machine's clock."""
+    return f"{datetime.fromtimestamp(wall_time):%d %B %Y, %H:%M:%S}"
+
+
+def print_comparison(console: Screen, runs: Sequence[Digest], skills: Sequence[Mapping[str, float]]) -> None:
+    """Runs beside each other: one column each, one row for everything that at least one of them says.
+
+    Args:
+        console: where to.
+        runs: what is compared.
+        skills: of each run, seconds by skill.
+    """
+    table = Table(box=None, padding=(0, 3, 0, 0), header_style="bold")
+    table.add_column("")
+    for run in runs:
+        table.add_column(run.run, justify="right")
+    for name, values in _comparison(runs, skills).items():
+        same = len(set(values)) == 1
+        table.add_row(Text(name, "dim"), *(Text(value, "dim" if same else "") for value in values))
+    console.print(table)
+    console.print("what all runs share is dim", style="dim")
+
+
+def _comparison(runs: Sequence[Digest], skills: Sequence[Mapping[str, float]]) -> dict[str, list[str]]:
+    rows: dict[str, list[str]] = {}
+
+    def add(name: str, values: Sequence[Any]) -> None:
+        if any(value not in (None, "", "–") for value in values):
+            rows[name] = ["–" if value is None else str(value) for value in values]
+
+    add("outcome", [how(run) for run in runs])
+    add("why not", [run.code for run in runs])
+    add("began", [when(run.wall_time) if run.wall_time else None for run in runs])
+    add("git", [run.git for run in runs])
+    add("tree", [f"{run.tree} {run.tree_hash[:8]}" for run in runs])
+    add("cell", [f"{run.cell} {run.cell_hash[:8]}" for run in runs])
+    add("seed", [run.seed for run in runs])
+    for key in sorted({key for run in runs for key in run.settings}):
+        add(key, [run.settings.get(key) for run in runs])
+    parameters = {key for run in runs for key in run.parameters} - {key for run in runs for key in run.settings}
+    for key in sorted(parameters):
+        values = [run.parameters.get(key) for run in runs]
+        if len({str(value) for value in values}) > 1:
+            add(key, values)
+    add("time", [None if run.time is None else seconds(run.time) for run in runs])
+    add("wall time", [None if run.wall is None else seconds(run.wall) for run in runs])
+    add("attempts", [run.attempts for run in runs])
+    for code in sorted({code for run in runs for code in run.codes}):
+        add(f"× {code}", [run.codes.get(code, 0) for run in runs])
+    for name in dict.fromkeys(name for run in skills for name in run):
+        if max(run.get(name, 0.0) for run in skills) >= 0.01:
+            add(f"{name} takes", [seconds(run[name]) if name in run else None for run in skills])
+    for name in dict.fromkeys(name for run in runs for name in run.truth or {}):
+        add(name, [_figure((run.truth or {}).get(name)) for run in runs])
+    return rows
+
+
+def _figure(value: Any) -> str | None:
+    """A number of the world's score; what is no single number is left out."""
+    if isinstance(value, bool) or value is None:
+        return None if value is None else ("yes" if value else "no")
+    if isinstance(value, (int, float)):
+        return f"{value:.4g}" if math.isfinite(value) else None
+    return value if isinstance(value, str) else None

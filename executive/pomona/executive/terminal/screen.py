@@ -1,0 +1,58 @@
+"""Rich's console, filtered."""
+
+from __future__ import annotations
+
+import errno
+import os
+from collections.abc import Iterable
+from typing import IO, NoReturn
+
+from rich.color import ColorSystem
+from rich.console import Console, ConsoleOptions, RenderableType
+from rich.segment import Segment
+
+from pomona.executive.terminal.filtered import HARMFUL, Filtered, visible
+
+
+class Screen(Console):
+    """Rich's console, on the terminal itself, with everything filtered that it is given to show.
+
+    Texts are no markup unless a call says so: `[red]` in a name is `[red]`.
+    """
+
+    def __init__(self, *, stderr: bool = False, quiet: bool = False, width: int | None = None) -> None:
+        super().__init__(stderr=stderr, quiet=quiet, width=width, markup=False, highlight=False)
+        if os.environ.get("FORCE_COLOR") and not (os.environ.get("NO_COLOR") or self.is_terminal):
+            self._color_system = ColorSystem.STANDARD
+
+    @property
+    def is_terminal(self) -> bool:
+        """Whether lines can be drawn anew. `FORCE_COLOR`, which rich takes for a terminal, asks for colours alone: a
+        notebook or a CI's log would keep every state of a run's moving picture."""
+        try:
+            return self.file.isatty()
+        except ValueError:  # it is closed
+            return False
+
+    @property
+    def file(self) -> IO[str]:
+        """Where it writes: the stream itself, not filtered a second time."""
+        stream = super().file
+        return stream.unfiltered if isinstance(stream, Filtered) else stream
+
+    @file.setter
+    def file(self, new_file: IO[str]) -> None:
+        self._file = new_file
+
+    def on_broken_pipe(self) -> NoReturn:
+        """Nobody reads any more: BrokenPipeError. Rich's own leaves the process, and a run must end first."""
+        raise BrokenPipeError(errno.EPIPE, "Broken pipe: nobody reads the output any more")
+
+    def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterable[Segment]:
+        """As rich's, with what could act on a terminal made visible."""
+        for segment in super().render(renderable, options):
+            text, style, control = segment
+            if control is None and (HARMFUL.search(text) or (style is not None and style.link)):
+                yield Segment(visible(text), style.update_link(None) if style is not None else None)
+            else:
+                yield segment

@@ -1,0 +1,66 @@
+"""The few signs and formats that every text view shares."""
+
+from __future__ import annotations
+
+import math
+import re
+from typing import Any
+
+from pomona.executive.reasons import Reason
+
+ICONS = {"SUCCESS": "✓", "FAILURE": "✗", "RUNNING": "▶", "INVALID": "·"}
+STYLES = {"SUCCESS": "green", "FAILURE": "red", "RUNNING": "bold cyan", "INVALID": "dim"}
+
+
+def seconds(value: float) -> str:
+    """0.0123 -> '12 ms', 4.26 -> '4.3 s', 91 -> '1 min 31 s'."""
+    if value < 0.0995:
+        return f"{value * 1e3:.0f} ms"
+    if value < 60.0:
+        return f"{value:.1f} s"
+    minutes, rest = divmod(round(value), 60)
+    return f"{minutes} min {rest} s"
+
+
+def say(reason: Reason | None) -> str:
+    """One line for a reason: the leaf that caused it, with its node."""
+    if reason is None:
+        return ""
+    last = list(reason.leaves())[-1]
+    node = last.node_path.rsplit("/", 1)[-1]
+    return f"{node} {last.code}: {last.message}{at_place(last)}".strip()
+
+
+def at_place(reason: Reason) -> str:
+    """` (skills/pomona/skills/lift.py:42, in run)` for a reason that is an exception; else nothing."""
+    place = reason.data.get("place")
+    return f" ({place})" if isinstance(place, str) and place else ""
+
+
+UNITS = {"mm": "mm", "m": "m", "n": "N", "nm": "N·m", "kg": "kg", "deg": "°", "rad": "rad", "s": "s"}
+RESOLUTION = {"mm": 1e-3, "m": 1e-5, "n": 1e-3, "nm": 1e-5, "kg": 1e-4, "deg": 1e-2, "rad": 1e-4, "s": 1e-3}
+"""What is smaller is nothing: no device and no simulation of ours measures finer. In the unit itself."""
+
+
+def figure(name: str, value: Any) -> str:
+    """slip_mm, 0.1392 -> 'slip 0.1392 mm'; height_gained_m, -7.4e-08 -> 'height gained 0 m'; lifted -> 'lifted: yes'.
+
+    What is smaller than any device or simulation of ours measures is 0.
+    """
+    from pomona.executive.encode import plain  # with numpy, which a list of runs does not need
+
+    value = plain(value)
+    if isinstance(value, bool):
+        return f"{name.replace('_', ' ')}: {'yes' if value else 'no'}"
+    found = re.fullmatch(r"(.+)_([a-z]+)", name)
+    unit = found[2] if found and found[2] in UNITS else ""
+    said = f"{(found[1] if found and unit else name).replace('_', ' ')} {_number(value, RESOLUTION.get(unit, 0.0))}"
+    return f"{said} {UNITS[unit]}" if unit else said
+
+
+def _number(value: Any, resolution: float) -> str:
+    if isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value):
+        return "0" if abs(value) < resolution / 2 or value == 0 else f"{value:.4g}"
+    if isinstance(value, list):
+        return "(" + ", ".join(_number(item, resolution) for item in value) + ")"
+    return str(value)

@@ -1,0 +1,236 @@
+"""What is wrong in a tree file, said so that the person can mend it: where, what, and what to write instead."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass
+from difflib import get_close_matches
+from functools import lru_cache
+from typing import Literal, NamedTuple, Protocol
+
+from pomona.executive.errors import UsageError
+
+Severity = Literal["error", "warning"]
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One thing that is wrong. Lines and columns count from 1; `length` characters of the excerpt are meant."""
+
+    path: str
+    line: int
+    column: int
+    severity: Severity
+    code: str
+    message: str
+    hint: str = ""
+    excerpt: str = ""
+    length: int = 1
+
+
+class TreeFileError(UsageError):
+    """A tree file that cannot be run, with everything that was found in it."""
+
+    def __init__(self, findings: Sequence[Finding]) -> None:
+        self.findings = tuple(findings)
+        super().__init__(format_findings(self.findings))
+
+
+class Located(Protocol):
+    """Anything that knows where it is written."""
+
+    @property
+    def source(self) -> Source:
+        """The file that it stands in."""
+        ...
+
+    @property
+    def line(self) -> int:
+        """Line, from 1."""
+        ...
+
+    @property
+    def column(self) -> int:
+        """Column, from 1."""
+        ...
+
+    @property
+    def length(self) -> int:
+        """How many characters to underline."""
+        ...
+
+
+class LocatedText(Located, Protocol):
+    """A text in a file."""
+
+    @property
+    def text_column(self) -> int:
+        """Column of its first character."""
+        ...
+
+
+class Spot(NamedTuple):
+    """A place in a file."""
+
+    source: Source
+    line: int
+    column: int
+    length: int = 1
+
+
+class Within(NamedTuple):
+    """Some characters of what is written somewhere, wherever that moves."""
+
+    whole: LocatedText
+    start: int
+    length: int
+
+    @property
+    def source(self) -> Source:
+        """The file."""
+        return self.whole.source
+
+    @property
+    def line(self) -> int:
+        """Line, from 1."""
+        return self.whole.line
+
+    @property
+    def column(self) -> int:
+        """Column, from 1."""
+        return self.whole.text_column + self.start
+
+
+class Source:
+    """One file's text, for excerpts; `comments` maps a line to its comment, `comment_lines` hold nothing else."""
+
+    def __init__(self, path: str, text: str) -> None:
+        self.path, self.text = path, text
+        self.lines = text.splitlines()
+        self.comments: dict[int, str] = {}
+        self.comment_lines: set[int] = set()
+
+    def excerpt(self, line: int) -> str:
+        """The text of a line, from 1; empty beyond the file."""
+        return self.lines[line - 1] if 0 < line <= len(self.lines) else ""
+
+
+class Findings:
+    """Collects findings; says each only once."""
+
+    def __init__(self) -> None:
+        self._found: dict[tuple[str, int, int, str, str], Finding] = {}
+        self.told = 0
+        """How often something was wrong; the same counts each time."""
+
+    def error(self, where: Located, code: str, message: str, hint: str = "") -> None:
+        """Report what keeps the file from being used."""
+        self._add(where, "error", code, message, hint)
+
+    def warning(self, where: Located, code: str, message: str, hint: str = "") -> None:
+        """Report what is probably not meant."""
+        self._add(where, "warning", code, message, hint)
+
+    def add(self, finding: Finding) -> None:
+        """Keep a finding, once."""
+        self.told += 1
+        key = (finding.path, finding.line, finding.column, finding.code, finding.message)
+        self._found.setdefault(key, finding)
+
+    def extend(self, findings: Iterable[Finding]) -> None:
+        """Keep all of these."""
+        for finding in findings:
+            self.add(finding)
+
+    def _add(self, where: Located, severity: Severity, code: str, message: str, hint: str) -> None:
+        source = where.source
+        excerpt = source.excerpt(where.line)
+        self.add(
+            Finding(source.path, where.line, where.column, severity, code, message, hint, excerpt, max(where.length, 1))
+        )
+
+    def sorted(self) -> list[Finding]:
+        """In reading order; findings without a line (a file that cannot be opened, `--set`) come first."""
+        return sorted(self._found.values(), key=lambda f: (f.path, f.line, f.column, f.severity, f.code))
+
+    @property
+    def errors(self) -> bool:
+        """Whether one of them is an error."""
+        return any(finding.severity == "error" for finding in self._found.values())
+
+
+_left: ContextVar[list[int] | None] = ContextVar("_left", default=None)
+"""Words that may still be compared; nothing outside of `few_hints`."""
+
+
+@contextmanager
+def few_hints() -> Iterator[None]:
+    """Inside, what was meant is looked for while few words are wrong: a file of mistakes is not worth minutes."""
+    if _left.get() is not None:
+        yield
+        return
+    token = _left.set([MAX_COMPARED])
+    try:
+        yield
+    finally:
+        _left.reset(token)
+
+
+def did_you_mean(word: str, known: Iterable[str]) -> str:
+    """`did you mean 'Refine'?`, or an empty text when nothing is close."""
+    left = _left.get()
+    if len(word) > MAX_WORD or (left is not None and left[0] <= 0):
+        return ""
+    candidates = tuple(sorted(set(known)))
+    if left is not None:
+        left[0] -= len(candidates)
+    return _close_to(word, candidates)
+
+
+@lru_cache(maxsize=256)
+def _close_to(word: str, candidates: tuple[str, ...]) -> str:
+    close = get_close_matches(word, candidates, n=1, cutoff=0.6)
+    if not close:
+        lower = {candidate.lower(): candidate for candidate in candidates}
+        close = [lower[match] for match in get_close_matches(word.lower(), list(lower), n=1, cutoff=0.6)]
+    return f"did you mean '{close[0]}'?" if close else ""
+
+
+MAX_WORD = 60
+"""Characters of a word for which one that was meant is looked for."""
+MAX_COMPARED = 20_000
+"""Words that are compared in one reading, about a second's work (30 000 unknown keys took 20 s without it)."""
+MAX_EXCERPT = 160
+MAX_SHOWN = 200
+"""Findings that are written out; who has more mends the first ones first."""
+
+
+def place_of(finding: Finding) -> str:
+    """`file:line:column`, or the file alone when no place in it is meant."""
+    return f"{finding.path}:{finding.line}:{finding.column}" if finding.line else finding.path
+
+
+def format_finding(finding: Finding) -> str:
+    """The finding as a compiler would print it, with its line and a marker under the place."""
+    lines = [f"{place_of(finding)}: {finding.severity}[{finding.code}]: {finding.message}"]
+    if finding.excerpt.strip() and len(finding.excerpt) <= MAX_EXCERPT:
+        shown = "".join(c if c.isprintable() else "·" for c in finding.excerpt.replace("\t", " "))
+        marker = "^" * max(1, min(finding.length, len(shown) - finding.column + 1))
+        lines.append(f"{finding.line:>5} | {shown}")
+        lines.append(f"      | {' ' * (finding.column - 1)}{marker} {finding.hint}".rstrip())
+    elif finding.hint:
+        lines.append(f"      {finding.hint}")
+    return "\n".join(lines)
+
+
+def format_findings(findings: Sequence[Finding]) -> str:
+    """All findings and their count."""
+    errors = sum(f.severity == "error" for f in findings)
+    warnings = len(findings) - errors
+    counts = [f"{n} {word}{'s' if n > 1 else ''}" for n, word in ((errors, "error"), (warnings, "warning")) if n]
+    shown = [*map(format_finding, findings[:MAX_SHOWN])]
+    if len(findings) > MAX_SHOWN:
+        shown.append(f"… and {len(findings) - MAX_SHOWN} more that are not shown")
+    return "\n".join([*shown, " and ".join(counts) + "."] if findings else [])

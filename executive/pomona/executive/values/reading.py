@@ -1,0 +1,66 @@
+"""How a file's values are read: every mistake becomes a finding at its place, and reading goes on to the next."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+from pomona.executive.values.findings import Findings, Located, did_you_mean
+from pomona.executive.values.yaml_nodes import YamlNode, YamlScalar
+
+_REFERENCE = re.compile(r"\{([^{}]*)\}")
+
+
+class Refused(Exception):
+    """A value that cannot be read; its finding has been made."""
+
+
+class Unfit(ValueError):
+    """A text that is no value of its kind: what is wrong, and what to write instead."""
+
+    def __init__(self, message: str, hint: str = "", code: str = "value") -> None:
+        self.message, self.hint, self.code = message, hint, code
+        super().__init__(message)
+
+
+@dataclass(frozen=True, slots=True)
+class Reader:
+    """What a value's kind needs beside the node.
+
+    Attributes:
+        findings: of everything that is wrong.
+        title: of the value, for messages: `devices.arm.lead`.
+        options: what `{name}` stands for, or None in files in which braces mean nothing.
+    """
+
+    findings: Findings
+    title: str = ""
+    options: Mapping[str, YamlScalar] | None = None
+
+    def inside(self, key: str) -> Reader:
+        """The reader of a value in this one."""
+        return replace(self, title=f"{self.title}.{key}" if self.title else key)
+
+    def refuse(self, where: Located, message: str, hint: str = "", code: str = "value") -> Refused:
+        """Make the finding; raise what this returns."""
+        self.findings.error(where, code, message, hint)
+        return Refused(message)
+
+    def filled(self, node: YamlNode) -> YamlNode:
+        """The node with options filled in. What is nothing but an option stands where the option is given.
+
+        Raises:
+            Refused: it names an option that does not exist.
+        """
+        options = self.options
+        if options is None or not isinstance(node, YamlScalar) or "{" not in node.text:
+            return node
+        for name in _REFERENCE.findall(node.text):
+            if name not in options:
+                hint = did_you_mean(name, options) or f"options: {', '.join(options) or 'none'}"
+                raise self.refuse(node, f"there is no option '{name}'", hint, "unknown-option")
+        whole = _REFERENCE.fullmatch(node.text.strip())
+        if whole is not None:
+            return options[whole[1]]
+        return replace(node, text=_REFERENCE.sub(lambda match: options[match[1]].text, node.text))

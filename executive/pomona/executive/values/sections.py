@@ -1,0 +1,203 @@
+"""Sections of files, declared as dataclasses: what may be written, in which unit, and what holds when it is not.
+
+    @dataclass(frozen=True, slots=True, kw_only=True)
+    class GripperOptions:
+        speed_max: float = value(Measure(SPEED, "1 mm/s", "1 m/s"), "200 mm/s", "fastest that the fingers move")
+        home: bool = value(Flag(), False, "find the reference when the run starts")
+
+        def problems(self) -> Iterator[Problem]: ...   # what no single value shows
+
+The reader, the JSON Schema and the documentation all ask the class.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any, Generic, NamedTuple, Protocol, TypeVar, runtime_checkable
+
+from pomona.executive.values.findings import did_you_mean
+from pomona.executive.values.kinds import Kind, ScalarKind, Schema
+from pomona.executive.values.reading import Reader, Refused
+from pomona.executive.values.shape import shape_of
+from pomona.executive.values.yaml_nodes import YamlMapping, YamlNode, YamlScalar
+
+S = TypeVar("S")
+_KIND = "kind"
+_REQUIRED = dataclasses.MISSING
+
+
+class Problem(NamedTuple):
+    """What is wrong though each value is right; `key` is the one that should change. A warning stops nothing."""
+
+    key: str
+    message: str
+    hint: str = ""
+    warning: bool = False
+
+
+@runtime_checkable
+class SelfJudging(Protocol):
+    """A section that looks at its values together."""
+
+    def problems(self) -> Iterable[Problem]:
+        """What is wrong with the section although each of its values is fine."""
+        ...
+
+
+def value(kind: Kind[Any], default: Any = _REQUIRED, help: str = "") -> Any:
+    """Declare a value of a section.
+
+    Args:
+        kind: what it may be.
+        default: what holds when it is not written; a text is read as if it were written. None for nothing. Without one
+            the value must be written.
+        help: one line for people.
+    """
+    written = default
+    if isinstance(default, str) and isinstance(kind, ScalarKind):
+        default = kind.parse(default)
+    metadata = {_KIND: kind, "help": help, "default": written}
+    if default is _REQUIRED:
+        return dataclasses.field(metadata=metadata)
+    if isinstance(default, dict):
+        return dataclasses.field(default_factory=dict, metadata=metadata)
+    return dataclasses.field(default=default, metadata=metadata)
+
+
+@dataclass(frozen=True, slots=True)
+class DeclaredValue:
+    """One value that a section may have."""
+
+    name: str
+    kind: Kind[Any]
+    help: str
+    required: bool
+    default: Any
+
+
+def declared(section: type) -> Iterator[DeclaredValue]:
+    """What a section may have, in its order."""
+    for field in dataclasses.fields(section):
+        if _KIND in field.metadata:
+            meta = field.metadata
+            default = None if meta["default"] is _REQUIRED else meta["default"]
+            yield DeclaredValue(field.name, meta[_KIND], meta["help"], meta["default"] is _REQUIRED, default)
+
+
+@dataclass(frozen=True, slots=True)
+class Placed(Generic[S]):
+    """A section that was read, and where its values stand."""
+
+    values: S
+    node: YamlMapping
+    reader: Reader
+
+    def refuse(self, problem: Problem) -> Refused | None:
+        """Make a finding at a value's place, or at the section when it was not written; a warning refuses nothing."""
+        if problem.warning:
+            self.reader.findings.warning(self.place(problem.key), "value", self._titled(problem), problem.hint)
+            return None
+        return self.reader.refuse(self.place(problem.key), self._titled(problem), problem.hint)
+
+    def place(self, key: str) -> YamlNode:
+        """Where a value is given: an option's own place when it comes from one."""
+        node = self.node.get(key)
+        try:
+            return self.node if node is None else self.reader.filled(node)
+        except Refused:
+            return self.node
+
+    def _titled(self, problem: Problem) -> str:
+        title = self.reader.inside(problem.key).title if problem.key else self.reader.title
+        return f"{title}: {problem.message}" if title else problem.message
+
+
+class Section(Kind[S]):
+    """A mapping whose keys are a dataclass's fields.
+
+    Args:
+        of: the dataclass; its fields are declared with `value`.
+        ignore: keys that somebody else reads.
+    """
+
+    def __init__(self, of: type[S], ignore: tuple[str, ...] = ()) -> None:
+        self.of, self.ignore = of, ignore
+        self.words = "a mapping"
+
+    def read(self, node: YamlNode, reader: Reader) -> S:
+        return self.read_placed(node, reader).values
+
+    def read_placed(self, node: YamlNode, reader: Reader) -> Placed[S]:
+        """The section with its places.
+
+        Raises:
+            Refused: something in it is wrong; all of it is in the findings.
+        """
+        what = reader.title or "the file"
+        if not isinstance(node, YamlMapping):
+            raise reader.refuse(node, f"{what} must be a mapping, not {shape_of(node)}", code="shape")
+        known = {entry.name: entry for entry in declared(self.of)}
+        refused = self._unknown(node, reader, (*known, *self.ignore), what)
+        given: dict[str, Any] = {}
+        for name, entry in known.items():
+            try:
+                written = node.get(name)
+                if written is None or _is_null(reader.filled(written)):
+                    if entry.required and node.lacking:
+                        raise Refused(name)
+                    if entry.required:
+                        raise reader.refuse(written or node, f"{what} needs '{name}'", entry.help, "missing-key")
+                else:
+                    given[name] = entry.kind.read(written, reader.inside(name))
+            except Refused as error:
+                refused = error
+        if refused is not None:
+            raise refused
+        placed = Placed(self.of(**given), node, reader)
+        for problem in placed.values.problems() if isinstance(placed.values, SelfJudging) else ():
+            refused = placed.refuse(problem) or refused
+        if refused is not None:
+            raise refused
+        return placed
+
+    def _unknown(self, node: YamlMapping, reader: Reader, known: tuple[str, ...], what: str) -> Refused | None:
+        refused = None
+        for key, _ in node.entries.values():
+            if key.text not in known:
+                hint = did_you_mean(key.text, known) or f"{what} has {', '.join(known) or 'no settings'}"
+                refused = reader.refuse(key, f"{what} has no setting '{key.text}'", hint, "unknown-key")
+        return refused
+
+    def schema(self, options: bool = False) -> Schema:
+        properties: dict[str, Schema] = {}
+        for entry in declared(self.of):
+            found = dict(entry.kind.schema(options))
+            if entry.help:
+                found["description"] = entry.help
+            if entry.default is not None:
+                found["default"] = _plain(entry.default)
+            properties[entry.name] = found
+        required = [entry.name for entry in declared(self.of) if entry.required]
+        return {
+            "type": "object",
+            "description": (self.of.__doc__ or "").strip().split("\n")[0],
+            "properties": properties,
+            "additionalProperties": False,
+            **({"required": required} if required else {}),
+        }
+
+
+def _is_null(node: YamlNode) -> bool:
+    """An option whose text is empty gives nothing, whether it is quoted or not."""
+    return isinstance(node, YamlScalar) and (node.is_null or not node.text)
+
+
+def _plain(default: Any) -> Any:
+    """A default as JSON has it."""
+    if dataclasses.is_dataclass(default):
+        return {f.name: _plain(v) for f in dataclasses.fields(default) if (v := getattr(default, f.name)) is not None}
+    if isinstance(default, tuple):
+        return [_plain(item) for item in default]
+    return dict(default) if isinstance(default, Mapping) else default

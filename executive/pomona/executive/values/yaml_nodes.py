@@ -1,0 +1,264 @@
+"""YAML text → nodes that know their place. Plain YAML only: no tags, no aliases, limited in size and depth.
+
+Scalars stay text; what they mean is decided by the type of the port that they are given to, so `no` is a fruit's name
+and not a boolean, and `1:30` is not 90.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import yaml
+
+from pomona.executive.values.findings import Findings, Source
+
+MAX_CHARACTERS = 512 * 1024
+MAX_DEPTH = 80
+MAX_NODES = 100_000
+
+_TOO_DEEP = f"nested more than {MAX_DEPTH} levels deep"
+_FLOW = re.compile(r"""(?<!\w)"(?:\\.|[^"\\])*(?:"|\Z)|(?<!\w)'(?:''|[^'])*(?:'|\Z)|(?<!\S)#.*|[\[\]{}]""")
+"""A quoted scalar (closed or not), a comment, or a bracket of a flow collection."""
+_SCALAR, _MAPPING_END = yaml.ScalarEvent, yaml.MappingEndEvent
+LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+
+
+@dataclass(slots=True, eq=False)
+class YamlNode:
+    """Where a node is written; lines and columns count from 1."""
+
+    source: Source
+    line: int
+    column: int
+    end_line: int
+    end_column: int
+
+    @property
+    def length(self) -> int:
+        """How many characters to underline."""
+        return self.end_column - self.column if self.end_line == self.line else 1
+
+
+@dataclass(slots=True, eq=False)
+class YamlScalar(YamlNode):
+    """Text; `plain` when it is written without quotes."""
+
+    text: str
+    plain: bool
+
+    @property
+    def is_null(self) -> bool:
+        """Whether it says nothing: empty, `~` or `null`."""
+        return self.plain and self.text in ("", "~", "null")
+
+    @property
+    def text_column(self) -> int:
+        """Column of the text's first character."""
+        return self.column if self.plain else self.column + 1
+
+
+@dataclass(slots=True, eq=False)
+class YamlList(YamlNode):
+    """A list, with the places of its items."""
+
+    items: list[YamlNode]
+
+
+@dataclass(slots=True, eq=False)
+class YamlMapping(YamlNode):
+    """Keys are unique: of a key that is written twice the first stays, and the second is a finding.
+
+    Attributes:
+        lacking: what it includes could not be read, with a finding of its own: nothing is missed in it.
+    """
+
+    entries: dict[str, tuple[YamlScalar, YamlNode]]
+    lacking: bool = False
+
+    def get(self, key: str) -> YamlNode | None:
+        """The value of a key, or None."""
+        entry = self.entries.get(key)
+        return None if entry is None else entry[1]
+
+
+class Unreadable(Exception):
+    """Stops reading; the finding has been made."""
+
+
+def read_yaml(source: Source, findings: Findings, what: str = "a tree file") -> YamlNode | None:
+    """The file's only document, or None when it cannot be read; every reason is a finding.
+
+    Args:
+        source: of the file.
+        findings: get the reasons.
+        what: the file is, for messages.
+    """
+    start = YamlScalar(source, 1, 1, 1, 2, "", True)
+    if len(source.text) > MAX_CHARACTERS:
+        message = f"the file has {len(source.text) // 1024} KiB; {what} has at most {MAX_CHARACTERS // 1024} KiB"
+        findings.error(start, "too-large", message)
+        return None
+    loader: Any = None
+    try:
+        loader = LOADER(source.text)
+        return Composer(source, findings, loader, what).document()
+    except Unreadable:
+        return None
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        line, column = (mark.line + 1, mark.column + 1) if mark is not None else (1, 1)
+        tab = _tab_at(source, line, column)
+        if tab:
+            message = "a tab indents this line, and YAML indents with spaces only"
+            where = YamlScalar(source, line, tab, line, tab + 1, "", True)
+            findings.error(where, "tab", message, "put spaces in its place; your editor can show it")
+            return None
+        deep = _too_deep_at(source.text)
+        if deep is not None:
+            findings.error(YamlScalar(source, *deep, deep[0], deep[1] + 1, "", True), "too-deep", _TOO_DEEP)
+            return None
+        context = f"{error.context}, " if error.context else ""
+        where = YamlScalar(source, line, column, line, column + 1, "", True)
+        hint = 'values with braces, colons or # stand in quotes: "{name}"' if "{" in source.excerpt(line) else ""
+        findings.error(where, "yaml", f"not YAML: {context}{error.problem or 'cannot be read'}", hint)
+    except (yaml.YAMLError, UnicodeError, ValueError) as error:
+        findings.error(start, "yaml", f"not YAML: {str(error).splitlines()[0] if str(error) else 'cannot be read'}")
+    finally:
+        if loader is not None:
+            loader.dispose()
+    return None
+
+
+def _too_deep_at(text: str) -> tuple[int, int] | None:
+    """Return line and column of the first flow bracket below `MAX_DEPTH`, or None.
+
+    libyaml reads ahead of the events that it delivers and refuses 1 000 nested flows itself since PyYAML 6.0.4.
+    """
+    depth = 0
+    for match in _FLOW.finditer(text):
+        depth += {"[": 1, "{": 1, "]": -1, "}": -1}.get(match[0], 0)
+        if depth > MAX_DEPTH:
+            line_start = text.rfind("\n", 0, match.start()) + 1
+            return text.count("\n", 0, line_start) + 1, match.start() - line_start + 1
+    return None
+
+
+def _tab_at(source: Source, line: int, column: int) -> int:
+    """Column of a tab in the line's indentation, at which reading stopped; 0 when there is none."""
+    text = source.excerpt(line)
+    at = text.find("\t") + 1
+    return at if at and not text[: at - 1].strip(" -") and at >= column - 1 else 0
+
+
+class Composer:
+    """Makes nodes of libyaml's events."""
+
+    def __init__(self, source: Source, findings: Findings, loader: Any, what: str) -> None:
+        self.source, self.findings, self.loader, self.what = source, findings, loader, what
+        self.scalars: list[YamlScalar] = []
+        """Those that may hold a #: a plain one on one line ends where a comment begins."""
+        self.count = 0
+
+    def document(self) -> YamlNode | None:
+        """The only document; None when there is none."""
+        get = self.loader.get_event
+        get()  # stream start
+        event = get()
+        if isinstance(event, yaml.StreamEndEvent):
+            self.findings.error(self._scalar_at(event), "empty", f"the file is empty, {self.what} is a mapping")
+            return None
+        root = self.node(get(), 0)
+        get()  # document end
+        event = get()
+        if not isinstance(event, yaml.StreamEndEvent):
+            self.findings.error(self._scalar_at(event), "yaml", f"{self.what} holds one document, here starts another")
+        self.find_comments(self.source.lines)
+        return root
+
+    def _scalar_at(self, event: Any) -> YamlScalar:
+        start, end = event.start_mark, event.end_mark
+        return YamlScalar(self.source, start.line + 1, start.column + 1, end.line + 1, end.column + 1, "", True)
+
+    def _refuse(self, event: Any, code: str, message: str, hint: str = "") -> Unreadable:
+        self.findings.error(self._scalar_at(event), code, message, hint)
+        return Unreadable()
+
+    def node(self, event: Any, depth: int) -> YamlNode:
+        """The node that an event begins."""
+        kind = type(event)
+        if kind is _SCALAR and event.tag is None and self.count < MAX_NODES and depth <= MAX_DEPTH:
+            return self._scalar(event)  # nearly every node is one
+        if depth > MAX_DEPTH:
+            raise self._refuse(event, "too-deep", _TOO_DEEP)
+        if self.count >= MAX_NODES:
+            raise self._refuse(event, "too-large", f"more than {MAX_NODES} values in one file")
+        if kind is yaml.AliasEvent:
+            raise self._refuse(event, "alias", f"YAML aliases (*) are not allowed in {self.what}")
+        if event.tag is not None and event.tag != "!":
+            raise self._refuse(event, "tag", f"YAML tags ({event.tag}) are not allowed in {self.what}")
+        if kind is _SCALAR:
+            return self._scalar(event)
+        self.count += 1
+        mark = event.start_mark
+        line, column = mark.line + 1, mark.column + 1
+        if kind is yaml.SequenceStartEvent:
+            items, mark = self._items(depth + 1)
+            return YamlList(self.source, line, column, mark.line + 1, mark.column + 1, items)
+        entries, mark = self._entries(depth + 1)
+        return YamlMapping(self.source, line, column, mark.line + 1, mark.column + 1, entries)
+
+    def _scalar(self, event: Any) -> YamlScalar:
+        self.count += 1
+        start, end, plain = event.start_mark, event.end_mark, not event.style
+        line, end_line = start.line + 1, end.line + 1
+        scalar = YamlScalar(self.source, line, start.column + 1, end_line, end.column + 1, event.value, plain)
+        if not plain or line != end_line:
+            self.scalars.append(scalar)
+        return scalar
+
+    def _items(self, depth: int) -> tuple[list[YamlNode], Any]:
+        """The items of a list, and the mark behind its end."""
+        get, items = self.loader.get_event, []
+        while type(event := get()) is not yaml.SequenceEndEvent:
+            items.append(self.node(event, depth))
+        return items, event.end_mark
+
+    def _entries(self, depth: int) -> tuple[dict[str, tuple[YamlScalar, YamlNode]], Any]:
+        """The entries of a mapping, and the mark behind its end."""
+        get, node = self.loader.get_event, self.node
+        entries: dict[str, tuple[YamlScalar, YamlNode]] = {}
+        while type(event := get()) is not _MAPPING_END:
+            key = node(event, depth)
+            value = node(get(), depth)
+            if not isinstance(key, YamlScalar):
+                hint = 'write braces that wire a port in quotes: "{name}"'
+                self.findings.error(key, "key", "a key must be a word", hint)
+            elif key.text in entries:
+                first = entries[key.text][0].line
+                self.findings.error(key, "duplicate-key", f"'{key.text}' is given twice, first in line {first}")
+            else:
+                entries[key.text] = (key, value)
+        return entries, event.end_mark
+
+    def find_comments(self, written: Sequence[str]) -> None:
+        """Comments are what follows a # that starts a line or follows a blank, outside every scalar."""
+        lines = {number: text for number, text in enumerate(written, start=1) if "#" in text}
+        covered: dict[int, list[tuple[int, int]]] = {}
+        for scalar in self.scalars if lines else ():
+            for line in range(scalar.line, scalar.end_line + 1):
+                first = scalar.column if line == scalar.line else 1
+                last = scalar.end_column if line == scalar.end_line else MAX_CHARACTERS
+                covered.setdefault(line, []).append((first, last))
+        for number, text in lines.items():
+            at = text.find("#")
+            while at >= 0:
+                outside = not any(first <= at + 1 < last for first, last in covered.get(number, ()))
+                if outside and (at == 0 or text[at - 1] in " \t"):
+                    self.source.comments[number] = text[at + 1 :].strip()
+                    if not text[:at].strip():
+                        self.source.comment_lines.add(number)
+                    break
+                at = text.find("#", at + 1)

@@ -1,6 +1,0 @@
-"""The fruit catalogue: what Detect, Refine and the grasp need to know about a kind of fruit."""
-
-from skills.perception.fruit.catalogue import FruitModel, Mesh, known_fruits, load_fruit
-from skills.perception.fruit.errors import BadFruitFile, FruitError, UnknownFruit
-
-__all__ = ["BadFruitFile", "FruitError", "FruitModel", "Mesh", "UnknownFruit", "known_fruits", "load_fruit"]

@@ -1,0 +1,124 @@
+"""The skill Approach."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+
+from pomona.drivers.interfaces import Arm, ForceSensor, Gripper, Workspace
+from pomona.executive.ports import ACCELERATION, FORCE, LENGTH, SPEED, Acceleration, Force, Length, Port, Speed
+from pomona.executive.skill import Work
+from pomona.executive.views import Line3, SceneView
+from pomona.skills.geometry import angle_between
+from pomona.skills.grip.hold import take_over
+from pomona.skills.motion.grasp import Grasp
+from pomona.skills.motion.occupancy import OccupancyMap
+from pomona.skills.motion.planning.arm_space import arm_space
+from pomona.skills.motion.planning.timing import time_curve
+from pomona.skills.motion.robot import RobotModel
+from pomona.skills.motion.straight_line import straight_line
+from pomona.skills.shared.following import MOTION_FAILURES, MovingSkill
+from pomona.skills.shared.live_watch import BLOCKED, KnownAround, prepare_watch
+from pomona.skills.shared.touch import Touch
+from pomona.skills.shared.usable_map import usable_field
+from pomona.skills.shared.warm_motion import prepare_moving
+
+START_DISTANCE, START_ANGLE = 0.01, 0.1
+"""How far the TCP may stand from the pre-grasp [m, rad]."""
+
+WIDTH_TOLERANCE = 1e-3
+JERK_TIME = 0.1
+
+
+class Approach(MovingSkill):
+    """Open the fingers, then go straight from the pre-grasp to the grasp, feeling the way.
+
+    Any lasting change of force at a finger stops the arm: nothing is to be touched before the fingers close.
+    """
+
+    devices = (Arm, Gripper, ForceSensor, Workspace)
+    moves = (Arm, Gripper)
+    failures = (
+        *MOTION_FAILURES,
+        BLOCKED,
+        "NOT_AT_PRE_GRASP",
+        "NO_STRAIGHT_LINE",
+        "IN_COLLISION",
+        "CONTACT",
+        "SENSOR_STALE",
+        "MAP_STALE",
+    )
+
+    def prepare(self) -> None:
+        prepare_moving(self)
+        prepare_watch(self)
+
+    def run(
+        self,
+        grasp: Grasp,
+        map: Annotated[OccupancyMap | None, Port(help="what is in the way; the target is left out of it")] = None,
+        speed: Annotated[Speed, Port(min="1 mm/s", max="1 m/s")] = SPEED("0.25 m/s"),
+        acceleration: Annotated[Acceleration, Port(min="0.01 m/s²", max="3 m/s²")] = ACCELERATION("1 m/s²"),
+        contact: Annotated[Force, Port(min="0.3 N", help="change of force that counts as a touch")] = FORCE("1.5 N"),
+        clearance: Annotated[
+            Length, Port(min="0 mm", help="kept by the links; gripper and fingers keep a share")
+        ] = LENGTH("5 mm"),
+    ) -> Work[None]:
+        arm, gripper = self.device(Arm), self.device(Gripper)
+        robot = RobotModel.load(arm.description)
+        q = arm.state().q
+        self._require_pre_grasp(robot.tcp(q), grasp)
+        line = straight_line(robot, q, grasp.T_base_grasp)
+        if not line.complete:
+            raise self.failure(
+                "NO_STRAIGHT_LINE",
+                f"{line.reason} after {1e3 * line.reached * line.length:.0f} of {1e3 * line.length:.0f} mm",
+                candidate=grasp.index,
+                reached_m=line.reached * line.length,
+            )
+        width = min(grasp.width, gripper.limits.width_max)
+        space = arm_space(arm, self.device(Workspace), usable_field(self, map), width, clearance, target=grasp.fruit)
+        blocked = space.first_blocked(line.q)
+        if blocked is not None:
+            reason, found = space.explain(line.q[blocked + 1])
+            raise self.failure("IN_COLLISION", f"on the approach {reason}", candidate=grasp.index, **found)
+        tcp_line = np.array([robot.tcp(state)[:3, 3] for state in line.q])
+        self.publish("approach", SceneView(lines=(Line3(tcp_line, "approach", "approach"),)))
+        if abs(gripper.state().width - width) > WIDTH_TOLERANCE:
+            take_over(gripper)
+            yield from self.move_fingers(width, gripper.limits.speed_max)
+        trajectory = time_curve(line.q, line.length, arm.limits, speed, acceleration, acceleration / JERK_TIME)
+        with Touch(self.device(ForceSensor)) as touch:
+            known = KnownAround(map, (grasp.fruit,))
+            yield from self.travel(trajectory, lambda: self._feel(touch, contact, robot, grasp), known)
+        return None
+
+    def _require_pre_grasp(self, T_base_tcp: np.ndarray, grasp: Grasp) -> None:
+        T_base_pre_grasp = grasp.T_base_pre_grasp
+        distance = float(np.linalg.norm(T_base_tcp[:3, 3] - T_base_pre_grasp[:3, 3]))
+        angle = angle_between(T_base_tcp[:3, :3], T_base_pre_grasp[:3, :3])
+        if distance > START_DISTANCE or angle > START_ANGLE:
+            raise self.failure(
+                "NOT_AT_PRE_GRASP",
+                f"the gripper stands {1e3 * distance:.0f} mm and {np.degrees(angle):.0f}° from the pre-grasp: "
+                "follow a path to it first",
+                distance_m=distance,
+                angle_rad=angle,
+            )
+
+    def _feel(self, touch: Touch, contact: float, robot: RobotModel, grasp: Grasp) -> None:
+        if stale := touch.stale_for(self.clock.now()):
+            raise self.failure("SENSOR_STALE", f"the fingers have sent no force for {1e3 * stale:.0f} ms")
+        if touch.change > contact:
+            T_base_tcp = robot.tcp(self.device(Arm).state().q)
+            left = float(np.linalg.norm(grasp.T_base_grasp[:3, 3] - T_base_tcp[:3, 3]))
+            raise self.failure(
+                "CONTACT",
+                f"the {touch.finger} finger touched something {1e3 * left:.0f} mm before the grasp "
+                f"({touch.change:.1f} N)",
+                finger=touch.finger,
+                force_n=touch.change,
+                before_grasp_m=left,
+                candidate=grasp.index,
+            )

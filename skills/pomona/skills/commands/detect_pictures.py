@@ -1,0 +1,170 @@
+"""`pomona detect`: the fruit in pictures, for people without a tree: a table and the pictures with boxes."""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import sys
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TextIO
+
+import cv2
+import numpy as np
+
+from pomona.executive.running.signals import raise_again
+from pomona.executive.values.arrays import UInt8
+from pomona.executive.values.jpeg import is_cut_off
+from pomona.executive.values.plain_text import is_file
+
+if TYPE_CHECKING:
+    from pomona.skills.perception.detection.compact_detector import CompactDetector
+    from pomona.skills.perception.detection.found_fruit import FoundFruit
+
+ENDINGS = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp")
+DEPTH = "_depth_mm.png"
+"""Of an RGB-D frame, beside its colour: no picture to find fruit in."""
+TABLE = "found.csv"
+COLUMNS = ("picture", "fruit", "score", "left_px", "top_px", "width_px", "height_px", "visible")
+MOST = 200
+"""Places that are looked at closely in one picture."""
+COLOUR = (46, 176, 255)
+"""Of boxes and numbers, BGR: `pomona.executive.palette.OVERLAY["found"]`."""
+
+
+class UnusableInput(Exception):
+    """A file that is no picture, or a folder without any."""
+
+
+def add(subparsers: Any) -> None:
+    """Register the subcommand."""
+    parser = subparsers.add_parser("detect", help="find the fruit in pictures: a table, and the pictures with boxes")
+    parser.add_argument("pictures", type=Path, nargs="+", metavar="PICTURE", help="files, or folders of them")
+    parser.add_argument("--fruit", default="apple", help="name in the catalogue, or a path (apple)")
+    parser.add_argument("--score", type=_share, default=0.5, help="least belief that it is fruit, 0 to 1 (0.5)")
+    parser.add_argument("--width", type=int, default=1280, help="width at which a picture is searched [px] (1280)")
+    parser.add_argument("--out", type=Path, default=Path("detected"), help="new folder for all of it (detected)")
+    parser.set_defaults(main=main)
+
+
+def main(options: argparse.Namespace) -> int:
+    """Find, write and count.
+
+    Returns:
+        0; 2 when a picture, the weights or the folder cannot be used.
+
+    Raises:
+        KeyboardInterrupt: it was interrupted; the table holds the pictures that were done.
+    """
+    from pomona.skills.perception.detection.compact_detector import CompactDetector
+    from pomona.skills.perception.detection.errors import BadWeights, DetectError
+    from pomona.skills.perception.detection.options import DetectorOptions
+    from pomona.skills.perception.fruit import load_fruit
+    from pomona.skills.perception.fruit.errors import FruitError
+
+    table = options.out / TABLE
+    try:
+        if not 64 <= options.width <= 4096:
+            raise UnusableInput("--width must lie in 64 … 4096 px")
+        if table.exists():
+            raise UnusableInput(f"{table} is there already: name another folder with --out")
+        files = list(_files(options.pictures))
+        weights = load_fruit(options.fruit).weights
+        if weights is None:
+            raise BadWeights(options.fruit, f"train some: pomona train detect --fruit {options.fruit}")
+        detector = CompactDetector.load(weights, DetectorOptions(working_width=options.width, most_fruit=MOST))
+        options.out.mkdir(parents=True, exist_ok=True)
+        with table.open("x", newline="", encoding="utf-8") as stream:
+            unusable = _all(files, detector, options.score, options.out, stream)
+    except (UnusableInput, DetectError, FruitError, OSError) as error:
+        sys.stderr.write(f"pomona detect: {error}\n")
+        return 2
+    except KeyboardInterrupt:
+        if table.is_file():
+            sys.stderr.write(f"interrupted: {table} holds what was found until then\n")
+        raise
+    sys.stdout.write(f"written to {options.out}: {TABLE}, and each picture with its boxes\n")
+    return 2 if unusable else 0
+
+
+def _share(text: str) -> float:
+    value = float(text)
+    if not 0.0 <= value <= 1.0:
+        raise argparse.ArgumentTypeError(f"{text} does not lie in 0 … 1")
+    return value
+
+
+def _files(given: Sequence[Path]) -> Iterator[Path]:
+    for path in given:
+        if not path.is_dir():
+            if not is_file(path):
+                raise UnusableInput(f"{path}: there is no such file")
+            yield path
+            continue
+        inside = sorted(file for file in path.iterdir() if _is_picture(file.name))
+        if not inside:
+            raise UnusableInput(f"{path} holds no pictures ({', '.join(ENDINGS)})")
+        yield from inside
+
+
+def _is_picture(name: str) -> bool:
+    return name.lower().endswith(ENDINGS) and not name.startswith(".") and not name.endswith(DEPTH)
+
+
+def _all(files: Sequence[Path], detector: CompactDetector, score: float, out: Path, stream: TextIO) -> int:
+    """Each picture with its line on the screen and its rows in the table; how many could not be used."""
+    table = csv.writer(stream)
+    table.writerow(COLUMNS)
+    unusable = total = 0
+    for number, file in enumerate(files):
+        raise_again()
+        picture = _read(file)
+        if picture is None:
+            sys.stderr.write(f"pomona detect: {file} cannot be read as a picture\n")
+            unusable += 1
+            continue
+        found = [fruit for fruit in find_fruit(detector, picture[:, :, ::-1]) if fruit.score >= score]
+        drawn = out / f"{number + 1:04d}_{file.stem}.jpg"
+        if not cv2.imwrite(str(drawn), _draw(picture, found)):
+            raise UnusableInput(f"{drawn} cannot be written")
+        height, width = picture.shape[:2]
+        table.writerows(
+            (file, k + 1, f"{fruit.score:.3f}", *(f"{value:.1f}" for value in fruit.outline(width, height)),
+             f"{fruit.visibility:.2f}")
+            for k, fruit in enumerate(found)
+        )  # fmt: skip
+        stream.flush()
+        total += len(found)
+        sys.stdout.write(f"{number + 1}/{len(files)}  {file}: {len(found)} found\n")
+        sys.stdout.flush()
+    used = len(files) - unusable
+    sys.stdout.write(f"{total} fruit in {used} {'picture' if used == 1 else 'pictures'}\n")
+    return unusable
+
+
+def _read(file: Path) -> Any:
+    """The picture (h, w, 3), BGR, or None; OpenCV's own reading of files complains beside us."""
+    content = file.read_bytes()
+    data = np.frombuffer(content, np.uint8)
+    try:
+        return cv2.imdecode(data, cv2.IMREAD_COLOR) if data.size and not is_cut_off(content) else None
+    except cv2.error:  # a picture that says it is larger than any memory
+        return None
+
+
+def find_fruit(detector: CompactDetector, colour: UInt8) -> list[FoundFruit]:
+    """All fruit in a picture (h, w, 3) uint8 RGB of a camera that nobody knows: boxes and scores hold, poses do not."""
+    height, width = colour.shape[:2]
+    K = np.array([[width, 0.0, 0.5 * width], [0.0, width, 0.5 * height], [0.0, 0.0, 1.0]])
+    return detector.find(np.ascontiguousarray(colour), K)
+
+
+def _draw(picture: Any, found: Sequence[FoundFruit]) -> Any:
+    drawn = picture.copy()
+    height, width = picture.shape[:2]
+    thick = max(1, round(width / 800))
+    for k, fruit in enumerate(found):
+        x, y, w, h = (round(float(value)) for value in fruit.outline(width, height))
+        cv2.rectangle(drawn, (x, y), (x + w, y + h), COLOUR, thick)
+        cv2.putText(drawn, str(k + 1), (x, max(y - 3, 12)), cv2.FONT_HERSHEY_SIMPLEX, 0.4 * thick, COLOUR, thick)
+    return drawn

@@ -1,0 +1,192 @@
+"""The Detect skill."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+
+from pomona.drivers.interfaces import Frame
+from pomona.executive.ports import TIME, Outputs, Port, Ratio, Time
+from pomona.executive.skill import SkillFailure, Work
+from pomona.executive.values.arrays import Float64
+from pomona.skills.perception.detection.detection import Detection
+from pomona.skills.perception.detection.instances import POLICIES, Instance, rank
+from pomona.skills.perception.detection.options import DetectorOptions, DopeFiles
+from pomona.skills.shared.looking import LOOKING_FAILURES, LookingSkill, picture
+
+SAME_FRUIT = 0.04
+"""Two detections whose lines of sight pass this close at the fruit are the same fruit [m]."""
+
+
+class Detected(Outputs):
+    """What Detect gives."""
+
+    detection: Detection
+
+
+class Detect(LookingSkill):
+    """Find the fruit in the camera's newest frame and choose one as the target.
+
+    A fruit that this node chose before is chosen again only when `reselect` allows it: that the tree comes back here
+    means that it did not work out. With `never`, `max_selections` says how often one fruit is chosen, those chosen less
+    often first. From its second look on it may choose what it doubts (`fallback_score`), when nothing surer is new.
+    """
+
+    failures = (*LOOKING_FAILURES, "LOW_CONFIDENCE", "POSE_UNSOLVED")
+
+    def __init__(self, name: str = "") -> None:
+        super().__init__(name)
+        self._chosen: list[Float64] = []
+        self._looks = 0
+
+    def run(
+        self,
+        fruit: Annotated[str, Port(help="which fruit to look for: a name in the catalogue, or a path")],
+        target: Annotated[str, Port(choices=POLICIES, help="which one, when there are several")] = "nearest",
+        index: Annotated[int, Port(min=0, max=99, help="place by falling score, for target: index")] = 0,
+        reselect: Annotated[
+            Literal["freely", "last", "never"],
+            Port(
+                help="choose fruit that was chosen before: like any other, as a last choice, or never",
+                was="again",
+            ),
+        ] = "last",
+        max_selections: Annotated[
+            int, Port(min=1, help="how often one fruit may be chosen, for reselect: never", was="times")
+        ] = 1,
+        score: Annotated[Ratio, Port(min=0.0, max=1.0, help="least belief that it is this fruit")] = 0.6,
+        fallback_score: Annotated[
+            Ratio,
+            Port(
+                min=0.0,
+                max=1.0,
+                help="least belief from the second look on, when no surer new fruit is left; 1: never",
+                was="unsure",
+            ),
+        ] = 1.0,
+        max_age: Annotated[Time, Port(min="1 ms", max="60 s", help="older frames are refused")] = TIME("500 ms"),
+        working_width: Annotated[
+            int, Port(min=64, max=4096, help="width at which the whole picture is searched [px]")
+        ] = 320,
+        weights: Annotated[
+            str, Port(help="another weights file than the fruit's own; with config, DOPE's full network")
+        ] = "",
+        config: Annotated[str, Port(help="config_pose.yaml of DOPE's full network whose weights are given")] = "",
+    ) -> Work[Detected]:
+        model = self.fruit_model(fruit, weights)
+        frame = self.newest_frame(max_age)
+        T_base_camera = self.camera_pose(frame)
+        options: DetectorOptions | DopeFiles = DetectorOptions(working_width=working_width)
+        if config:
+            if not weights:
+                raise self.failure(
+                    "NO_WEIGHTS", f"{config} needs the weights that it configures: weights: epoch_60.pth"
+                )
+            options = DopeFiles(Path(weights), Path(config))
+        instances = yield from self.find(frame, model, options)
+        self._looks += 1
+        if (
+            self._looks > 1
+            and fallback_score < score
+            and not self._sure_and_new(instances, frame, T_base_camera, score)
+        ):
+            score = fallback_score
+        try:
+            chosen = self._choose(instances, frame, T_base_camera, target, index, reselect, max_selections, score)
+        except SkillFailure as failed:
+            self.publish("detection", picture(frame, T_base_camera, instances, failed.failure.message, score))
+            raise
+        self.publish("detection", picture(frame, T_base_camera, instances, chosen, score))
+        instance = instances[chosen]
+        assert instance.T_camera_object is not None
+        assert instance.covariance is not None
+        self._chosen.append(_place(instance, frame, T_base_camera))
+        detection = Detection(
+            fruit=model,
+            frame=frame,
+            T_base_camera=T_base_camera,
+            T_camera_object=instance.T_camera_object,
+            keypoints=instance.keypoints,
+            score=instance.score,
+            covariance=instance.covariance,
+            index=chosen,
+            found=sum(i.score >= score for i in instances),
+            visibility=instance.visibility,
+        )
+        return Detected(detection)
+
+    def _choose(
+        self,
+        instances: list[Instance],
+        frame: Frame,
+        T_base_camera: Float64,
+        target: str,
+        index: int,
+        reselect: str,
+        max_selections: int,
+        score: float,
+    ) -> int:
+        """The target's index among the instances; fails with why there is none."""
+
+        def none(code: str, sentence: str) -> SkillFailure:
+            best = max((instance.score for instance in instances), default=0.0)
+            return self.failure(code, sentence, found=len(instances), best=best)
+
+        if not instances:
+            raise none("NOTHING_FOUND", "no fruit in the frame")
+        sure = [k for k, instance in enumerate(instances) if instance.score >= score]
+        if not sure:
+            best = max(instance.score for instance in instances)
+            raise none(
+                "LOW_CONFIDENCE", f"the surest of {len(instances)} candidates scores {best:.2f}, not {score:.2f}"
+            )
+        posed = [k for k in sure if instances[k].T_camera_object is not None]
+        if not posed:
+            raise none("POSE_UNSOLVED", f"{instances[sure[0]].problem}")
+        order = [posed[k] for k in rank([instances[k] for k in posed], target, index)]
+        if not order:
+            raise none("NOTHING_FOUND", f"there are {len(posed)} fruit in the frame, number {index} was asked for")
+        if reselect == "freely" or target == "index":
+            return order[0]
+        before = {k: self._times_chosen(instances[k], frame, T_base_camera) for k in order}
+        rarest = min(order, key=lambda k: before[k])  # the first of those, in the policy's order
+        if before[rarest] == 0:
+            return rarest
+        if reselect == "never":
+            if before[rarest] < max_selections:
+                return rarest
+            often = "before" if max_selections == 1 else f"{max_selections} times"
+            raise none("NOTHING_FOUND", f"all {len(order)} fruit in the frame were chosen {often}")
+        return order[0]
+
+    def _sure_and_new(self, instances: list[Instance], frame: Frame, T_base_camera: Float64, score: float) -> bool:
+        """Whether a fruit can be chosen that has not been before."""
+        return any(
+            instance.score >= score
+            and instance.T_camera_object is not None
+            and self._times_chosen(instance, frame, T_base_camera) == 0
+            for instance in instances
+        )
+
+    def _times_chosen(self, instance: Instance, frame: Frame, T_base_camera: Float64) -> int:
+        place = _place(instance, frame, T_base_camera)
+        eye = T_base_camera[:3, 3]
+        ray = (place - eye) / np.linalg.norm(place - eye)
+        # The pose's distance is that of a CAD-sized fruit: compare across the line of sight.
+        return sum(bool(np.linalg.norm(np.cross(ray, before - eye)) < SAME_FRUIT) for before in self._chosen)
+
+
+def _place(instance: Instance, frame: Frame, T_base_camera: Float64) -> Float64:
+    """Where the fruit is in the base frame, with the measured depth at its centroid where there is one, (3,) [m]."""
+    assert instance.T_camera_object is not None
+    p_camera = instance.T_camera_object[:3, 3]
+    if frame.depth is not None:
+        u, v = np.round(instance.keypoints[8]).astype(int)
+        patch = frame.depth[max(0, v - 2) : v + 3, max(0, u - 2) : u + 3] if u >= 0 and v >= 0 else frame.depth[:0]
+        measured = patch[np.isfinite(patch) & (patch > 0.0)]
+        if measured.size:
+            p_camera = p_camera * (float(np.median(measured)) / p_camera[2])
+    place: Float64 = T_base_camera[:3, :3] @ p_camera + T_base_camera[:3, 3]
+    return place

@@ -1,0 +1,61 @@
+"""The DetectAll skill: every fruit in a frame, not one target."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pomona.executive.ports import TIME, Outputs, Port, Ratio, Time
+from pomona.executive.skill import Work
+from pomona.skills.perception.detection.detection import AllDetections, Detection
+from pomona.skills.perception.detection.options import DetectorOptions
+from pomona.skills.shared.looking import LOOKING_FAILURES, LookingSkill, picture
+
+
+class AllDetected(Outputs):
+    """What DetectAll gives."""
+
+    all: AllDetections
+
+
+class DetectAll(LookingSkill):
+    """Find every fruit in the camera's newest frame."""
+
+    failures = LOOKING_FAILURES
+
+    def run(
+        self,
+        fruit: Annotated[str, Port(help="which fruit to look for: a name in the catalogue, or a path")],
+        score: Annotated[Ratio, Port(min=0.0, max=1.0, help="least belief that it is this fruit")] = 0.6,
+        max_age: Annotated[Time, Port(min="1 ms", max="60 s", help="older frames are refused")] = TIME("500 ms"),
+        working_width: Annotated[
+            int, Port(min=64, max=4096, help="width at which the whole picture is searched [px]")
+        ] = 320,
+        max_places: Annotated[
+            int, Port(min=1, max=1000, help="places that are looked at closely, surest first", was="most")
+        ] = 100,
+        least: Annotated[
+            int, Port(min=0, help="fewer fail with NOTHING_FOUND; with 0, a frame without fruit succeeds")
+        ] = 1,
+    ) -> Work[AllDetected]:
+        model = self.fruit_model(fruit)
+        frame = self.newest_frame(max_age)
+        T_base_camera = self.camera_pose(frame)
+        instances = yield from self.find(
+            frame, model, DetectorOptions(working_width=working_width, most_fruit=max_places)
+        )
+        self.publish("detection", picture(frame, T_base_camera, instances, "", score))
+        sure = [i for i in instances if i.score >= score and i.T_camera_object is not None]
+        if len(sure) < least:
+            words = f"{len(sure) or 'no'} fruit in {frame.label or 'the frame'}" + (
+                f", not {least}" if least > 1 else ""
+            )
+            raise self.failure("NOTHING_FOUND", words, found=len(instances))
+        detections = tuple(
+            Detection(
+                model, frame, T_base_camera, i.T_camera_object, i.keypoints, i.score, i.covariance, k, len(sure),
+                i.visibility,
+            )
+            for k, i in enumerate(sure)
+            if i.T_camera_object is not None and i.covariance is not None
+        )  # fmt: skip
+        return AllDetected(AllDetections(detections, frame, T_base_camera))

@@ -1,0 +1,221 @@
+"""The skill FeelFriction."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from dataclasses import replace
+from typing import Annotated
+
+import numpy as np
+
+from pomona.drivers.errors import DeviceFault
+from pomona.drivers.interfaces import Arm, ForceSensor, Gripper, Workspace, WrenchSample
+from pomona.executive.ports import FORCE, LENGTH, SPEED, Force, Length, Outputs, Port, Ratio, Speed
+from pomona.executive.skill import Work
+from pomona.executive.values.arrays import Float64
+from pomona.skills.grip.hold import Hold
+from pomona.skills.grip.slide import NoSlideError, Slide, friction_of_slides
+from pomona.skills.motion.planning.arm_space import arm_space
+from pomona.skills.motion.planning.timing import time_curve
+from pomona.skills.motion.robot import RobotModel
+from pomona.skills.motion.straight_line import straight_line
+from pomona.skills.shared.following import MOTION_FAILURES, MovingSkill, Watching
+from pomona.skills.shared.grip_view import show_grip
+from pomona.skills.shared.warm_motion import prepare_moving
+
+JERK_TIME = 0.05
+"""Seconds in which the acceleration is reached."""
+
+ACCELERATION = 0.4
+"""Of the slides [m/s²]."""
+
+SLIDING = (0.4, 0.92)
+"""The pads slide between these shares of the distance, as the arm says where it is: before, they and the fruit's skin
+give; afterwards they come to rest and creep back."""
+
+RISING = 0.5
+"""Upwards the pads slide farther by this share of the distance: on it the force rises, so that the fruit's weight comes
+on the fingers gently."""
+
+LIGHT, LIGHT_NOW = 0.4, 0.65
+"""A fruit is light when friction comes to this share of the most that it may weigh by its size, which is a good third
+above what the simulated cell's fruit weigh: the first with the force that is tracked, the second with what both fingers
+press with now. One of them may press much more than the other, which alone is tracked; but with a force that rises a
+fruit that does not come along slides farther (docs/decisions/pick-pace.md)."""
+
+SETTLING = 0.1
+"""Within so many newtons of what is wanted the grasp force has come down or up."""
+
+PATIENCE = 1.0
+"""How long the grasp force may take for that [s]."""
+
+
+class Felt(Outputs):
+    """What FeelFriction gives."""
+
+    mu: Ratio
+    mu_uncertainty: Ratio
+
+
+class FeelFriction(MovingSkill):
+    """Slide the pads a little down and up a fruit that still stands, and hold it from then on for the friction felt.
+
+    Pressed lightly the fruit stays where it is and the pads slide: their friction is measured, fruit by fruit, instead
+    of being told. Then the force rises while the pads still slide up, so that the weight comes on them gently. A fruit
+    that is lighter than the friction comes along; then the way down alone counts. Where the pads do not slide, what was
+    told is kept. However the slides end, the grip presses with `force_after` afterwards and the fruit may be lifted.
+    """
+
+    devices = (Arm, Gripper, ForceSensor, Workspace)
+    moves = (Arm, Gripper)
+    own_speed = True  # friction is felt at one speed of sliding
+    failures = (*MOTION_FAILURES, "NOT_HELD", "LOST", "SENSOR_STALE", "SENSOR_SATURATED")
+
+    def prepare(self) -> None:
+        prepare_moving(self)
+
+    def run(
+        self,
+        hold: Hold,
+        force: Annotated[Force, Port(min="0.5 N", max="5 N", help="grasp force while the pads slide up")] = FORCE(
+            "0.7 N"
+        ),
+        force_after: Annotated[
+            Force, Port(min="0.6 N", max="10 N", help="grasp force afterwards, before the lift", was="then")
+        ] = FORCE("2.2 N"),
+        distance: Annotated[Length, Port(min="0.5 mm", max="5 mm", help="how far the pads slide")] = LENGTH("2 mm"),
+        speed: Annotated[Speed, Port(min="1 mm/s", max="30 mm/s")] = SPEED("20 mm/s"),
+        min_rel_uncertainty: Annotated[
+            Ratio, Port(min=0.0, max=0.5, help="least relative uncertainty of what was felt", was="least")
+        ] = 0.04,
+    ) -> Work[Felt]:
+        if not hold.holds:
+            raise self.failure("NOT_HELD", "no fruit is held whose friction could be felt")
+        told = hold.controller.settings
+        slide = Slide(told.contact.mu, told.mu_uncertainty, (np.nan, np.nan))
+        try:
+            try:
+                slide = yield from self._feel(hold, force, force_after, distance, speed)
+                slide = replace(slide, uncertainty=max(slide.uncertainty, min_rel_uncertainty))
+                said = f"friction {slide.mu:.2f} ± {slide.uncertainty:.0%}"
+                said += ", from the way down alone" if slide.came_along else ""
+            except NoSlideError as problem:
+                said = f"{problem}: {slide.mu:.2f} ± {slide.uncertainty:.0%} is kept"
+            hold.slide(force_after)
+            yield from self._press(hold, force_after)
+        finally:
+            hold.slide(None)
+        hold.set_friction(replace(told.contact, mu=slide.mu), slide.uncertainty, force_after)
+        show_grip(self, hold, everything=True)
+        yield said
+        return Felt(mu=slide.mu, mu_uncertainty=slide.uncertainty)
+
+    def _feel(
+        self, hold: Hold, force: float, force_after: float, distance: float, speed: float
+    ) -> Generator[str | None, None, Slide]:
+        """Slide down, and up with the force rising at the end.
+
+        Raises:
+            NoSlideError: the arm cannot, or the pads did not slide.
+        """
+        settings = hold.controller.settings
+        down, up = self._lines(distance)
+        hold.slide(force)
+        # Down at once: closing has pressed more, and while that comes down the pads slide as well.
+        felt_down = yield from self._slide(hold, down, distance, distance, speed)
+        yield from self._press(hold, force)
+        if _comes_along(felt_down, force, hold.controller.sense.force_sum, settings.expected_load):
+            hold.slide(force_after)
+        felt_up = yield from self._slide(hold, up, (1.0 + RISING) * distance, distance, speed, force_after)
+        return friction_of_slides(
+            felt_up, felt_down, settings.contact, hold.controller.sense.bias_std, settings.rate
+        )  # fmt: skip
+
+    def _lines(self, distance: float) -> tuple[Float64, Float64]:
+        """Joints straight down by the distance, and up beyond where they began.
+
+        Raises:
+            NoSlideError: the arm cannot go there.
+        """
+        arm = self.device(Arm)
+        robot = RobotModel.load(arm.description)
+        q = arm.state().q
+        T_base_low, T_base_high = robot.tcp(q), robot.tcp(q)
+        T_base_low[2, 3] -= distance
+        T_base_high[2, 3] += RISING * distance
+        down = straight_line(robot, q, T_base_low, step=0.25 * distance)
+        up = straight_line(robot, down.q[-1], T_base_high, step=0.25 * distance)
+        space = arm_space(arm, self.device(Workspace), None, self.device(Gripper).state().width, 0.0)
+        for line, way in ((down, "down"), (up, "up")):
+            blocked = space.first_blocked(line.q)
+            if not line.complete or blocked is not None:
+                reason = line.reason if blocked is None else space.explain(line.q[blocked + 1])[0]
+                raise NoSlideError(f"on the way {way} {reason}")
+        return down.q, up.q
+
+    def _press(self, hold: Hold, force: float) -> Watching:
+        """Wait until the fingers press with a force [N]."""
+        began = self.context.elapsed()
+        while abs(hold.controller.tracked_force - force) > SETTLING and self.context.elapsed() - began < PATIENCE:
+            self._watch(hold)
+            yield f"{hold.controller.tracked_force:.1f} N, on the way to {force:.1f} N"
+
+    def _slide(
+        self, hold: Hold, line: Float64, way: float, distance: float, speed: float, then: float | None = None
+    ) -> Generator[str | None, None, Float64]:
+        """Go along a line of so much way [m], after the distance with another force [N].
+
+        Returns:
+            The wrenches while the pads slid over the distance, bias removed, shape (n, 2, 6).
+
+        Raises:
+            DeviceFault: the arm says that it has arrived, and its joints that it has hardly moved.
+        """
+        arm = self.device(Arm)
+        trajectory = time_curve(line, way, arm.limits, speed, ACCELERATION, ACCELERATION / JERK_TIME)
+        samples_in: list[tuple[float, Float64]] = []
+
+        def on_sample(sample: WrenchSample) -> None:
+            samples_in.append((sample.stamp, sample.wrenches.copy()))
+
+        robot = RobotModel.load(arm.description)
+        start = robot.tcp(line[0])[:3, 3]
+        stamps, shares = [], []
+
+        def watch() -> None:
+            self._watch(hold)
+            state = arm.state()
+            stamps.append(state.stamp)
+            shares.append(float(np.linalg.norm(robot.tcp(state.q)[:3, 3] - start)) / distance)
+            if then is not None and shares[-1] > SLIDING[1]:
+                hold.slide(then)
+
+        subscription = self.device(ForceSensor).subscribe(on_sample)
+        try:
+            yield from self.travel(trajectory, watch)
+            watch()
+        finally:
+            subscription.close()
+        if max(shares) < SLIDING[0]:
+            words = f"its joints say that it has gone {1e3 * distance * max(shares):.1f} mm of {1e3 * way:.1f} mm"
+            raise DeviceFault("arm", f"{words}, and its driver that it has arrived")
+        first, last = np.interp(SLIDING, np.maximum.accumulate(shares), stamps)
+        samples = [wrenches for stamp, wrenches in samples_in if first <= stamp <= last]
+        return np.array(samples).reshape(-1, 2, 6) - hold.controller.sense.bias
+
+    def _watch(self, hold: Hold) -> None:
+        show_grip(self, hold)
+        problem = hold.problem
+        if problem is not None and problem.code in self.failures:
+            raise self.failure(problem.code, problem.message, **problem.data)
+        if not hold.holds:
+            raise self.failure("LOST", "the grip is not under control any more")
+
+
+def _comes_along(down: Float64, force: float, force_sum: float, expected_load: float) -> bool:
+    """Whether a fruit may come along when pads slide up that press with a force [N], and with another one now [N]."""
+    if not len(down):
+        return False
+    f_n, f_t = -down[:, :, 2].sum(axis=1).mean(), np.linalg.norm(down[:, :, :2], axis=2).sum(axis=1).mean()
+    share = f_t / max(f_n, 0.1) / max(expected_load, 1e-3)
+    return expected_load > 0.0 and bool(force * share > LIGHT or force_sum * share > LIGHT_NOW)

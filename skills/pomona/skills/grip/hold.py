@@ -1,0 +1,208 @@
+"""The grip that goes on: fingers and force sensor under a controller's hand, until a node takes the fingers over.
+
+A `Hold` is a port's value. `SlipAvoidGrasp` starts it and hands it on when the fruit is held; the sensor's stream keeps
+stepping it while later nodes run, through pause, failure and safe stop. For nodes that come after:
+
+    Lift       each tick: `show_grip(self, hold)` (pomona.skills.shared.grip_view) draws it; `hold.holds` says
+               whether the fruit is still there, `hold.problem` why not (LOST, SLIPPED, SENSOR_STALE …), `hold.reading`
+               has the numbers: grasp force `f_n`, reference `f_ref`, least force `f_least`, `slip`, `width`.
+    Release,   before `Gripper.move` or `set_speed`: `take_over(gripper)`, with or without a hold at hand. Control ends,
+    Retreat    zero speed is commanded, nothing opens. Only then move the fingers.
+
+Nobody needs to keep the object alive: the sensor's subscription does.
+"""
+
+from __future__ import annotations
+
+import weakref
+from collections.abc import Callable
+from dataclasses import replace
+from threading import RLock
+
+import numpy as np
+
+from pomona.drivers.errors import DeviceError
+from pomona.drivers.interfaces import ForceSensor, Gripper, Subscription, WrenchSample
+from pomona.skills.grip.controller import GripController
+from pomona.skills.grip.grip import IN_HAND, LIES, GripPhase, GripProblem, GripReading, GripSamples
+from pomona.skills.grip.limit_surface import SoftContact
+
+STALE_AFTER = 0.05
+"""A stream that brought no usable sample for so long is stale [s]; the driver's watchdog stops the fingers at 0.1 s."""
+
+EARLIEST = 0.02
+"""A sample whose stamp lies further in the future is not used [s]."""
+
+KEPT = 2000
+"""Samples kept until somebody drains them: 20 s at 100 Hz; the oldest go first."""
+
+RECORDED_RATE = 100.0
+"""So many samples a second are kept for people [Hz]."""
+
+_HOLDS: weakref.WeakValueDictionary[int, Hold] = weakref.WeakValueDictionary()
+
+
+class Hold:
+    """A grip under control. Made by `SlipAvoidGrasp` or `Pivot`; ended by `take_over`."""
+
+    def __init__(
+        self, gripper: Gripper, sensor: ForceSensor, controller: GripController, now: Callable[[], float]
+    ) -> None:
+        """Take the fingers over from an earlier hold and start: the next sample steps the controller.
+
+        Args:
+            gripper: gets a speed 50 times a second.
+            sensor: its stream steps the controller.
+            controller: fresh, in its first phase.
+            now: the cell's clock, to see a stream that stands still.
+        """
+        take_over(gripper)
+        self.gripper, self.controller = gripper, controller
+        self._now, self._started = now, now()
+        self._sensor = sensor
+        self._lock = RLock()
+        self._ended = False
+        self._device_problem: GripProblem | None = None
+        self._sensor_fault_reported = self._stands = False
+        self._record_every = max(round(controller.settings.rate / RECORDED_RATE), 1)
+        self._samples = np.zeros((KEPT, 7))
+        self._written = self._drained = self._seen = 0
+        _HOLDS[id(gripper)] = self
+        self._subscription: Subscription = sensor.subscribe(self._on_sample)
+
+    # --------------------------------------------------------------------------------- for nodes that come after
+
+    @property
+    def phase(self) -> GripPhase:
+        """Where the grip is: closing, holding, letting go, ended."""
+        return GripPhase.ENDED if self._ended else self.controller.phase
+
+    @property
+    def reading(self) -> GripReading:
+        """The grip after the newest sample; its `stamp` says how old that is."""
+        reading = self.controller.reading
+        return replace(reading, phase=GripPhase.ENDED) if self._ended else reading
+
+    @property
+    def holds(self) -> bool:
+        """Whether a fruit is held now: the grip was made, is under control, and the fruit has not gone."""
+        problem = self.controller.problem
+        gone = problem is not None and problem.code == "LOST"
+        return self.phase in IN_HAND and not gone
+
+    @property
+    def problem(self) -> GripProblem | None:
+        """What is wrong, or None. While holding, the grip is kept all the same."""
+        if not self._ended:
+            newest = max(self.controller.usable_until, self._started)
+            age = self._now() - newest
+            if age > STALE_AFTER:
+                message = f"the fingers have sent no usable sample for {1e3 * age:.0f} ms; the grip is kept as it is"
+                return GripProblem("SENSOR_STALE", message, newest, {"age_s": age})
+        return self.controller.problem or self._device_problem
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What was odd in the stream so far and how it was met, one sentence each."""
+        return self.controller.warnings
+
+    @property
+    def ended(self) -> bool:
+        """Whether the grip is controlled no longer."""
+        return self._ended
+
+    def pivot(self, on: bool) -> None:
+        """Let the fruit turn in the fingers until it hangs plumb, or hold it again as it hangs; see `Pivot`."""
+        with self._lock:
+            self.controller.pivot(on)
+
+    def slide(self, force: float | None) -> None:
+        """Press with this grasp force [N] and let the pads slide; None: hold again; see `FeelFriction`."""
+        with self._lock:
+            self.controller.slide(force)
+
+    def set_friction(self, contact: SoftContact, mu_uncertainty: float, initial_force: float) -> None:
+        """Hold for another friction from now on, and press with `initial_force` [N] until the fruit is carried."""
+        with self._lock:
+            self.controller.set_friction(contact, mu_uncertainty, initial_force)
+
+    def take_over(self) -> None:
+        """End control: the caller moves the fingers from now on. Zero speed is commanded, nothing opens."""
+        with self._lock:
+            if self._ended:
+                return
+            self._ended = True
+        self._subscription.close()
+        if _HOLDS.get(id(self.gripper)) is self:
+            del _HOLDS[id(self.gripper)]
+        self._command(0.0)
+
+    @property
+    def waiting(self) -> float:
+        """Seconds of samples that nobody has drained yet."""
+        count = min(self._written - self._drained, KEPT)
+        return float(count * self._record_every * self.controller.settings.period)
+
+    def drain(self) -> GripSamples:
+        """The samples since the last call, 100 a second, at most the last 20 s."""
+        with self._lock:
+            first = max(self._drained, self._written - KEPT)
+            rows = self._samples[np.arange(first, self._written) % KEPT]
+            self._drained = self._written
+        return GripSamples(*np.ascontiguousarray(rows.T))
+
+    # ------------------------------------------------------------------------------------- for the sensor's stream
+
+    def _on_sample(self, sample: WrenchSample) -> None:
+        with self._lock:
+            if self._ended:
+                return
+            controller = self.controller
+            # What comes after a silence may come late for ever: a loop with a delay would press harder and harder.
+            silent = self._now() - max(controller.usable_until, self._started)
+            self._stands = self._stands or (silent > STALE_AFTER and controller.phase in IN_HAND)
+            if controller.wants_width:
+                state = self.gripper.state()
+                controller.width, controller.motor_force = state.width, state.motor_force
+            if sample.stamp > self._now() + EARLIEST:  # it would make everything after it look old
+                self._tell_lies()
+                return
+            speed = controller.step(sample.stamp, sample.sequence, sample.wrenches, sample.saturated)
+            if speed is not None:
+                self._command(0.0 if self._stands else speed)
+            self._tell_lies()
+            self._seen += 1
+            if self._seen % self._record_every == 0:
+                self._samples[self._written % KEPT] = controller.row()
+                self._written += 1
+
+    def _tell_lies(self) -> None:
+        """Fingers that are not to be believed end the run; the grip is kept. It is told once: until acknowledged."""
+        problem = self.problem
+        lies = problem is not None and (
+            problem.code == "SENSOR_FAULT" or (problem.code in LIES and self.controller.phase in IN_HAND)
+        )
+        if lies and not self._sensor_fault_reported and problem is not None:
+            self._sensor.distrust(problem.message)
+        self._sensor_fault_reported = lies
+
+    def _command(self, speed: float) -> None:
+        """Command a rate of the opening; a gripper that refuses is remembered and asked again next time."""
+        try:
+            self.gripper.set_speed(speed)
+            self._device_problem = None
+        except DeviceError as refused:
+            stamp = self.controller.reading.stamp
+            self._device_problem = GripProblem("LOST", f"the gripper takes no speed: {refused}", stamp)
+
+
+def current_hold(gripper: Gripper) -> Hold | None:
+    """The hold that has the gripper's fingers now, or None."""
+    return _HOLDS.get(id(gripper))
+
+
+def take_over(gripper: Gripper) -> None:
+    """Take the fingers over from whatever hold has them; call it before moving them. Nothing opens."""
+    hold = current_hold(gripper)
+    if hold is not None:
+        hold.take_over()

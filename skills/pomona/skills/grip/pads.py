@@ -1,0 +1,86 @@
+"""From two pad wrenches to the loads of the grasp, through filters that are slow for noise and fast for jumps.
+
+A pad's frame: z out of its face (pressing is a negative force z), x along the approach, y = z x x. Both pads share x;
+y and z of the second pad point against those of the first, so its tangential force and torsional moment are turned into
+the first pad's frame. The torsional moment is taken about the contact's own centre, which the other two torques give.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import ArrayLike
+
+from pomona.executive.values.arrays import Float64
+
+PAD_HALF = 0.010
+"""A contact lies within this of the pad's centre [m]."""
+
+PRESSING = 0.2
+"""Below this normal force the contact's place is not computed [N]."""
+
+
+MIRROR = np.array([1.0, -1.0, 1.0, -1.0, 1.0, -1.0])
+"""Turns the second pad's channels into the first pad's frame; pressing stays a negative force z."""
+
+
+@njit(cache=True)
+def loads_of_finger(w):  # type: ignore[no-untyped-def]
+    """(f_n, f_x, f_y, tau_n) of a wrench in the first pad's frame, shape (6,)."""
+    f_n = -w[2]
+    x = y = 0.0
+    if f_n > PRESSING:
+        x = min(max(w[4] / f_n, -PAD_HALF), PAD_HALF)
+        y = min(max(-w[3] / f_n, -PAD_HALF), PAD_HALF)
+    return f_n, w[0], w[1], w[5] - (x * w[1] - y * w[0])
+
+
+@njit(cache=True)
+def smooth(raw, bias, mirror, noise, fast, slow, smoothed, shares, expected):  # type: ignore[no-untyped-def]
+    """Advance the filters by one sample and write both fingers' smoothed wrenches, all of shape (2, 6).
+
+    What both fingers feel alike and what they feel differently are filtered apart (rows 0 and 1 of `noise`, `fast` and
+    `slow`): a load comes to both, so noise hides it less there. The result is the slow filter's, plus what the fast
+    one is beyond it, the more fully the more that exceeds the noise. By how much the fingers' own motion has just
+    changed the grasp force (`expected`) is no news: the filters go along, so that they need not lag behind it.
+    """
+    fast[0, 2] -= 0.5 * expected
+    slow[0, 2] -= 0.5 * expected
+    fast_share, normal_share, load_share = shares
+    for j in range(6):
+        first = raw[0, j] - bias[0, j]
+        second = mirror[j] * (raw[1, j] - bias[1, j])
+        slow_share = normal_share if j == 2 else load_share
+        for mode in range(2):
+            value = 0.5 * (first + second) if mode == 0 else 0.5 * (first - second)
+            fast[mode, j] += fast_share * (value - fast[mode, j])
+            slow[mode, j] += slow_share * (value - slow[mode, j])
+        alike = _beyond_noise(fast[0, j], slow[0, j], noise[0, j])
+        apart = _beyond_noise(fast[1, j], slow[1, j], noise[1, j])
+        smoothed[0, j] = alike + apart
+        smoothed[1, j] = alike - apart
+
+
+@njit(cache=True)
+def _beyond_noise(fast, slow, noise):  # type: ignore[no-untyped-def]
+    jump = fast - slow
+    if abs(jump) <= noise:
+        return slow
+    return slow + jump * (1.0 - (noise / jump) ** 2)
+
+
+def pad_loads(wrenches: ArrayLike) -> tuple[Float64, Float64, Float64]:
+    """Loads of both fingers without any filter.
+
+    Args:
+        wrenches: shape (2, 6) or (n, 2, 6), bias removed, as in `WrenchSample`.
+
+    Returns:
+        f_n [N], f_t [N] (magnitude) and tau_n [N·m] (the second finger's turned into the first pad's frame), each of
+        shape (2,) or (n, 2).
+    """
+    w = np.asarray(wrenches, np.float64)
+    flat = w.reshape(-1, 2, 6)
+    rows = np.array([[loads_of_finger(pair[0]), loads_of_finger(MIRROR * pair[1])] for pair in flat])
+    rows = rows.reshape(*w.shape[:-1], 4)
+    return rows[..., 0], np.hypot(rows[..., 1], rows[..., 2]), rows[..., 3]

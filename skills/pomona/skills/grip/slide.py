@@ -1,0 +1,127 @@
+"""Friction from two short slides of the pads over a fruit that stands still: one up, one back down.
+
+What rubs changes its sign between the two, what does not (pads that do not stand square to the skin, the sensors' bias)
+stays: half the difference is friction, half the sum is the rest. A light fruit comes along on the way up; downwards it
+cannot, since what it stands on is in the way.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from pomona.executive.values.arrays import Float64
+from pomona.skills.grip.limit_surface import SoftContact
+from pomona.skills.grip.pads import MIRROR, loads_of_finger
+
+SHORTEST, FEW = 0.02, 4
+"""Each half of a slide must last so long [s] and have so many samples."""
+
+PRESSING = 0.1
+"""A finger must press with this much to rub [N]."""
+
+STEADY = 0.15
+"""A slide's two halves may differ by this share: before the pads slide, the force still rises."""
+
+CAME_ALONG = 0.2
+"""What did not change its sign is more than this share of what did: the fruit was lifted on the way up, and the pads
+did not slide. Pads that are not square to the skin leave 0.05."""
+
+NOT_SQUARE = 0.04
+"""Relative uncertainty of friction from one way alone: standard deviation of 15 fruits of the simulated cell."""
+
+UNMODELLED = 0.03
+"""Relative uncertainty that no repetition shows: the skin elsewhere, friction that changes with the speed."""
+
+
+class NoSlideError(Exception):
+    """The pads did not slide over the fruit, so its friction is not known; the message says what happened instead."""
+
+
+@dataclass(frozen=True, slots=True)
+class Slide:
+    """What a slide tells.
+
+    Attributes:
+        mu: friction coefficient, of both fingers together.
+        uncertainty: its standard deviation, relative.
+        fingers: mu of each.
+        came_along: whether the fruit was lifted on the way up, so that the way down alone counts.
+    """
+
+    mu: float
+    uncertainty: float
+    fingers: tuple[float, float]
+    came_along: bool = False
+
+
+def friction_of_slides(
+    up: Float64, down: Float64, contact: SoftContact, bias_std: float = 0.0, rate: float = 500.0
+) -> Slide:
+    """Friction of both pads, whatever they press with on either way.
+
+    Each finger slides on its limit surface; as an ellipsoid, (f_t / mu f_n)² + (tau_n / tau_max)² = 1, which is solved
+    for mu, since tau_max is proportional to it too.
+
+    Args:
+        up, down: wrenches while the pads slid, bias removed, shape (n, 2, 6), as in `WrenchSample`.
+        contact: what is known of the contact's torsion.
+        bias_std: standard deviation of a force's error by the bias [N].
+        rate: of the samples [Hz].
+
+    Raises:
+        NoSlideError: too few samples, a finger that hardly presses, friction that still changed.
+    """
+    halves = [half for way in (up, down) for half in np.array_split(way, 2)]
+    if min(len(half) for half in halves) < max(SHORTEST * rate, FEW):
+        raise NoSlideError(f"only {len(up)} and {len(down)} samples of the slides")
+    f_n_up, going_up = _ratios(up, contact)
+    f_n_down, going_down = _ratios(down, contact)
+    f_n = np.minimum(f_n_up, f_n_down)
+    rubs, rests = 0.5 * (going_down - going_up), 0.5 * (going_down + going_up)
+    came_along = _size((f_n[:, None] * rests).sum(axis=0)) > CAME_ALONG * _size((f_n[:, None] * rubs).sum(axis=0))
+    if came_along:
+        f_n, rubs = f_n_down, going_down
+    mu, fingers = _mu(f_n, rubs)
+    early, late = (
+        _mu(f_n, second if came_along else 0.5 * (second - first))[0]
+        for first, second in (
+            (_ratios(halves[0], contact)[1], _ratios(halves[2], contact)[1]),
+            (_ratios(halves[1], contact)[1], _ratios(halves[3], contact)[1]),
+        )
+    )
+    if abs(early - late) > STEADY * late:
+        raise NoSlideError(f"the friction still changed from {early:.2f} to {late:.2f}")
+    apart = abs(float(fingers[0] - fingers[1])) / (2.0 * mu)
+    spread = abs(early - late) / (2.0 * mu)
+    bias = bias_std / float(f_n.mean())
+    one_way = max(NOT_SQUARE, bias / mu) if came_along else 0.0
+    uncertainty = math.hypot(UNMODELLED, apart, spread, bias, one_way)
+    return Slide(mu, uncertainty, (float(fingers[0]), float(fingers[1])), bool(came_along))
+
+
+def _ratios(wrenches: Float64, contact: SoftContact) -> tuple[Float64, Float64]:
+    """Mean normal force of each finger, shape (2,), and its mean load over that, shape (2, 3).
+
+    The load is the tangential force, and the torsion over the radius with which it uses friction up.
+    """
+    first, second = wrenches[:, 0].mean(axis=0), wrenches[:, 1].mean(axis=0)
+    loads = np.array([loads_of_finger(first), loads_of_finger(MIRROR * second)])
+    f_n = loads[:, 0]
+    if f_n.min() < PRESSING:
+        raise NoSlideError(f"a finger presses with {f_n.min():.2f} N only")
+    radius = contact.torsion / contact.mu * f_n**contact.gamma
+    return f_n, np.column_stack([loads[:, 1], loads[:, 2], loads[:, 3] / radius]) / f_n[:, None]
+
+
+def _mu(f_n: Float64, rubs: Float64) -> tuple[float, Float64]:
+    """mu of both fingers together, who presses more counting more, and of each, shape (2,)."""
+    fingers = np.linalg.norm(rubs, axis=1)
+    return float((f_n * fingers).sum() / f_n.sum()), fingers
+
+
+def _size(load: Float64) -> float:
+    """Tangential size of a load of both fingers together."""
+    return float(np.hypot(load[0], load[1]))

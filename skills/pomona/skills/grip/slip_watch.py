@@ -1,0 +1,140 @@
+"""Detects slip without relying on the coefficient of friction: by the centre of pressure and the lever arm of the load.
+
+When a round fruit slides, its contact with the pads moves along: each finger's torques over its normal force give the
+centre of pressure. When it turns, its centre of mass comes nearer to the fingers' axis or moves away from it: the lever
+arm, moment over load, changes, while accelerating the lift leaves it as it is. Neither needs a coefficient of friction.
+A fast and a slow average are compared, and their difference counts where it is larger than noise can make it.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from pomona.executive.values.arrays import Float64
+from pomona.skills.grip.pads import MIRROR
+from pomona.skills.grip.slip_sense import SlipSense
+from pomona.skills.grip.tuning import SlipWatchSettings
+
+LEAST_FORCE = 0.15
+"""Below this normal force, the mean of both fingers, the centre of pressure is not known [N]."""
+
+
+class SlipWatch:
+    """Watches the centre of pressure and the lever arm of a held fruit.
+
+    Attributes:
+        slipped: how far the contact has moved since the grip was made or friction was measured [m].
+    """
+
+    def __init__(self, settings: SlipWatchSettings, rate: float) -> None:
+        self._settings = settings
+        self._lags = np.array(settings.place_lags)
+        self._shares = 1.0 - np.exp(-1.0 / (rate * self._lags))
+        self._period = 1.0 / rate
+        self._torque_std = 0.0
+        self._means = np.zeros((3, 5))
+        self._lever_fast = self._lever_slow = 0.0
+        self._samples = 0
+        self._carried_for = 0.0
+        self._origin = np.full(2, np.nan)
+        self._slipped_before = 0.0
+        self.slipped = 0.0
+
+    def calibrate(self, samples: Float64) -> None:
+        """Learn the noise of the torques from samples with nothing touching, shape (n, 2, 6)."""
+        alike = 0.5 * (samples[:, 0] + MIRROR * samples[:, 1])
+        self._torque_std = float(np.sqrt(alike[:, 3:5].var(axis=0).max()))
+
+    def start(self) -> None:
+        """Take where the fruit is now as the reference."""
+        self._samples = 0
+        self._carried_for = 0.0
+        self._origin[:] = np.nan
+        self.slipped = self._slipped_before = 0.0
+
+    def look(self, wrenches: Float64, periods: int, sense: SlipSense, carried: bool) -> bool:
+        """Take one sample; whether the fruit slides or turns now.
+
+        Args:
+            wrenches: raw, shape (2, 6).
+            periods: sample periods that it stands for.
+            sense: the loads after it.
+            carried: the fruit hangs in the fingers.
+        """
+        self._samples += periods
+        _average(wrenches, sense.raw_bias, MIRROR, self._samples, min(periods, 10), self._shares, self._means)
+        pressing = self._means[:, 0]
+        if pressing.min() < LEAST_FORCE:
+            return False
+        places = self._means[:, 1:3] / pressing[:, None]
+        if math.isnan(self._origin[0]) and self._samples * self._period > self._lags[1]:
+            self._origin[:] = places[1]
+        elif not math.isnan(self._origin[0]):
+            way = math.hypot(places[1, 0] - self._origin[0], places[1, 1] - self._origin[1])
+            self.slipped = self._slipped_before + way
+        slides = self._slides(places, pressing, carried)
+        turns = self._turns(sense, carried, periods)
+        if slides or turns:
+            self._means[1:] = self._means[0]
+            self._samples = min(self._samples, round(1.0 / self._shares[0]))
+            self._lever_slow = self._lever_fast
+            # Count from here on: the fruit comes to rest while the force rises, which is no further slip.
+            if not math.isnan(self._origin[0]):
+                self._slipped_before += math.hypot(places[0, 0] - self._origin[0], places[0, 1] - self._origin[1])
+                self._origin[:] = places[0]
+        return slides or turns
+
+    def _slides(self, places: Float64, pressing: Float64, carried: bool) -> bool:
+        s = self._settings
+        if not math.hypot(places[0, 0] - self._origin[0], places[0, 1] - self._origin[1]) > s.moved_far:
+            return False
+        for fast, slow in ((0, 1), (1, 2)):
+            if slow == 2 and not carried:
+                continue
+            moved = math.hypot(places[fast, 0] - places[slow, 0], places[fast, 1] - places[slow, 1])
+            share = self._shares[fast]
+            std = self._torque_std / float(pressing[fast]) * math.sqrt(share / (2.0 - share))
+            f_x, f_y = self._means[fast, 3:] - self._means[slow, 3:]
+            given = s.compliance * 2.0 * math.hypot(f_x, f_y)
+            if moved > max(s.moved, s.stds * std) + given:
+                return True
+        return False
+
+    def _turns(self, sense: SlipSense, carried: bool, periods: int) -> bool:
+        s = self._settings
+        if not carried or sense.f_t < s.lever_load:
+            self._carried_for = 0.0
+            return False
+        lever = sense.tau_n / sense.f_t
+        if self._carried_for == 0.0:
+            self._lever_fast = self._lever_slow = lever
+        self._carried_for += periods * self._period
+        slow_lag = min(s.lever_lags[1], max(self._carried_for, s.lever_lags[0]))
+        self._lever_fast += (1.0 - math.exp(-periods * self._period / s.lever_lags[0])) * (lever - self._lever_fast)
+        self._lever_slow += (1.0 - math.exp(-periods * self._period / slow_lag)) * (lever - self._lever_slow)
+        moved = abs(self._lever_fast - self._lever_slow)
+        noise = s.lever_stds * sense.tau_noise_std / sense.f_t
+        least = max(s.lever_moved, s.lever_share * abs(self._lever_slow), noise)
+        return self._carried_for > s.lever_after and moved > least
+
+
+@njit(cache=True)
+def _average(raw, bias, mirror, samples, periods, shares, means):  # type: ignore[no-untyped-def]
+    """Averages with three time constants, of the mean of both fingers: normal force, that times the centre of pressure
+    (x, y), tangential force (x, y); shape (3, 5).
+
+    Each is a plain mean at first, until its time constant has passed.
+    """
+    alike = np.empty(6)
+    for j in range(5):
+        alike[j] = 0.5 * (raw[0, j] - bias[0, j] + mirror[j] * (raw[1, j] - bias[1, j]))
+    for k in range(3):
+        share = max(min(periods * shares[k], 1.0), 1.0 / samples)
+        means[k, 0] += share * (-alike[2] - means[k, 0])
+        means[k, 1] += share * (alike[4] - means[k, 1])
+        means[k, 2] += share * (-alike[3] - means[k, 2])
+        means[k, 3] += share * (alike[0] - means[k, 3])
+        means[k, 4] += share * (alike[1] - means[k, 4])

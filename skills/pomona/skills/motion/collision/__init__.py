@@ -1,0 +1,20 @@
+"""What the robot may hit: its own geometry as spheres, the world around it, and checks of postures and whole paths."""
+
+from pomona.skills.motion.collision.convex import Convex, fruit_points
+from pomona.skills.motion.collision.distance_field import DistanceField
+from pomona.skills.motion.collision.errors import CollisionError, UnknownObstacle
+from pomona.skills.motion.collision.robot_shape import RobotShape
+from pomona.skills.motion.collision.verdict import Collision, Margins
+from pomona.skills.motion.collision.world import CollisionWorld
+
+__all__ = [
+    "Collision",
+    "CollisionError",
+    "CollisionWorld",
+    "Convex",
+    "DistanceField",
+    "Margins",
+    "RobotShape",
+    "UnknownObstacle",
+    "fruit_points",
+]

@@ -1,0 +1,165 @@
+"""Proof that a straight joint-space segment is free, by conservative advancement, compiled by numba.
+
+A clearance that is found in one posture reaches some way on along the segment; only where it ends the geom is looked at
+again. How far a geom's points move while the joints go on by a share s of the segment is bounded twice, and the smaller
+bound counts:
+
+- by s times the sum of |dq_j| · reach_j: right for any motion, and far too much for one in which joints work against
+  each other, such as a straight line of the tool;
+- by s |v| + s²/2 a, where v is how a point moves in the posture at hand and a bounds how that can change: a point p
+  of a chain has |d²p/dq_j dq_k| <= reach of the later of the two joints.
+
+A proof needs slack: advanced by exactly the clearance that was found, the next look would find nothing left. And what
+one check has proven, a later one that looks elsewhere on the same segment must not deny: a plan would fail on its own
+path. So a check is told how much a look may miss of the margin (`tolerance`), and proves `SLACK` less than that. What
+is being planned is checked with none, what has been planned and is about to be executed with `SLACK`.
+
+For two geoms the motion of the outer one in the inner one's frame counts, in which the joints before both stand still.
+"""
+
+from __future__ import annotations
+
+from math import sqrt
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from pomona.executive.values.arrays import Float64
+from pomona.skills.motion.collision.kernel import WorldArrays, evaluate_clearances, make_scratch, place
+from pomona.skills.motion.collision.robot_shape import RobotArrays
+
+SLACK = 5e-4
+"""By how much a margin may be undershot between two looks [m]."""
+
+_LOOK_AHEAD = 0.15  # clearances beyond this are not resolved further while moving [m]
+
+
+@njit(cache=True, nogil=True)
+def check_segment(
+    robot: RobotArrays, world: WorldArrays, start: Float64, end: Float64, width: float, tolerance: float
+) -> tuple[float, float, int, int]:
+    """Prove a segment free, or find where it is not; nothing comes closer than its margin minus `tolerance + SLACK`.
+
+    Returns:
+        Where on the segment something is closer than its margin less the tolerance (0 to 1; 2 when nothing is), the
+        smallest clearance met beyond the margins [m], and who has it, as in `check_states`.
+    """
+    dof, geoms, pairs, of_geom = start.shape[0], robot.links.shape[0], robot.pairs, robot.links
+    numbers = geoms + pairs.shape[0]
+    scratch = make_scratch(robot)
+    step = end - start
+    turns, shifts = np.zeros((dof + 1, 3)), np.zeros((dof + 1, 3))
+    rates, bends, speeds = np.zeros(numbers), np.zeros(numbers), np.zeros(numbers)  # [m] per unit of the segment
+    safe_until = np.zeros(numbers)
+    active = np.empty(numbers, np.bool_)
+    wanted, found = np.empty(numbers), np.empty(numbers)
+    which = np.empty(numbers, np.int64)
+    for n in range(numbers):
+        if n < geoms:
+            rates[n], bends[n] = bounds_of_motion(robot.reach, step, 0, n)
+            if of_geom[n] == 0:
+                safe_until[n] = 2.0
+        else:
+            pair = n - geoms
+            rates[n], bends[n] = bounds_of_motion(robot.reach, step, of_geom[pairs[pair, 0]], pairs[pair, 1])
+    smallest, geom, other = 1e9, -1, -1
+    q = np.empty(dof)
+    while True:
+        t = safe_until.min()
+        if t > 1.0:
+            return 2.0, smallest, geom, other
+        for j in range(dof):
+            q[j] = start[j] + t * step[j]
+        place(robot, q, width, scratch)
+        write_twists(robot.sliding, scratch.links, step, turns, shifts)
+        rest = 1.0 - t
+        for n in range(numbers):
+            active[n] = safe_until[n] <= t
+            if active[n]:
+                inner, outer = (0, n) if n < geoms else (of_geom[pairs[n - geoms, 0]], pairs[n - geoms, 1])
+                speeds[n] = speed_of_ball(
+                    turns, shifts, inner, of_geom[outer], scratch.centres[outer], robot.bounds[outer, 3]
+                )
+                motion = min(rates[n] * rest, (speeds[n] + 0.5 * bends[n] * rest) * rest)
+                wanted[n] = min(motion, _LOOK_AHEAD) + 1e-9
+        worst = evaluate_clearances(robot, world, width, active, wanted, False, scratch, found, which)
+        if found[worst] < smallest:
+            geom = worst if worst < geoms else pairs[worst - geoms, 1]
+            smallest, other = found[worst], which[worst]
+            if smallest < -tolerance:
+                return t, smallest, geom, other
+        for n in range(numbers):
+            if active[n]:
+                reached = _reaches(found[n] + tolerance + SLACK, rates[n], speeds[n], bends[n])
+                safe_until[n] = 2.0 if reached > rest else t + reached
+
+
+@njit(cache=True, nogil=True)
+def check_path(
+    robot: RobotArrays, world: WorldArrays, path: Float64, width: float, tolerance: float
+) -> tuple[int, float, float, int, int]:
+    """`check_segment` for all segments between waypoints, shape (n, dof), until one is not free.
+
+    Returns:
+        Number of the first segment that is not free, -1 when there is none, and what
+        `check_segment` says of it.
+    """
+    for k in range(max(path.shape[0] - 1, 1)):
+        end = path[min(k + 1, path.shape[0] - 1)]
+        at, clearance, geom, other = check_segment(robot, world, path[k], end, width, tolerance)
+        if at <= 1.0:
+            return k, at, clearance, geom, other
+    return -1, 2.0, 1e9, -1, -1
+
+
+@njit(cache=True, nogil=True)
+def bounds_of_motion(reach: Float64, step: Float64, first: int, geom: int) -> tuple[float, float]:
+    """How fast a geom's points can move, and how much that can change, by the joints from `first` on."""
+    rate, bend, turned = 0.0, 0.0, 0.0
+    for j in range(first, step.shape[0]):
+        moved = abs(step[j])
+        rate += moved * reach[j, geom]
+        bend += moved * (2.0 * turned + moved) * reach[j, geom]
+        turned += moved
+    return rate, bend
+
+
+@njit(cache=True, nogil=True)
+def write_twists(sliding: NDArray[np.bool_], links: Float64, step: Float64, turns: Float64, shifts: Float64) -> None:
+    """Write how every link moves: a point p that is carried by link n moves by turns[n] x p + shifts[n]."""
+    for j in range(step.shape[0]):
+        zx, zy, zz = step[j] * links[j + 1, 0, 2], step[j] * links[j + 1, 1, 2], step[j] * links[j + 1, 2, 2]
+        if sliding[j]:
+            for axis in range(3):
+                turns[j + 1, axis] = turns[j, axis]
+            shifts[j + 1, 0] = shifts[j, 0] + zx
+            shifts[j + 1, 1] = shifts[j, 1] + zy
+            shifts[j + 1, 2] = shifts[j, 2] + zz
+        else:
+            ox, oy, oz = links[j + 1, 0, 3], links[j + 1, 1, 3], links[j + 1, 2, 3]
+            turns[j + 1, 0] = turns[j, 0] + zx
+            turns[j + 1, 1] = turns[j, 1] + zy
+            turns[j + 1, 2] = turns[j, 2] + zz
+            shifts[j + 1, 0] = shifts[j, 0] - (zy * oz - zz * oy)
+            shifts[j + 1, 1] = shifts[j, 1] - (zz * ox - zx * oz)
+            shifts[j + 1, 2] = shifts[j, 2] - (zx * oy - zy * ox)
+
+
+@njit(cache=True, nogil=True)
+def speed_of_ball(turns: Float64, shifts: Float64, inner: int, outer: int, centre: Float64, radius: float) -> float:
+    """Largest speed of a ball carried by link `outer`, in the frame of link `inner`."""
+    wx, wy, wz = turns[outer, 0] - turns[inner, 0], turns[outer, 1] - turns[inner, 1], turns[outer, 2] - turns[inner, 2]
+    x, y, z = centre[0], centre[1], centre[2]
+    vx = wy * z - wz * y + shifts[outer, 0] - shifts[inner, 0]
+    vy = wz * x - wx * z + shifts[outer, 1] - shifts[inner, 1]
+    vz = wx * y - wy * x + shifts[outer, 2] - shifts[inner, 2]
+    return sqrt(vx * vx + vy * vy + vz * vz) + radius * sqrt(wx * wx + wy * wy + wz * wz)
+
+
+@njit(cache=True, nogil=True)
+def _reaches(clear: float, rate: float, speed: float, bend: float) -> float:
+    """How far along the segment a clearance lasts: the larger of what the two bounds of the motion allow."""
+    steady = clear / max(rate, 1e-12)
+    bending = 2.0 * clear / max(speed + sqrt(speed * speed + 2.0 * bend * clear), 1e-12)
+    return max(steady, bending)

@@ -1,0 +1,61 @@
+"""What to keep clear, and what is said when it is not."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from pomona.executive.values.arrays import Float64
+
+
+@dataclass(frozen=True, slots=True)
+class Margins:
+    """Distances to keep, body by body [m]: one margin for all would leave large fruit no room between the fingers.
+
+    Attributes:
+        arm, gripper, fingers, held: of the links, of what is fixed on the flange, of fingers and pads, of held fruit,
+            from everything in the world.
+        itself: of the robot's parts from each other.
+    """
+
+    arm: float = 0.010
+    gripper: float = 0.006
+    fingers: float = 0.002
+    held: float = 0.002
+    itself: float = 0.004
+
+    def scaled(self, factor: float) -> Margins:
+        """All margins times a factor: what a fallback of the tree may ask for."""
+        return Margins(*(factor * m for m in (self.arm, self.gripper, self.fingers, self.held, self.itself)))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Collision:
+    """Two things that are closer than they may be.
+
+    Attributes:
+        geom, body: the robot's part, by the names of its shape and of its body.
+        other: the obstacle's name ("map", "table", "target" …), or the robot's other body.
+        depth: by how much the margin is violated [m]; larger than the margin means contact.
+        margin: the distance that was to be kept [m].
+        point: the robot's point where it is deepest, in the base frame, shape (3,) [m].
+        q: the posture, shape (dof,) [rad].
+        at: where on a path: number of the segment plus the share of it; 0 for a single posture.
+        itself: True for a collision of the robot with itself.
+    """
+
+    geom: str
+    body: str
+    other: str
+    depth: float
+    margin: float
+    point: Float64
+    q: Float64
+    at: float
+    itself: bool
+
+    def __str__(self) -> str:
+        x, y, z = self.point
+        what = f"the arm's own {self.other}" if self.itself else f"the {self.other}"
+        gap = self.margin - self.depth
+        how = f"touches {what}" if gap <= 0.0 else f"comes within {1e3 * gap:.1f} mm of {what}"
+        return f"{self.body} {how} at ({x:.3f}, {y:.3f}, {z:.3f}) m; {1e3 * self.margin:.0f} mm are to be kept"

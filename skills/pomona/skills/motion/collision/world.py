@@ -1,0 +1,313 @@
+"""Everything the robot may hit, and the questions a planner asks about it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pomona.drivers.interfaces import ArmLimits, Trajectory, Workspace
+from pomona.drivers.trajectory import check_trajectory
+from pomona.executive.values.arrays import Float64
+from pomona.skills.motion.collision import kernel
+from pomona.skills.motion.collision.convex import Convex
+from pomona.skills.motion.collision.distance_field import DistanceField
+from pomona.skills.motion.collision.errors import UnknownObstacle
+from pomona.skills.motion.collision.kernel import WorldArrays
+from pomona.skills.motion.collision.robot_shape import RobotShape
+from pomona.skills.motion.collision.segment import SLACK, check_path, check_segment
+from pomona.skills.motion.collision.verdict import Collision, Margins
+from pomona.skills.motion.robot import RobotModel
+
+MAP = "map"
+TABLE = "table"
+
+_FAR = 0.25
+"""Clearances are told up to this distance [m]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CollisionWorld:
+    """A frozen picture of the surroundings for one robot. Cheap to vary: its methods that return a world copy little.
+
+    Attributes:
+        shape: the robot's geometry.
+        field: distance to blocked cells of the map.
+        obstacles: convex obstacles by number; their names need not differ.
+        margins: what to keep.
+        arrays: for the kernels.
+        table_z: height of the table [m], or None.
+        ignored: which obstacle's name may be touched by which group of the robot.
+    """
+
+    shape: RobotShape
+    field: DistanceField
+    obstacles: tuple[Convex, ...]
+    margins: Margins
+    table_z: float | None
+    ignored: frozenset[tuple[str, str]]
+    arrays: WorldArrays
+
+    @staticmethod
+    def build(
+        robot: RobotModel | RobotShape,
+        workspace: Workspace | None = None,
+        field: DistanceField | None = None,
+        obstacles: Sequence[Convex] = (),
+        margins: Margins | None = None,
+    ) -> CollisionWorld:
+        """Put a world together.
+
+        Args:
+            robot: its model, or its shape with a held fruit.
+            workspace: table, fixed obstacles, meshes and zones of the cell.
+            field: of the map (`OccupancyMap.usable_field`); without it only shapes are known.
+            obstacles: further shapes, such as the target (`Convex.of_fruit`).
+            margins: defaults to `Margins()`.
+        """
+        shape = RobotShape.of(robot) if isinstance(robot, RobotModel) else robot
+        fixed = (*standing(workspace), *map(Convex.of_box, workspace.zones)) if workspace else ()
+        return _assemble(
+            shape,
+            field or DistanceField.nothing_blocked(),
+            (*fixed, *obstacles),
+            margins or Margins(),
+            workspace.table_z if workspace else None,
+            frozenset(),
+        )
+
+    # ------------------------------------------------------------------------------------------- variations
+
+    def with_obstacles(self, *obstacles: Convex) -> CollisionWorld:
+        """The same world with more obstacles."""
+        return self._changed(obstacles=(*self.obstacles, *obstacles))
+
+    def without(self, name: str) -> CollisionWorld:
+        """The same world without the obstacles of a name.
+
+        Raises:
+            UnknownObstacle: there is none.
+        """
+        kept = tuple(o for o in self.obstacles if o.name != name)
+        if len(kept) == len(self.obstacles):
+            raise UnknownObstacle(name, self.names)
+        return self._changed(obstacles=kept)
+
+    def allowing(self, name: str, *groups: str) -> CollisionWorld:
+        """The same world, in which some groups of the robot's geoms may touch an obstacle.
+
+        Args:
+            name: an obstacle's name, "map" or "table".
+            groups: of "arm", "gripper", "fingers", "held"; all when left out.
+
+        Raises:
+            UnknownObstacle: there is none.
+        """
+        if name not in self.names:
+            raise UnknownObstacle(name, self.names)
+        allowed = {(name, group) for group in groups or ("arm", "gripper", "fingers", "held")}
+        return self._changed(ignored=self.ignored | allowed)
+
+    def with_margins(self, margins: Margins) -> CollisionWorld:
+        """The same world with other margins."""
+        return self._changed(margins=margins)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of all obstacles by their number in the kernels."""
+        table = () if self.table_z is None else (TABLE,)
+        return (MAP, *(o.name for o in self.obstacles), *table)
+
+    # -------------------------------------------------------------------------------------------- questions
+
+    def check(self, q: ArrayLike, width: float) -> Collision | None:
+        """The worst collision of a posture, or None.
+
+        Args:
+            q: joints, shape (dof,) [rad].
+            width: opening of the gripper [m].
+
+        Raises:
+            BadJoints: q is no posture of this robot.
+        """
+        joints = self.shape.model.checked(q)
+        clearances, closest = self._judge(joints[None], width, _FAR)
+        if clearances[0] >= 0.0:
+            return None
+        return self._collision(joints, width, float(clearances[0]), int(closest[0, 0]), int(closest[0, 1]), 0.0)
+
+    def clearance(self, q: ArrayLike, width: float) -> float:
+        """Distance that is left beyond the margins [m], negative in collision; 0.25 m and more are told as 0.25 m.
+
+        Raises:
+            BadJoints: q is no posture of this robot.
+        """
+        return float(self._judge(self.shape.model.checked(q)[None], width, _FAR)[0][0])
+
+    def clearances(self, Q: ArrayLike, width: float) -> Float64:
+        """`clearance` of many postures, shape (n, dof) -> (n,) [m]."""
+        return self._judge(self._checked_many(Q), width, _FAR)[0]
+
+    def free(self, Q: ArrayLike, width: float) -> NDArray[np.bool_]:
+        """Which postures, shape (n, dof), keep all margins, shape (n,): the fast question."""
+        free: NDArray[np.bool_] = self._judge(self._checked_many(Q), width, 0.0)[0] >= 0.0
+        return free
+
+    def segment_free(self, start: ArrayLike, end: ArrayLike, width: float) -> bool:
+        """Whether a straight joint-space segment keeps all margins to within `SLACK`, at every point of it."""
+        first, last = self.shape.model.checked(start), self.shape.model.checked(end)
+        return bool(check_segment(self.shape.arrays, self.arrays, first, last, width, 0.0)[0] > 1.0)
+
+    def check_path(self, waypoints: ArrayLike, width: float) -> Collision | None:
+        """The first collision along straight joint-space segments between waypoints, shape (n, dof), or None.
+
+        No sampling step: how far each part of the robot can move is bounded by joint steps times reach, and the next
+        look is where a found clearance ends, so no cell is jumped. A segment that was proven free is free here, too: a
+        look may miss `SLACK` of a margin, and 2 `SLACK` are the most by which one is undershot.
+
+        Args:
+            waypoints: shape (n, dof) [rad].
+            width: opening of the gripper [m].
+
+        Raises:
+            BadJoints: a waypoint is no posture of this robot.
+        """
+        path = self._checked_many(waypoints)
+        number, at, away, geom, other = check_path(self.shape.arrays, self.arrays, path, width, SLACK)
+        if number < 0:
+            return None
+        start, end = path[number], path[min(number + 1, len(path) - 1)]
+        return self._collision(start + at * (end - start), width, away, geom, other, number + at)
+
+    def first_blocked(self, waypoints: ArrayLike, width: float) -> int | None:
+        """Number of the first segment of `check_path` that is not free, or None.
+
+        Raises:
+            BadJoints: a waypoint is no posture of this robot.
+        """
+        path = self._checked_many(waypoints)
+        number = check_path(self.shape.arrays, self.arrays, path, width, SLACK)[0]
+        return None if number < 0 else number
+
+    def check_trajectory(self, trajectory: Trajectory, width: float) -> Collision | None:
+        """The first collision along a timed trajectory, or None.
+
+        Between samples the arm may leave the straight segment by up to max|qdd|·dt²/8 in each joint; the motion that
+        this can mean is added to what every part must keep clear.
+
+        Raises:
+            BadTrajectory: malformed, or beyond a limit of the arm: see `pomona.drivers.trajectory`.
+        """
+        model = self.shape.model
+        check_trajectory(
+            trajectory, ArmLimits(model.lower, model.upper, model.velocity, model.acceleration, model.jerk)
+        )
+        q, qdd = trajectory.q, np.abs(trajectory.qdd)
+        bow = np.maximum(qdd[:-1], qdd[1:]) * np.diff(trajectory.t)[:, None] ** 2 / 8.0
+        bulge = float(np.max(bow @ self.shape.arrays.reach, initial=0.0))
+        wider = self if bulge < 1e-6 else replace(self, arrays=self._grown(bulge))
+        return wider.check_path(q, width)
+
+    # ---------------------------------------------------------------------------------------------- inside
+
+    def _changed(
+        self,
+        *,
+        shape: RobotShape | None = None,
+        obstacles: tuple[Convex, ...] | None = None,
+        margins: Margins | None = None,
+        ignored: frozenset[tuple[str, str]] | None = None,
+    ) -> CollisionWorld:
+        return _assemble(
+            shape or self.shape,
+            self.field,
+            self.obstacles if obstacles is None else obstacles,
+            margins or self.margins,
+            self.table_z,
+            self.ignored if ignored is None else ignored,
+        )
+
+    def _grown(self, distance: float) -> WorldArrays:
+        arrays = self.arrays
+        return arrays._replace(margins=arrays.margins + distance, self_margin=arrays.self_margin + 2.0 * distance)
+
+    def _checked_many(self, Q: ArrayLike) -> Float64:
+        postures = np.ascontiguousarray(Q, dtype=np.float64)
+        if postures.ndim != 2:
+            self.shape.model.checked(postures)
+            postures = postures[None]
+        if postures.shape[1] != self.shape.model.dof or not np.isfinite(postures).all():
+            for q in postures:
+                self.shape.model.checked(q)
+        return postures
+
+    def _judge(self, Q: Float64, width: float, enough: float) -> tuple[Float64, NDArray[np.int64]]:
+        clearances, closest = np.empty(len(Q)), np.empty((len(Q), 2), dtype=np.int64)
+        kernel.check_states(self.shape.arrays, self.arrays, Q, width, enough, clearances, closest)
+        return clearances, closest
+
+    def _collision(self, q: Float64, width: float, away: float, geom: int, other: int, at: float) -> Collision:
+        itself = other < 0
+        return Collision(
+            geom=self.shape.geom_names[geom],
+            body=self.shape.geom_bodies[geom],
+            other=self.shape.geom_bodies[-1 - other] if itself else self.names[other],
+            depth=-away,
+            margin=self.arrays.self_margin if itself else float(self.arrays.margins[geom]),
+            point=self._deepest(q, width, geom, other),
+            q=q.copy(),
+            at=at,
+            itself=itself,
+        )
+
+    def _deepest(self, q: Float64, width: float, geom: int, other: int) -> Float64:
+        """Centre of the geom's sphere that is closest to an obstacle."""
+        spheres = self.shape.spheres_of(geom, q, width)
+        centres, radii = spheres[:, :3], spheres[:, 3]
+        if other < 0:
+            others = self.shape.spheres_of(-1 - other, q, width)
+            apart = np.linalg.norm(centres[:, None] - others[None, :, :3], axis=2) - others[None, :, 3]
+            away = apart.min(axis=1)
+        elif other == kernel.MAP:
+            away = self.field.distance(centres)
+        elif other <= len(self.obstacles):
+            away = self.obstacles[other - 1].distance(centres)
+        else:
+            away = centres[:, 2]
+        deepest: Float64 = centres[int(np.argmin(away - radii))]
+        return deepest
+
+
+@lru_cache(maxsize=4)
+def standing(workspace: Workspace) -> tuple[Convex, ...]:
+    """What the cell file says that stands there: boxes and parts of meshes."""
+    return (*map(Convex.of_box, workspace.obstacles), *map(Convex.of_hull, workspace.hulls))
+
+
+def _assemble(
+    shape: RobotShape,
+    field: DistanceField,
+    obstacles: tuple[Convex, ...],
+    margins: Margins,
+    table_z: float | None,
+    ignored: frozenset[tuple[str, str]],
+) -> CollisionWorld:
+    groups = shape.geom_groups
+    names = (MAP, *(o.name for o in obstacles), *(() if table_z is None else (TABLE,)))
+    by_group = {"arm": margins.arm, "gripper": margins.gripper, "fingers": margins.fingers, "held": margins.held}
+    arrays = WorldArrays(
+        field=field.values,
+        origin=field.origin,
+        resolution=float(field.resolution),
+        planes=np.vstack([o.planes for o in obstacles]) if obstacles else np.empty((0, 4)),
+        plane_start=np.cumsum([0] + [len(o.planes) for o in obstacles], dtype=np.int64),
+        bounds=np.array([o.bound for o in obstacles]).reshape(-1, 4),
+        half_spaces=np.array([] if table_z is None else [[0.0, 0.0, 1.0, table_z]]).reshape(-1, 4),
+        margins=np.array([by_group[group] for group in groups]),
+        self_margin=float(margins.itself),
+        ignored=np.array([[(name, group) in ignored for group in groups] for name in names]),
+    )
+    return CollisionWorld(shape, field, obstacles, margins, table_z, ignored, arrays)

@@ -1,0 +1,67 @@
+"""Grasp candidates on the paper's sphere around a fruit."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+
+from pomona.executive.values.arrays import Float64
+from pomona.executive.values.units import ANGLE, LENGTH, Array
+from pomona.skills.perception.measured_fruit import MeasuredFruit
+
+Pose = Annotated[Float64, Array(4, 4)]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Grasp:
+    """One candidate: where the gripper's centre point (TCP) stands before and at the grasp.
+
+    Attributes:
+        index: number of the candidate on the sphere, in the sampling's own order.
+        theta, alpha: the paper's angles [rad].
+        T_base_pre_grasp, T_base_grasp: poses of the TCP; z approach, y sliding direction of the fingers.
+        width: opening to approach with [m].
+        q_pre_grasp: joint solutions of the pre-grasp that are free of collision, shape (n, dof) [rad], best first.
+        clearance: distance from the nearest obstacle over the approach [m].
+        oblique: angle at which the pads meet the skin [rad]; 0 is square.
+        fruit: what is to be grasped.
+    """
+
+    index: int
+    theta: Annotated[float, ANGLE]
+    alpha: Annotated[float, ANGLE]
+    T_base_pre_grasp: Pose
+    T_base_grasp: Pose
+    width: Annotated[float, LENGTH]
+    q_pre_grasp: Float64
+    clearance: Annotated[float, LENGTH]
+    oblique: Annotated[float, ANGLE]
+    fruit: MeasuredFruit
+
+    @property
+    def sentence(self) -> str:
+        """For people."""
+        theta, alpha = np.degrees((self.theta, self.alpha))
+        return f"θ {theta:.0f}°, α {alpha:.0f}°, {self.width * 1e3:.0f} mm open, {self.clearance * 1e3:.0f} mm clear"
+
+
+@dataclass(frozen=True, slots=True)
+class RuledOut:
+    """A candidate that was ruled out, and why: a code such as UNREACHABLE or IN_COLLISION and a sentence."""
+
+    index: int
+    theta: Annotated[float, ANGLE]
+    alpha: Annotated[float, ANGLE]
+    code: str
+    reason: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class GraspCandidates:
+    """What is left to try, best first, and what was ruled out."""
+
+    grasps: tuple[Grasp, ...]
+    ruled_out: tuple[RuledOut, ...]
+    attempt: int

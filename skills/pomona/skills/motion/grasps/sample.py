@@ -1,0 +1,273 @@
+"""Grasp candidates on the paper's sphere: what can be reached without touching anything, best first.
+
+Every candidate is followed through: opening against the estimated width, fingers against the table, joint solutions of
+the pre-grasp, the straight approach in one arm configuration, and everything on the way against the map. One that fails
+is ruled out with the reason of the step at which it came furthest.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pomona.executive.values.arrays import Float64, Int64
+from pomona.skills.geometry import transform
+from pomona.skills.motion.collision import CollisionWorld, fruit_points
+from pomona.skills.motion.grasp import Grasp, RuledOut
+from pomona.skills.motion.grasps.follow_through import (
+    GOOD,
+    LINE_BROKEN,
+    START_BLOCKED,
+    follow_through,
+)
+from pomona.skills.motion.grasps.fruit_section import CrossSection, extent, fruit_section
+from pomona.skills.motion.grasps.gripper_shape import GripperShape, gripper_shape
+from pomona.skills.motion.grasps.sphere import Sphere, pre_grasp_orientations
+from pomona.skills.motion.planning.arm_space import ArmSpace
+from pomona.skills.motion.robot import RobotModel
+from pomona.skills.motion.robot.inverse_kinematics import inverse_kinematics
+from pomona.skills.motion.straight_line import LARGEST_RATE
+from pomona.skills.perception.measured_fruit import MeasuredFruit
+
+OBLIQUE = 0.35
+"""Pads that meet the skin at this angle turn a fruit between them, even with good friction [rad]."""
+
+LINE_STEP = 30e-3
+"""Distance of poses along an approach when it is judged [m]; segments between them are checked whole."""
+
+
+@dataclass(frozen=True, slots=True)
+class GraspRules:
+    """What a grasp must keep to.
+
+    Attributes:
+        side: air between each pad and the fruit on the approach that is wanted, and that is needed at least [m].
+        table: air between finger tips and table at the grasp [m].
+        sigmas: how many standard deviations of the measurement are kept on top of both.
+        raise_up_to: how far the grasp may be drawn back from the widest section to clear the table [m].
+        palm: air between fruit and palm [m].
+        solutions: joint solutions that are kept of each candidate.
+        tried_solutions: joint solutions that are looked at, nearest to where the arm stands first.
+        arm_angles: how finely a redundant arm's solutions are sampled.
+        check: follow every candidate through; without it only the joint solutions are sought (the paper's way).
+    """
+
+    side: tuple[float, float] = (6e-3, 2e-3)
+    table: float = 3e-3
+    sigmas: float = 2.0
+    raise_up_to: float = 5e-3
+    palm: float = 5e-3
+    solutions: int = 2
+    tried_solutions: int = 8
+    arm_angles: int = 18
+    check: bool = True
+
+
+class CandidateRejected(Exception):
+    """A candidate that is ruled out."""
+
+    def __init__(self, code: str, reason: str) -> None:
+        self.code, self.reason = code, reason
+        super().__init__(reason)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Setting:
+    """What all candidates of one fruit share: among it the TCP's pose in the last link, shape (3, 4), and how far back
+    from the grasp the poses are at which an approach is judged, shape (m,) [m]."""
+
+    measured: MeasuredFruit
+    vertices_base: Float64
+    robot: RobotModel
+    shape: GripperShape
+    space: ArmSpace
+    table_z: float | None
+    q_now: Float64
+    sphere: Sphere
+    rules: GraspRules
+    T_last_tcp: Float64
+    back: Float64
+
+
+def sample_pre_grasps(
+    measured: MeasuredFruit,
+    robot: RobotModel,
+    space: ArmSpace,
+    q_now: Float64,
+    table_z: float | None = None,
+    sphere: Sphere | None = None,
+    rules: GraspRules | None = None,
+) -> tuple[tuple[Grasp, ...], tuple[RuledOut, ...]]:
+    """Sample the sphere around a fruit.
+
+    Args:
+        measured: the refined fruit; its covariance enters as margin.
+        robot: kinematics and geometry.
+        space: collision checks; the target must be left out of its map, and the fingers allowed near it.
+        q_now: where the arm stands, shape (dof,) [rad]; near solutions are preferred.
+        table_z: height of the plane below the fruit [m], None for none.
+        sphere: which part of the sphere, how finely.
+        rules: margins.
+
+    Returns:
+        candidates, best first (without `check`: in the sampling's order), and those ruled out with their reasons.
+    """
+    chosen = sphere or Sphere()
+    setting = _Setting(
+        measured, fruit_points(measured), robot, gripper_shape(robot), space, table_z, robot.checked(q_now),
+        chosen, rules or GraspRules(), np.ascontiguousarray(robot.T_link_tcp[:3]),
+        np.linspace(chosen.radius, 0.0, 1 + max(3, int(np.ceil(chosen.radius / LINE_STEP)))),
+    )  # fmt: skip
+    grasps: list[Grasp] = []
+    ruled_out: list[RuledOut] = []
+    for index, ((theta, alpha), R_base_tcp) in enumerate(
+        zip(chosen.attempts(), pre_grasp_orientations(chosen), strict=True)
+    ):
+        try:
+            grasps.append(_candidate(setting, index, theta, alpha, R_base_tcp))
+        except CandidateRejected as out:
+            ruled_out.append(RuledOut(index, theta, alpha, out.code, out.reason))
+    if setting.rules.check:
+        grasps.sort(key=lambda grasp: cost(grasp, robot, setting.q_now))
+    return tuple(grasps), tuple(ruled_out)
+
+
+def cost(grasp: Grasp, robot: RobotModel, q_now: Float64) -> float:
+    """Order of candidates, smallest first: a sum of shares between 0 and 1, by how much each matters for a safe grasp.
+
+    Little clearance (30 mm is plenty), pads that meet the skin obliquely or press on the ends of a long fruit (both
+    turn it), a tilted approach (the fingers come nearer to the table), a posture near a singularity, and a long way
+    from where the arm stands.
+    """
+    q = grasp.q_pre_grasp[0]
+    tight = 1.0 - min(grasp.clearance / 0.03, 1.0)
+    tilted = grasp.theta / (np.pi / 2.0)
+    stiff = 1.0 / (1.0 + 20.0 * robot.manipulability(q))
+    oblique = min(grasp.oblique / OBLIQUE, 1.0)
+    wide = min(grasp.width / float(grasp.fruit.dimensions.min()) - 1.0, 1.0)
+    far = min(float(np.abs(q - q_now).max()) / np.pi, 1.0)
+    return 1.0 * tight + 1.0 * oblique + 1.0 * wide + 0.5 * tilted + 0.5 * stiff + 0.5 * far
+
+
+def _candidate(setting: _Setting, index: int, theta: float, alpha: float, R_base_tcp: Float64) -> Grasp:
+    """Follow one candidate through.
+
+    Raises:
+        CandidateRejected: at the first step that fails for all joint solutions.
+    """
+    section = fruit_section(setting.measured, setting.vertices_base, R_base_tcp)
+    width = _opening(setting, section)
+    T_base_grasp = transform(R_base_tcp, section.p_base)
+    if setting.rules.check:
+        _clear_palm(setting, section)
+        T_base_grasp = _above_table(setting, section, T_base_grasp, width)
+    T_base_pre_grasp = T_base_grasp.copy()
+    T_base_pre_grasp[:3, 3] -= setting.sphere.radius * R_base_tcp[:, 2]
+    angles = setting.rules.arm_angles
+    solutions = inverse_kinematics(setting.robot, T_base_pre_grasp, arm_angles=angles, near=setting.q_now)
+    if len(solutions) == 0:
+        raise CandidateRejected("UNREACHABLE", "the arm does not reach the pre-grasp")
+    kept, clearance = solutions[: setting.rules.solutions], np.inf
+    if setting.rules.check:
+        kept, clearance = _approachable(setting, solutions, T_base_grasp, width)
+    return Grasp(
+        index, theta, alpha, T_base_pre_grasp, T_base_grasp, width, kept, clearance, section.oblique, setting.measured
+    )  # fmt: skip
+
+
+def _opening(setting: _Setting, section: CrossSection) -> float:
+    """Opening to approach with: the fruit's width and air on both sides, as far as the gripper opens."""
+    wanted, needed = setting.rules.side
+    unsure = setting.rules.sigmas * np.hypot(section.sigma_across, section.sigma_width / 2.0)
+    if section.width + 2.0 * (needed + unsure) > setting.robot.width_max:
+        raise CandidateRejected(
+            "TOO_WIDE",
+            f"the fruit is {1e3 * section.width:.0f} ± {2e3 * unsure:.0f} mm wide here, the fingers open to "
+            f"{1e3 * setting.robot.width_max:.0f} mm",
+        )
+    return float(min(section.width + 2.0 * (wanted + unsure), setting.robot.width_max))
+
+
+def _clear_palm(setting: _Setting, section: CrossSection) -> None:
+    left = setting.shape.palm_depth - section.behind
+    if left < setting.rules.palm:
+        raise CandidateRejected("TOO_TALL", f"the fruit would be {1e3 * left:.0f} mm from the palm")
+
+
+def _above_table(setting: _Setting, section: CrossSection, T_base_grasp: Float64, width: float) -> Float64:
+    """The grasp, drawn back along the approach until the finger tips clear the table."""
+    if setting.table_z is None:
+        return T_base_grasp
+    lowest, body = setting.shape.lowest(T_base_grasp, width)
+    air = lowest - setting.table_z - setting.rules.sigmas * section.sigma_height
+    missing = setting.rules.table - air
+    if missing <= 0.0:
+        return T_base_grasp
+    back = missing / max(-float(T_base_grasp[2, 2]), 1e-6)
+    if back > setting.rules.raise_up_to:
+        name = body.replace("_", " ").replace("finger left", "left finger").replace("finger right", "right finger")
+        where = f"{-1e3 * air:.0f} mm inside" if air < 0.0 else f"only {1e3 * air:.0f} mm above"
+        raise CandidateRejected("TABLE", f"the {name} would be {where} the table")
+    raised = T_base_grasp.copy()
+    raised[:3, 3] -= back * T_base_grasp[:3, 2]
+    return raised
+
+
+def _approachable(setting: _Setting, solutions: Float64, T_base_grasp: Float64, width: float) -> tuple[Float64, float]:
+    """Joint solutions whose pre-grasp and whole approach are free, and the least distance kept on the first one's."""
+    robot, rules, space = setting.robot, setting.rules, setting.space.at_width(width)
+    tried = np.ascontiguousarray(solutions[: rules.tried_solutions])
+    poses = np.repeat(T_base_grasp[None, :3], len(setting.back), axis=0)
+    poses[:, :, 3] -= setting.back[:, None] * T_base_grasp[:3, 2]
+    lines, verdicts, witnesses = _judge(robot, space, tried, poses, setting.T_last_tcp, rules.solutions)
+    good = np.flatnonzero(verdicts == GOOD)
+    if len(good) == 0:
+        raise _why_not(space, verdicts, witnesses)
+    return tried[good], float(space.clearances(lines[good[0]]).min())
+
+
+def _judge(
+    robot: RobotModel, space: ArmSpace, solutions: Float64, poses: Float64, T_last_tcp: Float64, wanted: int
+) -> tuple[Float64, Int64, Float64]:
+    """Follow the approach along `poses` through for joint solutions; results as in `follow_through`."""
+    apart = float(np.linalg.norm(poses[1, :, 3] - poses[0, :, 3]))
+    lines = np.empty((len(solutions), len(poses), robot.dof))
+    verdicts, witnesses = np.empty(len(solutions), dtype=np.int64), np.empty_like(solutions)
+    follow_through(
+        space.world.shape.arrays,
+        space.world.arrays,
+        T_last_tcp,
+        robot.lower,
+        robot.upper,
+        solutions,
+        poses,
+        space.width,
+        LARGEST_RATE * apart,
+        wanted,
+        lines,
+        verdicts,
+        witnesses,
+    )
+    return lines, verdicts, witnesses
+
+
+def warm_up(robot: RobotModel) -> None:
+    """Compile what sampling needs, before a run's clock starts."""
+    q = (robot.lower + robot.upper) / 2.0
+    space = ArmSpace(CollisionWorld.build(robot), robot.width_max)
+    poses = np.tile(robot.tcp(q)[:3], (2, 1, 1))
+    extent(np.zeros((1, 3)), robot.tcp(q)[:3, 3], pre_grasp_orientations(Sphere())[0], 1.0, np.empty(3))
+    space.world.field.distance(np.zeros((1, 3)))
+    space.clearances(q[None])
+    inverse_kinematics(robot, robot.tcp(q), near=q)
+    _judge(robot, space, q[None], poses, np.ascontiguousarray(robot.T_link_tcp[:3]), 1)
+
+
+def _why_not(space: ArmSpace, verdicts: Int64, witnesses: Float64) -> CandidateRejected:
+    """The reason of the solution that came furthest."""
+    furthest = int(verdicts.argmax())
+    if verdicts[furthest] == LINE_BROKEN:
+        return CandidateRejected("UNREACHABLE", "the arm cannot go straight from the pre-grasp to the grasp")
+    where = "at the pre-grasp" if verdicts[furthest] == START_BLOCKED else "on the approach"
+    return CandidateRejected("IN_COLLISION", f"{where} {space.explain(witnesses[furthest])[0]}")

@@ -1,0 +1,29 @@
+"""The occupancy map from depth frames: free, occupied and hidden cells, their ages, and the distance to what blocks."""
+
+from pomona.skills.motion.occupancy.camera_pose import check_camera_pose, pose_of_camera
+from pomona.skills.motion.occupancy.errors import (
+    CameraPoseMismatch,
+    MapEmpty,
+    MapStale,
+    NothingMeasured,
+    OccupancyError,
+)
+from pomona.skills.motion.occupancy.integrate import Sensing, integrate
+from pomona.skills.motion.occupancy.occupancy_map import FREE, HIDDEN, OCCUPIED, UNKNOWN, OccupancyMap
+
+__all__ = [
+    "FREE",
+    "HIDDEN",
+    "OCCUPIED",
+    "UNKNOWN",
+    "CameraPoseMismatch",
+    "MapEmpty",
+    "MapStale",
+    "NothingMeasured",
+    "OccupancyError",
+    "OccupancyMap",
+    "Sensing",
+    "check_camera_pose",
+    "integrate",
+    "pose_of_camera",
+]

@@ -1,0 +1,241 @@
+"""Fuse one depth image into the occupancy map, by projecting every cell into the image instead of tracing every ray.
+
+A cell well in front of the surface seen at its pixel is free. A cell that holds enough surface points is occupied. A
+cell close behind such a surface is hidden: the rest of the object. The table is a known plane, not part of the map;
+neither are the robot itself and the fruit that is to be picked, nor what these two hide.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from pomona.drivers.interfaces import Frame, Workspace
+from pomona.executive.values.arrays import Float32, Float64, UInt8
+from pomona.skills.geometry import inverse
+from pomona.skills.motion.collision.convex import Convex
+from pomona.skills.motion.occupancy.errors import CameraPoseMismatch, NothingMeasured
+from pomona.skills.motion.occupancy.occupancy_map import FREE, HIDDEN, OCCUPIED, UNKNOWN, OccupancyMap
+
+_INVALID, _SURFACE, _TABLE, _TARGET, _ROBOT = 0, 1, 2, 3, 4
+_BELOW_TABLE = 0.03  # points this far under the table cannot be [m] …
+_BELOW_TABLE_SHARE = 0.2  # … in a larger share of the points over the table
+
+
+@dataclass(frozen=True, slots=True)
+class Sensing:
+    """How a depth image is read.
+
+    Attributes:
+        clear: a cell is free when it is this many cells in front of the surface at its pixel; in front of the table,
+            which is known, a quarter of a cell is enough.
+        min_points: pixels that make a cell occupied; fewer are noise at an edge.
+        shadow: depth behind a surface that counts as the hidden part of the object [m]: the size of a fruit.
+        table: height above the table below which a point is the table's [m].
+        robot_padding: added to the robot's spheres for the self-filter [m].
+        target_margin: points closer to the target's refined shape than this belong to it [m].
+    """
+
+    clear: float = 1.5
+    min_points: int = 3
+    shadow: float = 0.10
+    table: float = 0.008
+    robot_padding: float = 0.02
+    target_margin: float = 0.010
+
+
+def integrate(
+    previous: OccupancyMap,
+    frame: Frame,
+    T_base_camera: Float64,
+    workspace: Workspace,
+    *,
+    robot: Float64 | None = None,
+    target: Convex | None = None,
+    sensing: Sensing | None = None,
+) -> OccupancyMap:
+    """The map after one more look; `previous` is left as it is.
+
+    Args:
+        previous: an earlier map, or `OccupancyMap.empty` of the workspace.
+        frame: the look; its stamp becomes the age of the cells that it saw.
+        T_base_camera: pose of the camera at the look.
+        workspace: for the height of the table.
+        robot: spheres that cover the robot at the look, shape (n, 4), in the base frame [m].
+        target: refined shape of the fruit to be picked; its cells are kept out of the map.
+        sensing: how the depth image is read.
+
+    Raises:
+        NothingMeasured: the frame has no depth, or none of it lies inside the mapped volume.
+        CameraPoseMismatch: much of what the camera sees would lie below the table.
+    """
+    how = sensing or Sensing()
+    if frame.depth is None:
+        raise NothingMeasured(frame.label, 0, 0)
+    depth = np.require(frame.depth, np.float32, ["C", "W"])  # a read-only image would be compiled for once more
+    states, last_look = previous.states.copy(), previous.last_look.copy()
+    look = len(previous.stamps)
+    labels = np.empty(depth.shape, np.uint8)
+    points = np.zeros(states.shape, np.uint16)
+    own = np.zeros(states.shape, np.bool_)
+    if robot is not None and len(robot):
+        mark_spheres(np.ascontiguousarray(robot), how.robot_padding, previous.origin, previous.resolution, own)
+    planes = np.empty((0, 4)) if target is None else target.planes
+    bound = np.array([0.0, 0.0, 0.0, -1e9]) if target is None else target.bound
+    lens = frame.intrinsics
+    camera = np.array([lens.fx, lens.fy, lens.cx, lens.cy])
+    table_z = -np.inf if workspace.table_z is None else workspace.table_z
+    valid, inside, below = _label_pixels(
+        depth, camera, np.ascontiguousarray(T_base_camera[:3]), previous.origin, previous.resolution, table_z,
+        how.table, own, planes, bound, how.target_margin, labels, points,
+    )  # fmt: skip
+    if below > _BELOW_TABLE_SHARE * max(below + inside, 1):
+        raise CameraPoseMismatch(f"{below} of {below + inside} points would lie more than 30 mm below the table")
+    if inside == 0:
+        raise NothingMeasured(frame.label, valid, inside)
+    T_camera_base = np.ascontiguousarray(inverse(T_base_camera)[:3])
+    _carve(
+        depth, labels, camera, T_camera_base, previous.origin, previous.resolution,
+        how.clear * previous.resolution, how.shadow, table_z, states, last_look, look,
+    )  # fmt: skip
+    occupied = points >= how.min_points
+    states[occupied], last_look[occupied] = OCCUPIED, look
+    if target is not None:
+        _clear_target(states, previous, target, how.target_margin)
+    return OccupancyMap(previous.origin, previous.resolution, states, last_look, (*previous.stamps, frame.stamp))
+
+
+def _clear_target(states: UInt8, grid: OccupancyMap, target: Convex, margin: float) -> None:
+    """Forget what is blocked inside the target: it is an obstacle of its own."""
+    reach = target.bound[3] + margin + grid.resolution
+    first = np.maximum(grid.cell_of(target.bound[:3] - reach), 0)
+    last = np.minimum(np.array(grid.cell_of(target.bound[:3] + reach)) + 1, states.shape)
+    if np.any(first >= last):
+        return
+    block = states[first[0] : last[0], first[1] : last[1], first[2] : last[2]]
+    cells = np.argwhere(block >= OCCUPIED)
+    centres = grid.origin + (cells + first + 0.5) * grid.resolution
+    within = cells[target.distance(centres) < margin] if len(cells) else cells
+    block[within[:, 0], within[:, 1], within[:, 2]] = UNKNOWN
+
+
+@njit(cache=True, nogil=True)
+def mark_spheres(
+    spheres: Float64, padding: float, origin: Float64, resolution: float, marked: NDArray[np.bool_]
+) -> None:
+    """Mark the cells whose centre lies in one of the spheres, shape (n, 4), grown by `padding`."""
+    nx, ny, nz = marked.shape
+    for s in range(spheres.shape[0]):
+        radius = spheres[s, 3] + padding
+        x, y, z = spheres[s, 0] - origin[0], spheres[s, 1] - origin[1], spheres[s, 2] - origin[2]
+        for i in range(max(int((x - radius) / resolution), 0), min(int((x + radius) / resolution) + 1, nx)):
+            dx = (i + 0.5) * resolution - x
+            for j in range(max(int((y - radius) / resolution), 0), min(int((y + radius) / resolution) + 1, ny)):
+                dy = (j + 0.5) * resolution - y
+                for k in range(max(int((z - radius) / resolution), 0), min(int((z + radius) / resolution) + 1, nz)):
+                    dz = (k + 0.5) * resolution - z
+                    if dx * dx + dy * dy + dz * dz < radius * radius:
+                        marked[i, j, k] = True
+
+
+@njit(cache=True, nogil=True)
+def _label_pixels(
+    depth: Float32, camera: Float64, T: Float64, origin: Float64, resolution: float, table_z: float, table: float,
+    own: NDArray[np.bool_], planes: Float64, bound: Float64, margin: float, labels: UInt8, points: NDArray[np.uint16],
+) -> tuple[int, int, int]:  # fmt: skip
+    """Say of every pixel what it sees, and count the surface's points in each cell.
+
+    Returns how many pixels have depth, how many lie inside the volume, how many would lie under the table.
+    """
+    nx, ny, nz = own.shape
+    valid, inside, below = 0, 0, 0
+    near = bound[3] + margin
+    for v in range(depth.shape[0]):
+        ry = (v - camera[3]) / camera[1]
+        for u in range(depth.shape[1]):
+            d = depth[v, u]
+            labels[v, u] = _INVALID
+            if not (d > 0.0 and d < 1e3):
+                continue
+            valid += 1
+            rx = (u - camera[2]) / camera[0]
+            x = d * (T[0, 0] * rx + T[0, 1] * ry + T[0, 2]) + T[0, 3]
+            y = d * (T[1, 0] * rx + T[1, 1] * ry + T[1, 2]) + T[1, 3]
+            z = d * (T[2, 0] * rx + T[2, 1] * ry + T[2, 2]) + T[2, 3]
+            labels[v, u] = _SURFACE
+            i, j = int(np.floor((x - origin[0]) / resolution)), int(np.floor((y - origin[1]) / resolution))
+            if i < 0 or j < 0 or i >= nx or j >= ny:
+                if z < table_z + table:
+                    labels[v, u] = _TABLE
+                continue
+            if z < table_z + table:
+                labels[v, u] = _TABLE
+                if z < table_z - _BELOW_TABLE:
+                    below += 1
+                else:
+                    inside += 1
+                continue
+            k = int(np.floor((z - origin[2]) / resolution))
+            if k < 0 or k >= nz:
+                continue
+            inside += 1
+            if own[i, j, k]:
+                labels[v, u] = _ROBOT
+                continue
+            ax, ay, az = x - bound[0], y - bound[1], z - bound[2]
+            if near > 0.0 and ax * ax + ay * ay + az * az < near * near:
+                outside = -1e9
+                for f in range(planes.shape[0]):
+                    outside = max(outside, planes[f, 0] * x + planes[f, 1] * y + planes[f, 2] * z - planes[f, 3])
+                if outside < margin:
+                    labels[v, u] = _TARGET
+                    continue
+            if points[i, j, k] < 65535:
+                points[i, j, k] += 1
+    return valid, inside, below
+
+
+@njit(cache=True, nogil=True)
+def _carve(
+    depth: Float32, labels: UInt8, camera: Float64, T: Float64, origin: Float64, resolution: float, clear: float,
+    shadow: float, table_z: float, states: UInt8, last_look: NDArray[np.int16], look: int,
+) -> None:  # fmt: skip
+    """Mark cells in front of the seen surface free, and those close behind it hidden unless they were seen free.
+
+    Cells under the table are left alone.
+    """
+    nx, ny, nz = states.shape
+    lowest = max(0.0, np.ceil((table_z - origin[2]) / resolution - 0.5))
+    first = int(min(lowest, nz))
+    height, width = depth.shape
+    step_x, step_y, step_z = T[0, 2] * resolution, T[1, 2] * resolution, T[2, 2] * resolution
+    fx, fy, cx, cy = camera[0], camera[1], camera[2] + 0.5, camera[3] + 0.5
+    for i in range(nx):
+        bx = origin[0] + (i + 0.5) * resolution
+        for j in range(ny):
+            by = origin[1] + (j + 0.5) * resolution
+            bz = origin[2] + (first - 0.5) * resolution
+            x = T[0, 0] * bx + T[0, 1] * by + T[0, 2] * bz + T[0, 3]
+            y = T[1, 0] * bx + T[1, 1] * by + T[1, 2] * bz + T[1, 3]
+            z = T[2, 0] * bx + T[2, 1] * by + T[2, 2] * bz + T[2, 3]
+            for k in range(first, nz):
+                x, y, z = x + step_x, y + step_y, z + step_z
+                if z < 1e-3:
+                    continue
+                inverse_z = 1.0 / z
+                column, row = fx * x * inverse_z + cx, fy * y * inverse_z + cy
+                if not (column >= 0.0 and row >= 0.0 and column < width and row < height):
+                    continue
+                u, v = int(column), int(row)
+                d = depth[v, u]
+                if labels[v, u] == _INVALID:
+                    continue
+                if z < d - (0.25 * resolution if labels[v, u] == _TABLE else clear):
+                    states[i, j, k], last_look[i, j, k] = FREE, look
+                elif labels[v, u] == _SURFACE and z > d and z < d + shadow and states[i, j, k] != FREE:
+                    if states[i, j, k] == UNKNOWN:
+                        states[i, j, k] = HIDDEN
+                    last_look[i, j, k] = look

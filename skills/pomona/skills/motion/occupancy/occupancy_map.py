@@ -1,0 +1,93 @@
+"""The occupancy map: what looks have seen of the cell's volume, as a frozen snapshot."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pomona.executive.values.arrays import Float64
+from pomona.skills.motion.collision.distance_field import DistanceField
+from pomona.skills.motion.occupancy.errors import MapEmpty, MapStale
+
+UNKNOWN, FREE, OCCUPIED, HIDDEN = 0, 1, 2, 3
+"""States of a cell. HIDDEN: close behind a seen surface, where the rest of the object is."""
+
+FIELD_LIMIT = 0.30
+"""Distances are known up to this [m]."""
+
+
+@dataclass(frozen=True, eq=False)
+class OccupancyMap:
+    """A grid of cells in the base frame. OCCUPIED and HIDDEN cells are blocked.
+
+    Attributes:
+        origin: lower corner of the volume, shape (3,) [m].
+        resolution: edge of a cell [m].
+        states: UNKNOWN, FREE, OCCUPIED or HIDDEN, shape (nx, ny, nz), uint8.
+        last_look: number of the look that last said something about a cell, same shape, int16; -1 for none.
+        stamps: time of each look on the cell's clock [s].
+    """
+
+    origin: Float64
+    resolution: float
+    states: NDArray[np.uint8]
+    last_look: NDArray[np.int16]
+    stamps: tuple[float, ...]
+
+    @staticmethod
+    def empty(lower: Float64, upper: Float64, resolution: float) -> OccupancyMap:
+        """A map of the box from `lower` to `upper`, each (3,) [m], that has seen nothing."""
+        counts = np.ceil((np.asarray(upper) - np.asarray(lower)) / resolution - 1e-9).astype(int)
+        shape = (int(counts[0]), int(counts[1]), int(counts[2]))
+        return OccupancyMap(
+            np.array(lower, dtype=np.float64), resolution, np.zeros(shape, np.uint8), np.full(shape, -1, np.int16), ()
+        )
+
+    @property
+    def stamp(self) -> float | None:
+        """Time of the newest look [s]; None for an empty map."""
+        return self.stamps[-1] if self.stamps else None
+
+    def age(self, now: float) -> Float64:
+        """Seconds since each cell was last seen, shape (nx, ny, nz); infinite where never."""
+        since = np.append(now - np.array(self.stamps), np.inf)  # last_look -1 reads the last entry
+        ages: Float64 = since[self.last_look]
+        return ages
+
+    @cached_property
+    def blocked(self) -> NDArray[np.bool_]:
+        """Which cells nothing may enter, shape (nx, ny, nz)."""
+        return self.states >= OCCUPIED
+
+    @cached_property
+    def field(self) -> DistanceField:
+        """Distance to blocked cells, computed once."""
+        return DistanceField.of_blocked(self.blocked, self.origin, self.resolution, FIELD_LIMIT)
+
+    def usable_field(self, now: float, max_age: float) -> DistanceField:
+        """The distance field, if the map may be relied on.
+
+        Args:
+            now: time on the cell's clock [s].
+            max_age: largest allowed age of the newest look [s].
+
+        Raises:
+            MapEmpty, MapStale: it may not.
+        """
+        if self.stamp is None:
+            raise MapEmpty
+        if now - self.stamp > max_age:
+            raise MapStale(now - self.stamp, max_age)
+        return self.field
+
+    def centres(self, *states: int) -> Float64:
+        """Centres of the cells in some states, shape (n, 3), in the base frame [m]."""
+        return self.origin + (np.argwhere(np.isin(self.states, states)) + 0.5) * self.resolution
+
+    def cell_of(self, point: Float64) -> tuple[int, int, int]:
+        """Indices of the cell that holds a point of the base frame, shape (3,); they may lie outside the grid."""
+        i, j, k = np.floor((np.asarray(point) - self.origin) / self.resolution).astype(int)
+        return int(i), int(j), int(k)

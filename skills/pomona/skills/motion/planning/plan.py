@@ -1,0 +1,199 @@
+"""From where the arm stands to the best of many pre-grasps: a checked, timed trajectory.
+
+1. Straight joint motions to every goal, nearest first: most scenes need nothing else.
+2. A planner to the *set* of goals: RRT-Connect for a first path in milliseconds.
+3. Shortcuts, rounded corners, time within velocity, acceleration and jerk limits, and a check of what will be executed.
+4. The rest of the budget on an optimising planner; the quicker trajectory is given.
+
+`planner: RRTstar` with one goal and without `improve` is the paper's way.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from pomona.drivers.interfaces import ArmLimits, Trajectory
+from pomona.executive.values.arrays import Float64
+from pomona.skills.motion.planning.errors import BadRequest, PlanningFailed
+from pomona.skills.motion.planning.planners import PLANNERS, BudgetUse, solve
+from pomona.skills.motion.planning.rounding import time_free_path
+from pomona.skills.motion.planning.shortcut import path_length, shortcut
+from pomona.skills.motion.planning.space import Space
+
+GOOD_ENOUGH = 1.02
+"""A path this close to the straight distance to the nearest goal is not worth improving."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PlanRequest:
+    """What to plan; picklable, since it is planned in another process.
+
+    Attributes:
+        space: collision checks with the robot and the obstacles behind them.
+        q_start: where the arm stands, shape (dof,) [rad].
+        q_goals: alternatives, shape (n, dof) [rad]; any of them will do.
+        limits: of the arm's motion.
+        planner: a name in `PLANNERS`.
+        improve: an optimising planner for the rest of the budget, or empty.
+        budget: seconds of planning on an unloaded core; converted to a number of iterations.
+        seed: the same seed gives the same path, whatever the machine's load.
+        patience: seconds on the wall after which planning is given up: the last resort.
+        direct: whether to try straight joint motions first and to be content with a path nearly as short as one; the
+            paper's way does neither.
+    """
+
+    space: Space
+    q_start: Float64
+    q_goals: Float64
+    limits: ArmLimits
+    planner: str = "RRTConnect"
+    improve: str = "InformedRRTstar"
+    budget: float = 0.2
+    seed: int = 0
+    patience: float = 10.0
+    direct: bool = True
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PlanResult:
+    """A path that may be executed.
+
+    Attributes:
+        path: timed, within limits, every state checked.
+        goal: index of the goal that it reaches.
+        waypoints: corners of the path before rounding, shape (n, dof) [rad].
+        length: of the polyline [rad].
+        found_by: straight, or the planner's name.
+        iterations: of all planners together.
+        first_path_s, total_s: wall time to the first timed and checked trajectory, and altogether [s].
+    """
+
+    path: Trajectory
+    goal: int
+    waypoints: Float64
+    length: float
+    found_by: str
+    iterations: int
+    first_path_s: float
+    total_s: float
+
+
+@dataclass(slots=True)
+class _Progress:
+    """What has been used and found so far."""
+
+    began: float = field(default_factory=time.perf_counter)
+    iterations: int = 0
+    out_of_time: bool = False
+
+
+def plan(request: PlanRequest) -> PlanResult:
+    """Plan to any of the goals.
+
+    Raises:
+        PlanningFailed: START_IN_COLLISION, GOAL_UNREACHABLE (there is no goal), GOAL_IN_COLLISION (none is free),
+            NO_PATH (iterations used up) or TIMEOUT (wall clock), with data.
+        BadRequest: joints that are not finite or too many or few, or a planner that is not offered.
+    """
+    progress = _Progress()
+    rng = np.random.default_rng(request.seed)
+    space, goals = request.space, _free_goals(request)
+    waypoints, found_by = _first_path(request, goals, progress)
+    waypoints = shortcut(space, waypoints, rng)
+    path = time_free_path(space, waypoints, request.limits)
+    first_path_s = time.perf_counter() - progress.began
+    if request.improve and path_length(waypoints) > GOOD_ENOUGH * _nearest(request, goals):
+        better = _improve(request, goals, progress)
+        if better is not None:
+            better = shortcut(space, better, rng)
+            candidate = time_free_path(space, better, request.limits)
+            if candidate.duration < path.duration:
+                waypoints, path, found_by = better, candidate, request.improve
+    reached = int(np.linalg.norm(request.q_goals - waypoints[-1], axis=1).argmin())
+    return PlanResult(
+        path, reached, waypoints, path_length(waypoints), found_by, progress.iterations, first_path_s,
+        time.perf_counter() - progress.began,
+    )  # fmt: skip
+
+
+def _free_goals(request: PlanRequest) -> Float64:
+    """The goals that are free of collision, nearest first, shape (n, dof)."""
+    space, q_goals = request.space, np.atleast_2d(request.q_goals)
+    for name in (request.planner, request.improve):
+        if name and name not in PLANNERS:
+            raise BadRequest(f"no planner named {name!r}; there are {', '.join(PLANNERS)}")
+    if not (np.isfinite(request.q_start).all() and np.isfinite(q_goals).all()):
+        raise BadRequest("start and goals must be finite numbers")
+    if q_goals.size == 0:
+        raise PlanningFailed("GOAL_UNREACHABLE", "no goal has a joint solution")
+    dof = space.lower.size
+    if request.q_start.shape != (dof,) or q_goals.shape[1:] != (dof,):
+        given = f"start {request.q_start.shape}, goals {q_goals.shape}"
+        raise BadRequest(f"start and goals must have the arm's {dof} joints, not shapes {given}")
+    if not space.free(request.q_start):
+        reason, data = space.explain(request.q_start)
+        raise PlanningFailed("START_IN_COLLISION", f"where the arm stands, {reason}", data)
+    inside = ((q_goals >= space.lower) & (q_goals <= space.upper)).all(axis=1)
+    if not inside.any():
+        raise PlanningFailed("GOAL_UNREACHABLE", f"all {len(q_goals)} goals lie beyond the joint limits")
+    within = q_goals[inside]
+    free = within[[space.free(q) for q in within]]
+    if len(free) == 0:
+        reason, data = space.explain(within[0])
+        raise PlanningFailed(
+            "GOAL_IN_COLLISION",
+            f"none of {len(within)} goals is free; at the first, {reason}",
+            data | {"goals": len(within)},
+        )
+    nearest_first: Float64 = free[np.linalg.norm(free - request.q_start, axis=1).argsort(kind="stable")]
+    return nearest_first
+
+
+def _first_path(request: PlanRequest, goals: Float64, progress: _Progress) -> tuple[Float64, str]:
+    if request.direct:
+        for goal in goals:
+            if request.space.free_between(request.q_start, goal):
+                return np.array([request.q_start, goal]), "straight"
+    waypoints = _solve(request, request.planner, goals, 1.0, progress)
+    if waypoints is None:
+        nearest = float(np.linalg.norm(goals - request.q_start, axis=1).min())
+        code, why = ("TIMEOUT", "time ran out") if progress.out_of_time else ("NO_PATH", "the budget is used up")
+        raise PlanningFailed(
+            code,
+            f"{request.planner} found no way to any of {len(goals)} goals before {why}",
+            {
+                "planner": request.planner,
+                "iterations": progress.iterations,
+                "goals": len(goals),
+                "nearest_rad": nearest,
+            },
+        )
+    return waypoints, request.planner
+
+
+def _improve(request: PlanRequest, goals: Float64, progress: _Progress) -> Float64 | None:
+    """A path by the optimising planner in what is left of the budget."""
+    if PLANNERS[request.planner].kind is BudgetUse.OPTIMISING:
+        return None
+    used = progress.iterations / (request.budget * PLANNERS[request.planner].iterations_per_second)
+    return _solve(request, request.improve, goals, 1.0 - used, progress)
+
+
+def _solve(request: PlanRequest, planner: str, goals: Float64, share: float, progress: _Progress) -> Float64 | None:
+    """Run one planner on a share of the budget."""
+    iterations = int(share * request.budget * PLANNERS[planner].iterations_per_second)
+    if iterations < 1:
+        return None
+    deadline = progress.began + request.patience
+    good_enough = GOOD_ENOUGH * _nearest(request, goals) if request.direct else 0.0
+    solution = solve(request.space, request.q_start, goals, planner, iterations, request.seed, deadline, good_enough)
+    progress.iterations += solution.iterations
+    progress.out_of_time = progress.out_of_time or solution.out_of_time
+    return solution.waypoints
+
+
+def _nearest(request: PlanRequest, goals: Float64) -> float:
+    return float(np.linalg.norm(goals[0] - request.q_start))

@@ -1,0 +1,41 @@
+"""What planners and samplers ask about joint space."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from pomona.executive.values.arrays import Float64
+
+
+class Space(Protocol):
+    """Joint space with what is free in it; robots and obstacles are behind it."""
+
+    @property
+    def lower(self) -> Float64:
+        """Joint limits, shape (dof,) [rad]."""
+        ...
+
+    @property
+    def upper(self) -> Float64:
+        """Joint limits, shape (dof,) [rad]."""
+        ...
+
+    def free(self, q: Float64) -> bool:
+        """Whether a configuration is free of collision."""
+        ...
+
+    def free_between(self, q_a: Float64, q_b: Float64) -> bool:
+        """Whether the straight joint segment is free of collision."""
+        ...
+
+    def first_blocked(self, path: Float64) -> int | None:
+        """Number of the first segment of a joint polyline, shape (n, dof), that is not free, or None."""
+        ...
+
+    def connect(self, q_start: Float64, q_goals: Float64, iterations: int, seed: int) -> tuple[Float64 | None, int]:
+        """Waypoints, shape (n, dof), from a free start to one of the free goals by RRT-Connect, and the iterations."""
+        ...
+
+    def explain(self, q: Float64) -> tuple[str, dict[str, object]]:
+        """Why a configuration is not free: half a sentence for people, and data (link, obstacle, distance)."""
+        ...

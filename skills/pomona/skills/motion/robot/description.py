@@ -1,0 +1,341 @@
+"""What a robot's file says: a serial chain to the tool, the gripper's sliding fingers, and collision geometry.
+
+MuJoCo compiles MJCF and URDF alike; everything is read from the compiled model with all joints at zero, so any way of
+writing the file (nested defaults, offsets of joints, Euler angles) gives the same description.
+"""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from pomona.executive.values.arrays import Float64
+from pomona.skills.geometry import inverse
+from pomona.skills.motion.robot.errors import BadRobotFile
+
+KINDS = ("sphere", "capsule", "ellipsoid", "cylinder", "box", "mesh")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Geom:
+    """One convex collision shape.
+
+    Attributes:
+        name: in the file, or the body's name and a number.
+        body: index of its body in `Description.bodies`.
+        kind: one of `KINDS`; a mesh stands for its convex hull.
+        size: half-lengths as MuJoCo has them: radius; radius and half length along z; or three half-extents [m].
+        T_link_geom: pose in the frame of the link that carries the body, fingers closed.
+        vertices: of a mesh, in the geom's frame, shape (n, 3) [m]; empty for primitives.
+    """
+
+    name: str
+    body: int
+    kind: str
+    size: Float64
+    T_link_geom: Float64
+    vertices: Float64
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Body:
+    """A rigid part with collision geometry.
+
+    Attributes:
+        name: in the file.
+        link: the link of the chain that carries it; 0 never moves.
+        slide: shift per metre of gripper opening in the link's frame, shape (3,); zero for all but fingers.
+        group: "arm", "gripper" (what is fixed on the flange) or "fingers".
+        parent: name of the body it is attached to.
+    """
+
+    name: str
+    link: int
+    slide: Float64
+    group: str
+    parent: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Description:
+    """A robot as its file describes it. Frames of links are those of `pomona.skills.motion.robot.chain`.
+
+    Attributes:
+        path: the file.
+        joint_names: from base to tool.
+        steps: pose of each joint in the frame of the link before it, shape (dof, 4, 4).
+        sliding: which joints shift instead of turn, shape (dof,).
+        lower, upper: position limits, shape (dof,) [rad or m]; ±pi for a joint without limits.
+        velocity, acceleration, jerk: limits, shape (dof,); infinite where the file states none.
+        T_link_frame: poses of named sites and bodies on the last link in its frame, fingers closed.
+        bodies, geoms: collision geometry.
+        excluded: pairs of bodies (by name) that the file excludes from contact.
+        width_min, width_max: range of the gripper's opening [m]; both 0 without sliding fingers and pad sites.
+    """
+
+    path: Path
+    joint_names: tuple[str, ...]
+    steps: Float64
+    sliding: NDArray[np.bool_]
+    lower: Float64
+    upper: Float64
+    velocity: Float64
+    acceleration: Float64
+    jerk: Float64
+    T_link_frame: Mapping[str, Float64]
+    bodies: tuple[Body, ...]
+    geoms: tuple[Geom, ...]
+    excluded: frozenset[frozenset[str]]
+    width_min: float
+    width_max: float
+
+
+def read_description(path: Path, tool: str = "tool0") -> Description:
+    """Read an MJCF or URDF file.
+
+    Args:
+        path: the file.
+        tool: the site or body at the flange; the chain is the joints between it and the base.
+
+    Raises:
+        BadRobotFile: the file does not compile, or lacks the tool, joints or geometry that are needed.
+    """
+    if not path.is_file():
+        raise BadRobotFile(path, "there is no such file")
+    try:
+        spec = mujoco.MjSpec.from_file(str(path))
+        spec.compiler.fusestatic = False  # a URDF's fixed frames (tool0, tcp) must survive
+        compiled = spec.compile()
+    except (ValueError, mujoco.FatalError) as error:
+        raise BadRobotFile(path, f"MuJoCo cannot compile it: {error}") from error
+    return _Reader(path, compiled, tool).description()
+
+
+class _Reader:
+    """Reads one compiled model; lives for one call of `read_description`."""
+
+    def __init__(self, path: Path, model: Any, tool: str) -> None:
+        self.path, self.model = path, model
+        self.at_zero = mujoco.MjData(model)
+        self.at_zero.qpos[:] = 0.0
+        mujoco.mj_kinematics(model, self.at_zero)
+        self.tool_body = self._body_of_frame(tool)
+        self.chain_bodies = self._ancestors(self.tool_body)
+        self.joints = [joint for body in reversed(self.chain_bodies) for joint in self._joints_of(body)]
+        self._check_chain(tool)
+        self.T_base_link = self._link_frames()
+        self.width_min, self.width_max, self.slides = self._gripper()
+
+    def description(self) -> Description:
+        steps = np.array([inverse(a) @ b for a, b in zip(self.T_base_link, self.T_base_link[1:], strict=False)])
+        dof = len(self.joints)
+        limited = self.model.jnt_limited[self.joints].astype(bool)
+        ranges = np.where(limited[:, None], self.model.jnt_range[self.joints], (-np.pi, np.pi))
+        bodies, geoms = self._collision_geometry()
+        return Description(
+            path=self.path,
+            joint_names=tuple(self._name("joint", j) for j in self.joints),
+            steps=np.ascontiguousarray(steps),
+            sliding=np.array([self._is_slide(j) for j in self.joints]),
+            lower=ranges[:, 0].copy(),
+            upper=ranges[:, 1].copy(),
+            velocity=self._numeric("arm_velocity", dof, self._urdf_velocities()),
+            acceleration=self._numeric("arm_acceleration", dof, np.full(dof, np.inf)),
+            jerk=self._numeric("arm_jerk", dof, np.full(dof, np.inf)),
+            T_link_frame=self._frames_on_last_link(),
+            bodies=bodies,
+            geoms=geoms,
+            excluded=self._excluded(),
+            width_min=self.width_min,
+            width_max=self.width_max,
+        )
+
+    # ------------------------------------------------------------------------------------------------- chain
+
+    def _name(self, kind: str, index: int) -> str:
+        name: str = getattr(self.model, kind)(index).name
+        return name or f"{kind}_{index}"
+
+    def _body_of_frame(self, name: str) -> int:
+        for kind in (mujoco.mjtObj.mjOBJ_SITE, mujoco.mjtObj.mjOBJ_BODY):
+            index = mujoco.mj_name2id(self.model, kind, name)
+            if index >= 0:
+                return int(self.model.site_bodyid[index]) if kind == mujoco.mjtObj.mjOBJ_SITE else int(index)
+        raise BadRobotFile(self.path, f"has no site or body named '{name}'")
+
+    def _ancestors(self, body: int) -> list[int]:
+        """The body, its parent, … without the world."""
+        path = []
+        while body != 0:
+            path.append(body)
+            body = int(self.model.body_parentid[body])
+        return path
+
+    def _joints_of(self, body: int) -> list[int]:
+        first = int(self.model.body_jntadr[body])
+        return list(range(first, first + int(self.model.body_jntnum[body])))
+
+    def _is_slide(self, joint: int) -> bool:
+        return bool(self.model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_SLIDE)
+
+    def _check_chain(self, tool: str) -> None:
+        if not self.joints:
+            raise BadRobotFile(self.path, f"has no joint between the base and '{tool}'")
+        for joint in self.joints:
+            if self.model.jnt_type[joint] in (mujoco.mjtJoint.mjJNT_FREE, mujoco.mjtJoint.mjJNT_BALL):
+                raise BadRobotFile(
+                    self.path,
+                    f"joint '{self._name('joint', joint)}' of the arm neither turns nor slides about one axis",
+                )
+            if self.model.jnt_limited[joint] and not np.all(np.isfinite(self.model.jnt_range[joint])):
+                raise BadRobotFile(self.path, f"joint '{self._name('joint', joint)}' has limits that are not finite")
+
+    def _link_frames(self) -> list[Float64]:
+        """Frames of all links at zero: origin at the joint's anchor, z along its axis."""
+        frames = [np.eye(4)]
+        for joint in self.joints:
+            z = self.at_zero.xaxis[joint] / np.linalg.norm(self.at_zero.xaxis[joint])
+            x = np.cross(z, np.eye(3)[int(np.argmin(np.abs(z)))])
+            x /= np.linalg.norm(x)
+            frame = np.eye(4)
+            frame[:3, 0], frame[:3, 1], frame[:3, 2] = x, np.cross(z, x), z
+            frame[:3, 3] = self.at_zero.xanchor[joint]
+            frames.append(frame)
+        return frames
+
+    def _link_of_body(self, body: int) -> int:
+        """Number of chain joints that move a body."""
+        while body != 0:
+            if body in self.chain_bodies:
+                above = self.chain_bodies[self.chain_bodies.index(body) :]
+                return sum(len(self._joints_of(b)) for b in above)
+            body = int(self.model.body_parentid[body])
+        return 0
+
+    def _pose_in_link(self, link: int, position: Float64, rotation: Float64) -> Float64:
+        T_base = np.eye(4)
+        T_base[:3, :3], T_base[:3, 3] = rotation.reshape(3, 3), position
+        return inverse(self.T_base_link[link]) @ T_base
+
+    def _frames_on_last_link(self) -> dict[str, Float64]:
+        last = len(self.joints)
+        frames = {}
+        for body in range(1, self.model.nbody):
+            if self._link_of_body(body) == last:
+                pose = self._pose_in_link(last, self.at_zero.xpos[body], self.at_zero.xmat[body])
+                frames[self._name("body", body)] = pose
+        for site in range(self.model.nsite):
+            if self._link_of_body(int(self.model.site_bodyid[site])) == last:
+                pose = self._pose_in_link(last, self.at_zero.site_xpos[site], self.at_zero.site_xmat[site])
+                frames[self._name("site", site)] = pose
+        return frames
+
+    # ---------------------------------------------------------------------------------------------- gripper
+
+    def _gripper(self) -> tuple[float, float, dict[int, Float64]]:
+        """Range of the opening and, by joint, the shift of a finger per metre of opening in the last link's frame.
+
+        The opening is the distance between the two pad sites. Slide joints with a spring are soft pads, not fingers.
+        """
+        pads = [site for site in range(self.model.nsite) if self._name("site", site).startswith("pad_")]
+        if len(pads) != 2:
+            return 0.0, 0.0, {}
+        apart = self.at_zero.site_xpos[pads[0]] - self.at_zero.site_xpos[pads[1]]
+        closed = float(np.linalg.norm(apart))
+        gains: dict[int, float] = {}
+        for sign, pad in zip((1.0, -1.0), pads, strict=True):
+            for body in self._ancestors(int(self.model.site_bodyid[pad])):
+                if body in self.chain_bodies:
+                    break
+                for joint in self._joints_of(body):
+                    if self._is_slide(joint) and self.model.jnt_stiffness[joint] == 0.0:
+                        gains[joint] = sign * float(self.at_zero.xaxis[joint] @ apart) / closed
+        total = sum(gains.values())
+        if not gains or total <= 0.0:
+            return closed, closed, {}
+        R_link_base = self.T_base_link[-1][:3, :3].T
+        slides = {joint: R_link_base @ self.at_zero.xaxis[joint] / total for joint in gains}
+        lower, upper = np.array([self.model.jnt_range[joint] for joint in gains]).T
+        return closed + total * float(lower.max()), closed + total * float(upper.min()), slides
+
+    def _slide_of_body(self, body: int) -> Float64:
+        slide = np.zeros(3)
+        for above in self._ancestors(body):
+            for joint in self._joints_of(above):
+                slide = slide + self.slides.get(joint, np.zeros(3))
+        return slide
+
+    # --------------------------------------------------------------------------------------------- geometry
+
+    def _collision_geometry(self) -> tuple[tuple[Body, ...], tuple[Geom, ...]]:
+        numbers: dict[int, int] = {}
+        bodies: list[Body] = []
+        geoms: list[Geom] = []
+        for index in range(self.model.ngeom):
+            if self.model.geom_contype[index] == 0 and self.model.geom_conaffinity[index] == 0:
+                continue
+            body = int(self.model.geom_bodyid[index])
+            if body not in numbers:
+                numbers[body] = len(bodies)
+                bodies.append(self._body(body))
+            geoms.append(self._geom(index, numbers[body], bodies[numbers[body]]))
+        if not any(body.link > 0 for body in bodies):
+            raise BadRobotFile(self.path, "has no collision geometry on any moving link")
+        return tuple(bodies), tuple(geoms)
+
+    def _body(self, body: int) -> Body:
+        slide = self._slide_of_body(body)
+        fixed_on_flange = self.tool_body in self._ancestors(body) and (
+            body != self.tool_body or not self._joints_of(body)
+        )
+        group = "fingers" if slide.any() else "gripper" if fixed_on_flange else "arm"
+        parent = self._name("body", int(self.model.body_parentid[body]))
+        return Body(self._name("body", body), self._link_of_body(body), slide, group, parent)
+
+    def _geom(self, index: int, number: int, body: Body) -> Geom:
+        kind = mujoco.mjtGeom(self.model.geom_type[index]).name.removeprefix("mjGEOM_").lower()
+        name = self.model.geom(index).name or f"{body.name}/{index}"
+        if kind not in KINDS:
+            raise BadRobotFile(self.path, f"collision geom '{name}' is a {kind}; use {', '.join(KINDS)}")
+        vertices = np.empty((0, 3))
+        if kind == "mesh":
+            mesh = int(self.model.geom_dataid[index])
+            first, count = int(self.model.mesh_vertadr[mesh]), int(self.model.mesh_vertnum[mesh])
+            vertices = np.array(self.model.mesh_vert[first : first + count], dtype=np.float64)
+        pose = self._pose_in_link(body.link, self.at_zero.geom_xpos[index], self.at_zero.geom_xmat[index])
+        return Geom(name, number, kind, np.array(self.model.geom_size[index]), pose, vertices)
+
+    def _excluded(self) -> frozenset[frozenset[str]]:
+        signatures = np.asarray(self.model.exclude_signature)[: self.model.nexclude]
+        return frozenset(
+            frozenset((self._name("body", int(s) >> 16), self._name("body", int(s) & 0xFFFF))) for s in signatures
+        )
+
+    # ----------------------------------------------------------------------------------------------- limits
+
+    def _numeric(self, name: str, dof: int, otherwise: Float64) -> Float64:
+        index = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_NUMERIC, name)
+        if index < 0:
+            return otherwise
+        values = np.array(self.model.numeric(index).data, dtype=np.float64)
+        if values.shape != (dof,) or not np.all(np.isfinite(values)) or np.any(values <= 0.0):
+            raise BadRobotFile(self.path, f"numeric '{name}' must hold {dof} positive numbers, not {values.tolist()}")
+        return values
+
+    def _urdf_velocities(self) -> Float64:
+        """Velocity limits of a URDF, which MuJoCo does not keep."""
+        stated = {}
+        root = ElementTree.parse(self.path).getroot()
+        if root.tag == "robot":
+            for joint in root.iter("joint"):
+                limit = joint.find("limit")
+                if limit is not None and "velocity" in limit.attrib:
+                    stated[joint.get("name", "")] = float(limit.attrib["velocity"])
+        return np.array([stated.get(self._name("joint", j), np.inf) for j in self.joints])

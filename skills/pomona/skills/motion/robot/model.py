@@ -1,0 +1,198 @@
+"""The robot as planning sees it: kinematics, limits and collision shapes, read from its one description file."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pomona.executive.values.arrays import Float64
+from pomona.skills.geometry import inverse, is_pose
+from pomona.skills.motion.robot import chain
+from pomona.skills.motion.robot.description import Body, Description, Geom, read_description
+from pomona.skills.motion.robot.errors import BadJoints, BadRobotFile, NotAPose
+
+
+def last_change(file: Path) -> int:
+    """When the file, or another description in its folder that it may include, was changed last [ns]."""
+    return max(path.stat().st_mtime_ns for path in (file, *file.parent.glob("*.xml")))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RobotModel:
+    """A serial arm with a gripper. The base frame is the world of its file.
+
+    Attributes:
+        path: the file it was read from.
+        joint_names: from base to tool.
+        lower, upper: position limits, shape (dof,) [rad].
+        velocity, acceleration, jerk: limits, shape (dof,); infinite where the file states none.
+        T_tool_tcp: pose of the gripper's centre point in the flange frame; identity without a frame "tcp".
+        width_min, width_max: range of the gripper's opening [m]; both 0 without a gripper.
+        bodies, geoms: collision geometry, see `pomona.skills.motion.robot.description`.
+        excluded: pairs of body names that the file excludes from contact.
+        steps, sliding: the chain, for the kernels in `pomona.skills.motion.robot.chain`: shapes (dof, 3, 4) and (dof,).
+        T_link_tool: pose of the flange in the last link's frame.
+        T_link_frame: poses of all named frames on the last link, in its frame.
+    """
+
+    path: Path
+    joint_names: tuple[str, ...]
+    lower: Float64
+    upper: Float64
+    velocity: Float64
+    acceleration: Float64
+    jerk: Float64
+    T_tool_tcp: Float64
+    width_min: float
+    width_max: float
+    bodies: tuple[Body, ...]
+    geoms: tuple[Geom, ...]
+    excluded: frozenset[frozenset[str]]
+    steps: Float64
+    sliding: NDArray[np.bool_]
+    T_link_tool: Float64
+    T_link_frame: dict[str, Float64]
+
+    @staticmethod
+    def load(path: Path | str, tool: str = "tool0", tcp: str = "tcp") -> RobotModel:
+        """Read an MJCF or URDF file; a file that has not changed is read once in a process.
+
+        Args:
+            path: the file.
+            tool: site or body at the flange.
+            tcp: site or body at the gripper's centre point: z approach, y sliding direction of the fingers. A robot
+                without it has its TCP at the flange.
+
+        Raises:
+            BadRobotFile: the file does not compile, or lacks a frame, joint or geometry that is needed.
+        """
+        file = Path(path).resolve()
+        if not file.is_file():
+            raise BadRobotFile(file, "there is no such file")
+        return _load(file, last_change(file), tool, tcp)
+
+    @property
+    def dof(self) -> int:
+        """Number of joints."""
+        return len(self.joint_names)
+
+    @property
+    def T_link_tcp(self) -> Float64:
+        """Pose of the TCP in the last link's frame, (4, 4) [m]."""
+        T: Float64 = self.T_link_tool @ self.T_tool_tcp
+        return T
+
+    def frame(self, name: str) -> Float64:
+        """T_tool_<name> (4, 4) [m]: a named site or body on the flange (camera, tcp, pad_left …), fingers closed.
+
+        Raises:
+            BadRobotFile: the file has no such frame on the last link.
+        """
+        if name not in self.T_link_frame:
+            raise BadRobotFile(self.path, f"has no frame '{name}' on the last link")
+        T: Float64 = inverse(self.T_link_tool) @ self.T_link_frame[name]
+        return T
+
+    def checked(self, q: ArrayLike) -> Float64:
+        """Joints as a contiguous float64 array of shape (dof,).
+
+        Raises:
+            BadJoints: a wrong number of values, or values that are not finite.
+        """
+        try:
+            joints = np.ascontiguousarray(q, dtype=np.float64)
+        except (TypeError, ValueError) as error:
+            raise BadJoints(self.joint_names, q, f"{q!r} are no numbers") from error
+        if joints.shape != (self.dof,):
+            raise BadJoints(self.joint_names, q, f"got an array of shape {joints.shape}")
+        if not np.isfinite(joints).all():
+            wrong = [name for name, value in zip(self.joint_names, joints, strict=True) if not np.isfinite(value)]
+            raise BadJoints(self.joint_names, q, f"{', '.join(wrong)} not finite")
+        return joints
+
+    def link_poses(self, q: ArrayLike) -> Float64:
+        """T_base_link of the base and all links, shape (dof + 1, 4, 4); frames as in `robot.chain`."""
+        poses = np.zeros((self.dof + 1, 4, 4))
+        links = np.empty((self.dof + 1, 3, 4))
+        chain.forward(self.steps, self.sliding, self.checked(q), links)
+        poses[:, :3], poses[:, 3, 3] = links, 1.0
+        return poses
+
+    def fk(self, q: ArrayLike) -> Float64:
+        """T_base_tool0 for joints q, shape (dof,) [rad]."""
+        T: Float64 = self.link_poses(q)[-1] @ self.T_link_tool
+        return T
+
+    def tcp(self, q: ArrayLike) -> Float64:
+        """T_base_tcp for joints q, shape (dof,) [rad]."""
+        T: Float64 = self.link_poses(q)[-1] @ self.T_link_tcp
+        return T
+
+    def jacobian(self, q: ArrayLike) -> Float64:
+        """Geometric Jacobian of the TCP, shape (6, dof): linear velocity, then angular velocity, in the base frame."""
+        links = self.link_poses(q)
+        J = np.empty((6, self.dof))
+        p_base = (links[-1] @ self.T_link_tcp)[:3, 3].copy()
+        chain.jacobian(np.ascontiguousarray(links[:, :3]), self.sliding, p_base, J)
+        return J
+
+    def manipulability(self, q: ArrayLike) -> float:
+        """Yoshikawa's measure sqrt(det(J Jᵀ)) at the TCP; 0 in a singular posture."""
+        J = self.jacobian(q)
+        return float(np.sqrt(max(np.linalg.det(J @ J.T), 0.0)))
+
+    def with_limits(self, lower: ArrayLike, upper: ArrayLike) -> RobotModel:
+        """The same robot with other position limits, for instance those of the driver.
+
+        Raises:
+            BadJoints: a wrong number of values, or a lower limit above the upper one.
+        """
+        low, high = self.checked(lower), self.checked(upper)
+        if np.any(low > high):
+            raise BadJoints(self.joint_names, lower, "a lower limit is above the upper one")
+        return replace(self, lower=low, upper=high)
+
+
+def checked_pose(T: ArrayLike) -> Float64:
+    """A pose as a contiguous float64 array (4, 4).
+
+    Raises:
+        NotAPose: it is no finite rigid transform.
+    """
+    try:
+        pose = np.ascontiguousarray(T, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise NotAPose(T) from error
+    if not is_pose(pose):
+        raise NotAPose(T)
+    return pose
+
+
+@lru_cache(maxsize=16)
+def _load(path: Path, _modified: int, tool: str, tcp: str) -> RobotModel:
+    read: Description = read_description(path, tool)
+    T_link_tool = read.T_link_frame[tool]
+    T_link_tcp = read.T_link_frame.get(tcp, T_link_tool)
+    return RobotModel(
+        path=path,
+        joint_names=read.joint_names,
+        lower=read.lower,
+        upper=read.upper,
+        velocity=read.velocity,
+        acceleration=read.acceleration,
+        jerk=read.jerk,
+        T_tool_tcp=inverse(T_link_tool) @ T_link_tcp,
+        width_min=read.width_min,
+        width_max=read.width_max,
+        bodies=read.bodies,
+        geoms=read.geoms,
+        excluded=read.excluded,
+        steps=np.ascontiguousarray(read.steps[:, :3]),
+        sliding=read.sliding,
+        T_link_tool=T_link_tool,
+        T_link_frame=dict(read.T_link_frame),
+    )

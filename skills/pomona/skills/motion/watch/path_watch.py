@@ -1,0 +1,219 @@
+"""Compares what a camera sees now with the rest of a path.
+
+Three things are told apart, cell by cell of a coarse grid. What is *known* (the map, the cell's fixed boxes, the table,
+fruit that was measured, the robot itself with what it holds) is no news. What was *seen free* during this motion and is
+taken now has moved in: it may go on moving, so it stops the arm when it could meet it before the arm rests. What is
+seen for the first time and is not known only stands there: it stops the arm when the arm would come near to it while it
+brakes. Further along the path either is told, and stops nothing yet.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pomona.drivers.interfaces import ArmLimits, Frame, PathWatchSettings, Trajectory, Workspace
+from pomona.executive.values.arrays import Float64, UInt8
+from pomona.skills.motion.collision import Convex, RobotShape
+from pomona.skills.motion.collision.world import standing
+from pomona.skills.motion.occupancy import OccupancyMap
+from pomona.skills.motion.occupancy.integrate import mark_spheres
+from pomona.skills.motion.watch.braking import Braking
+from pomona.skills.motion.watch.kernel import nearest_ahead, see
+
+STEP = 0.02
+"""Postures of the rest of a path are looked at so far apart [s]; the fastest joint moves by 0.12 rad meanwhile."""
+
+CELL = 0.025
+"""Edge of the grid's cells [m]: a hand takes dozens of them."""
+
+AROUND = 0.03
+"""What is nearer than this to something known belongs to it [m]: noise at its edge, or a stem."""
+
+TABLE = 0.02
+"""Height above the table below which everything is the table's [m]."""
+
+BEYOND = 0.6
+"""The grid reaches so far beyond the workspace, upwards and sideways [m]: a hand needs 0.4 s for it."""
+
+LEAST_AREA = 1e-4
+"""Of a surface in a cell, as the camera sees it; less is noise [m²]: a quarter of a cell's face."""
+
+FEW = 3
+"""Fewer cells that were free and are taken now are noise, and count as standing there: a hand has dozens."""
+
+FINE = 480
+"""An image with more columns than this is looked at in every second pixel each way."""
+
+SURE = 3.0
+"""Standard deviations of the depth's noise that are allowed for."""
+
+MOST = 4096
+"""New cells of one frame that are looked at: 1.6 m² of surface."""
+
+
+@dataclass(frozen=True, slots=True)
+class Ahead:
+    """Something new that the robot would come near to on the rest of its path.
+
+    Attributes:
+        stop: whether it is so near that the arm must brake now.
+        moved: whether it has come in since the motion began; else it stood there, unseen.
+        distance: of the robot from it along the stretch that was judged, the smallest [m].
+        after: seconds until the robot is there, at the path's pace.
+        point: where it is, in the base frame [m].
+        part: the robot's part that would be the nearest.
+        cells: how many new cells the camera saw, near or not.
+    """
+
+    stop: bool
+    moved: bool
+    distance: float
+    after: float
+    point: tuple[float, float, float]
+    part: str
+    cells: int
+
+
+class PathWatch:
+    """Watches one motion; give it every new frame of every camera.
+
+    Args:
+        shape: of the robot, with what it holds.
+        trajectory: that it follows.
+        limits: of the arm: they say how long it brakes.
+        width: opening of the gripper [m].
+        workspace: table, fixed boxes, the volume that is looked at, and how carefully.
+        map: what earlier looks saw, or None.
+        known: further things that are where they are: the fruit to be picked.
+
+    Attributes:
+        width: opening of the gripper now; write it while the fingers move [m].
+    """
+
+    def __init__(
+        self,
+        shape: RobotShape,
+        trajectory: Trajectory,
+        limits: ArmLimits,
+        width: float,
+        workspace: Workspace,
+        map: OccupancyMap | None = None,
+        known: Sequence[Convex] = (),
+    ) -> None:
+        self._how = workspace.watch or PathWatchSettings()
+        self._shape, self.width, self._braking = shape, width, Braking(trajectory, limits)
+        self._times = np.append(np.arange(0.0, trajectory.duration, STEP), trajectory.duration)
+        self._Q = np.column_stack([np.interp(self._times, trajectory.t, q) for q in trajectory.q.T])
+        floor = -np.inf if workspace.table_z is None else workspace.table_z
+        self._lowest = float(max(floor + TABLE, workspace.lower[2]))
+        self._origin = workspace.lower - (BEYOND, BEYOND, 0.0)
+        shape_of_grid = np.ceil((workspace.upper + BEYOND - self._origin) / CELL).astype(int)
+        nx, ny, nz = (int(n) for n in shape_of_grid)
+        self._known = self._mark_known((nx, ny, nz), map, [*standing(workspace), *known])
+        self._states: dict[int, UInt8] = {}  # by camera: two of them never agree to the millimetre at an edge
+        self._area = np.zeros((nx, ny, nz), np.float32)
+        self._touched = np.empty(nx * ny * nz, np.int64)
+        self._found, self._moved = np.empty((MOST, 3)), np.empty(MOST, np.bool_)
+
+    def look(
+        self, frame: Frame, T_base_camera: Float64, q: Float64, age: float, path_time: float, camera: int = 0
+    ) -> Ahead | None:
+        """Compare one frame with the rest of the path.
+
+        Args:
+            frame: with depth.
+            T_base_camera: where the camera was at the exposure, shape (4, 4).
+            q: the arm's joints at the exposure, shape (dof,) [rad].
+            age: of the frame now [s].
+            path_time: how far along its trajectory the arm is now [s].
+            camera: which one's: what has moved is told from its own earlier frames.
+
+        Returns:
+            the most urgent new thing that is near the rest of the path, or None.
+        """
+        new = self._new_cells(frame, T_base_camera, q, camera)
+        if new == 0:
+            return None
+        how, points, moved = self._how, self._found[:new], self._moved[:new]
+        if np.count_nonzero(moved) < FEW:
+            moved = np.zeros(new, np.bool_)
+        stopping = age + how.delay + self._braking.time(path_time)
+        first = max(int(np.searchsorted(self._times, path_time, side="right")) - 1, 0)
+        within = max(int(np.searchsorted(self._times, path_time + stopping)) + 1, first + 1)
+        judged = (
+            (True, True, points[moved], first, within, how.near + how.speed * stopping),
+            (True, False, points[~moved], first, within, how.near),
+            (False, False, points, within, len(self._times), how.near),
+        )
+        for stop, came, those, begin, end, allowed in judged:
+            told = self._nearest(those, begin, end, allowed, path_time)
+            if told is not None:
+                distance, after, point, part = told
+                return Ahead(stop, came, distance, after, point, part, new)
+        return None
+
+    def _new_cells(self, frame: Frame, T_base_camera: Float64, q: Float64, camera: int) -> int:
+        if frame.depth is None:
+            return 0
+        lens, errs = frame.intrinsics, frame.depth_model
+        step = 2 if lens.width > FINE else 1
+        # A read-only image would be compiled for once more.
+        depth = np.require(frame.depth[::step, ::step], np.float32, ["C", "W"])
+        own = np.zeros(self._known.shape, np.bool_)
+        robot = self._shape.spheres(q, self.width)
+        farthest = np.linalg.norm(robot[:, :3] - T_base_camera[:3, 3], axis=1).max()
+        padding = self._how.padding + SURE * float(errs.deviation(farthest, lens.fx))
+        mark_spheres(np.ascontiguousarray(robot), padding, self._origin, CELL, own)
+        spread = SURE * (errs.disparity / (lens.fx * errs.baseline) + errs.growth)
+        state = self._states.setdefault(camera, np.zeros(self._known.shape, np.uint8))
+        new: int = see(
+            depth, frame.q is None, np.array([lens.fx, lens.fy, lens.cx, lens.cy]) / step,
+            np.ascontiguousarray(T_base_camera[:3]), self._origin, CELL, self._lowest + SURE * errs.floor, spread,
+            self._known, own, LEAST_AREA, state, self._area, self._touched, self._found, self._moved,
+        )  # fmt: skip
+        return new
+
+    def _nearest(
+        self, points: Float64, first: int, last: int, allowed: float, path_time: float
+    ) -> tuple[float, float, tuple[float, float, float], str] | None:
+        """Distance, seconds until then, place and part of the robot's nearest posture among first … last - 1."""
+        Q = np.ascontiguousarray(self._Q[first:last])
+        if not len(points) or not len(Q):
+            return None
+        centre = (points.min(axis=0) + points.max(axis=0)) / 2.0
+        bound = np.append(centre, np.linalg.norm(points - centre, axis=1).max())
+        away, geom, which = np.empty(len(Q)), np.empty(len(Q), np.int64), np.empty(len(Q), np.int64)
+        points = np.ascontiguousarray(points)
+        nearest_ahead(self._shape.arrays, Q, self.width, points, bound, allowed, away, geom, which)
+        m = int(np.argmin(away))
+        if geom[m] < 0:
+            return None
+        x, y, z = (round(float(c), 3) for c in points[which[m]])
+        after = max(float(self._times[first + m]) - path_time, 0.0)
+        return float(away[m]), after, (x, y, z), self._shape.geom_bodies[geom[m]]
+
+    def _mark_known(
+        self, shape: tuple[int, int, int], map: OccupancyMap | None, known: Sequence[Convex]
+    ) -> NDArray[np.bool_]:
+        """Cells that something known takes, or is near to."""
+        marked = np.zeros(shape, np.bool_)
+        reach = AROUND + CELL * np.sqrt(3.0) / 2.0
+        for convex in known:
+            first = np.maximum(((convex.bound[:3] - convex.bound[3] - reach - self._origin) / CELL).astype(int), 0)
+            last = np.minimum(
+                ((convex.bound[:3] + convex.bound[3] + reach - self._origin) / CELL).astype(int) + 1, shape
+            )
+            if np.any(first >= last):
+                continue
+            cells = np.indices(last - first).reshape(3, -1).T + first
+            near = cells[convex.distance(self._origin + (cells + 0.5) * CELL) < reach]
+            marked[near[:, 0], near[:, 1], near[:, 2]] = True
+        if map is not None and map.blocked.any():
+            centres = map.origin + (np.argwhere(map.blocked) + 0.5) * map.resolution
+            spheres = np.column_stack((centres, np.full(len(centres), map.resolution * np.sqrt(3.0) / 2.0)))
+            mark_spheres(spheres, reach - AROUND / 2.0, self._origin, CELL, marked)
+        return marked

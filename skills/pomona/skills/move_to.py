@@ -1,0 +1,68 @@
+"""The skill MoveTo."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Annotated, Any
+
+from pomona.drivers.interfaces import Arm, Gripper, Workspace
+from pomona.executive.ports import ANGLE, LENGTH, TIME, Angle, Length, Port, Ratio, Time
+from pomona.executive.skill import CellFacts, Work
+from pomona.executive.values.sections import Problem
+from pomona.skills.motion.grasp import Grasp
+from pomona.skills.motion.occupancy import OccupancyMap
+from pomona.skills.perception.measured_fruit import MeasuredFruit
+from pomona.skills.shared.following import MOTION_FAILURES, MovingSkill
+from pomona.skills.shared.live_watch import prepare_watch
+from pomona.skills.shared.moving import POSE_FAILURES, move_to_pose
+from pomona.skills.shared.named_pose import judge_pose, offered_poses
+from pomona.skills.shared.warm_motion import prepare_planning
+
+
+class MoveTo(MovingSkill):
+    """Move to a named pose of the cell file, around what is in the way.
+
+    The fixed surroundings and the robot itself are always avoided, what a `map` holds as well, and with `carrying` the
+    fruit between the fingers is part of the robot and is moved gently; with `upright` it stays as it was when it was
+    grasped, to within that tilt. When a camera sees something new in the way (a
+    cell file with `workspace.watch`), the arm stops on its path, and the skill fails with PATH_BLOCKED.
+    """
+
+    devices = (Arm, Gripper, Workspace)
+    moves = (Arm,)
+    failures = (*MOTION_FAILURES, *POSE_FAILURES)
+
+    @classmethod
+    def judge(cls, known: Mapping[str, Any], cell: CellFacts | None) -> Iterator[Problem]:
+        """The pose must be one of the cell's."""
+        return judge_pose("pose", known, cell)
+
+    @classmethod
+    def offers(cls, port: str, cell: CellFacts | None) -> tuple[str, ...]:
+        """The cell's poses."""
+        return offered_poses(cell) if port == "pose" else ()
+
+    def prepare(self) -> None:
+        prepare_planning(self)
+        prepare_watch(self)
+
+    def run(
+        self,
+        pose: Annotated[str, Port(help="a name under workspace.poses in the cell file")],
+        variation: Annotated[int, Port(min=1, help="1 is the pose itself, 2 its pose_2 and so on, around")] = 1,
+        map: Annotated[OccupancyMap | None, Port(help="what is in the way")] = None,
+        carrying: Annotated[Grasp | None, Port(help="the grasp by which a fruit is held")] = None,
+        avoiding: Annotated[
+            MeasuredFruit | None, Port(help="a fruit that was left out of the map and is still there")
+        ] = None,
+        clearance: Annotated[
+            Length, Port(min="2 mm", help="kept by the links; gripper and fingers keep a share")
+        ] = LENGTH("10 mm"),
+        budget: Annotated[Time, Port(min="1 ms", help="planning time")] = TIME("500 ms"),
+        upright: Annotated[
+            Angle, Port(min="1 deg", max="180 deg", help="the fruit is tilted by no more than this on the way")
+        ] = ANGLE("180 deg"),
+        speed: Annotated[Ratio, Port(min=0.02, max=1.0, help="share of the speed that the limits allow")] = 1.0,
+    ) -> Work[None]:
+        yield from move_to_pose(self, pose, variation, map, carrying, clearance, budget, avoiding, speed, upright)
+        return None

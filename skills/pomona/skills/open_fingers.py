@@ -1,0 +1,57 @@
+"""The skill OpenFingers."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pomona.drivers.interfaces import Arm, Gripper, Trajectory, Workspace
+from pomona.executive.ports import LENGTH, Length, Port
+from pomona.executive.skill import Work
+from pomona.skills.grip.hold import take_over
+from pomona.skills.motion.grasp import Grasp
+from pomona.skills.motion.occupancy import OccupancyMap
+from pomona.skills.motion.planning.arm_space import arm_space
+from pomona.skills.shared.following import MOTION_FAILURES, MovingSkill
+from pomona.skills.shared.usable_map import usable_field
+from pomona.skills.shared.warm_motion import prepare_moving
+
+WIDTH_TOLERANCE = 1e-3
+"""An opening that differs by less is the one asked for [m]."""
+
+
+class OpenFingers(MovingSkill):
+    """Open the fingers for a grasp while the arm follows a path, as a child of a `parallel` beside `Follow`.
+
+    The path was planned with the fingers as they were: where it is too narrow for open ones nothing is done, and
+    `Approach` opens them at the pre-grasp.
+    """
+
+    devices = (Arm, Gripper, Workspace)
+    moves = (Gripper,)
+    failures = (*MOTION_FAILURES, "MAP_STALE")
+
+    def prepare(self) -> None:
+        prepare_moving(self)
+
+    def run(
+        self,
+        grasp: Grasp,
+        path: Annotated[Trajectory, Port(help="on which the arm is meanwhile")],
+        map: Annotated[OccupancyMap | None, Port(help="what is in the way; the target is left out of it")] = None,
+        clearance: Annotated[
+            Length, Port(min="0 mm", help="kept by the links; gripper and fingers keep a share")
+        ] = LENGTH("5 mm"),
+    ) -> Work[None]:
+        gripper = self.device(Gripper)
+        width = min(grasp.width, gripper.limits.width_max)
+        if abs(gripper.state().width - width) <= WIDTH_TOLERANCE:
+            return None
+        field = usable_field(self, map)
+        space = arm_space(self.device(Arm), self.device(Workspace), field, width, clearance, target=grasp.fruit)
+        blocked = space.first_blocked(path.q)
+        if blocked is not None:
+            yield f"not on the way: with open fingers {space.explain(path.q[blocked + 1])[0]}"
+            return None
+        take_over(gripper)
+        yield from self.move_fingers(width, gripper.limits.speed_max)
+        return None

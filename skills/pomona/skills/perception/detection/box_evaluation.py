@@ -1,0 +1,193 @@
+"""How good boxes are against boxes that people drew: precision and recall over all scores, at one overlap."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pomona.executive.values.arrays import Float64
+
+
+def iou(a: Float64, b: Float64) -> Float64:
+    """Intersection over union of each box of `a` (n, 4) with each of `b` (m, 4), x, y, w, h; (n, m)."""
+    low = np.maximum(a[:, None, :2], b[None, :, :2])
+    high = np.minimum(a[:, None, :2] + a[:, None, 2:], b[None, :, :2] + b[None, :, 2:])
+    shared = np.clip(high - low, 0.0, None).prod(axis=2)
+    union = a[:, None, 2:].prod(axis=2) + b[None, :, 2:].prod(axis=2) - shared
+    return np.asarray(shared / np.maximum(union, 1e-12), np.float64)
+
+
+def match_boxes(found: Float64, scores: Float64, labelled: Float64, least: float) -> NDArray[np.bool_]:
+    """Which found boxes are right: surest first, each takes the free label that it overlaps most, if by `least`.
+
+    Args:
+        found: x, y, w, h (n, 4).
+        scores: (n,).
+        labelled: x, y, w, h (m, 4).
+        least: intersection over union that counts.
+    """
+    right = np.zeros(len(found), np.bool_)
+    if not len(found) or not len(labelled):
+        return right
+    overlaps = iou(found, labelled)
+    for k in np.argsort(-scores, kind="stable"):
+        best = int(np.argmax(overlaps[k]))
+        if overlaps[k, best] >= least:
+            right[k] = True
+            overlaps[:, best] = -1.0
+    return right
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BoxCurve:
+    """Precision over recall.
+
+    Attributes:
+        scores: of all finds, falling, (n,).
+        precision, recall: with the first k + 1 of them, (n,).
+        labelled: boxes that were to be found.
+    """
+
+    scores: Float64
+    precision: Float64
+    recall: Float64
+    labelled: int
+
+    @property
+    def average_precision(self) -> float:
+        """Area under the curve, precision taken as the best at this recall or a higher one."""
+        best = np.maximum.accumulate(self.precision[::-1])[::-1]
+        return float((np.diff(self.recall, prepend=0.0) * best).sum())
+
+    def recall_at(self, precision: float) -> float:
+        """The largest recall with at least this precision; 0 where there is none."""
+        return float(self.recall[self.precision >= precision].max(initial=0.0))
+
+    def score_for(self, precision: float) -> float | None:
+        """The score from which on `recall_at` is reached."""
+        good = np.nonzero(self.precision >= precision)[0]
+        return float(self.scores[good[-1]]) if len(good) else None
+
+    def at_score(self, score: float) -> tuple[float, float]:
+        """Recall and precision of the finds with at least this score."""
+        count = int((self.scores >= score).sum())
+        return (float(self.recall[count - 1]), float(self.precision[count - 1])) if count else (0.0, 1.0)
+
+
+def curve(pictures: Iterable[tuple[Float64, Float64, Float64]], least: float = 0.5) -> BoxCurve:
+    """Precision over recall of the finds in many pictures.
+
+    Args:
+        pictures: found boxes (n, 4), their scores (n,) and labelled boxes (m, 4) of each.
+        least: intersection over union that counts.
+    """
+    scores, right, labelled = [np.empty(0)], [np.empty(0, np.bool_)], 0
+    for found, sure, wanted in pictures:
+        scores.append(sure)
+        right.append(match_boxes(found, sure, wanted, least))
+        labelled += len(wanted)
+    all_scores, all_right = np.concatenate(scores), np.concatenate(right)
+    order = np.argsort(-all_scores, kind="stable")
+    hits = np.cumsum(all_right[order])
+    return BoxCurve(
+        all_scores[order], hits / np.maximum(1, np.arange(1, len(hits) + 1)), hits / max(1, labelled), labelled
+    )
+
+
+IOUS = np.linspace(0.5, 0.95, 10)
+"""Intersections over union over which COCO's mean average precision is the mean."""
+
+PRECISION = 0.9
+"""Recall is reported where precision is at least this."""
+
+RECALLS = np.linspace(0.0, 1.0, 101)
+"""Recalls at which COCO reads precision."""
+
+ROUNDS = 300
+"""Draws of an interval."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class JudgedPicture:
+    """Detections of one picture against its labels.
+
+    Attributes:
+        scores: of the detections, (n,).
+        right: whether each is right, by `IOUS`, (10, n).
+        labelled: number of labels.
+        group: pictures of one group show the same place.
+    """
+
+    scores: Float64
+    right: NDArray[np.bool_]
+    labelled: int
+    group: str = ""
+
+
+def judge(found: Float64, scores: Float64, labelled: Float64, group: str = "") -> JudgedPicture:
+    """Match the boxes of one picture, x, y, w, h (n, 4), to labels (m, 4) at each of `IOUS`."""
+    right = np.array([match_boxes(found, scores, labelled, float(least)) for least in IOUS])
+    return JudgedPicture(scores, right, len(labelled), group)
+
+
+@dataclass(frozen=True, slots=True)
+class BoxFigures:
+    """Figures of many pictures.
+
+    Attributes:
+        recall: at precision `PRECISION` and IoU 0.5.
+        ap50, ap75: average precision at IoU 0.5 and 0.75, over 101 recalls as COCO's.
+        ap: mean of it over `IOUS`, COCO's mAP50:95.
+        threshold: score from which on `recall` is reached; NaN where it never is.
+    """
+
+    recall: float
+    ap50: float
+    ap75: float
+    ap: float
+    threshold: float
+
+
+def box_figures(pictures: Sequence[JudgedPicture]) -> BoxFigures:
+    """Figures of these pictures together."""
+    scores = np.concatenate([np.empty(0), *(picture.scores for picture in pictures)])
+    right = np.concatenate([np.empty((len(IOUS), 0), np.bool_), *(picture.right for picture in pictures)], axis=1)
+    order = np.argsort(-scores, kind="stable")
+    labelled = max(1, sum(picture.labelled for picture in pictures))
+    hits = np.cumsum(right[:, order], axis=1)
+    precision, recall = hits / np.arange(1, len(order) + 1), hits / labelled
+    best = np.maximum.accumulate(precision[:, ::-1], axis=1)[:, ::-1]
+    areas = []
+    for k in range(len(IOUS)):
+        first = np.searchsorted(recall[k], RECALLS)
+        areas.append(float(np.append(best[k], 0.0)[np.minimum(first, len(order))].mean()))
+    good = np.nonzero(precision[0] >= PRECISION)[0]
+    last = good[-1] if len(good) else None
+    return BoxFigures(
+        0.0 if last is None else float(recall[0, last]),
+        areas[0],
+        areas[5],
+        float(np.mean(areas)),
+        float("nan") if last is None else float(scores[order[last]]),
+    )
+
+
+def box_intervals(pictures: Sequence[JudgedPicture], seed: int = 0) -> dict[str, tuple[float, float]]:
+    """Bounds of 95 % of each figure, from groups drawn again: pictures of one group are alike."""
+    groups: dict[str, list[JudgedPicture]] = {}
+    for picture in pictures:
+        groups.setdefault(picture.group, []).append(picture)
+    places, rng = list(groups.values()), np.random.default_rng(seed)
+    drawn = [
+        box_figures([picture for k in rng.integers(0, len(places), len(places)) for picture in places[int(k)]])
+        for _ in range(ROUNDS)
+    ]
+    bounds = {}
+    for field in fields(BoxFigures):
+        values = np.array([getattr(figures, field.name) for figures in drawn])
+        low, high = np.nanquantile(values, (0.025, 0.975)) if np.isfinite(values).any() else (np.nan, np.nan)
+        bounds[field.name] = float(low), float(high)
+    return bounds

@@ -1,0 +1,150 @@
+"""The second look: a virtual camera turned to one fruit, and what is seen through it.
+
+The look is not cut out of the picture but seen by a camera that stands where the real one does, is turned to the fruit
+and zoomed to its size. A round fruit off the picture's middle is drawn out by up to a fifth; turned to, it is round,
+and its stem axis appears the same wherever in the picture it lies.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pomona.executive.values.arrays import Float64
+from pomona.skills.perception.detection.outputs import AXIS, CENTRE, CLOSE_LOOK_SIZE, SIZE
+from pomona.skills.perception.detection.symmetry import STEM_AXIS, minimal_rotation
+
+MARGIN = 1.15
+"""Half side of the look over the mean distance of the corners from the centroid: the fruit fills two thirds."""
+
+REFERENCE_LENGTH = 0.0633
+"""Length whose picture is called a fruit's size [m]; about the mean projected distance of the CAD apple's corners."""
+
+OUTLINE_RADIUS = 0.046
+"""Radius of a CAD-sized fruit's outline [m]: what a near camera sees of it is the cone that touches it."""
+
+SIZE_OF_BOX = 0.64
+"""Apparent size of a whole fruit over its box's longer side: 0.636 in 242 rendered looks (standard deviation 0.015),
+and 0.644 (0.030) as `keypoint_size` of 2 991 rendered fruit."""
+
+MIDDLE = 0.5 * (CLOSE_LOOK_SIZE - 1)
+
+
+def keypoint_size(keypoints: Float64) -> float:
+    """Mean distance of the corners 0..7 from the centroid, in the unit of `keypoints` (9, 2)."""
+    return float(np.linalg.norm(keypoints[:8] - keypoints[8], axis=1).mean())
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class VirtualCamera:
+    """A virtual camera at the real one's place, turned to a fruit.
+
+    Attributes:
+        K: matrix of the real camera (3, 3) [px].
+        R_camera_look: turn from the look's frame to the real camera's, (3, 3).
+        focal: focal length of the look [px of the look].
+    """
+
+    K: Float64
+    R_camera_look: Float64
+    focal: float
+
+    @property
+    def picture_from_look(self) -> Float64:
+        """Homography (3, 3) from the look's pixels to the picture's."""
+        inverse = np.array([[1.0, 0.0, -MIDDLE], [0.0, 1.0, -MIDDLE], [0.0, 0.0, self.focal]])
+        homography: Float64 = self.K @ self.R_camera_look @ inverse
+        return homography
+
+    def label(self, T_camera_object: Float64, scale: float) -> Float64:
+        """What a perfect network would say of a fruit: centre and log size in half sides and stem axis, (6,)."""
+        p_look = self.R_camera_look.T @ T_camera_object[:3, 3]
+        stem_look = self.R_camera_look.T @ T_camera_object[:3, :3] @ STEM_AXIS
+        distance = float(np.linalg.norm(p_look))
+        half = 0.5 * CLOSE_LOOK_SIZE
+        touching = np.sqrt(max(distance**2 - (scale * OUTLINE_RADIUS) ** 2, 1e-6))
+        label = np.empty(6)
+        label[CENTRE] = self.focal * p_look[:2] / p_look[2] / half
+        label[SIZE] = np.log(self.focal * scale * REFERENCE_LENGTH / touching / half)
+        label[AXIS] = minimal_rotation((0.0, 0.0, 1.0), p_look / distance).T @ stem_look
+        return label
+
+    def label_place(self, centre: Float64, size: float) -> Float64:
+        """What it would say of a fruit's centre [px] and size [px], as in `look_at`: in half sides, log, (3,)."""
+        u, v = self.from_picture(centre)
+        ray = np.array([(centre[0] - self.K[0, 2]) / self.K[0, 0], (centre[1] - self.K[1, 2]) / self.K[1, 1], 1.0])
+        distance = self.K[0, 0] * REFERENCE_LENGTH * float(np.linalg.norm(ray)) / size
+        touching = np.sqrt(max(distance**2 - OUTLINE_RADIUS**2, 1e-6))
+        return np.array([u, v, np.log(self.focal * REFERENCE_LENGTH / touching / (0.5 * CLOSE_LOOK_SIZE))])
+
+    def from_picture(self, point: Float64) -> Float64:
+        """A pixel of the picture in half sides from the look's middle, (2,)."""
+        ray = self.R_camera_look.T @ np.linalg.solve(self.K, np.array([point[0], point[1], 1.0]))
+        half_sides: Float64 = self.focal * ray[:2] / ray[2] / (0.5 * CLOSE_LOOK_SIZE)
+        return half_sides
+
+    def to_picture(self, half_sides: Float64) -> Float64:
+        """The pixel of the picture, (2,); the inverse of `from_picture`."""
+        ray = np.array([*(0.5 * CLOSE_LOOK_SIZE * half_sides / self.focal), 1.0])
+        seen = self.K @ self.R_camera_look @ ray
+        pixel: Float64 = seen[:2] / max(float(seen[2]), 1e-9)
+        return pixel
+
+    def label_box(self, box: Float64) -> Float64:
+        """What it would say of the box around what is seen: middle and log width and height in half sides, (4,).
+
+        Args:
+            box: x, y, w, h, with the upper left pixel's outer corner at (x, y) [px].
+        """
+        middle = box[:2] + 0.5 * box[2:] - 0.5
+        across, down = np.array([0.5 * box[2], 0.0]), np.array([0.0, 0.5 * box[3]])
+        wide = np.linalg.norm(self.from_picture(middle + across) - self.from_picture(middle - across))
+        high = np.linalg.norm(self.from_picture(middle + down) - self.from_picture(middle - down))
+        return np.array([*self.from_picture(middle), *np.log(np.maximum([wide, high], 1e-3))])
+
+    def place_box(self, label: Float64) -> Float64:
+        """The box x, y, w, h in the picture [px], (4,), from what the network says; the look must be upright."""
+        wide, high = np.exp(np.clip(label[2:], -4.0, 2.0))
+        across, down = np.array([0.5 * wide, 0.0]), np.array([0.0, 0.5 * high])
+        middle = self.to_picture(label[:2])
+        width = np.linalg.norm(self.to_picture(label[:2] + across) - self.to_picture(label[:2] - across))
+        height = np.linalg.norm(self.to_picture(label[:2] + down) - self.to_picture(label[:2] - down))
+        return np.array([middle[0] + 0.5 - 0.5 * width, middle[1] + 0.5 - 0.5 * height, width, height])
+
+    def place(self, label: Float64) -> tuple[Float64, Float64]:
+        """Centre of a CAD-sized fruit and stem axis in the real camera's frame, from what the network says.
+
+        Args:
+            label: as `label` gives it, (6,); the axis may have any length.
+
+        Returns:
+            p_camera (3,) [m] and a unit vector (3,).
+        """
+        half = 0.5 * CLOSE_LOOK_SIZE
+        ray = np.array([*(half * label[CENTRE] / self.focal), 1.0])
+        ray /= np.linalg.norm(ray)
+        touching = self.focal * REFERENCE_LENGTH / (half * np.exp(np.clip(label[SIZE], -2.0, 2.0)))
+        distance = np.hypot(touching, OUTLINE_RADIUS)
+        axis = label[AXIS] / max(float(np.linalg.norm(label[AXIS])), 1e-9)
+        stem = minimal_rotation((0.0, 0.0, 1.0), ray) @ axis
+        return self.R_camera_look @ (distance * ray), self.R_camera_look @ stem
+
+
+def look_at(K: Float64, centre: Float64, size: float, roll: float = 0.0) -> VirtualCamera:
+    """The camera turned to a fruit.
+
+    Args:
+        K: of the real camera (3, 3) [px].
+        centre: where the fruit's centroid is thought to be, (2,) [px].
+        size: what `REFERENCE_LENGTH` measures there [px of the picture], at least 2 counts.
+        roll: turn of the look about its own optical axis [rad].
+    """
+    ray = np.array([(centre[0] - K[0, 2]) / K[0, 0], (centre[1] - K[1, 2]) / K[1, 1], 1.0])
+    length = float(np.linalg.norm(ray))
+    cosine, sine = np.cos(roll), np.sin(roll)
+    R_roll = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
+    R = minimal_rotation((0.0, 0.0, 1.0), ray / length) @ R_roll
+    # REFERENCE_LENGTH at distance D along the ray is size = K[0, 0] * REFERENCE_LENGTH * length / D wide.
+    distance = K[0, 0] * REFERENCE_LENGTH * length / max(size, 2.0)
+    return VirtualCamera(K, R, 0.5 * CLOSE_LOOK_SIZE * distance / (MARGIN * REFERENCE_LENGTH))

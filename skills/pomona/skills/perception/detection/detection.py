@@ -1,0 +1,65 @@
+"""What Detect says about one fruit in one frame."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Annotated
+
+from pomona.drivers.interfaces import Frame
+from pomona.executive.values.arrays import Float64
+from pomona.executive.values.units import PIXELS, RATIO, Array
+from pomona.skills.perception.fruit import FruitModel
+
+Pose = Annotated[Float64, Array(4, 4)]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Detection:
+    """One fruit found in a frame, posed as if it had the CAD model's size.
+
+    Attributes:
+        fruit: the model that the detector was trained on; the object frame is its cuboid's: x right, y down, z forward.
+        frame: the look in which it was found.
+        T_base_camera: pose of the camera at the look.
+        T_camera_object: pose of the CAD-sized model (the paper's p̂ and Q̂).
+        keypoints: the cuboid's 8 vertices and its centroid, shape (9, 2) [px]; NaN where not found.
+        score: belief of the centroid, 0 to 1.
+        covariance: of (rotation vector, translation) in the camera frame, (6, 6), from the errors
+            that the network expects (`rigid_pose`), or of the reprojection with DOPE's full network.
+        index: place among the instances of the frame, by decreasing score.
+        found: number of instances in the frame.
+        visibility: share of its silhouette that is seen, 0 to 1, as the detector estimates it; NaN where it does not.
+    """
+
+    fruit: FruitModel
+    frame: Frame
+    T_base_camera: Pose
+    T_camera_object: Pose
+    keypoints: Annotated[Float64, Array(9, 2, of=PIXELS)]
+    score: Annotated[float, RATIO]
+    covariance: Annotated[Float64, Array(6, 6)]
+    index: int
+    found: int
+    visibility: float = float("nan")
+
+    @property
+    def size_deviation(self) -> float:
+        """Of the fruit's size in the picture, of that size: the CAD-sized model seems as large as it is near."""
+        p = self.T_camera_object[:3, 3]
+        variance = float(p @ self.covariance[3:, 3:] @ p)
+        return math.sqrt(max(variance, 0.0)) / float(p @ p)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class AllDetections:
+    """Every fruit that was found in one frame, by falling score; the frame, and where its camera stood."""
+
+    detections: tuple[Detection, ...]
+    frame: Frame
+    T_base_camera: Pose
+
+    @property
+    def sentence(self) -> str:
+        """For people."""
+        return f"{len(self.detections)} fruit found" + (f" in {self.frame.label}" if self.frame.label else "")

@@ -1,0 +1,98 @@
+"""A pose from the cuboid's keypoints: EPnP, then weighted least squares on the reprojection error."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pomona.executive.values.arrays import Float64
+from pomona.skills.perception.detection.cuboid import CuboidConvention, cuboid_keypoints
+from pomona.skills.perception.detection.errors import PoseUnsolved
+from pomona.skills.perception.detection.reprojection import linearise, refine_pose
+
+LEAST_KEYPOINTS = 4
+LEAST_SPREAD = 0.3
+"""No keypoint is trusted better than this [px]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SolvedPose:
+    """The pose of a cuboid.
+
+    Attributes:
+        T_camera_object: object's frame to camera frame [m].
+        covariance: of (rotation vector, translation) in the camera frame, (6, 6) [rad, m].
+        residual: root mean square reprojection error over the keypoints used [px].
+    """
+
+    T_camera_object: Float64
+    covariance: Float64
+    residual: float
+
+
+def solve_pose(
+    keypoints: ArrayLike,
+    dimensions: ArrayLike,
+    camera_matrix: ArrayLike,
+    convention: CuboidConvention = CuboidConvention.CAMERA,
+    spreads: ArrayLike | None = None,
+) -> SolvedPose:
+    """Solve for the pose of a cuboid from its projected corners and centroid.
+
+    Args:
+        keypoints: (9, 2) or (8, 2) [px], corners 0..7 and centroid; NaN where not found.
+        dimensions: extents along the object's x, y, z [m].
+        camera_matrix: (3, 3) [px].
+        convention: vertex order of the keypoints.
+        spreads: deviation of each keypoint [px], one per keypoint; None: equal, estimated from the residuals.
+
+    Raises:
+        PoseUnsolved: fewer than four keypoints, degenerate geometry, or a pose that is not finite.
+    """
+    points = np.asarray(keypoints, np.float64)
+    K = np.asarray(camera_matrix, np.float64)
+    if points.shape not in ((9, 2), (8, 2)):
+        raise PoseUnsolved(f"expected (9, 2) or (8, 2) keypoints, not {points.shape}")
+    usable = np.asarray(np.isfinite(points).all(axis=1) & (np.abs(points) < 1e5).all(axis=1))
+    if usable[:8].sum() < LEAST_KEYPOINTS:
+        raise PoseUnsolved(f"{int(usable[:8].sum())} corners were found, at least {LEAST_KEYPOINTS} are needed")
+    model = cuboid_keypoints(dimensions, convention)[: len(points)][usable]
+    seen = points[usable]
+    deviation = np.ones(len(seen)) if spreads is None else np.asarray(spreads, np.float64)[usable]
+    deviation = np.maximum(np.nan_to_num(deviation, nan=1e3), LEAST_SPREAD)
+    R, t = refine_pose(*_start(model, seen, K), model, seen, K, 1.0 / deviation.repeat(2))
+    if not (np.isfinite(R).all() and np.isfinite(t).all()) or t[2] <= 0.0:
+        raise PoseUnsolved("the keypoints do not fit a cuboid before the camera")
+    residual, jacobian = linearise(R, t, model, seen, K)
+    weighted = jacobian / deviation.repeat(2)[:, None]
+    # Excess of the residuals over the expected spread; with unit spreads this is their variance.
+    freedom = max(2 * len(seen) - 6, 1)
+    excess = float(((residual / deviation.repeat(2)) ** 2).sum()) / freedom
+    floor = LEAST_SPREAD**2 if spreads is None else 1.0
+    information = weighted.T @ weighted
+    try:
+        covariance = np.linalg.inv(information) * max(excess, floor)
+    except np.linalg.LinAlgError as error:
+        raise PoseUnsolved("the keypoints leave the pose undetermined") from error
+    T = np.eye(4)
+    T[:3, :3], T[:3, 3] = R, t
+    return SolvedPose(T, 0.5 * (covariance + covariance.T), float(np.sqrt((residual**2).mean() * 2.0)))
+
+
+def _start(model: Float64, seen: Float64, K: Float64) -> tuple[Float64, Float64]:
+    """EPnP's pose; one behind the camera is mirrored to the front."""
+    if np.linalg.matrix_rank(seen - seen.mean(axis=0), tol=1e-3) < 2:
+        raise PoseUnsolved("the keypoints lie on a line")
+    try:
+        found, rotation, translation = cv2.solvePnP(model, seen, K, None, flags=cv2.SOLVEPNP_EPNP)
+    except cv2.error as error:
+        raise PoseUnsolved("EPnP failed") from error
+    if not found or not (np.isfinite(rotation).all() and np.isfinite(translation).all()):
+        raise PoseUnsolved("EPnP failed")
+    R, t = np.asarray(cv2.Rodrigues(rotation)[0], np.float64), np.asarray(translation, np.float64).ravel()
+    if t[2] < 0.0:
+        R, t = np.diag([-1.0, -1.0, 1.0]) @ R, -t
+    return R, t

@@ -1,0 +1,127 @@
+"""config_pose.yaml: the configuration files that DOPE's users have."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+
+from pomona.executive.values.plain_text import read_plain_text
+from pomona.skills.perception.detection.dope_decode import DecodeThresholds
+from pomona.skills.perception.detection.errors import BadPoseConfig
+
+_THRESHOLDS = ("thresh_angle", "thresh_map", "sigma", "thresh_points")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ObjectEntry:
+    """One object of a config_pose.yaml.
+
+    Attributes:
+        name: its key in the file.
+        weights: as written: a path or URL.
+        dimensions: cuboid [m]; the file gives centimetres.
+        class_id: number for messages; 0 when the file gives none.
+        draw_colour: RGB.
+        model_transform: (4, 4) from the mesh's frame to the detection's.
+        mesh: path or URL, empty when there is none.
+        mesh_scale: factor to metres.
+    """
+
+    name: str
+    weights: str
+    dimensions: NDArray[np.float64]
+    class_id: int = 0
+    draw_colour: tuple[int, int, int] = (255, 255, 255)
+    model_transform: NDArray[np.float64] = field(default_factory=lambda: np.eye(4))
+    mesh: str = ""
+    mesh_scale: float = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class PoseConfig:
+    """A whole config_pose.yaml: objects by name, and how pictures are treated."""
+
+    objects: dict[str, ObjectEntry]
+    thresholds: DecodeThresholds
+    downscale_height: int = 400
+    input_is_rectified: bool = True
+
+
+def load_pose_config(path: Path | str) -> PoseConfig:
+    """Read a config_pose.yaml, plain or with its entries under `/dope: ros__parameters:` as in ROS 2 launches.
+
+    Keys that Detect has no use for (topics, frames) are ignored, as DOPE itself does.
+
+    Raises:
+        BadPoseConfig: unreadable, without weights, or an object without dimensions.
+    """
+    content = _read(Path(path))
+    weights, dimensions = _table(path, content, "weights"), _table(path, content, "dimensions")
+    if not weights:
+        raise BadPoseConfig(path, "names no weights")
+    objects = {}
+    for name, source in weights.items():
+        if name not in dimensions:
+            raise BadPoseConfig(path, f"{name} has weights but no dimensions")
+        objects[name] = ObjectEntry(
+            name=name,
+            weights=str(source),
+            dimensions=_numbers(path, f"dimensions of {name}", dimensions[name], (3,)) / 100.0,
+            class_id=int(_table(path, content, "class_ids").get(name, 0)),
+            draw_colour=_colour(path, name, _table(path, content, "draw_colors").get(name, (255, 255, 255))),
+            model_transform=_numbers(
+                path,
+                f"model_transforms of {name}",
+                _table(path, content, "model_transforms").get(name, np.eye(4)),
+                (4, 4),
+            ),
+            mesh=str(_table(path, content, "meshes").get(name, "")),
+            mesh_scale=float(_table(path, content, "mesh_scales").get(name, 1.0)),
+        )
+    try:
+        thresholds = DecodeThresholds(**{key: float(content[key]) for key in _THRESHOLDS if key in content})
+        downscale = int(content.get("downscale_height", 400))
+    except (TypeError, ValueError) as error:
+        raise BadPoseConfig(path, f"a threshold is not a number: {error}") from error
+    return PoseConfig(objects, thresholds, downscale, bool(content.get("input_is_rectified", True)))
+
+
+def _read(path: Path) -> dict[str, Any]:
+    try:
+        content = yaml.safe_load(read_plain_text(path))
+    except (OSError, ValueError, RecursionError, yaml.YAMLError) as error:
+        raise BadPoseConfig(path, f"cannot be read: {error}") from error
+    while isinstance(content, dict) and len(content) == 1 and "weights" not in content:
+        content = next(iter(content.values()))
+    if not isinstance(content, dict):
+        raise BadPoseConfig(path, "must be a mapping with weights and dimensions")
+    return content
+
+
+def _table(path: Path | str, content: dict[str, Any], key: str) -> dict[str, Any]:
+    table = content.get(key) or {}
+    if not isinstance(table, dict):
+        raise BadPoseConfig(path, f"{key} must map objects to values")
+    return table
+
+
+def _numbers(path: Path | str, what: str, value: Any, shape: tuple[int, ...]) -> NDArray[np.float64]:
+    try:
+        numbers = np.asarray(value, np.float64)
+    except (TypeError, ValueError) as error:
+        raise BadPoseConfig(path, f"{what} must be numbers, not {value!r}") from error
+    if numbers.size == int(np.prod(shape)):
+        numbers = numbers.reshape(shape)
+    if numbers.shape != shape or not np.isfinite(numbers).all():
+        raise BadPoseConfig(path, f"{what} must be {' by '.join(map(str, shape))} finite numbers")
+    return numbers
+
+
+def _colour(path: Path | str, name: str, value: Any) -> tuple[int, int, int]:
+    r, g, b = _numbers(path, f"draw_colors of {name}", value, (3,)).astype(int).tolist()
+    return r, g, b

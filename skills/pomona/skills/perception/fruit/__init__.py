@@ -1,0 +1,6 @@
+"""The fruit catalogue: what Detect, Refine and the grasp need to know about a kind of fruit."""
+
+from pomona.skills.perception.fruit.catalogue import FruitModel, Mesh, known_fruits, load_fruit
+from pomona.skills.perception.fruit.errors import BadFruitFile, FruitError, UnknownFruit
+
+__all__ = ["BadFruitFile", "FruitError", "FruitModel", "Mesh", "UnknownFruit", "known_fruits", "load_fruit"]

@@ -1,0 +1,268 @@
+"""Fruit models: a folder with a fruit.yaml and its meshes, found by name or by path."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass, fields
+from functools import lru_cache
+from pathlib import Path
+from typing import Annotated
+from zipfile import ZipFile
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pomona.executive.values.documents import read_value_file, with_includes
+from pomona.executive.values.findings import Finding, Findings
+from pomona.executive.values.kinds import Measure, Number, PathTo, Row, Schema, Text
+from pomona.executive.values.plain_text import is_file
+from pomona.executive.values.reading import Refused
+from pomona.executive.values.sections import Problem, Section, value
+from pomona.executive.values.shipped import installed_trees
+from pomona.executive.values.units import LENGTH, MASS, RATIO, Array
+from pomona.skills.perception.fruit.errors import BadFruitFile, UnknownFruit
+from pomona.skills.perception.fruit.sizes import KindSizes
+
+CATALOGUE = installed_trees() / "fruits"
+SHIPPED_WEIGHTS = Path(__file__).resolve().parents[1] / "detection" / "weights"
+
+_AGREES = 1e-4
+"""A mesh measures what is said to so much [m]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Mesh:
+    """Triangles in the object frame: vertices (n, 3) float64 [m], faces (m, 3) int32, normals outwards."""
+
+    vertices: NDArray[np.float64]
+    faces: NDArray[np.int32]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FruitModel:
+    """The CAD model of one kind of fruit.
+
+    The object frame's origin is the centre of the cuboid, x right, y down, z forward: the stem axis points along -y.
+
+    Attributes:
+        name: its name in the catalogue.
+        vertices: flesh without stem, watertight, (n, 3) float64 [m].
+        faces: (m, 3) int32, normals outwards.
+        dimensions: cuboid (d_x, d_y, d_z), d_y is the height [m].
+        symmetry_axis: unit vector of the axis about which the fruit is nearly a body of revolution, towards the stem.
+        weights: the detector's weights for this fruit, None when there are none yet.
+        stem: the stem in the object frame, for pictures only; None when the fruit has none.
+        colour: typical colour of the flesh, RGB in 0..1.
+        sizes: how large fruit of this kind are and how high for their width, where that was learnt.
+        mass: of a fruit of the model's size [kg]; None where nobody has weighed any.
+        mass_spread: standard deviation of it, as a share, among fruit of one size.
+    """
+
+    name: str
+    vertices: NDArray[np.float64]
+    faces: NDArray[np.int32]
+    dimensions: Annotated[NDArray[np.float64], Array(3, of=LENGTH)]
+    symmetry_axis: Annotated[NDArray[np.float64], Array(3)]
+    weights: Path | None = None
+    stem: Mesh | None = None
+    colour: tuple[float, float, float] = (0.7, 0.1, 0.1)
+    sizes: KindSizes | None = None
+    mass: Annotated[float | None, MASS] = None
+    mass_spread: Annotated[float, RATIO] = 0.1
+
+    @property
+    def mesh(self) -> Mesh:
+        """The flesh as a mesh."""
+        return Mesh(self.vertices, self.faces)
+
+
+def known_fruits(catalogue: Path = CATALOGUE) -> tuple[str, ...]:
+    """Names of the fruit in a catalogue folder, sorted."""
+    return tuple(sorted(file.parent.name for file in catalogue.glob("*/fruit.yaml")))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SizesSection:
+    """Sizes of a kind, from fruit of it that were measured by hand; each deviation is a share."""
+
+    width: float = value(Measure(LENGTH, "1 mm", "1 m"), help="median of the horizontal dimension")
+    width_deviation: float = value(Number(1e-3, 1.0), help="standard deviation of ln width")
+    height_over_width: float = value(Number(0.1, 10.0), help="median of the proportion")
+    height_over_width_deviation: float = value(Number(1e-3, 1.0), help="standard deviation of its logarithm")
+    looks: float = value(Number(0.2, 5.0), 1.0, "width that a scaled model shows over the true one")
+    looks_deviation: float = value(Number(0.0, 1.0), 0.0, "standard deviation of its logarithm")
+
+    def sizes(self) -> KindSizes:
+        """For the fruit's model."""
+        return KindSizes(**{f.name: getattr(self, f.name) for f in fields(KindSizes)})
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FruitFileSection:
+    """A kind of fruit: its CAD model in the object frame, and the weights of its detector."""
+
+    name: str = value(Text(), help="its name in the catalogue, as its folder is called")
+    mesh: Path = value(PathTo("file"), help="the flesh without stem: a closed mesh in metres, normals outwards")
+    stem: Path | None = value(PathTo("file"), None, "the stem, for pictures only")
+    dimensions: tuple[float, ...] = value(Row(Measure(LENGTH, "1 mm", "1 m"), 3), help="of the cuboid along x, y and z")
+    symmetry_axis: tuple[float, ...] = value(Row(Number(-1.0, 1.0), 3), help="of revolution, towards the stem")
+    colour: tuple[float, ...] = value(Row(Number(0.0, 1.0), 3), (0.7, 0.1, 0.1), "typical, RGB from 0 to 1")
+    mass: float | None = value(Measure(MASS, "1 g", "10 kg"), None, "of a fruit of these dimensions, weighed")
+    mass_spread: float = value(Number(0.0, 1.0), 0.1, "standard deviation of the mass among fruit of one size, a share")
+    weights: str | None = value(Text(), None, "of its detector: beside this file, or among those that are shipped")
+
+    sizes: SizesSection | None = value(Section(SizesSection), None, "of this kind, where they were learnt")
+
+    def problems(self) -> Iterator[Problem]:
+        if np.linalg.norm(self.symmetry_axis) < 1e-9:
+            yield Problem("symmetry_axis", "it is the zero vector, which has no direction")
+        for key, path in (("mesh", self.mesh), ("stem", self.stem)):
+            try:
+                mesh = None if path is None else _read_mesh(path)
+            except _BadMesh as error:
+                yield Problem(key, str(error))
+                continue
+            if key == "mesh" and mesh is not None:
+                yield from self._misfits(mesh)
+
+    def _misfits(self, mesh: Mesh) -> Iterator[Problem]:
+        extents = np.ptp(mesh.vertices, axis=0)
+        if np.any(np.abs(extents - self.dimensions) > _AGREES):
+            measured = " ".join(f"{1e3 * size:.2f}" for size in extents)
+            yield Problem("dimensions", f"they are not the mesh's, which measures {measured} mm", "a mesh is in metres")
+        closed, outwards = _surface(mesh)
+        if not closed:
+            yield Problem(
+                "mesh", f"{self.mesh.name} has holes, or faces that do not meet", "close it: a fruit is solid"
+            )
+        elif not outwards:
+            yield Problem("mesh", f"the normals of {self.mesh.name} do not all point outwards", "turn its faces")
+
+
+FRUIT = Section(FruitFileSection)
+
+
+class _BadMesh(ValueError):
+    """A file that holds no mesh."""
+
+
+def load_fruit(name_or_path: str | Path, catalogue: Path = CATALOGUE) -> FruitModel:
+    """Load a fruit by its catalogue name, or from a folder or fruit.yaml anywhere.
+
+    Raises:
+        UnknownFruit: the catalogue has no such name and no such path exists.
+        BadFruitFile: fruit.yaml or its mesh cannot be used; everything that is wrong, with places.
+    """
+    folder = catalogue / name_or_path
+    if not is_file(folder / "fruit.yaml"):
+        folder = Path(name_or_path)
+        folder = folder.parent if folder.name == "fruit.yaml" else folder
+    file = folder / "fruit.yaml"
+    if not is_file(file):
+        raise UnknownFruit(str(name_or_path), known_fruits(catalogue))
+    findings = Findings()
+    said = judge_fruit(file, findings)
+    if said is None:
+        raise BadFruitFile(file, findings.sorted())
+    mesh = _read_mesh(said.mesh)
+    axis = np.array(said.symmetry_axis)
+    return FruitModel(
+        name=said.name,
+        vertices=mesh.vertices,
+        faces=mesh.faces,
+        dimensions=np.array(said.dimensions),
+        symmetry_axis=axis / np.linalg.norm(axis),
+        weights=_find_weights(folder, said.weights),
+        stem=None if said.stem is None else _read_mesh(said.stem),
+        colour=(said.colour[0], said.colour[1], said.colour[2]),
+        sizes=None if said.sizes is None else said.sizes.sizes(),
+        mass=said.mass,
+        mass_spread=said.mass_spread,
+    )
+
+
+def judge_fruit(file: Path, findings: Findings) -> FruitFileSection | None:
+    """What a fruit.yaml says; everything that is wrong with it goes to `findings`."""
+    written = read_value_file(file, findings, "a fruit file")
+    try:
+        return None if written is None else FRUIT.read(written.root, written.reader)
+    except Refused:
+        return None
+
+
+def damage(weights: Path) -> str:
+    """What is wrong with a file of weights as far as its checksums tell; an empty text when nothing is."""
+    try:
+        now = weights.stat()
+        broken = _broken_member(weights, now.st_mtime_ns, now.st_size)
+    except Exception as error:  # what zipfile and zlib raise has no common base
+        return str(error) or type(error).__name__
+    return "" if broken is None else f"{broken} in it is damaged"
+
+
+@lru_cache(maxsize=8)
+def _broken_member(weights: Path, _changed: int, _size: int) -> str | None:
+    with ZipFile(weights) as archive:
+        return archive.testzip()
+
+
+class FruitKind:
+    """Fruit files, for `pomona check` and `pomona schema`."""
+
+    def recognises(self, keys: Collection[str]) -> bool:
+        """Whether a file with these keys at its top is one."""
+        return "mesh" in keys and "symmetry_axis" in keys
+
+    def check(self, path: Path, findings: Findings) -> None:
+        """Everything that is wrong with a file, its meshes and its weights."""
+        said = judge_fruit(path, findings)
+        weights = None if said is None else _find_weights(path.parent, said.weights)
+        if weights is not None and (problem := damage(weights)):
+            findings.add(Finding(str(weights), 0, 0, "error", "weights", f"cannot be read: {problem}"))
+
+    def schema(self) -> Schema:
+        """The JSON Schema of fruit files."""
+        return {"title": "Pomona fruit file", **with_includes(FRUIT.schema())}
+
+
+FRUIT_FILES = FruitKind()
+
+
+def _read_mesh(path: Path) -> Mesh:
+    try:
+        return _load_mesh(path, path.stat().st_mtime_ns)
+    except OSError as error:
+        raise _BadMesh(f"{path.name} cannot be read: {error.strerror}") from error
+
+
+@lru_cache(maxsize=8)
+def _load_mesh(path: Path, _changed: int) -> Mesh:
+    try:
+        import trimesh  # half a second to import: for who reads a mesh, not for who asks for names
+
+        loaded = trimesh.load_mesh(path, process=False)
+        vertices, faces = np.asarray(loaded.vertices, np.float64), np.asarray(loaded.faces, np.int32)
+    except Exception as error:  # trimesh raises whatever the format's reader meets
+        words = str(error).strip().strip("'") or type(error).__name__
+        raise _BadMesh(f"{path.name} is no mesh that can be read ({words})") from error
+    if len(vertices) == 0 or len(faces) == 0 or not np.all(np.isfinite(vertices)):
+        raise _BadMesh(f"{path.name} is empty or holds values that are not finite")
+    vertices.setflags(write=False)
+    faces.setflags(write=False)
+    return Mesh(vertices, faces)
+
+
+@lru_cache(maxsize=8)
+def _surface(mesh: Mesh) -> tuple[bool, bool]:
+    """Whether a mesh is closed, and whether all its normals point outwards."""
+    import trimesh
+
+    body = trimesh.Trimesh(mesh.vertices, mesh.faces, process=True)
+    return bool(body.is_watertight), bool(body.is_winding_consistent and body.volume > 0.0)
+
+
+def _find_weights(folder: Path, name: str | None) -> Path | None:
+    """A weights file beside fruit.yaml, else among the shipped ones."""
+    if name is None:
+        return None
+    return next((path for path in (folder / name, SHIPPED_WEIGHTS / name) if is_file(path)), None)

@@ -1,0 +1,25 @@
+"""The shape of a lemon: a spindle with a nipple at one end and a short neck at the stem."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pomona.skills.perception.fruit.apple_mesh import revolved_body
+
+AROUND, RINGS = 64, 40
+"""Corners of a ring, and rings between the poles."""
+
+LEMON_DIMENSIONS = (0.0580, 0.0820, 0.0580)
+"""Cuboid (d_x, d_y, d_z) of the CAD lemon [m]; d_y runs from neck to nipple."""
+
+
+def lemon_mesh() -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+    """Build a watertight lemon, stem along -y, centred in its cuboid; vertices (n, 3) [m] and faces (m, 3)."""
+    polar = np.linspace(0.0, np.pi, RINGS + 2)
+    body = np.sin(polar) ** 1.15
+    nipple = 0.16 * np.exp(-(((polar - np.pi) / 0.30) ** 2))
+    neck = 0.07 * np.exp(-((polar / 0.22) ** 2))
+    height = np.cos(polar) * 0.86 + neck - nipple
+    body[[0, -1]] = 0.0
+    return revolved_body(body, height, LEMON_DIMENSIONS, AROUND)

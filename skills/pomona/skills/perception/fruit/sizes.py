@@ -1,0 +1,152 @@
+"""What is known of the sizes of a kind of fruit before one of them is measured, and how it is learnt.
+
+A depth camera gives one size of a fruit well, how large it looks at its distance, and its proportions hardly at all. So
+the width W and height H of a fruit are what the kind has, made better by the width that the scaled model shows:
+
+    ln W ~ N(ln width, width_deviation²),  ln H - ln W ~ N(ln height_over_width, height_over_width_deviation²)
+    ln shown = ln W + ½ s² · (ln H - ln W - ln model's) + ln looks + error,  error ~ N(0, looks_deviation² + deviation²)
+
+s is the sine between the line of sight and the stem's axis: from the side the outline is W wide and H high, along the
+axis it is W both ways, and the scaled model's size is their geometric mean. All is linear in the logarithms, so the
+posterior is exact.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from pomona.executive.values.arrays import Float64
+
+LEAST_FRUIT = 6
+"""Fewer fruit than this do not tell how a kind's sizes spread."""
+
+_AS_SURE_AS_ANY = 0.03
+"""Measurements that know better than this share how large a fruit looks count no more for it."""
+
+
+_LEAST_SPREAD = 0.01
+"""No fruit of one kind are more alike than this share."""
+
+
+class TooFewFruit(ValueError):
+    """Not enough measured fruit to learn a kind's sizes from."""
+
+
+@dataclass(frozen=True, slots=True)
+class KindSizes:
+    """Sizes of a kind of fruit; every deviation is of a logarithm, so a share.
+
+    Attributes:
+        width, width_deviation: median of the horizontal dimension [m] and its spread.
+        height_over_width, height_over_width_deviation: median of the proportion and its spread.
+        looks, looks_deviation: width that a scaled model shows over the true one, and its spread beyond what each
+            measurement knows of itself.
+    """
+
+    width: float
+    width_deviation: float
+    height_over_width: float
+    height_over_width_deviation: float
+    looks: float = 1.0
+    looks_deviation: float = 0.0
+
+    def given(
+        self, shown: float, deviation: float, sine: float, model_height_over_width: float
+    ) -> tuple[Float64, Float64]:
+        """Width and height of a fruit of which the scaled model is `shown` wide.
+
+        Args:
+            shown: width of the scaled model [m].
+            deviation: of ln shown, as the measurement knows of itself.
+            sine: of the angle between the line of sight and the stem's axis.
+            model_height_over_width: the model's proportion.
+
+        Returns:
+            (width, height), shape (2,) [m], and their covariance, shape (2, 2) [m²].
+        """
+        mean = np.log([self.width, self.height_over_width])
+        prior = np.diag([self.width_deviation**2, self.height_over_width_deviation**2])
+        row = np.array([1.0, 0.5 * sine**2])
+        expected = row @ mean - row[1] * math.log(model_height_over_width) + math.log(self.looks)
+        gain = prior @ row / (row @ prior @ row + self.looks_deviation**2 + deviation**2)
+        ln_width, ln_ratio = mean + gain * (math.log(shown) - expected)
+        covariance = prior - np.outer(gain, row @ prior)
+        size: Float64 = np.exp([ln_width, ln_width + ln_ratio])
+        to_size = size[:, np.newaxis] * np.array([[1.0, 0.0], [1.0, 1.0]])
+        return size, to_size @ covariance @ to_size.T
+
+
+def learn_sizes(
+    sizes: Float64,
+    shown: Float64,
+    deviations: Float64,
+    sines: Float64,
+    model_height_over_width: float,
+    own: Float64 | float = 0.0,
+) -> KindSizes:
+    """A kind's sizes from fruit that were measured, by hand or by their shape, and seen by the camera.
+
+    Args:
+        sizes: widths and heights, shape (n, 2) [m].
+        shown: width that the scaled model had for each, shape (n,) [m].
+        deviations: of ln shown, as each measurement knew of itself, shape (n,).
+        sines: of the angle between the line of sight and the stem's axis, shape (n,).
+        model_height_over_width: the model's proportion.
+        own: standard deviations of ln width and of ln height over width as they were measured, shape (n, 2); 0 where
+            that was by hand. Fruit differ by what is left of their spread.
+
+    Raises:
+        TooFewFruit: fewer than `LEAST_FRUIT`, or a size that is none.
+    """
+    if len(sizes) < LEAST_FRUIT:
+        raise TooFewFruit(f"{len(sizes)} measured fruit do not tell how sizes spread: measure {LEAST_FRUIT} or more")
+    if not (np.isfinite(sizes).all() and (sizes > 0.0).all() and np.isfinite(shown).all() and (shown > 0.0).all()):
+        raise TooFewFruit("a size that is zero, negative or no number teaches nothing: leave its fruit out")
+    ln_width, ln_ratio = np.log(sizes[:, 0]), np.log(sizes[:, 1] / sizes[:, 0])
+    seen = np.log(shown) - ln_width - 0.5 * sines**2 * (ln_ratio - math.log(model_height_over_width))
+    weight = 1.0 / (deviations**2 + _AS_SURE_AS_ANY**2)
+    looks = float(weight @ seen / weight.sum())
+    beyond = float(weight @ ((seen - looks) ** 2 - deviations**2) / weight.sum())
+    wider = math.sqrt(1.0 + 1.0 / len(sizes))  # the medians are only as well known as so many fruit tell
+    told = np.broadcast_to(own, sizes.shape)
+    spread = np.var([ln_width, ln_ratio], axis=1, ddof=1) - np.mean(np.square(told), axis=0)
+    width_deviation, ratio_deviation = wider * np.sqrt(np.maximum(spread, _LEAST_SPREAD**2))
+    return KindSizes(
+        width=float(np.exp(ln_width.mean())),
+        width_deviation=float(width_deviation),
+        height_over_width=float(np.exp(ln_ratio.mean())),
+        height_over_width_deviation=float(ratio_deviation),
+        looks=math.exp(looks),
+        looks_deviation=wider * math.sqrt(max(beyond, 0.0)),
+    )
+
+
+def held_out(
+    sizes: Float64,
+    shown: Float64,
+    deviations: Float64,
+    sines: Float64,
+    model_height_over_width: float,
+    own: Float64 | float = 0.0,
+) -> tuple[Float64, Float64]:
+    """Errors of width and height of each fruit with what all others teach; the arguments are those of `learn_sizes`.
+
+    Returns:
+        by the others' mean size, and by that and what is seen of the fruit itself, shape (n, 2) each [m].
+
+    Raises:
+        TooFewFruit: without one of them there are fewer than `LEAST_FRUIT`.
+    """
+    told = np.broadcast_to(own, sizes.shape)
+    by_mean, by_look = np.empty(sizes.shape), np.empty(sizes.shape)
+    for i in range(len(sizes)):
+        others = np.arange(len(sizes)) != i
+        kind = learn_sizes(
+            sizes[others], shown[others], deviations[others], sines[others], model_height_over_width, told[others]
+        )
+        found, _ = kind.given(float(shown[i]), float(deviations[i]), float(sines[i]), model_height_over_width)
+        by_mean[i], by_look[i] = sizes[others].mean(axis=0) - sizes[i], found - sizes[i]
+    return by_mean, by_look

@@ -1,0 +1,49 @@
+"""Which sightings of one frame show fruit that is known already."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from pomona.executive.values.arrays import Float64
+
+GATE = 11.345
+"""Squared Mahalanobis distance in space that 99 of 100 sightings of the same fruit stay within (chi², 3 degrees)."""
+
+MISPLACED = 0.1
+"""Standard deviation of what no covariance tells, the pose of the camera and a dent, as a share of the diameter. Two
+sightings of it reach 0.48 of a diameter at the gate: no two solid fruit are as near to each other."""
+
+
+def associate(
+    known: Sequence[tuple[Float64, Float64]], seen: Sequence[tuple[Float64, Float64]], diameter: float
+) -> list[int | None]:
+    """For each sighting of one frame the fruit that it shows, by its place; None where it is new.
+
+    Each fruit is given once: two sightings in one frame are two fruit. The sum of squared Mahalanobis distances is the
+    least possible, where a new fruit counts as the gate.
+
+    Args:
+        known: place, shape (3,) [m], and its covariance, shape (3, 3) [m²], of each fruit.
+        seen: the same of each sighting.
+        diameter: of the kind of fruit [m].
+    """
+    if not known or not seen:
+        return [None] * len(seen)
+    places, spreads = (np.array(values) for values in zip(*known, strict=True))
+    own = 2.0 * (MISPLACED * diameter) ** 2 * np.eye(3)
+    distances = np.empty((len(seen), len(known)))
+    for row, (p, covariance) in enumerate(seen):
+        apart = places - p
+        distances[row] = np.einsum(
+            "ni,ni->n", apart, np.linalg.solve(spreads + covariance + own, apart[..., None])[..., 0]
+        )
+    costs = np.hstack([np.where(distances <= GATE, distances, 1e6), np.full((len(seen), len(seen)), GATE)])
+    rows, columns = linear_sum_assignment(costs)
+    chosen: list[int | None] = [None] * len(seen)
+    for row, column in zip(rows, columns, strict=True):
+        if column < len(known):
+            chosen[row] = int(column)
+    return chosen

@@ -1,0 +1,128 @@
+"""All fruit so far: one identity each, however many frames show it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from pomona.executive.values.arrays import Float64
+from pomona.skills.perception.inventory.association import associate
+from pomona.skills.perception.inventory.fusion import FusedSize, SizeOfLooks
+from pomona.skills.perception.inventory.sighting import Sighting
+
+
+@dataclass(slots=True, eq=False)
+class KnownFruit:
+    """One fruit and all its sightings.
+
+    Attributes:
+        number: its identity, counted from 1.
+        scene: in which it was seen; places in different scenes say nothing about each other.
+        sightings: in the order of the frames, with places in the scene's frame.
+        place: by all of them, shape (3,) [m].
+        place_covariance: of it, shape (3, 3) [m²].
+        size: by all that measured it; None when none did.
+    """
+
+    number: int
+    scene: int
+    sightings: list[Sighting]
+    place: Float64
+    place_covariance: Float64
+    size: FusedSize | None = None
+    _looks: SizeOfLooks = field(default_factory=SizeOfLooks)
+
+    @property
+    def score(self) -> float:
+        """The surest sighting's."""
+        return max(sighting.score for sighting in self.sightings)
+
+    @property
+    def why(self) -> str:
+        """Why it was not measured, of its surest sighting; empty when it was."""
+        return "" if self.size is not None else max(self.sightings, key=lambda s: s.score).why
+
+    def see(self, sighting: Sighting) -> None:
+        """Count one more sighting in."""
+        own, new = np.linalg.inv(self.place_covariance), np.linalg.inv(sighting.place_covariance)
+        covariance = np.linalg.inv(own + new)
+        self.place = covariance @ (own @ self.place + new @ sighting.p_base)
+        self.place_covariance = covariance
+        self._count(sighting)
+
+    def _count(self, sighting: Sighting) -> None:
+        self.sightings.append(sighting)
+        if sighting.dimensions is not None and sighting.size_covariance is not None:
+            self._looks.add(sighting.dimensions, sighting.size_covariance, sighting.R_base_fruit)
+            self.size = self._looks.fused()
+
+    @classmethod
+    def first(cls, number: int, scene: int, sighting: Sighting) -> KnownFruit:
+        """A fruit that was not seen before."""
+        fruit = cls(number, scene, [], sighting.p_base, sighting.place_covariance)
+        fruit._count(sighting)
+        return fruit
+
+
+@dataclass(slots=True)
+class FruitBook:
+    """Every fruit that was seen, with its identity.
+
+    Attributes:
+        fruit: by their numbers.
+        scenes: how many scenes there are so far.
+    """
+
+    fruit: list[KnownFruit] = field(default_factory=list)
+    scenes: int = 0
+
+    def add_frame(
+        self, sightings: Sequence[Sighting], T_scene_base: Float64 | None, deviation: float = 0.0
+    ) -> list[int]:
+        """Count one frame in.
+
+        Sightings that were measured choose among the known fruit first: the others' distances are guessed by their
+        size in the picture.
+
+        Args:
+            sightings: all of one frame.
+            T_scene_base: from the frame's base frame to that of the newest scene, shape (4, 4); None begins a new
+                scene, since nobody knows where the camera has gone.
+            deviation: standard deviation of that, at the fruit [m].
+
+        Returns:
+            the number of the fruit that each sighting shows.
+        """
+        if T_scene_base is None or not self.scenes:
+            self.scenes += 1
+        T = np.eye(4) if T_scene_base is None else T_scene_base
+        numbers = [0] * len(sightings)
+        here = [fruit for fruit in self.fruit if fruit.scene == self.scenes - 1]
+        for measured in (True, False):
+            some = [k for k, sighting in enumerate(sightings) if (sighting.dimensions is not None) == measured]
+            if not some:
+                continue
+            seen = [_uncertain(sightings[k].moved(T), deviation) for k in some]
+            diameter = float(seen[0].fruit.dimensions.mean())
+            shown = associate(
+                [(fruit.place, fruit.place_covariance) for fruit in here],
+                [(sighting.p_base, sighting.place_covariance) for sighting in seen],
+                diameter,
+            )
+            for k, sighting, which in zip(some, seen, shown, strict=True):
+                if which is None:
+                    self.fruit.append(KnownFruit.first(len(self.fruit) + 1, self.scenes - 1, sighting))
+                    numbers[k] = len(self.fruit)
+                else:
+                    here[which].see(sighting)
+                    numbers[k] = here[which].number
+            taken = {which for which in shown if which is not None}
+            here = [fruit for index, fruit in enumerate(here) if index not in taken]
+        return numbers
+
+
+def _uncertain(sighting: Sighting, deviation: float) -> Sighting:
+    covariance = sighting.place_covariance + deviation**2 * np.eye(3)
+    return replace(sighting, place_covariance=covariance, outline=np.empty((0, 2)))

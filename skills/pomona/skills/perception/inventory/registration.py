@@ -1,0 +1,127 @@
+"""Whether depth lies on the colour of its own pixels: mirrored, turned, shifted or other depth gives wrong sizes.
+
+Where depth changes, colour mostly does too, and along the same line. So the directions of both gradients (the
+normalised gradient fields of Haber and Modersitzki, 2006) agree more where depth lies as it should than anywhere else.
+The score of a shift says how far its mean agreement stands above that of all shifts, in their standard deviations.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from pomona.drivers.interfaces import Frame
+from pomona.executive.values.arrays import Float32, Float64, UInt8
+
+WIDTH = 320
+"""Width at which it is looked for [px]: leaves and branches are still there."""
+
+SMOOTH = 1.5
+"""Standard deviation by which both are smoothed [px of `WIDTH`]."""
+
+BESIDE = 0.01
+"""Registered depth may lie so far beside colour: a share of the picture's width (12 of 1920 px in the orchard)."""
+
+OVERLAP = 0.6
+"""Of the depth's edges that a shift must leave in the picture."""
+
+SURE = 8.0
+"""With this score depth and colour belong together: 44 right frames score 9.8 (simulated) to 23 (an orchard's)."""
+
+NOWHERE = 5.0
+"""With less than this they do not: moved beyond what overlaps, the orchard's depth scores 4.6 at most."""
+
+LEAST_EDGES = 0.02
+"""Share of the picture that must be edges of depth, to tell that they lie nowhere on colour's."""
+
+FAINT = 0.03
+"""Change of inverse depth that counts half as an edge [1/m per pixel of `WIDTH`]."""
+
+VARIANTS = {
+    "is mirrored left to right": (slice(None), slice(None, None, -1)),
+    "is mirrored top to bottom": (slice(None, None, -1), slice(None)),
+    "is turned by 180°": (slice(None, None, -1), slice(None, None, -1)),
+}
+
+Complex = NDArray[np.complex64]
+
+
+def misplaced_depth(frame: Frame) -> str:
+    """How depth lies beside its colour, for people; empty where it lies on it, or where nothing tells.
+
+    Args:
+        frame: one without depth says nothing.
+    """
+    if frame.depth is None or not frame.depth.any():
+        return ""
+    colour, edges = _of_colour(frame.colour), _of_depth(frame.depth)
+    here, elsewhere, shift = _scores(colour, edges)
+    if here == elsewhere >= SURE:
+        return ""
+    found = [(elsewhere, _lies(shift, frame.depth.shape[1] / WIDTH))]
+    for words, turned in VARIANTS.items():
+        found.append((_scores(colour, _of_depth(np.ascontiguousarray(frame.depth[turned])))[1], words))
+    score, words = max(found)
+    if score >= SURE and here < 0.5 * score:
+        return f"depth {words} against colour"
+    telling = float(np.abs(edges).mean()) >= LEAST_EDGES and score > 0.0
+    return "depth's edges lie nowhere on colour's" if telling and max(here, score) < NOWHERE else ""
+
+
+def _lies(shift: tuple[int, int], scale: float) -> str:
+    """Words for depth that a shift (right, down) [px of `WIDTH`] would bring onto colour."""
+    names = ("left" if shift[0] > 0 else "right"), ("up" if shift[1] > 0 else "down")
+    ways = (f"{abs(pixels) * scale:.0f} px {name}" for pixels, name in zip(shift, names, strict=True) if pixels)
+    return f"lies {' and '.join(ways)}"
+
+
+def _size(shape: tuple[int, ...]) -> tuple[int, int]:
+    return WIDTH, max(1, round(shape[0] * WIDTH / shape[1]))
+
+
+def _of_colour(colour: UInt8) -> Complex:
+    """Directions of the colour's gradient, of the channel that changes the most."""
+    small = cv2.GaussianBlur(
+        cv2.resize(colour, _size(colour.shape), interpolation=cv2.INTER_AREA).astype(np.float32), (0, 0), SMOOTH
+    )
+    x, y = (np.asarray(cv2.Sobel(small, cv2.CV_32F, *order)) / 8.0 for order in ((1, 0), (0, 1)))
+    most = np.argmax(x**2 + y**2, axis=2)[..., np.newaxis]
+    x, y = (np.take_along_axis(each, most, axis=2)[..., 0] for each in (x, y))
+    return _directions(x, y, float(np.median(np.hypot(x, y))) + 1e-3)
+
+
+def _of_depth(depth: Float32) -> Complex:
+    """Directions of the gradient of inverse depth; what was not measured counts as far away."""
+    small = cv2.resize(depth, _size(depth.shape), interpolation=cv2.INTER_NEAREST)
+    inverse = np.where(small > 0.0, 1.0 / np.maximum(small, 0.2), 0.0).astype(np.float32)
+    smooth = cv2.GaussianBlur(inverse, (0, 0), SMOOTH)
+    x, y = (np.asarray(cv2.Sobel(smooth, cv2.CV_32F, *order)) / 8.0 for order in ((1, 0), (0, 1)))
+    return _directions(x, y, FAINT)
+
+
+def _directions(x: NDArray[Any], y: NDArray[Any], faint: float) -> Complex:
+    """Unit vectors of twice the angle, so that light to dark is as good as dark to light; shorter where it is faint."""
+    doubled: Complex = ((x + 1j * y) ** 2 / (x**2 + y**2 + faint**2)).astype(np.complex64)
+    return doubled
+
+
+def _scores(colour: Complex, depth: Complex) -> tuple[float, float, tuple[int, int]]:
+    """The score of depth as it is or hardly beside, the best score, and its shift (right, down) [px of `WIDTH`]."""
+    height, width = colour.shape
+    size = 2 * height, 2 * width
+    agree = np.fft.ifft2(np.fft.fft2(colour, size) * np.conj(np.fft.fft2(depth, size))).real
+    weight = np.fft.ifft2(np.fft.fft2(np.ones(colour.shape), size) * np.conj(np.fft.fft2(np.abs(depth), size))).real
+    there = weight > OVERLAP * max(float(np.abs(depth).sum()), 1e-6)
+    mean: Float64 = np.where(there, agree / np.sqrt(np.maximum(weight, 1.0)), -np.inf)
+    spread = float(mean[there].std()) if there.any() else 0.0
+    if spread < 1e-9:
+        return 0.0, 0.0, (0, 0)
+    score = (mean - np.median(mean[there])) / spread
+    beside = int(np.ceil(BESIDE * width))
+    near = float(np.roll(score, (beside, beside), (0, 1))[: 2 * beside + 1, : 2 * beside + 1].max())
+    row, column = np.unravel_index(int(score.argmax()), score.shape)
+    right, down = (int((at + half) % (2 * half) - half) for at, half in ((column, width), (row, height)))
+    return near, float(score.max()), (right, down)

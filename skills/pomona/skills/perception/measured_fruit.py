@@ -1,0 +1,73 @@
+"""What Refine says about a fruit: where it truly is and how large it truly is."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+
+from pomona.drivers.interfaces import Frame
+from pomona.executive.values.arrays import Float64
+from pomona.executive.values.units import LENGTH, RATIO, Array
+from pomona.skills.perception.fruit import FruitModel
+
+Pose = Annotated[Float64, Array(4, 4)]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MeasuredFruit:
+    """A fruit's refined pose and size.
+
+    Attributes:
+        fruit: the CAD model; its vertices scaled by `dimensions / fruit.dimensions` are the refined shape.
+        T_base_fruit: pose of the refined shape's cuboid in the base frame (object axes: x right, y down, z forward).
+        T_base_camera: pose of the camera at the look.
+        dimensions: (d_x, d_y, d_z) [m], shape (3,); d_y is the height.
+        mu, sigma: the paper's scale factor and displacement [m] of the uniform fit.
+        covariance: of (position in the base frame [m], dimensions [m]), shape (6, 6).
+        inlier_ratio: share of the model's measured pixels whose depth agrees; 0 for an unrefined detection.
+        residual: root mean square of the inliers' depth residuals [m].
+        contour: outline of the refined shape in the image, shape (n, 2) [px].
+        frame: the look that was measured.
+        method: which formulation gave the result: none, paper, uniform, shape, shape+plane, and `+views` where earlier
+            looks were fused in.
+        earlier: those looks: frames with the pose of the camera, T_base_camera.
+        doubt: what was seen around the fruit that contradicts the cell file, for people; empty where nothing was.
+    """
+
+    fruit: FruitModel
+    T_base_fruit: Pose
+    T_base_camera: Pose
+    dimensions: Annotated[Float64, Array(3, of=LENGTH)]
+    mu: Annotated[float, RATIO]
+    sigma: Annotated[float, LENGTH]
+    covariance: Annotated[Float64, Array(6, 6)]
+    inlier_ratio: Annotated[float, RATIO]
+    residual: Annotated[float, LENGTH]
+    contour: Float64
+    frame: Frame
+    method: str
+    earlier: tuple[tuple[Frame, Float64], ...] = ()
+    doubt: str = ""
+
+    @property
+    def sentence(self) -> str:
+        """For people."""
+        size = " × ".join(f"{d * 1e3:.1f}" for d in self.dimensions)
+        spread = float(np.sqrt(np.clip(np.diag(self.covariance)[:3], 0.0, None).max()))
+        return f"{size} mm   (μ {self.mu:.3f}, {self.method})   position ± {spread * 1e3:.1f} mm"
+
+    @property
+    def facts(self) -> Mapping[str, object]:
+        """For reports: position in the base frame [m], dimensions [m], the uniform fit, and how well it fits."""
+        return {
+            "position_m": self.T_base_fruit[:3, 3],
+            "dimensions_m": self.dimensions,
+            "mu": self.mu,
+            "sigma_m": self.sigma,
+            "inlier_ratio": self.inlier_ratio,
+            "residual_m": self.residual,
+            "method": self.method,
+        }

@@ -1,0 +1,89 @@
+"""Triangles into pixels, compiled: virtual depth, rendered pictures and shadow maps are all drawn by this one loop.
+
+It needs no OpenGL, gives the same picture on every machine, runs in any thread and releases the interpreter's lock.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from pomona.executive.values.arrays import Float64
+
+Indices = NDArray[np.int32]
+
+EDGE = 1e-9
+"""A pixel this far outside still belongs to a triangle, in shares of its corners: no cracks between neighbours."""
+
+
+def project(points: NDArray[Any], camera: tuple[float, float, float, float]) -> tuple[Float64, Float64, Float64]:
+    """Columns, rows [px] and inverse depths [1/m] of points (n, 3) in the camera frame, with (fx, fy, cx, cy) [px]."""
+    x, y, z = np.asarray(points, np.float64).T
+    with np.errstate(divide="ignore", invalid="ignore"):  # what lies in the camera's plane is left out by the caller
+        nearness = 1.0 / z
+        return camera[0] * x * nearness + camera[2], camera[1] * y * nearness + camera[3], nearness
+
+
+def signed_areas(u: Float64, v: Float64, faces: Indices) -> Float64:
+    """Twice the area of each triangle in the picture, (n,) [px²]; v points downwards, so negative if it looks here."""
+    a, b, c = faces.T
+    areas: Float64 = (u[b] - u[a]) * (v[c] - v[a]) - (u[c] - u[a]) * (v[b] - v[a])
+    return areas
+
+
+@numba.njit(cache=True, nogil=True)
+def draw(
+    u: Float64,
+    v: Float64,
+    nearness: Float64,
+    faces: Indices,
+    drawn: NDArray[np.bool_],
+    nearest: Float64,
+    face_index: Indices | None = None,
+    shares: NDArray[np.float32] | None = None,
+) -> None:
+    """Keep at each pixel's centre what is nearest.
+
+    Nearness is what is linear over a triangle's image: inverse depth in perspective, any falling function of the depth
+    that is linear in it without.
+
+    Args:
+        u, v: column and row of each vertex (n,) [px]; pixel centres lie at whole numbers.
+        nearness: of each vertex (n,).
+        faces: vertices of each triangle (m, 3).
+        drawn: which triangles are drawn (m,).
+        nearest: nearness drawn so far (h, w); what is nearer replaces it.
+        face_index: triangle that each pixel shows (h, w); only where one is drawn, it changes.
+        shares: how much each pixel's point has of its triangle's first and second vertex (h, w, 2), corrected for
+            perspective; as `face_index`.
+    """
+    rows, columns = nearest.shape
+    for face in range(faces.shape[0]):
+        if not drawn[face]:
+            continue
+        a, b, c = faces[face, 0], faces[face, 1], faces[face, 2]
+        ua, va, wa, ub, vb, wb, uc, vc, wc = u[a], v[a], nearness[a], u[b], v[b], nearness[b], u[c], v[c], nearness[c]
+        area = (ub - ua) * (vc - va) - (uc - ua) * (vb - va)
+        if area == 0.0:
+            continue
+        inverse = 1.0 / area
+        left, right = max(int(np.ceil(min(ua, ub, uc))), 0), min(int(np.floor(max(ua, ub, uc))), columns - 1)
+        top, bottom = max(int(np.ceil(min(va, vb, vc))), 0), min(int(np.floor(max(va, vb, vc))), rows - 1)
+        for row in range(top, bottom + 1):
+            for column in range(left, right + 1):
+                share_b = ((column - ua) * (vc - va) - (uc - ua) * (row - va)) * inverse
+                share_c = ((ub - ua) * (row - va) - (column - ua) * (vb - va)) * inverse
+                share_a = 1.0 - share_b - share_c
+                if share_a < -EDGE or share_b < -EDGE or share_c < -EDGE:
+                    continue
+                here = share_a * wa + share_b * wb + share_c * wc
+                if here > nearest[row, column]:
+                    nearest[row, column] = here
+                    if face_index is not None:
+                        face_index[row, column] = face
+                    if shares is not None:
+                        shares[row, column, 0] = share_a * wa / here
+                        shares[row, column, 1] = share_b * wb / here

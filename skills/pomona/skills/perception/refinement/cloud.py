@@ -1,0 +1,100 @@
+"""Measured points on and around a fruit, from one or several looks, in one frame."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pomona.drivers.depth_model import D4XX, DepthModel
+from pomona.drivers.interfaces import Intrinsics
+from pomona.executive.values.arrays import Float64
+from pomona.skills.geometry import apply
+from pomona.skills.perception.refinement.depth_image import DepthImage, ImageBox
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Cloud:
+    """Points that a depth camera measured.
+
+    Attributes:
+        points: shape (n, 3) [m].
+        rays: unit vectors from the camera to them, shape (n, 3).
+        deviation: standard deviation along the camera's z axis, shape (n,) [m], enlarged for what neighbours share.
+        beside: standard deviation across the ray, of where the pixel looks, shape (n,) [m], enlarged as well.
+        alike: so many neighbours err alike, by which both are enlarged.
+    """
+
+    points: Float64
+    rays: Float64
+    deviation: Float64
+    beside: Float64
+    alike: float
+
+    def chosen(self, mask: NDArray[np.bool_]) -> Cloud:
+        """The part of the points that a mask picks."""
+        return replace(
+            self,
+            points=self.points[mask],
+            rays=self.rays[mask],
+            deviation=self.deviation[mask],
+            beside=self.beside[mask],
+        )
+
+    def moved(self, T_a_b: Float64) -> Cloud:
+        """The same points in another frame."""
+        return replace(self, points=apply(T_a_b, self.points), rays=self.rays @ T_a_b[:3, :3].T)
+
+    def thinned(self, at_most: int) -> Cloud:
+        """Every k-th point; what neighbours share is then less."""
+        step = -(-len(self.points) // at_most) if len(self.points) else 1
+        gain = np.sqrt(max(1.0, self.alike / step) / self.alike)
+        few = self.chosen(np.arange(len(self.points)) % step == 0)
+        return replace(few, deviation=few.deviation * gain, beside=few.beside * gain)
+
+
+def cloud(
+    depth: DepthImage,
+    intrinsics: Intrinsics,
+    box: ImageBox,
+    mask: NDArray[np.bool_] | None = None,
+    model: DepthModel = D4XX,
+) -> Cloud:
+    """The measured points of a box, in the camera frame.
+
+    Args:
+        depth: z-depth of the whole image [m]; 0 or not finite where there is none.
+        intrinsics: of the image.
+        box: the part to take.
+        mask: pixels of the box to take, shape `box.shape`; all by default.
+        model: how the depth errs, as the camera says.
+    """
+    z = depth[box.slices].astype(np.float64)
+    taken = np.isfinite(z) & (z > 0.0)
+    if mask is not None:
+        taken &= mask
+    rows, columns = np.nonzero(taken)
+    z = z[taken]
+    points = np.column_stack(
+        [
+            (columns + box.left - intrinsics.cx) / intrinsics.fx * z,
+            (rows + box.top - intrinsics.cy) / intrinsics.fy * z,
+            z,
+        ]
+    )
+    rays = points / np.linalg.norm(points, axis=1, keepdims=True)
+    shared = np.sqrt(model.alike)
+    deviation, beside = model.deviation(z, intrinsics.fx), model.beside(z, intrinsics.fx)
+    return Cloud(points, rays, shared * deviation, shared * beside, model.alike)
+
+
+def together(clouds: list[Cloud]) -> Cloud:
+    """All points of several clouds that are in one frame."""
+    return Cloud(
+        np.concatenate([c.points for c in clouds]),
+        np.concatenate([c.rays for c in clouds]),
+        np.concatenate([c.deviation for c in clouds]),
+        np.concatenate([c.beside for c in clouds]),
+        max(c.alike for c in clouds),
+    )

@@ -1,0 +1,63 @@
+"""How one fruit differs from its model: stretched along the model's axes, one shoulder higher than the other."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pomona.executive.values.arrays import Float64
+from pomona.skills.perception.refinement.depth_image import Triangles
+
+_NEARLY_ROUND = 0.05
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Form:
+    """(x, y, z) of the model -> (s_x x, s_y y (1 + l_x x/r_x + l_z z/r_z), s_z z), r half the model's widths.
+
+    Attributes:
+        stretch: factors s along the axes, shape (3,).
+        lean: l, by how much the height differs at the sides, towards x and towards z, shape (2,).
+        radius: r, shape (2,) [m].
+    """
+
+    stretch: Float64
+    lean: Float64
+    radius: Float64
+
+    @classmethod
+    def scaled(cls, mesh: Triangles, mu: float) -> Form:
+        """The model's own form at another size."""
+        return cls(np.full(3, mu), np.zeros(2), 0.5 * np.ptp(mesh.vertices, axis=0)[[0, 2]])
+
+    @property
+    def nearly_round(self) -> bool:
+        """Whether the model is about a body of revolution, so that nobody can tell how the fruit is turned."""
+        return bool(abs(np.log(self.radius[0] / self.radius[1])) < _NEARLY_ROUND)
+
+    def changed(self, ln_stretch: Float64, lean: Float64) -> Form:
+        """The form after a step in ln stretch, shape (3,), and in lean, shape (2,)."""
+        return Form(self.stretch * np.exp(ln_stretch), self.lean + lean, self.radius)
+
+    def height_factor(self, model: Float64) -> Float64:
+        """1 + l_x x/r_x + l_z z/r_z at points of the model, shape (n, 3) -> (n,)."""
+        factor: Float64 = 1.0 + (model[:, [0, 2]] / self.radius) @ self.lean
+        return factor
+
+    def points(self, model: Float64) -> Float64:
+        """Where points of the model are on the fruit, shape (n, 3) [m]."""
+        leaned = model.copy()
+        leaned[:, 1] *= self.height_factor(model)
+        return leaned * self.stretch
+
+    def lean_derivative(self, model: Float64) -> Float64:
+        """How the height y of points changes with the lean, shape (n, 2) [m]."""
+        derivative: Float64 = (self.stretch[1] * model[:, 1])[:, None] * (model[:, [0, 2]] / self.radius)
+        return derivative
+
+    def cuboid(self, mesh: Triangles) -> tuple[Float64, Float64]:
+        """Centre and dimensions of the fruit's cuboid in the model's axes, shape (3,) each [m]."""
+        vertices = self.points(mesh.vertices)
+        low, high = vertices.min(axis=0), vertices.max(axis=0)
+        return 0.5 * (low + high), high - low

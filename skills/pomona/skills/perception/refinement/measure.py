@@ -1,0 +1,136 @@
+"""From a detection to a measured fruit in the base frame."""
+
+from __future__ import annotations
+
+import math
+from typing import Literal
+
+import cv2
+import numpy as np
+
+from pomona.drivers.interfaces import Intrinsics
+from pomona.executive.values.arrays import Float64
+from pomona.skills.geometry import inverse
+from pomona.skills.perception.detection.detection import Detection
+from pomona.skills.perception.measured_fruit import MeasuredFruit
+from pomona.skills.perception.refinement.depth_image import DepthImage, ImageBox, RendererName
+from pomona.skills.perception.refinement.errors import NoDepth
+from pomona.skills.perception.refinement.gather import OtherLook, points_around
+from pomona.skills.perception.refinement.refinement import refine
+from pomona.skills.perception.refinement.render import render_depth
+from pomona.skills.perception.refinement.result import Limits, Method, RefineResult
+from pomona.skills.perception.refinement.support_plane import Plane, horizontal_plane, seen_elsewhere
+
+
+def measure(
+    detection: Detection,
+    method: Method | Literal["none"] = "shape",
+    limits: Limits | None = None,
+    using: RendererName = "pyrender",
+    table_z: float | None = None,
+    earlier: MeasuredFruit | None = None,
+) -> MeasuredFruit:
+    """Refine a detection and express it in the base frame.
+
+    With method `none` the detector's pose and the CAD model's size are handed on as they are: the paper's arm without
+    refinement.
+
+    Args:
+        detection: the fruit as the detector saw it.
+        method, limits, using: see `refinement.refine`.
+        table_z: height of the table in the base frame [m], if the fruit may stand on one.
+        earlier: the same fruit, measured from another place: its looks are fused in.
+
+    Raises:
+        RefineError: see `refinement.refine`; `NoDepth` also when the frame has no depth image.
+    """
+    frame = detection.frame
+    if method == "none":
+        return _unrefined(detection, using)
+    if frame.depth is None:
+        raise NoDepth(0, 0)
+    past = () if earlier is None else (*earlier.earlier, (earlier.frame, earlier.T_base_camera))
+    T_camera_base = inverse(detection.T_base_camera)
+    support = None if table_z is None else horizontal_plane(detection.T_base_camera, table_z)
+    result = refine(
+        frame.depth,
+        frame.intrinsics,
+        detection.T_camera_object,
+        detection.fruit,
+        method=method,
+        support=support,
+        looks=[
+            OtherLook(f.depth, f.intrinsics, T_camera_base @ T, f.depth_model) for f, T in past if f.depth is not None
+        ],
+        limits=limits,
+        depth_model=frame.depth_model,
+        size_deviation=detection.size_deviation,
+        sizes=detection.fruit.sizes,
+        using=using,
+    )
+    turn = np.eye(6)
+    turn[:3, :3] = detection.T_base_camera[:3, :3]
+    return MeasuredFruit(
+        fruit=detection.fruit,
+        T_base_fruit=detection.T_base_camera @ result.T_camera_object,
+        T_base_camera=detection.T_base_camera,
+        dimensions=result.dimensions,
+        mu=result.mu,
+        sigma=result.sigma,
+        covariance=turn @ result.covariance @ turn.T,
+        inlier_ratio=result.inlier_ratio,
+        residual=result.residual,
+        contour=outline(result.virtual_depth, result.box),
+        frame=frame,
+        method=result.method,
+        earlier=past if result.method.endswith("+views") else (),
+        doubt="" if support is None else _doubt(frame.depth, frame.intrinsics, result, support),
+    )
+
+
+def _doubt(depth: DepthImage, intrinsics: Intrinsics, result: RefineResult, support: Plane) -> str:
+    """What around the fruit contradicts the cell file, for people; empty where nothing does."""
+    elsewhere = seen_elsewhere(support, points_around(depth, intrinsics, result.box, result.virtual_depth))
+    if elsewhere is None:
+        return ""
+    height, tilt = elsewhere
+    side = "above" if height > 0.0 else "below"
+    return (
+        f"around the fruit a surface is seen {1e3 * abs(height):.0f} mm {side} the table and {math.degrees(tilt):.0f}° "
+        "tilted against it: the fruit lies on something, or the table's height, the camera's place or its intrinsics "
+        "are wrong"
+    )
+
+
+def outline(virtual_depth: DepthImage, box: ImageBox) -> Float64:
+    """The longest outline of the pixels that hold depth, in the whole image, shape (n, 2) [px]; empty without any."""
+    seen = (virtual_depth > 0.0).astype(np.uint8)
+    contours, _ = cv2.findContours(seen, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    if not contours:
+        return np.empty((0, 2))
+    longest = max(contours, key=len).reshape(-1, 2).astype(np.float64)
+    shifted: Float64 = longest + np.array([box.left, box.top], dtype=np.float64)
+    return shifted
+
+
+def _unrefined(detection: Detection, using: RendererName) -> MeasuredFruit:
+    virtual_depth, box = render_depth(
+        detection.fruit, detection.T_camera_object, detection.frame.intrinsics, using=using
+    )
+    R = detection.T_base_camera[:3, :3]
+    covariance = np.zeros((6, 6))
+    covariance[:3, :3] = R @ detection.covariance[3:, 3:] @ R.T
+    return MeasuredFruit(
+        fruit=detection.fruit,
+        T_base_fruit=detection.T_base_camera @ detection.T_camera_object,
+        T_base_camera=detection.T_base_camera,
+        dimensions=detection.fruit.dimensions.copy(),
+        mu=1.0,
+        sigma=0.0,
+        covariance=covariance,
+        inlier_ratio=0.0,
+        residual=0.0,
+        contour=outline(virtual_depth, box),
+        frame=detection.frame,
+        method="none",
+    )

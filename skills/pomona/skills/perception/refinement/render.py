@@ -1,0 +1,80 @@
+"""Virtual depth of one mesh, behind one small interface: restricted to an image box, by a renderer to choose."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pomona.drivers.interfaces import Intrinsics
+from pomona.executive.values.arrays import Float64
+from pomona.skills.perception.refinement.depth_image import (
+    NEAR,
+    DepthImage,
+    DepthRenderer,
+    ImageBox,
+    RendererName,
+    Triangles,
+)
+from pomona.skills.perception.refinement.errors import RenderFailed
+
+
+def renderer(name: RendererName) -> DepthRenderer:
+    """The renderer of a name: pyrender (OpenGL through EGL, the default) or zbuffer (compiled loops, no OpenGL).
+
+    Raises:
+        RenderFailed: no such renderer, or its libraries do not work on this machine.
+    """
+    if name == "pyrender":
+        from pomona.skills.perception.refinement.gl import render_with_gl
+
+        return render_with_gl
+    if name == "zbuffer":
+        from pomona.skills.perception.refinement.zbuffer import render_with_zbuffer
+
+        return render_with_zbuffer
+    raise RenderFailed(f"there is no renderer named {name!r}: choose pyrender or zbuffer")
+
+
+def image_box(mesh: Triangles, T_camera_mesh: Float64, intrinsics: Intrinsics, margin: int = 2) -> ImageBox:
+    """The part of the image that a posed mesh can cover, with a margin [px].
+
+    Raises:
+        RenderFailed: the mesh is behind the camera, or outside the image.
+    """
+    K = np.array([[intrinsics.fx, 0.0, intrinsics.cx], [0.0, intrinsics.fy, intrinsics.cy], [0.0, 0.0, 1.0]])
+    x, y, z = K @ T_camera_mesh[:3, :3] @ mesh.vertices.T + (K @ T_camera_mesh[:3, 3])[:, np.newaxis]
+    if z.min() <= NEAR:
+        raise RenderFailed("the fruit's pose is behind the camera or touches it: the detection is wrong")
+    u, v = x / z, y / z
+    left, right = max(u.min(), -1e6), min(u.max(), 1e6)
+    top, bottom = max(v.min(), -1e6), min(v.max(), 1e6)
+    box = ImageBox(int(np.floor(left)), int(np.floor(top)), int(np.ceil(right)) + 1, int(np.ceil(bottom)) + 1)
+    box = box.grown(margin, intrinsics)
+    if box.right <= box.left or box.bottom <= box.top:
+        raise RenderFailed("the fruit's pose lies outside the image: the detection is wrong")
+    return box
+
+
+def render_depth(
+    mesh: Triangles,
+    T_camera_mesh: Float64,
+    intrinsics: Intrinsics,
+    box: ImageBox | None = None,
+    using: RendererName = "pyrender",
+) -> tuple[DepthImage, ImageBox]:
+    """Render the z-depth of one mesh, only where it can be seen.
+
+    Args:
+        mesh: anything with `vertices` and `faces`.
+        T_camera_mesh: maps mesh coordinates into the camera frame, shape (4, 4); its linear part may scale.
+        intrinsics: of the camera; pixel centres lie at integer coordinates.
+        box: part of the image to render; the mesh's own box by default.
+        using: name of the renderer.
+
+    Returns:
+        z-depth, float32 [m], 0 where the mesh is not seen, and the box of the image that it covers.
+
+    Raises:
+        RenderFailed: the mesh is behind the camera or outside the image, or the renderer does not work here.
+    """
+    covered = image_box(mesh, T_camera_mesh, intrinsics) if box is None else box
+    return renderer(using)(mesh, T_camera_mesh, intrinsics, covered), covered

@@ -1,0 +1,59 @@
+"""What a refinement gives, and what of it is accepted."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pomona.executive.values.arrays import Float64
+from pomona.skills.perception.refinement.depth_image import DepthImage, ImageBox
+
+Method = Literal["shape", "uniform", "paper"]
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """What is accepted as a measurement.
+
+    Attributes:
+        inlier_band: half-width of the band in which depth agrees with the model [m], where the camera's noise is less.
+        min_inliers: least share of the measured pixels that must agree.
+        size: least and largest size relative to the model.
+    """
+
+    inlier_band: float = 4e-3
+    min_inliers: float = 0.3
+    size: tuple[float, float] = (0.4, 1.6)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RefineResult:
+    """A fruit's refined pose and size, in the camera frame.
+
+    Attributes:
+        T_camera_object: pose of the refined shape's cuboid.
+        dimensions: (d_x, d_y, d_z) [m], shape (3,).
+        mu, sigma: scale factor and displacement [m] of the uniform fit (the paper's).
+        covariance: of (position in the camera frame, dimensions), shape (6, 6) [m²].
+        inlier_ratio: share of the refined model's measured pixels whose depth agrees.
+        residual: root mean square of the inliers' depth residuals [m].
+        box: part of the image that the next two cover.
+        inliers: pixels that agree, bool, shape `box.shape`.
+        virtual_depth: the refined model's z-depth, float32, shape `box.shape` [m]; 0 outside it.
+        method: the formulation that gave the result: paper, uniform, shape, shape+plane; `+views` with other looks.
+    """
+
+    T_camera_object: Float64
+    dimensions: Float64
+    mu: float
+    sigma: float
+    covariance: Float64
+    inlier_ratio: float
+    residual: float
+    box: ImageBox
+    inliers: NDArray[np.bool_]
+    virtual_depth: DepthImage
+    method: str

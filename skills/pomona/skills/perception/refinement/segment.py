@@ -1,0 +1,51 @@
+"""Which pixels show one connected surface: a depth image cut at its steps."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from pomona.skills.perception.refinement.depth_image import DepthImage
+
+_STEP = 6e-3
+"""A step of more than this between neighbouring pixels parts two things, at `_STEP_DEPTH`; it grows with depth² [m]."""
+
+_STEP_DEPTH = 0.6
+_LEAST_SHARE = 0.3
+_LEAST_PIXELS = 20
+
+
+def connected_to(
+    agreeing: NDArray[np.bool_], depth: DepthImage, covered: NDArray[np.bool_], stride: int = 1
+) -> NDArray[np.bool_]:
+    """The surfaces that mostly agree with a model where the model is.
+
+    A leaf or a finger in front of a fruit is cut off by the step in depth around it, even where it touches the band in
+    which depth counts as agreeing.
+
+    Args:
+        agreeing: pixels whose depth agrees with the model, shape (h, w).
+        depth: z-depth, shape (h, w) [m]; 0 or not finite where there is none.
+        covered: pixels that the model covers, shape (h, w).
+        stride: these are every so many pixels of the image, in both directions; steps are so much higher.
+    """
+    valid = np.isfinite(depth) & (depth > 0.0)
+    z = np.where(valid, depth, np.inf)
+    nearest = ndimage.minimum_filter(z, size=3, mode="nearest")
+    # Of two pixels at a step the far one is given up: what is in front keeps its outline.
+    with np.errstate(invalid="ignore"):
+        smooth = valid & (z - nearest <= stride * _STEP * np.maximum(1.0, (nearest / _STEP_DEPTH) ** 2))
+    labels, count = ndimage.label(smooth)
+    inside = np.bincount(labels[covered], minlength=count + 1)
+    supporting = np.bincount(labels[agreeing & covered], minlength=count + 1)
+    kept = (supporting >= _LEAST_PIXELS / stride**2) & (supporting >= _LEAST_SHARE * inside)
+    kept[0] = False
+    chosen: NDArray[np.bool_] = kept[labels]
+    return chosen
+
+
+def without_edge(surface: NDArray[np.bool_], pixels: int) -> NDArray[np.bool_]:
+    """A surface of shape (h, w) without its outermost pixels: a camera mixes there what is in front and behind."""
+    inner: NDArray[np.bool_] = ndimage.binary_erosion(surface, iterations=pixels, border_value=1)
+    return inner

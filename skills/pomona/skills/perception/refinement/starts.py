@@ -1,0 +1,141 @@
+"""Which way the stem points: where the detected axis does not fit the depth well, others are tried."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pomona.executive.values.arrays import Float64
+from pomona.skills.geometry import rotation_about
+from pomona.skills.perception.refinement.depth_image import DepthImage
+from pomona.skills.perception.refinement.errors import RefineError, TooFewInliers
+from pomona.skills.perception.refinement.result import RefineResult
+from pomona.skills.perception.refinement.support_plane import Plane
+
+_SETTLED = 0.95
+"""With this share of the depth agreeing, the stem's axis as detected is not doubted."""
+
+_CLEARLY = 0.02
+"""Another axis of the stem must explain so much more of the depth."""
+
+_ASPECT_WEIGHT = 0.05
+"""Of two axes the one that makes the proportions less likely must explain so much more for each squared standard
+deviation: upside down a fruit fits its depth nearly as well, but wider and flatter than it is."""
+
+_HIDDEN = 5.0
+"""What is so many bands in front of the model hides it."""
+
+_ASIDE = np.radians(45.0)
+
+
+def other_starts(T_camera_object: Float64, support: Plane | None) -> list[Float64]:
+    """Poses to start a fit from where the detected one leads nowhere: the place is kept, the stem's axis is not.
+
+    A nearly round fruit's axis is what a detector is wrong about, by half a turn (calyx for stem) or by much: beyond
+    what a fit of the shape recovers from. On a support fruit stands upright or upside down; elsewhere the stem may
+    point anywhere, and 45 degrees to each side of both ends are tried.
+    """
+    x, y = T_camera_object[:3, 0], T_camera_object[:3, 1]
+    stems = [y]
+    if support is not None:
+        stems = [support.normal, -support.normal, y]
+    else:
+        aside = (x, -x, T_camera_object[:3, 2], -T_camera_object[:3, 2])
+        stems += [np.sin(_ASIDE) * a + turn * np.cos(_ASIDE) * y for turn in (-1.0, 1.0) for a in aside]
+    return [_with_stem(T_camera_object, stem) for stem in stems]
+
+
+def _with_stem(T_camera_object: Float64, stem: Float64) -> Float64:
+    """The pose turned by the shortest way until the stem (the object's -y) points along a unit vector."""
+    now = -T_camera_object[:3, 1]
+    axis = np.cross(now, stem)
+    sine = float(np.linalg.norm(axis))
+    if sine > 1e-9:
+        axis = axis / sine
+    else:  # along it already, or half a turn away from it
+        axis, sine = T_camera_object[:3, 0], 0.0
+    result = T_camera_object.copy()
+    result[:3, :3] = rotation_about(axis, float(np.arctan2(sine, now @ stem))) @ T_camera_object[:3, :3]
+    return result
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Judge:
+    """Says how well a fitted model explains the depth.
+
+    Attributes:
+        depth: measured, of the whole image [m].
+        band: half-width of the band in which depth agrees [m].
+        model: dimensions of the model, shape (3,) [m].
+        aspect: standard deviation of ln(height / width) among fruit, relative to the model's.
+    """
+
+    depth: DepthImage
+    band: float
+    model: Float64
+    aspect: float
+
+    def explained(self, result: RefineResult) -> tuple[int, int]:
+        """How many pixels the model explains, and how many it does not; what hides it counts as neither."""
+        model, measured = result.virtual_depth, self.depth[result.box.slices]
+        valid = (model > 0.0) & np.isfinite(measured) & (measured > 0.0)
+        difference = measured[valid] - model[valid]
+        agree = np.count_nonzero(np.abs(difference) <= self.band)
+        hidden = np.count_nonzero(difference < -_HIDDEN * self.band)
+        return int(agree), int(difference.size - agree - hidden)
+
+    def aspect_penalty(self, dimensions: Float64) -> float:
+        """How far height over width is from the model's, squared, in standard deviations."""
+        wide, model_wide = dimensions[[0, 2]].mean(), self.model[[0, 2]].mean()
+        return float((np.log(dimensions[1] * model_wide / (wide * self.model[1])) / self.aspect) ** 2)
+
+    def score(self, result: RefineResult) -> tuple[float, float, bool]:
+        """Pixels explained less those that are not and what is odd; by how much another must be better; settled."""
+        agree, differ = self.explained(result)
+        penalty = _ASPECT_WEIGHT * self.aspect_penalty(result.dimensions) * agree
+        return agree - differ - penalty, _CLEARLY * agree, agree >= _SETTLED * (agree + differ)
+
+
+def best_of_starts(
+    scaled_from: Callable[[Float64], RefineResult],
+    fitted: Callable[[RefineResult], RefineResult],
+    judge: Judge,
+    T_camera_object: Float64,
+    others: Sequence[Float64],
+) -> RefineResult:
+    """What the detected pose leads to, or, where that does not fit well, what another axis of the stem leads to.
+
+    Args:
+        scaled_from: the model scaled from a pose.
+        fitted: the same stretched onto the points; the scaled one where they do not support it.
+        judge: of the depth image.
+        T_camera_object: as detected.
+        others: poses with other axes.
+
+    Raises:
+        RefineError: the detected pose leads to no measurement, and no other one does.
+    """
+    best: RefineResult | None = None
+    problem: TooFewInliers | None = None
+    score = 0.0
+    try:
+        best = fitted(scaled_from(T_camera_object))
+        score, _, settled = judge.score(best)
+        if settled:
+            return best
+    except TooFewInliers as error:
+        problem = error
+    for T_start in others:  # all of them: the first that fits well is not always right where half the fruit is hidden
+        try:
+            other = fitted(scaled_from(T_start))
+        except RefineError:
+            continue
+        found, clearly, _ = judge.score(other)
+        if other.method.startswith("shape") and found > score + clearly:
+            best, score = other, found
+    if best is None:
+        assert problem is not None
+        raise problem
+    return best

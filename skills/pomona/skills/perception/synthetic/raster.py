@@ -1,0 +1,208 @@
+"""A small software renderer: visible surfaces, shadow map and shading, without OpenGL."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from pomona.executive.values.arrays import Float32, Int32
+from pomona.skills.perception.rasteriser import draw, project, signed_areas
+
+NEAR = 0.03
+"""Faces closer to the camera than this are dropped [m]."""
+
+
+def rasterise(
+    points: Float32,
+    faces: Int32,
+    face_object: Int32,
+    two_sided: NDArray[np.bool_],
+    camera: Float32,
+    shape: tuple[int, int],
+) -> tuple[Float32, Int32, Float32]:
+    """What each pixel shows: z-depth (h, w) [m], 0 where empty, face (h, w), -1 where empty, shares (h, w, 2).
+
+    `points` are (n, 3) in the camera frame [m]; `camera` is (fx, fy, cx, cy); one-sided objects show their outside.
+    """
+    fx, fy, cx, cy = camera.astype(np.float64).tolist()
+    u, v, nearness = project(points, (fx, fy, cx, cy))
+    drawn = (points[:, 2] >= NEAR)[faces].all(axis=1)
+    drawn &= two_sided[face_object] | (signed_areas(u, v, faces) < 0.0)
+    nearest, face_index = np.zeros(shape), np.full(shape, -1, np.int32)
+    shares = np.zeros((*shape, 2), np.float32)
+    draw(u, v, nearness, faces, drawn, nearest, face_index, shares)
+    depth = np.where(face_index >= 0, 1.0 / np.where(nearest > 0.0, nearest, 1.0), 0.0).astype(np.float32)
+    return depth, face_index, shares
+
+
+def shadow_map(points: Float32, faces: Int32, size: int, far: float) -> Float32:
+    """An orthographic map (size, size) of the nearest depth towards the light, `far` where nothing is.
+
+    `points` are (n, 3): columns 0 and 1 in map cells, column 2 the distance along the light [m].
+    """
+    u, v, distance = points.astype(np.float64).T.copy()
+    nearest = np.full((size, size), -far)
+    draw(u, v, -distance, faces, np.ones(len(faces), np.bool_), nearest)
+    shadow: Float32 = (-nearest).astype(np.float32)
+    return shadow
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def _lit(x: float, y: float, z: float, light: Float32, shadow: Float32, bias: float) -> float:
+    """How much of the key light reaches a point: four neighbouring cells of the shadow map, averaged."""
+    size = shadow.shape[0]
+    u = light[0, 0] * x + light[0, 1] * y + light[0, 2] * z + light[0, 3]
+    v = light[1, 0] * x + light[1, 1] * y + light[1, 2] * z + light[1, 3]
+    d = light[2, 0] * x + light[2, 1] * y + light[2, 2] * z + light[2, 3] - bias
+    iu, iv = int(np.floor(u)), int(np.floor(v))
+    if iu < 0 or iv < 0 or iu >= size - 1 or iv >= size - 1:
+        return 1.0
+    du, dv = u - iu, v - iv
+    s00 = 1.0 if shadow[iv, iu] > d else 0.0
+    s01 = 1.0 if shadow[iv, iu + 1] > d else 0.0
+    s10 = 1.0 if shadow[iv + 1, iu] > d else 0.0
+    s11 = 1.0 if shadow[iv + 1, iu + 1] > d else 0.0
+    return float((s00 * (1.0 - du) + s01 * du) * (1.0 - dv) + (s10 * (1.0 - du) + s11 * du) * dv)
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def shade(
+    points: Float32,
+    normals: Float32,
+    albedo: Float32,
+    grain: Float32,
+    openness: Float32,
+    faces: Int32,
+    face_object: Int32,
+    material: Float32,
+    camera: Float32,
+    depth: Float32,
+    face_index: Int32,
+    weights: Float32,
+    plane: Float32,
+    plane_axes: Float32,
+    plane_look: Float32,
+    spheres: Float32,
+    lights: Float32,
+    up: Float32,
+    ambient: Float32,
+    light_map: Float32,
+    shadow: Float32,
+    shadow_strength: float,
+    texture: Float32,
+    noise: Float32,
+    picture: Float32,
+    owner: Int32,
+) -> None:
+    """Colour every pixel that a face or the table covers; other pixels keep what `picture` holds.
+
+    Per vertex: `points`, `normals` (camera frame), `albedo` (linear RGB), `grain` (coordinates into `noise`),
+    `openness` (ambient light let in, 0..1). Per object: `material` = specular strength, shininess, grain contrast.
+    `plane` is (normal, offset) of the table in the camera frame, offset 0 for none; `plane_axes` (2, 3) its texture
+    axes; `plane_look` = texture scale [texels/m], specular strength, shininess, radius beyond which the table ends.
+    `spheres` (k, 4) darken the table below them. `lights` (l, 6): direction to the light and colour; the first casts
+    shadows through `light_map` (3, 4) and `shadow`. `owner` (h, w) becomes the object's index, -1 where none.
+    """
+    height, width = depth.shape
+    fx, fy, cx, cy = camera[0], camera[1], camera[2], camera[3]
+    texture_h, texture_w = texture.shape[0], texture.shape[1]
+    noise_mask = noise.shape[0] - 1
+    for v in range(height):
+        for u in range(width):
+            rx, ry = (u - cx) / fx, (v - cy) / fy
+            face = face_index[v, u]
+            owner[v, u] = -1
+            z = depth[v, u]
+            along = plane[0] * rx + plane[1] * ry + plane[2]
+            on_plane = False
+            if plane[3] != 0.0 and along != 0.0:
+                zp = plane[3] / along
+                if zp > NEAR and (face < 0 or zp < z):
+                    z, on_plane = zp, True
+            if face < 0 and not on_plane:
+                continue
+            x, y = rx * z, ry * z
+            if on_plane:
+                s = plane_axes[0, 0] * x + plane_axes[0, 1] * y + plane_axes[0, 2] * z
+                t = plane_axes[1, 0] * x + plane_axes[1, 1] * y + plane_axes[1, 2] * z
+                s0, t0 = s - plane_axes[0, 3], t - plane_axes[1, 3]
+                if s0 * s0 + t0 * t0 > plane_look[3] * plane_look[3]:
+                    if face < 0:
+                        continue
+                    on_plane = False
+                    z = depth[v, u]
+                    x, y = rx * z, ry * z
+            if on_plane:
+                nx, ny, nz = plane[0], plane[1], plane[2]
+                if along > 0.0:
+                    nx, ny, nz = -nx, -ny, -nz
+                ti = int(np.floor(t * plane_look[0])) % texture_h
+                si = int(np.floor(s * plane_look[0])) % texture_w
+                cr, cg, cb = texture[ti, si, 0], texture[ti, si, 1], texture[ti, si, 2]
+                specular, shininess = plane_look[1], plane_look[2]
+                openness_here = 1.0
+                for k in range(spheres.shape[0]):
+                    dx, dy, dz = spheres[k, 0] - x, spheres[k, 1] - y, spheres[k, 2] - z
+                    d2 = dx * dx + dy * dy + dz * dz
+                    r2 = spheres[k, 3] * spheres[k, 3]
+                    if d2 < 9.0 * r2:
+                        cosine = (dx * nx + dy * ny + dz * nz) / np.sqrt(d2)
+                        if cosine > 0.0:
+                            openness_here *= 1.0 - min(0.85, cosine * r2 / d2)
+                object_id = -1
+            else:
+                a, b, c = faces[face, 0], faces[face, 1], faces[face, 2]
+                wa, wb = weights[v, u, 0], weights[v, u, 1]
+                wc = 1.0 - wa - wb
+                object_id = face_object[face]
+                owner[v, u] = object_id
+                nx = wa * normals[a, 0] + wb * normals[b, 0] + wc * normals[c, 0]
+                ny = wa * normals[a, 1] + wb * normals[b, 1] + wc * normals[c, 1]
+                nz = wa * normals[a, 2] + wb * normals[b, 2] + wc * normals[c, 2]
+                length = 1.0 / (np.sqrt(nx * nx + ny * ny + nz * nz) + 1e-9)
+                nx, ny, nz = nx * length, ny * length, nz * length
+                if nx * rx + ny * ry + nz > 0.15:
+                    nx, ny, nz = -nx, -ny, -nz
+                cr = wa * albedo[a, 0] + wb * albedo[b, 0] + wc * albedo[c, 0]
+                cg = wa * albedo[a, 1] + wb * albedo[b, 1] + wc * albedo[c, 1]
+                cb = wa * albedo[a, 2] + wb * albedo[b, 2] + wc * albedo[c, 2]
+                openness_here = wa * openness[a] + wb * openness[b] + wc * openness[c]
+                contrast = material[object_id, 2]
+                if contrast > 0.0:
+                    gx = wa * grain[a, 0] + wb * grain[b, 0] + wc * grain[c, 0]
+                    gy = wa * grain[a, 1] + wb * grain[b, 1] + wc * grain[c, 1]
+                    gz = wa * grain[a, 2] + wb * grain[b, 2] + wc * grain[c, 2]
+                    ix, iy, iz = int(np.floor(gx)), int(np.floor(gy)), int(np.floor(gz))
+                    spot = noise[ix & noise_mask, iy & noise_mask] * noise[iy & noise_mask, iz & noise_mask]
+                    factor = 1.0 + contrast * spot
+                    cr, cg, cb = cr * factor, cg * factor, cb * factor
+                specular, shininess = material[object_id, 0], material[object_id, 1]
+            sky = 0.5 + 0.5 * (nx * up[0] + ny * up[1] + nz * up[2])
+            open_sky = openness_here * (0.35 + 0.65 * sky)
+            lr, lg, lb = ambient[0] * open_sky, ambient[1] * open_sky, ambient[2] * open_sky
+            hr, hg, hb = 0.0, 0.0, 0.0
+            view = 1.0 / np.sqrt(rx * rx + ry * ry + 1.0)
+            for k in range(lights.shape[0]):
+                lx, ly, lz = lights[k, 0], lights[k, 1], lights[k, 2]
+                cosine = nx * lx + ny * ly + nz * lz
+                if cosine <= 0.0:
+                    continue
+                reach = 1.0
+                if k == 0 and shadow_strength > 0.0:
+                    reach = 1.0 - shadow_strength * (1.0 - _lit(x, y, z, light_map, shadow, 0.004))
+                reach *= 0.5 + 0.5 * openness_here
+                lr += reach * cosine * lights[k, 3]
+                lg += reach * cosine * lights[k, 4]
+                lb += reach * cosine * lights[k, 5]
+                if specular > 0.0:
+                    hx, hy, hz = lx - rx * view, ly - ry * view, lz - view
+                    half = (nx * hx + ny * hy + nz * hz) / (np.sqrt(hx * hx + hy * hy + hz * hz) + 1e-9)
+                    if half > 0.0:
+                        gloss = specular * reach * half**shininess
+                        hr += gloss * lights[k, 3]
+                        hg += gloss * lights[k, 4]
+                        hb += gloss * lights[k, 5]
+            picture[v, u, 0] = cr * lr + hr
+            picture[v, u, 1] = cg * lg + hg
+            picture[v, u, 2] = cb * lb + hb

@@ -1,0 +1,149 @@
+"""The report of a training run: figures, and pictures of belief maps and cuboids over held-out frames."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import cv2
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from pomona.executive.values.arrays import UInt8
+from pomona.skills.perception.detection.box_evaluation import curve, match_boxes
+from pomona.skills.perception.detection.compact_detector import CompactDetector
+from pomona.skills.perception.detection.evaluation import Evaluation, evaluate, table
+from pomona.skills.perception.detection.instances import find_instances
+from pomona.skills.perception.fruit import FruitModel, load_fruit
+from pomona.skills.perception.training.photo_figures import (
+    LEAST_BELIEF,
+    PRECISION,
+    Finds,
+    calibration,
+    find_boxes,
+    judged,
+    photo_table,
+)
+from pomona.skills.perception.training.photographs import PhotoSet, fruit_scale
+from pomona.skills.perception.training.samples import FrameFolder
+
+_EDGES = ((0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7))
+_PICTURES = 6
+FRAMES = 200
+"""Held-out frames that a report measures."""
+
+
+def write_report(
+    weights: Path,
+    held_out: Path,
+    out: Path,
+    fruit: str = "apple",
+    photographs: PhotoSet | None = None,
+) -> Evaluation:
+    """Measure weights on held-out frames and write report.md with pictures beside it.
+
+    Args:
+        weights: file of the compact detector.
+        held_out: folder of annotated frames that were not trained on.
+        out: folder for the report; made when missing.
+        fruit: name in the catalogue.
+        photographs: with boxes; those to measure on get figures and pictures of their own.
+    """
+    out.mkdir(parents=True, exist_ok=True)
+    detector = CompactDetector.load(weights)
+    folder = FrameFolder([held_out])
+    model = load_fruit(fruit)
+    result = evaluate(detector, folder, model, FRAMES)
+    lines = [
+        f"# Training report: {fruit}",
+        "",
+        f"Weights `{weights.name}`, {result.frames} held-out frames.",
+        "",
+        table(result),
+        "",
+    ]
+    for k in range(min(_PICTURES, len(folder))):
+        name = f"frame_{k}.jpg"
+        fx, fy, cx, cy = folder.annotation(k).camera
+        K = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
+        cv2.imwrite(str(out / name), draw(detector, folder.picture(k, halved=False), K, model)[..., ::-1])
+        lines.append(f"![Held-out frame {k}: cuboids on the left, belief on the right]({name})")
+    found = None
+    if photographs is not None and photographs.val:
+        found = find_boxes(detector, photographs.val, fruit_scale(photographs.train))
+        lines += ["", *_on_photographs(found, photographs, out)]
+    draw_curves(result, found, out / "curves.png")
+    lines += ["", "![Precision over recall, and the share that is right over the score](curves.png)"]
+    (out / "report.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return result
+
+
+def draw_curves(rendered: Evaluation, found: Sequence[Finds] | None, path: Path) -> None:
+    """Precision over recall, and the share of finds that are right over their score, of frames and of photographs."""
+    figure = Figure(figsize=(9.0, 4.2), layout="constrained")
+    axes = figure.subplots(1, 2)
+    sets = [("rendered frames", rendered.curve(), rendered.judged())]
+    if found is not None:
+        sets.append(("photographs, IoU 0.5", curve(found), judged(found)))
+    axes[1].plot([0, 1], [0, 1], color="0.7", linewidth=1)
+    for (name, line, (scores, right)), colour in zip(sets, ("#1c5bc7", "#bd2222"), strict=False):
+        axes[0].plot(line.recall, line.precision, color=colour, label=name)
+        error, points = calibration(scores[scores >= LEAST_BELIEF], right[scores >= LEAST_BELIEF])
+        said, shares = [point[0] for point in points], [point[1] for point in points]
+        axes[1].plot(said, shares, "o-", color=colour, label=f"{name}: error {error:.3f}")
+    for part, across, up in ((axes[0], "recall", "precision"), (axes[1], "score", "share that is right")):
+        part.set(xlabel=across, ylabel=up, xlim=(0, 1), ylim=(0, 1.02))
+        part.grid(color="0.9")
+        part.legend(loc="lower left" if part is axes[0] else "upper left")
+    figure.savefig(path, dpi=110)
+
+
+def _on_photographs(found: Sequence[Finds], photographs: PhotoSet, out: Path) -> list[str]:
+    """Figures, and the photographs on which the detector does best and worst: finds yellow, boxes of people blue."""
+    right = curve(found)
+    score = right.score_for(PRECISION) or 0.5
+    lines = [f"## {len(found)} photographs with {right.labelled} boxes", "", photo_table(found, 0.6), ""]
+    errors = [  # finds of nothing and boxes that were missed
+        int((~(hit := match_boxes(boxes, scores, wanted, 0.5)) & (scores >= score)).sum())
+        + len(wanted)
+        - int((hit & (scores >= score)).sum())
+        for boxes, scores, wanted in found
+    ]
+    order = np.argsort(errors, kind="stable")
+    crowded = [int(k) for k in order if len(found[int(k)][2]) >= 5]
+    for name, chosen in (("best", crowded[:3]), ("worst", [int(k) for k in order[::-1]][:3])):
+        for place, k in enumerate(chosen):
+            picture = np.ascontiguousarray(photographs.val[k].picture()[..., ::-1])
+            boxes, scores, wanted = found[k]
+            for some, colour in ((wanted, (255, 160, 0)), (boxes[scores >= score], (0, 255, 255))):
+                for x, y, w, h in np.round(some).astype(int).tolist():
+                    cv2.rectangle(picture, (x, y), (x + w, y + h), colour, 2)
+            cv2.imwrite(str(out / f"photograph_{name}_{place}.jpg"), picture)
+            lines.append(
+                f"![One of the {name} photographs, {errors[k]} errors at score ≥ {score:.2f}: finds yellow, boxes of "
+                f"people blue](photograph_{name}_{place}.jpg)"
+            )
+    return lines
+
+
+def draw(
+    detector: CompactDetector, colour: UInt8, K: NDArray[np.float64], fruit: FruitModel, score: float = 0.5
+) -> UInt8:
+    """A frame (h, w, 3) with its cuboids beside the same frame under its belief maps, (h, 2 w, 3) uint8 RGB."""
+    instances = find_instances(detector, colour, K, fruit)
+    belief, _, _ = detector.belief_maps(colour)
+    cuboids = colour.copy()
+    for instance in instances:
+        if instance.score < score:
+            continue
+        points = np.round(instance.keypoints).astype(int)
+        for a, b in _EDGES:
+            top = {a, b} <= {0, 1, 4, 5}
+            cv2.line(cuboids, points[a].tolist(), points[b].tolist(), (255, 255, 0) if top else (0, 255, 255), 1)
+        cv2.circle(cuboids, points[8].tolist(), 3, (255, 0, 255), -1)
+    height, width = colour.shape[:2]
+    heat = np.stack([belief[8], belief[:8].max(axis=0), np.zeros_like(belief[0])], axis=-1)
+    heat = cv2.resize(np.clip(heat, 0.0, 1.0), (width, round(width * heat.shape[0] / heat.shape[1])))[:height]
+    glowing = np.clip(0.45 * colour[: len(heat)] + 200.0 * heat, 0, 255).astype(np.uint8)
+    return np.hstack([cuboids[: len(heat)], glowing])

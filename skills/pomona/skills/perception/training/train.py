@@ -1,0 +1,256 @@
+"""Train the compact detector (or the full network) from a folder of frames."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import torch
+from torch import Tensor, nn
+from torch.utils.data import Dataset
+
+from pomona.skills.perception.detection.compact_network import CloseLookNetwork, FinderNetwork, to_input
+from pomona.skills.perception.detection.dope_network import DopeNetwork
+from pomona.skills.perception.detection.errors import BadTraining
+from pomona.skills.perception.detection.outputs import AXIS, CENTRE, KIND, SIZE
+from pomona.skills.perception.training.all_reduce import CONTEXT, GradientAllReduce
+from pomona.skills.perception.training.loop import Loss, Progress, Schedule, train_network
+from pomona.skills.perception.training.losses import close_look_loss, dope_loss, finder_loss
+from pomona.skills.perception.training.photo_figures import watch
+from pomona.skills.perception.training.photo_samples import Mixed, PhotoCloseLookBatches, PhotoFinderBatches
+from pomona.skills.perception.training.photographs import PhotoSet, fruit_scale
+from pomona.skills.perception.training.places import load_places
+from pomona.skills.perception.training.samples import CloseLookBatches, DopeBatches, FinderBatches, FrameFolder
+
+Part = Literal["finder", "close_look", "dope"]
+
+AnyBatches = FinderBatches | CloseLookBatches | DopeBatches
+
+PAPER_SCHEDULE = Schedule(
+    steps=124_000, rate=1e-4, fall="constant", warm_up=0, method="adam", decay=0.0, clip=1e9, average=0.0
+)
+"""The paper's: 120 epochs of 120 000 frames in batches of 116 at a constant rate of 1e-4 (Adam)."""
+
+
+@dataclass(frozen=True, slots=True)
+class TrainingRun:
+    """What to train, from what, and where it is kept.
+
+    Attributes:
+        part: which network.
+        data: folders of annotated frames.
+        held_out: folder of validation frames, None for none.
+        places: file of where the finder sees fruit in `data`, for the close look; None without a finder.
+        out: folder of checkpoints.
+        batch: samples a step.
+        schedule: length and rates.
+        seed: of batches and first weights.
+        start_from: weights to begin with, None for random ones.
+        device: "cpu" or "cuda".
+        workers: processes that prepare batches, for each that learns.
+        processes: that learn, each with its part of every batch.
+        turned: share of the close looks that are turned by any angle about their axis.
+        photographs: with boxes, to learn from beside the frames and to measure on; None for frames alone.
+        photo_share: part of each batch that comes from them.
+        photo_places: file of where the finder sees fruit in them, for the close look; None without a finder.
+        finder: that ships with the close look, for what is measured on photographs.
+    """
+
+    part: Part
+    data: tuple[Path, ...]
+    held_out: Path | None
+    out: Path
+    batch: int
+    schedule: Schedule
+    seed: int = 0
+    places: Path | None = None
+    start_from: dict[str, Tensor] | None = None
+    device: str = "cpu"
+    workers: int = 1
+    processes: int = 1
+    turned: float = 0.0
+    photographs: PhotoSet | None = None
+    photo_share: float = 0.0
+    photo_places: Path | None = None
+    finder: FinderNetwork | None = None
+
+
+def train_part(run: TrainingRun, report: Callable[[Progress], None] | None = None) -> nn.Module:
+    """Train one network of the compact detector; resumes from `out`. Returns it with averaged weights, in eval mode.
+
+    Raises:
+        BadTraining: as `train_network`, or a process that learns beside this one has ended.
+    """
+    if run.processes == 1:
+        return _train(run, report)
+    kind, _, _ = _PARTS[run.part]
+    all_reduce = GradientAllReduce(run.processes, kind())
+    others = [CONTEXT.Process(target=_follow, args=(run, all_reduce, rank)) for rank in range(1, run.processes)]
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        for other in others:
+            other.start()
+        return _train(run, report, all_reduce)
+    except BaseException:
+        all_reduce.abandon()
+        raise
+    finally:
+        torch.set_num_threads(threads)
+        for other in others:
+            other.join()
+
+
+def _follow(run: TrainingRun, all_reduce: GradientAllReduce, rank: int) -> None:
+    """A process that learns beside the first."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the first one decides
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    torch.set_num_threads(1)
+    try:
+        _train(run, None, all_reduce, rank)
+    except BadTraining:
+        all_reduce.abandon()  # the first one says it
+    except BaseException:
+        all_reduce.abandon()
+        raise
+
+
+def _end_with_parent() -> None:
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+    parent.join()
+    os._exit(1)
+
+
+def _train(
+    run: TrainingRun,
+    report: Callable[[Progress], None] | None,
+    all_reduce: GradientAllReduce | None = None,
+    rank: int = 0,
+) -> nn.Module:
+    torch.manual_seed(run.seed)
+    frames = FrameFolder(list(run.data))
+    kind, batches_of, loss = _PARTS[run.part]
+    network = kind()
+    extra, real_extra = _extras(run, run.places), _extras(run, run.photo_places)
+    seed = run.seed * run.processes + rank
+    batch, steps = run.batch // run.processes, run.schedule.steps
+    real = round(batch * run.photo_share) if run.photographs is not None else 0
+    batches: Dataset[tuple[Tensor, ...]] = batches_of(frames, batch - real, seed, steps, **extra)
+    if run.photographs is not None and real:
+        from_photos = _PHOTOS[run.part](
+            run.photographs.train, real, seed, steps, empty=run.photographs.empty, **real_extra
+        )
+        batches = Mixed([batches, from_photos], steps)
+    if run.start_from is not None:
+        network.load_state_dict(run.start_from)
+    validate = _all_figures(run) if rank == 0 else None
+    checkpoint = run.out / f"{run.part}.checkpoint.pt"
+    return train_network(
+        network, batches, loss, run.schedule, checkpoint, validate, run.device, run.workers, report, all_reduce, rank
+    )
+
+
+def _extras(run: TrainingRun, places: Path | None) -> dict[str, Any]:
+    """What batches for the close look are made with beside what all are."""
+    if run.part != "close_look":
+        return {}
+    return {"places": None if places is None else load_places(places), "turned": run.turned}
+
+
+def _all_figures(run: TrainingRun) -> Callable[[nn.Module], dict[str, float]]:
+    """Figures on rendered frames and on photographs, of those that the run has."""
+    parts = [] if run.held_out is None else [_validation(run)]
+    if run.photographs is not None and run.photographs.val and run.part != "dope":
+        scale = fruit_scale(run.photographs.train)
+        parts.append(watch(run.photographs.val, scale, run.finder))
+    return lambda network: {name: value for part in parts for name, value in part(network).items()}
+
+
+def _finder_step(network: nn.Module, batch: tuple[Tensor, ...]) -> Tensor:
+    pictures, *targets = batch
+    return finder_loss(network(to_input(pictures)), *targets)
+
+
+def _dope_step(network: nn.Module, batch: tuple[Tensor, ...]) -> Tensor:
+    """The paper's loss; turning the picture about the camera's axis turns the label of a symmetric fruit with it."""
+    pictures, belief, affinity = batch
+    beliefs, affinities = network(pictures)
+    return dope_loss(list(zip(beliefs, affinities, strict=True)), belief, affinity)
+
+
+def _close_look_step(network: nn.Module, batch: tuple[Tensor, ...]) -> Tensor:
+    pictures, *truth = batch
+    return close_look_loss(network(to_input(pictures)), *truth)
+
+
+_PARTS: dict[Part, tuple[type[nn.Module], Callable[..., AnyBatches], Loss]] = {
+    "finder": (FinderNetwork, FinderBatches, _finder_step),
+    "close_look": (CloseLookNetwork, CloseLookBatches, _close_look_step),
+    "dope": (DopeNetwork, DopeBatches, _dope_step),
+}
+
+
+_PHOTOS: dict[Part, Callable[..., PhotoFinderBatches | PhotoCloseLookBatches]] = {
+    "finder": PhotoFinderBatches,
+    "close_look": PhotoCloseLookBatches,
+}
+
+
+def _validation(run: TrainingRun) -> Callable[[nn.Module], dict[str, float]]:
+    """Validation on fixed held-out batches."""
+    assert run.held_out is not None
+    frames = FrameFolder([run.held_out])
+    if run.part != "close_look":
+        _, batches_of, step = _PARTS[run.part]
+        batch = min(len(frames), 20 if run.part == "finder" else 2)
+        map_batches = batches_of(frames, batch, 0, min(5, len(frames) // batch), augment=False)
+
+        def map_figures(network: nn.Module) -> dict[str, float]:
+            total = 0.0
+            with torch.no_grad():
+                for k in range(len(map_batches)):
+                    total += float(step(network, _on(run.device, map_batches[k])))
+            return {"held-out loss": total / len(map_batches)}
+
+        return map_figures
+    look_batches = CloseLookBatches(frames, min(200, 8 * len(frames)), 0, 1 + min(3, len(frames) // 25), augment=False)
+    fixed = [look_batches[k] for k in range(len(look_batches))]
+
+    def look_figures(network: nn.Module) -> dict[str, float]:
+        loss, wrong, count = 0.0, 0.0, 0
+        errors = []
+        with torch.no_grad():
+            for batch in fixed:
+                pictures, target, kind, visibility, known = _on(run.device, batch)
+                output = network(to_input(pictures)).float()
+                loss += float(close_look_loss(output, target, kind, visibility, known)) / len(fixed)
+                clear = (kind > 0.5) & (visibility > 0.6)
+                axis = nn.functional.normalize(output[clear, AXIS], dim=1)
+                cosine = (axis * target[clear, 3:6]).sum(dim=1).clamp(-1.0, 1.0)
+                centre = (output[clear, CENTRE] - target[clear, :2]).norm(dim=1)
+                size = (output[clear, SIZE] - target[clear, 2]).abs()
+                errors.append(torch.stack([torch.rad2deg(torch.acos(cosine)), 100.0 * centre, 100.0 * size]))
+                wrong += float(((output[:, KIND] > 0.0) != (kind > 0.5)).sum())
+                count += len(kind)
+        axis, centre, size = torch.cat(errors, dim=1)
+        return {
+            "held-out loss": loss,
+            "axis median deg": float(axis.median()),
+            "axis p90 deg": float(axis.quantile(0.9)),
+            "centroid median %": float(centre.median()),
+            "size median %": float(size.median()),
+            "wrong kind %": 100.0 * wrong / count,
+        }
+
+    return look_figures
+
+
+def _on(device: str, batch: tuple[Tensor, ...]) -> tuple[Tensor, ...]:
+    return tuple(part.to(device) for part in batch)

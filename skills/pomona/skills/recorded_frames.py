@@ -1,0 +1,37 @@
+"""The skills that turn the pages of a recording."""
+
+from __future__ import annotations
+
+from pomona.drivers.interfaces import FrameSequence
+from pomona.executive.ports import Outputs
+from pomona.executive.skill import Skill
+
+
+class Counted(Outputs):
+    """What FirstFrame gives."""
+
+    count: int
+
+
+class FirstFrame(Skill):
+    """Show the first recorded frame, and say how many there are."""
+
+    devices = (FrameSequence,)
+
+    def run(self) -> Counted:
+        frames = self.device(FrameSequence)
+        frames.rewind()
+        return Counted(frames.count)
+
+
+class NextFrame(Skill):
+    """Show the next recorded frame."""
+
+    devices = (FrameSequence,)
+    failures = ("LAST_FRAME",)
+
+    def run(self) -> None:
+        frames = self.device(FrameSequence)
+        if not frames.advance():
+            raise self.failure("LAST_FRAME", f"frame {frames.position + 1} of {frames.count} is the last")
+        return

@@ -1,0 +1,107 @@
+"""The Refine skill."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from typing import Annotated, Literal
+
+import numpy as np
+
+from pomona.drivers.interfaces import Intrinsics, Workspace
+from pomona.executive.ports import LENGTH, Length, Outputs, Port, Ratio
+from pomona.executive.skill import Skill, Work
+from pomona.executive.views import ImageView, Line2
+from pomona.skills.geometry import transform
+from pomona.skills.perception.detection.detection import Detection
+from pomona.skills.perception.fruit import Mesh
+from pomona.skills.perception.measured_fruit import MeasuredFruit
+from pomona.skills.perception.refinement.depth_image import RendererName
+from pomona.skills.perception.refinement.errors import RefineError
+from pomona.skills.perception.refinement.measure import measure, outline
+from pomona.skills.perception.refinement.refinement import refine
+from pomona.skills.perception.refinement.render import render_depth
+from pomona.skills.perception.refinement.result import Limits
+
+_SMALL_CAMERA = Intrinsics(400.0, 400.0, 100.0, 100.0, 201, 201)
+_SOMETHING = Mesh(
+    0.05 * np.array([[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]]),
+    np.array([[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]], dtype=np.int32),
+)
+"""A tetrahedron of a fruit's size, to render before the first fruit is there [m]."""
+
+
+class Refined(Outputs):
+    """What Refine gives."""
+
+    measured: MeasuredFruit
+
+
+class Refine(Skill):
+    """Correct a detection's position and size from the depth image."""
+
+    devices = (Workspace,)
+    moves = ()
+    failures = ("NO_DEPTH", "TOO_FEW_INLIERS", "SIZE_OUT_OF_RANGE", "AT_BOUND", "NOT_ITS_SHAPE", "RENDER_FAILED")
+
+    def prepare(self) -> None:
+        """Importing and compiling what measures takes seconds. A renderer that fails says so when it is used."""
+        with suppress(RefineError):
+            T = transform(translation=(0.0, 0.0, 0.5))
+            virtual_depth, box = render_depth(_SOMETHING, T, _SMALL_CAMERA)
+            depth = np.zeros((_SMALL_CAMERA.height, _SMALL_CAMERA.width), np.float32)
+            depth[box.slices] = virtual_depth
+            refine(depth, _SMALL_CAMERA, T, _SOMETHING)
+
+    def run(
+        self,
+        detection: Annotated[
+            Detection, Port(help="the fruit as the detector saw it, posed as if it had the CAD model's size")
+        ],
+        method: Annotated[
+            Literal["shape", "uniform", "paper", "none"],
+            Port(
+                help="shape: height and widths separately; uniform: one scale; paper: rendered again; none: as detected"
+            ),
+        ] = "shape",
+        earlier: Annotated[
+            MeasuredFruit | None, Port(help="the same fruit, measured from another place: its looks are fused in")
+        ] = None,
+        inlier_band: Annotated[
+            Length,
+            Port(min="0.5 mm", max="50 mm", help="depth agrees within this, or within its noise if larger"),
+        ] = LENGTH("4 mm"),
+        min_inliers: Annotated[Ratio, Port(min=0.0, max=1.0, help="least share of the depth that must agree")] = 0.3,
+        smallest: Annotated[Ratio, Port(min=0.01, max=1.0, help="least accepted size relative to the CAD model")] = 0.4,
+        largest: Annotated[
+            Ratio, Port(min=1.0, max=10.0, help="greatest accepted size relative to the CAD model")
+        ] = 1.6,
+        renderer: Annotated[Literal["pyrender", "zbuffer"], Port(help="renderer of the virtual depth")] = "pyrender",
+    ) -> Work[Refined]:
+        table_z = self.device(Workspace).table_z
+        limits = Limits(inlier_band, min_inliers, (smallest, largest))
+        try:
+            measured = yield from self.compute(measure, detection, method, limits, renderer, table_z, earlier)
+        except RefineError as problem:
+            raise self.failure(problem.code, str(problem), **vars(problem)) from problem
+        self.publish("refine", _picture(detection, measured, renderer))
+        if measured.doubt:
+            yield measured.doubt
+        return Refined(measured)
+
+
+def _picture(detection: Detection, measured: MeasuredFruit, using: RendererName) -> ImageView:
+    """The camera's image with the outlines of the model as detected and of the fruit as measured."""
+    detected = outline(
+        *render_depth(detection.fruit, detection.T_camera_object, detection.frame.intrinsics, using=using)
+    )
+    size = " × ".join(f"{1e3 * d:.1f}" for d in measured.dimensions)
+    deviation = 1e3 * float(np.sqrt(np.max(np.diag(measured.covariance)[3:])))
+    return ImageView(
+        image=detection.frame.colour,
+        lines=(
+            Line2(detected, "detected", "muted", closed=True),
+            Line2(measured.contour, "measured", "refined", closed=True),
+        ),
+        caption=f"{measured.method}: {size} mm (± {deviation:.1f}), {measured.inlier_ratio:.0%} of the depth agrees"
+        + (f"; {measured.doubt}" if measured.doubt else ""),
+    )

@@ -1,0 +1,139 @@
+"""The skill SampleGrasp."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from typing import Annotated
+
+import numpy as np
+
+from pomona.drivers.interfaces import Arm, Workspace
+from pomona.executive.ports import ANGLE, LENGTH, Angle, Length, Outputs, Port, Ratio
+from pomona.executive.skill import Skill, Work
+from pomona.executive.views import Points3, SceneView
+from pomona.skills.motion.grasp import Grasp, GraspCandidates, RuledOut
+from pomona.skills.motion.grasps.sample import GraspRules, sample_pre_grasps, warm_up
+from pomona.skills.motion.grasps.sphere import Sphere, pre_grasp_position
+from pomona.skills.motion.grasps.tried import Tried, direction
+from pomona.skills.motion.occupancy import OccupancyMap
+from pomona.skills.motion.planning.arm_space import arm_space
+from pomona.skills.motion.robot import RobotModel
+from pomona.skills.perception.measured_fruit import MeasuredFruit
+from pomona.skills.shared.grasp_view import fruit_mesh
+from pomona.skills.shared.usable_map import usable_field
+
+FINER = 2
+"""How often the sphere is sampled at half the spacing when nothing is left to try."""
+
+
+class Sampled(Outputs):
+    """What SampleGrasp gives."""
+
+    candidates: GraspCandidates
+
+
+class SampleGrasp(Skill):
+    """Sample pre-grasps on a sphere around a fruit: all that are left to try, best first, the others with a reason.
+
+    Every start is one attempt at the fruit. A candidate counts as tried when it comes back through `tried`, or when it
+    was the only one that was given (`count: 1`). A fruit at another place starts afresh. When nothing is left to try,
+    the sphere is sampled more finely.
+    """
+
+    devices = (Arm, Workspace)
+    moves = ()
+    failures = ("NO_CANDIDATE", "ALL_TRIED", "MAP_STALE")
+
+    def __init__(self, name: str = "") -> None:
+        super().__init__(name)
+        self._tried = Tried()
+
+    def prepare(self) -> None:
+        warm_up(RobotModel.load(self.device(Arm).description))
+
+    def run(
+        self,
+        around: Annotated[MeasuredFruit, Port(help="the refined fruit")],
+        map: Annotated[OccupancyMap | None, Port(help="what is in the way; the target is left out of it")] = None,
+        tried: Annotated[Grasp | None, Port(help="the candidate of the previous attempt")] = None,
+        radius: Annotated[Length, Port(min="20 mm", help="the paper's r_o")] = LENGTH("120 mm"),
+        theta_min: Annotated[Angle, Port(min="0 deg", max="90 deg", help="tilt of the approach")] = ANGLE("0 deg"),
+        theta_max: Annotated[Angle, Port(min="0 deg", max="90 deg")] = ANGLE("45 deg"),
+        thetas: Annotated[int, Port(min=1)] = 4,
+        alpha_min: Annotated[Angle, Port(help="azimuth about the world's z")] = ANGLE("0 deg"),
+        alpha_max: Angle = ANGLE("360 deg"),
+        alphas: Annotated[int, Port(min=1)] = 12,
+        clearance: Annotated[
+            Length, Port(min="2 mm", help="kept by the links; gripper and fingers keep a share")
+        ] = LENGTH("10 mm"),
+        sigmas: Annotated[
+            Ratio, Port(min=0.0, max=10.0, help="clearance in standard deviations of the measurement")
+        ] = 2.0,
+        count: Annotated[int, Port(min=0, help="how many candidates to give at most; 0 gives all")] = 0,
+        check: Annotated[
+            bool, Port(help="rule out what cannot be approached; the paper leaves that to planning")
+        ] = True,
+    ) -> Work[Sampled]:
+        arm, workspace = self.device(Arm), self.device(Workspace)
+        self._tried.begin(around)
+        if tried is not None:
+            self._tried.add(tried)
+        robot = RobotModel.load(arm.description)
+        field = usable_field(self, map)
+        space = arm_space(arm, workspace, field, robot.width_max, clearance, target=around)
+        sphere = Sphere(radius, (theta_min, theta_max), (alpha_min, alpha_max), thetas, alphas)
+        rules, tried_before = GraspRules(sigmas=sigmas, check=check), self._tried.directions
+        for level in range(1 + FINER):
+            grasps, ruled_out = yield from self.compute(
+                sample_pre_grasps, around, robot, space, arm.state().q, workspace.table_z, sphere, rules
+            )
+            left = tuple(grasp for grasp in grasps if direction(grasp) not in tried_before)
+            if left or level == FINER:
+                break
+            sphere = sphere.finer()
+        self._show(around, radius, left, grasps, ruled_out)
+        if not grasps:
+            raise self.failure(
+                "NO_CANDIDATE",
+                f"all {len(ruled_out)} pre-grasps are ruled out: {summary(ruled_out)}",
+                ruled_out=[f"{out.index}: {out.code}: {out.reason}" for out in ruled_out],
+            )
+        if not left:
+            raise self.failure(
+                "ALL_TRIED", f"all {len(grasps)} candidates have been tried", attempts=self._tried.attempt - 1
+            )
+        if count:
+            left = left[:count]
+        if count == 1:
+            self._tried.add(left[0])
+        return Sampled(GraspCandidates(left, ruled_out, self._tried.attempt))
+
+    def _show(
+        self,
+        fruit: MeasuredFruit,
+        radius: float,
+        left: Sequence[Grasp],
+        grasps: Sequence[Grasp],
+        ruled_out: Sequence[RuledOut],
+    ) -> None:
+        """The sphere for people: what is left, what was tried, what is out of the question."""
+        p_fruit = fruit.T_base_fruit[:3, 3]
+        tried = [grasp for grasp in grasps if direction(grasp) in self._tried.directions]
+        groups = (
+            ("left to try", "free", [grasp.T_base_pre_grasp[:3, 3] for grasp in left]),
+            ("tried", "tried", [grasp.T_base_pre_grasp[:3, 3] for grasp in tried]),
+            ("ruled out", "ruled_out", [pre_grasp_position(p_fruit, radius, o.theta, o.alpha) for o in ruled_out]),
+        )
+        points = tuple(Points3(np.array(p), label, style) for label, style, p in groups if p)
+        caption = f"{len(left)} of {len(grasps) + len(ruled_out)} pre-grasps left"
+        self.publish("candidates", SceneView(points=points, meshes=(fruit_mesh(fruit),), caption=caption))
+
+
+def summary(ruled_out: Sequence[RuledOut]) -> str:
+    """How often which reason came, for a sentence: `30 unreachable, 18 table (left finger …)`."""
+    parts = []
+    for code, number in Counter(out.code for out in ruled_out).most_common():
+        example = next(out.reason for out in ruled_out if out.code == code)
+        parts.append(f"{number} {code.lower().replace('_', ' ')} ({example})")
+    return ", ".join(parts)

@@ -1,0 +1,117 @@
+"""How skills move devices: start, watch, and come to rest whatever happens."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator
+from typing import ClassVar
+
+from pomona.drivers.errors import MotionRefused
+from pomona.drivers.interfaces import Arm, Gripper, Motion, MotionState, Trajectory
+from pomona.executive.skill import Skill
+from pomona.skills.motion.grasp import Grasp
+from pomona.skills.shared.live_watch import KnownAround, LiveWatch
+from pomona.skills.shared.zones import zone_entered
+
+Watching = Generator["str | None", None, None]
+
+MOTION_FAILURES = ("REFUSED", "STOPPED", "MOTION_FAILED")
+"""Codes of every skill that moves: the device would not start, was stopped by somebody else, or failed on the way."""
+
+
+class MotionEnded(Exception):
+    """A motion that ended before its goal."""
+
+    def __init__(self, state: MotionState, problem: str) -> None:
+        self.state, self.problem = state, problem
+        super().__init__(problem or f"the motion was {state.value} before its end")
+
+
+def follow_motion(motion: Motion, watch: Callable[[], str | None] | None = None) -> Watching:
+    """Watch a motion until it is done and nothing moves any more.
+
+    When the caller is interrupted, or `watch` raises, the motion is stopped, and the exception passes once all is at
+    rest.
+
+    Args:
+        motion: that was just started.
+        watch: called in every tick while it runs; raises what should end the motion, or gives words for the feedback.
+
+    Raises:
+        MotionEnded: it was stopped by somebody else, or failed.
+    """
+    try:
+        while motion.state in (MotionState.RUNNING, MotionState.PAUSED):
+            said = watch() if watch is not None else None
+            words = f"{motion.progress:.0%}" if motion.state is MotionState.RUNNING else "paused"
+            yield f"{words}, {said}" if said else words
+    except GeneratorExit:
+        motion.stop()
+        raise
+    except BaseException:
+        motion.stop()
+        while not motion.settled:
+            yield "stopping"
+        raise
+    while not motion.settled:
+        yield "coming to rest"
+    if motion.state is not MotionState.DONE:
+        raise MotionEnded(motion.state, motion.problem)
+
+
+class MovingSkill(Skill):
+    """A skill that moves the arm or the gripper; its `failures` must contain `MOTION_FAILURES`."""
+
+    failures: ClassVar[tuple[str, ...]] = MOTION_FAILURES
+
+    def travel(
+        self,
+        trajectory: Trajectory,
+        watch: Callable[[], str | None] | None = None,
+        around: KnownAround | None = None,
+        carrying: Grasp | None = None,
+    ) -> Watching:
+        """Let the arm follow a trajectory to its end.
+
+        Args:
+            trajectory: to follow.
+            watch: as in `follow_motion`.
+            around: what is known to be there; the cell's cameras then watch the way, and what is not known and too near
+                fails with PATH_BLOCKED, which the skill must declare. Without it nobody looks.
+            carrying: the grasp by which a fruit is held.
+
+        Raises:
+            SkillFailure: REFUSED, where the way leads through a zone of the cell, or begins in one.
+        """
+        arm = self.device(Arm)
+        entered = zone_entered(self, arm, trajectory, carrying)
+        if entered:
+            raise self.failure("REFUSED", f"{entered}; nothing has moved", device="zones")
+        eyes = None if around is None else LiveWatch.of(self, arm, trajectory, around)
+
+        def start() -> Motion:
+            motion = arm.follow(trajectory)
+            if eyes is not None:
+                eyes.begin(motion)
+            return motion
+
+        def look() -> str | None:
+            said = None if watch is None else watch()
+            return eyes.look() if eyes is not None else said
+
+        yield from self._carry_out(start, look)
+
+    def move_fingers(self, width: float, speed: float) -> Watching:
+        """Move the fingers to an opening [m] at a speed [m/s]."""
+        gripper = self.device(Gripper)
+        yield from self._carry_out(lambda: gripper.move(width, speed), None)
+
+    def _carry_out(self, start: Callable[[], Motion], watch: Callable[[], str | None] | None) -> Watching:
+        try:
+            motion = start()
+        except MotionRefused as refused:
+            raise self.failure("REFUSED", f"{refused}; nothing has moved", device=refused.device) from refused
+        try:
+            yield from follow_motion(motion, watch)
+        except MotionEnded as ended:
+            code = "STOPPED" if ended.state is MotionState.STOPPED else "MOTION_FAILED"
+            raise self.failure(code, str(ended), progress=round(motion.progress, 3)) from ended

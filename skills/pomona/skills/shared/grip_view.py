@@ -1,0 +1,47 @@
+"""A grip on the operator's plot: force over time against the least force that holds."""
+
+from __future__ import annotations
+
+from pomona.executive.skill import Skill
+from pomona.executive.views import SeriesView
+from pomona.skills.grip.bruise import bruising_force
+from pomona.skills.grip.hold import Hold
+
+EVERY = 0.1
+"""Seconds of samples in one view."""
+
+TOPIC = "grip"
+
+NO_BRUISE_BELOW = round(bruising_force(), 1)
+"""Of one finger with the pads that the default contact describes [N]."""
+
+
+def show_grip(skill: Skill, hold: Hold, everything: bool = False) -> None:
+    """Publish what the hold recorded since the last view; call it each tick of any node that runs while it holds.
+
+    Args:
+        skill: publishes under its own path, topic "grip".
+        hold: whose samples are drained.
+        everything: publish what there is, however little (when a node ends).
+    """
+    if hold.waiting < EVERY and not (everything and hold.waiting > 0.0):
+        return
+    samples = hold.drain()
+    skill.publish(
+        TOPIC,
+        SeriesView(
+            t=samples.t,
+            values={
+                "grasp force [N]": samples.f_n,
+                "reference [N]": samples.f_ref,
+                "least force [N]": samples.f_least,
+                "tangential load [N]": samples.f_t,
+                "slip speed [m/s]": samples.slip_speed,
+                "width [m]": samples.width,
+            },
+            thresholds={
+                "force limit [N]": hold.controller.settings.loop.max_force,
+                "no bruise below [N]": NO_BRUISE_BELOW,
+            },
+        ),
+    )

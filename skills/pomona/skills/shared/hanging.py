@@ -1,0 +1,70 @@
+"""Whether a fruit that was lifted still hangs: its weight stays on the pads, whatever presses."""
+
+from __future__ import annotations
+
+import math
+
+from pomona.drivers.errors import DeviceFault
+from pomona.skills.grip.grip import LIES
+from pomona.skills.grip.hold import Hold
+
+LEAST = 0.25
+"""The tangential load of a fruit that hangs [N]; the lightest weighs 0.5 N, noise and bias are 0.1 N."""
+
+LEFT = 0.35
+"""Less than this share of the load that was there has gone: a lift that slows down with 3 m/s² leaves 0.5."""
+
+LASTING = 0.06
+"""For so long [s]."""
+
+AVERAGED, REMEMBERED = 0.1, 1.0
+"""The load is averaged over the first, its largest value fades over the second [s]: a bump is no load."""
+
+
+class Hanging:
+    """Watches the load of a held fruit on its way up, and says whether it hangs at the end.
+
+    The grip's own word that it holds rests on the normal forces; this one on the tangential ones. A fault that hits one
+    leaves the other.
+    """
+
+    def __init__(self, hold: Hold) -> None:
+        self._hold = hold
+        self._stamp = math.nan
+        self._load = self._most = 0.0
+        self._light_for = 0.0
+
+    def look(self) -> str:
+        """Look at the newest sample, once a tick; why the fruit cannot hang any more, or an empty text.
+
+        Raises:
+            DeviceFault: the fingers are not to be believed.
+        """
+        require_truth(self._hold)
+        reading = self._hold.reading
+        elapsed = 0.0 if math.isnan(self._stamp) else max(reading.stamp - self._stamp, 0.0)
+        self._stamp = reading.stamp
+        self._load += (1.0 - math.exp(-elapsed / AVERAGED)) * (reading.f_t - self._load)
+        self._most = max(self._load, self._most * math.exp(-elapsed / REMEMBERED))
+        light = self._most > LEAST and reading.f_t < LEFT * self._most
+        self._light_for = self._light_for + elapsed if light else 0.0
+        if self._light_for > LASTING:
+            return f"its weight has gone from the fingers: {reading.f_t:.1f} N of {self._most:.1f} N are left"
+        return ""
+
+    def missing(self) -> str:
+        """What speaks against a fruit that hangs now, at rest; empty when nothing does."""
+        if self._load < LEAST:
+            return f"no weight hangs on the fingers: {self._load:.2f} N"
+        return ""
+
+
+def require_truth(hold: Hold) -> None:
+    """Refuse to go on with a grip whose fingers are not to be believed; the run ends in the safe state.
+
+    Raises:
+        DeviceFault: they stand still, contradict each other or the motor, or have gone silent.
+    """
+    problem = hold.problem
+    if problem is not None and problem.code in LIES:
+        raise DeviceFault("fingers", problem.message)

@@ -1,0 +1,194 @@
+"""Watching the way while the arm moves: every camera of the cell, every new frame."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+
+from pomona.drivers.depth_model import DepthModel
+from pomona.drivers.errors import FrameUnreadable
+from pomona.drivers.interfaces import (
+    Arm,
+    ArmLimits,
+    ArmState,
+    Camera,
+    Cameras,
+    DepthCamera,
+    Frame,
+    Gripper,
+    Intrinsics,
+    Motion,
+    MotionState,
+    Trajectory,
+    Workspace,
+)
+from pomona.executive.skill import Skill
+from pomona.executive.values.arrays import Float64
+from pomona.executive.views import Points3, SceneView
+from pomona.skills.compiled_code import tell_the_first
+from pomona.skills.geometry import apply, inverse, transform
+from pomona.skills.motion.collision import Convex, RobotShape, fruit_points
+from pomona.skills.motion.grasp import Grasp
+from pomona.skills.motion.occupancy import OccupancyMap, pose_of_camera
+from pomona.skills.motion.robot import RobotModel
+from pomona.skills.motion.watch import Ahead, PathWatch
+from pomona.skills.perception.measured_fruit import MeasuredFruit
+from pomona.skills.shared.optional import found_device
+
+BLOCKED = "PATH_BLOCKED"
+"""The code with which a motion fails that was stopped by what a camera saw."""
+
+TOO_OLD = 0.3
+"""A frame older than this says nothing about now [s]; a camera that sends no others is lost, which its driver says."""
+
+KEPT = 64
+"""Postures that are remembered, to know where the arm was when a fixed camera looked: a second of ticks."""
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, slots=True)
+class KnownAround:
+    """What is known to be around the arm.
+
+    Attributes:
+        map: what earlier looks saw, or None.
+        fruit: measured fruit that is left out of the map.
+        carrying: the grasp by which a fruit is held, or None.
+    """
+
+    map: OccupancyMap | None = None
+    fruit: tuple[MeasuredFruit, ...] = ()
+    carrying: Grasp | None = None
+
+
+class LiveWatch:
+    """Watches one motion of a skill that declares `BLOCKED`; made by `of`."""
+
+    def __init__(self, skill: Skill, arm: Arm, cameras: tuple[Camera, ...], watch: PathWatch, duration: float) -> None:
+        self._skill, self._arm, self._cameras, self._watch = skill, arm, cameras, watch
+        self._robot = RobotModel.load(arm.description)
+        self._duration = duration
+        self._stamps: dict[int, float] = {}
+        self._states: deque[ArmState] = deque(maxlen=KEPT)
+        self._motion: Motion | None = None
+        self._gripper = found_device(skill, Gripper)
+
+    @staticmethod
+    def of(skill: Skill, arm: Arm, trajectory: Trajectory, around: KnownAround) -> LiveWatch | None:
+        """The watch of a trajectory; None in a cell that has no camera, or whose file does not ask for a watch."""
+        cameras, workspace = found_device(skill, Cameras), found_device(skill, Workspace)
+        if cameras is None or not cameras.all or workspace is None or workspace.watch is None:
+            return None
+        shape = RobotShape.of(RobotModel.load(arm.description))
+        held = around.carrying
+        if held is not None:
+            shape = shape.holding(apply(inverse(held.T_base_grasp), fruit_points(held.fruit)))
+        gripper = found_device(skill, Gripper)
+        width = shape.model.width_max if gripper is None else gripper.state().width
+        fruit = [Convex.of_fruit(measured) for measured in around.fruit]
+        watch = PathWatch(shape, trajectory, arm.limits, width, workspace, around.map, fruit)
+        return LiveWatch(skill, arm, cameras.all, watch, trajectory.duration)
+
+    def begin(self, motion: Motion) -> None:
+        """The motion has been started."""
+        self._motion = motion
+
+    def look(self) -> str | None:
+        """Compare what is new with the rest of the path; words when something is ahead that is not near yet.
+
+        Raises:
+            SkillFailure: PATH_BLOCKED; the caller stops the motion.
+        """
+        motion = self._motion
+        self._states.append(self._arm.state())
+        if self._gripper is not None:
+            self._watch.width = self._gripper.state().width
+        if motion is None or motion.state is not MotionState.RUNNING:
+            return None
+        said = None
+        for number, camera in enumerate(self._cameras):
+            frame = _newest(camera)
+            if frame is None or frame.depth is None or not frame.placed or self._stamps.get(number) == frame.stamp:
+                continue
+            age = self._skill.clock.now() - frame.stamp
+            if not -TOO_OLD < age < TOO_OLD:
+                continue
+            self._stamps[number] = frame.stamp
+            q = self._posture(frame.stamp) if frame.q is None else frame.q
+            ahead = self._watch.look(
+                frame, pose_of_camera(frame, self._robot), q, max(age, 0.0), motion.progress * self._duration, number
+            )
+            if ahead is not None and ahead.stop:
+                self._refuse(ahead, frame)
+            if ahead is not None:
+                said = f"something new is on the way, {ahead.after:.1f} s ahead"
+        return said
+
+    def _posture(self, stamp: float) -> Float64:
+        """Joints when a fixed camera looked, (dof,) [rad], from the states around that time."""
+        times = [state.stamp for state in self._states]
+        i = int(np.searchsorted(times, stamp))
+        if i == 0 or i == len(times):
+            return self._states[min(i, len(times) - 1)].q
+        before, after = self._states[i - 1], self._states[i]
+        share = (stamp - before.stamp) / (after.stamp - before.stamp)
+        q: Float64 = before.q + share * (after.q - before.q)
+        return q
+
+    def _refuse(self, ahead: Ahead, frame: Frame) -> None:
+        x, y, z = ahead.point
+        spot = Points3(np.array([ahead.point]), "what is in the way", "occupied", 0.04)
+        words = "something has come in" if ahead.moved else "something unknown stands"
+        self._skill.publish("blocked", SceneView(points=(spot,), caption=f"{words} at ({x:.2f}, {y:.2f}, {z:.2f}) m"))
+        raise self._skill.failure(
+            BLOCKED,
+            f"{words} at ({x:.2f}, {y:.2f}, {z:.2f}) m, {1e3 * ahead.distance:.0f} mm from the way of {ahead.part}: "
+            "look again, or clear the way",
+            point_m=list(ahead.point),
+            distance_m=round(ahead.distance, 4),
+            after_s=round(ahead.after, 3),
+            part=ahead.part,
+            moved=ahead.moved,
+            camera=frame.label,
+        )
+
+
+def prepare_watch(skill: Skill) -> None:
+    """For `prepare` of a skill that watches its way: compile the loops, and let every camera look once."""
+    cameras, workspace, arm = found_device(skill, Cameras), found_device(skill, Workspace), found_device(skill, Arm)
+    if cameras is None or not cameras.all or arm is None or workspace is None or workspace.watch is None:
+        return
+    _warm(arm.description)
+    for camera in cameras.all:
+        _newest(camera)
+
+
+@lru_cache(maxsize=8)
+def _warm(description: Path) -> None:
+    """Watch a short motion once, with something in its way."""
+    tell_the_first()
+    robot = RobotModel.load(description)
+    q = (robot.lower + robot.upper) / 2.0
+    still = np.zeros((2, robot.dof))
+    trajectory = Trajectory(np.array([0.0, 0.1]), np.array([q, q]), still, still)
+    limits = ArmLimits(robot.lower, robot.upper, *(np.ones(robot.dof),) * 3)
+    at = robot.tcp(q)[:3, 3]
+    watch = PathWatch(RobotShape.of(robot), trajectory, limits, robot.width_max, Workspace(None, at - 0.3, at + 0.3))
+    colour, T_base_camera = np.zeros((2, 2, 3), np.uint8), transform(None, at - np.array([0.0, 0.0, 0.3]))
+    lens = Intrinsics(0.5, 0.5, 0.5, 0.5, 2, 2)  # four points 0.2 m beside the tool
+    depth = np.full((2, 2), 0.2, np.float32)
+    frame = Frame(0.0, 0, colour, depth, lens, None, T_base_camera, depth_model=DepthModel())
+    watch.look(frame, T_base_camera, q, 0.0, 0.0)
+
+
+def _newest(camera: Camera) -> Frame | None:
+    try:
+        return camera.latest_depth() if isinstance(camera, DepthCamera) else camera.latest()
+    except FrameUnreadable:
+        return None

@@ -1,0 +1,193 @@
+"""What skills share that look for fruit in a frame."""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Iterator, Mapping
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pomona.drivers.errors import FrameUnreadable
+from pomona.drivers.interfaces import Arm, Camera, Frame, FruitKinds
+from pomona.executive.skill import CellFacts, Skill
+from pomona.executive.values.arrays import Float64
+from pomona.executive.values.sections import Problem
+from pomona.executive.views import ImageView, Line2, Pinhole
+from pomona.skills.motion.robot.model import RobotModel
+from pomona.skills.perception.detection.errors import BadFrame, BadPoseConfig, BadWeights
+from pomona.skills.perception.detection.instances import Instance, find_instances
+from pomona.skills.perception.detection.options import DetectorOptions, DopeFiles
+from pomona.skills.perception.fruit import FruitModel, load_fruit
+from pomona.skills.perception.fruit.catalogue import SHIPPED_WEIGHTS, damage, known_fruits
+from pomona.skills.perception.fruit.errors import FruitError
+
+if TYPE_CHECKING:  # the networks are loaded where they are used: importing torch takes seconds
+    from pomona.skills.perception.detection.compact_detector import CompactDetector
+    from pomona.skills.perception.detection.dope_detector import DopeDetector
+
+_EDGES = np.array([0, 1, 2, 3, 0, 4, 5, 1, 5, 6, 2, 6, 7, 3, 7, 4])
+
+
+LOOKING_FAILURES = ("NO_FRAME", "STALE_FRAME", "NOTHING_FOUND", "NO_WEIGHTS")
+"""Codes of every skill that looks."""
+
+
+class LookingSkill(Skill):
+    """A skill that finds fruit in the camera's newest frame; it must declare `LOOKING_FAILURES`."""
+
+    devices = (Camera,)
+    moves = ()
+
+    def prepare(self) -> None:
+        """Load and warm the detector of the fruit to look for; what only the run tells is loaded at its first use.
+
+        Raises:
+            BadWeights: those that are shipped are missing or cannot be used.
+        """
+        name = self.known("fruit")
+        if name is None or self.known("weights"):
+            return
+        fruit = load_fruit(name)
+        if fruit.weights is None:
+            raise BadWeights(SHIPPED_WEIGHTS / f"{fruit.name}.pt", "is missing: restore it, or train the detector")
+        _detector(fruit.weights, DetectorOptions())
+
+    @classmethod
+    def judge(cls, known: Mapping[str, Any], cell: CellFacts | None) -> Iterator[Problem]:
+        """The fruit must be in the catalogue, sound, with weights; a simulated cell should hold it."""
+        name = known.get("fruit")
+        if name is None:
+            return
+        try:
+            fruit = load_fruit(name)
+        except FruitError as error:
+            yield Problem("fruit", str(error))
+            return
+        if known.get("weights"):
+            if not Path(known["weights"]).is_file():
+                yield Problem("weights", f"there is no file {known['weights']}")
+        elif fruit.weights is None:
+            hint = f"train its detector: {_training(name, fruit)}"
+            yield Problem("fruit", f"there are no weights to find {fruit.name} by", hint)
+        elif problem := damage(fruit.weights):
+            yield Problem("fruit", f"the weights {fruit.weights} cannot be read: {problem}", "restore the file")
+        kinds = None if cell is None else cell.known(FruitKinds)
+        if cell is not None and kinds is not None and fruit.name not in kinds.names:
+            there = ", ".join(kinds.names)
+            message = f"there is no {fruit.name} on the table of the cell '{cell.name}', which holds {there}"
+            yield Problem("fruit", message, warning=True)
+
+    @classmethod
+    def offers(cls, port: str, cell: CellFacts | None) -> tuple[str, ...]:
+        """The fruit on the cell's table, or all in the catalogue."""
+        if port != "fruit":
+            return ()
+        kinds = None if cell is None else cell.known(FruitKinds)
+        return known_fruits() if kinds is None else tuple(kinds.names)
+
+    def fruit_model(self, fruit: str, weights: str = "") -> FruitModel:
+        """The fruit of a name or path, with its own or other weights to find it by; fails with NO_WEIGHTS."""
+        try:
+            model = load_fruit(fruit)
+        except FruitError as error:
+            raise self.failure("NO_WEIGHTS", str(error), fruit=fruit) from error
+        if weights:
+            return replace(model, weights=Path(weights))
+        if model.weights is None:
+            raise self.failure(
+                "NO_WEIGHTS",
+                f"there are no detector weights for {model.name}: {_training(fruit, model)}",
+                fruit=fruit,
+            )
+        return model
+
+    def newest_frame(self, max_age: float) -> Frame:
+        """The camera's newest frame, not older than `max_age` [s]; fails with NO_FRAME or STALE_FRAME."""
+        try:
+            frame = self.device(Camera).latest()
+        except FrameUnreadable as error:
+            raise self.failure("NO_FRAME", error.message) from error
+        if frame is None:
+            raise self.failure("NO_FRAME", "the camera has not delivered a frame yet")
+        age = self.clock.now() - frame.stamp
+        if age > max_age:
+            raise self.failure(
+                "STALE_FRAME", f"the newest frame is {age:.2f} s old, {max_age:.2f} s are allowed", age_s=age
+            )
+        return frame
+
+    def camera_pose(self, frame: Frame) -> Float64:
+        """T_base_camera of a frame, shape (4, 4)."""
+        if frame.q is None:
+            return frame.T_mount_camera
+        # Asked for only when the camera rides on an arm, so that cells without one can detect too.
+        robot = RobotModel.load(self.context.device(Arm).description)
+        T_base_camera: Float64 = robot.fk(frame.q) @ frame.T_mount_camera
+        return T_base_camera
+
+    def find(
+        self, frame: Frame, model: FruitModel, options: DetectorOptions | DopeFiles
+    ) -> Generator[str | None, None, list[Instance]]:
+        """Every fruit of a frame, found beside the tick; fails with NO_FRAME or NO_WEIGHTS where these are unusable."""
+        try:
+            return (yield from self.compute(find_in_frame, frame, model, options))
+        except BadFrame as error:
+            raise self.failure("NO_FRAME", f"the camera's frame cannot be used: {error}") from error
+        except (BadWeights, BadPoseConfig) as error:
+            raise self.failure("NO_WEIGHTS", str(error), fruit=model.name) from error
+
+
+@lru_cache(maxsize=4)
+def _detector(weights: Path, options: DetectorOptions) -> CompactDetector:
+    from pomona.skills.perception.detection.compact_detector import CompactDetector
+
+    detector = CompactDetector.load(weights, options)
+    detector.warm_up()
+    return detector
+
+
+@lru_cache(maxsize=1)
+def _dope_detector(files: DopeFiles, fruit: str, dimensions: tuple[float, float, float]) -> DopeDetector:
+    from pomona.skills.perception.detection.dope_detector import DopeDetector
+
+    return DopeDetector.load(files, fruit, dimensions)
+
+
+def find_in_frame(frame: Frame, fruit: FruitModel, options: DetectorOptions | DopeFiles) -> list[Instance]:
+    """Every fruit of a frame; its detector is loaded once in a process.
+
+    Raises:
+        BadFrame: the frame's picture has another shape or type.
+        BadWeights, BadPoseConfig: the detector's files cannot be used.
+    """
+    if isinstance(options, DopeFiles):
+        x, y, z = fruit.dimensions.tolist()
+        return _dope_detector(options, fruit.name, (x, y, z)).find_instances(frame.colour, frame.intrinsics.K)
+    assert fruit.weights is not None
+    return find_instances(_detector(fruit.weights, options), frame.colour, frame.intrinsics.K, fruit)
+
+
+def picture(
+    frame: Frame, T_base_camera: Float64, instances: list[Instance], chosen: int | str, score: float
+) -> ImageView:
+    """The frame with the cuboids that were found; `chosen` is the target's index, or why there is none."""
+    lines = []
+    for k, instance in enumerate(instances):
+        if instance.score < score:
+            continue
+        style = "found" if k == chosen else "muted"
+        lines.append(Line2(instance.keypoints[_EDGES], f"{k}: {instance.score:.2f}", style))
+    centres = np.array([i.keypoints[8] for i in instances if i.score >= score]).reshape(-1, 2)
+    target = f"target {chosen}" if isinstance(chosen, int) else chosen
+    optics = frame.intrinsics
+    pinhole = Pinhole(optics.fx, optics.fy, optics.cx, optics.cy, T_base_camera)
+    return ImageView(frame.colour, tuple(lines), centres, f"{len(lines)} found, {target}", frame.depth, pinhole)
+
+
+def _training(fruit: str, model: FruitModel) -> str:
+    """The command that makes weights for a fruit of this name or path, and how a tree says that it means them."""
+    weights = f"{model.name}.pt"
+    return f"pomona train detect --fruit {fruit} --out {weights}, then wire 'weights: {weights}' beside 'fruit'"

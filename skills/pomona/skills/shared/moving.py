@@ -1,0 +1,111 @@
+"""Moving to a named pose, for the skills that do so."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from pomona.drivers.interfaces import Arm, Gripper, Trajectory, Workspace
+from pomona.executive.values.arrays import Float64
+from pomona.skills.motion.collision import Convex
+from pomona.skills.motion.grasp import Grasp
+from pomona.skills.motion.occupancy import OccupancyMap
+from pomona.skills.motion.planning.arm_space import ArmSpace, arm_space
+from pomona.skills.motion.planning.plan import PlanRequest
+from pomona.skills.motion.planning.timing import stretched
+from pomona.skills.motion.planning.upright_space import UprightSpace
+from pomona.skills.motion.robot import RobotModel
+from pomona.skills.perception.measured_fruit import MeasuredFruit
+from pomona.skills.shared.following import MovingSkill, Watching
+from pomona.skills.shared.live_watch import BLOCKED, KnownAround
+from pomona.skills.shared.named_pose import named_pose
+from pomona.skills.shared.planning import PLANNING_FAILURES, patience, planned
+from pomona.skills.shared.usable_map import usable_field
+
+POSE_TOLERANCE = 1e-3
+"""An arm this near to the pose in every joint is there [rad]."""
+
+CARRIED_ACCELERATION = 2.0
+"""A held fruit is accelerated by no more than this [m/s²]: every bit of it must be held by friction."""
+
+POSE_FAILURES = (*PLANNING_FAILURES, "UNKNOWN_POSE", "MAP_STALE", "WOULD_TILT", BLOCKED)
+"""Codes of every skill that moves to a named pose."""
+
+
+def move_to_pose(
+    skill: MovingSkill,
+    pose: str,
+    variation: int = 1,
+    map: OccupancyMap | None = None,
+    carrying: Grasp | None = None,
+    clearance: float = 1e-2,
+    budget: float = 0.5,
+    avoiding: MeasuredFruit | None = None,
+    speed: float = 1.0,
+    upright: float = np.pi,
+) -> Watching:
+    """Plan to a named pose of the cell file and go there.
+
+    Args:
+        skill: moves; it must have Arm, Gripper and Workspace among its devices, and `POSE_FAILURES`.
+        pose, variation: as in `named_pose`.
+        map: what is in the way besides the fixed surroundings.
+        carrying: the grasp by which a fruit is held; the fruit is then part of the robot.
+        clearance: kept by the arm's links [m], as in `arm_space`.
+        budget: of planning [s].
+        avoiding: a fruit that was left out of the map and is still there.
+        speed: share of the speed that the limits allow, above 0 to 1.
+        upright: by how much the fruit may be tilted on the way [rad], from how it was when it was grasped, or without
+            `carrying` from how it is now; π: as the way has it.
+    """
+    arm, workspace = skill.device(Arm), skill.device(Workspace)
+    try:
+        q_goal = named_pose(workspace.poses, pose, variation)
+    except KeyError:
+        known = ", ".join(workspace.poses) or "none"
+        raise skill.failure("UNKNOWN_POSE", f"the cell file has no pose '{pose}'; it has {known}") from None
+    q = arm.state().q
+    if np.abs(q_goal - q).max() < POSE_TOLERANCE:
+        return
+    field = usable_field(skill, map)
+    space = arm_space(arm, workspace, field, skill.device(Gripper).state().width, clearance, held=carrying)
+    if avoiding is not None:
+        space = replace(space, world=space.world.with_obstacles(Convex.of_fruit(avoiding, "fruit")))
+    keeps = space if upright >= np.pi else _upright(skill, space, upright, q, q_goal, carrying)
+    request = PlanRequest(
+        keeps,
+        q,
+        q_goal[None],
+        arm.limits,
+        improve="" if upright < np.pi else "InformedRRTstar",  # it would draw postures that tilt it
+        budget=budget,
+        seed=skill.context.seed(skill.path),
+        patience=patience(skill, budget),
+    )
+    result = yield from planned(skill, request)
+    path = result.path if carrying is None else gently(RobotModel.load(arm.description), result.path)
+    around = KnownAround(map, () if avoiding is None else (avoiding,), carrying)
+    yield from skill.travel(path if speed >= 1.0 else stretched(path, 1.0 / speed), around=around, carrying=carrying)
+
+
+def _upright(
+    skill: MovingSkill, space: ArmSpace, most: float, q: Float64, q_goal: Float64, carrying: Grasp | None
+) -> UprightSpace:
+    """The space in which the fruit stays upright."""
+    now = RobotModel.load(skill.device(Arm).description).tcp(q) if carrying is None else carrying.T_base_grasp
+    keeps = UprightSpace(space, now[2, :3].copy(), most)
+    for where, there in (("where the arm stands", q), ("at the pose", q_goal)):
+        tilt = keeps.tilt(there)
+        if tilt > most:
+            words = f"{where} the fruit would be tilted by {np.degrees(tilt):.0f}°, {np.degrees(most):.0f}° are allowed"
+            raise skill.failure("WOULD_TILT", f"{words}; nothing has moved", tilt_rad=tilt, allowed_rad=most)
+    return keeps
+
+
+def gently(robot: RobotModel, path: Trajectory) -> Trajectory:
+    """A path slowed down until the TCP is nowhere accelerated by more than `CARRIED_ACCELERATION`."""
+    p = np.array([robot.tcp(q)[:3, 3] for q in path.q])
+    rate = np.gradient(p, path.t, axis=0)
+    largest = float(np.linalg.norm(np.gradient(rate, path.t, axis=0), axis=1).max())
+    return stretched(path, max(1.0, float(np.sqrt(largest / CARRIED_ACCELERATION))))

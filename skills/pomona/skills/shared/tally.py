@@ -1,0 +1,81 @@
+"""The account of a task with many fruits."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pomona.executive.values.arrays import Float64
+
+SAME_PLACE = 0.04
+"""A fruit seen this near to an earlier one is the same, tried again [m]: less than half a fruit."""
+
+DONE = "done"
+"""The outcome that is no failure."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TalliedFruit:
+    """One fruit.
+
+    Attributes:
+        p_base: where it was seen, shape (3,) [m].
+        size: its dimensions, shape (3,) [m], or None when it was not measured.
+        outcome: a word: `DONE`, or what else became of it.
+        why: a sentence, empty when there is nothing to explain.
+        tries: how often it was tried.
+    """
+
+    p_base: Float64
+    size: Float64 | None
+    outcome: str
+    why: str
+    tries: int = 1
+
+    @property
+    def place(self) -> str:
+        """For people."""
+        x, y = 1e3 * self.p_base[:2]
+        return f"({x:.0f}, {y:.0f}) mm"
+
+    @property
+    def dimensions(self) -> str:
+        """For people."""
+        return "not measured" if self.size is None else " × ".join(f"{1e3 * d:.0f}" for d in self.size) + " mm"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Tally:
+    """All fruits so far, in the order in which they were first tried."""
+
+    entries: tuple[TalliedFruit, ...] = ()
+
+    def with_entry(self, entry: TalliedFruit) -> Tally:
+        """The account with one more try; a fruit that failed before at the same place is the same fruit."""
+        for k, known in enumerate(self.entries):
+            apart = np.linalg.norm(known.p_base[:2] - entry.p_base[:2])
+            if known.outcome != DONE and apart < SAME_PLACE:
+                again = replace(entry, tries=known.tries + 1, size=known.size if entry.size is None else entry.size)
+                return Tally((*self.entries[:k], again, *self.entries[k + 1 :]))
+        return Tally((*self.entries, entry))
+
+    @property
+    def left(self) -> tuple[TalliedFruit, ...]:
+        """Those that came to nothing."""
+        return tuple(entry for entry in self.entries if entry.outcome != DONE)
+
+    @property
+    def sentence(self) -> str:
+        """For people; names what was given up."""
+        done = f"{len(self.entries) - len(self.left)} of {len(self.entries)} fruit put away"
+        return "; ".join((done, *(f"{entry.outcome} at {entry.place}: {entry.why}" for entry in self.left)))
+
+    @property
+    def facts(self) -> Mapping[str, object]:
+        """For reports."""
+        return {
+            "done": len(self.entries) - len(self.left),
+            "left": [{"position_m": e.p_base, "outcome": e.outcome, "why": e.why, "tries": e.tries} for e in self.left],
+        }

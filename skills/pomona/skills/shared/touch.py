@@ -1,0 +1,129 @@
+"""What the fingers feel while the arm moves: unexpected contact, weight that comes or goes, a fruit between them."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+
+import numpy as np
+
+from pomona.drivers.interfaces import ForceSensor, Gripper, WrenchSample
+from pomona.executive.values.arrays import Float64
+
+STALE_AFTER = 0.1
+"""A newest sample older than this means that the fingers feel nothing any more [s]."""
+
+SPIKE = 3
+"""A change of force counts when so many samples in a row show it: one sample may be a spike."""
+
+AVERAGED = 0.1
+"""Time of an average [s]."""
+
+HELD_FORCE = 0.25
+"""Pressing force of each finger above which something is between them [N]; the noise is 0.2 N at worst."""
+
+HELD_WIDTH = 2e-3
+"""Opening above the closed gripper's at which something is between the fingers [m]."""
+
+
+def each_finger(forces: Float64) -> Float64:
+    """What a touch of the empty fingers changes: the force on each, (2, 3) -> (2, 3)."""
+    return forces
+
+
+def load(forces: Float64) -> Float64:
+    """What a held fruit changes that meets something: the force along the pads of both together, (2, 3) -> (1, 2).
+
+    The pads' y axes point in opposite directions (z out of either face, x along the approach), hence the signs. The
+    pressing force is left out: the grip's controller changes it.
+    """
+    return np.array([[forces[0, 0] + forces[1, 0], forces[0, 1] - forces[1, 1]]])
+
+
+class Touch:
+    """Listens to both fingers and remembers how much their force has changed since the beginning.
+
+    The first sample is the reference: an offset of the sensors, or the weight of a held fruit, does not count.
+    Use it as a context manager; the subscription ends with it.
+
+    Attributes:
+        change: largest lasting change so far [N].
+        finger: which finger felt it: left or right; empty before any, and when both are looked at together.
+    """
+
+    def __init__(self, sensor: ForceSensor, of: Callable[[Float64], Float64] = each_finger) -> None:
+        """Start listening.
+
+        Args:
+            sensor: the fingers.
+            of: what is looked at: maps forces (finger, axis) to vectors (n, k) whose norms are compared.
+        """
+        self._sensor, self._of = sensor, of
+        first = sensor.latest()
+        self._reference = None if first is None else of(first.wrenches[:, :3])
+        self._recent: deque[Float64] = deque(maxlen=SPIKE)
+        self._felt: deque[Float64] = deque(maxlen=max(1, round(AVERAGED * sensor.rate)))
+        self.change = 0.0
+        self.finger = ""
+        self._subscription = sensor.subscribe(self._on_sample)
+
+    def __enter__(self) -> Touch:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._subscription.close()
+
+    @property
+    def present(self) -> float:
+        """How much the force differs from the beginning now, lastingly [N]."""
+        return float(np.min(self._recent, axis=0).max()) if len(self._recent) == SPIKE else 0.0
+
+    def at_first(self) -> float:
+        """The force at the beginning [N]; 0 before the first sample."""
+        return 0.0 if self._reference is None else float(np.linalg.norm(self._reference, axis=1).max())
+
+    def average(self) -> Float64:
+        """Of what was felt lately, shape (n, k) [N]."""
+        mean: Float64 = np.mean(self._felt, axis=0)
+        return mean
+
+    def gone_back(self, before: Float64, now: Float64) -> float:
+        """How far it has gone from `before` to `now`, shapes (n, k), towards the beginning [N]: the least of n."""
+        assert self._reference is not None
+        changed = before - self._reference
+        along = ((before - now) * changed).sum(axis=1) / np.maximum(np.linalg.norm(changed, axis=1), 1e-9)
+        return float(along.min())
+
+    def stale_for(self, now: float) -> float:
+        """Age of the newest sample [s] when that is more than `STALE_AFTER`; 0 while the stream flows."""
+        newest = self._sensor.latest()
+        age = np.inf if newest is None else now - newest.stamp
+        return float(age) if age > STALE_AFTER else 0.0
+
+    def _on_sample(self, sample: WrenchSample) -> None:
+        felt = self._of(sample.wrenches[:, :3])
+        if not np.isfinite(felt).all():
+            return
+        if self._reference is None:
+            self._reference = felt
+        self._felt.append(felt)
+        self._recent.append(np.linalg.norm(felt - self._reference, axis=1))
+        if len(self._recent) == SPIKE:
+            lasting = np.min(self._recent, axis=0)
+            if lasting.max() > self.change:
+                self.change = float(lasting.max())
+                self.finger = ("left", "right")[int(lasting.argmax())] if len(lasting) == 2 else ""
+
+
+def pressing_forces(sensor: ForceSensor) -> tuple[float, float]:
+    """Pressing force of the left and the right finger now [N]; 0 before the first sample."""
+    sample = sensor.latest()
+    if sample is None:
+        return 0.0, 0.0
+    return float(-sample.wrenches[0, 2]), float(-sample.wrenches[1, 2])
+
+
+def something_between(gripper: Gripper, sensor: ForceSensor) -> bool:
+    """Whether force and opening both say that the fingers hold something."""
+    open_enough = gripper.state().width > gripper.limits.width_min + HELD_WIDTH
+    return open_enough and min(pressing_forces(sensor)) > HELD_FORCE

@@ -1,0 +1,80 @@
+"""Compiling before the run what would otherwise be compiled in it: collision checks, straight lines, the planner."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from pomona.drivers.interfaces import Arm, ArmLimits
+from pomona.executive.skill import Skill
+from pomona.skills.compiled_code import tell_the_first
+from pomona.skills.geometry import transform
+from pomona.skills.motion.collision import CollisionWorld
+from pomona.skills.motion.planning.arm_space import ArmSpace
+from pomona.skills.motion.planning.plan import PlanRequest, plan
+from pomona.skills.motion.robot import RobotModel
+from pomona.skills.motion.straight_line import straight_line
+
+
+@lru_cache(maxsize=8)
+def warm_checks(description: Path) -> None:
+    """Compile what skills compute in this process; once for each robot."""
+    tell_the_first()
+    robot = RobotModel.load(description)
+    q = (robot.lower + robot.upper) / 2.0
+    space = ArmSpace(CollisionWorld.build(robot), robot.width_max)
+    space.free(q)
+    space.clearances(q[None])
+    space.free_between(q, q)
+    space.first_blocked(q[None])
+    straight_line(robot, q, robot.tcp(q) @ transform(None, [0.0, 0.0, 1e-3]))
+
+
+@lru_cache(maxsize=8)
+def warm_planner(description: Path) -> None:
+    """The same, and OMPL, for the process that plans: it plans once where nothing is in the way."""
+    warm_checks(description)
+    robot = RobotModel.load(description)
+    q = (robot.lower + robot.upper) / 2.0
+    unit = np.ones(robot.dof)
+    limits = ArmLimits(robot.lower, robot.upper, unit, 10.0 * unit, 100.0 * unit)
+    ArmSpace(CollisionWorld.build(robot), robot.width_max).connect(q, q[None] + 0.1, 1, 0)
+    plan(PlanRequest(_Empty(robot), q, q[None] + 0.1, limits, direct=False, budget=0.01))
+
+
+class _Empty:
+    """A space without obstacles."""
+
+    def __init__(self, robot: RobotModel) -> None:
+        self.lower, self.upper = robot.lower, robot.upper
+
+    def free(self, q: np.ndarray) -> bool:
+        return True
+
+    def free_between(self, q_a: np.ndarray, q_b: np.ndarray) -> bool:
+        return True
+
+    def first_blocked(self, path: np.ndarray) -> int | None:
+        return None
+
+    def connect(
+        self, q_start: np.ndarray, q_goals: np.ndarray, iterations: int, seed: int
+    ) -> tuple[np.ndarray | None, int]:
+        return np.array([q_start, q_goals[0]]), 1
+
+    def explain(self, q: np.ndarray) -> tuple[str, dict[str, object]]:
+        return "everything is free", {}
+
+
+def prepare_moving(skill: Skill) -> None:
+    """For `prepare` of a skill that checks collisions."""
+    warm_checks(skill.device(Arm).description)
+
+
+def prepare_planning(skill: Skill) -> None:
+    """For `prepare` of a skill that plans: this process, and the one that will plan."""
+    description = skill.device(Arm).description
+    warm_checks(description)
+    skill.context.compute(skill.path, warm_planner, description, isolated=True).result()

@@ -1,0 +1,35 @@
+"""Zones of a cell: every motion is held against them before it begins, whatever planned it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from pomona.drivers.interfaces import Arm, Gripper, Trajectory, Workspace
+from pomona.executive.skill import Skill
+from pomona.skills.motion.grasp import Grasp
+from pomona.skills.motion.planning.arm_space import arm_space
+from pomona.skills.motion.robot import RobotModel
+from pomona.skills.shared.optional import found_device
+
+
+def zone_entered(skill: Skill, arm: Arm, trajectory: Trajectory, carrying: Grasp | None = None) -> str:
+    """Which part of the robot, or of what it holds, would enter a zone of the cell on a path, and where; or nothing.
+
+    Planners go around zones. This is for whoever does not ask one, or knows less than is held against the zones here.
+
+    Args:
+        skill: that moves; a cell without a workspace or without zones has nothing to enter.
+        trajectory: to be followed.
+        carrying: the grasp by which a fruit is held.
+    """
+    workspace, gripper = found_device(skill, Workspace), found_device(skill, Gripper)
+    if workspace is None or not workspace.zones:
+        return ""
+    width = RobotModel.load(arm.description).width_max if gripper is None else gripper.state().width
+    only = replace(workspace, table_z=None, obstacles=(), hulls=())
+    space = arm_space(arm, only, None, width, 0.0, held=carrying)
+    world = space.world.with_margins(replace(space.world.margins, itself=-1.0))
+    entered = world.check_path(trajectory.q, width)
+    if entered is None:
+        return ""
+    return f"where the arm stands, {entered}" if entered.at == 0.0 else f"on the way {entered}"

@@ -1,0 +1,158 @@
+"""SlipAvoidGrasp: close the fingers on the fruit and hand on a grip that keeps it from slipping."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Annotated, Any, Literal
+
+from pomona.drivers.interfaces import ForceSensor, Gripper, SampleRate
+from pomona.executive.ports import FORCE, LENGTH, STIFFNESS, Force, Length, Outputs, Port, Ratio, Stiffness
+from pomona.executive.skill import CellFacts, Interrupted, Skill, Work
+from pomona.executive.values.sections import Problem
+from pomona.skills.grip.controller import GripController
+from pomona.skills.grip.dynamic_term import GENTLE, DynamicSettings
+from pomona.skills.grip.errors import UnusableRate
+from pomona.skills.grip.force_loop import ForceLoopSettings, PadStiffness
+from pomona.skills.grip.grip import GripPhase
+from pomona.skills.grip.hold import Hold
+from pomona.skills.grip.limit_surface import SoftContact, surface_table
+from pomona.skills.grip.settings import ForceLaw, GripSettings, check_rate
+from pomona.skills.grip.warm import warm_up
+from pomona.skills.perception.inventory.mass import mass_of
+from pomona.skills.perception.measured_fruit import MeasuredFruit
+from pomona.skills.shared.grip_view import show_grip
+
+CLEARANCE = 0.008
+"""Contact may come when the opening is so much wider than the fruit: it may lie off the centre [m]."""
+
+NARROWEST = 0.5
+"""A fruit is nowhere narrower between the fingers than this share of its least dimension."""
+
+
+GRAVITY = 9.81  # [m/s²]
+
+LIFTED = 1.1
+"""A lift of 1 m/s² adds so much to a fruit's weight."""
+
+
+class Grasped(Outputs):
+    """What SlipAvoidGrasp gives."""
+
+    hold: Hold
+
+
+class SlipAvoidGrasp(Skill):
+    """Close on the fruit with the least force that will hold it; the grip goes on when this node has ended."""
+
+    devices = (Gripper, ForceSensor)
+    moves = (Gripper,)
+    failures = (
+        "NO_CONTACT",
+        "ONE_FINGER",
+        "OUT_OF_STROKE",
+        "FORCE_LIMIT",
+        "SENSOR_STALE",
+        "SENSOR_SATURATED",
+        "SENSOR_FAULT",
+        "SLIPPED",
+        "LOST",
+    )
+
+    @classmethod
+    def judge(cls, known: Mapping[str, Any], cell: CellFacts | None) -> Iterator[Problem]:
+        """The fingers must sample as fast as a grip needs."""
+        rate = None if cell is None else cell.known(SampleRate)
+        if rate is not None:
+            try:
+                check_rate(rate.hz)
+            except UnusableRate as error:
+                yield Problem("", str(error))
+
+    def prepare(self) -> None:
+        warm_up(self.device(ForceSensor).rate)
+
+    def run(
+        self,
+        fruit: Annotated[MeasuredFruit | None, Port(help="its size decides where the fingers may move fast")] = None,
+        mu: Annotated[Ratio, Port(min=0.05, max=3.0, help="friction coefficient between pad and fruit")] = 0.75,
+        mu_uncertainty: Annotated[Ratio, Port(min=0.0, max=0.5, help="relative, covered by more force")] = 0.1,
+        delta: Annotated[Length, Port(help="contact radius at 1 N")] = LENGTH("4.353 mm"),
+        gamma: Annotated[Ratio, Port(min=0.0, max=1.0, help="how the contact radius grows with the force")] = 0.2569,
+        k: Annotated[Ratio, Port(min=1.0, max=100.0, help="shape of the pressure; 2 is Hertz's")] = 4.0,
+        surface: Annotated[Literal["exact", "ellipsoid"], Port(help="limit surface")] = "exact",
+        margin: Annotated[Ratio, Port(min=1.0, max=3.0, help="on the least force")] = 1.125,
+        reserve: Annotated[
+            Force, Port(min="0 N", max="10 N", help="push at the fruit that the grip withstands")
+        ] = FORCE("0 N"),
+        offset: Annotated[
+            Length, Port(min="0 mm", max="50 mm", help="how far the fruit's centre may lie from the grip")
+        ] = LENGTH("3 mm"),
+        initial_force: Annotated[Force, Port(min="0.6 N", max="10 N", help="grasp force before the lift")] = FORCE(
+            "2.2 N"
+        ),
+        max_force: Annotated[Force, Port(min="1 N", max="40 N", help="largest grasp force, both fingers")] = FORCE(
+            "14 N"
+        ),
+        stiffness: Annotated[
+            Stiffness, Port(min="100 N/m", max="100 kN/m", help="stiffness of the pads: grasp force over closing")
+        ] = STIFFNESS("2000 N/m"),
+        law: Annotated[
+            str, Port(choices=tuple(law.value for law in ForceLaw), help="for comparison")
+        ] = "slip_avoidance",
+        gentle: Annotated[bool, Port(help="answer slip with a tenth of the force")] = False,
+    ) -> Work[Grasped]:
+        gripper, sensor = self.device(Gripper), self.device(ForceSensor)
+        contact = SoftContact(mu, delta, gamma, k, ellipsoid=surface == "ellipsoid")
+        yield from self.compute(surface_table, contact)
+        controller = GripController(
+            GripSettings(
+                contact=contact,
+                law=ForceLaw(law),
+                margin=margin,
+                reserve=reserve,
+                expected_load=0.0 if fruit is None else _expected_load(fruit),
+                offset=offset,
+                mu_uncertainty=mu_uncertainty,
+                initial_force=initial_force,
+                contact_width=None if fruit is None else float(fruit.dimensions.max()) + CLEARANCE,
+                narrowest=0.0 if fruit is None else NARROWEST * float(fruit.dimensions.min()),
+                loop=ForceLoopSettings(
+                    stiffness=PadStiffness(stiffness),
+                    max_force=min(max_force, 2.0 * gripper.limits.force_max),
+                    closing_speed=min(ForceLoopSettings().closing_speed, gripper.limits.speed_max),
+                ),
+                dynamic=GENTLE if gentle else DynamicSettings(),
+                width_min=gripper.limits.width_min,
+                rate=sensor.rate,
+            )
+        )
+        hold = Hold(gripper, sensor, controller, self.clock.now)
+        try:
+            yield from self._watch(hold)
+        except Interrupted:
+            if hold.phase not in (GripPhase.RAMP, GripPhase.HOLDING):
+                hold.take_over()
+            raise
+        except BaseException:
+            hold.take_over()
+            raise
+        show_grip(self, hold, everything=True)
+        return Grasped(hold)
+
+    def _watch(self, hold: Hold) -> Work[None]:
+        while hold.phase is not GripPhase.HOLDING:
+            problem = hold.problem
+            if problem is not None:
+                raise self.failure(problem.code, problem.message, **problem.data)
+            if hold.ended:
+                raise self.failure("LOST", "another node took the fingers over before the fruit was held")
+            show_grip(self, hold)
+            reading = hold.reading
+            yield f"{reading.phase.value}: {reading.f_n:.1f} N at {1e3 * reading.width:.0f} mm"
+        return None
+
+
+def _expected_load(fruit: MeasuredFruit) -> float:
+    """The largest load that a fruit of this size is expected to be while it is lifted [N]; 0 where nobody knows."""
+    known = mass_of(fruit.fruit, fruit.dimensions, fruit.covariance[3:, 3:])
+    return 0.0 if known is None else LIFTED * GRAVITY * (known[0] + 2.0 * known[1])

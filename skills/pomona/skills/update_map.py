@@ -1,0 +1,135 @@
+"""UpdateMap: fuse the newest look into the occupancy map, with the fruit to be picked left out."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+
+from pomona.drivers.interfaces import Arm, Camera, Frame, Gripper, Intrinsics, Workspace
+from pomona.executive.ports import LENGTH, TIME, Length, Outputs, Port, Time
+from pomona.executive.skill import Skill, Work
+from pomona.executive.values.arrays import Float64
+from pomona.executive.views import Points3, SceneView
+from pomona.skills.compiled_code import tell_the_first
+from pomona.skills.motion.collision import Convex, RobotShape
+from pomona.skills.motion.occupancy.camera_pose import check_camera_pose, pose_of_camera
+from pomona.skills.motion.occupancy.errors import CameraPoseMismatch, NothingMeasured
+from pomona.skills.motion.occupancy.integrate import Sensing, integrate
+from pomona.skills.motion.occupancy.occupancy_map import HIDDEN, OCCUPIED, OccupancyMap
+from pomona.skills.motion.robot import BadJoints, RobotModel
+from pomona.skills.perception.detection.detection import Detection
+from pomona.skills.perception.measured_fruit import MeasuredFruit
+
+
+class Mapped(Outputs):
+    """What UpdateMap gives."""
+
+    map: OccupancyMap
+
+
+class UpdateMap(Skill):
+    """Fuse a look into the occupancy map.
+
+    The look is the measured fruit's, else the detection's, else the camera's newest. The measured fruit is kept out of
+    the map: planning knows it by its refined shape.
+    """
+
+    devices = (Camera, Arm, Gripper, Workspace)
+    moves = ()
+    failures = ("NO_FRAME", "NO_DEPTH", "STALE_FRAME", "POSE_MISMATCH")
+
+    def prepare(self) -> None:
+        _warm_up()
+
+    def run(
+        self,
+        measured: Annotated[
+            MeasuredFruit | None, Port(help="the fruit to be picked; its look is fused and its shape left out")
+        ] = None,
+        detection: Annotated[Detection | None, Port(help="its look is fused when nothing was measured")] = None,
+        previous: Annotated[
+            OccupancyMap | None, Port(help="an earlier map to add to; without it the map starts afresh")
+        ] = None,
+        resolution: Annotated[Length, Port(min="5 mm", max="50 mm", help="edge of a cell")] = LENGTH("10 mm"),
+        max_age: Annotated[Time, Port(min="0 s", help="largest age of the look")] = TIME("5 s"),
+        target_margin: Annotated[
+            Length, Port(min="0 mm", max="50 mm", help="depth this close to the fruit counts as the fruit's")
+        ] = LENGTH("10 mm"),
+    ) -> Work[Mapped]:
+        arm, workspace = self.device(Arm), self.device(Workspace)
+        model = RobotModel.load(arm.description)
+        look = measured or detection
+        frame = look.frame if look is not None else self.device(Camera).latest()
+        if frame is None:
+            raise self.failure("NO_FRAME", "the camera has not delivered a frame yet")
+        age = self.clock.now() - frame.stamp
+        if age > max_age:
+            raise self.failure(
+                "STALE_FRAME", f"the look is {age:.2f} s old, {max_age:.2f} s are allowed", age_s=age, allowed_s=max_age
+            )
+        state = arm.state()
+        try:
+            T_base_camera = look.T_base_camera if look is not None else pose_of_camera(frame, model)
+            check_camera_pose(frame, T_base_camera, model, state)
+            q = state.q if frame.q is None else frame.q
+            robot = RobotShape.of(model).spheres(q, self.device(Gripper).state().width)
+            lower, upper = workspace.lower, workspace.upper
+            grid = OccupancyMap.empty(lower, upper, resolution) if previous is None else previous
+            target = None if measured is None else Convex.of_fruit(measured)
+            sensing = Sensing(target_margin=target_margin)
+            fused = yield from self.compute(_fuse, grid, frame, T_base_camera, workspace, robot, target, sensing)
+        except NothingMeasured as error:
+            raise self.failure("NO_DEPTH", str(error), valid=error.valid, inside=error.inside) from error
+        except (CameraPoseMismatch, BadJoints) as error:
+            raise self.failure("POSE_MISMATCH", str(error)) from error
+        self.publish("map", view_of(fused))
+        return Mapped(fused)
+
+
+def view_of(map: OccupancyMap) -> SceneView:
+    """Blocked cells, for people."""
+    occupied, hidden = map.centres(OCCUPIED), map.centres(HIDDEN)
+    return SceneView(
+        points=(
+            Points3(occupied, "occupied", "occupied", map.resolution),
+            Points3(hidden, "hidden behind what was seen", "muted", map.resolution),
+        ),
+        caption=f"{len(occupied)} occupied and {len(hidden)} hidden cells of {1e3 * map.resolution:.0f} mm, "
+        f"{len(map.stamps)} look{'s' if len(map.stamps) != 1 else ''}",
+    )
+
+
+def _fuse(
+    grid: OccupancyMap,
+    frame: Frame,
+    T_base_camera: Float64,
+    workspace: Workspace,
+    robot: Float64,
+    target: Convex | None,
+    sensing: Sensing,
+) -> OccupancyMap:
+    """Integrate, and compute the distance field where it does not keep the tick waiting."""
+    fused = integrate(grid, frame, T_base_camera, workspace, robot=robot, target=target, sensing=sensing)
+    _ = fused.field
+    return fused
+
+
+def _warm_up() -> None:
+    """Compile the kernels on a look at a wall of four pixels."""
+    tell_the_first()
+    lens = Intrinsics(1.0, 1.0, 0.5, 0.5, 2, 2)
+    depth = np.full((2, 2), 0.05, dtype=np.float32)
+    frame = Frame(0.0, 0, np.zeros((2, 2, 3), np.uint8), depth, lens, None, np.eye(4))
+    workspace = Workspace(None, np.full(3, -0.1), np.full(3, 0.1))
+    robot = np.array([[0.0, 0.0, -1.0, 0.01]])
+    target = Convex.of_points("target", np.eye(3))
+    _fuse(
+        OccupancyMap.empty(workspace.lower, workspace.upper, 0.02),
+        frame,
+        np.eye(4),
+        workspace,
+        robot,
+        target,
+        Sensing(),
+    )
