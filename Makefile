@@ -81,10 +81,14 @@ check: test ## what CI runs: the quick tests, then the slow ones, and beside the
 
 static: types docs kit lint
 
-lint: $(STAMP) ## ruff, and who may import whom
+lint: $(STAMP) ## ruff, import contracts, size and language
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/lint-imports
+	$(BIN)/python scripts/size.py --check
+
+size: $(STAMP) ## lines, docstrings, constants and the rates of vague words, beside bounds that only fall (SIZE=--lower)
+	$(BIN)/python scripts/size.py $(SIZE)
 
 types: $(STAMP) ## mypy over everything
 	$(BIN)/mypy

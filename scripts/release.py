@@ -21,6 +21,8 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 
+PLACEHOLDER = "example.org"
+"""Address in the project's files until the public one is decided."""
 TRIED = (("--version",), ("check", "pick_apple"), ("run", "pick_apple", "--seed", "3"))
 """Commands of an installed Pomona that must end with 0."""
 
@@ -28,11 +30,8 @@ TRIED = (("--version",), ("check", "pick_apple"), ("run", "pick_apple", "--seed"
 def problems(root: Path, version: str) -> Iterator[str]:
     """Why this cannot be released, in words; nothing when it can."""
     changelog = (root / "CHANGELOG.md").read_text("utf-8")
-    heading = re.search(rf"^## {re.escape(version)} \((.*)\)$", changelog, re.MULTILINE)
-    if heading is None:
-        yield f"CHANGELOG.md has no heading '## {version} (2026-01-31)'"
-    elif not re.fullmatch(r"\d{4}-\d\d-\d\d", heading[1]):
-        yield f"CHANGELOG.md calls {version} '{heading[1]}': write its date, as 2026-01-31"
+    if not re.search(rf"^## \[{re.escape(version)}\] - \d{{4}}-\d\d-\d\d$", changelog, re.MULTILINE):
+        yield f"CHANGELOG.md has no heading '## [{version}] - 2026-01-31' (with the day of the release)"
     cited = re.search(r"^version: (.*)$", (root / "CITATION.cff").read_text("utf-8"), re.MULTILINE)
     if cited is None or cited[1] != version:
         yield f"CITATION.cff is not about version {version}"
@@ -40,6 +39,13 @@ def problems(root: Path, version: str) -> Iterator[str]:
         yield "there are changes that are not committed"
     if f"v{version}" in git(root, "tag").split():
         yield f"v{version} is a tag already"
+
+
+def placeholders(root: Path) -> Iterator[str]:
+    """Yield the files that hold no public address yet."""
+    for name in ("pyproject.toml", "CITATION.cff", "mkdocs.yml"):
+        if PLACEHOLDER in (root / name).read_text("utf-8"):
+            yield f"{name} holds the placeholder {PLACEHOLDER}: write the repository's public address in its place"
 
 
 def git(root: Path, *words: str) -> str:
@@ -84,7 +90,7 @@ def main() -> int:
     parser.add_argument("--out", type=Path, default=ROOT / "dist", help="where wheel and sdist go; must not exist")
     options = parser.parse_args()
     version = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["version"]
-    found = list(problems(ROOT, version))
+    found = [*problems(ROOT, version), *(placeholders(ROOT) if options.tag else ())]
     if options.out.exists():
         found.append(f"{options.out} is there already")
     for problem in found:

@@ -24,7 +24,7 @@ def release() -> ModuleType:
 
 @pytest.fixture
 def repository(tmp_path: Path) -> Path:
-    (tmp_path / "CHANGELOG.md").write_text("# Changelog\n\n## 1.2.0 (2026-01-31)\n\n- All of it.\n")
+    (tmp_path / "CHANGELOG.md").write_text("# Changelog\n\n## [1.2.0] - 2026-01-31\n\n- All of it.\n")
     (tmp_path / "CITATION.cff").write_text("version: 1.2.0\n")
     for words in (["init", "-q"], ["add", "-A"], ["commit", "-qm", "All of it"]):
         author = ["-c", "user.name=t", "-c", "user.email=t@example.org"]
@@ -39,8 +39,8 @@ def test_a_version_that_is_dated_cited_and_committed_can_be_released(release: Mo
 @pytest.mark.parametrize(
     ("file", "text", "says"),
     [
-        ("CHANGELOG.md", "## 1.2.0 (unreleased)\n", "write its date"),
-        ("CHANGELOG.md", "## 1.1.0 (2026-01-31)\n", "has no heading '## 1.2.0"),
+        ("CHANGELOG.md", "## [1.2.0] - unreleased\n", "has no heading '## [1.2.0]"),
+        ("CHANGELOG.md", "## [1.1.0] - 2026-01-31\n", "has no heading '## [1.2.0]"),
         ("CITATION.cff", "version: 1.1.0\n", "is not about version 1.2.0"),
     ],
 )
@@ -54,6 +54,13 @@ def test_what_does_not_fit_is_said(release: ModuleType, repository: Path, file: 
 def test_a_version_is_released_once(release: ModuleType, repository: Path) -> None:
     subprocess.run(["git", "tag", "v1.2.0"], cwd=repository, check=True)
     assert list(release.problems(repository, "1.2.0")) == ["v1.2.0 is a tag already"]
+
+
+def test_a_version_is_not_tagged_with_a_placeholder_for_the_public_address(release: ModuleType, tmp_path: Path) -> None:
+    for name, address in (("pyproject.toml", "example.org"), ("CITATION.cff", "x.net"), ("mkdocs.yml", "x.net")):
+        (tmp_path / name).write_text(f"url: https://{address}/pomona\n")
+    (problem,) = release.placeholders(tmp_path)
+    assert problem.startswith("pyproject.toml holds the placeholder example.org")
 
 
 def test_the_container_holds_what_the_package_needs() -> None:

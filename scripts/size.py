@@ -1,0 +1,102 @@
+"""Print the size and the language of the code, and compare them with bounds that only fall.
+
+    python scripts/size.py             # the table
+    python scripts/size.py --check     # 1 when a figure is above its bound in scripts/size.json
+    python scripts/size.py --lower     # write the figures into scripts/size.json where they are lower
+
+Lines are those of Python files without tests, benchmarks and scripts. The word rates count per 1 000 words of
+docstrings and of docs/*.md without decisions and reports.
+"""
+
+from __future__ import annotations
+
+import ast
+import json
+import re
+import subprocess
+import sys
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+BOUNDS = Path(__file__).with_name("size.json")
+PACKAGES = ("executive", "skills", "drivers")
+SHORT, MANY_PARAMETERS = 40, 8
+WORDS = {
+    "what": re.compile(r"\bwhat(?:ever)?\b", re.IGNORECASE),
+    "told/said/says": re.compile(r"\b(?:told|tells?|says?|said)\b", re.IGNORECASE),
+    "nobody/somebody": re.compile(r"\b(?:nobody|somebody|whoever)\b", re.IGNORECASE),
+}
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Print the table; return 1 when `--check` finds a figure above its bound."""
+    found = figures()
+    bounds: dict[str, float] = json.loads(BOUNDS.read_text("utf-8")) if BOUNDS.is_file() else {}
+    above = [name for name, number in found.items() if number > bounds.get(name, float("inf"))]
+    for name, number in found.items():
+        mark = "  above its bound" if name in above else ""
+        sys.stdout.write(f"{name:32} {number:>9,.6g}   bound {bounds.get(name, number):>9,.6g}{mark}\n")
+    if "--lower" in arguments:
+        lower = {name: min(number, bounds.get(name, number)) for name, number in found.items()}
+        BOUNDS.write_text(json.dumps(lower, indent=1) + "\n", encoding="utf-8")
+    return 1 if above and "--check" in arguments else 0
+
+
+def figures() -> dict[str, float]:
+    """Return each figure by its name."""
+    counted: Counter[str] = Counter()
+    texts: list[str] = []
+    for path in tracked("*.py"):
+        if path.parts[0] in PACKAGES:
+            counted.update(of_module((ROOT / path).read_text("utf-8"), texts))
+    documents = [(ROOT / path).read_text("utf-8") for path in tracked("*.md") if is_document(path)]
+    found: dict[str, float] = {name: counted[name] for name in NAMES}
+    for kind, corpus in (("docstrings", " ".join(texts)), ("docs", " ".join(documents))):
+        words = len(re.findall(r"[A-Za-z]+", corpus))
+        for name, pattern in WORDS.items():
+            found[f"{name} per 1000 words of {kind}"] = round(1000 * len(pattern.findall(corpus)) / words, 2)
+    return found
+
+
+NAMES = ("lines", "docstring lines", "short modules", "long parameter lists", "fmt: skip", "module constants")
+
+
+def of_module(text: str, docstrings: list[str]) -> Counter[str]:
+    """Count in one module; its docstrings and texts below constants are appended to `docstrings`."""
+    lines = text.count("\n")
+    counted = Counter({"lines": lines, "short modules": lines < SHORT, "fmt: skip": text.count("fmt: skip")})
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str):
+            counted["docstring lines"] += (node.end_lineno or node.lineno) - node.lineno + 1
+            docstrings.append(node.value.value)
+        if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef)):
+            names = [argument.arg for argument in (*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs)]
+            counted["long parameter lists"] += len([name for name in names if name != "self"]) >= MANY_PARAMETERS
+        if isinstance(node, ast.Module):
+            counted["module constants"] += sum(map(is_constant, node.body))
+    return counted
+
+
+def is_constant(node: ast.stmt) -> bool:
+    """Return True for `NAME = …` or `NAME: type = …` with a name in capitals."""
+    targets = node.targets if isinstance(node, ast.Assign) else [node.target] if isinstance(node, ast.AnnAssign) else []
+    return any(isinstance(target, ast.Name) and target.id.upper() == target.id for target in targets)
+
+
+def is_document(path: Path) -> bool:
+    """Return True for the README and the pages of docs/, without decisions and reports."""
+    if path.parts[0] != "docs":
+        return path.name == "README.md" and len(path.parts) == 1
+    return path.parts[1] not in ("decisions", "reports")
+
+
+def tracked(pattern: str) -> Iterator[Path]:
+    """Yield the files under version control that match a pattern, relative to the repository."""
+    done = subprocess.run(["git", "ls-files", pattern], cwd=ROOT, capture_output=True, text=True, check=True)
+    yield from map(Path, done.stdout.splitlines())
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
