@@ -113,6 +113,14 @@ def press_stop(page: Any) -> None:
     page.keyboard.press("Escape")
 
 
+DRAWN = """async () => {
+    const { page } = await import("/static/page.js");
+    const next = () => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)));
+    do await next(); while (page.dirty || page.drawing);
+}"""
+"""Waits in the page until it has drawn what it has been told."""
+
+
 class Wire:
     """What lies between a page and its server; `open` says whether anything passes."""
 

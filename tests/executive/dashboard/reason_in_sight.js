@@ -4,7 +4,8 @@ async ({ reasons, nodes, drawn }) => {
     const { page } = await import("/static/page.js");
     const { drawWhy } = await import("/static/panels.js");
     const { apply, emptyState } = await import("/static/store.js");
-    const frame = () => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)));
+    const next = () => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)));
+    const frame = async () => { do await next(); while (page.dirty || page.drawing); };
     const entries = nodes.map((name, i) => ({ path: `t/${i}`, parent: i ? "t/0" : null, kind: "skill", type: name, name, line: 1 }));
     const problems = [];
     for (const [number, { code, message, data }] of reasons.entries()) {

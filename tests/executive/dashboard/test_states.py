@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from shown_runs import APPROVED, GATE, HOLD, SIZES, Show, Wire, press_stop
+from shown_runs import APPROVED, DRAWN, GATE, HOLD, SIZES, Show, Wire, press_stop
 
 from pomona.executive.running.events import ErrorRaised, LinkChanged, SafeStopped
 
@@ -35,7 +35,7 @@ def in_sight(page: Any, state: str) -> list[str]:
     problems = []
     for size, (width, height) in SIZES.items():
         page.set_viewport_size({"width": width, "height": height})
-        page.evaluate("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+        page.evaluate(DRAWN)
         problems += [f"{state}, {size}: {problem}" for problem in page.evaluate(MEASURE)]
         if folder := os.environ.get("SCREENS"):
             page.screenshot(path=Path(folder) / f"{state}_{width}x{height}.png")

@@ -16,6 +16,8 @@ import { openOver, openOverview, recordAddress, wantDetail } from "./record.js";
 import { drawStart, loadRuns, showRuns } from "./runs.js";
 
 const WORDS = 80; // ms between two writings while a record is played
+const AT_ONCE = 25; // ms of drawing after which presses and messages come first
+const REST = 3; // times as long as the last drawing took, nothing is drawn: a slow machine draws less often
 const MOST_CHARACTERS = 30e6; // of messages that are kept for scrubbing in a live run; older ones become one state
 
 const toggleBreak = (path, side) => press(`${page.whole.breaks[side].has(path) ? "un" : ""}break${side === "after" ? "_after" : ""}`, path);
@@ -61,35 +63,55 @@ function evidenceState(s) {
 }
 
 // While a record is played the cursors move with every frame, and what is written and drawn follows a little less often.
-let written = 0;
+let written = 0, resting = 0;
 function render() {
   requestAnimationFrame(render);
   if (page.playing) play();
   if (!page.dirty && !page.playing) return;
   const now = performance.now();
-  if (!page.dirty && now - written < WORDS) { timeline.point(page.at); plots.point(page.at); return; }
+  if (page.drawing || now < resting || (!page.dirty && now - written < WORDS)) { timeline.point(page.at ?? page.whole.t); plots.point(page.at); return; }
   written = now;
   page.dirty = false;
-  const s = momentState();
-  drawHeader(s);
-  drawTrust(page.live.whole);
-  drawControl(page.live.whole);
-  drawFaults(page.live.whole);
-  drawStart();
-  drawWhy(s); // first: the rest takes the room that it leaves
-  tree.update(s);
-  const seen = evidenceState(s);
-  camera.update(seen);
+  drawInParts(now);
+}
+
+// Whatever takes long is drawn in parts, and what has waited meanwhile comes between two of them.
+async function drawInParts(began) {
+  page.drawing = true;
+  let spent = 0, since = began;
+  try {
+    for (const draw of parts()) {
+      draw();
+      if (performance.now() - since < AT_ONCE) continue;
+      spent += performance.now() - since;
+      await new Promise((next) => { setTimeout(next); });
+      since = performance.now();
+    }
+  } finally {
+    page.drawing = false;
+    const now = performance.now();
+    spent += now - since;
+    resting = spent < AT_ONCE ? 0 : now + REST * spent;
+  }
+}
+
+function parts() {
+  const s = momentState(), live = page.live.whole, seen = evidenceState(s);
   const { over } = page, other = over && momentOf(over, page.at ?? page.whole.t);
-  drawOver(over, other);
-  scene.update(seen, page.selected, other);
   const follows = page.at !== null && seen === s; // what was measured after the shown moment is known, too
-  plots.update(seen, seen === s ? page.at : seen.t, Math.max(page.whole.t, over?.whole.t ?? 0), other, follows ? [samplesOf(page.feed), over && samplesOf(over)] : null);
-  drawTables(s);
-  drawNode(s, toggleBreak);
-  drawPorts(s);
-  drawLog(s);
-  timeline.draw();
+  return [
+    () => { drawHeader(s); drawTrust(live); drawControl(live); drawFaults(live); drawStart(); drawPlayback(); },
+    () => drawWhy(s), // before the rest, which takes the room that it leaves
+    () => tree.update(s),
+    () => camera.update(seen),
+    () => { drawOver(over, other); scene.update(seen, page.selected, other); },
+    () => plots.update(seen, seen === s ? page.at : seen.t, Math.max(page.whole.t, over?.whole.t ?? 0), other, follows ? [samplesOf(page.feed), over && samplesOf(over)] : null),
+    () => { drawTables(s); drawNode(s, toggleBreak); drawPorts(s); drawLog(s); },
+    () => timeline.draw(),
+  ];
+}
+
+function drawPlayback() {
   $("live").classList.toggle("on", page.at === null);
   $("live").hidden = Boolean(page.recorded);
   put($("play"), page.playing ? "❚❚" : "▶");

@@ -102,7 +102,7 @@ function send(made) {
   const body = { press: made.id, action, detail, number, pressed: link.clock === null ? null : made.at / 1000 + link.clock, ...me() };
   const open = link.socket?.readyState === WebSocket.OPEN && link.armed;
   if (open) link.socket.send(JSON.stringify(body));
-  if (!open || action === "safe_stop") post("/api/act", body, 1500).then((answer) => { if (answer.status) answered(made.id, answer); });
+  if (!open || action === "safe_stop") post("/api/act", body, 1500).then((answer) => { if (answer.status) answered(made.id, answer); else made.back = answer.error; });
   setTimeout(() => send(made), RETRY);
 }
 

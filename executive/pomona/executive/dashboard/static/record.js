@@ -10,13 +10,13 @@ const SLICE = 4; // ms for which a record is parsed before the page may draw aga
 export const recordAddress = (run, what) => `/api/runs/${encodeURIComponent(run)}/${what}`;
 
 // Hand over each message of a record as it comes.
-export async function readRecord(name, take, query = "?overview", slice = Infinity) {
+export async function readRecord(name, take, query = "?overview") {
   const answer = await asked(name, query);
   if (!answer.ok) throw new Error(`there is no record ${name}`);
   const text = await answer.text();
   let began = performance.now();
   for (let from = 0; from < text.length;) { // line by line, without a second copy of the whole
-    if (performance.now() - began > slice) { await new Promise((done) => { setTimeout(done); }); began = performance.now(); }
+    if (performance.now() - began > SLICE) { await new Promise((done) => { setTimeout(done); }); began = performance.now(); }
     let to = text.indexOf("\n", from);
     if (to < 0) to = text.length;
     if (to > from) take(JSON.parse(text.slice(from, to)));
@@ -75,7 +75,7 @@ export async function wantDetail(t, later = t) {
   const begin = Math.floor(Math.max(0, t - AROUND) / overview.interval) * overview.interval, end = until + AROUND;
   overview.reading = [begin, end];
   const inside = [];
-  try { await readRecord(recorded, (message) => inside.push(message), `?standing&begin=${begin}&end=${end}`, SLICE); } catch { overview.reading = null; return; }
+  try { await readRecord(recorded, (message) => inside.push(message), `?standing&begin=${begin}&end=${end}`); } catch { overview.reading = null; return; }
   if (page.feed !== feed) return;
   Object.assign(overview, { detail: [begin, end], reading: null });
   feed.messages = [...overview.all.filter((m) => !(m.t >= begin)), ...inside, ...overview.all.filter((m) => m.t > end)];

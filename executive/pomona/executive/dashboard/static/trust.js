@@ -31,14 +31,14 @@ function drawLink(live) {
     set("not-live-words", `Nothing was heard for ${age() < 90 ? `${age().toFixed(1)} s` : seconds(age())}. ${live.run ? `What is shown of the live run was so at ${then}; it may be doing something else now.` : `The last word came at ${then}.`}`);
   }
   if (stale && !never && $("connection").textContent === "connected") set("connection", "no answer");
-  const button = $("safe-stop"), disarmed = !page.token || link.armed === false || (link.armed === null && !link.socket);
+  const button = $("safe-stop"), disarmed = !page.token || link.armed === false; // else it is tried, whatever the link does
   button.classList.toggle("disarmed", disarmed);
   button.classList.toggle("unsure", !disarmed && (stale || link.armed === null));
   button.setAttribute("aria-disabled", disarmed);
   document.body.classList.toggle("disarmed", disarmed);
   const again = performance.now() - link.escaped < TWICE;
   button.classList.toggle("again", again);
-  set("safe-stop-words", again ? "Esc again stops" : !page.token ? "this page only watches" : link.armed === false ? "this page is of another start" : disarmed ? "no connection" : stale ? "the link is silent" : link.armed === null ? "connecting" : page.recorded ? "acts on the live cell" : "not the emergency stop");
+  set("safe-stop-words", again ? "Esc again stops" : !page.token ? "this page only watches" : link.armed === false ? "this page is of another start" : !link.socket ? "no connection: a press is tried" : stale ? "the link is silent" : link.armed === null ? "connecting" : page.recorded ? "acts on the live cell" : "not the emergency stop");
 }
 
 function drawPress() {
@@ -58,10 +58,12 @@ function drawPress() {
   const waited = ((performance.now() - made.at) / 1000).toFixed(1);
   if (made.state === "confirmed") { set("press-what", `✓ ${what} confirmed after ${made.took.toFixed(0)} ms`); set("press-words", made.words); }
   else if (made.state === "refused") { set("press-what", `${what} NOT CARRIED OUT`); set("press-words", `${made.words}.${emergency}`); }
-  else if (made.state === "lost") { set("press-what", `${what} NOT CONFIRMED`); set("press-words", `Given up after ${(made.took / 1000).toFixed(0)} s: it will not be carried out any more.${emergency}`); }
+  else if (made.state === "lost") { set("press-what", `${what} NOT CONFIRMED`); set("press-words", `Given up after ${(made.took / 1000).toFixed(0)} s: it will not be carried out any more. ${came(made)}${emergency}`); }
   else if (made.state === "accepted") { set("press-what", `${what} NOT CONFIRMED`); set("press-words", `The server has it since ${waited} s; the run has not answered.${emergency}`); }
-  else { set("press-what", `${what} NOT CONFIRMED`); set("press-words", `No answer for ${waited} s, tried ${made.tries} times, trying again.${emergency}`); }
+  else { set("press-what", `${what} NOT CONFIRMED`); set("press-words", `No answer for ${waited} s, tried ${made.tries} times, trying again. ${came(made)}${emergency}`); }
 }
+
+const came = (made) => (made.back ? `Came back: ${made.back}.` : "Nothing came back.");
 
 function drawStartBar() {
   const { start } = page.control;
