@@ -44,7 +44,6 @@ def judge(
     settings: Mapping[str, str | YamlScalar],
     cell: Path | None,
     texts: Mapping[str, str] | None = None,
-    before: Analysis | None = None,
 ) -> Judged:
     """Judge a tree, and the cell on which it shall run.
 
@@ -54,7 +53,6 @@ def judge(
         settings: parameters of the tree, and options of the cell for what the tree does not declare.
         cell: its file, or None when it is not known: a tree is then judged alone.
         texts: contents of files, by path, that are not to be read from the disk.
-        before: what is known of an older text of the tree (see `analyse`).
     """
     findings = Findings()
     file, interfaces = None, None
@@ -64,7 +62,7 @@ def judge(
         file = cell_files().judge(cell, findings, for_cell, texts or {})
         interfaces = None if file is None else file.interfaces()
     overrides = for_tree if cell is not None else {key: _text(value) for key, value in settings.items()}
-    analysis = analyse(document, registry, overrides=overrides, interfaces=interfaces, before=before)
+    analysis = analyse(document, registry, overrides=overrides, interfaces=interfaces)
     findings.extend(_placed(found, settings) for found in analysis.findings)
     said: dict[tuple[type[Skill], str], list[Problem]] = {}
     for use in uses_of_skills(analysis):

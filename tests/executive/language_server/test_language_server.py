@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import asyncio
-import gc
 import json
 import re
 import shutil
 import subprocess
 import sys
-import weakref
 from pathlib import Path
 from typing import Any
 
@@ -18,13 +16,11 @@ from lsprotocol import types as lsp
 from pygls.lsp.client import LanguageClient
 
 from pomona.executive.files import find_cell
-from pomona.executive.language.check_node import LayerCheck
 from pomona.executive.language.declared_skills import declared_skills
 from pomona.executive.language_server import service as service_module
 from pomona.executive.language_server.renaming import RenameRefused
 from pomona.executive.language_server.service import TreeService
 from pomona.executive.registry import Registry
-from pomona.executive.values import yaml_again, yaml_nodes
 from pomona.executive.values.findings import Spot
 
 TREE = """\
@@ -214,30 +210,6 @@ class TestALongFile:
         assert "score" in [offer.word for offer in opened.complete(len(lines) - 2, at + 5)]
         assert "a detection" in opened.hover(len(lines) - 2, at)
 
-    @pytest.mark.parametrize(
-        ("old", "new", "wrong", "most"),
-        [
-            ("retry: 2", "retry: 23", [], 4),
-            ("retry: 2\n", "retry: 2\n      timeout: 1 s\n", [], 6),
-            ("Detect", "Detct", ["unknown-skill"], 6),
-            ("score", "scor", ["unknown-field"], 4),
-            ('apple, detection: "{seen}"', "apple", [], 4),
-            ("tree: t", "tree: tt", [], 4),
-        ],
-    )
-    def test_of_a_changed_text_only_what_changed_is_parsed_and_checked(
-        self, opened, monkeypatch, old, new, wrong, most
-    ):
-        parsed, checked = [], []
-        parse, check = yaml_again.LOADER, LayerCheck.check
-        monkeypatch.setattr(yaml_again, "LOADER", lambda text: parsed.append(text) or parse(text))
-        monkeypatch.setattr(yaml_nodes, "LOADER", None)
-        monkeypatch.setattr(LayerCheck, "check", lambda at: checked.append(at.node.key.line) or check(at))
-        assert [finding.code for finding in opened.update(self.TEXT.replace(old, new, 1))] == wrong
-        (text,) = parsed
-        assert sum(":" in line and "0:" not in line for line in text.split("\n")) <= 4 + most
-        assert len(checked) <= most
-
 
 class Editor(LanguageClient):
     """A client that keeps what it is told."""
@@ -281,16 +253,6 @@ root:
   Detect: {fruit: "{kind}", detection: "{found}"}
 """
 CALLER = TREE[: TREE.index("  look:\n")] + "  look: {file: look.yaml}\n"
-
-
-def test_what_was_known_of_an_older_text_is_let_go_without_a_search_for_garbage(service):
-    older = weakref.ref(service.analysis.document.main.source)
-    gc.disable()
-    try:
-        service.update(TREE + "# a comment\n")
-        assert older() is None
-    finally:
-        gc.enable()
 
 
 def test_a_real_editor_speaks_with_the_command(tmp_path):

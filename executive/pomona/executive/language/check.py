@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from pomona.executive.language.check_node import NodeChecker
-from pomona.executive.language.checked_before import checked_before
 from pomona.executive.language.flow import Flow
 from pomona.executive.language.interface import InterfaceReader, PortDeclared
 from pomona.executive.language.model import Definition, Document, TreeNode
@@ -18,7 +17,7 @@ from pomona.executive.language.truth import Truth
 from pomona.executive.language.value_types import can_flow, describe
 from pomona.executive.language.values import static_type
 from pomona.executive.nodes.calls import SUBTREE
-from pomona.executive.nodes.ends import Names, Outcome
+from pomona.executive.nodes.ends import Names
 from pomona.executive.ports import Port
 from pomona.executive.registry import Registry
 from pomona.executive.values.findings import Finding, Findings, did_you_mean, few_hints
@@ -83,21 +82,13 @@ def analyse(
     *,
     overrides: Mapping[str, str] | Sequence[str] = (),
     interfaces: tuple[type, ...] | None = None,
-    before: Analysis | None = None,
 ) -> Analysis:
-    """Like `check`, with all that was learned on the way; `build` works from it.
-
-    Args:
-        before: of the older document from which nodes went over into this one: what it knows of them is taken over
-            where nothing can have changed it, and it is of no use any more.
-    """
-    return _Checker(document, skills, interfaces, before).run(overrides)
+    """Check a document and return everything that the check learned; `build` works from it."""
+    return _Checker(document, skills, interfaces).run(overrides)
 
 
 class _Checker:
-    def __init__(
-        self, document: Document, skills: Registry, devices: tuple[type, ...] | None, before: Analysis | None = None
-    ) -> None:
+    def __init__(self, document: Document, skills: Registry, devices: tuple[type, ...] | None) -> None:
         self.document, self.devices = document, devices
         self.findings = Findings()
         self.findings.extend(document.findings)
@@ -107,11 +98,8 @@ class _Checker:
             if name in skills.problems:
                 self.findings.error(package, "broken-skill", f"{name} cannot be used: {skills.problems[name]}")
         self.analysis = Analysis(document, skills=skills, devices=devices)
-        if before is not None and (before.skills is not skills or before.devices != devices):
-            before = None
-        self.before = before or Analysis(document)
         self.called: dict[int, Definition] = {}
-        self.outcomes = self.analysis.outcomes = Outcomes(skills, self.called, self.known_outcomes())
+        self.outcomes = self.analysis.outcomes = Outcomes(skills, self.called)
         self.readers: dict[int, InterfaceReader] = {}
         self.recursive = False
 
@@ -144,7 +132,6 @@ class _Checker:
         checker = NodeChecker(
             self.findings, self.skills, scope, self.document.types, self.called, self.outcomes,
             self.analysis.interfaces, self.analysis.resolved, self.devices,
-            checked_before(definition, self.before.scopes.values(), self.before.resolved),
         )  # fmt: skip
         if definition.root is None:
             return
@@ -156,11 +143,6 @@ class _Checker:
             if not named.read and name not in definition.outputs:
                 message = f"nobody reads '{name}', which {named.by} writes"
                 self.findings.warning(named.where, "unread", message)
-
-    def known_outcomes(self) -> Mapping[tuple[int, int], Outcome]:
-        """How nodes end that went over from an older text and call nobody."""
-        nodes = {node for scope in self.before.scopes.values() for node in scope.around}
-        return self.before.outcomes.among(nodes) if self.before.outcomes is not None else {}
 
     def declared_names(self, definition: Definition, scope: Scope) -> None:
         file = definition.file

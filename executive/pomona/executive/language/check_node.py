@@ -8,7 +8,6 @@ from dataclasses import dataclass, field
 from itertools import chain
 from typing import Any
 
-from pomona.executive.language.checked_before import CheckedBefore
 from pomona.executive.language.interface import PortDeclared
 from pomona.executive.language.literals import scalar_type
 from pomona.executive.language.model import Definition, TreeNode
@@ -42,10 +41,7 @@ class NodeChecker:
     interfaces: Mapping[int, PortDeclared]
     resolved: dict[tuple[int, str], Resolved]
     interfaces_of_cell: tuple[type, ...] | None
-    before: CheckedBefore
     named: dict[str, YamlScalar] = field(default_factory=dict)
-    calls: int = 0
-    """Calls that were checked of what is no skill, and may be another thing the next time."""
     moved: dict[str, tuple[type, ...]] = field(init=False)
     """What each skill moves, if it moves anything."""
 
@@ -67,18 +63,11 @@ class NodeChecker:
         for stage in Stage:
             for at in declaring:
                 at.layer.declare(at, stage)
-        self.before.compare(self.scope)
         self.node(root, Around())
 
     def node(self, node: TreeNode, around: Around) -> None:
-        """Check a node with all that is inside; one that can only be as it was is left as it is."""
-        if self.before.stays(node, around):
-            self.before.keep(node, self.scope, self.resolved)
-            return
-        found, calls = self.findings.told, self.calls
+        """Check a node and everything inside it."""
         self.layer(node, 0, around).check()
-        if (found, calls) == (self.findings.told, self.calls):
-            self.scope.around[id(node)] = around
 
     def layer(self, node: TreeNode, index: int, around: Around) -> LayerCheck:
         """A layer of a node, from the outside to the inside."""
@@ -315,7 +304,6 @@ class LayerCheck:
         if self.found.skill is not None:
             self.wires(self.found.skill.inputs, self.found.skill.outputs)
             return
-        self.whole.calls += 1
         if self.found.subtree is not None:
             interface = self.whole.interfaces[id(self.found.subtree)]
             self.wires(interface.inputs, interface.outputs)

@@ -80,12 +80,6 @@ class Document:
                     seen.add(id(definition))
                     yield definition
 
-    def discard(self) -> None:
-        """Part its files from their definitions, which refer to each other: then all of it goes with its last user."""
-        for file in self.files:
-            file.main = None
-            file.subtrees.clear()
-
     def called(self, node: TreeNode) -> Definition | None:
         """The subtree that a node calls."""
         return next((f.subtrees.get(node.key.text) for f in self.files if f.source is node.at.source), None)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,15 +20,9 @@ _ANYHOW = Outcome(frozenset({UNKNOWN}))
 class Outcomes:
     """Outcomes of nodes, looked up once each."""
 
-    def __init__(
-        self,
-        skills: Registry,
-        called: Mapping[int, Definition],
-        before: Mapping[tuple[int, int], Outcome] | None = None,
-    ) -> None:
-        """`called` maps the id of each subtree node to the definition that it calls; `before` has what is known."""
+    def __init__(self, skills: Registry, called: Mapping[int, Definition]) -> None:
+        """`called` maps the id of each subtree node to the definition that it calls."""
         self.called = called
-        self._before = before or {}
         self._known: dict[tuple[int, int], Outcome] = {}
         self._open: set[int] = set()
         self._skills = {name: Outcome(frozenset(skill.failures)) for name, skill in skills.items()}
@@ -41,16 +35,10 @@ class Outcomes:
         """Of a node without its outer modifiers."""
         key = (id(node), index)
         known = self._known.get(key)
-        if known is None and (known := self._before.get(key)) is not None:
-            self._known[key] = known
         if known is None:
             at, layer = LayerOutcome(self, node, index), node.layers[index]
             known = self._known[key] = layer.outcome(at) if layer.needed(at) else at.inside()
         return known
-
-    def among(self, nodes: Container[int]) -> dict[tuple[int, int], Outcome]:
-        """Those of nodes with these ids."""
-        return {key: outcome for key, outcome in self._known.items() if key[0] in nodes}
 
     def of_skill(self, name: str) -> Outcome:
         """Of a skill, if there is one of this name."""

@@ -7,13 +7,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from pomona.executive.language.expression import SPECIAL
-from pomona.executive.language.model import Declared, Definition, Document, TreeFile, TreeNode
+from pomona.executive.language.model import Declared, Definition, Document, TreeFile
 from pomona.executive.language.read_node import NodeReader, is_word
 from pomona.executive.nodes.catalogue import NodeTypes
 from pomona.executive.values.findings import Finding, Findings, Source, few_hints
 from pomona.executive.values.plain_text import read_plain_text
 from pomona.executive.values.shape import ShapeCheck
-from pomona.executive.values.yaml_again import read_again
 from pomona.executive.values.yaml_nodes import YamlList, YamlMapping, YamlNode, YamlScalar, read_yaml
 
 VERSION = "1"
@@ -32,7 +31,6 @@ def read(
     tree_folders: Sequence[Path] = (),
     texts: Mapping[str, str] | None = None,
     types: NodeTypes | None = None,
-    before: Document | None = None,
 ) -> Document:
     """The document of a tree file's text. Raises nothing: what is wrong is in its findings.
 
@@ -42,10 +40,8 @@ def read(
         tree_folders: folders of installed trees, in which called files are looked for as well.
         texts: contents of called files, by the path that findings show, that are not to be read from the disk.
         types: the words of the language; all that are installed when it is left out.
-        before: of an older text of the file: nodes whose lines are as they were go over from it into the new document,
-            and the older one is of no use any more.
     """
-    return _Reader(tree_folders, texts or {}, types or NodeTypes.installed(), before).document(text, Path(path))
+    return _Reader(tree_folders, texts or {}, types or NodeTypes.installed()).document(text, Path(path))
 
 
 def read_file(path: str | Path, *, tree_folders: Sequence[Path] = ()) -> Document:
@@ -79,11 +75,9 @@ class _Reader:
         tree_folders: Sequence[Path],
         texts: Mapping[str, str],
         types: NodeTypes,
-        before: Document | None = None,
     ) -> None:
         self.findings = Findings()
-        self.texts, self.types, self.before = texts, types, before
-        self.known: dict[int, TreeNode] = {}
+        self.texts, self.types = texts, types
         self.folders = [folder.resolve() for folder in tree_folders]
         self.files: dict[Path, TreeFile] = {}
 
@@ -96,7 +90,7 @@ class _Reader:
     def file(self, text: str, shown: str, resolved: Path) -> TreeFile:
         source = Source(shown, text)
         file = self.files[resolved] = TreeFile(source)
-        root = self.nodes_again(source) or read_yaml(source, self.findings)
+        root = read_yaml(source, self.findings)
         if root is None:
             return file
         shape = ShapeCheck(self.findings)
@@ -136,20 +130,8 @@ class _Reader:
                     subtree.root = self.nodes(file).node(written)
         return file
 
-    def nodes_again(self, source: Source) -> YamlNode | None:
-        """The nodes of the text that is read again, without parsing all of it; None when that cannot be."""
-        before = self.before
-        if before is None or before.path != source.path or before.main.top is None or before.types is not self.types:
-            return None
-        wrong = [finding.line for finding in before.findings if finding.path == source.path]
-        known = {id(n.at): n for d in before.definitions() if d.root is not None for n in d.root.walk()}
-        root = read_again(source, self.findings, before.main.top, wrong)
-        if root is not None:
-            self.known = known
-        return root
-
     def nodes(self, file: TreeFile) -> NodeReader:
-        return NodeReader(self.findings, file, self.types, self.known)
+        return NodeReader(self.findings, file, self.types)
 
     def version(self, top: YamlMapping) -> None:
         version = top.get("pomona")

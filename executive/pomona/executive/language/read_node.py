@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
 
 from pomona.executive.language.model import Entry, TreeFile, TreeNode
 from pomona.executive.nodes.calls import SKILL, SUBTREE
@@ -24,13 +23,10 @@ class NodeReader:
         findings: get what is wrong.
         file: of the nodes.
         types: the words of the language.
-        before: nodes of an older text by the id of what is written for them, which may stand in this one as they are.
     """
 
-    def __init__(
-        self, findings: Findings, file: TreeFile, types: NodeTypes, before: Mapping[int, TreeNode] | None = None
-    ) -> None:
-        self.findings, self.file, self.types, self.before = findings, file, types, before or {}
+    def __init__(self, findings: Findings, file: TreeFile, types: NodeTypes) -> None:
+        self.findings, self.file, self.types = findings, file, types
         self.known = dict(types)
         self.shape = ShapeCheck(findings)
         self.commented: set[int] = set()
@@ -45,10 +41,6 @@ class NodeReader:
                 hint = f"write '{written.text}: {{}}'" if _SKILL.fullmatch(written.text) else "write 'Skill: {port: …}'"
             self.findings.error(written, "shape", f"a node is a mapping, this is {shape_of(written)}", hint)
             return None
-        known = self.before.get(id(written))
-        if known is not None and all(node.at.source is self.file.source for node in known.walk()):
-            known.comment = self.comment(written.line)
-            return known
         entry = self.type_of(written)
         if entry is None:
             return None

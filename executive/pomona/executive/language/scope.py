@@ -9,7 +9,6 @@ from typing import Any, Literal, NamedTuple
 from pomona.executive.language.expression import Expression
 from pomona.executive.language.model import Definition, TreeNode
 from pomona.executive.language.value_types import ValueType
-from pomona.executive.nodes.surroundings import Around
 from pomona.executive.skill import Skill
 from pomona.executive.values.findings import Located
 from pomona.executive.values.yaml_nodes import YamlNode
@@ -93,15 +92,12 @@ class Scope:
     Attributes:
         definition: whose names.
         names: what each means.
-        around: nodes in which nothing is wrong that a check of themselves finds, by id, with what surrounds them; none
-            that calls a subtree.
         looks: whether a node looks at a condition.
         renamed_failures: failure codes of the version before, with what each is called now.
     """
 
     definition: Definition
     names: dict[str, Named] = field(default_factory=dict)
-    around: dict[int, Around] = field(default_factory=dict)
     looks: bool = False
     renamed_failures: Mapping[str, str] = field(default_factory=dict)
 

@@ -99,23 +99,17 @@ class TreeService:
         if not is_tree(text):
             self.analysis = None
             return []
-        older = [self.document, None if self.analysis is None else self.analysis.document]
-        document = read(
-            text, str(self.path), tree_folders=[installed_trees()], texts=self.others(), before=self.document
-        )
+        document = read(text, str(self.path), tree_folders=[installed_trees()], texts=self.others())
         self.document = document if document.main.top is not None else self.document
         if self.cell is None:
-            analysis = analyse(document, self.skills, before=self.analysis)
+            analysis = analyse(document, self.skills)
             findings = analysis.findings
         else:
-            judged = judge(document, self.skills, {}, self.cell, before=self.analysis)
+            judged = judge(document, self.skills, {}, self.cell)
             findings, self.cell_file = judged.findings.sorted(), judged.cell or self.cell_file
             analysis = judged.analysis
         if document.main.main is not None and document.main.main.root is not None:
             self.analysis = analysis
-        for given_up in older:
-            if given_up is not None and given_up not in (self.document, self.analysis and self.analysis.document):
-                given_up.discard()
         return [finding for finding in findings if finding.path == str(self.path)]
 
     def calls(self, path: Path) -> bool:

@@ -122,8 +122,6 @@ class Findings:
 
     def __init__(self) -> None:
         self._found: dict[tuple[str, int, int, str, str], Finding] = {}
-        self.told = 0
-        """How often something was wrong; the same counts each time."""
 
     def error(self, where: Located, code: str, message: str, hint: str = "") -> None:
         """Report what keeps the file from being used."""
@@ -135,7 +133,6 @@ class Findings:
 
     def add(self, finding: Finding) -> None:
         """Keep a finding, once."""
-        self.told += 1
         key = (finding.path, finding.line, finding.column, finding.code, finding.message)
         self._found.setdefault(key, finding)
 
