@@ -21,6 +21,10 @@ import numpy as np
 
 from benchmarks.fault_table import Case, CaseVerdict
 from benchmarks.strands import use_strands
+from pomona.drivers.cell import Cell
+from pomona.drivers.cell_file import read_cell_file
+from pomona.drivers.device import ConnectContext
+from pomona.drivers.emulators.virtual_world import VirtualWorld
 from pomona.drivers.faults import FaultPlan, PlannedFault
 from pomona.drivers.interfaces import Arm, Gripper
 from pomona.drivers.sim.world import SimWorld
@@ -56,6 +60,8 @@ RECOVERS = 5.0
 """Wires are opened again, with their handshakes, within this time [s]."""
 ACTS, RESUMES = 0.25, 1.5
 """The operator acts so long after the phase's node has begun, and resumes a pause after so long [s]."""
+PRESSED = 0.3
+"""A fruit that both pads press with more is held [N]."""
 HUNG = 0.05
 """A fruit this far above where it stood hangs [m]."""
 LIES = 0.02
@@ -140,6 +146,11 @@ class CaseWatcher:
         """Of the arm's fastest joint [rad/s]."""
         return float(np.abs(self.world.state.qvel[self._qvel]).max())
 
+    @property
+    def forces(self) -> list[float]:
+        """Of the contacts of both pads [N]."""
+        return [float(np.linalg.norm(view[:3])) for view in self._wrenches]
+
     def on_event(self, event: Event) -> None:
         """Phases begin with their nodes; the end is noted on the world's clock."""
         self.events.append(event)
@@ -163,15 +174,17 @@ class CaseWatcher:
             getattr(self.runner, self._operator_at.pop(0)[1])("fault matrix")
         if now >= self._killed_at:
             self._killed_at, self.shows_at = np.inf, now
+            if isinstance(self.cell.devices["world"], VirtualWorld):
+                self.cell.devices["world"].hang_up()
             raise Killed("the executive was killed")
-        forces = [float(np.linalg.norm(view[:3])) for view in self._wrenches]
+        forces = self.forces
         self.peak = max(self.peak, sum(forces))
         width = 2.0 * float(state.qpos[self._finger])
         if self.case is not None and self._plan is not None:
             before = self.injected
             self._turn(now)
             if self.injected and not before:
-                self.width_held = width if min(forces) > 0.3 else None
+                self.width_held = width if min(forces) > PRESSED else None
         if not np.isnan(self.safe_at):
             if self.width_held is not None:
                 self.widest = max(self.widest, width)
@@ -245,11 +258,18 @@ def judge_afterwards(watcher: CaseWatcher, verdict: CaseVerdict) -> None:
 
 
 def recover(watcher: CaseWatcher, verdict: CaseVerdict, seed: int) -> None:
-    """The next run: `trees/recover.yaml` on the cell as it was left puts down what is held and brings the arm home."""
+    """The next run: `trees/recover.yaml` on the cell as it was left puts down what is held and brings the arm home.
+
+    On the emulated cell its drivers connect anew.
+    """
     cell, wrong = watcher.cell, verdict.wrong
     take_over(cell.device(Gripper))  # the control of the grip has died with its process
     cell.clock.advance(AFTERWARDS)
+    if isinstance(cell.devices["world"], VirtualWorld):
+        cell = connect_anew(cell.name, cell.devices["world"], seed)
     cell.acknowledge()
+    if min(watcher.forces) > PRESSED and not cell.in_hand():
+        wrong.append("the hand counts as empty although the fruit is held")
     registry, document = Registry.installed(), read_document(find_tree("recover"))
     settings = {"release": "true"}
     runner = Runner(
@@ -270,6 +290,19 @@ def recover(watcher: CaseWatcher, verdict: CaseVerdict, seed: int) -> None:
         wrong.append(f"the fruit is {1e3 * height:.0f} mm above where it stood")
     if away > HOME:
         wrong.append(f"the arm is {np.degrees(away):.1f}° from home")
+    if cell.in_hand():
+        wrong.append(f"the next run is refused: {cell.in_hand()}")
+
+
+def connect_anew(name: str, world: VirtualWorld, seed: int) -> Cell:
+    """What the next process does: connect the drivers to the devices as they were left."""
+    file = read_cell_file(find_cell(name), SETTINGS)
+    context = ConnectContext(file.path, world.clock, seed, file.workspace, {"world": world})
+    world.enter(context)
+    for name, settings in file.section.devices.items():
+        context.devices[name] = settings.driver(settings, context)
+        context.devices[name].name = name
+    return Cell(file.name, file.kind, world.clock, context.devices, file.workspace, world)
 
 
 def _acknowledge(cell: Any) -> str:

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from pomona.drivers.errors import DeviceLost
-from pomona.drivers.hold_watch import GIVE, HoldWatch
-from pomona.drivers.interfaces import GripperState
+from pomona.drivers.hand_memory import HandMemory, HandRecord
+from pomona.drivers.hold_watch import GIVE, HELD_FORCE, MOTOR_FORCE, NO_ROOM, STOOD, HoldWatch, may_hold
+from pomona.drivers.interfaces import GripperLimits, GripperState
 from pomona.drivers.mock import MockClock, MockForceSensor, MockGripper
 
 HELD_AT = 0.087
@@ -81,3 +82,94 @@ def test_without_a_gripper_that_answers_only_the_force_tells(
 def test_fingers_that_have_said_nothing_feel_nothing(clock: MockClock, gripper: MockGripper) -> None:
     assert HoldWatch(None, MockForceSensor(clock), gripper).in_hand() is None
     assert HoldWatch(None, None, gripper).in_hand() is None
+
+
+# --------------------------------------------------------------------- from one connection to the next
+
+LIMITS = GripperLimits(width_min=0.035, width_max=0.103, speed_max=0.2, force_max=20.0)
+LATER = "and stood at 80.0 mm when the hand was last known"
+EMPTY, HELD = HandRecord("", 0.08), HandRecord(SURE, 0.08)
+
+
+def doubt(width: float, last: HandRecord | None, force: float | None = 0.0, **state: object) -> str:
+    return may_hold(GripperState(0.0, width, 0.0, False, **state), LIMITS, last, force)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("force", [0.0, None, 0.9 * HELD_FORCE])
+def test_fingers_that_stand_where_they_were_known_to_be_empty_hold_nothing(force: float | None) -> None:
+    assert doubt(0.08 + 0.9 * STOOD, EMPTY, force) == ""
+    assert doubt(0.05, HandRecord("", None), force) == ""  # the hand of a new simulated world
+
+
+@pytest.mark.parametrize("width", [0.035, 0.035 + NO_ROOM, 0.103 - NO_ROOM, 0.103])
+def test_fingers_at_an_end_of_their_travel_hold_nothing_whatever_was_known_and_is_felt(width: float) -> None:
+    assert [doubt(width, last, 9.0) for last in (None, EMPTY, HELD)] == ["", "", ""]
+
+
+@pytest.mark.parametrize(
+    ("why", "words"),
+    [
+        (doubt(0.08, None), "the fingers stand at 80.0 mm, and the last state of the hand is unknown"),
+        (doubt(0.08, HELD), "the fingers stand at 80.0 mm, where they may hold something"),
+        (doubt(0.08 + 0.9 * GIVE, HELD), "the fingers stand at 89.0 mm, where they may hold something"),
+        (doubt(0.08 + 1.1 * GIVE, HELD), f"the fingers stand at 91.0 mm, {LATER}"),
+        (doubt(0.07, EMPTY), f"the fingers stand at 70.0 mm, {LATER}"),
+        (doubt(float("nan"), EMPTY), f"the fingers stand at nan mm, {LATER}"),
+        (doubt(0.08, EMPTY, 1.4), "each finger presses with 1.4 N or more, measured from the last bias"),
+        (doubt(0.08, EMPTY, motor_force=1.1 * MOTOR_FORCE), "the gripper's motor presses with 1.1 N"),
+        (doubt(0.103, EMPTY, motor_force=3.0), "the gripper's motor presses with 3.0 N"),
+        (doubt(0.035, EMPTY, referenced=False), "the gripper has no reference, so its opening is unknown"),
+    ],
+)  # fmt: skip
+def test_a_doubt_about_the_hand_names_what_it_comes_from(why: str, words: str) -> None:
+    assert why == words
+
+
+def connect(
+    clock: MockClock, memory: HandMemory, width: float, force: float
+) -> tuple[HoldWatch, MockGripper, MockForceSensor]:
+    gripper, fingers = MockGripper(clock, width), MockForceSensor(clock)
+    wrenches = np.zeros((2, 6))
+    wrenches[:, 2] = -force
+    fingers.feel = lambda _now: wrenches
+    clock.advance(0.01)
+    return HoldWatch(None, fingers, gripper, memory), gripper, fingers
+
+
+def test_a_fruit_that_was_tared_away_still_counts_as_possibly_held_until_the_fingers_open(clock: MockClock) -> None:
+    memory = HandMemory(None, HELD)
+    watch, gripper, _ = connect(clock, memory, 0.079, 0.0)
+    words = "something may be between the fingers: the fingers stand at 79.0 mm, where they may hold something"
+    assert [watch.in_hand(), watch.in_hand()] == [words, words]
+    again, _, _ = connect(clock, memory, 0.079, 0.0)
+    assert again.in_hand() == words
+    gripper.width = 0.095
+    assert watch.in_hand() == NOTHING
+    last, _, _ = connect(clock, memory, 0.095, 0.0)
+    assert last.in_hand() == NOTHING
+
+
+def test_the_state_of_the_hand_is_kept_when_it_changes_and_when_the_fingers_stand_elsewhere(clock: MockClock) -> None:
+    memory = HandMemory(None, HandRecord("", 0.1))
+    watch, gripper, fingers = connect(clock, memory, 0.1, 0.0)
+    assert watch.in_hand() == NOTHING
+    motion = gripper.move(0.08, 0.1)
+    clock.advance(0.05)
+    watch.in_hand()
+    assert not motion.settled
+    assert memory.record == HandRecord("", 0.1)  # a process that is killed now leaves the hand unknown
+    clock.advance(1.0)
+    watch.in_hand()
+    assert memory.record == HandRecord("", pytest.approx(0.08))
+    pressed = np.zeros((2, 6))
+    pressed[:, 2] = -1.4
+    fingers.feel = lambda _now: pressed
+    clock.advance(0.01)
+    assert watch.in_hand() == SURE
+    assert memory.record == HandRecord(SURE, pytest.approx(0.08))
+
+
+def test_a_hand_that_is_not_remembered_is_judged_by_force_alone_at_first(clock: MockClock) -> None:
+    gripper, fingers = MockGripper(clock, 0.08), MockForceSensor(clock)
+    clock.advance(0.01)
+    assert HoldWatch(None, fingers, gripper).in_hand() == NOTHING

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from py_trees.common import Status
 
+from pomona.drivers.interfaces import Hand
 from pomona.executive.skill_testing import drive
 from pomona.skills.release import Release
 from tests.skills.overhead import comes_near, watched
@@ -55,6 +56,21 @@ def test_empty_fingers_have_nothing_to_release():
     scene.clock.advance(0.01)
     assert drive(Release(), {}, scene.devices, clock=scene.clock).reason.code == "NOT_HELD"
     assert scene.arm.followed == []
+
+
+class Doubt:
+    def in_hand(self) -> str:
+        return "something may be between the fingers: the fingers stand at 80.0 mm, where they may hold something"
+
+
+def test_fingers_that_feel_nothing_but_may_hold_something_are_not_called_empty_and_nothing_moves():
+    scene = PickingScene(q=a_grasp().q_pre_grasp[0].copy(), width=0.08)
+    scene.clock.advance(0.01)
+    outcome = drive(Release(), {}, {**scene.devices, Hand: Doubt()}, clock=scene.clock)
+    assert outcome.reason.code == "HAND_UNCLEAR"
+    assert "80.0 mm, where they may hold something; it cannot be put down" in outcome.reason.message
+    assert scene.arm.followed == []
+    assert scene.gripper.moves == []
 
 
 def test_it_first_goes_to_the_pose_it_is_given():

@@ -24,7 +24,7 @@ from pomona.drivers.errors import CellFileError, DeviceFault, DriverError
 from pomona.drivers.estimate import estimate_errors
 from pomona.drivers.faults import FaultSwitch
 from pomona.drivers.hold_watch import HoldWatch
-from pomona.drivers.interfaces import Arm, Camera, Cameras, ForceSensor, Gripper, Workspace
+from pomona.drivers.interfaces import Arm, Camera, Cameras, ForceSensor, Gripper, Hand, Workspace
 from pomona.drivers.readings import Readings
 from pomona.executive.clock import Clock, ManualClock, SystemClock
 from pomona.executive.values.documents import Outline, with_includes
@@ -62,7 +62,9 @@ class Cell:
         self._latched: str | None = None
         self._lock = threading.Lock()
         self._paused = False
-        self._watch = HoldWatch(self._find(Arm), self._find(ForceSensor), self._find(Gripper))
+        fingers = self._find(ForceSensor)
+        memory = None if fingers is None else fingers.hand_memory
+        self._watch = HoldWatch(self._find(Arm), fingers, self._find(Gripper), memory)
         self._readings: Readings | None = None
 
     @property
@@ -279,6 +281,8 @@ class Cell:
     def _find(self, interface: type) -> Any:
         if interface is Workspace:
             return self.workspace
+        if interface is Hand:
+            return self._watch
         if interface is Cameras:
             seeing: Any = [device for device in self.devices.values() if Camera in device.interfaces]
             return Cameras(tuple(seeing))

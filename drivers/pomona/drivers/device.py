@@ -7,11 +7,12 @@ suit a device that cannot move.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol, TypeVar, runtime_checkable
 
+from pomona.drivers.hand_memory import HandMemory, memory_of
 from pomona.drivers.interfaces import Arm, Camera, ForceSensor, Gripper, Workspace
 from pomona.executive.clock import Clock
 
@@ -29,6 +30,8 @@ class Device:
     """Whether it moves something that keeps moving without this process. Its cell must then be declared real or
     emulated: what is checked before a run depends on that."""
     distrusted = ""
+    hand_memory: HandMemory | None = None
+    """Of fingers that measure from a bias: where the last one and the last state of the hand are kept."""
     outside_stop: tuple[str, tuple[Any, ...]] | None = None
     """How another process stops the device when this one is gone: the function `module:name` and its arguments."""
 
@@ -119,6 +122,7 @@ class ConnectContext:
         workspace: what the cell file says about the surroundings, or None.
         devices: connected so far, by name; a cell file lists what others build on first.
         wires: for addresses and ports at which this process itself emulates a device, how to connect.
+        hand: memory of an emulated world's hand; None where the hand is real.
     """
 
     cell: Path
@@ -127,6 +131,11 @@ class ConnectContext:
     workspace: Workspace | None = None
     devices: dict[str, Device] = field(default_factory=dict)
     wires: dict[str, Callable[[], Link]] = field(default_factory=dict)
+    hand: HandMemory | None = None
+
+    def hand_memory(self, wires: Iterable[str]) -> HandMemory:
+        """Return what is known of the hand at the end of these wires."""
+        return memory_of(wires) if self.hand is None else self.hand
 
     def find(self, interface: type[T]) -> T | None:
         """The device connected before with this interface or of this class, or None."""

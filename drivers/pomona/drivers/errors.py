@@ -6,6 +6,7 @@ DriverError
 ├── UnusableRobotFile   the robot's description cannot be used
 └── DeviceError         a device refused or failed; carries the device's name
     ├── MotionRefused   nothing has moved
+    ├── NoBias          fingers cannot be calibrated: something may be between them
     ├── DeviceLost      no answer, or the stream went stale
     └── DeviceFault     the device reports a fault of its own, or what it does cannot be right
         └── StopFailed  it was told to stop, and refused or goes on
@@ -68,6 +69,18 @@ class DeviceError(DriverError):
 
 class MotionRefused(DeviceError):
     """A motion that was not started."""
+
+
+class NoBias(DeviceError):
+    """No bias is taken of fingers that may hold something; `held` is why they may."""
+
+    def __init__(self, device: str, held: str) -> None:
+        self.held = held
+        super().__init__(
+            device,
+            f"no bias can be taken, since something may be between the fingers: {held}. Take it out, open the gripper "
+            "fully with its own interface, and connect again",
+        )
 
 
 class DeviceLost(DeviceError):

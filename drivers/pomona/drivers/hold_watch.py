@@ -1,11 +1,18 @@
-"""What must still be true when a paused cell goes on: the arm where it stopped, the fruit still between the fingers."""
+"""State of the hand: whether something is between the fingers, by force, width and what was last known.
+
+`may_hold` decides it before the fingers are calibrated; `HoldWatch` follows it while a cell is connected, keeps it for
+the next connection, and compares arm and grip after a pause.
+"""
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 
 from pomona.drivers.errors import DeviceError, DeviceFault
-from pomona.drivers.interfaces import Arm, ForceSensor, Gripper
+from pomona.drivers.hand_memory import HandMemory, HandRecord
+from pomona.drivers.interfaces import Arm, ForceSensor, Gripper, GripperLimits, GripperState
 from pomona.executive.values.arrays import Float64
 
 MOVED = 0.01
@@ -15,17 +22,66 @@ HELD_FORCE, LOST_FORCE = 0.5, 0.2
 GIVE = 0.01
 """Fingers that open or close by more than this have let go of what they held, or lost it [m]: what skin and pads give
 at 14 N, where they give 1.5 N/mm."""
+NO_ROOM = 2e-3
+"""Fingers this near to either end of their travel hold nothing [m]: no fruit is so thin, and none was gripped by so
+short a motion."""
+STOOD = 1e-3
+"""Fingers whose width has changed by less than this have not been moved [m]; an encoder repeats to 0.1 mm."""
+MOTOR_FORCE = 1.0
+"""Grasp force by the motor's current from which it presses on something [N]: two of its steps, a WSG's friction."""
+HARDLY = "something was held, and is hardly felt now"
+
+
+def _has_room(width: float, limits: GripperLimits) -> bool:
+    """Return True at an opening [m] at which fingers can hold something, and for one that is not finite."""
+    return not (width <= limits.width_min + NO_ROOM or width >= limits.width_max - NO_ROOM)
+
+
+def may_hold(state: GripperState, limits: GripperLimits, last: HandRecord | None, force: float | None) -> str:
+    """Return why something may be between the fingers; empty when nothing can be.
+
+    Args:
+        state: of the gripper, at rest.
+        limits: of the gripper.
+        last: last known state of the hand; None when nothing is known.
+        force: smaller of both fingers' pressing forces, measured from the last known bias [N]; None without one.
+    """
+    if not state.referenced:
+        return "the gripper has no reference, so its opening is unknown"
+    if state.motor_force is not None and state.motor_force > MOTOR_FORCE:
+        return f"the gripper's motor presses with {state.motor_force:.1f} N"
+    if not _has_room(state.width, limits):
+        return ""
+    if force is not None and force > HELD_FORCE:
+        return f"each finger presses with {force:.1f} N or more, measured from the last bias"
+    here = f"the fingers stand at {1e3 * state.width:.1f} mm"
+    if last is None:
+        return f"{here}, and the last state of the hand is unknown"
+    if last.width is not None and not abs(state.width - last.width) <= (GIVE if last.held else STOOD):
+        return f"{here}, and stood at {1e3 * last.width:.1f} mm when the hand was last known"
+    return f"{here}, where they may hold something" if last.held else ""
 
 
 class HoldWatch:
-    """Notes arm and grip once they are at rest, and compares before motion goes on."""
+    """Follows the state of the hand, notes arm and grip at rest, and compares before motion goes on."""
 
-    def __init__(self, arm: Arm | None, fingers: ForceSensor | None, gripper: Gripper | None) -> None:
-        self._arm, self._fingers, self._gripper = arm, fingers, gripper
+    def __init__(
+        self,
+        arm: Arm | None,
+        fingers: ForceSensor | None,
+        gripper: Gripper | None,
+        memory: HandMemory | None = None,
+    ) -> None:
+        """
+        Args:
+            memory: what was known of the hand before this connection; kept up to date.
+        """
+        self._arm, self._fingers, self._gripper, self._memory = arm, fingers, gripper, memory
         self._q: Float64 | None = None
         self._force: float | None = None
-        self._hand = ""
+        self._hand, self._unfelt = "", HARDLY
         self._held_at: float | None = None
+        self._begun = False
 
     def forget(self) -> None:
         """Nothing is remembered any more."""
@@ -54,26 +110,51 @@ class HoldWatch:
             raise DeviceFault("fingers", f"the fruit that was held with {self._force:.1f} N is gone ({now})")
 
     def in_hand(self) -> str | None:
-        """What is felt between the fingers, as a sentence; empty for nothing, None when nobody feels anything.
+        """What is between the fingers, as a sentence; empty for nothing, None when nothing measures it.
 
-        Fingers that press less than can be felt, and stand where they held something, may hold it still: friction is
-        felt with less.
+        Force and opening decide together. Fingers that press less than can be felt, and stand where they held
+        something, may hold it still: friction is felt with less, and a bias may have been taken while they pressed.
         """
-        force = self._least_force()
+        force, gripper = self._least_force(), self._state()
         if force is None:
             return None
-        width = self._width()
+        if gripper is not None and not self._begun:
+            self._begin(gripper, force)
+        width = None if gripper is None else gripper.width
         if force > HELD_FORCE:
-            self._hand, self._held_at = "something is between the fingers", width
+            self._hand, self._unfelt, self._held_at = "something is between the fingers", HARDLY, width
         elif force < LOST_FORCE and self._hand:
             away = width is None or self._held_at is None or abs(width - self._held_at) > GIVE
-            self._hand = "" if away else "something was held, and is hardly felt now"
+            self._hand = "" if away else self._unfelt
+        if gripper is not None:
+            self._keep(gripper)
         return self._hand
 
-    def _width(self) -> float | None:
-        """Between the fingers [m]; None when nobody knows."""
+    def _begin(self, gripper: GripperState, force: float) -> None:
+        """Go on with what was known of the hand before this connection."""
+        self._begun = True
+        if self._memory is None or self._gripper is None:
+            return
+        last = self._memory.record
+        why = may_hold(gripper, self._gripper.limits, last, force)
+        if why:
+            self._hand = self._unfelt = f"something may be between the fingers: {why}"
+            self._held_at = last.width if last is not None and last.held else gripper.width
+
+    def _keep(self, gripper: GripperState) -> None:
+        """Keep a new state of the hand at once, and a new opening as soon as the fingers stand."""
+        if self._memory is None or not math.isfinite(gripper.width):
+            return
+        last = self._memory.record
+        same = last is not None and last.held == self._hand
+        stood = same and last is not None and last.width is not None and abs(gripper.width - last.width) <= STOOD
+        if not same or (not stood and not gripper.moving):
+            self._memory.keep_hand(self._hand, gripper.width)
+
+    def _state(self) -> GripperState | None:
+        """Of the gripper; None when it is lost, or there is none."""
         try:
-            return None if self._gripper is None else self._gripper.state().width
+            return None if self._gripper is None else self._gripper.state()
         except DeviceError:
             return None
 

@@ -280,6 +280,7 @@ class GripperState:
         moving: a move or a speed is under way.
         motor_force: estimated from the motor's current, both fingers together, negative pushes outwards [N]; rough.
             None where the gripper does not report it. A cross-check for force sensors that read nothing.
+        referenced: False while the gripper has not found its reference, and `width` means nothing.
     """
 
     stamp: float
@@ -287,6 +288,7 @@ class GripperState:
     speed: float
     moving: bool
     motor_force: float | None = None
+    referenced: bool = True
 
 
 @runtime_checkable
@@ -370,6 +372,18 @@ class ForceSensor(Protocol):
 
         For code that compares the samples with other signals. The first reason stays. May be called from any thread.
         """
+        ...
+
+
+# ------------------------------------------------------------------------------------------------------ hand
+
+
+@runtime_checkable
+class Hand(Protocol):
+    """State of the hand, which a cell with fingers follows from its connection on."""
+
+    def in_hand(self) -> str | None:
+        """What is between the fingers, as a sentence; empty for nothing, None when nothing measures it."""
         ...
 
 

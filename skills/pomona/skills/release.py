@@ -7,7 +7,7 @@ from typing import Annotated, Any, ClassVar
 
 import numpy as np
 
-from pomona.drivers.interfaces import Arm, ForceSensor, Gripper, Workspace
+from pomona.drivers.interfaces import Arm, ForceSensor, Gripper, Hand, Workspace
 from pomona.executive.ports import ANGLE, FORCE, LENGTH, SPEED, Angle, Force, Length, Port, Speed
 from pomona.executive.skill import CellFacts, Work
 from pomona.executive.values.arrays import Float64
@@ -25,6 +25,7 @@ from pomona.skills.shared.grip_view import show_grip
 from pomona.skills.shared.live_watch import prepare_watch
 from pomona.skills.shared.moving import POSE_FAILURES, move_to_pose
 from pomona.skills.shared.named_pose import judge_pose, offered_poses
+from pomona.skills.shared.optional import found_device
 from pomona.skills.shared.touch import HELD_FORCE, Touch, load, pressing_forces, something_between
 from pomona.skills.shared.usable_map import usable_field
 from pomona.skills.shared.warm_motion import prepare_planning
@@ -65,7 +66,7 @@ class Release(MovingSkill):
 
     devices = (Arm, Gripper, ForceSensor, Workspace)
     moves = (Arm, Gripper)
-    failures = (*MOTION_FAILURES, *POSE_FAILURES, "NOT_HELD", "LOST", "NO_CONTACT", "LOWERING_BLOCKED")
+    failures = (*MOTION_FAILURES, *POSE_FAILURES, "NOT_HELD", "HAND_UNCLEAR", "LOST", "NO_CONTACT", "LOWERING_BLOCKED")
     renamed_failures: ClassVar = {"NO_WAY_DOWN": "LOWERING_BLOCKED"}
 
     @classmethod
@@ -109,7 +110,7 @@ class Release(MovingSkill):
         ),
     ) -> Work[None]:
         if not self._held():
-            raise self.failure("NOT_HELD", "there is nothing between the fingers to put down")
+            raise self._not_held()
         if into is not None:
             yield from move_to_pose(self, into, variation, map, grasp, clearance, upright=upright)
         gripper, before = self.device(Gripper), self._tcp()[2, 3]
@@ -120,6 +121,14 @@ class Release(MovingSkill):
         yield from self.move_fingers(width, min(OPENING_SPEED, gripper.limits.speed_max))
         yield from self._along(self._vertical(before - self._tcp()[2, 3]), fast, None, RISING, RISING_JERK)
         return None
+
+    def _not_held(self) -> Exception:
+        """Nothing is felt: the state of the hand decides whether that means that nothing is there."""
+        hand = None if current_hold(self.device(Gripper)) is not None else found_device(self, Hand)
+        held = None if hand is None else hand.in_hand()
+        if held:
+            return self.failure("HAND_UNCLEAR", f"{held}; it cannot be put down, since no contact would be felt")
+        return self.failure("NOT_HELD", "there is nothing between the fingers to put down")
 
     def _held(self) -> bool:
         hold = current_hold(self.device(Gripper))

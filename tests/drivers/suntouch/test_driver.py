@@ -12,8 +12,11 @@ import pytest
 
 from pomona.drivers.emulators.server import PtyPort, Server
 from pomona.drivers.emulators.suntouch import SunTouchEmulator
-from pomona.drivers.errors import DeviceFault, DeviceLost
-from pomona.drivers.interfaces import WrenchSample
+from pomona.drivers.errors import DeviceFault, DeviceLost, NoBias
+from pomona.drivers.hand_memory import HandMemory, HandRecord
+from pomona.drivers.interfaces import Gripper, WrenchSample
+from pomona.drivers.mock import MockClock, MockGripper
+from pomona.drivers.streams import Belief
 from pomona.drivers.suntouch.calibration import FingerCalibration
 from pomona.drivers.suntouch.driver import RECONNECT, SunTouchFingers
 from pomona.drivers.suntouch.finger import Finger
@@ -79,10 +82,21 @@ class Rig:
     def __init__(self) -> None:
         self.clock = ManualClock(10.0)
         self.left, self.right = Line(self.clock, 0), Line(self.clock, 1)
-        left, right = (Finger(line.open, CALIBRATION, self.clock) for line in (self.left, self.right))
         self.stopped = 0
-        self.fingers = SunTouchFingers(left, right, self.clock, on_lost=self.stop)
+        self.belief = Belief()
+        self.fingers = self.make()
         self.samples: list[WrenchSample] = []
+
+    def make(self, gripper: Gripper | None = None, memory: HandMemory | None = None) -> SunTouchFingers:
+        """The driver of the next process, on the same fingers."""
+        calibrations = CALIBRATION, replace(CALIBRATION, finger="other", error_n=0.1, mean=np.full(25, 1e-6))
+        left, right = (
+            Finger(line.open, calibration, self.clock)
+            for line, calibration in zip((self.left, self.right), calibrations, strict=True)
+        )
+        return SunTouchFingers(
+            left, right, self.clock, on_lost=self.stop, belief=self.belief, gripper=gripper, memory=memory
+        )
 
     def stop(self) -> None:
         self.stopped += 1
@@ -323,3 +337,121 @@ def test_a_fault_of_the_fingers_is_over_when_they_can_be_believed_and_somebody_a
         rig.fingers.check()
     rig.fingers.acknowledge()
     rig.fingers.check()
+
+
+# ------------------------------------------------------------------------------- a bias, or the last one
+
+
+def held(force: float = 1.4) -> np.ndarray:
+    return np.array([0.0, 0.0, -force, 0.0, 0.0, 0.0])
+
+
+def pressing(fingers: SunTouchFingers) -> float:
+    for _ in range(20):
+        fingers.step()
+    sample = fingers.latest()
+    assert sample is not None
+    return float((-sample.wrenches[:, 2]).min())
+
+
+class Hand:
+    """A rig whose fingers a gripper moves, and what is kept from one process to the next."""
+
+    def __init__(self, width: float, record: HandRecord | None = None) -> None:
+        self.rig, self.memory = Rig(), HandMemory(None, record)
+        self.gripper = MockGripper(MockClock(), width)
+
+    def press(self, force: float) -> None:
+        self.rig.left.wrench = self.rig.right.wrench = held(force)
+
+    def connect(self) -> SunTouchFingers:
+        fingers = self.rig.make(self.gripper, self.memory)
+        fingers.connect()
+        return fingers
+
+
+@pytest.mark.parametrize("force", [1.4, 5.0, 9.0])
+def test_a_fruit_that_is_held_while_the_fingers_connect_is_felt_and_not_tared_away(force: float) -> None:
+    hand = Hand(0.103)
+    hand.connect()
+    hand.memory.keep_hand("something is between the fingers", 0.073)
+    hand.gripper.width = 0.073
+    hand.press(force)
+    assert pressing(hand.connect()) > 0.5
+    record = hand.memory.record
+    assert record is not None
+    assert record.held  # it still may be there for the connection after this one
+
+
+def test_fingers_that_moved_since_they_were_last_known_are_not_tared() -> None:
+    hand = Hand(0.103)
+    hand.connect()  # killed while the fingers close: the record says empty at 103 mm
+    hand.gripper.width = 0.073
+    hand.press(1.4)
+    assert pressing(hand.connect()) > 0.5
+
+
+def test_fingers_that_press_by_the_last_bias_are_not_tared_although_the_record_calls_them_empty() -> None:
+    hand = Hand(0.103)
+    hand.connect()
+    hand.memory.keep_hand("", 0.073)
+    hand.gripper.width = 0.073
+    hand.press(1.4)
+    assert pressing(hand.connect()) > 0.5
+
+
+@pytest.mark.parametrize("width", [0.035, 0.103])
+def test_fingers_at_an_end_of_their_travel_are_tared_and_so_are_those_known_to_be_empty(width: float) -> None:
+    hand = Hand(width)
+    hand.press(0.3)  # a sensor that has drifted
+    assert pressing(hand.connect()) == pytest.approx(0.0, abs=0.05)
+    hand.memory.keep_hand("", 0.08)
+    hand.gripper.width = 0.08
+    hand.press(0.4)
+    assert pressing(hand.connect()) == pytest.approx(0.0, abs=0.05)
+    assert hand.memory.record == HandRecord("", 0.08, hand.memory.record.bias if hand.memory.record else {})
+
+
+@pytest.mark.parametrize("record", [None, HandRecord("", 0.09), HandRecord("something", 0.073)])
+def test_fingers_without_a_known_bias_that_may_hold_something_are_refused_with_what_to_do(
+    record: HandRecord | None,
+) -> None:
+    hand = Hand(0.073, record)
+    with pytest.raises(
+        NoBias, match=r"fingers: no bias can be taken.*stand at 73\.0 mm.*open the gripper fully"
+    ) as refused:
+        hand.connect()
+    assert refused.value.held.startswith("the fingers stand at 73.0 mm")
+    assert hand.memory.record == record
+
+
+def test_a_last_bias_that_does_not_fit_the_fingers_any_more_is_used_for_nothing() -> None:
+    hand = Hand(0.103)
+    hand.connect()
+    hand.memory.keep_hand("", 0.073)
+    hand.gripper.width = 0.073
+    for line in (hand.rig.left, hand.rig.right):
+        line.device.pad.rest = line.device.pad.rest + 1.0  # another skin: 25 V more in sum
+    hand.rig.belief = Belief(strongest=5.0)
+    with pytest.raises(NoBias, match="each finger presses with inf N or more, measured from the last bias"):
+        hand.connect()
+    hand.gripper.width = 0.103
+    assert pressing(hand.connect()) == pytest.approx(0.0, abs=0.05)
+
+
+def test_a_bias_asked_for_while_something_may_be_held_is_refused(rig: Rig) -> None:
+    hand = Hand(0.103)
+    fingers = hand.connect()
+    hand.gripper.width = 0.08
+    with pytest.raises(NoBias):
+        fingers.bias()
+    hand.gripper.width = 0.103
+    fingers.bias()
+    assert not fingers.biased
+
+
+def test_a_finger_that_is_dead_while_it_connects_is_a_fault_and_no_endless_wait() -> None:
+    rig = Rig()
+    rig.left.device.dead = True
+    with pytest.raises(DeviceFault, match="the left finger has every taxel at the end of its range"):
+        rig.fingers.connect()

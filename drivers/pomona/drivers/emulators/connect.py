@@ -38,6 +38,7 @@ from pomona.drivers.driver import Settings, driver
 from pomona.drivers.emulators.sim_bridge import FRAME_HEADER, FRAME_MAGIC
 from pomona.drivers.emulators.virtual_world import VirtualWorld
 from pomona.drivers.errors import CellFileError, DeviceLost, DriverError
+from pomona.drivers.hand_memory import HandMemory, HandRecord
 from pomona.drivers.interfaces import Arm, Intrinsics
 from pomona.drivers.motoman.connect import ORDERS
 from pomona.drivers.realsense.camera_mount import CameraMount
@@ -170,7 +171,7 @@ def _open_virtual(settings: Settings[EmulatedWorldFile], context: ConnectContext
         raise settings.error(f"the emulated world did not start: {error}", "cell") from error
     addresses = {wire: Address(0).parse(getattr(said, wire)) for wire in ("arm", "gripper", "camera")}
     world = VirtualWorld(cell, ORDERS[said.controller], addresses, Path(said.fingers))
-    context.wires |= {address: pipe.open for address, pipe in world.pipes.items()}
+    world.enter(context)
     return world
 
 
@@ -196,6 +197,7 @@ def _start_process(settings: Settings[EmulatedWorldFile], context: ConnectContex
         raise settings.error(f"the emulated world did not start: {words or 'it gave no reason'}", "cell")
     assert process.stderr is not None
     process.stderr.close()
+    context.hand = HandMemory(None, HandRecord())  # of a new world, which ends with this process
     return EmulatedWorld(process, said.pace)
 
 

@@ -49,8 +49,12 @@ class Pipe(FaultSwitch):
     def inject_fault(self, kind: str) -> None:
         super().inject_fault(kind)
         if kind == "cut":
-            for end in tuple(self._ends):
-                self.drop(end)
+            self.hang_up()
+
+    def hang_up(self) -> None:
+        """Break every connection; new ones can be opened."""
+        for end in tuple(self._ends):
+            self.drop(end)
 
     def drop(self, end: PipeEnd) -> None:
         """End a connection, from either side."""

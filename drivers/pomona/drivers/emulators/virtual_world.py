@@ -10,12 +10,13 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from pomona.drivers.cell import Cell
-from pomona.drivers.device import Device
+from pomona.drivers.device import ConnectContext, Device
 from pomona.drivers.emulators.pipes import Pipe
 from pomona.drivers.emulators.sim_bridge import EmulatedDevices, SightEmulator
 from pomona.drivers.emulators.switches import finger_switch, gripper_switch
 from pomona.drivers.emulators.virtual_time import VirtualTime
 from pomona.drivers.faults import FaultSwitch
+from pomona.drivers.hand_memory import HandMemory, HandRecord
 from pomona.drivers.interfaces import Camera
 from pomona.drivers.motoman.codec import Order
 from pomona.drivers.realsense.stamps import LATENCY
@@ -28,6 +29,7 @@ class VirtualWorld(Device):
     Attributes:
         clock: lets the drivers' threads take turns.
         pipes: where the drivers find their devices, by their addresses.
+        hand: what drivers know of the hand from one connection to the next; empty in a new world.
         switches: all that can be made to fail: what is simulated, the arm's controller, and the wires.
     """
 
@@ -58,6 +60,7 @@ class VirtualWorld(Device):
             str(fingers / "finger_right"): right,
         }
         simulated = {name: device for name, device in cell.devices.items() if isinstance(device, FaultSwitch)}
+        self.hand = HandMemory(None, HandRecord())
         self.switches: dict[str, FaultSwitch] = simulated | {
             "arm": devices.controller,
             "arm.motion_wire": motion,
@@ -70,6 +73,17 @@ class VirtualWorld(Device):
             "fingers.right_wire": right,
             "camera.wire": camera,
         }
+
+    def enter(self, context: ConnectContext) -> None:
+        """Let drivers that are connected from now on find the devices of this world, and what is known of its hand."""
+        context.wires |= {address: pipe.open for address, pipe in self.pipes.items()}
+        context.hand = self.hand
+
+    def hang_up(self) -> None:
+        """Cut every connection and end the drivers' threads, as if their process had been killed."""
+        self.clock.turns.clear()
+        for pipe in self.pipes.values():
+            pipe.hang_up()
 
     def truth(self) -> Mapping[str, object]:
         """The world's own score; see `pomona.drivers.sim.score.Scorer.report`."""

@@ -7,6 +7,7 @@ The file is JSON; every finger has its own.
 
 from __future__ import annotations
 
+import hashlib
 import json
 import re
 from dataclasses import dataclass
@@ -63,6 +64,12 @@ class FingerCalibration:
         weights, offsets = self.layers[-1]
         y: Float64 = (x @ weights.T + offsets + 1.0) * (0.5 * (self.out_high - self.out_low)) + self.out_low
         return y
+
+    @property
+    def fingerprint(self) -> str:
+        """Of its numbers: a bias belongs to one finger and its calibration."""
+        arrays = (self.mean, self.components, self.out_low, self.out_high, *(w for layer in self.layers for w in layer))
+        return hashlib.sha256(b"".join(array.tobytes() for array in arrays)).hexdigest()[:16]
 
     def other_than(self, side: str) -> bool:
         """Whether its name says that it was made for the finger across from this side (left, right), and not for it."""

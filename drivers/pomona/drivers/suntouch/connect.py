@@ -43,7 +43,7 @@ class FingerFile:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SunTouchFile:
-    """Two SUNTouch fingers; their bias is taken when they are connected: nothing may touch the pads then."""
+    """Two SUNTouch fingers; their bias is taken when they are connected, unless something may be between them."""
 
     left: FingerFile = value(Section(FingerFile), help="the left finger")
     right: FingerFile = value(Section(FingerFile), help="the right finger")
@@ -76,7 +76,7 @@ class SunTouchFile:
 
 @driver(SunTouchFingers, SunTouchFile)
 def connect(settings: Settings[SunTouchFile], context: ConnectContext) -> SunTouchFingers:
-    """Open the two fingers that a cell file describes, and take their bias: nothing may touch the pads."""
+    """Open the two fingers that a cell file describes, and take their bias unless they may hold something."""
     said = settings.values
     left, right = (_finger(side, int(said.baud), context) for side in (said.left, said.right))
     gripper = context.find(Gripper)
@@ -87,7 +87,15 @@ def connect(settings: Settings[SunTouchFile], context: ConnectContext) -> SunTou
                 gripper.set_speed(0.0)
 
     fingers = SunTouchFingers(
-        left, right, context.clock, rate=said.rate, silence=said.silence, on_lost=hold, belief=said.belief
+        left,
+        right,
+        context.clock,
+        rate=said.rate,
+        silence=said.silence,
+        on_lost=hold,
+        belief=said.belief,
+        gripper=gripper,
+        memory=context.hand_memory(said.wires),
     )
     try:
         fingers.connect()

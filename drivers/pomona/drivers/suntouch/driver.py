@@ -3,23 +3,30 @@
 A sample that one finger did not answer, that holds a spike or that cannot be true (`pomona.drivers.streams`) is left
 out and leaves a gap in the sequence. A finger that is lost or not to be believed stops the gripper and stays latched; a
 lost one is opened again in the background.
+
+The bias, the voltages without contact, is taken when nothing can be between the fingers; otherwise the last one stays
+in force, which `pomona.drivers.hand_memory` keeps from one connection to the next.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 import numpy as np
 
 from pomona.drivers.device import Device
-from pomona.drivers.errors import DeviceError, DeviceLost
-from pomona.drivers.interfaces import ForceSensor, Subscription, WrenchSample
+from pomona.drivers.errors import DeviceError, DeviceFault, DeviceLost, NoBias
+from pomona.drivers.hand_memory import HandMemory
+from pomona.drivers.hold_watch import may_hold
+from pomona.drivers.interfaces import ForceSensor, Gripper, Subscription, WrenchSample
 from pomona.drivers.owner import Owner
 from pomona.drivers.streams import SIDES, SILENCE, Belief, WrenchStream
-from pomona.drivers.suntouch.codec import FingerReading
+from pomona.drivers.suntouch.codec import TAXELS, FingerReading
 from pomona.drivers.suntouch.finger import Finger
 from pomona.drivers.suntouch.spike_filter import JUMP
 from pomona.executive.clock import Clock
+from pomona.executive.values.arrays import Float64
 
 RECONNECT = 0.5
 """Pause between attempts to open a lost finger again [s]."""
@@ -52,16 +59,22 @@ class SunTouchFingers(Device):
         silence: float = SILENCE,
         on_lost: Callable[[], None] = lambda: None,
         belief: Belief | None = None,
+        gripper: Gripper | None = None,
+        memory: HandMemory | None = None,
         name: str = "fingers",
     ) -> None:
         """
         Args:
             on_lost: called once when the stream is lost or not to be believed, by the owner: stops the gripper.
+            gripper: moves the fingers; its opening shows whether they can hold something. None: nothing moves them.
+            memory: keeps the bias and the state of the hand; by default for as long as this object lives.
         """
         super().__init__(name)
         self.rate = rate
         self.lost_samples = 0
         self.fingers = (left, right)
+        self.hand_memory: HandMemory = memory or HandMemory(None)
+        self._gripper = gripper
         self._clock, self._silence = clock, silence
         self._period = 1.0 / rate
         self._owner = Owner(name, self.step, self._lose, clock)
@@ -70,7 +83,7 @@ class SunTouchFingers(Device):
         self._due = 0.0
         self._last_seen = 0.0
         self._unanswered = 0
-        self._streaming = False
+        self._streaming = self._measures = False  # without a bias nothing is measured
         self._retry_at = 0.0
         self._biasing: list[tuple[FingerReading, FingerReading]] | None = None
         self._biases_asked = self._biases_begun = 0
@@ -79,16 +92,23 @@ class SunTouchFingers(Device):
     # ---------------------------------------------------------------------------------------- connection
 
     def connect(self) -> None:
-        """Open both lines, wait for the first sample and take the bias: nothing may touch the pads meanwhile.
+        """Open both lines, wait for the first sample, and take the bias unless something may be between the fingers.
 
         Raises:
             DeviceLost: a line cannot be opened, or a finger does not answer.
+            DeviceFault: the samples are not plausible.
+            NoBias: something may be between the fingers, and no earlier bias of them is known, or it does not fit.
         """
         try:
             self._open()
-            self.bias()
-            while not self.biased:
-                self._sample()
+            force = self._pressing() if self._recall_bias() else None
+            held = self._may_hold(force)
+            if held and (force is None or not math.isfinite(force)):
+                raise NoBias(self.name, held)
+            if not held:
+                self._measures = False
+                self._ask_for_bias()
+                self._sample_until(lambda: self.biased)
         except OSError as error:
             self._close_lines()
             raise DeviceLost(self.name, str(error)) from error
@@ -102,18 +122,68 @@ class SunTouchFingers(Device):
         self._owner.start()
 
     def bias(self) -> None:
-        """Take the voltages of the next readings as those without contact: 10 are left out, 100 averaged."""
-        self._biases_asked += 1
-        self._owner.post(self._begin_bias)
+        """Take the voltages of the next readings as those without contact: 10 are left out, 100 averaged.
+
+        Raises:
+            NoBias: something may be between the fingers; the bias stays as it was.
+        """
+        sample = self.latest()
+        held = self._may_hold(None if sample is None else float((-sample.wrenches[:, 2]).min()))
+        if held:
+            raise NoBias(self.name, held)
+        self._ask_for_bias()
 
     @property
     def biased(self) -> bool:
         """False while the bias is being taken."""
         return self._biasing is None and self._biases_begun == self._biases_asked
 
+    def _ask_for_bias(self) -> None:
+        self._biases_asked += 1
+        self._owner.post(self._begin_bias)
+
     def _begin_bias(self) -> None:
         self._biasing = []
         self._biases_begun = self._biases_asked
+
+    def _recall_bias(self) -> bool:
+        """Measure from the last bias of these fingers; False when none is known."""
+        record = self.hand_memory.record
+        known = {} if record is None else record.bias
+        biases = [known.get(finger.calibration.fingerprint, ()) for finger in self.fingers]
+        if any(len(bias) != TAXELS for bias in biases):
+            return False
+        for finger, bias in zip(self.fingers, biases, strict=True):
+            finger.bias = np.array(bias)
+        self._measures = True
+        return True
+
+    def _pressing(self) -> float:
+        """Smaller of both fingers' pressing forces [N], over as many readings as a bias; infinite if implausible."""
+        forces: list[Float64] = []
+        subscription = self.subscribe(lambda sample: forces.append(-sample.wrenches[:, 2]))
+        try:
+            self._sample_until(lambda: len(forces) >= AVERAGED)
+        except DeviceFault:  # the bias is not theirs any more
+            self._stream.restart()
+            self._stream.acknowledge(self.name)
+            return math.inf
+        finally:
+            subscription.close()
+        return float(np.mean(forces, axis=0).min())
+
+    def _sample_until(self, done: Callable[[], bool]) -> None:
+        while not done():
+            self._sample()
+            problem = self._stream.problem(self.name)
+            if problem is not None:
+                raise problem
+
+    def _may_hold(self, force: float | None) -> str:
+        """Why something may be between the fingers; empty when nothing can be."""
+        if self._gripper is None:
+            return ""
+        return may_hold(self._gripper.state(), self._gripper.limits, self.hand_memory.record, force)
 
     def step(self) -> None:
         """One period; the sensor's own thread calls this without end."""
@@ -171,7 +241,8 @@ class SunTouchFingers(Device):
             return
         if self._biasing is not None:
             self._take_bias(left, right)
-        self._deliver(asked, left, right)
+        if self._measures:
+            self._deliver(asked, left, right)
 
     def _flaw(self, readings: tuple[FingerReading, FingerReading]) -> str:
         """Why the readings cannot be believed; empty when they can."""
@@ -208,7 +279,10 @@ class SunTouchFingers(Device):
         if len(taken) == DROPPED + AVERAGED:
             for finger, readings in zip(self.fingers, zip(*taken[DROPPED:], strict=True), strict=True):
                 finger.bias = np.mean([reading.volts for reading in readings], axis=0)
-            self._biasing = None
+            bias = {finger.calibration.fingerprint: tuple(finger.bias.tolist()) for finger in self.fingers}
+            width = None if self._gripper is None else self._gripper.state().width
+            self.hand_memory.keep_bias(bias, width)
+            self._biasing, self._measures = None, True
 
     def _lose(self, error: BaseException) -> None:
         first = self._streaming

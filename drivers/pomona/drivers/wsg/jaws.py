@@ -387,7 +387,8 @@ class Jaws:
     def _take_width(self, jaw: float) -> None:
         width = jaw + self.options.finger_offset
         moving = bool(self.bits & SystemState.MOVING) or abs(self._rate) > 5e-4
-        self.state = GripperState(self._clock.now(), width, self._rate, moving)
+        referenced = bool(self.bits & SystemState.REFERENCED)
+        self.state = GripperState(self._clock.now(), width, self._rate, moving, referenced=referenced)
         if self._motion is not None:
             self._motion.measured = width
 
