@@ -93,7 +93,7 @@ class CaseWatcher:
         self.cell = cell
         world = cell.devices["world"]
         self.world: SimWorld = world if isinstance(world, SimWorld) else world._world
-        self.limits = runner.context.device(Arm).limits
+        self.limits = cell.device(Arm).limits
         self.events: list[Event] = []
         self.began_at: dict[str, float] = {"": 0.0}
         """When each node began, by its name; the run itself has none."""
@@ -197,7 +197,7 @@ class CaseWatcher:
             return True
         if self.case.shows not in SHOWING:
             return self.case.shows in self.began_at
-        device = self.runner.context.device(SHOWING[self.case.shows])
+        device = self.cell.device(SHOWING[self.case.shows])
         return not device.settled()  # every device of a cell has it
 
 

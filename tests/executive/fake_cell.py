@@ -6,6 +6,7 @@ from collections.abc import Collection, Mapping
 from typing import Any, TypeVar, cast
 
 from pomona.executive.clock import ManualClock
+from pomona.executive.lease import command
 
 T = TypeVar("T")
 
@@ -27,6 +28,7 @@ class Wheel:
     def coasting(self) -> bool:
         return self._clock.now() < self._stopped + COASTING - 1e-9
 
+    @command
     def start(self) -> None:
         self.log.append("refused" if self.turning else "start")
         self.turning = True

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pomona.drivers.depth_model import D4XX, DepthModel
+from pomona.executive.lease import command
 from pomona.executive.values.arrays import Float64
 
 # ---------------------------------------------------------------------------------------------------- camera
@@ -223,6 +224,7 @@ class Arm(Protocol):
         """The joints as last measured."""
         ...
 
+    @command
     def follow(self, trajectory: Trajectory) -> Motion:
         """Start a trajectory.
 
@@ -236,6 +238,7 @@ class Arm(Protocol):
 class SetPoints(Motion, Protocol):
     """A motion that follows streamed set-points; it ends when it is stopped, and fails when none arrive."""
 
+    @command
     def aim(self, q: Float64) -> None:
         """Go to these joints, shape (dof,) [rad], from now on, within the arm's limits.
 
@@ -249,6 +252,7 @@ class SetPoints(Motion, Protocol):
 class StreamedArm(Protocol):
     """An arm that also follows set-points streamed to it, for closed-loop control."""
 
+    @command
     def stream(self, watchdog: float) -> SetPoints:
         """Start from rest; without a set-point for `watchdog` [s] the arm comes to rest and the motion has failed.
 
@@ -304,6 +308,7 @@ class Gripper(Protocol):
         """Opening and speed as last measured."""
         ...
 
+    @command
     def move(self, width: float, speed: float) -> Motion:
         """Start moving to an opening [m] with a speed [m/s]; ends an earlier move or speed.
 
@@ -312,6 +317,7 @@ class Gripper(Protocol):
         """
         ...
 
+    @command
     def set_speed(self, speed: float) -> None:
         """Stream a rate of the opening [m/s]; negative closes. Ends an earlier move.
 

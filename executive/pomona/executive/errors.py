@@ -4,6 +4,7 @@ PomonaError
 ├── UsageError          unusable input: a message for the person, exit status 2
 │   └── TreeFileError   findings in a tree file, each with line and column
 └── SkillError          a skill broke its own contract: a bug in the skill, ends the run in the safe state
+    └── NotOwnerError   a skill commanded a device that it does not own; the device was not called
 """
 
 from __future__ import annotations
@@ -23,3 +24,11 @@ class SkillError(PomonaError):
     def __init__(self, skill: str, message: str) -> None:
         self.skill, self.message = skill, message
         super().__init__(f"{skill}: {message}")
+
+
+class NotOwnerError(SkillError):
+    """A command to a device from code that does not own it; the device was not called."""
+
+    def __init__(self, skill: str, device: str, command: str, why: str) -> None:
+        self.device, self.command, self.why = device, command, why
+        super().__init__(skill, f"refused to command '{command}' of the {device}: {why}; nothing has moved")

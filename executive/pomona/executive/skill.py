@@ -102,8 +102,12 @@ class SkillContext(Protocol):
         """The cell's clock."""
         ...
 
-    def device(self, interface: type[T]) -> T:
-        """The cell's device with this interface; it exists, since the check before the run looked."""
+    def device(self, interface: type[T], skill: Skill) -> T:
+        """The skill's handle of the cell's device with this interface: it commands what the skill has acquired.
+
+        Raises:
+            KeyError: the cell has none.
+        """
         ...
 
     def seed(self, node: str) -> int:
@@ -254,7 +258,7 @@ class Skill(py_trees.behaviour.Behaviour):
         return self.context.clock
 
     def device(self, interface: Callable[..., T]) -> T:
-        """The cell's device of an interface, usually a Protocol.
+        """The cell's device of an interface, usually a Protocol; its commands are refused once the skill has ended.
 
         (A Protocol is no `type[T]` for type checkers, but a callable that gives a T.)
 
@@ -264,7 +268,7 @@ class Skill(py_trees.behaviour.Behaviour):
         found = cast(type[T], interface)
         if found not in self.devices:
             raise SkillError(type(self).__name__, f"uses {found.__name__}, which is not in its `devices`")
-        return self.context.device(found)
+        return self.context.device(found, self)
 
     def rng(self) -> np.random.Generator:
         """A random generator for this start of this node: reproducible from the run's seed."""

@@ -14,6 +14,8 @@ from typing import Any, TypeVar, cast
 from py_trees.common import Status
 
 from pomona.executive.clock import Clock, ManualClock
+from pomona.executive.errors import NotOwnerError
+from pomona.executive.lease import Leases
 from pomona.executive.skill import Computation, Failure, Interrupted, Skill, Work
 
 T = TypeVar("T")
@@ -51,10 +53,14 @@ class BenchContext:
     computing: int = 0
     computations: list[_Finished] = field(default_factory=list)
     published: list[tuple[str, object]] = field(default_factory=list)
-    halting: list[Work[Any]] = field(default_factory=list)
+    halting: list[tuple[Skill, Work[Any]]] = field(default_factory=list)
+    refused: list[NotOwnerError] = field(default_factory=list)
 
-    def device(self, interface: type[T]) -> T:
-        return cast(T, self.devices[interface])
+    def __post_init__(self) -> None:
+        self.leases = Leases(self.refused.append)
+
+    def device(self, interface: type[T], skill: Skill) -> T:
+        return self.leases.handle(skill, interface, cast(T, self.devices[interface]))
 
     def seed(self, node: str) -> int:
         return zlib.crc32(f"{self.run_seed}/{node}".encode())
@@ -73,17 +79,19 @@ class BenchContext:
         return self.clock.now()
 
     def acquire(self, skill: Skill) -> str | None:
+        self.leases.begin(skill)
         return None
 
     def release(self, skill: Skill) -> None:
-        """Nobody else wants anything here."""
+        self.leases.end(skill)
 
     def halt(self, skill: Skill, work: Work[Any]) -> None:
         try:
             work.throw(Interrupted())
         except (Interrupted, StopIteration):
+            self.release(skill)
             return
-        self.halting.append(work)
+        self.halting.append((skill, work))
 
 
 @dataclass(frozen=True)
@@ -166,8 +174,9 @@ def drive(
 
 
 def _drive_halting(context: BenchContext) -> None:
-    for work in list(context.halting):
+    for skill, work in list(context.halting):
         try:
             next(work)
         except (Interrupted, StopIteration):
-            context.halting.remove(work)
+            context.halting.remove((skill, work))
+            context.release(skill)

@@ -62,7 +62,7 @@ def test_an_interrupted_skill_is_handed_over_to_let_go(run, body):
     assert tree.root.status is Status.FAILURE
     (skill,) = tree.skills
     assert skill.steps == [0]
-    (work,) = context.halting
+    ((_skill, work),) = context.halting
     with pytest.raises(Interrupted):
         list(itertools.islice(work, 5))
     assert skill.steps == [0, 1, 2]

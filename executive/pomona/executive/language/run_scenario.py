@@ -33,7 +33,7 @@ class DryContext:
     def __init__(self) -> None:
         self.clock: Clock = ManualClock()
 
-    def device(self, interface: type[T]) -> T:
+    def device(self, interface: type[T], skill: Skill) -> T:
         raise SkillError("a mock", f"asks for a {interface.__name__}, and a dry run has no cell")
 
     def seed(self, node: str) -> int:

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import zlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any, TypeVar
 
 from pomona.executive.clock import Clock
-from pomona.executive.errors import SkillError
+from pomona.executive.errors import NotOwnerError, SkillError
+from pomona.executive.lease import Leases
 from pomona.executive.one_process import leave_if_forked
 from pomona.executive.running.cell import Cell
 from pomona.executive.running.compute import Computations
+from pomona.executive.running.traces import keep_place, place_here
 from pomona.executive.skill import Computation, Interrupted, Skill, Work
 
 T = TypeVar("T")
@@ -30,10 +32,13 @@ class RunContext:
         seed: int,
         publish: Callable[[str, str, object], None],
     ) -> None:
-        self.cell, self.computations, self.run_seed = cell, computations, seed
+        self._cell, self.computations, self.run_seed = cell, computations, seed
         self._publish = publish
         self._halting: list[tuple[Skill, Work[Any], float]] = []
         self._owners: dict[type, Skill] = {}
+        self._leases = Leases(self._note_refusal)
+        self._refusals: list[NotOwnerError] = []
+        self._noted: set[tuple[str, str, str]] = set()
         self._failures: list[tuple[str, BaseException]] = []
         self._paused_for = 0.0
         self._paused_since: float | None = None
@@ -44,13 +49,13 @@ class RunContext:
 
     @property
     def clock(self) -> Clock:
-        return self.cell.clock
+        return self._cell.clock
 
-    def device(self, interface: type[T]) -> T:
-        return self.cell.device(interface)
+    def device(self, interface: type[T], skill: Skill) -> T:
+        return self._leases.handle(skill, interface, self._cell.device(interface))
 
     def elapsed(self) -> float:
-        now = self.cell.clock.now() if self._paused_since is None else self._paused_since
+        now = self._cell.clock.now() if self._paused_since is None else self._paused_since
         return now - self._start - self._paused_for
 
     def seed(self, node: str) -> int:
@@ -65,19 +70,22 @@ class RunContext:
 
     def acquire(self, skill: Skill) -> str | None:
         for other, _work, _deadline in self._halting:
-            if set(other.claims()) & set(skill.devices):
+            if set(self._offered(other.claims())) & set(skill.devices):
                 return f"waiting until {other.name} has let go"
-        for interface in skill.claims():
+        claimed = self._offered(skill.claims())
+        for interface in claimed:
             owner = self._owners.get(interface)
             if owner is not None and owner is not skill:
                 return f"waiting for {owner.name}, which uses the {interface.__name__}"
-        self._owners.update(dict.fromkeys(skill.claims(), skill))
+        self._owners.update(dict.fromkeys(claimed, skill))
+        self._leases.begin(skill)
         self._give_speed(skill)
         return None
 
     def release(self, skill: Skill) -> None:
         for interface in [interface for interface, owner in self._owners.items() if owner is skill]:
             del self._owners[interface]
+        self._leases.end(skill)
 
     def halt(self, skill: Skill, work: Work[Any]) -> None:
         if not self._let_go(skill, lambda: work.throw(Interrupted())):
@@ -93,27 +101,27 @@ class RunContext:
     def set_speed(self, speed: float) -> None:
         """Let everything go at this share of what skills and tree say, from now on, also what moves already."""
         self._speed = speed
-        self.cell.set_speed(speed)
+        self._cell.set_speed(speed)
         for skill in dict.fromkeys(self._owners.values()):
             self._give_speed(skill)
 
     def _give_speed(self, skill: Skill) -> None:
         if skill.claims():
-            self.cell.set_speed(skill.speed(self._speed), skill.claims())
+            self._cell.set_speed(skill.speed(self._speed), skill.claims())
 
     def start_clock(self) -> None:
         """The run begins now."""
-        self._start, self._paused_for, self._paused_since = self.cell.clock.now(), 0.0, None
+        self._start, self._paused_for, self._paused_since = self._cell.clock.now(), 0.0, None
 
     def freeze(self) -> None:
         """The run's time stands still from now on."""
         if self._paused_since is None:
-            self._paused_since = self.cell.clock.now()
+            self._paused_since = self._cell.clock.now()
 
     def thaw(self) -> None:
         """The run's time goes on."""
         if self._paused_since is not None:
-            self._paused_for += self.cell.clock.now() - self._paused_since
+            self._paused_for += self._cell.clock.now() - self._paused_since
             self._paused_since = None
 
     @property
@@ -140,9 +148,30 @@ class RunContext:
             still.append((skill, work, deadline))
         self._halting = still
 
+    def take_refusal(self) -> NotOwnerError | None:
+        """A refused command, once for each owner, device and command; None when there is nothing more."""
+        return self._refusals.pop(0) if self._refusals else None
+
+    def forget_refusal(self, error: BaseException) -> None:
+        """A refusal that is reported as what ended the run needs no other report."""
+        self._refusals = [refused for refused in self._refusals if refused is not error]
+
     def take_failure(self) -> tuple[str, BaseException] | None:
         """What a skill raised while it let go, with the skill's path; None when there is nothing more."""
         return self._failures.pop(0) if self._failures else None
+
+    def _offered(self, interfaces: Sequence[type]) -> tuple[type, ...]:
+        """All interfaces of the devices that have one of these: a device has one owner, whatever it is called."""
+        found = [(one, *getattr(self._cell.device(one), "interfaces", ())) for one in interfaces]
+        return tuple(dict.fromkeys(interface for offered in found for interface in offered))
+
+    def _note_refusal(self, error: NotOwnerError) -> None:
+        """Called in the thread that commands: its place is known here alone."""
+        what = error.skill, error.device, error.command
+        if what not in self._noted:
+            self._noted.add(what)
+            keep_place(error, place_here())
+            self._refusals.append(error)
 
     def _let_go(self, skill: Skill, step: Callable[[], object]) -> bool:
         """Whether the body has ended with this step, well or not: one that fails must not keep the others from it."""

@@ -187,11 +187,15 @@ class Runner(Requests):
             self.breakable = True
             self._loop(started)
             self.breakable = False
+            with self._telling("", "closing"):
+                self.close()
+            self._refuse_motion()
         except BaseException as error:  # SystemExit, too: whatever it is, nothing may keep moving
             leave_if_forked()
             self._fault(error)
-        with self._telling("", "closing"):
-            self.close()
+            with self._telling("", "closing"):
+                self.close()
+        self._tell_refusals()
         result = self._result(time.perf_counter() - started)
         self._emit(
             RunEnded(
@@ -458,8 +462,18 @@ class Runner(Requests):
         clock.advance(next_tick - clock.now())
         return next_tick
 
+    def _refuse_motion(self) -> None:
+        """A motion that has begun behind the end belongs to no skill.
+
+        Raises:
+            PomonaError: something moves although the tree has ended and all was at rest.
+        """
+        if not self._cell.settled():
+            raise PomonaError("something began to move after the end of the tree, when all was at rest")
+
     def _raise_what_failed(self) -> None:
         """What a skill raised while it was halted, or a listener of the run, is a fault like any other."""
+        self._tell_refusals()
         if (failed := self.context.take_failure()) is not None:
             self._culprit, error = failed
             raise error
@@ -481,6 +495,7 @@ class Runner(Requests):
             logger.debug("fault", exc_info=error)
             data = {"exception": type(error).__name__, "place": place_of(error)}
             self._tell(node, "the tick", error)
+            self.context.forget_refusal(error)
         self._reason = Reason(node, code, message, data)
         with self._telling(node, "letting go"):
             self.context.thaw()
@@ -524,6 +539,10 @@ class Runner(Requests):
         except BaseException as error:
             self._tell(node, during, error)
         self._tell_what_failed()
+
+    def _tell_refusals(self) -> None:
+        while (refused := self.context.take_refusal()) is not None:
+            self._tell(refused.skill, "a refused command", refused)
 
     def _tell_what_failed(self) -> None:
         while (failed := self.context.take_failure()) is not None:

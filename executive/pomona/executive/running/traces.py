@@ -37,6 +37,13 @@ def place_of(error: BaseException) -> str:
     return _place(*chain[0][-1]) if chain and chain[0] else ""
 
 
+def place_here() -> str:
+    """The innermost place in somebody's own code on the stack of the present call; empty when unknown."""
+    frames = list(traceback.walk_stack(None))
+    home = next((package for frame, _ in frames if (package := _package(_file(frame)))), "")
+    return next((_place(frame, line) for frame, line in frames if _is_own(_file(frame), home)), "")
+
+
 def keep_place(error: BaseException, place: str) -> None:
     """Let an exception that goes to another process, where its frames are unknown, remember its place."""
     error.place = place  # type: ignore[attr-defined]

@@ -23,6 +23,7 @@ import numpy as np
 
 from pomona.drivers.errors import DeviceError
 from pomona.drivers.interfaces import ForceSensor, Gripper, Subscription, WrenchSample
+from pomona.executive.lease import give_up, identity, keep
 from pomona.skills.grip.controller import GripController
 from pomona.skills.grip.grip import IN_HAND, LIES, GripPhase, GripProblem, GripReading, GripSamples
 from pomona.skills.grip.limit_surface import SoftContact
@@ -57,7 +58,7 @@ class Hold:
             now: the cell's clock, to see a stream that stands still.
         """
         take_over(gripper)
-        self.gripper, self.controller = gripper, controller
+        self._gripper, self.controller = keep(gripper, "the grip"), controller
         self._now, self._started = now, now()
         self._sensor = sensor
         self._lock = RLock()
@@ -67,7 +68,7 @@ class Hold:
         self._record_every = max(round(controller.settings.rate / RECORDED_RATE), 1)
         self._samples = np.zeros((KEPT, 7))
         self._written = self._drained = self._seen = 0
-        _HOLDS[id(gripper)] = self
+        _HOLDS[identity(gripper)] = self
         self._subscription: Subscription = sensor.subscribe(self._on_sample)
 
     # --------------------------------------------------------------------------------- for nodes that come after
@@ -133,9 +134,10 @@ class Hold:
                 return
             self._ended = True
         self._subscription.close()
-        if _HOLDS.get(id(self.gripper)) is self:
-            del _HOLDS[id(self.gripper)]
+        if _HOLDS.get(identity(self._gripper)) is self:
+            del _HOLDS[identity(self._gripper)]
         self._command(0.0)
+        give_up(self._gripper, "the grip was taken over")
 
     @property
     def waiting(self) -> float:
@@ -162,7 +164,7 @@ class Hold:
             silent = self._now() - max(controller.usable_until, self._started)
             self._stands = self._stands or (silent > STALE_AFTER and controller.phase in IN_HAND)
             if controller.wants_width:
-                state = self.gripper.state()
+                state = self._gripper.state()
                 controller.width, controller.motor_force = state.width, state.motor_force
             if sample.stamp > self._now() + EARLIEST:  # it would make everything after it look old
                 self._tell_lies()
@@ -189,7 +191,7 @@ class Hold:
     def _command(self, speed: float) -> None:
         """Command a rate of the opening; a gripper that refuses is remembered and asked again next time."""
         try:
-            self.gripper.set_speed(speed)
+            self._gripper.set_speed(speed)
             self._device_problem = None
         except DeviceError as refused:
             stamp = self.controller.reading.stamp
@@ -198,7 +200,7 @@ class Hold:
 
 def current_hold(gripper: Gripper) -> Hold | None:
     """The hold that has the gripper's fingers now, or None."""
-    return _HOLDS.get(id(gripper))
+    return _HOLDS.get(identity(gripper))
 
 
 def take_over(gripper: Gripper) -> None:

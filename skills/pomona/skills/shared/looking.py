@@ -124,7 +124,7 @@ class LookingSkill(Skill):
         if frame.q is None:
             return frame.T_mount_camera
         # Asked for only when the camera rides on an arm, so that cells without one can detect too.
-        robot = RobotModel.load(self.context.device(Arm).description)
+        robot = RobotModel.load(self.context.device(Arm, self).description)
         T_base_camera: Float64 = robot.fk(frame.q) @ frame.T_mount_camera
         return T_base_camera
 

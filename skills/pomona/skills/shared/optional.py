@@ -13,6 +13,6 @@ T = TypeVar("T")
 def found_device(skill: Skill, interface: Callable[..., T]) -> T | None:
     """The cell's device of an interface that the skill can do without; None where the cell has none."""
     try:
-        return skill.context.device(cast(type[T], interface))
+        return skill.context.device(cast(type[T], interface), skill)
     except KeyError:
         return None

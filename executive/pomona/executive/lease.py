@@ -1,0 +1,210 @@
+"""Leases: a skill commands a device only through a handle, and the handle's right ends with the skill.
+
+An interface marks what moves its device:
+
+    class Arm(Protocol):
+        @command
+        def follow(self, trajectory: Trajectory) -> Motion: ...
+
+`Skill.device` returns a handle with the members of the interface. Each `command` needs a valid lease at that moment;
+any other member is passed on. So a thread that outlives its skill can look at a device, and move nothing. A device
+without commands needs no handle: a skill gets the device itself, and a sensor's stream costs nothing more.
+
+Control that goes on after its skill, as a grip does, asks for a lease of its own while the skill runs: `keep`.
+"""
+
+from __future__ import annotations
+
+import typing
+from collections.abc import Callable
+from functools import cache
+from operator import attrgetter
+from threading import RLock
+from typing import Any, Protocol, TypeVar
+
+from pomona.executive.errors import NotOwnerError
+
+T = TypeVar("T")
+F = TypeVar("F", bound=Callable[..., Any])
+
+_NONE: frozenset[str] = frozenset()
+
+
+def command(method: F) -> F:
+    """Mark a method of an interface: it moves the device, so it needs a lease."""
+    method.__is_command__ = True  # type: ignore[attr-defined]
+    return method
+
+
+class Lessee(Protocol):
+    """What is needed of a skill."""
+
+    path: str
+
+    @classmethod
+    def claims(cls) -> tuple[type, ...]:
+        """Interfaces of the devices that it commands."""
+        ...
+
+
+class Lease:
+    """The right to command devices, from its making until `end`.
+
+    Attributes:
+        owner: path of the skill, or name of the control, that has it.
+        lock: held while a command is carried out, so that none begins behind the end.
+    """
+
+    def __init__(self, owner: str, refused: Callable[[NotOwnerError], None], over: str = "") -> None:
+        """
+        Args:
+            owner: as above.
+            refused: called in the commanding thread with each refusal, before it is raised.
+            over: why it gives no right from the beginning.
+        """
+        self.owner = owner
+        self._refused, self._over = refused, over
+        self.lock = RLock()
+
+    def end(self, why: str) -> None:
+        """Give no right any more. A command that is being carried out ends first."""
+        with self.lock:
+            self._over = self._over or why
+
+    def require(self, device: object, name: str) -> None:
+        """Refuse a command of a device unless the lease is valid.
+
+        Raises:
+            NotOwnerError: it is not.
+        """
+        if self._over:
+            error = NotOwnerError(self.owner, str(getattr(device, "name", type(device).__name__)), name, self._over)
+            self._refused(error)
+            raise error
+
+    def handed_on(self, to: str) -> Lease:
+        """A lease of its own for control that goes on after its skill; it has no right if this one has none."""
+        with self.lock:
+            return Lease(f"{self.owner} ({to})", self._refused, self._over)
+
+
+class Leases:
+    """The leases of a run's skills: one from each start of a skill until it has let go."""
+
+    def __init__(self, refused: Callable[[NotOwnerError], None]) -> None:
+        """
+        Args:
+            refused: called with each refusal, in the thread that commands.
+        """
+        self._refused = refused
+        self._running: dict[Lessee, Lease] = {}
+
+    def begin(self, skill: Lessee) -> None:
+        """The skill starts: it may command what it claims."""
+        self._running[skill] = Lease(skill.path, self._refused)
+
+    def end(self, skill: Lessee) -> None:
+        """The skill has ended: its handles command nothing any more. Harmless when it has no lease."""
+        lease = self._running.pop(skill, None)
+        if lease is not None:
+            lease.end("the skill has ended")
+
+    def handle(self, skill: Lessee, interface: type, device: T) -> T:
+        """A skill's handle of a device; what it only looks at it cannot command."""
+        lease = self._running.get(skill)
+        if lease is None:
+            lease = Lease(skill.path, self._refused, "the skill is not running")
+        elif interface not in skill.claims():
+            words = f"the skill may only look at the {interface.__name__}; name it in `moves`"
+            lease = Lease(skill.path, self._refused, words)
+        return leased(device, interface, lease)
+
+
+class Handle:
+    """A device as its lessee sees it: the members of one interface. Made by `leased`."""
+
+    __slots__ = ("_device", "_lease")
+
+    def __init__(self, device: object, lease: Lease) -> None:
+        self._device, self._lease = device, lease
+
+
+def leased(device: T, interface: type, lease: Lease) -> T:
+    """A handle of a device; the device itself where nothing can be commanded.
+
+    Args:
+        device: of the cell.
+        interface: whose members the handle has.
+        lease: its commands need it.
+    """
+    made = _handle_class(interface, tuple(getattr(device, "interfaces", ())))
+    return device if made is None else typing.cast(T, made(device, lease))
+
+
+def keep(device: T, control: str) -> T:
+    """A handle for control that goes on when its skill has ended, until `give_up`.
+
+    Args:
+        device: a handle; anything else is returned as it is.
+        control: what goes on, for messages.
+    """
+    if not isinstance(device, Handle):
+        return device
+    return typing.cast(T, type(device)(device._device, device._lease.handed_on(control)))
+
+
+def give_up(device: object, why: str) -> None:
+    """End the lease of a handle; harmless for anything else."""
+    if isinstance(device, Handle):
+        device._lease.end(why)
+
+
+def identity(device: object) -> int:
+    """A number that all handles of a device share with it."""
+    return id(device._device if isinstance(device, Handle) else device)
+
+
+@cache
+def commands_of(interface: type) -> frozenset[str]:
+    """Names of an interface's commands."""
+    found = {name: member for base in reversed(interface.__mro__) for name, member in vars(base).items()}
+    return frozenset(name for name, member in found.items() if getattr(member, "__is_command__", False)) or _NONE
+
+
+@cache
+def _handle_class(interface: type, offered: tuple[type, ...]) -> type[Handle] | None:
+    """Handles with an interface's members, or None where a device that offers these has no commands.
+
+    Of a concrete class any other attribute is passed on as well.
+    """
+    if not any(commands_of(one) for one in (interface, *offered)):
+        return None
+    commands, members = commands_of(interface), _members_of(interface)
+    space: dict[str, Any] = {"__slots__": (), "__doc__": interface.__doc__}
+    space |= {name: property(attrgetter(f"_device.{name}")) for name in members - commands}
+    space |= {name: _command(interface, name) for name in commands}
+    if not getattr(interface, "_is_protocol", False):
+        space["__getattr__"] = lambda self, name: getattr(self._device, name)
+    return type(f"Leased{interface.__name__}", (Handle,), space)
+
+
+def _members_of(interface: type) -> frozenset[str]:
+    bases = [base for base in interface.__mro__ if base not in (object, typing.Protocol, typing.Generic)]
+    names = {name for base in bases for name in (*vars(base), *vars(base).get("__annotations__", ()))}
+    return frozenset(name for name in names if not name.startswith("_"))
+
+
+def _command(interface: type, name: str) -> Callable[..., Any]:
+    """The handle's method: what it returns needs the same lease, where that has commands, too."""
+    returned = typing.get_type_hints(getattr(interface, name)).get("return")
+    gives = returned if isinstance(returned, type) and commands_of(returned) else None
+
+    def carry_out(handle: Handle, *arguments: Any, **named: Any) -> Any:
+        lease, device = handle._lease, handle._device
+        with lease.lock:
+            lease.require(device, name)
+            result = getattr(device, name)(*arguments, **named)
+        return result if gives is None else leased(result, gives, lease)
+
+    carry_out.__name__ = name
+    return carry_out
