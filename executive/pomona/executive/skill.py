@@ -235,10 +235,12 @@ class Skill(py_trees.behaviour.Behaviour):
         """A failure to raise.
 
         Raises:
-            SkillError: the code is none of the class's `failures`.
+            SkillError: the code is none of the class's `failures`, or the message is no text.
         """
         if code not in self.failures:
             raise SkillError(type(self).__name__, f"failure code {code} is not declared in its `failures`")
+        if not isinstance(message, str):
+            raise SkillError(type(self).__name__, f"the message of {code} is no text but {type(message).__name__}")
         return SkillFailure(Failure(code, message, data))
 
     @property
@@ -372,10 +374,6 @@ class Skill(py_trees.behaviour.Behaviour):
         except StopIteration as stop:
             return self._succeed(stop.value)
         if feedback is not None:
-            if not isinstance(feedback, str):  # nobody could show or record it
-                raise SkillError(
-                    type(self).__name__, f"yielded a {type(feedback).__name__}; a line of feedback is a text"
-                )
             self.feedback_message = feedback
         return Status.RUNNING
 

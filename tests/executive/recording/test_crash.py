@@ -18,7 +18,6 @@ from pomona.executive.cli import main
 from pomona.executive.errors import UsageError
 from pomona.executive.recording import recorder as recorder_module
 from pomona.executive.recording.digest import digest
-from pomona.executive.recording.ending import why_cut
 from pomona.executive.recording.folder import EVENTS_FILE, is_being_written
 from pomona.executive.recording.index import RunIndex
 from pomona.executive.recording.read import read_events
@@ -26,7 +25,7 @@ from pomona.executive.recording.recorder import Recorder
 from pomona.executive.recording.repair import repair
 from pomona.executive.recording.scan import is_whole
 from pomona.executive.recording.session import RecordingSession
-from pomona.executive.running.events import Published, StateChanged
+from pomona.executive.running.events import StateChanged
 
 pytestmark = pytest.mark.slow
 
@@ -211,23 +210,6 @@ def test_a_run_whose_needed_record_was_removed_is_an_error_and_names_no_record(
     told = json.loads(said.out.splitlines()[-1])
     assert (told["outcome"], told["reason"]["code"], told["record"]) == ("error", "NO_RECORD", None)
     assert re.search(r"the record ends at 0\.[01]0 s", " ".join(said.err.split()))  # whenever its thread has seen it
-
-
-class Evil:
-    """Ends whoever looks at it."""
-
-    def __str__(self) -> str:
-        raise SystemExit("evil")
-
-    __repr__ = __iter__ = __float__ = __array__ = __str__
-
-
-def test_a_value_that_ends_the_recorder_is_told(tmp_path: Path) -> None:
-    recorder = Recorder(tmp_path)
-    recorder.on_event(Published(0.5, 7, "a/Look", "evil", Evil()))
-    recorder.close()
-    assert recorder.problem == "the record ends at 0.50 s of the run: SystemExit: evil"
-    assert "it could not be written: SystemExit: evil" in why_cut(tmp_path)
 
 
 def test_a_folder_that_cannot_be_made_refuses_a_run_that_needs_its_record(tmp_path: Path) -> None:

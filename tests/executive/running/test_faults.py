@@ -99,7 +99,7 @@ def test_a_line_of_feedback_that_is_no_text_is_a_fault_of_its_skill(said: Any) -
     result = runner.run()
     assert is_safe(runner, cell, events)
     assert result.reason is not None
-    assert result.reason.message.startswith("Say: yielded a ")
+    assert result.reason.message.startswith("beside/Say: its feedback is no text but ")
 
 
 @pytest.mark.parametrize("lost", [False, True])

@@ -38,6 +38,8 @@ LIBRARY = "pomona 2"
 """What the header of a file says of its writer in which nothing may lack its checksum."""
 MOST_BYTES = 256_000_000
 """Of one chunk or message. A recorder's are below 2 MB, or as large as one message that a skill publishes."""
+MOST_MESSAGE = MOST_BYTES - 1_000_000
+"""Largest message that is written [bytes]: its chunk also holds what was gathered before."""
 MOST_GROWTH, FREE_GROWTH = 200, 16_000_000
 """A compressed chunk may hold `MOST_GROWTH` bytes for each of its own and `FREE_GROWTH` beside: JSON shrinks to a
 twentieth, zeros to a ten-thousandth."""

@@ -145,6 +145,8 @@ def _field(hint: Any, value: Any) -> Any:
     origin = typing.get_origin(hint)
     if origin in (types.UnionType, typing.Union):
         return _field(next(h for h in typing.get_args(hint) if h is not type(None)), value)
+    if isinstance(value, np.ndarray):  # asked before it is written
+        return value
     if origin is np.ndarray:
         dtype = typing.get_args(typing.get_args(hint)[1])[0]
         array = np.array([[np.nan if x is None else x for x in row] if isinstance(row, list) else row for row in value])

@@ -32,13 +32,20 @@ class EndingFile:
         Raises:
             OSError: it cannot be written.
         """
-        self._path, self._number = folder / ENDING_FILE, number
-        self._path.write_bytes(_filled(state="writing", number=number, boot=_boot()))
+        self._number = number
+        self._stream = (folder / ENDING_FILE).open("w+b", buffering=0)  # open to the end: handles may run out
+        self._stream.write(_filled(state="writing", number=number, boot=_boot()))
 
     def write(self, state: str, **facts: Any) -> None:
-        """Say how it ended: `closed` with `bytes`, `failed` with `why`. A file that cannot be written stays."""
-        with contextlib.suppress(OSError), self._path.open("r+b") as stream:
-            stream.write(_filled(state=state, number=self._number, **facts))
+        """Write how it ended: `closed` with `bytes`, `failed` with `why`. A file that cannot be written stays."""
+        with contextlib.suppress(OSError):
+            self._stream.seek(0)
+            self._stream.write(_filled(state=state, number=self._number, **facts))
+
+    def close(self) -> None:
+        """Close the file."""
+        with contextlib.suppress(OSError):
+            self._stream.close()
 
 
 def why_cut(record: Path) -> str:

@@ -3,6 +3,9 @@
 Written as it happens, in a thread of its own: the tick only puts events into a queue, and what is in it is handed to
 the operating system every `BATCH` seconds, as one chunk with its checksum. A process that is killed loses no more.
 While a record is written its file is locked, which is how others see that the run is going on.
+
+What the reader would refuse is refused here: an event that is asked in vain for its text, is too large, or has a field
+of a wrong type stands in the record as an error that names it, and is a problem of the record.
 """
 
 from __future__ import annotations
@@ -15,8 +18,7 @@ import os
 import queue
 import threading
 import time
-import traceback
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
@@ -26,15 +28,27 @@ import numpy as np
 from mcap.writer import CompressionType, Writer
 
 from pomona.executive.encode import encoded, field_names, plain
-from pomona.executive.recording.container import LIBRARY
+from pomona.executive.recording.container import LIBRARY, MOST_MESSAGE
+from pomona.executive.recording.decode import event_from
 from pomona.executive.recording.ending import EndingFile
-from pomona.executive.recording.folder import DEVICES, EVENTS, EVENTS_FILE, RecordError, hash_of
+from pomona.executive.recording.folder import DEVICES, EVENTS, EVENTS_FILE, RecordError, UnrecordableError, hash_of
 from pomona.executive.recording.interventions import INTERVENTIONS, EntryChain
 from pomona.executive.recording.order import next_number
 from pomona.executive.recording.overview import OVERVIEW, WHOLE_BYTES, Overview
 from pomona.executive.recording.schemas import EVENT, INTERVENTION, READING, Schema
 from pomona.executive.recording.well_known import Images, samples, well_known
-from pomona.executive.running.events import Event, OperatorActed, Published, RunEnded, RunStarted
+from pomona.executive.running.events import (
+    AttemptEnded,
+    ErrorRaised,
+    Event,
+    NodeChanged,
+    OperatorActed,
+    PortWritten,
+    Published,
+    RunEnded,
+    RunStarted,
+)
+from pomona.executive.values.sentences import sentence_of
 from pomona.executive.views import ImageView, SeriesView
 
 BATCH = 0.1
@@ -63,10 +77,11 @@ class Recorder:
             RecordError: the file cannot be opened.
         """
         self.folder = folder.absolute()  # wherever the process goes while it writes
-        self._problem, self._whole = "", False
+        self._problem, self._lacks, self._whole = "", "", False
         self._queue: queue.SimpleQueue[Any] = queue.SimpleQueue()
         self._closing = threading.Event()
         self._t, self._flushed = 0.0, 0.0
+        self._written = 0  # bytes that the file had after the newest flush
         self._channels: dict[str, int] = {}
         self._schemas: dict[str, int] = {}
         self._images = Images()
@@ -85,19 +100,24 @@ class Recorder:
 
     @property
     def problem(self) -> str:
-        """Why the record ends early; empty while all is well. From any thread."""
+        """Why the record ends early or lacks an event; empty while all is well. From any thread."""
         if self._problem or self._whole or self._thread.is_alive():
-            return self._problem
+            return self._problem or self._lacks
         return self._ends_with("what writes it has ended")
+
+    @property
+    def has_ended(self) -> bool:
+        """True when nothing more is recorded. From any thread."""
+        return bool(self._problem) or not self._thread.is_alive()
 
     def on_event(self, event: Event) -> None:
         """Take one event; returns at once."""
-        if not self.problem:
+        if not self._problem:
             self._queue.put(event)
 
     def read(self, t: float, tick: int, readings: Mapping[str, Mapping[str, Any]]) -> None:
         """Take what the cell's devices measured, by device and quantity; returns at once."""
-        if not self.problem:
+        if not self._problem:
             self._queue.put((t, tick, readings))
 
     def close(self) -> None:
@@ -112,21 +132,23 @@ class Recorder:
             self._writer.start(profile="pomona", library=LIBRARY)
             self._take_all()
             if self._interventions.count:
-                self._write(INTERVENTIONS, INTERVENTION, _stamp(self._t), self._interventions.close())
+                self._write(INTERVENTIONS, INTERVENTION, _stamp(self._t), encoded(self._interventions.close()))
             if self._file.tell() > WHOLE_BYTES and (lines := b"".join(self._overview.lines())):
                 self._writer.add_attachment(_stamp(self._t), 0, OVERVIEW, "application/x-ndjson", lines)
+            self._refuse_changed(self._written)
             self._writer.finish()
             self._file.flush()
-            self._refuse_removed()
+            self._refuse_changed(self._file.tell())
             self._ending.write("closed", bytes=self._file.tell())
             self._whole = True
         except OSError as error:
             self._give_up(error.strerror or str(error))
         except BaseException as error:  # what a skill publishes may be anything, and raise anything: this is told
-            self._give_up(traceback.format_exception_only(error)[-1].strip())
+            self._give_up(sentence_of(error))
         finally:
             with contextlib.suppress(OSError):  # what could not be written cannot be written now either
                 self._file.close()
+            self._ending.close()
 
     def _give_up(self, why: str) -> None:
         self._problem = self._ends_with(why)
@@ -135,18 +157,25 @@ class Recorder:
     def _ends_with(self, why: str) -> str:
         return f"the record ends at {self._t:.2f} s of the run: {why}"
 
-    def _refuse_removed(self) -> None:
-        """What is written into a file that no folder holds any more is lost, and no call of the system says so.
+    def _refuse_changed(self, least: int) -> None:
+        """Refuse a file that is no longer in its folder, or shorter than what was written: no write call reports that.
+
+        Args:
+            least: bytes that the file must have.
 
         Raises:
-            OSError: the file is gone, or another one stands in its place.
+            OSError: the file was removed, replaced or cut.
         """
+        held = os.fstat(self._file.fileno())
         try:
-            if os.path.samestat(self._path.stat(), os.fstat(self._file.fileno())):
-                return
+            there = self._path.stat()
         except FileNotFoundError:
             raise FileNotFoundError(errno.ENOENT, "its file was removed while it was written") from None
-        raise OSError(errno.ESTALE, "its file was replaced while it was written")
+        if not os.path.samestat(there, held):
+            raise OSError(errno.ESTALE, "its file was replaced while it was written")
+        if held.st_size < least:
+            words = f"its file was cut to {held.st_size} bytes while it was written, from {least}"
+            raise OSError(errno.ESTALE, words)
 
     def _take_all(self) -> None:
         """Write in batches: waking up for every event would cost the tick more than the writing does."""
@@ -161,8 +190,10 @@ class Recorder:
             self._flush()
 
     def _flush(self) -> None:
+        self._refuse_changed(self._written)  # before more is written behind a gap
         self._writer.flush()
-        self._refuse_removed()
+        self._written = self._file.tell()
+        self._refuse_changed(self._written)
         self._flushed = time.monotonic()
 
     def _take(self, taken: Any) -> None:
@@ -178,23 +209,46 @@ class Recorder:
         if isinstance(event, RunStarted):
             self._write_about(event)
         stamp = _stamp(event.t)
-        if isinstance(event, Published):
-            if isinstance(event.value, ImageView):
-                for topic, schema, message in self._images.messages(event.topic, event.value, stamp):
-                    self._write(topic, schema, stamp, message)
-            elif isinstance(event.value, SeriesView):
-                for topic, schema, message in samples(event.topic, event.value):
-                    self._write(topic, schema, stamp, message)
-        self._events += 1
-        content = self._write(EVENTS, EVENT, stamp, message_of(event))
-        self._overview.add(self._events, stamp / 1e9, content)
+        event, contents = self._contents(event, stamp)
+        for topic, schema, content in contents:
+            self._write(topic, schema, stamp, content)
+            if topic == EVENTS:
+                self._events += 1
+                self._overview.add(self._events, stamp / 1e9, content)
         if isinstance(event, OperatorActed):
-            self._write(INTERVENTIONS, INTERVENTION, stamp, self._interventions.add(event))
-        for topic, schema, message in well_known(event, stamp):
-            self._write(topic, schema, stamp, message)
+            self._write(INTERVENTIONS, INTERVENTION, stamp, encoded(self._interventions.add(event)))
         if isinstance(event, RunEnded):
             text = json.dumps(plain(event), ensure_ascii=False, indent=1)
             (self.folder / "summary.json").write_bytes(_coded(text))
+
+    def _contents(self, event: Event, stamp: int) -> tuple[Event, list[tuple[str, Schema, bytes]]]:
+        """Return an event and its messages; where one of them cannot be read again, an error in place of the event."""
+        try:
+            written = [(topic, schema, _bounded(message)) for topic, schema, message in self._messages(event, stamp)]
+            return event, written
+        except BaseException as error:  # a value of a skill may be anything, and raise anything
+            refused = UnrecordableError(*_origin(event), sentence_of(error))
+            self._lacks = self._lacks or f"the record lacks what happened at {event.t:.2f} s of the run: {refused}"
+            told = ErrorRaised(
+                event.t, event.tick, refused.node, "recording", type(refused).__name__, str(refused), "", ""
+            )
+            return told, [(EVENTS, EVENT, encoded(message_of(told)))]
+
+    def _messages(self, event: Event, stamp: int) -> Iterator[tuple[str, Schema, Any]]:
+        """Messages of an event, in their order.
+
+        Raises:
+            ForeignRecordError: a reader would refuse the event.
+        """
+        if isinstance(event, Published):
+            if isinstance(event.value, ImageView):
+                yield from self._images.messages(event.topic, event.value, stamp)
+            elif isinstance(event.value, SeriesView):
+                yield from samples(event.topic, event.value)
+        message = message_of(event)
+        event_from(message)
+        yield EVENTS, EVENT, message
+        yield from well_known(event, stamp)
 
     def _write_about(self, event: RunStarted) -> None:
         """Tree and cell as files beside the record and as attachments in it; what is asked most as metadata."""
@@ -220,9 +274,10 @@ class Recorder:
         for device, quantities in readings.items():
             # All at once: rounding column by column was a sixth of the recorder's work.
             numbers = dict(zip(quantities, np.round(np.array(list(quantities.values())), _DECIMALS), strict=True))
-            self._write(f"{DEVICES}{device}", READING, stamp, {"t": round(t, _DECIMALS), "tick": tick, **numbers})
+            reading = {"t": round(t, _DECIMALS), "tick": tick, **numbers}
+            self._write(f"{DEVICES}{device}", READING, stamp, encoded(reading))
 
-    def _write(self, topic: str, schema: Schema, stamp: int, message: Any) -> bytes:
+    def _write(self, topic: str, schema: Schema, stamp: int, content: bytes) -> None:
         if topic not in self._channels:
             if schema.name not in self._schemas:
                 self._schemas[schema.name] = self._writer.register_schema(
@@ -231,9 +286,7 @@ class Recorder:
             self._channels[topic] = self._writer.register_channel(
                 topic=topic, message_encoding="json", schema_id=self._schemas[schema.name]
             )
-        content = encoded(message)
         self._writer.add_message(self._channels[topic], log_time=stamp, publish_time=stamp, data=content)
-        return content
 
 
 def new_writer(stream: BinaryIO, compression: CompressionType) -> Writer:
@@ -250,6 +303,25 @@ def message_of(event: Event) -> dict[str, Any]:
     for name in field_names(type(event)):
         message[name] = plain(getattr(event, name), arrays=limit, keep=True)
     return message
+
+
+def _bounded(message: Any) -> bytes:
+    content = encoded(message)
+    if len(content) > MOST_MESSAGE:
+        raise RecordError(f"{len(content) / 1e6:.0f} MB of text; at most {MOST_MESSAGE / 1e6:.0f} MB are recorded")
+    return content
+
+
+def _origin(event: Event) -> tuple[str, str]:
+    """Path of the node that an event comes from, and a name for what it brings."""
+    match event:
+        case Published():
+            return event.node, f"'{event.topic}'" if isinstance(event.topic, str) else "what was published"
+        case PortWritten():
+            return event.writer, f"'{event.key}'"
+        case NodeChanged() | AttemptEnded():
+            return event.path, type(event).__name__
+    return "", type(event).__name__
 
 
 def _stamp(t: float) -> int:

@@ -2,7 +2,8 @@
 
 When it cannot be written, the run goes on unrecorded, or ends in the safe state where the cell's file says
 `record: required`; both are said. A run that has not begun yet is refused instead, and one that succeeded before its
-record was lost has not: where a record is required, its end is an error.
+record was lost has not: where a record is required, its end is an error. There the finished record is read once
+before the run's status is given.
 """
 
 from __future__ import annotations
@@ -11,11 +12,14 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from pomona.executive.recording.folder import RecordError, new_record_folder
+from pomona.executive.errors import PomonaError
+from pomona.executive.recording.folder import RecordError, events_file, new_record_folder
 from pomona.executive.recording.picture import Picture
+from pomona.executive.recording.read import read_events
 from pomona.executive.recording.recorder import Recorder
+from pomona.executive.recording.scan import examine
 from pomona.executive.running.cell import Cell
-from pomona.executive.running.events import EventStream
+from pomona.executive.running.events import EventStream, RunEnded
 from pomona.executive.running.runner import Runner
 from pomona.executive.values.sentences import sentence_of
 
@@ -98,10 +102,14 @@ class RecordingSession:
                 self.folder = None
         return self._problem()
 
-    @property
-    def broken(self) -> bool:
-        """Whether a record that the cell requires is not whole."""
-        return self._cell.record_required and self._recorder is not None and bool(self._recorder.problem)
+    def breach(self, outcome: str) -> str:
+        """Return why a record that the cell requires does not prove the run's outcome; empty when it does.
+
+        Read it after `close`: the whole record is decoded, as `pomona explain` would.
+        """
+        if not self._cell.record_required or self._recorder is None:
+            return ""
+        return self._recorder.problem or _unread(self._recorder.folder, outcome)
 
     def _problem(self) -> str:
         return (self._recorder.problem if self._recorder is not None else "") or self._trouble
@@ -110,4 +118,17 @@ class RecordingSession:
         problem = self._problem()
         if not problem:
             return "ok"
-        return problem if self._cell.record_required else f"{problem}; the run goes on unrecorded"
+        ended = self._recorder is None or self._recorder.has_ended
+        return f"{problem}; the run goes on unrecorded" if ended and not self._cell.record_required else problem
+
+
+def _unread(folder: Path, outcome: str) -> str:
+    """Why a finished record cannot be read, or says something else than the run."""
+    try:
+        state = examine(events_file(folder)).state
+        said = [event.outcome for event in read_events(folder) if isinstance(event, RunEnded)]
+    except (PomonaError, OSError) as error:
+        return f"the finished record cannot be read: {error}"
+    if state != "whole" or said != [outcome]:
+        return f"the finished record is {state} and tells of {' and '.join(said) or 'no end'}, not of {outcome}"
+    return ""

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
+from pomona.executive.errors import SkillError
 from pomona.executive.language import BuiltTree
 from pomona.executive.nodes import Attempt
 from pomona.executive.nodes.question import Question
@@ -25,8 +26,17 @@ class TreeObserver:
         tree.on_attempt(self._attempt)
 
     def after_tick(self) -> None:
-        """Emit what has changed."""
+        """Emit what has changed.
+
+        Raises:
+            SkillError: the feedback of a node is no text; it counts as empty from then on.
+        """
+        wrong: SkillError | None = None
         for path, behaviour in self._nodes:
+            given: object = behaviour.feedback_message  # any behaviour may set it, as py_trees' own do
+            if not isinstance(given, str):
+                behaviour.feedback_message = ""
+                wrong = SkillError(path, f"its feedback is no text but {given!r:.60} ({type(given).__name__})")
             starts = behaviour.starts if isinstance(behaviour, (Skill, Question)) else 0
             before = self._known[path]
             if behaviour.status is before[0] and behaviour.feedback_message == before[1] and starts == before[2]:
@@ -35,6 +45,8 @@ class TreeObserver:
             self._known[path] = now
             reason = reason_of(behaviour) if now[0] is Status.FAILURE else None
             self._emit(NodeChanged(*self._stamp(), path, now[0].value, now[1], starts, reason))
+        if wrong is not None:
+            raise wrong
 
     def slowest(self) -> str:
         """Path of the skill that kept the newest tick waiting longest."""
