@@ -16,8 +16,6 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from pomona.executive.campaign.spec import CAMPAIGN_FILES  # noqa: F401  an import of each package, so that none is lazy
-
 ROOT = Path(__file__).resolve().parents[1]
 LISTED = Path(__file__).with_name("public_api.txt")
 PACKAGES = ("pomona.executive", "pomona.drivers")
@@ -26,6 +24,14 @@ GROUPS = ("pomona.skills", "pomona.drivers", "pomona.nodes", "pomona.commands")
 
 def test_public_names_and_signatures_are_those_that_were_announced() -> None:
     assert list(api()) == LISTED.read_text("utf-8").splitlines()
+
+
+def test_no_public_name_is_hidden_by_a_module_of_the_same_name() -> None:
+    script = "import sys, pomona.drivers.cell, pomona.executive.execute, pomona.executive.skill_testing as _\n"
+    script += "import pomona.drivers as d, pomona.executive as e, types\n"
+    script += "print([n for m in (d, e) for n in m._HOMES if isinstance(getattr(m, n), types.ModuleType)])"
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert done.stdout == "[]\n"
 
 
 def test_importing_a_package_loads_no_module_of_its_api() -> None:

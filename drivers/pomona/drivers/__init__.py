@@ -14,12 +14,6 @@ if TYPE_CHECKING:
         Device as Device,
         World as World,
     )
-    from pomona.drivers.driver import (
-        Driver as Driver,
-        NoOptions as NoOptions,
-        Settings as Settings,
-        driver as driver,
-    )
     from pomona.drivers.errors import (
         BadTrajectory as BadTrajectory,
         CellFileError as CellFileError,
@@ -63,6 +57,12 @@ if TYPE_CHECKING:
         Workspace as Workspace,
         WrenchSample as WrenchSample,
     )
+    from pomona.drivers.registration import (
+        Driver as Driver,
+        NoOptions as NoOptions,
+        Settings as Settings,
+        driver as driver,
+    )
 
 PUBLIC = {
     "device": (
@@ -70,7 +70,7 @@ PUBLIC = {
         "Device",
         "World",
     ),
-    "driver": (
+    "registration": (
         "Driver",
         "NoOptions",
         "Settings",

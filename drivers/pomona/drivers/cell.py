@@ -19,13 +19,13 @@ from typing import Any, TypeVar
 
 from pomona.drivers.cell_file import CELL, CellFile, judge_cell_file, outline_cell, read_cell_file
 from pomona.drivers.device import ConnectContext, Device, World
-from pomona.drivers.driver import Settings, installed_drivers
 from pomona.drivers.errors import CellFileError, DeviceFault, DriverError
 from pomona.drivers.estimate import estimate_errors
 from pomona.drivers.faults import FaultSwitch
 from pomona.drivers.hold_watch import HoldWatch
 from pomona.drivers.interfaces import Arm, Camera, Cameras, ForceSensor, Gripper, Hand, Workspace
 from pomona.drivers.readings import Readings
+from pomona.drivers.registration import Settings, installed_drivers
 from pomona.executive.clock import Clock, ManualClock, SystemClock
 from pomona.executive.values.documents import Outline, with_includes
 from pomona.executive.values.findings import Findings

@@ -17,9 +17,9 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from pomona.drivers.driver import DriverSection, Emulating, Fitting, Settings, Surroundings, TellsOfCell, Wired
 from pomona.drivers.errors import CellFileError, DriverError
 from pomona.drivers.interfaces import ArmLimits, Workspace
+from pomona.drivers.registration import DriverSection, Emulating, Fitting, Settings, Surroundings, TellsOfCell, Wired
 from pomona.drivers.workspace import WorkspaceSection
 from pomona.executive.values.documents import Option, Outline, ValueFile, read_value_file
 from pomona.executive.values.findings import Findings, few_hints

@@ -1,8 +1,8 @@
 """What a driver is beyond its interface: its cell can watch, stop, pause and release it.
 
 A device is a class that derives from `Device` and names in `interfaces` what it offers
-(`pomona.drivers.interfaces.Camera`, …). `pomona.drivers.driver` says how a cell file connects it. The defaults below
-suit a device that cannot move.
+(`pomona.drivers.interfaces.Camera`, …). `pomona.drivers.registration` says how a cell file connects it. The defaults
+below suit a device that cannot move.
 """
 
 from __future__ import annotations

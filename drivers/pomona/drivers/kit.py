@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from pomona.drivers.device import ConnectContext, Device
-from pomona.drivers.driver import Settings, driver
+from pomona.drivers.registration import Settings, driver
 from pomona.drivers.interfaces import Camera, Frame, Intrinsics
 from pomona.executive.clock import Clock
 from pomona.executive.values.kinds import Measure, Whole

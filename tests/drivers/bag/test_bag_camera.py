@@ -17,9 +17,9 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from pomona.drivers.bag.camera import connect
 from pomona.drivers.device import ConnectContext
-from pomona.drivers.driver import read_settings
 from pomona.drivers.errors import CellFileError, DeviceFault
 from pomona.drivers.frames.camera import FramesCamera
+from pomona.drivers.registration import read_settings
 from pomona.executive.clock import ManualClock
 
 STORE = get_typestore(Stores.ROS2_JAZZY)

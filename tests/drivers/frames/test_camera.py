@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from pomona.drivers.device import ConnectContext
-from pomona.drivers.driver import read_settings
 from pomona.drivers.errors import CellFileError, FrameUnreadable
 from pomona.drivers.frames import folder as folder_module
 from pomona.drivers.frames.camera import FramesCamera, connect
 from pomona.drivers.frames.folder import list_frames
 from pomona.drivers.interfaces import Camera, FrameSequence
+from pomona.drivers.registration import read_settings
 from pomona.executive.clock import ManualClock
 
 INTRINSICS = "{fx: 600 px, fy: 601 px, cx: 20 px, cy: 15 px, width: 40, height: 30}"

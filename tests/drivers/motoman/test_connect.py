@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from pomona.drivers.device import ConnectContext
-from pomona.drivers.driver import read_settings
 from pomona.drivers.emulators.motoman import FreeJoints, MotomanEmulator
 from pomona.drivers.emulators.server import Server, TcpPort
 from pomona.drivers.errors import CellFileError, UnusableRobotFile
 from pomona.drivers.interfaces import MotionState, Trajectory
 from pomona.drivers.motoman.connect import connect
 from pomona.drivers.motoman.driver import MotomanArm
+from pomona.drivers.registration import read_settings
 from pomona.drivers.robot_file import read_limits
 from pomona.executive.clock import SystemClock
 

@@ -18,11 +18,11 @@ from rosbags.typesys import Stores, get_typestore
 
 from pomona.drivers.bag.images import COMPRESSED, IMAGE, INFO
 from pomona.drivers.device import ConnectContext
-from pomona.drivers.driver import read_settings
 from pomona.drivers.errors import CellFileError, DeviceError, DeviceFault, DeviceLost
 from pomona.drivers.interfaces import Camera
 from pomona.drivers.realsense.camera_mount import CameraMount
 from pomona.drivers.realsense.driver import StreamingCamera
+from pomona.drivers.registration import read_settings
 from pomona.drivers.ros2 import camera as module
 from pomona.drivers.ros2.camera import KEPT, CameraTopics, Ros2Images, connect
 from pomona.executive.clock import ManualClock, SystemClock

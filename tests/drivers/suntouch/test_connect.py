@@ -3,8 +3,8 @@ from pathlib import Path
 import pytest
 
 from pomona.drivers.device import ConnectContext
-from pomona.drivers.driver import read_settings
 from pomona.drivers.errors import CellFileError
+from pomona.drivers.registration import read_settings
 from pomona.drivers.suntouch.connect import connect
 from pomona.executive.clock import ManualClock
 

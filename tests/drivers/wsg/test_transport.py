@@ -7,12 +7,12 @@ import can
 import pytest
 
 from pomona.drivers.device import ConnectContext
-from pomona.drivers.driver import read_settings
 from pomona.drivers.emulators.free_gripper import FreeGripper
 from pomona.drivers.emulators.server import CanPort, Endpoint, Server, TcpPort
 from pomona.drivers.emulators.wsg import WsgEmulator
 from pomona.drivers.errors import CellFileError
 from pomona.drivers.interfaces import MotionState
+from pomona.drivers.registration import read_settings
 from pomona.drivers.wsg.codec import Move, encode
 from pomona.drivers.wsg.connect import connect
 from pomona.drivers.wsg.driver import WsgGripper

@@ -14,10 +14,10 @@ from pomona.drivers.bag.images import COMPRESSED, IMAGE, INFO, UnusableImage, co
 from pomona.drivers.camera_options import IntrinsicsSection
 from pomona.drivers.depth_model import DepthModelSection, depth_model_of
 from pomona.drivers.device import ConnectContext
-from pomona.drivers.driver import Settings, driver
 from pomona.drivers.frames.camera import FramesCamera
 from pomona.drivers.frames.folder import Images, UnusableFrames
 from pomona.drivers.interfaces import Intrinsics
+from pomona.drivers.registration import Settings, driver
 from pomona.executive.values.kinds import Measure, Text, Whole
 from pomona.executive.values.sections import Section, value
 from pomona.executive.values.units import TIME

@@ -34,7 +34,6 @@ from pomona.drivers.cell import load_cell
 from pomona.drivers.cell_file import read_cell_file
 from pomona.drivers.depth_model import SIMULATED, DepthModelSection, depth_model_of
 from pomona.drivers.device import ConnectContext, Device
-from pomona.drivers.driver import Settings, driver
 from pomona.drivers.emulators.sim_bridge import FRAME_HEADER, FRAME_MAGIC
 from pomona.drivers.emulators.virtual_world import VirtualWorld
 from pomona.drivers.errors import CellFileError, DeviceLost, DriverError
@@ -44,6 +43,7 @@ from pomona.drivers.motoman.connect import ORDERS
 from pomona.drivers.realsense.camera_mount import CameraMount
 from pomona.drivers.realsense.driver import StreamingCamera
 from pomona.drivers.realsense.source import Pair
+from pomona.drivers.registration import Settings, driver
 from pomona.drivers.wire import Address, Link, tcp_opener
 from pomona.executive.clock import Clock, SystemClock
 from pomona.executive.values.arrays import Float64

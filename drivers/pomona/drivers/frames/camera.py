@@ -20,7 +20,6 @@ from pomona.drivers.depth_model import (
     folder_depth_model,
 )
 from pomona.drivers.device import ConnectContext, Device
-from pomona.drivers.driver import Settings, driver
 from pomona.drivers.errors import FrameUnreadable
 from pomona.drivers.frames.folder import (
     INTRINSICS_FILE,
@@ -32,6 +31,7 @@ from pomona.drivers.frames.folder import (
 )
 from pomona.drivers.frames.video import list_video
 from pomona.drivers.interfaces import Camera, Frame, FrameSequence, Intrinsics
+from pomona.drivers.registration import Settings, driver
 from pomona.executive.clock import Clock
 from pomona.executive.values.arrays import Float64
 from pomona.executive.values.kinds import Text, Whole

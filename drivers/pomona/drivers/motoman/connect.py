@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pomona.drivers.device import ConnectContext
-from pomona.drivers.driver import Settings, driver
 from pomona.drivers.errors import DeviceLost, UnusableRobotFile
 from pomona.drivers.motion_supervisor import Supervision
 from pomona.drivers.motoman.codec import Order
 from pomona.drivers.motoman.driver import MotomanArm, MotomanOptions
+from pomona.drivers.registration import Settings, driver
 from pomona.drivers.robot_file import read_limits
 from pomona.drivers.wire import Address, tcp_opener
 from pomona.executive.values.kinds import Flag, Measure, PathTo, Text, Whole, Words

@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 
 from pomona.drivers.device import ConnectContext
-from pomona.drivers.driver import Settings, Surroundings, driver
 from pomona.drivers.errors import CellFileError, UnusableRobotFile
 from pomona.drivers.interfaces import FruitKinds
 from pomona.drivers.orchard.model import build_wall_model
@@ -17,6 +16,7 @@ from pomona.drivers.orchard.numbers import read_numbers
 from pomona.drivers.orchard.scenery import Scenery
 from pomona.drivers.orchard.wall import Wall, draw_wall
 from pomona.drivers.orchard.world import FruitWallWorld
+from pomona.drivers.registration import Settings, Surroundings, driver
 from pomona.drivers.robot_file import read_limits
 from pomona.drivers.sim.fruit_model import UnusableModel, read_model
 from pomona.drivers.sim.fruit_shape import SKINS, FruitShape, make_fruit

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pomona.drivers.device import ConnectContext
-from pomona.drivers.driver import Settings, driver
 from pomona.drivers.errors import DeviceError, DeviceLost
 from pomona.drivers.interfaces import Arm
 from pomona.drivers.mounted_camera import MountedCameraFile, read_hand_eye
 from pomona.drivers.realsense.camera_mount import CameraMount
 from pomona.drivers.realsense.driver import StreamingCamera
 from pomona.drivers.realsense.source import FILTERS, CameraSettings, PipelineSource, cameras_found
+from pomona.drivers.registration import Settings, driver
 from pomona.executive.values.kinds import Counts, MappingOf, Measure, Number, PathTo, Text, Words
 from pomona.executive.values.sections import value
 from pomona.executive.values.units import RATE

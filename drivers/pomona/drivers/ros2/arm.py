@@ -15,12 +15,12 @@ from pathlib import Path
 import numpy as np
 
 from pomona.drivers.device import ConnectContext
-from pomona.drivers.driver import Settings, driver
 from pomona.drivers.errors import DeviceError, DeviceFault, DeviceLost, UnusableRobotFile
 from pomona.drivers.interfaces import ArmLimits, ArmState
 from pomona.drivers.motion_supervisor import Supervision
 from pomona.drivers.path_arm import AT_REST, PathArm, words
 from pomona.drivers.path_motion import PathMotion
+from pomona.drivers.registration import Settings, driver
 from pomona.drivers.robot_file import read_limits
 from pomona.drivers.ros2.joints import JointFeed, RosNode, stamped
 from pomona.drivers.ros2.rolling_path import PERIOD, OutOfSetPointsError, RollingPath, SetPoint

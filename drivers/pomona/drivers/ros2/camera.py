@@ -15,13 +15,13 @@ from typing import Any, Protocol
 
 from pomona.drivers.bag.images import COMPRESSED, IMAGE, INFO, UnusableImage, colour_of, depth_of, intrinsics_of
 from pomona.drivers.device import ConnectContext
-from pomona.drivers.driver import Settings, driver
 from pomona.drivers.errors import DeviceError, DeviceFault
 from pomona.drivers.interfaces import Arm
 from pomona.drivers.mounted_camera import MountedCameraFile, read_hand_eye
 from pomona.drivers.realsense.camera_mount import CameraMount
 from pomona.drivers.realsense.driver import StreamingCamera
 from pomona.drivers.realsense.source import Pair
+from pomona.drivers.registration import Settings, driver
 from pomona.executive.ros2.peer import ADDRESS, Ros2Peer
 from pomona.executive.ros2.types import typestore
 from pomona.executive.values.kinds import Measure, Text

@@ -15,12 +15,12 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
 from pomona.drivers.device import ConnectContext, Device
-from pomona.drivers.driver import Settings, driver
 from pomona.drivers.errors import DeviceError, DeviceFault, DeviceLost, MotionRefused
 from pomona.drivers.gripper_motion import GripperMotion
 from pomona.drivers.gripper_supervisor import GripperSupervision, GripperSupervisor
 from pomona.drivers.interfaces import Gripper, GripperLimits, GripperState, MotionState
 from pomona.drivers.owner import Owner
+from pomona.drivers.registration import Settings, driver
 from pomona.drivers.ros2.joints import JointFeed, JointSample, RosNode
 from pomona.executive.clock import Clock
 from pomona.executive.ros2.peer import ADDRESS, Ros2Peer

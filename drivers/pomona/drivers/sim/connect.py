@@ -9,10 +9,10 @@ import numpy as np
 
 from pomona.drivers.camera_options import LARGEST, IntrinsicsSection
 from pomona.drivers.device import ConnectContext
-from pomona.drivers.driver import Settings, Surroundings, driver
 from pomona.drivers.errors import UnusableRobotFile
 from pomona.drivers.gripper_supervisor import GripperSupervision
 from pomona.drivers.motion_supervisor import Supervision
+from pomona.drivers.registration import Settings, Surroundings, driver
 from pomona.drivers.sim.arm import SimArm
 from pomona.drivers.sim.camera import SimCamera
 from pomona.drivers.sim.fingers import SimFingers

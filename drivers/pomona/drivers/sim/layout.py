@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from pomona.drivers.driver import Surroundings
 from pomona.drivers.errors import UnusableRobotFile
 from pomona.drivers.interfaces import Box, FruitKinds
+from pomona.drivers.registration import Surroundings
 from pomona.drivers.robot_file import read_limits
 from pomona.drivers.sim.fruit_model import UnusableModel, read_model
 from pomona.drivers.sim.fruit_shape import APPLES, SKINS

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pomona.drivers.device import ConnectContext
-from pomona.drivers.driver import Settings, driver
 from pomona.drivers.errors import DeviceError, DeviceLost
 from pomona.drivers.interfaces import Gripper, SampleRate
+from pomona.drivers.registration import Settings, driver
 from pomona.drivers.streams import Belief
 from pomona.drivers.suntouch.calibration import FingerCalibration, UnusableCalibration
 from pomona.drivers.suntouch.driver import SunTouchFingers

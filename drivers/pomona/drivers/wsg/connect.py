@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from pomona.drivers.device import ConnectContext
-from pomona.drivers.driver import Settings, driver
 from pomona.drivers.errors import DeviceLost
 from pomona.drivers.gripper_supervisor import GripperSupervision
+from pomona.drivers.registration import Settings, driver
 from pomona.drivers.wire import Address, Link, tcp_opener
 from pomona.drivers.wsg.driver import WsgGripper
 from pomona.drivers.wsg.handshake import WsgOptions

@@ -149,7 +149,7 @@ class DriverSection(Kind[Settings[Any]]):
             raise reader.refuse(written, message, code="driver") from error
         if not isinstance(found, Driver):
             message = f"the driver '{name}' ({points[name].value}) does not say which options it takes"
-            raise reader.refuse(written, message, "see drivers/pomona/drivers/driver.py", "driver")
+            raise reader.refuse(written, message, "see drivers/pomona/drivers/registration.py", "driver")
         placed = Section(found.options, ignore=("driver",)).read_placed(node, reader)
         return Settings(reader.title.rpartition(".")[2], found, placed)
 

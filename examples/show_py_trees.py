@@ -1,0 +1,44 @@
+"""A tree of plain py_trees behaviours on Pomona's page, with a record. Run: python examples/show_py_trees.py [--page]
+
+With --page the link of the page is printed and the tree waits for Enter. `pomona explain last` reads the record.
+"""
+
+import sys
+from pathlib import Path
+
+import py_trees
+from py_trees.common import Status
+
+from pomona.executive.behaviours import run_behaviour
+from pomona.executive.dashboard.security import Access
+from pomona.executive.dashboard.server import Dashboard
+
+
+class Count(py_trees.behaviour.Behaviour):
+    """Succeed or fail after a number of ticks."""
+
+    def __init__(self, name: str, ticks: int, end: Status = Status.SUCCESS) -> None:
+        super().__init__(name)
+        self.ticks, self.left, self.end = ticks, ticks, end
+
+    def initialise(self) -> None:
+        self.left = self.ticks
+
+    def update(self) -> Status:
+        self.left -= 1
+        self.feedback_message = f"{self.left} ticks left"
+        return Status.RUNNING if self.left > 0 else self.end
+
+
+look = Count("look", 10)
+grasp = py_trees.composites.Selector("grasp", memory=True)
+grasp.add_children([Count("from above", 15, Status.FAILURE), Count("from the side", 20)])
+root = py_trees.composites.Sequence("fetch", memory=True, children=[look, grasp])
+
+dashboard = Dashboard(Access("127.0.0.1", 8420, may_act=True), Path("runs"))
+if "--page" in sys.argv:
+    dashboard.start()
+    input(f"open {dashboard.link} and press Enter")
+executed = run_behaviour(root, listeners=[dashboard.hub.on_event], on_ready=dashboard.control.serve)
+dashboard.close()
+print(f"{executed.result.outcome} after {executed.result.time:.1f} s, record in {executed.record}")

@@ -1,0 +1,115 @@
+"""Run a tree of plain py_trees behaviours: recorded, explained and shown on the page like a tree file.
+
+    run_behaviour(py_trees.composites.Sequence("fetch", memory=True, children=[…]))
+
+The behaviours need no change. They get no devices of a cell and no static check; a tree file has both.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+
+import py_trees
+from py_trees.behaviour import Behaviour
+
+from pomona.executive.board import Board
+from pomona.executive.execute import Executed, versions
+from pomona.executive.language import BuiltTree
+from pomona.executive.language.built import NodeInfo
+from pomona.executive.language.names_of_nodes import UniquePaths
+from pomona.executive.recording.session import RecordingSession
+from pomona.executive.running.dry_cell import DryCell
+from pomona.executive.running.events import EventStream, Listener, RunStarted
+from pomona.executive.running.runner import Runner
+from pomona.executive.terminal.summary import Summary
+
+PERIOD = 0.05
+"""Default tick period [s]: 20 Hz, between the 10 Hz of py_trees_ros and the 50 Hz of tree files."""
+
+_KINDS = (
+    (py_trees.composites.Sequence, "sequence"),
+    (py_trees.composites.Selector, "fallback"),
+    (py_trees.composites.Parallel, "parallel"),
+    (py_trees.decorators.Decorator, "modifier"),
+)
+
+
+def run_behaviour(
+    root: Behaviour,
+    *,
+    record: Path | None = Path("runs"),
+    period: float = PERIOD,
+    listeners: Sequence[Listener] = (),
+    on_ready: Callable[[Runner], None] = lambda _runner: None,
+) -> Executed:
+    """Tick a py_trees tree until its root succeeds or fails. An exception in a behaviour ends the run as an error.
+
+    Args:
+        root: the tree; each of its behaviours gets an attribute `path`.
+        record: folder of records; None: no record.
+        period: tick period [s of the wall clock].
+        listeners: receive each event of the run, for example `Dashboard.hub.on_event`.
+        on_ready: receives the runner before the first tick, to pause, step or stop it from another thread.
+    """
+    cell, events, summary = DryCell(), EventStream(), Summary()
+    session = RecordingSession(record, cell)
+    runner = Runner(
+        lambda _context, board: as_built(root, board), cell, events, period=period, real_time=True, watchers=[session]
+    )
+    for listener in (summary.on_event, *listeners):
+        events.subscribe(listener)
+    problem = ""
+    try:
+        session.begin(runner, events)
+        events.emit(_started(runner, session.folder, period))
+        on_ready(runner)
+        result = runner.run()
+    finally:
+        runner.close()
+        problem = session.close()
+    return Executed(result, summary, session.folder, problem)
+
+
+def as_built(root: Behaviour, board: Board) -> BuiltTree:
+    """Return a py_trees tree in the form in which the runner ticks and the page draws it."""
+    paths, infos, behaviours = UniquePaths(), list[NodeInfo](), dict[str, Behaviour]()
+    for behaviour, parent in _walk(root, None):
+        above = "" if parent is None else f"{parent.path}/"  # type: ignore[attr-defined]
+        path = paths.take(above + behaviour.name.replace("/", "∕"))
+        behaviour.path = path  # type: ignore[attr-defined]
+        kind = next((kind for base, kind in _KINDS if isinstance(behaviour, base)), "skill")
+        name, of = behaviour.name, type(behaviour).__name__
+        infos.append(NodeInfo(path, above[:-1] or None, kind, name, of, description=type(behaviour).__doc__ or ""))
+        behaviours[path] = behaviour
+    return BuiltTree(root.name, root, tuple(infos), behaviours, {}, board)
+
+
+def _walk(behaviour: Behaviour, parent: Behaviour | None) -> Iterator[tuple[Behaviour, Behaviour | None]]:
+    yield behaviour, parent
+    for child in behaviour.children:
+        yield from _walk(child, behaviour)
+
+
+def _started(runner: Runner, folder: Path | None, period: float) -> RunStarted:
+    tree = runner.tree
+    return RunStarted(
+        0.0,
+        0,
+        run=folder.name if folder is not None else tree.name,
+        tree=tree.name,
+        tree_path="",
+        tree_text="",
+        tree_hash="",
+        cell="none",
+        cell_kind="mock",
+        cell_path="",
+        cell_text="",
+        seed=0,
+        parameters={},
+        nodes=tuple(info.facts() for info in tree.nodes),
+        versions=versions(),
+        wall_time=time.time(),
+        period=period,
+    )

@@ -1,0 +1,71 @@
+"""A tree of plain py_trees behaviours is recorded and explained like a tree file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import py_trees
+import pytest
+from py_trees.common import Status
+
+from pomona.executive.behaviours import run_behaviour
+from pomona.executive.cli import main
+from pomona.executive.recording.read import read_events
+from pomona.executive.running.events import NodeChanged
+
+
+class Count(py_trees.behaviour.Behaviour):
+    """Count ticks, then end."""
+
+    def __init__(self, name: str, ticks: int, end: Status = Status.SUCCESS) -> None:
+        super().__init__(name)
+        self.left, self.end = ticks, end
+
+    def update(self) -> Status:
+        self.left -= 1
+        self.feedback_message = f"{self.left} left"
+        return Status.RUNNING if self.left > 0 else self.end
+
+
+class Broken(py_trees.behaviour.Behaviour):
+    def update(self) -> Status:
+        raise ZeroDivisionError("a division by zero")
+
+
+def sequence(*children: py_trees.behaviour.Behaviour) -> py_trees.composites.Sequence:
+    return py_trees.composites.Sequence("fetch", memory=True, children=list(children))
+
+
+def test_a_tree_runs_to_its_end_and_its_record_holds_each_change(tmp_path: Path) -> None:
+    executed = run_behaviour(sequence(Count("go", 2), Count("go", 1)), record=tmp_path, period=0.001)
+    assert executed.result.outcome == "success"
+    assert executed.record is not None
+    changes = [(event.path, event.status) for event in read_events(executed.record) if isinstance(event, NodeChanged)]
+    assert changes == [
+        ("fetch", "RUNNING"), ("fetch/go", "RUNNING"), ("fetch", "SUCCESS"), ("fetch/go", "SUCCESS"),
+        ("fetch/go#2", "SUCCESS"),
+    ]  # fmt: skip
+
+
+def test_a_failure_is_explained_by_the_leaf_that_failed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    tree = sequence(Count("look", 1), Count("grasp", 2, Status.FAILURE))
+    executed = run_behaviour(tree, record=tmp_path, period=0.001)
+    assert executed.result.outcome == "failure"
+    assert executed.result.reason is not None
+    assert (executed.result.reason.node_path, executed.result.reason.message) == ("fetch", "0 left")
+    assert main(["explain", "--record", str(tmp_path)]) == 0
+    assert "grasp" in capsys.readouterr().out
+
+
+def test_an_exception_of_a_behaviour_ends_the_run_as_an_error() -> None:
+    executed = run_behaviour(sequence(Broken("broken")), record=None, period=0.001)
+    assert executed.result.outcome == "error"
+    assert executed.result.reason is not None
+    assert "a division by zero" in executed.result.reason.message
+
+
+def test_a_decorator_and_a_slash_in_a_name_get_paths_of_their_own() -> None:
+    tree = py_trees.decorators.Inverter("not", Count("a/b", 1, Status.FAILURE))
+    executed = run_behaviour(sequence(tree), record=None, period=0.001)
+    assert executed.result.outcome == "success"
+    assert tree.children[0].path == "fetch/not/a∕b"  # type: ignore[attr-defined]
